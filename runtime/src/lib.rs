@@ -87,6 +87,7 @@ mod methods;
 #[cfg(feature = "nalgebra")]
 mod on_vectors;
 mod options;
+mod products;
 mod real;
 mod system;
 
@@ -108,6 +109,7 @@ pub use nalgebra;
 #[cfg(feature = "nalgebra")]
 pub use on_vectors::OnVectors;
 pub use options::{Norm, Options, StepSize};
+pub use products::Products;
 pub use real::Real;
 pub use system::{
     Differentiable, OutputInfo, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage, StateVector, System,

@@ -164,7 +164,8 @@ struct Interpreted<'a> {
     built: &'a Built,
     params: Vec<f64>,
     interpreter: Interpreter<'a>,
-    /// The recurrence of Taylor coefficients, derived when first asked for; none only by a bug of the generator.
+    /// The recurrence of Taylor coefficients, derived when first asked for; none where the right-hand side runs through
+    /// tables.
     jet: OnceLock<Option<Jet>>,
     /// The interpreter of the scene with invariants.
     invariants: OnceLock<Option<Interpreter<'a>>>,

@@ -36,14 +36,14 @@ impl<Q: Scalar> SkewBracket<Q> {
         let mut errors = Vec::new();
         let mut table: BTreeMap<(usize, usize), Vec<(usize, Q)>> = BTreeMap::new();
         for (a, b, value) in brackets {
-            let mut dense = vec![Q::zero(); basis.len()];
+            let mut sums: BTreeMap<usize, Q> = BTreeMap::new();
             for (c, q) in value {
-                dense[*c] = dense[*c].plus(q);
+                let sum = sums.entry(*c).or_insert_with(Q::zero);
+                *sum = sum.plus(q);
             }
-            if a > b {
-                dense.iter_mut().for_each(|q| *q = q.negated());
-            }
-            let sparse: Vec<_> = dense.into_iter().enumerate().filter(|(_, q)| !q.is_zero()).collect();
+            let signed = |q: Q| if a > b { q.negated() } else { q };
+            let sparse: Vec<_> =
+                sums.into_iter().filter(|(_, q)| !q.is_zero()).map(|(c, q)| (c, signed(q))).collect();
             let pair = (*a.min(b), *a.max(b));
             let clash = match table.get(&pair) {
                 Some(before) => *before != sparse,
@@ -141,26 +141,41 @@ impl<Q: Scalar> SkewBracket<Q> {
     /// Triples with the components of `[[a, b], c] + [[b, c], a] + [[c, a], b]` where they do not vanish.
     ///
     /// The sum is antisymmetric in the triple, so every non-zero `[a, b]` adds its part to the sorted triple with a
-    /// sign; triples that no bracket touches cost nothing.
+    /// sign. One first element after the other: what is kept grows with the square of the dimension.
     fn residuals(&self) -> impl Iterator<Item = ([usize; 3], BTreeMap<usize, Q>)> {
-        let mut residuals: BTreeMap<[usize; 3], BTreeMap<usize, Q>> = BTreeMap::new();
+        let n = self.dim();
+        // Brackets of all pairs, as that of the pair in order and whether it is the opposite of that.
+        let mut table: Vec<(&[(usize, Q)], bool)> = vec![(&[], false); n * n];
         for (a, b, value) in self.pairs() {
-            for c in (0..self.dim()).filter(|c| *c != a && *c != b) {
-                let (triple, negative) = match () {
-                    () if c > b => ([a, b, c], false),
-                    () if c > a => ([a, c, b], true),
-                    () => ([c, a, b], false),
-                };
+            (table[a * n + b], table[b * n + a]) = ((value, false), (value, true));
+        }
+        (0..n).flat_map(move |a| {
+            let mut residuals: Vec<Vec<(usize, Q)>> = vec![Vec::new(); n * n];
+            let mut add = |(b, c): (usize, usize), value: &[(usize, Q)], third: usize, negative: bool| {
                 for (d, q) in value {
-                    for (e, p) in self.of(*d, c) {
-                        let term = if negative { q.times(&p).negated() } else { q.times(&p) };
-                        let component = residuals.entry(triple).or_default().entry(e).or_insert_with(Q::zero);
-                        *component = component.plus(&term);
+                    let (outer, is_opposite) = table[d * n + third];
+                    for (e, p) in outer {
+                        let term = q.times(p);
+                        let term = if negative != is_opposite { term.negated() } else { term };
+                        let own = &mut residuals[b * n + c];
+                        match own.iter_mut().find(|(component, _)| component == e) {
+                            Some((_, sum)) => *sum = sum.plus(&term),
+                            None => own.push((*e, term)),
+                        }
                     }
                 }
+            };
+            for b in a + 1..n {
+                let (value, _) = table[a * n + b];
+                (a + 1..b).for_each(|c| add((c, b), value, c, true));
+                (b + 1..n).for_each(|c| add((b, c), value, c, false));
+                (b + 1..n).for_each(|c| add((b, c), table[b * n + c].0, a, false));
             }
-        }
-        residuals.into_iter().filter(|(_, residual)| residual.values().any(|q| !q.is_zero()))
+            let triples = residuals.into_iter().enumerate();
+            triples
+                .filter(|(_, residual)| residual.iter().any(|(_, q)| !q.is_zero()))
+                .map(move |(k, residual)| ([a, k / n, k % n], residual.into_iter().collect()))
+        })
     }
 }
 

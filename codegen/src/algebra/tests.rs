@@ -158,3 +158,26 @@ fn pivots_that_are_proved_not_to_vanish_come_first() {
     let found: Vec<f64> = solution.iter().map(|row| g.eval_f64(row[0], &values).unwrap()).collect();
     assert!((found[0] - 1.0).abs() < 1e-12 && (found[1] - 1.0).abs() < 1e-12, "{found:?}");
 }
+
+#[test]
+fn constant_brackets_of_a_large_frame_are_proved_as_numbers_and_offenders_named() {
+    let mut g = Graph::new();
+    let time = g.symbol("t");
+    let frame: Vec<String> = (0..70).map(|k| format!("e{k}")).collect();
+    let mut algebroid = Algebroid::new(&g, time, Vec::new(), frame);
+    let root = g.int(2);
+    let root = g.sqrt(root);
+    for (a, b, c) in [(3, 40, 69), (40, 69, 3)] {
+        algebroid.set_bracket(a, b, vec![(c, root)]);
+    }
+    let opposite = g.neg(root);
+    algebroid.set_bracket(3, 69, vec![(40, opposite)]);
+    let before = g.spent().expressions;
+    assert_eq!(algebroid.verify(&mut g), Ok(()));
+    assert_eq!(g.spent().expressions, before, "no triple was written as expressions");
+    // [[e3, e40], e5] = sqrt(2) [e69, e5] is left over.
+    algebroid.set_bracket(5, 69, vec![(6, root)]);
+    let errors = algebroid.verify(&mut g).unwrap_err();
+    assert!(errors.iter().all(|e| matches!(e, Error::JacobiViolated { .. })), "{errors:?}");
+    assert!(errors.iter().any(|e| e.to_string().contains("[e3, e5]")), "{errors:?}");
+}

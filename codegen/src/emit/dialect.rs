@@ -24,6 +24,12 @@ pub(super) trait Dialect: Notation {
     /// The constant that says where the entries of a matrix are.
     fn places(&self, matrix: &str) -> String;
 
+    /// The constant that is a table of products, by its number.
+    fn table(&self, k: usize) -> String;
+
+    /// An element of an array.
+    fn element(&self, array: &str, k: usize) -> String;
+
     /// A parameter or prepared number in a function of the module.
     fn field(&self, name: &str) -> String;
 }

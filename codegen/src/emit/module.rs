@@ -10,7 +10,7 @@ use super::expression::{Formula, Text, operation};
 use super::names::Scope;
 use super::text::{ImplicitText, MatrixText, OutputText, ProductText, SceneText};
 use crate::error::Error;
-use crate::program::{Function, Operand, Program, Role};
+use crate::program::{Factors, Function, Operand, Program, Role};
 
 /// Longer formulas say less than a sentence.
 const MAX_DOC_FORMULA: usize = 90;
@@ -33,6 +33,8 @@ pub(super) struct Module<'a> {
     pub(super) text: &'a SceneText,
     /// Constants of the module, which no variable can be called.
     pub(super) constants: Vec<String>,
+    /// Those that are tables of the program.
+    pub(super) tables: Vec<String>,
     /// Identifiers of parameters and components of the state in structures of their own.
     pub(super) params: Vec<String>,
     pub(super) state: Vec<String>,
@@ -79,6 +81,19 @@ pub(super) struct Routine<'a> {
     pub(super) state: Vec<Option<String>>,
     /// The same for components of the function's own vector.
     pub(super) argument: Vec<Option<String>>,
+    /// What comes after the straight-line code, where something does.
+    pub(super) loops: Option<Loops>,
+}
+
+/// The variables of a function's contractions.
+pub(super) struct Loops {
+    /// The array of the scalars, and their values.
+    pub(super) scalars: String,
+    pub(super) values: Vec<Text>,
+    /// The function's own vector as a whole.
+    pub(super) argument: String,
+    /// The array of the sums of each contraction.
+    pub(super) sums: Vec<String>,
 }
 
 /// The function of an output.
@@ -131,6 +146,8 @@ impl<'a> Module<'a> {
         expect_size("list of documented parameters", text.params.len(), program.params.len())?;
         expect_size("list of documented state components", text.state.len(), program.state.len())?;
         let mut constants: Vec<String> = text.matrices.iter().map(|m| dialect.places(&m.name)).collect();
+        let tables: Vec<String> = (0..program.tables.len()).map(|k| dialect.table(k)).collect();
+        constants.extend(tables.iter().cloned());
         if text.implicit.is_some() {
             constants.extend([IMPLICIT.to_owned(), dialect.places(IMPLICIT_JACOBIAN)]);
         }
@@ -198,7 +215,7 @@ impl<'a> Module<'a> {
         let mut read_params = BTreeSet::new();
         for function in &program.functions {
             let operands = function.instructions.iter().flat_map(|i| i.op.operands());
-            for operand in operands.chain(function.results.iter().map(|(_, o)| *o)) {
+            for operand in operands.chain(function.outputs()) {
                 if let Operand::Param(i) = operand {
                     read_params.insert(i);
                 }
@@ -227,6 +244,7 @@ impl<'a> Module<'a> {
             fields: names.fields,
             slots: names.slots,
             constants,
+            tables,
         })
     }
 
@@ -307,18 +325,48 @@ impl<'a> Routine<'a> {
         };
         let state = scope.add_all(in_scope.iter().map(String::as_str));
         let argument = scope.add_all(function.argument.iter().map(String::as_str));
-        let results: Vec<Operand> = function.results.iter().map(|(_, o)| *o).collect();
+        let mut loops = (!function.contractions.is_empty()).then(|| Loops {
+            scalars: scope.add("scalars"),
+            values: Vec::new(),
+            argument: scope.add("argument"),
+            sums: (0..function.contractions.len()).map(|k| scope.add(&format!("sums{k}"))).collect(),
+        });
+        let results: Vec<Operand> = function.outputs().collect();
         let instructions = &function.instructions;
         let segments = Segment::sections(program, instructions);
-        let code = Code::new(dialect, program, instructions, &segments, &results, &mut scope, |operand| {
-            spell(dialect, (&names.fields, &names.slots), (&state, &argument), operand)
-        });
+        let name = |operand: Operand| match (operand, &loops) {
+            (Operand::Contracted(i), Some(loops)) => {
+                let (k, at) = function.contracted(i);
+                dialect.element(&loops.sums[k], at)
+            }
+            _ => spell(dialect, (&names.fields, &names.slots), (&state, &argument), operand),
+        };
+        let mut code = Code::new(dialect, program, instructions, &segments, &results, &mut scope, name);
+        if let Some(loops) = &mut loops {
+            loops.values = code.results.split_off(function.results.len());
+        }
         let read = |names: Vec<String>, operand: fn(u32) -> Operand| -> Vec<Option<String>> {
             let names = names.into_iter().zip(0u32..);
             names.map(|(name, i)| code.reads.contains(&operand(i)).then_some(name)).collect()
         };
         let (state, argument) = (read(state, Operand::State), read(argument, Operand::Argument));
-        Routine { function, code, state, argument }
+        Routine { function, code, state, argument, loops }
+    }
+
+    /// Whether a contraction takes factors from there.
+    fn contracts(&self, factors: Factors) -> bool {
+        let mut terms = self.function.contractions.iter().flat_map(|c| &c.terms);
+        terms.any(|p| p.left == factors || p.right == factors)
+    }
+
+    /// Whether the state is read as a whole.
+    pub(super) fn contracts_state(&self) -> bool {
+        self.contracts(Factors::State)
+    }
+
+    /// Whether the function's own vector is read as a whole.
+    pub(super) fn contracts_argument(&self) -> bool {
+        self.contracts(Factors::Argument)
     }
 
     /// Whether the code reads the time.
@@ -346,8 +394,8 @@ pub(super) fn spell(
         Operand::State(i) => state[i as usize].clone(),
         Operand::Argument(i) => argument[i as usize].clone(),
         Operand::Time => "t".to_owned(),
-        // Values and constants are spelled by the body.
-        Operand::Value(_) | Operand::Constant(_) => String::new(),
+        // Values and constants are spelled by the body, sums by the function that has them.
+        Operand::Value(_) | Operand::Constant(_) | Operand::Contracted(_) => String::new(),
     }
 }
 

@@ -21,6 +21,7 @@ mod independence;
 mod knowledge;
 mod node;
 mod number;
+mod number_value;
 mod partials;
 mod print;
 mod rational;

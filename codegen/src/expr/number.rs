@@ -138,6 +138,15 @@ fn half() -> Rational64 {
     Rational64::new(1, 2)
 }
 
+/// A summand of a number without its rational factor: `pi^a sqrt(n) sin(angle pi)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Summand {
+    pub(super) pi: i32,
+    pub(super) root: u64,
+    /// Numerator and denominator.
+    pub(super) angle: [i64; 2],
+}
+
 /// A real number in closed form, a sum of rational multiples of `pi^a sqrt(n) sin(q pi)`.
 ///
 /// ```
@@ -226,6 +235,25 @@ impl Number {
             (Some((term, q)), None) if *term == Term::unit() => Some(q.clone()),
             _ => None,
         }
+    }
+
+    /// What is added up, each with its rational factor.
+    pub(super) fn summands(&self) -> impl Iterator<Item = (Summand, &Rational)> {
+        self.terms.iter().map(|(term, q)| {
+            let angle = [*term.angle.numer(), *term.angle.denom()];
+            (Summand { pi: term.pi, root: term.root, angle }, q)
+        })
+    }
+
+    /// The number that these add up to; none for an angle with the denominator zero.
+    #[cfg(feature = "serde")]
+    pub(super) fn of_summands(summands: Vec<(Summand, Rational)>) -> Option<Number> {
+        let mut number = Number::default();
+        for (Summand { pi, root, angle: [n, d] }, q) in summands {
+            let angle = (d != 0).then(|| Rational64::new(n, d))?;
+            number.add_sine(&Term { pi, root, ..Term::unit() }, angle, q);
+        }
+        Some(number)
     }
 
     /// `1/self` of a number with one term that is not zero.

@@ -43,7 +43,7 @@ fn next(state: &mut u64) -> f64 {
 }
 
 /// A rational number to 31 digits.
-fn long(q: &Rational) -> DoubleDouble {
+pub(super) fn long(q: &Rational) -> DoubleDouble {
     let head = rational_to_f64(q);
     let rest = Rational::from_f64(head).map_or_else(Rational::zero, |head| q - head);
     DoubleDouble::sum_of(head, rational_to_f64(&rest))

@@ -31,7 +31,7 @@ impl<'a> Check<'a> {
             graph.set_budget(Budget::UNLIMITED);
             graph
         });
-        let results = functions.iter().flat_map(|form| &form.request.results).map(|(_, e)| *e);
+        let results = functions.iter().flat_map(Form::results).map(|(_, e)| *e);
         let sides = conditions.conditions.iter().flat_map(|c| [c.greater, c.less]);
         Check { inputs: source.inputs, graph, results: results.chain(sides).collect() }
     }

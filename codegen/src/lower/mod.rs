@@ -1,10 +1,10 @@
 //! Ordered definitions and wanted results to a flat straight-line [`Program`] with a parameter-only part.
 //!
-//! First every function is written in the `form` that costs least, pivots and conditions are given the scales of their
-//! rounding errors (`pivots`), then expressions become `values` of a program, and `passes` rewrite the program. Every
-//! rewrite is directional, none makes a function cost more, none calls another, and what comes out is verified after
-//! each. Does not know: mechanics (a definition is a name with a formula), Rust (a program has operations and operands,
-//! no text).
+//! First every function is written in the `form` that costs least, or is taken for a loop over tables (`roll`), pivots
+//! and conditions are given the scales of their rounding errors (`pivots`), then expressions become `values` of a
+//! program, and `passes` rewrite the program. Every rewrite is directional, none makes a function cost more, none calls
+//! another, and what comes out is verified after each. Does not know: mechanics (a definition is a name with a
+//! formula), Rust (a program has operations and operands, no text).
 
 mod budget;
 mod check;
@@ -12,6 +12,7 @@ mod classes;
 mod form;
 mod passes;
 mod pivots;
+mod roll;
 mod source;
 mod values;
 
@@ -19,7 +20,7 @@ use std::collections::BTreeMap;
 
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Section, Sign, SymbolId};
-use crate::program::{Program, Relation, Report, Role, Symbols, verify};
+use crate::program::{Program, Relation, Report, Role, Search, Symbols, verify};
 
 pub use budget::SearchBudget;
 pub use pivots::{Divisors, WatchedMatrix};
@@ -142,7 +143,7 @@ fn functions(
             functions.extend(own);
             search
         } else {
-            let (form, search) = form::cheapest(graph, source, digits, budget, request)?;
+            let (form, search) = written(graph, source, digits, budget, request)?;
             functions.push(form);
             search
         };
@@ -150,6 +151,28 @@ fn functions(
     }
     graph.within_budget()?;
     Ok((functions, report))
+}
+
+/// A function in the form that costs least, or as loops over tables where it is mostly sums of products.
+fn written(
+    graph: &mut Graph,
+    source: &Source<'_>,
+    digits: &mut Digits,
+    budget: &SearchBudget,
+    request: &Request,
+) -> Result<(Form, Search), Error> {
+    let may_be_rolled = match request.role {
+        Role::Rate | Role::Energy | Role::Output(_) | Role::Product(_) => true,
+        // Guards are read by others in the form in which they are computed; a function of variables reads no state.
+        _ => false,
+    };
+    let rolled = if may_be_rolled { roll::rolled(graph, source, budget, request) } else { None };
+    let Some((rolled, rest)) = rolled else { return form::cheapest(graph, source, digits, budget, request) };
+    graph.within_budget()?;
+    let scalars: Vec<ExprId> = rest.results.iter().map(|(_, e)| *e).collect();
+    let source = source.with(graph, &scalars)?;
+    let (form, search) = form::cheapest(graph, &source, digits, budget, &rest)?;
+    Ok((Form { rolled: Some(rolled), ..form }, search))
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use crate::expr::{ExprId, Graph, Node, Section, Sign, SymbolId, sign_of};
 use crate::program::Relation;
 
 /// What is lowered, with the dependence of every expression on parameters, time and state.
+#[derive(Clone)]
 pub(super) struct Source<'a> {
     pub(super) inputs: &'a Inputs,
     pub(super) sections: &'a [Section],
@@ -39,6 +40,18 @@ impl<'a> Source<'a> {
         source.check_conditions(graph)?;
         source.check_arguments(graph)?;
         source.signs = source.signs(graph);
+        Ok(source)
+    }
+
+    /// The same with further expressions in what is known.
+    ///
+    /// # Errors
+    /// [`Error::Program`] for an unknown symbol.
+    pub(super) fn with(&self, graph: &Graph, expressions: &[ExprId]) -> Result<Source<'a>, Error> {
+        let mut source = self.clone();
+        for e in expressions {
+            source.classes.add(graph, *e)?;
+        }
         Ok(source)
     }
 

@@ -3,9 +3,10 @@ use std::collections::BTreeMap;
 use num_traits::One;
 
 use super::*;
-use crate::expr::{Definition, Func, Node, Rational};
+use crate::expr::{Definition, Func, Node, Number, Rational, Scalar};
 use crate::program::{
-    Constant, Counts, FallBack, Limit, Literal, Op, Operand, Point, Signs, completes_pair, place_of_two,
+    Constant, Counts, Factors, FallBack, Limit, Literal, Op, Operand, Point, Signs, Table, completes_pair,
+    place_of_two,
 };
 
 fn q(n: i64, d: i64) -> Rational {
@@ -722,7 +723,15 @@ fn random_programs_agree_with_their_expressions() {
 
 #[test]
 fn searches_stop_at_their_limits_and_say_so() {
-    let none = SearchBudget { divisors: 0, steps: 0, terms: 0, numbers: 0, units: 0, measurements: 0 };
+    let none = SearchBudget {
+        divisors: 0,
+        steps: 0,
+        terms: 0,
+        numbers: 0,
+        units: 0,
+        measurements: 0,
+        ..SearchBudget::default()
+    };
     let all = SearchBudget::default();
     let limited = [
         (Limit::Divisors, SearchBudget { divisors: 0, ..all }),
@@ -778,7 +787,7 @@ fn values_of_constants_are_those_of_the_expressions() {
     assert_eq!(Constant::Rational(q(981, 100)).value::<f64>(), 9.81);
     assert_eq!(Constant::Rational(q(7, 1)).literal(), Literal::Number(7.0));
     assert_eq!(Constant::Rational(q(1, 3)).literal(), Literal::Ratio(1.0, 3.0));
-    assert_eq!(Constant::Rational(Rational::one()).literal(), Literal::One);
+    assert_eq!(Constant::Rational(<Rational as One>::one()).literal(), Literal::One);
     let f = fixture();
     assert_eq!(f.values().len(), 7);
 }
@@ -817,4 +826,153 @@ fn a_function_takes_a_vector_of_its_own() {
     let foreign = [request("f", &[sum]), request("g", &[along_v])];
     let error = lower(&mut g, &inputs, &[], &[], &foreign, &SearchBudget::default()).unwrap_err();
     assert!(error.to_string().contains("g depends on v0"), "{error}");
+}
+
+/// Products from the first one on.
+const ROLLED: fn() -> SearchBudget = || SearchBudget { products: 1, ..SearchBudget::default() };
+
+/// `[2 x y - sqrt(2) sin(pi/5)/pi z^2 + 3 a x, y sin(x) + 1, x, (x + 2 y)^2 - 3 (x + 2 y) (y - b z), a + b]`.
+fn sums_of_products(f: &mut Fixture) -> Vec<ExprId> {
+    let g = &mut f.g;
+    let [x, y, z] = f.x;
+    let number = Number::sin_pi(1, 5).unwrap().times(&Number::power_of_pi(-1));
+    let root = Number::sqrt(&q(2, 1)).unwrap();
+    let c = g.number(&number.times(&root));
+    let (xy, zz, ax) = (g.mul(x, y), g.mul(z, z), g.mul(f.p[0], x));
+    let czz = g.mul(c, zz);
+    let first = g.linear_combination(&[(xy, q(2, 1)), (czz, q(-1, 1)), (ax, q(3, 1))]);
+    let (sine, one) = (g.func(Func::Sin, x), g.one());
+    let sine = g.mul(y, sine);
+    let second = g.add(sine, one);
+    let left = g.linear_combination(&[(x, q(1, 1)), (y, q(2, 1))]);
+    let bz = g.mul(f.p[1], z);
+    let right = g.sub(y, bz);
+    let (square, product) = (g.mul(left, left), g.mul(left, right));
+    let fourth = g.linear_combination(&[(square, q(1, 1)), (product, q(-3, 1))]);
+    vec![first, second, x, fourth, g.add(f.p[0], f.p[1])]
+}
+
+#[test]
+fn sums_of_products_become_loops_over_tables() {
+    let mut f = fixture();
+    let results = sums_of_products(&mut f);
+    let straight = f.lower(&results);
+    assert!(straight.functions[0].contractions.is_empty() && straight.tables.is_empty());
+    let requests = [request("f", &results)];
+    let program = lower(&mut f.g, &f.inputs, &[], &[], &requests, &ROLLED()).unwrap();
+    check(&mut f, &program, &results);
+    let function = &program.functions[0];
+    // Sums that others are made of come first; sine, parameters and one are what the tables take besides the state.
+    let shape: Vec<(usize, usize)> =
+        function.contractions.iter().map(|c| (c.n_results, c.n_products)).collect();
+    assert_eq!(shape, [(4, 9), (1, 2)], "{function:?}");
+    assert_eq!(function.scalars.len(), 4, "{function:?}");
+    assert_eq!(function.instructions.len(), 1, "{function:?}");
+    assert_eq!(function.results[2].1, Operand::State(0));
+    let terms: usize = function.contractions.iter().map(|c| c.n_results * c.terms.len()).sum();
+    let counts = function.counts();
+    assert_eq!((counts.mul, counts.fma, counts.add), (22, 11, 11 + 4 * terms));
+    assert!(function.latency() > straight.functions[0].latency() / 2);
+    // Fewer products than the budget says stay as they are.
+    let many = SearchBudget { products: 12, ..SearchBudget::default() };
+    assert_eq!(lower(&mut f.g, &f.inputs, &[], &[], &requests, &many).unwrap(), straight);
+    let just = SearchBudget { products: 11, ..SearchBudget::default() };
+    assert_eq!(lower(&mut f.g, &f.inputs, &[], &[], &requests, &just).unwrap(), program);
+}
+
+#[test]
+fn what_has_to_be_computed_straight_is_not_rolled() {
+    let mut f = fixture();
+    let [x, y, z] = f.x;
+    // u = x y + z^2 is needed for its sine; v = x u - y z is not, and w has three factors.
+    let (xy, zz) = (f.g.mul(x, y), f.g.mul(z, z));
+    let u = f.g.add(xy, zz);
+    let u = f.g.define("u", u);
+    let u_value = f.g.sym(u);
+    let (xu, yz) = (f.g.mul(x, u_value), f.g.mul(y, z));
+    let v = f.g.sub(xu, yz);
+    let v = f.g.define("v", v);
+    let v_value = f.g.sym(v);
+    let definitions = vec![
+        Definition { symbol: u, expr: f.g.add(xy, zz) },
+        Definition { symbol: v, expr: f.g.sub(xu, yz) },
+    ];
+    let sections = [Section { title: "sums".into(), definitions }];
+    let sine = f.g.func(Func::Sin, u_value);
+    let (a, xyz) = (f.g.mul(sine, v_value), f.g.mul(xy, z));
+    let (a, b) = (f.g.add(a, x), f.g.add(xyz, x));
+    let requests = [request("f", &[a, b])];
+    let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests, &ROLLED()).unwrap();
+    let values = crate::expr::inlined(&mut f.g, &sections[0].definitions);
+    let whole = [a, b].map(|e| f.g.subs(e, &values).unwrap());
+    check(&mut f, &program, &whole);
+    let function = &program.functions[0];
+    let shape: Vec<(usize, usize)> =
+        function.contractions.iter().map(|c| (c.n_results, c.n_products)).collect();
+    assert_eq!(shape, [(1, 2), (1, 2)], "{function:?}");
+    // A result that is computed straight takes nothing from loops, so that both of these have to be.
+    let b = f.g.mul(b, v_value);
+    let cube = f.g.func(Func::Exp, b);
+    let requests = [request("f", &[cube, v_value])];
+    let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests, &ROLLED()).unwrap();
+    assert!(program.functions[0].contractions.is_empty(), "{:?}", program.functions[0]);
+    let whole = [cube, v_value].map(|e| f.g.subs(e, &values).unwrap());
+    check(&mut f, &program, &whole);
+}
+
+#[test]
+fn malformed_contractions_are_refused() {
+    let mut f = fixture();
+    let results = sums_of_products(&mut f);
+    let requests = [request("f", &results)];
+    let program = lower(&mut f.g, &f.inputs, &[], &[], &requests, &ROLLED()).unwrap();
+    assert_eq!(verify(&program), Ok(()));
+    let refused = |change: &dyn Fn(&mut Program)| {
+        let mut program = program.clone();
+        change(&mut program);
+        match verify(&program) {
+            Err(Error::Program { reason }) => reason,
+            other => panic!("{other:?}"),
+        }
+    };
+    let table = |p: &mut Program, places: Vec<u8>| {
+        let (ends, numbers) = (p.tables[0].ends.clone(), p.tables[0].numbers().to_vec());
+        p.tables[0] = Table::new(places, ends, numbers);
+    };
+    let places = program.tables[0].places.clone();
+    let with = |k: usize, byte: u8| {
+        let mut places = places.clone();
+        places[k] = byte;
+        places
+    };
+    for (reason, expected) in [
+        (refused(&|p| table(p, with(0, 9))), "factor 9 of"),
+        (refused(&|p| table(p, with(2, 9))), "factor 9 of"),
+        (refused(&|p| table(p, with(4, 9))), "number 9 of a table does not exist"),
+        (refused(&|p| table(p, places[1..].to_vec())), "another number of products"),
+        (refused(&|p| p.tables[0].ends[0] = 100), "do not end with"),
+        (refused(&|p| p.functions[0].contractions[0].terms[0].table = 7), "another number of products"),
+        (refused(&|p| p.functions[0].contractions[0].n_results += 1), "sums of a table for"),
+        (refused(&|p| p.functions[0].contractions[0].n_products += 1), "another number of products"),
+        (
+            refused(&|p| p.functions[0].contractions[1].terms[0].left = Factors::Contraction(1)),
+            "of 0 (Contraction(1))",
+        ),
+        (refused(&|p| p.functions[0].scalars[0] = Operand::Value(7)), "in the scalars of f does not exist"),
+        (refused(&|p| p.functions[0].results[0].1 = Operand::Contracted(5)), "does not exist there"),
+        (refused(&|p| p.functions[0].results[0].1 = Operand::State(0)), "of the contractions is not used"),
+    ] {
+        assert!(reason.contains(expected), "{reason}: {expected}");
+    }
+}
+
+#[test]
+fn loops_have_no_taylor_coefficients() {
+    let mut f = fixture();
+    let results = sums_of_products(&mut f);
+    let requests = [request("f", &results[..3])];
+    let program = lower(&mut f.g, &f.inputs, &[], &[], &requests, &ROLLED()).unwrap();
+    assert!(matches!(crate::program::Jet::new(&program, 0), Err(Error::Unsupported { .. })));
+    let straight = f.lower(&results[..3]);
+    assert!(crate::program::Jet::new(&straight, 0).is_ok());
 }

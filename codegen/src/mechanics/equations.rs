@@ -77,8 +77,8 @@ pub struct Facts {
     pub holonomic: Option<bool>,
     /// Casimirs, all verified to be conserved.
     pub casimirs: Vec<String>,
-    /// Whether the frame's bracket is that of an almost algebra or almost algebroid, of which the Jacobi identity is not
-    /// claimed: energy is conserved nevertheless, Casimirs of the bracket need not exist.
+    /// Whether the frame's bracket is that of an almost algebra or almost algebroid, of which the Jacobi identity is
+    /// not claimed: energy is conserved nevertheless, Casimirs of the bracket need not exist.
     pub bracket_is_almost: bool,
     /// Whether the matrix `A` of `A udot = f` depends on parameters alone.
     pub mass_matrix_is_constant: bool,

@@ -5,8 +5,9 @@
 use std::fmt;
 use std::ops::AddAssign;
 
-use super::cost::{CALL, DIVISION, ROOT, latency};
+use super::cost::{CALL, DIVISION, LATENCY_OF_A_SUM, ROOT, latency};
 use super::ir::{Function, Instruction, Op, Operand, Prepare, Program, completes_pair};
+use super::table::Contraction;
 use crate::expr::Func;
 
 /// Numbers of operations.
@@ -48,6 +49,13 @@ impl Counts {
             } += 1;
         }
         counts
+    }
+
+    /// Those of a contraction: a product takes two multiplications and an addition, and the sums of each result and
+    /// table, which run side by side, four additions in the end.
+    fn of_contraction(contraction: &Contraction) -> Counts {
+        let (n, sums) = (contraction.n_products, contraction.n_results * contraction.terms.len());
+        Counts { add: n + 4 * sums, mul: 2 * n, fma: n, ..Counts::default() }
     }
 
     /// All operations; a fused pair counts as two.
@@ -113,10 +121,13 @@ impl Prepare {
 impl Function {
     /// Operations of one call.
     pub fn counts(&self) -> Counts {
-        Counts::of(&self.instructions, |_| true)
+        let mut counts = Counts::of(&self.instructions, |_| true);
+        self.contractions.iter().for_each(|c| counts += Counts::of_contraction(c));
+        counts
     }
 
-    /// Cycles of the longest chain of operations, each on the result of the one before, on current processors.
+    /// Cycles of the longest chain of operations, each on the result of the one before, on current processors; sums of
+    /// a contraction as if all of it were equally long.
     pub fn latency(&self) -> u32 {
         let mut known: Vec<u32> = Vec::with_capacity(self.instructions.len());
         for instruction in &self.instructions {
@@ -126,10 +137,15 @@ impl Function {
             });
             known.push(operands.max().unwrap_or_default() + latency(&instruction.op));
         }
-        known.into_iter().max().unwrap_or_default()
+        let straight = known.into_iter().max().unwrap_or_default();
+        // A quarter of the products of a sum and what adds up the four, one contraction after the other.
+        let of_contraction = |c: &Contraction| c.n_products / (4 * c.n_results.max(1)) + 4;
+        let n_sums: usize = self.contractions.iter().map(of_contraction).sum();
+        let n_sums = u32::try_from(n_sums).unwrap_or(u32::MAX);
+        straight.saturating_add(n_sums.saturating_mul(LATENCY_OF_A_SUM))
     }
 
-    /// Operations of one call that belong to a section.
+    /// Operations of one call that belong to a section; contractions belong to none.
     pub fn counts_of_section(&self, section_idx: usize) -> Counts {
         Counts::of(&self.instructions, |i| i.section as usize == section_idx)
     }

@@ -35,7 +35,7 @@ pub(crate) fn n_uses(instructions: &[Instruction], outputs: impl IntoIterator<It
 
 /// How often each value of a function is an operand or a result.
 pub(crate) fn n_uses_in(function: &Function) -> Vec<usize> {
-    n_uses(&function.instructions, function.results.iter().map(|(_, o)| *o))
+    n_uses(&function.instructions, function.outputs())
 }
 
 /// `-operand` or `operand`.
@@ -158,7 +158,7 @@ pub(crate) fn keep_slots(program: &mut Program, slots: Vec<u32>) {
     };
     for function in &mut program.functions {
         function.instructions.iter_mut().for_each(|instruction| instruction.op = instruction.op.map(kept));
-        function.results.iter_mut().for_each(|(_, o)| *o = kept(*o));
+        function.map_outputs(kept);
     }
     let old = &program.prepare.slots;
     program.prepare.slots = slots.into_iter().map(|i| old[i as usize].clone()).collect();
@@ -182,7 +182,7 @@ pub(crate) fn prune(program: &mut Program, slots: Vec<u32>) {
         for instruction in &mut function.instructions {
             instruction.op = instruction.op.map(&mut kept);
         }
-        function.results.iter_mut().for_each(|(_, o)| *o = kept(*o));
+        function.map_outputs(&mut kept);
     }
     for instruction in &mut program.prepare.instructions {
         instruction.op = instruction.op.map(&mut kept);

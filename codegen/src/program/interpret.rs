@@ -6,7 +6,8 @@ use std::fmt;
 
 use hamel_runtime::Real;
 
-use super::ir::{Constant, Instruction, Literal, Op, Operand, Program};
+use super::ir::{Constant, Function, Instruction, Literal, Op, Operand, Program};
+use super::table::{Factors, Products, Table};
 use crate::expr::Func;
 use crate::expr::Relation;
 
@@ -60,6 +61,8 @@ struct Memory<'a, R> {
     state: &'a [R],
     argument: &'a [R],
     values: Vec<R>,
+    /// Results of contractions.
+    contracted: Vec<R>,
 }
 
 impl<R: Real> Memory<'_, R> {
@@ -72,6 +75,7 @@ impl<R: Real> Memory<'_, R> {
             Operand::Time => self.t,
             Operand::State(i) => self.state[i as usize],
             Operand::Argument(i) => self.argument[i as usize],
+            Operand::Contracted(i) => self.contracted[i as usize],
         }
     }
 
@@ -96,6 +100,27 @@ impl<R: Real> Memory<'_, R> {
                 }
             };
             self.values.push(value);
+        }
+    }
+
+    /// Runs the contractions of a function, whose instructions have run.
+    fn contract(&mut self, tables: &[Table], function: &Function) {
+        let scalars: Vec<R> = function.scalars.iter().map(|o| self.read(*o)).collect();
+        for contraction in &function.contractions {
+            let mut sums = vec![R::ZERO; contraction.n_results];
+            for Products { table, left, right } in &contraction.terms {
+                let factors = |factors: &Factors| match factors {
+                    Factors::State => self.state,
+                    Factors::Argument => self.argument,
+                    Factors::Scalars => &scalars,
+                    Factors::Contraction(k) => {
+                        let start = function.start_of_contraction(*k as usize);
+                        &self.contracted[start..start + function.contractions[*k as usize].n_results]
+                    }
+                };
+                tables[*table as usize].products().add_to(factors(left), factors(right), &mut sums);
+            }
+            self.contracted.extend(sums);
         }
     }
 }
@@ -136,8 +161,16 @@ impl Program {
             }
         }
         let constants = self.constants.iter().map(Constant::value).collect();
-        let (t, values) = (R::ZERO, Vec::new());
-        let mut memory = Memory { constants, params, prepared: &[], t, state: &[], argument: &[], values };
+        let mut memory = Memory {
+            constants,
+            params,
+            prepared: &[],
+            t: R::ZERO,
+            state: &[],
+            argument: &[],
+            values: Vec::new(),
+            contracted: Vec::new(),
+        };
         memory.run(&self.prepare.instructions);
         for condition in &self.prepare.conditions {
             let (greater, less) = (memory.read(condition.greater), memory.read(condition.less));
@@ -198,8 +231,10 @@ impl Program {
         assert_eq!(argument.len(), function.argument.len(), "dimension of the argument");
         assert_eq!(out.len(), function.results.len(), "number of results");
         let constants = self.constants.iter().map(Constant::value).collect();
-        let mut memory = Memory { constants, params, prepared, t, state, argument, values: Vec::new() };
+        let (values, contracted) = (Vec::new(), Vec::new());
+        let mut memory = Memory { constants, params, prepared, t, state, argument, values, contracted };
         memory.run(&function.instructions);
+        memory.contract(&self.tables, function);
         for (slot, (_, operand)) in out.iter_mut().zip(&function.results) {
             *slot = memory.read(*operand);
         }

@@ -1,4 +1,4 @@
-//! The data of a program: straight-line static single assignment, one operation an instruction.
+//! The data of a program: straight-line static single assignment, one operation an instruction, and loops after it.
 //!
 //! Does not know: what a program is for, how its operations are executed or written.
 
@@ -6,6 +6,7 @@ use num_traits::{One, Signed, ToPrimitive, Zero};
 
 use super::report::Report;
 use super::role::Role;
+use super::table::{Contraction, Table};
 use crate::expr::{Func, Rational, Relation, rational_to_f64};
 
 /// A constant of a program.
@@ -88,6 +89,8 @@ pub enum Operand {
     State(u32),
     /// A component of the function's own vector besides time and state; see [`Function::argument`].
     Argument(u32),
+    /// A result of a contraction, counted through all of [`Function::contractions`]; in results alone.
+    Contracted(u32),
 }
 
 /// An operation on operands.
@@ -222,8 +225,50 @@ pub struct Function {
     pub argument: Vec<String>,
     /// Straight-line code; sections ascend.
     pub instructions: Vec<Instruction>,
+    /// Values that contractions take as factors, besides the vectors that there are anyway.
+    pub scalars: Vec<Operand>,
+    /// Sums of products over tables, in order, after the straight-line code.
+    pub contractions: Vec<Contraction>,
     /// Names and values of the results.
     pub results: Vec<(String, Operand)>,
+}
+
+impl Function {
+    /// What is read of the straight-line code and of what does not change in a call: the results, then the scalars.
+    pub(crate) fn outputs(&self) -> impl Iterator<Item = Operand> + Clone + '_ {
+        self.results.iter().map(|(_, o)| *o).chain(self.scalars.iter().copied())
+    }
+
+    /// The number among all results of contractions of the first result of one.
+    pub(crate) fn start_of_contraction(&self, k: usize) -> usize {
+        self.contractions.iter().take(k).map(|c| c.n_results).sum()
+    }
+
+    /// The contraction and the place among its results of a number among all results of contractions.
+    pub(crate) fn contracted(&self, i: u32) -> (usize, usize) {
+        let (mut k, mut i) = (0, i as usize);
+        while let Some(contraction) = self.contractions.get(k).filter(|c| c.n_results <= i) {
+            i -= contraction.n_results;
+            k += 1;
+        }
+        (k, i)
+    }
+
+    /// The contraction whose results are those of the function, all of them in order.
+    pub(crate) fn contraction_of_results(&self) -> Option<usize> {
+        let n = self.results.len();
+        let is_whole = |k: &usize| {
+            let start = self.start_of_contraction(*k);
+            let numbers = (start..start + n).map(|i| Operand::Contracted(i as u32));
+            self.contractions[*k].n_results == n && self.results.iter().map(|(_, o)| *o).eq(numbers)
+        };
+        (0..self.contractions.len()).find(is_whole)
+    }
+
+    /// Puts another operand in the place of each of [`Function::outputs`].
+    pub(crate) fn map_outputs(&mut self, mut f: impl FnMut(Operand) -> Operand) {
+        self.results.iter_mut().map(|(_, o)| o).chain(&mut self.scalars).for_each(|o| *o = f(*o));
+    }
 }
 
 /// Everything one scene computes.
@@ -238,6 +283,8 @@ pub struct Program {
     pub state: Vec<String>,
     /// Distinct constants.
     pub constants: Vec<Constant>,
+    /// Tables of products that contractions of functions run through.
+    pub tables: Vec<Table>,
     /// Titles of the sections; the last one, `results`, holds what no definition needs.
     pub sections: Vec<String>,
     /// The part that depends on parameters alone.

@@ -1,10 +1,11 @@
 //! The intermediate form: a flat, verified [`Program`] in static single assignment, apart from the passes that make it.
 //!
-//! `ir` is the data, `role` says what a function is for, `report` what became of the search for its form, `counts` and
-//! `cost` say what it costs, `verify` checks the rules, `edit` is what every pass that rewrites a program needs,
-//! `interpret` runs a program with the very operations that emitted code performs, `rounding` bounds their errors,
-//! `round_trip` turns it back into expressions, `series` turns a right-hand side into the recurrence of the Taylor
-//! coefficients of its solutions. Does not know: mechanics, how expressions become programs, Rust.
+//! `ir` is the data, `table` that of sums over tables of products, `role` says what a function is for, `report` what
+//! became of the search for its form, `counts` and `cost` say what it costs, `verify` checks the rules, `edit` is what
+//! every pass that rewrites a program needs, `interpret` runs a program with the very operations that emitted code
+//! performs, `rounding` bounds their errors, `round_trip` turns it back into expressions, `series` turns a right-hand
+//! side into the recurrence of the Taylor coefficients of its solutions. Does not know: mechanics, how expressions
+//! become programs, Rust.
 
 pub(crate) mod cost;
 mod counts;
@@ -16,6 +17,7 @@ mod role;
 mod round_trip;
 mod rounding;
 mod series;
+mod table;
 #[cfg(feature = "serde")]
 mod text;
 mod verify;
@@ -33,5 +35,7 @@ pub use role::Role;
 pub use round_trip::Symbols;
 pub use rounding::Bounded;
 pub use series::Jet;
+pub(crate) use table::Place;
+pub use table::{Contraction, Factors, Products, Table};
 pub use verify::verify;
 pub(crate) use verify::verify_rules;

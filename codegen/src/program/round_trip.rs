@@ -4,8 +4,9 @@
 
 use std::collections::BTreeMap;
 
-use super::ir::{Constant, Instruction, Op, Operand, Program};
+use super::ir::{Constant, Function, Instruction, Op, Operand, Program};
 use super::role::Role;
+use super::table::{Factors, Products};
 use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Graph, Node, SymbolId};
 
@@ -72,9 +73,12 @@ impl Program {
             let argument = symbols.arguments.get(&function.role).map_or(&[][..], Vec::as_slice);
             let place = Place { name: function.role.name(), symbols, argument, slots: &slots, is_named };
             let values = self.evaluate(graph, &place, &function.instructions)?;
-            all.push(
-                function.results.iter().map(|(_, o)| self.operand(graph, &place, &values, *o)).collect(),
-            );
+            let contracted = self.contract(graph, &place, &values, function);
+            let results = function.results.iter().map(|(_, o)| match o {
+                Operand::Contracted(i) => contracted[*i as usize],
+                other => self.operand(graph, &place, &values, *other),
+            });
+            all.push(results.collect());
         }
         Ok((all, sides))
     }
@@ -92,7 +96,48 @@ impl Program {
             Operand::Time => graph.sym(symbols.time),
             Operand::State(i) => graph.sym(symbols.state[i as usize]),
             Operand::Argument(i) => graph.sym(argument[i as usize]),
+            // Results alone are, and the verifier sees to it.
+            Operand::Contracted(_) => graph.zero(),
         }
+    }
+
+    /// Results of all contractions of a function.
+    fn contract(
+        &self,
+        graph: &mut Graph,
+        place: &Place<'_>,
+        values: &[ExprId],
+        function: &Function,
+    ) -> Vec<ExprId> {
+        let scalars: Vec<ExprId> =
+            function.scalars.iter().map(|o| self.operand(graph, place, values, *o)).collect();
+        let mut contracted: Vec<ExprId> = Vec::new();
+        for contraction in &function.contractions {
+            let mut terms = vec![Vec::new(); contraction.n_results];
+            for Products { table, left, right } in &contraction.terms {
+                let table = &self.tables[*table as usize];
+                let factor = |graph: &mut Graph, factors: &Factors, i: usize| match factors {
+                    Factors::State => graph.sym(place.symbols.state[i]),
+                    Factors::Argument => graph.sym(place.argument[i]),
+                    Factors::Scalars => scalars[i],
+                    Factors::Contraction(k) => contracted[function.start_of_contraction(*k as usize) + i],
+                };
+                let products: Vec<_> = table.all().collect();
+                for (terms, range) in terms.iter_mut().zip(table.ranges()) {
+                    for product in &products[range] {
+                        let left = factor(graph, left, product.left);
+                        let right = factor(graph, right, product.right);
+                        let value = graph.mul(left, right);
+                        terms.push(graph.weighted(value, &table.numbers()[product.number]));
+                    }
+                }
+            }
+            for terms in &terms {
+                let sum = graph.linear_combination(terms);
+                contracted.push(if place.is_named { named(graph, sum) } else { sum });
+            }
+        }
+        contracted
     }
 
     fn evaluate(

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use super::edit::{is_fixed, n_uses};
 use super::ir::{Function, Instruction, Literal, Op, Operand, Program};
+use super::table::{Factors, Products, Table};
 use crate::error::Error;
 use crate::expr::Func;
 
@@ -37,12 +38,11 @@ pub fn verify(program: &Program) -> Result<(), Error> {
                 return fail(format!("value {i} of {name} depends on parameters alone"));
             }
         }
-        let results = function.results.iter().map(|(_, o)| *o);
-        if let Some(dead) = unused(&function.instructions, results.clone()) {
+        if let Some(dead) = unused(&function.instructions, function.outputs()) {
             return fail(format!("value {dead} of {name} is not used"));
         }
         let operands = function.instructions.iter().flat_map(|i| i.op.operands());
-        for operand in operands.chain(results) {
+        for operand in operands.chain(function.outputs()) {
             if let Operand::Slot(i) = operand {
                 slot_used[i as usize] = true;
             }
@@ -89,11 +89,85 @@ pub(crate) fn verify_rules(program: &Program) -> Result<(), Error> {
             section = instruction.section;
         }
         for (result, operand) in &function.results {
+            if let Operand::Contracted(i) = operand
+                && function.contractions.iter().map(|c| c.n_results).sum::<usize>() > *i as usize
+            {
+                continue;
+            }
             let place = format!("{name}.{result}");
             check_operand(program, &place, *operand, function.instructions.len(), Some(function))?;
         }
+        for operand in &function.scalars {
+            let place = format!("the scalars of {name}");
+            check_operand(program, &place, *operand, function.instructions.len(), Some(function))?;
+        }
+        verify_contractions(program, function)?;
     }
     Ok(())
+}
+
+/// Checks that tables have the shape of what is contracted, that every factor exists where it is read, and that every
+/// result is read by a later contraction or is one of the function.
+fn verify_contractions(program: &Program, function: &Function) -> Result<(), Error> {
+    let fail = |reason: String| Err(Error::Program { reason: format!("{reason} in {}", function.role) });
+    let mut is_read: Vec<bool> = Vec::new();
+    for (k, contraction) in function.contractions.iter().enumerate() {
+        is_read.resize(is_read.len() + contraction.n_results, false);
+        let n_products = |p: &Products| program.tables.get(p.table as usize).map_or(0, Table::n_products);
+        if contraction.terms.iter().map(n_products).sum::<usize>() != contraction.n_products {
+            return fail(format!(
+                "another number of products than {}, contraction {k}",
+                contraction.n_products
+            ));
+        }
+        for Products { table, left, right } in &contraction.terms {
+            let Some(table) = program.tables.get(*table as usize) else {
+                return fail(format!("table {table} does not exist, contraction {k}"));
+            };
+            if let Err(reason) = table.check() {
+                return fail(format!("{reason}, contraction {k}"));
+            }
+            if table.ends.len() != contraction.n_results {
+                return fail(format!(
+                    "{} sums of a table for {} results",
+                    table.ends.len(),
+                    contraction.n_results
+                ));
+            }
+            for (factors, reads) in [(left, table.lefts()), (right, table.rights())] {
+                let n = match factors {
+                    Factors::State => program.state.len(),
+                    Factors::Argument => function.argument.len(),
+                    Factors::Scalars => function.scalars.len(),
+                    Factors::Contraction(earlier) if (*earlier as usize) < k => {
+                        function.contractions[*earlier as usize].n_results
+                    }
+                    Factors::Contraction(_) => 0,
+                };
+                let start = match factors {
+                    Factors::Contraction(earlier) => Some(function.start_of_contraction(*earlier as usize)),
+                    _ => None,
+                };
+                for i in reads {
+                    if i >= n {
+                        return fail(format!("factor {i} of {n} ({factors:?}), contraction {k}"));
+                    }
+                    if let Some(start) = start {
+                        is_read[start + i] = true;
+                    }
+                }
+            }
+        }
+    }
+    for (_, result) in &function.results {
+        if let Operand::Contracted(i) = result {
+            is_read[*i as usize] = true;
+        }
+    }
+    match is_read.iter().position(|read| !read) {
+        Some(dead) => fail(format!("sum {dead} of the contractions is not used")),
+        None => Ok(()),
+    }
 }
 
 /// The first value that neither another one nor an output needs.
@@ -153,6 +227,8 @@ fn check_operand(
         Operand::Time => function.is_some(),
         Operand::State(i) => function.is_some() && (i as usize) < program.state.len(),
         Operand::Argument(i) => function.is_some_and(|f| (i as usize) < f.argument.len()),
+        // Nothing but a result is one: contractions come after the list.
+        Operand::Contracted(_) => false,
     };
     if fits {
         Ok(())

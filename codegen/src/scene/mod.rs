@@ -30,6 +30,7 @@ mod text;
 use std::collections::BTreeSet;
 
 use crate::error::Error;
+use crate::lower::SearchBudget;
 use crate::mechanics::OutputKind;
 use crate::parallel::side_by_side;
 use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, StageUse, reduce};
@@ -212,6 +213,17 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
 pub fn build_in(model: &Model, scene: &str, formulation: &Formulation) -> Result<BuiltScene, Diagnostics> {
     let mut scenes = Scenes::new(model);
     let plan = Plan { formulation: formulation.clone(), ..scenes.written_plan(scene)? };
+    build_planned(&scenes.derivations, plan)
+}
+
+/// Builds a scene with other limits on the searches of lowering, and another number of products from which on they
+/// become loops over tables.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_within(model: &Model, scene: &str, search: SearchBudget) -> Result<BuiltScene, Diagnostics> {
+    let mut scenes = Scenes::new(model);
+    let plan = Plan { search, ..scenes.plan(scene)? };
     build_planned(&scenes.derivations, plan)
 }
 

@@ -220,7 +220,7 @@ impl Evaluator<'_> {
                         continue;
                     };
                     let columns = if let Shape::Matrix(_, m) = value.shape() { m } else { 1 };
-                    self.charge(left.entries().len() * columns, operand.span)?;
+                    self.charge(left.n_nonzero(self.graph) * columns, operand.span)?;
                     match left.mul(self.graph, &value) {
                         Ok(Value::Scalar(e)) => numbers.push((e, Rational::one())),
                         Ok(product) => rest = Some((product, span.to(operand.span))),
@@ -283,7 +283,8 @@ impl Evaluator<'_> {
             return self.fail(span, "numbers in this expression become too large", "write smaller powers");
         }
         if let (Shape::Matrix(n, _), Some(q)) = (b.shape(), &constant) {
-            self.charge(n * n * n * q.numer().bits() as usize, span)?;
+            let n_products = if b.is_diagonal(self.graph) { n } else { n * n * n };
+            self.charge(n_products * q.numer().bits() as usize, span)?;
         }
         match b.pow(self.graph, e) {
             Ok(value) => Some((value, bits)),

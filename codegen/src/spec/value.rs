@@ -205,10 +205,13 @@ impl Value {
             return Err(mismatch());
         }
         let (a, b) = (self.entries(), other.entries());
+        let zero = g.zero();
         let mut entries = Vec::with_capacity(n * m);
         for i in 0..n {
+            let own: Vec<usize> = (0..k).filter(|l| a[i * k + l] != zero).collect();
             for j in 0..m {
-                let terms: Vec<ExprId> = (0..k).map(|l| g.mul(a[i * k + l], b[l * m + j])).collect();
+                let row = own.iter().filter(|l| b[*l * m + j] != zero);
+                let terms: Vec<ExprId> = row.map(|l| g.mul(a[i * k + l], b[l * m + j])).collect();
                 entries.push(g.sum(&terms));
             }
         }
@@ -266,12 +269,23 @@ impl Value {
         g.pow(*base, &q).map(Value::Scalar).map_err(|_| ValueError::DivisionByZero)
     }
 
+    /// Whether it is a square matrix with nothing beside its diagonal.
+    pub fn is_diagonal(&self, g: &Graph) -> bool {
+        let Value::Matrix { rows, columns, entries } = self else { return false };
+        let is_zero = |(k, e): (usize, &ExprId)| *e == g.zero() || k / columns == k % columns;
+        rows == columns && entries.iter().enumerate().all(is_zero)
+    }
+
+    /// Number of entries that are not zero.
+    pub fn n_nonzero(&self, g: &Graph) -> usize {
+        self.entries().iter().filter(|e| **e != g.zero()).count()
+    }
+
     /// Powers of a square matrix: products for a positive whole number, entry by entry for a diagonal matrix.
     fn matrix_power(&self, g: &mut Graph, q: &Rational) -> Outcome {
         let Value::Matrix { rows, columns, entries } = self else { return Err(ValueError::TooLarge) };
         let n = *rows;
-        let off_diagonal = |k: usize| k / n != k % n;
-        if entries.iter().enumerate().all(|(k, e)| *e == g.zero() || !off_diagonal(k)) {
+        if self.is_diagonal(g) {
             let power = Value::number(g, q.clone());
             let mut raised = entries.clone();
             for k in (0..n).map(|i| i * n + i) {

@@ -52,7 +52,9 @@ impl Writer<'_> {
         let instructions = module.program.functions.iter().flat_map(|f| &f.instructions);
         let has_titles = instructions.into_iter().any(|i| i.section + 1 < n_sections);
         let comments = has_titles.then(allow_comments);
+        let tables = self.tables()?;
         Ok(quote! {
+            #tables
             #names
             #numbers
             #comments
@@ -73,13 +75,13 @@ impl Writer<'_> {
         let rate = &self.module.rate;
         let title = "Writes the derivative of the state to `dy`.";
         let doc = self.function_doc(rate.function, title, &self.module.program.state);
-        let (body, results) = (self.body(rate)?, parse_all(&rate.code.results)?);
+        let (body, results) = (self.body(rate)?, self.results(rate)?);
         Ok(quote! {
             #doc
             #[inline]
             pub fn rhs(#arguments, dy: &mut [R; #n]) {
                 #body
-                *dy = [#(#results),*];
+                *dy = #results;
             }
         })
     }
@@ -107,15 +109,15 @@ impl Writer<'_> {
             return self.scalar(name, self.function_doc(routine.function, &meaning, &[]), routine);
         }
         let doc = self.function_doc(routine.function, &meaning, &text.components);
-        let (body, results) = (self.body(routine)?, parse_all(&routine.code.results)?);
-        let (name, arguments, k) = (ident(name), self.arguments(), size(results.len()));
+        let (body, results) = (self.body(routine)?, self.results(routine)?);
+        let (name, arguments, k) = (ident(name), self.arguments(), size(routine.function.results.len()));
         Ok(quote! {
             #doc
             #[inline]
             #[must_use]
             pub fn #name(#arguments) -> [R; #k] {
                 #body
-                [#(#results),*]
+                #results
             }
         })
     }
@@ -123,24 +125,28 @@ impl Writer<'_> {
     fn product(&self, product: &ProductRoutine<'_>) -> Result<TokenStream, Error> {
         let ProductRoutine { text, name, routine } = product;
         let doc = self.function_doc(routine.function, &sentence(&text.doc), &[]);
-        let (body, results) = (self.body(routine)?, parse_all(&routine.code.results)?);
+        let (body, results) = (self.body(routine)?, self.results(routine)?);
         let (name, vector, arguments) = (ident(name), ident(&text.vector), self.arguments());
-        let (n_vector, n_results) = (size(routine.argument.len()), size(results.len()));
+        let (n_vector, n_results) = (size(routine.argument.len()), size(routine.function.results.len()));
         // This comes first: a component of the state may have the vector's name.
         let taken_apart = if routine.code.reads_argument() {
             let names = pattern(routine.argument.iter().map(Option::as_ref));
             quote! { let #names = *#vector; }
+        } else if routine.contracts_argument() {
+            TokenStream::new()
         } else {
             quote! { let _ = #vector; }
         };
+        let whole = self.argument_of_loops(routine, &vector);
         Ok(quote! {
             #doc
             #[inline]
             #[must_use]
             pub fn #name(#arguments, #vector: &[R; #n_vector]) -> [R; #n_results] {
+                #whole
                 #taken_apart
                 #body
-                [#(#results),*]
+                #results
             }
         })
     }
@@ -150,14 +156,15 @@ impl Writer<'_> {
         let reads_time = routine.reads_time() || routine.function.role == Role::Domain;
         let state = pattern(routine.state.iter().map(Option::as_ref));
         let taken_apart = routine.code.reads_state().then(|| quote! { let #state = *y; });
-        let unused = match (reads_time, routine.code.reads_state()) {
+        let unused = match (reads_time, routine.code.reads_state() || routine.contracts_state()) {
             (true, true) => None,
             (true, false) => Some(quote! { let _ = y; }),
             (false, true) => Some(quote! { let _ = t; }),
             (false, false) => Some(quote! { let _ = (t, y); }),
         };
         let statements = statements(&routine.code.statements)?;
-        Ok(quote! { #taken_apart #unused #statements })
+        let loops = self.loops(routine)?;
+        Ok(quote! { #taken_apart #unused #statements #loops })
     }
 
     /// What a function computes, by which formula, in which order, and what it costs.
@@ -182,7 +189,12 @@ impl Writer<'_> {
 }
 
 /// What a function costs.
-pub(super) fn operations(function: &Function) -> [String; 4] {
+pub(super) fn operations(function: &Function) -> Vec<String> {
     let counts = capitalised(&function.counts().to_string());
-    [String::new(), "# Operations".into(), String::new(), format!("{counts}.")]
+    let mut lines = vec![String::new(), "# Operations".into(), String::new(), format!("{counts}.")];
+    let n_products: usize = function.contractions.iter().map(|c| c.n_products).sum();
+    if n_products > 0 {
+        lines.push(format!("Loops over tables of {n_products} products."));
+    }
+    lines
 }

@@ -104,6 +104,14 @@ impl Dialect for Rust {
         format!("{}_PATTERN", matrix.to_ascii_uppercase())
     }
 
+    fn table(&self, k: usize) -> String {
+        format!("PRODUCTS_{k}")
+    }
+
+    fn element(&self, array: &str, k: usize) -> String {
+        format!("{array}[{k}]")
+    }
+
     fn field(&self, name: &str) -> String {
         format!("self.{name}")
     }

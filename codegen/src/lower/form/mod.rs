@@ -18,6 +18,7 @@ mod write;
 use std::collections::{BTreeMap, HashMap};
 
 use super::classes::Class;
+use super::roll::Rolled;
 use super::source::{Source, needed_definitions};
 use super::{Request, SearchBudget};
 use crate::error::Error;
@@ -40,6 +41,15 @@ pub(super) struct Form {
     pub(super) request: Request,
     /// Units of definitions: the value that was asked for is the unit times the definition's. One where there is none.
     pub(super) units: BTreeMap<SymbolId, ExprId>,
+    /// Loops after these definitions, of a function that is mostly sums of products: `request` is what they need then.
+    pub(super) rolled: Option<Rolled>,
+}
+
+impl Form {
+    /// The results of the function.
+    pub(super) fn results(&self) -> &[(String, ExprId)] {
+        self.rolled.as_ref().map_or(&self.request, |rolled| &rolled.asked).results.as_slice()
+    }
 }
 
 /// The cheapest form of one function that the search finds, equal as a function, or the function as it was, and what
@@ -98,12 +108,12 @@ pub(super) fn cheapest(
     let form = match fall_back {
         Some(_) => {
             let sections = source.sections.to_vec();
-            Form { sections, request: request.clone(), units: BTreeMap::new() }
+            Form { sections, request: request.clone(), units: BTreeMap::new(), rolled: None }
         }
         None => {
             let names = request.results.iter().map(|(name, _)| name.clone());
             let request = Request { role: request.role.clone(), results: names.zip(values).collect() };
-            Form { sections, request, units }
+            Form { sections, request, units, rolled: None }
         }
     };
     Ok((form, program::Search { limits, fall_back }))

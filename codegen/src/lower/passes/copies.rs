@@ -47,7 +47,7 @@ struct Read {
 fn reads(function: &Function) -> BTreeMap<u32, Vec<Read>> {
     let mut n_reads: BTreeMap<Operand, usize> = BTreeMap::new();
     let operands = function.instructions.iter().flat_map(|i| i.op.operands());
-    for operand in operands.chain(function.results.iter().map(|(_, o)| *o)) {
+    for operand in operands.chain(function.outputs()) {
         *n_reads.entry(operand).or_default() += 1;
     }
     // One that stands in memory and that nothing else wants in a register.
@@ -65,10 +65,10 @@ fn reads(function: &Function) -> BTreeMap<u32, Vec<Read>> {
             reads.entry(number).or_default().push(Read { at, is_from_memory: is_second && n_in_memory == 1 });
         }
     }
-    for (_, result) in &function.results {
-        if let Operand::Slot(number) = result {
+    for output in function.outputs() {
+        if let Operand::Slot(number) = output {
             let at = function.instructions.len();
-            reads.entry(*number).or_default().push(Read { at, is_from_memory: false });
+            reads.entry(number).or_default().push(Read { at, is_from_memory: false });
         }
     }
     reads

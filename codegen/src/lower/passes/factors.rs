@@ -63,7 +63,7 @@ fn order_in(function: &mut Function) {
         };
         moved_to.push(list.push(Instruction { op, section, name }));
     }
-    function.results.iter_mut().for_each(|(_, o)| *o = position(*o).map_or(*o, |v| moved_to[v]));
+    function.map_outputs(|o| position(o).map_or(o, |v| moved_to[v]));
     function.instructions = list.new;
 }
 

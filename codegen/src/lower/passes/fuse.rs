@@ -36,7 +36,7 @@ fn fused(function: &Function, program: &Program, additions: &mut Additions) -> F
             n_sums[v] += usize::from(is_sum(&instruction.op));
         }
     }
-    function.results.iter().filter_map(|(_, o)| position(*o)).for_each(|v| n_uses[v] += 1);
+    function.outputs().filter_map(position).for_each(|v| n_uses[v] += 1);
 
     // A sum that one other sum uses is part of that; definitions keep their names.
     let is_part = |v: usize| is_sum(&old[v].op) && old[v].name.is_none() && n_uses[v] == 1 && n_sums[v] == 1;
@@ -73,9 +73,17 @@ fn fused(function: &Function, program: &Program, additions: &mut Additions) -> F
             fusion.name(value.operand, name.as_deref());
         }
     }
-    let results = function.results.iter().map(|(name, o)| (name.clone(), fusion.positive(*o))).collect();
-    let (role, argument) = (function.role.clone(), function.argument.clone());
-    Function { role, argument, instructions: fusion.new, results }
+    let mut new = Function {
+        role: function.role.clone(),
+        argument: function.argument.clone(),
+        instructions: Vec::new(),
+        scalars: function.scalars.clone(),
+        contractions: function.contractions.clone(),
+        results: function.results.clone(),
+    };
+    new.map_outputs(|o| fusion.positive(o));
+    new.instructions = fusion.new;
+    new
 }
 
 /// What a sum adds up, in order and with signs, looking through the sums that are part of it.

@@ -121,5 +121,5 @@ fn reorder(function: &mut Function, order: &Order) {
         instruction
     };
     function.instructions = order.iter().map(place).collect();
-    function.results.iter_mut().for_each(|(_, o)| *o = moved(*o));
+    function.map_outputs(moved);
 }

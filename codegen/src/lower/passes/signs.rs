@@ -14,11 +14,12 @@ pub(in crate::lower) fn absorb_in_functions(program: &mut Program) {
     for k in 0..program.functions.len() {
         let function = &mut program.functions[k];
         let mut instructions = std::mem::take(&mut function.instructions);
-        let mut outputs: Vec<Operand> = function.results.iter().map(|(_, o)| *o).collect();
+        let mut outputs: Vec<Operand> = function.outputs().collect();
         absorb(program, &mut instructions, &mut outputs, true);
         let function = &mut program.functions[k];
         function.instructions = instructions;
-        function.results.iter_mut().zip(outputs).for_each(|((_, o), new)| *o = new);
+        let mut outputs = outputs.into_iter();
+        function.map_outputs(|o| outputs.next().unwrap_or(o));
     }
 }
 
@@ -82,9 +83,7 @@ fn absorb(
 /// Takes negations out of the prepare part, and what no function reads since signs have changed.
 pub(in crate::lower) fn absorb_in_prepare(program: &mut Program) {
     let read: BTreeSet<u32> = (program.functions.iter())
-        .flat_map(|f| {
-            f.instructions.iter().flat_map(|i| i.op.operands()).chain(f.results.iter().map(|(_, o)| *o))
-        })
+        .flat_map(|f| f.instructions.iter().flat_map(|i| i.op.operands()).chain(f.outputs()))
         .filter_map(|o| if let Operand::Slot(i) = o { Some(i) } else { None })
         .collect();
     keep_slots(program, read.into_iter().collect());
@@ -305,8 +304,7 @@ pub(in crate::lower) fn negate_slots(program: &mut Program) {
         let others =
             others.filter(|((_, numbers), in_term)| !**in_term && numbers.iter().all(Option::is_none));
         let operands = others.flat_map(|((instruction, _), _)| instruction.op.operands());
-        let results = function.results.iter().map(|(_, o)| *o);
-        balances.extend(operands.chain(results).filter_map(slot).map(|i| (i, None)));
+        balances.extend(operands.chain(function.outputs()).filter_map(slot).map(|i| (i, None)));
         terms.push(numbers);
     }
     let is_negated = |i: u32| {

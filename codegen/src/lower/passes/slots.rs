@@ -42,7 +42,7 @@ fn slot_order(program: &Program) -> Vec<u32> {
             }
         }
         let operands = function.instructions.iter().flat_map(|i| i.op.operands());
-        operands.chain(function.results.iter().map(|(_, o)| *o)).filter_map(slot).for_each(&mut place);
+        operands.chain(function.outputs()).filter_map(slot).for_each(&mut place);
     }
     order
 }
@@ -86,7 +86,9 @@ impl Shapes<'_> {
                 }
                 Operand::Value(_) => Leaf::Shared,
                 Operand::Constant(_) | Operand::Param(_) => Leaf::Fixed,
-                Operand::Time | Operand::State(_) | Operand::Argument(_) => Leaf::Input,
+                Operand::Time | Operand::State(_) | Operand::Argument(_) | Operand::Contracted(_) => {
+                    Leaf::Input
+                }
             });
         }
         (shape, slots)

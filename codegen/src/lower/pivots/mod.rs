@@ -81,7 +81,7 @@ fn scaled_pivots(
         request.results.iter().zip(&found).filter(|(_, found)| found.is_none()).map(|(r, _)| r.clone());
     let others = Request { role: request.role.clone(), results: others.collect() };
     let (others, search) = form::cheapest(graph, source, digits, budget, &others)?;
-    let Form { mut sections, request: others, units } = others;
+    let Form { mut sections, request: others, units, .. } = others;
     let mut others = others.results.into_iter();
     let pivots = request.results.iter().zip(found).map(|((name, e), found)| match found {
         Some(in_rate) => (name.clone(), in_rate),
@@ -110,7 +110,8 @@ fn scaled_pivots(
     }
     let names: Vec<String> = results.iter().map(|(name, _)| name.clone()).collect();
     results.extend(names.into_iter().zip(scales));
-    Ok((Form { sections, request: Request { role: request.role.clone(), results }, units }, search))
+    let request = Request { role: request.role.clone(), results };
+    Ok((Form { sections, request, units, rolled: None }, search))
 }
 
 /// The function [`Role::Signature`], of the pivots as [`Role::Pivots`] has them; none if nothing is watched.

@@ -10,7 +10,10 @@ use crate::expr::{Graph, SymbolId};
 use crate::lower::Inputs;
 use crate::lower::classes::Class;
 use crate::lower::pivots::Conditions;
-use crate::program::{Condition, Constant, Function, Instruction, Operand, Prepare, Program, Report, Slot};
+use crate::lower::roll::{Origin, Rolled};
+use crate::program::{
+    Condition, Constant, Function, Instruction, Operand, Prepare, Program, Report, Slot, Table,
+};
 
 /// Title of the section of values that no definition needs.
 const RESULTS: &str = "results";
@@ -34,8 +37,13 @@ pub(super) fn assemble(
     let n_sections = u32::try_from(conditions.sections.len())
         .map_err(|_| Error::Program { reason: "there are more than 2^32 sections".to_owned() })?;
     let mut assembled = Vec::with_capacity(functions.len());
+    let mut tables: Vec<Table> = Vec::new();
     for function in functions {
-        assembled.push(assemble_function(pool, function, n_sections, &mut slots, &mut constants));
+        let straight = assemble_function(pool, function, n_sections, &mut slots, &mut constants);
+        assembled.push(match &function.rolled {
+            Some(rolled) => with_contractions(straight, rolled, &mut tables),
+            None => straight,
+        });
     }
 
     let mut prepare = Prepare::default();
@@ -76,6 +84,7 @@ pub(super) fn assemble(
         time: graph.name(inputs.time).to_owned(),
         state: names(&inputs.state),
         constants: constants.kept,
+        tables,
         sections: titles.chain([RESULTS.to_owned()]).collect(),
         prepare,
         functions: assembled,
@@ -130,7 +139,35 @@ fn assemble_function(
         .iter()
         .map(|(name, o)| (name.clone(), constants.keep(slots.hoisted(list.local(*o), *o))))
         .collect();
-    Function { role: function.role.clone(), argument: function.argument.clone(), instructions, results }
+    let (role, argument) = (function.role.clone(), function.argument.clone());
+    Function { role, argument, instructions, results, ..Function::default() }
+}
+
+/// The function whose straight-line code has what these contractions take; equal tables are kept once.
+fn with_contractions(mut straight: Function, rolled: &Rolled, tables: &mut Vec<Table>) -> Function {
+    let own: Vec<u32> = (rolled.tables.iter())
+        .map(|table| {
+            let known = tables.iter().position(|known| known == table).unwrap_or_else(|| {
+                tables.push(table.clone());
+                tables.len() - 1
+            });
+            u32::try_from(known).expect("fewer than 2^32 tables fit in memory")
+        })
+        .collect();
+    let mut contractions = rolled.contractions.clone();
+    for products in contractions.iter_mut().flat_map(|c| &mut c.terms) {
+        products.table = own[products.table as usize];
+    }
+    let scalars = straight.results.split_off(rolled.n_straight).into_iter().map(|(_, o)| o).collect();
+    let results = rolled.asked.results.iter().zip(&rolled.origins).map(|((name, _), origin)| {
+        let operand = match origin {
+            Origin::Straight(k) => straight.results[*k].1,
+            Origin::Sum(i) => Operand::Contracted(*i),
+        };
+        (name.clone(), operand)
+    });
+    let results = results.collect();
+    Function { results, scalars, contractions, ..straight }
 }
 
 /// Values in an order of evaluation.

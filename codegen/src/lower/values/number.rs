@@ -13,6 +13,7 @@ use crate::expr::{ExprId, Graph, Node, Rational, Section, SymbolId};
 use crate::lower::classes::{Class, Classes};
 use crate::lower::form::Form;
 use crate::lower::pivots::Conditions;
+use crate::lower::roll::Rolled;
 use crate::lower::source::needed_definitions;
 use crate::lower::{Inputs, Request};
 use crate::program::edit::Signed;
@@ -45,7 +46,7 @@ impl Pool {
             Operand::Constant(_) => Class::Constant,
             Operand::Param(_) | Operand::Slot(_) => Class::Param,
             Operand::Time => Class::Time,
-            Operand::State(_) | Operand::Argument(_) => Class::State,
+            Operand::State(_) | Operand::Argument(_) | Operand::Contracted(_) => Class::State,
         }
     }
 
@@ -89,7 +90,10 @@ pub(super) struct Numbered {
     pub(super) argument: Vec<String>,
     /// Section, name and value of each definition that is needed, in order.
     pub(super) definitions: Vec<(u32, String, Operand)>,
+    /// Results of the straight-line code.
     pub(super) results: Vec<(String, Operand)>,
+    /// Loops after it.
+    pub(super) rolled: Option<Rolled>,
 }
 
 /// Numbers the values of one function.
@@ -102,7 +106,7 @@ pub(super) fn number_function(
     form: &Form,
     pool: &mut Pool,
 ) -> Result<Numbered, Error> {
-    let Form { sections, request, .. } = form;
+    let Form { sections, request, rolled, .. } = form;
     let classes = Classes::of(graph, inputs, sections, std::slice::from_ref(request))?;
     let roots: Vec<ExprId> = request.results.iter().map(|(_, e)| *e).collect();
     let argument = inputs.argument(&request.role);
@@ -113,6 +117,7 @@ pub(super) fn number_function(
         argument: argument.iter().map(|s| graph.name(*s).to_owned()).collect(),
         definitions,
         results: names.zip(operands).collect(),
+        rolled: rolled.clone(),
     })
 }
 

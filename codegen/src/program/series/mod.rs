@@ -98,7 +98,8 @@ impl Jet {
     /// The recurrence for a function of the program whose results are the derivatives of the state.
     ///
     /// # Errors
-    /// [`Error::ShapeMismatch`] when there are not as many results as components of the state.
+    /// [`Error::ShapeMismatch`] when there are not as many results as components of the state; [`Error::Unsupported`]
+    /// for a function with contractions.
     pub fn new(program: &Program, function_idx: usize) -> Result<Jet, Error> {
         let rhs = &program.functions[function_idx];
         if rhs.results.len() != program.state.len() {
@@ -106,6 +107,13 @@ impl Jet {
                 what: format!("function {}", rhs.role),
                 found: rhs.results.len(),
                 expected: program.state.len(),
+            });
+        }
+        if !rhs.contractions.is_empty() {
+            return Err(Error::Unsupported {
+                what: format!("Taylor coefficients of {}, whose sums run over tables", rhs.role),
+                possible: "a method that evaluates the right-hand side, or a scene that wants `taylor`"
+                    .into(),
             });
         }
         let mut builder = Builder::new(program);
@@ -267,7 +275,10 @@ impl<'p> Builder<'p> {
             Operand::Constant(_) | Operand::Param(_) | Operand::Slot(_) | Operand::Argument(_) => {
                 Series { first: operand, next: None }
             }
-            Operand::Time | Operand::State(_) => Series { first: operand, next: Some(operand) },
+            // `Jet::new` takes no function with contractions.
+            Operand::Time | Operand::State(_) | Operand::Contracted(_) => {
+                Series { first: operand, next: Some(operand) }
+            }
         }
     }
 
@@ -294,7 +305,7 @@ impl<'p> Builder<'p> {
     fn keep(&mut self, first: Operand) -> Operand {
         match first {
             Operand::Constant(_) | Operand::Param(_) | Operand::Slot(_) | Operand::Argument(_) => first,
-            Operand::Value(_) | Operand::Time | Operand::State(_) => {
+            Operand::Value(_) | Operand::Time | Operand::State(_) | Operand::Contracted(_) => {
                 let n = self.kept.len() as u32;
                 let index = *self.kept_index.entry(first).or_insert(n);
                 if index == n {
@@ -417,7 +428,13 @@ impl<'p> Builder<'p> {
             without_dead(Role::SeriesStart, self.first.instructions, first_results, |o| o),
             without_dead(Role::SeriesStep, self.next.instructions, next_results, place),
         ];
-        let mut program = Program { functions, state, constants: self.constants, ..self.program.clone() };
+        let mut program = Program {
+            functions,
+            state,
+            constants: self.constants,
+            tables: Vec::new(),
+            ..self.program.clone()
+        };
         program.functions.truncate(2);
         Jet { program, n_state, n_lanes, n_kept }
     }
@@ -480,5 +497,5 @@ fn without_dead(
     drop_dead(&mut instructions, &mut outputs);
     instructions.iter_mut().for_each(|i| i.op = i.op.map(&place));
     let results = names.into_iter().zip(outputs.into_iter().map(place)).collect();
-    Function { role, argument: Vec::new(), instructions, results }
+    Function { role, instructions, results, ..Function::default() }
 }

@@ -382,6 +382,7 @@ impl Search<'_> {
             terms: whole.terms / part,
             numbers: whole.numbers / part,
             units: whole.units / part,
+            products: whole.products,
             measurements: whole.measurements / part,
         };
         self.relation(&equations.system)?.relates(&self.hub, &equations).map_err(|why| match why {
