@@ -225,6 +225,20 @@ pub enum Error {
         found: usize,
         /// How many constraints there are.
         expected: usize,
+        /// How many velocities there are, whose accelerations are to be determined.
+        velocities: usize,
+    },
+    /// Reactions that change nothing of what the constraints restrict.
+    NoResponse {
+        /// A combination of multipliers.
+        multipliers: String,
+    },
+    /// Virtual displacements depend on an acceleration that the constraints do not determine.
+    UndeterminedAcceleration {
+        /// The condition on displacements.
+        condition: String,
+        /// The acceleration.
+        acceleration: String,
     },
     /// An exact number that no `f64` comes near: too large, or not zero and too small.
     OutOfRange {
@@ -421,9 +435,20 @@ impl Error {
                 format!("no time was found in which the motion is Hamiltonian: {reason}"),
                 "remove `hamiltonian_time` from what the scene wants".into(),
             ),
-            Error::WrongNumberOfDisplacements { found, expected } => (
-                format!("{found} conditions on virtual displacements, expected {expected}"),
-                "there is one for each scalar constraint".into(),
+            Error::WrongNumberOfDisplacements { found, expected, velocities } => (
+                format!(
+                    "{found} {} on virtual displacements, expected {expected}",
+                    if *found == 1 { "condition" } else { "conditions" }
+                ),
+                unequal_ranks(*found, *expected, *velocities),
+            ),
+            Error::NoResponse { multipliers } => (
+                format!("the constraints do not determine {multipliers}: that reaction changes nothing that they restrict"),
+                "let the reaction act on what is restricted, with other `virtual` conditions; constraints must not depend on each other".into(),
+            ),
+            Error::UndeterminedAcceleration { condition, acceleration } => (
+                format!("condition `{condition}` depends on `{acceleration}`, which the constraints do not determine"),
+                "virtual displacements depend on accelerations that follow from the constraints: add a constraint on it; one of third order makes it a part of the state".into(),
             ),
             Error::OutOfRange { what } => (
                 format!("{what} is out of the range of f64, about 1e-308 to 1e308"),
@@ -473,4 +498,16 @@ pub(crate) fn spell_vector<Q: Scalar>(basis: &[String], vector: &[Q]) -> String 
         text.push_str(name);
     }
     if text.is_empty() { "0".into() } else { text }
+}
+
+/// What is wrong with another number of conditions on displacements than of constraints, and what to do.
+fn unequal_ranks(found: usize, expected: usize, velocities: usize) -> String {
+    let along = velocities.saturating_sub(found);
+    let total = format!(
+        "unknown accelerations: {velocities}, equations along the displacements: {along}, constraints: {expected}"
+    );
+    match (expected.checked_sub(found), found.saturating_sub(expected)) {
+        (Some(more), _) => format!("{total}; add {more} `virtual`"),
+        (None, less) => format!("{total}; remove {less} `virtual`, or add as many constraints"),
+    }
 }

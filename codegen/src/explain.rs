@@ -5,6 +5,7 @@
 
 mod bracket;
 mod dirac;
+mod displacements;
 mod frame;
 mod implicit;
 mod sections;
@@ -20,7 +21,8 @@ use crate::mechanics::{
     Coefficients, Equations, Form, Routhian, VerticalEquation, VerticalEquations, unused_stem,
 };
 use crate::reduction::{
-    DegenerateOutcome, KinematicConstraint, ReducedSystem, SolvedConstraint, Stages, Tensor,
+    AccelerationRow, AccelerationSource, DegenerateOutcome, KinematicConstraint, ReducedSystem,
+    SolvedConstraint, Stages, Tensor,
 };
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
@@ -47,6 +49,8 @@ pub enum SectionKind {
     Kinematics,
     /// The constraint, solved or with multipliers.
     Constraint,
+    /// Virtual displacements that the model gives, and both forms of its equations.
+    Displacements,
     /// What equations without accelerations say, where the Lagrangian is degenerate.
     Degeneracy,
     /// The equations of motion.
@@ -82,6 +86,7 @@ impl SectionKind {
             SectionKind::Connection => "Connection",
             SectionKind::Kinematics => "Kinematics (anchor)",
             SectionKind::Constraint => "Constraint",
+            SectionKind::Displacements => "Virtual displacements",
             SectionKind::Degeneracy => "Degenerate Lagrangian",
             SectionKind::Equations => "Equations of motion",
             SectionKind::Routhian => "Routhian",
@@ -161,6 +166,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.connection(model, &scene.equations);
     page.kinematics(&scene.equations);
     page.constraint(&scene.equations);
+    page.displacements(model, &scene.equations);
     page.degeneracy(&scene.equations);
     page.equations(&scene.equations);
     page.routhian(&scene.equations);
@@ -684,7 +690,9 @@ impl Page {
         let g = &system.graph;
         let mut shown = g.clone();
         let mut rows = Vec::new();
-        for i in 0..system.algebroid.n_base() {
+        let carried: Vec<SymbolId> = system.higher.carried.iter().map(|c| c.symbol).collect();
+        // What constraints of third order give rates of is moved by no velocity.
+        for i in (0..system.algebroid.n_base()).filter(|i| !carried.contains(&system.algebroid.base()[*i])) {
             let mut terms = Vec::new();
             for (alpha, y) in system.velocities.iter().enumerate() {
                 let y = shown.sym(*y);
@@ -727,7 +735,15 @@ impl Page {
                         self.inline(&self.name(&format!("lambda_{}", row.name)))
                     ));
                 }
-                if system.hamiltonian.is_some() {
+                let is_servo = |row: &AccelerationRow| matches!(row.source, AccelerationSource::Servo(_));
+                for carried in &system.higher.carried {
+                    let name = self.inline(&self.name(system.graph.name(carried.symbol)));
+                    let doc = self.prose(&carried.doc.replace('`', ""));
+                    self.line(&format!("{name} is {doc}: the constraint gives its rate."));
+                }
+                if rows.iter().any(is_servo) {
+                    self.line("Constraints on accelerations leave all velocities in the state, and multipliers keep them.");
+                } else if system.hamiltonian.is_some() {
                     self.line("Multipliers keep the constraint on the velocities dh/dp.");
                 } else {
                     self.line("No choice of independent velocities is good on the whole domain: all velocities stay in the");

@@ -9,6 +9,7 @@
 //! | [`Tsit5`], [`Dopri5`] | 5 | 4 | adaptive, fixed | tolerances down to 1e-6 |
 //! | [`Dop853`] | 8 | 7 | adaptive, fixed | tolerances down to 1e-12 |
 //! | [`Vern9`] | 9 | 9 | adaptive, fixed | tolerances near round-off |
+//! | `Gbs14` (feature `lanes`) | 14 | 14 | adaptive, fixed | the fastest down to 1e-14; [`OverScalar`] |
 //! | [`Taylor`] | 2 to 32 | as steps | adaptive, fixed | tolerances below 1e-6, systems with series, [`Jet`] |
 //! | [`Rk4`] | 4 | 3 | fixed | comparisons, real time |
 //! | [`Gauss4`], [`Gauss6`], [`Gauss8`] | 4, 6, 8 | 3, 4, 5 | fixed | long times: symplectic, symmetric |
@@ -104,6 +105,8 @@ pub use methods::{
     Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Invariants, Method,
     Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
 };
+#[cfg(feature = "lanes")]
+pub use methods::{Gbs14, Rows};
 #[cfg(feature = "nalgebra")]
 pub use nalgebra;
 #[cfg(feature = "nalgebra")]
@@ -112,7 +115,8 @@ pub use options::{Norm, Options, StepSize};
 pub use products::Products;
 pub use real::Real;
 pub use system::{
-    Differentiable, OutputInfo, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage, StateVector, System,
+    Differentiable, OutputInfo, OverScalar, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage, StateVector,
+    System,
 };
 
 /// Includes a module that a build script generated with `hamel_codegen`, by the name of the file in `OUT_DIR` without

@@ -229,6 +229,30 @@ pub trait Differentiable<R: Real>: System<R> {
     fn jacobian(&self, t: R, y: &Self::State, jacobian: &mut [Self::State]);
 }
 
+/// A system over the scalar `R` that exists over the scalar `Q`, too; generated ones do over any.
+pub trait OverScalar<Q: Real, R: Real = f64>: System<R> {
+    /// The system over `Q`.
+    type Over: System<Q>;
+
+    /// The same system, its numbers converted.
+    fn over(&self, convert: impl Fn(R) -> Q) -> Self::Over;
+
+    /// A state of the same dimension, its components converted.
+    fn state_over(state: &Self::State, convert: impl Fn(R) -> Q) -> <Self::Over as System<Q>>::State;
+}
+
+impl<Q: Real, R: Real, S: OverScalar<Q, R> + ?Sized> OverScalar<Q, R> for &S {
+    type Over = S::Over;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Self::Over {
+        (**self).over(convert)
+    }
+
+    fn state_over(state: &Self::State, convert: impl Fn(R) -> Q) -> <Self::Over as System<Q>>::State {
+        S::state_over(state, convert)
+    }
+}
+
 /// A parameter of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParamInfo {

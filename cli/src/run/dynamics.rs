@@ -4,10 +4,12 @@
 
 use std::fmt;
 use std::marker::PhantomData;
+use std::ops::Deref;
+use std::sync::Arc;
 
 use hamel_runtime::{
-    Differentiable, Dual, F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Pivot, Real, Scene,
-    SceneInfo, SquareStorage, StateVector, System,
+    Differentiable, Dual, F64x4, Failure, Invariants, Jet, MAX_ORDER, OverScalar, ParamError, Pivot, Real,
+    Scene, SceneInfo, SquareStorage, StateVector, System,
 };
 use serde::{Deserialize, Serialize};
 
@@ -130,6 +132,12 @@ pub trait Dynamics {
     /// Writes the derivative `f(t, y)` to `dy`.
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]);
 
+    /// Writes the derivatives on four lanes, of which each has the bits of [`Dynamics::rhs`]; one lane after the other
+    /// unless the scene has been compiled for lanes.
+    fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        lane_by_lane(y, dy, |k, y, dy| self.rhs(t.lane(k), y, dy));
+    }
+
     /// Energy, when the scene computes it.
     fn energy(&self, t: f64, y: &[f64]) -> Option<f64>;
 
@@ -202,7 +210,23 @@ pub trait LaneDynamics {
 }
 
 /// A scene with parameter values, whoever evaluates it.
-pub type PreparedScene<'a> = Box<dyn Dynamics + 'a>;
+#[derive(Clone)]
+pub struct PreparedScene<'a>(Arc<dyn Dynamics + 'a>);
+
+impl<'a> PreparedScene<'a> {
+    /// The scene of an evaluator.
+    pub fn new(dynamics: impl Dynamics + 'a) -> Self {
+        PreparedScene(Arc::new(dynamics))
+    }
+}
+
+impl<'a> Deref for PreparedScene<'a> {
+    type Target = dyn Dynamics + 'a;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}
 
 /// The same on four lanes.
 pub type PreparedLanes<'a> = Box<dyn LaneDynamics + 'a>;
@@ -249,16 +273,21 @@ fn lane(values: &[F64x4], k: usize) -> Vec<f64> {
     values.iter().map(|x| x.lane(k)).collect()
 }
 
+/// Calls `rhs(k, y, dy)` for the lanes one after the other.
+fn lane_by_lane(y: &VecState<F64x4>, dy: &mut VecState<F64x4>, rhs: impl Fn(usize, &[f64], &mut [f64])) {
+    let mut lanes = [const { Vec::new() }; F64x4::LANES];
+    for (k, out) in lanes.iter_mut().enumerate() {
+        out.resize(y.0.len(), 0.0);
+        rhs(k, &lane(&y.0, k), out);
+    }
+    for (at, dy) in dy.0.iter_mut().enumerate() {
+        *dy = F64x4::new(std::array::from_fn(|k| lanes[k][at]));
+    }
+}
+
 impl LaneDynamics for SideBySide<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
-        let mut lanes = [const { Vec::new() }; F64x4::LANES];
-        for (k, (dynamics, out)) in self.0.iter().zip(&mut lanes).enumerate() {
-            out.resize(y.0.len(), 0.0);
-            Dynamics::rhs(&**dynamics, t.lane(k), &lane(&y.0, k), out);
-        }
-        for (at, dy) in dy.0.iter_mut().enumerate() {
-            *dy = F64x4::new(std::array::from_fn(|k| lanes[k][at]));
-        }
+        lane_by_lane(y, dy, |k, y, dy| Dynamics::rhs(&*self.0[k], t.lane(k), y, dy));
     }
 
     fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
@@ -421,6 +450,29 @@ impl Jet<f64> for PreparedScene<'_> {
     }
 }
 
+/// A scene with the same parameters on every lane.
+pub struct OnLanes<'a>(PreparedScene<'a>);
+
+impl System<F64x4> for OnLanes<'_> {
+    type State = VecState<F64x4>;
+
+    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        self.0.rhs_on_lanes(t, y, dy);
+    }
+}
+
+impl<'a> OverScalar<F64x4> for PreparedScene<'a> {
+    type Over = OnLanes<'a>;
+
+    fn over(&self, _convert: impl Fn(f64) -> F64x4) -> OnLanes<'a> {
+        OnLanes(self.clone())
+    }
+
+    fn state_over(state: &VecState, convert: impl Fn(f64) -> F64x4) -> VecState<F64x4> {
+        VecState(state.0.iter().map(|y| convert(*y)).collect())
+    }
+}
+
 impl System<F64x4> for PreparedLanes<'_> {
     type State = VecState<F64x4>;
 
@@ -517,8 +569,9 @@ where
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
         let duals: Vec<Dual> = values.iter().copied().map(Dual::constant).collect();
-        let (scene, dual) = (S::prepare(values)?, D::prepare(&duals)?);
-        Ok(Box::new(PreparedTyped { info: &self.info, scene, dual }))
+        let lanes: Vec<F64x4> = values.iter().copied().map(F64x4::splat).collect();
+        let (scene, lanes, dual) = (S::prepare(values)?, W::prepare(&lanes)?, D::prepare(&duals)?);
+        Ok(PreparedScene::new(PreparedTyped { info: &self.info, scene, lanes, dual }))
     }
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
@@ -551,9 +604,11 @@ where
     }
 }
 
-struct PreparedTyped<'a, S, D> {
+struct PreparedTyped<'a, S, W, D> {
     info: &'a Info,
     scene: S,
+    /// The same on every lane.
+    lanes: W,
     /// The same with dual numbers.
     dual: D,
 }
@@ -566,9 +621,10 @@ fn array_mut<R, const N: usize>(dy: &mut [R]) -> &mut [R; N] {
     dy.try_into().expect("derivative of the scene's dimension")
 }
 
-impl<S, D, const N: usize> Dynamics for PreparedTyped<'_, S, D>
+impl<S, W, D, const N: usize> Dynamics for PreparedTyped<'_, S, W, D>
 where
     S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: System<F64x4, State = [F64x4; N]>,
     D: System<Dual, State = [Dual; N]>,
 {
     fn info(&self) -> &Info {
@@ -577,6 +633,10 @@ where
 
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         System::rhs(&self.scene, t, array(y), array_mut(dy));
+    }
+
+    fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        self.lanes.rhs(t, array(&y.0), array_mut(&mut dy.0));
     }
 
     fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {

@@ -156,7 +156,13 @@ impl Factory for Built {
             .prepare(values)
             .map_err(|bad| BadParams { condition: bad.condition, meaning: bad.meaning })?;
         let (jet, invariants) = (OnceLock::new(), OnceLock::new());
-        Ok(Box::new(Interpreted { built: self, params: values.to_vec(), interpreter, jet, invariants }))
+        Ok(PreparedScene::new(Interpreted {
+            built: self,
+            params: values.to_vec(),
+            interpreter,
+            jet,
+            invariants,
+        }))
     }
 }
 

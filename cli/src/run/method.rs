@@ -22,6 +22,8 @@ pub enum MethodName {
     Dop853,
     /// Verner, ninth order.
     Vern9,
+    /// The midpoint rule, extrapolated to order 14 in four lanes.
+    Gbs14,
     /// Dormand and Prince, fifth order.
     Dopri5,
     /// The classical fourth-order method, fixed steps only.
@@ -64,10 +66,11 @@ enum Class {
 }
 
 /// Every method in the order of [`MethodName`], with its name in requests and on the command line.
-const METHODS: [(MethodName, &str, Class); 14] = [
+const METHODS: [(MethodName, &str, Class); 15] = [
     (MethodName::Tsit5, "tsit5", Class::Embedded),
     (MethodName::Dop853, "dop853", Class::Embedded),
     (MethodName::Vern9, "vern9", Class::Embedded),
+    (MethodName::Gbs14, "gbs14", Class::Embedded),
     (MethodName::Dopri5, "dopri5", Class::Embedded),
     (MethodName::Rk4, "rk4", Class::Fixed),
     (MethodName::Gauss4, "gauss4", Class::Fixed),
@@ -230,6 +233,6 @@ mod tests {
             assert_eq!(value.as_ref().map(clap::builder::PossibleValue::get_name), Some(*name));
             assert_eq!(serde_json::to_value(method).ok(), Some((*name).into()));
         }
-        assert_eq!(embedded_names(), "tsit5, dop853, vern9 or dopri5");
+        assert_eq!(embedded_names(), "tsit5, dop853, vern9, gbs14 or dopri5");
     }
 }

@@ -3,7 +3,7 @@
 //! Does not know: what is integrated with a method, requests.
 
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Method, Projected, Rk4, Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gbs14, Method, Projected, Rk4, Taylor, Tsit5, Vern9,
 };
 
 use super::auto;
@@ -46,6 +46,7 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
         MethodName::Tsit5 => user.explicit(Tsit5),
         MethodName::Dop853 => user.explicit(Dop853),
         MethodName::Vern9 => user.explicit(Vern9),
+        MethodName::Gbs14 => user.single(Gbs14),
         MethodName::Dopri5 => user.explicit(Dopri5),
         MethodName::Rk4 => user.explicit(Rk4),
         MethodName::Gauss4 => user.single(Gauss4::fixed_point()),

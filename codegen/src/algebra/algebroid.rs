@@ -78,6 +78,14 @@ impl Algebroid {
         &self.base
     }
 
+    /// Adds base coordinates that no section moves.
+    pub fn extend_base(&mut self, g: &Graph, symbols: impl IntoIterator<Item = SymbolId>) {
+        let before = self.base.len();
+        self.base.extend(symbols);
+        let row = vec![g.zero(); self.frame.len()];
+        self.anchor.extend(vec![row; self.base.len() - before]);
+    }
+
     /// Names of the frame sections.
     pub fn frame(&self) -> &[String] {
         &self.frame

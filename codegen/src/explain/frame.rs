@@ -58,7 +58,7 @@ impl Page {
     }
 
     /// `stem^upper_lower`.
-    fn indexed(&self, stem: &str, upper: &str, lower: &[&str]) -> String {
+    pub(super) fn indexed(&self, stem: &str, upper: &str, lower: &[&str]) -> String {
         let (stem, upper) = (self.name(stem), self.name(upper));
         let lower: Vec<String> = lower.iter().map(|name| self.name(name)).collect();
         match self.style {

@@ -107,6 +107,7 @@ impl<'a> Derivation<'a> {
                 self.solve_with_multipliers(rows, reactions)?
             }
         };
+        self.carried_accelerations(&motion)?;
         motion.momentum_rates = self.momentum_rates(&motion)?;
         self.g.within_budget()?;
         self.g.enter(Stage::Results);

@@ -137,7 +137,7 @@ mod tests {
         let velocities: BTreeMap<_, _> =
             system.velocities.iter().copied().zip(equations.velocities.iter().copied()).collect();
         let by_state: Vec<_> = momenta.iter().map(|p| g.subs(*p, &velocities).unwrap()).collect();
-        let rates = crate::mechanics::implicit::rates(&mut g, &equations, &equations.state, &by_state);
+        let rates = crate::mechanics::rates::rates(&mut g, &equations, &equations.state, &by_state);
         let residuals: Vec<_> = (found.momentum_rates.iter().zip(rates))
             .map(|(e, rate)| {
                 let given = g.subs(*e, &values).and_then(|e| g.subs(e, &velocities)).unwrap();

@@ -99,8 +99,7 @@ impl Derivation<'_> {
             let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
             let names: Vec<String> =
                 rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
-            let (lambda, found) =
-                self.solve_linear("S", &matrix, &right, &labels, &labels, (&names, false))?;
+            let (lambda, found) = self.solve_for_multipliers(&matrix, &right, &labels, (&names, false))?;
             pivots = found;
             for (alpha, rate) in rates.iter_mut().enumerate() {
                 let mut terms = vec![*rate];

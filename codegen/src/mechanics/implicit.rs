@@ -38,6 +38,7 @@ use crate::reduction::{
 use crate::spec::Want;
 
 use super::equations::{Equations, OutputKind, StateEquation};
+use super::rates::rates;
 
 /// The implicit form of a system.
 #[derive(Clone, Debug)]
@@ -440,9 +441,27 @@ impl Form<'_> {
         }
     }
 
+    /// The rates of accelerations along constraints of third order, by accelerations and what else stands for symbols.
+    fn carried_accelerations(
+        &mut self,
+        accelerations: &[ExprId],
+        known: &BTreeMap<SymbolId, ExprId>,
+    ) -> Result<(), Error> {
+        let higher = &self.system.higher;
+        let mut values = known.clone();
+        values.extend(higher.accelerations.iter().copied().zip(accelerations.iter().copied()));
+        for carried in &higher.carried {
+            let rate = self.g.subs(carried.rate, &values);
+            let rate = rate.map_err(|_| Error::DivisionByZero { place: "the implicit form".into() })?;
+            self.drafts.iter_mut().filter(|d| d.symbol == carried.symbol).for_each(|d| d.rate = Some(rate));
+        }
+        Ok(())
+    }
+
     /// `z = (x, y, a, lambda)`.
     fn with_multipliers(&mut self, rows: &[AccelerationRow], reactions: &[Vec<ExprId>]) -> Result<(), Error> {
         let accelerations = self.accelerations()?;
+        self.carried_accelerations(&accelerations, &BTreeMap::new())?;
         let multipliers = self.multipliers(rows);
         let residuals = self.residuals(&accelerations);
         for (alpha, residual) in residuals.into_iter().enumerate() {
@@ -514,6 +533,7 @@ impl Form<'_> {
                     let drift = self.drift(y);
                     accelerations.push(self.g.add(along, drift));
                 }
+                self.carried_accelerations(&accelerations, &by_momenta)?;
                 let mut conditions = Vec::new();
                 for row in rows {
                     let along = self.g.dot(&row.one_form, &accelerations);
@@ -661,26 +681,6 @@ const MAX_SHOWN: usize = 120;
 
 fn undefined() -> Error {
     Error::DivisionByZero { place: "the variables of the implicit form by the state".into() }
-}
-
-/// Time derivatives along the motion of expressions in the state and the definitions of the equations.
-pub(super) fn rates(
-    g: &mut Graph,
-    equations: &Equations,
-    state: &[StateEquation],
-    of: &[ExprId],
-) -> Vec<ExprId> {
-    let sections = needed_sections(g, &equations.sections, of);
-    let mut by: Vec<SymbolId> = state.iter().map(|s| s.symbol).collect();
-    let mut motion: Vec<ExprId> = state.iter().map(|s| s.derivative).collect();
-    by.push(equations.system.time);
-    motion.push(g.one());
-    let linear = Linearisation::new(g, &sections, of, &by);
-    // Nobody computes these rates.
-    let mut scratch = SectionWriter::new(g, BTreeSet::new(), &[]);
-    let name = |value: &str, _: usize| format!("rate_{value}");
-    let found = linear.forward(g, &mut scratch, &[motion], name, str::to_owned);
-    found.into_iter().map(|rate| rate[0]).collect()
 }
 
 /// The index of the equations in `(x, y, p, lambda)`: one more than the number of times `p = L_y` is differentiated

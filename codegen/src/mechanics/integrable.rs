@@ -71,7 +71,13 @@ fn rate_of_section(g: &mut Graph, algebroid: &Algebroid, time: SymbolId, x: &[Ex
     rate
 }
 
-fn bracket_of_sections(g: &mut Graph, algebroid: &Algebroid, x: &[ExprId], y: &[ExprId]) -> Vec<ExprId> {
+/// `[x, y]`.
+pub(super) fn bracket_of_sections(
+    g: &mut Graph,
+    algebroid: &Algebroid,
+    x: &[ExprId],
+    y: &[ExprId],
+) -> Vec<ExprId> {
     let m = algebroid.rank();
     let mut terms: Vec<Vec<ExprId>> = vec![Vec::new(); m];
     for alpha in 0..m {

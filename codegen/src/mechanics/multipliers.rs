@@ -3,14 +3,16 @@
 //!
 //! Does not know: how a matrix is factored.
 
+use std::collections::BTreeMap;
+
 use crate::error::Error;
-use crate::expr::ExprId;
+use crate::expr::{ExprId, SymbolId};
 use crate::reduction::{AccelerationRow, AccelerationSource};
 
 use super::constrained::inertias;
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
-use super::solve::Factorisation;
+use super::solve::{Factorisation, Pivot};
 
 impl Derivation<'_> {
     /// `L_yy ydot = drive + Lambda^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 Lambda^T`: the multipliers act along
@@ -68,7 +70,7 @@ impl Derivation<'_> {
         // S = Lambda L_yy^-1 Lambda^T where the reactions act along the constraints.
         let is_congruent = rows.iter().zip(reactions).all(|(row, form)| row.one_form == *form);
         let (lambda, constraint_pivots) =
-            self.solve_linear("S", &matrix, &right, &labels, &labels, (&pivot_names, is_congruent))?;
+            self.solve_for_multipliers(&matrix, &right, &labels, (&pivot_names, is_congruent))?;
         self.writer.begin("accelerations ydot = L_yy^-1 (r + Lambda^T lambda)");
         let mut acceleration = Vec::new();
         for alpha in 0..m {
@@ -90,6 +92,46 @@ impl Derivation<'_> {
             pivots,
             momentum_rates: Vec::new(),
         })
+    }
+
+    /// `S lambda = right`; of the pivots the names are given, and whether they follow the Hessian.
+    pub(super) fn solve_for_multipliers(
+        &mut self,
+        response: &[Vec<ExprId>],
+        right: &[ExprId],
+        labels: &[String],
+        pivots: (&[String], bool),
+    ) -> Result<(Vec<ExprId>, Vec<Pivot>), Error> {
+        let solved = self.solve_linear("S", response, right, labels, labels, pivots);
+        solved.map_err(|error| match error {
+            Error::SingularMassMatrix { direction } => Error::NoResponse { multipliers: direction },
+            other => other,
+        })
+    }
+
+    /// The rates of accelerations along constraints of third order, which no velocity moves.
+    pub(super) fn carried_accelerations(&mut self, motion: &Motion) -> Result<(), Error> {
+        let system = self.system;
+        if system.higher.carried.is_empty() {
+            return Ok(());
+        }
+        self.writer.begin("rates of accelerations along constraints s = w ydot, from w yddot + w0 = 0");
+        let accelerations = system.higher.accelerations.iter().copied();
+        let values: BTreeMap<SymbolId, ExprId> =
+            accelerations.zip(motion.acceleration.iter().copied()).collect();
+        for carried in &system.higher.carried {
+            let rate = self.replace(carried.rate)?;
+            let place = || Error::DivisionByZero { place: "the rate of an acceleration".into() };
+            let rate = self.g.subs(rate, &values).map_err(|_| place())?;
+            let rate = self.g.cancel_zero(rate);
+            let name = format!("dot_{}", self.g.name(carried.symbol));
+            let named = self.define(&name, rate);
+            let own = system.algebroid.base().iter().position(|x| *x == carried.symbol);
+            if let Some(rate) = own.and_then(|i| self.rates.get_mut(i)) {
+                *rate = named;
+            }
+        }
+        Ok(())
     }
 
     /// Conditions on accelerations, with the velocities that momenta determine replaced but in residuals.

@@ -34,12 +34,24 @@ pub(super) fn evaluate_at_origin(equations: &mut Equations) {
         if is_changed {
             mentions = Mentions::of(equations);
         }
-        if !equations.state.iter().map(|s| s.derivative).eq(before) {
+        if !equations.state.iter().map(|s| s.derivative).eq(before) && !moves(equations, x) {
             equations.facts.taken_at_origin.push(equations.system.graph.name(x).to_owned());
         }
     }
     let roots: Vec<ExprId> = equations.results();
     equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
+}
+
+/// Whether a rate mentions a coordinate, also by definitions.
+fn moves(equations: &Equations, x: SymbolId) -> bool {
+    let g = &equations.system.graph;
+    let mut concerned = BTreeSet::from([x]);
+    for definition in equations.sections.iter().flat_map(|s| &s.definitions) {
+        if g.depends_on(definition.expr, &concerned) {
+            concerned.insert(definition.symbol);
+        }
+    }
+    equations.state.iter().any(|s| g.depends_on(s.derivative, &concerned))
 }
 
 /// The symbols in every definition, in order, and in every root.

@@ -9,7 +9,9 @@ use crate::expr::{ExprId, Sign, Stage, SymbolId, sign_of};
 use crate::spec::{self, Coordinate, Diagnostics, InnerProduct, Model, ReconstructionKind};
 
 use super::algebroid::algebroid_of;
-use super::constraint::{KinematicConstraint, Unknown, constrain, frame_unknowns, refused};
+use super::constraint::{
+    HigherOrder, KinematicConstraint, Unknown, constrain, frame_unknowns, refused, settled,
+};
 use super::degenerate;
 use super::domain::{domains, signs};
 use super::formulation::Formulation;
@@ -42,6 +44,12 @@ pub(super) fn on_algebroid(
         .map_err(|errors| problems.extend(errors.iter().map(|error| model.diagnose(error))));
     let signs = signs(&mut model);
     let domains = domains(&mut model);
+    let higher = match &algebroid {
+        Ok(algebroid) => {
+            settled(&mut model, algebroid).map_err(|error| problems.push(refused(&model, &error)))
+        }
+        Err(()) => Ok((HigherOrder::default(), Vec::new())),
+    };
     let constraint = match &model.given {
         Some(given) => Ok(given::as_constraint(&model, given)),
         None => constrain(&mut model, &signs).map_err(|error| problems.push(refused(&model, &error))),
@@ -49,10 +57,12 @@ pub(super) fn on_algebroid(
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
-    let (Ok(mut algebroid), Ok(stages), Ok(constraint)) = (algebroid, stages, constraint) else {
+    let (Ok(mut algebroid), Ok(stages), Ok(constraint), Ok((higher, mut pivots))) =
+        (algebroid, stages, constraint, higher)
+    else {
         return Err(model.diagnostics(problems));
     };
-    let (mut quasi_frame, mut pivots) = (None, Vec::new());
+    let mut quasi_frame = None;
     if let Some(own) = model.frame.clone() {
         let names: Vec<String> = model.all_velocities().into_iter().map(|(n, _)| n.to_owned()).collect();
         let (changed, frame) = in_quasi_frame(&mut model.graph, &algebroid, &own, &names);
@@ -82,7 +92,11 @@ pub(super) fn on_algebroid(
         .map_err(|problems| model.diagnostics(problems))?;
     let hamiltonian =
         momenta::hamiltonian(&model, &momenta).map_err(|problem| model.diagnostics(vec![*problem]))?;
-    let state = state_order(&model, &unknowns, &momenta);
+    let mut state = state_order(&model, &unknowns, &momenta);
+    for carried in &higher.carried {
+        state.push((StateKind::Base(algebroid.n_base()), carried.doc.clone()));
+        algebroid.extend_base(&model.graph, [carried.symbol]);
+    }
     let blocks = blocks(&model);
     let algebra = model.n_shape()..velocities.len();
     let accelerations = model.given.as_deref().map(given::accelerations);
@@ -119,6 +133,7 @@ pub(super) fn on_algebroid(
         accelerations,
         forces: model.forces,
         constraint,
+        higher,
         degeneracy,
         unknowns,
         momenta,

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::expr::{ExprId, Graph, SymbolId};
 use crate::spec::{ConnectionKind, ConstraintKind, Diagnostics, ExpressionRole, Model};
 
-use super::constraint::{self, ConstraintRow, Solver, Unknown, annihilator, constrain};
+use super::constraint::{self, ConstraintRow, Prolonged, Solver, Unknown, annihilator, constrain, prolonged};
 use super::domain::signs;
 
 /// Rewrites a model so that its velocity is `v = xi + A(x, t) xdot` for the connection asked for.
@@ -218,7 +218,9 @@ fn fixed_on_the_base(
     let velocities = model.all_velocities().into_iter().map(|(name, s)| ("velocity", name.to_owned(), s));
     let advected = (model.advected.iter())
         .flat_map(|a| a.components.iter().map(|(name, s)| ("advected parameter", name.clone(), *s)));
-    let moving: Vec<(&str, String, SymbolId)> = velocities.chain(advected).collect();
+    let accelerations = model.accelerations.iter();
+    let accelerations = accelerations.map(|s| ("acceleration", model.graph.name(*s).to_owned(), *s));
+    let moving: Vec<(&str, String, SymbolId)> = velocities.chain(advected).chain(accelerations).collect();
     let g = &mut model.graph;
     let mut value = e;
     for (sort, name, symbol) in moving {
@@ -265,6 +267,8 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
         let value = g.sum(&terms);
         replacement.insert(velocity.symbol, value);
     }
+    let prolonged = prolongation(model, &replacement);
+    replacement.extend(&prolonged.accelerations);
     let (g, expressions) = model.expressions_mut();
     for (role, e) in expressions {
         let has_velocities = match role {
@@ -321,7 +325,18 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
     for condition in &mut model.virtual_constraints {
         lower(g, &mut condition.one_form);
     }
+    let along = |g: &mut Graph, jerk: &[ExprId], by: &BTreeMap<SymbolId, ExprId>| {
+        let pairs = model.accelerations.iter().zip(jerk).filter_map(|(a, w)| Some((*w, *by.get(a)?)));
+        let (weights, values): (Vec<ExprId>, Vec<ExprId>) = pairs.unzip();
+        g.dot(&weights, &values)
+    };
     for constraint in &mut model.constraints {
+        if let ConstraintKind::ThirdOrder { jerk, carried } = &mut constraint.kind {
+            let [lag, turning] = [&prolonged.lag, &prolonged.turning].map(|by| along(g, jerk, by));
+            constraint.residual = g.add(constraint.residual, lag);
+            carried.offset = g.add(carried.offset, turning);
+            lower(g, jerk);
+        }
         let ConstraintKind::SecondOrder { acceleration } = &mut constraint.kind else { continue };
         // vdot = wdot - shift xddot - (d shift/dx^j xdot^j + d shift/dt) xdot
         let mut turning = vec![constraint.residual];
@@ -342,4 +357,15 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
         lower(g, acceleration);
     }
     Ok(())
+}
+
+/// Accelerations that go with the replaced velocities of the algebra.
+fn prolongation(model: &mut Model, replacement: &BTreeMap<SymbolId, ExprId>) -> Prolonged {
+    let own: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, s)| s).collect();
+    let eta: Vec<(SymbolId, SymbolId)> = own.into_iter().zip(model.accelerations.iter().copied()).collect();
+    let g = &mut model.graph;
+    let mut rates = BTreeMap::from([(model.time, g.one())]);
+    rates.extend(model.base.iter().map(|c| (c.symbol, g.sym(c.velocity))));
+    let values = eta.iter().filter_map(|(y, a)| Some((*a, *replacement.get(y)?)));
+    prolonged(g, &values.collect::<Vec<_>>(), &rates, &eta)
 }

@@ -32,8 +32,8 @@ pub use circle::with_circles;
 pub(crate) use connection::beside_connection;
 pub use connection::with_connection;
 pub use constraint::{
-    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
-    Unknown,
+    AccelerationRow, AccelerationSource, CarriedAcceleration, ConstraintRow, HigherOrder,
+    KinematicConstraint, Reactions, SolvedConstraint, Unknown,
 };
 pub use degenerate::{Degeneracy, DegenerateOutcome, DegenerateStep};
 pub use domain::DomainCondition;

@@ -26,6 +26,8 @@ pub enum Part {
     SolvedConstraint,
     /// A coefficient of virtual displacements, or of a one-form that vanishes on them.
     VirtualDisplacement,
+    /// The rate of an acceleration along a constraint of third order.
+    CarriedRate,
     /// A condition that equations without accelerations are.
     Degeneracy,
     /// A Casimir, by its place.

@@ -9,7 +9,7 @@ use crate::expr::{ExprId, Graph, Sign, SymbolId};
 use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side, VelocitySection};
 
 use super::change::{Change, Frame};
-use super::constraint::{KinematicConstraint, Unknown};
+use super::constraint::{HigherOrder, KinematicConstraint, Unknown};
 use super::degenerate::Degeneracy;
 use super::domain::DomainCondition;
 use super::formulation::Formulation;
@@ -124,6 +124,9 @@ pub struct ReducedSystem {
     pub forces: Vec<ExprId>,
     /// `Psi`, `psi0`, `W`, or multipliers.
     pub constraint: KinematicConstraint,
+    /// Accelerations along constraints of third order, which are base coordinates of the algebroid that no velocity
+    /// moves.
+    pub higher: HigherOrder,
     /// What equations without accelerations say, where the Lagrangian is degenerate; the constraint contains it.
     pub degeneracy: Option<Degeneracy>,
     /// The velocities that the state carries: independent ones and quasi-velocities, or all in the multiplier form.
@@ -204,6 +207,7 @@ impl ReducedSystem {
             accelerations,
             forces,
             constraint,
+            higher: HigherOrder { carried, accelerations: _ },
             degeneracy,
             unknowns: _,
             momenta,
@@ -235,6 +239,7 @@ impl ReducedSystem {
         list.extend(given.map(|(k, e)| (Part::Acceleration(k), e)));
         list.extend(forces.iter_mut().enumerate().map(|(k, e)| (Part::Force(k), e)));
         list.extend(constraint.expressions_mut());
+        list.extend(carried.iter_mut().map(|c| (Part::CarriedRate, &mut c.rate)));
         let conditions = degeneracy.iter_mut().flat_map(Degeneracy::expressions_mut);
         list.extend(conditions.map(|e| (Part::Degeneracy, e)));
         list.extend(casimirs.iter_mut().enumerate().map(|(k, c)| (Part::Casimir(k), &mut c.expr)));

@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::expr::{ExprId, Graph, Node, Style, SymbolId, inlined, rational_to_f64};
-use crate::spec::{Diagnostic, Diagnostics, ExpressionRole, Model, Span};
+use crate::spec::{ConstraintKind, Diagnostic, Diagnostics, ExpressionRole, Model, Span};
 
 use super::built::BuiltScene;
 use super::interpreter::Interpreter;
@@ -65,8 +65,12 @@ impl<'a> Defaults<'a> {
         let advected = model.advected.iter().flat_map(|a| &a.components).map(|(n, s)| (n.as_str(), *s));
         let momenta = model.momenta.iter().flat_map(|m| &m.components).map(|(n, s, _)| (n.as_str(), *s));
         let velocities = model.all_velocities().into_iter().chain(quasi);
+        let carried = model.constraints.iter().filter_map(|constraint| match &constraint.kind {
+            ConstraintKind::ThirdOrder { carried, .. } => Some((carried.name.as_str(), carried.symbol)),
+            ConstraintKind::Linear | ConstraintKind::Nonlinear | ConstraintKind::SecondOrder { .. } => None,
+        });
         let symbols: BTreeMap<&str, SymbolId> =
-            velocities.chain(momenta).chain(base).chain(advected).collect();
+            velocities.chain(momenta).chain(base).chain(advected).chain(carried).collect();
         let mut start = params.clone();
         for (name, value) in &model.initial {
             let value = model.graph.eval_f64(*value, &params);

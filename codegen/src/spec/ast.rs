@@ -350,6 +350,16 @@ impl Expr {
         found
     }
 
+    /// Whether an argument of a function, by name, calls it once more.
+    pub(super) fn nests(&self, function: &str) -> bool {
+        let mut found = false;
+        self.for_each_node(|node| {
+            let Node::Call(name, arguments) = node else { return };
+            found |= name.text == function && arguments.iter().any(|a| a.calls(function));
+        });
+        found
+    }
+
     fn for_each_node<'a>(&'a self, mut visit: impl FnMut(&'a Node)) {
         let mut pending = vec![self];
         while let Some(expr) = pending.pop() {

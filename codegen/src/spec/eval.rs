@@ -37,8 +37,8 @@ pub(super) struct Evaluator<'a> {
     pub(super) is_spent: &'a mut bool,
     /// Added to "unknown name" when names are restricted, as in defaults.
     pub(super) restriction: Option<&'static str>,
-    /// `delta` or `ddt` where it is legal, with its values on velocities.
-    pub(super) operator: Option<(&'static str, &'a BTreeMap<ExprId, ExprId>)>,
+    /// `delta` and `ddt` where they are legal, with their values on velocities.
+    pub(super) operators: &'a [(&'static str, &'a BTreeMap<ExprId, ExprId>)],
     /// Reconstructed coordinates, which only their items can see.
     pub(super) withheld: &'a BTreeSet<String>,
     /// Algebras by their names.
@@ -367,8 +367,8 @@ impl Evaluator<'_> {
     fn call(&mut self, name: &super::ast::Name, arguments: &[Expr], span: Span) -> Option<Weighed> {
         let function = name.text.as_str();
         let operator = OPERATORS.iter().find(|(operator, _)| *operator == function);
-        if let Some((_, help)) = operator.filter(|_| self.operator.is_none_or(|(legal, _)| legal != function))
-        {
+        let is_legal = self.operators.iter().any(|(legal, _)| *legal == function);
+        if let Some((_, help)) = operator.filter(|_| !is_legal) {
             return self.fail(name.span, format!("`{function}` is not legal here"), *help);
         }
         if ALGEBRA_FUNCTIONS.contains(&function) {
@@ -431,7 +431,7 @@ impl Evaluator<'_> {
     ) -> Option<Weighed> {
         let (a, a_bits) = values.first()?;
         let (b, b_bits) = values.get(1).unwrap_or(&values[0]);
-        if let Some((operator, table)) = self.operator.filter(|(operator, _)| *operator == function) {
+        if let Some((operator, table)) = self.operators.iter().find(|(operator, _)| *operator == function) {
             return match a.image(operator, table) {
                 Ok(value) => Some((value, SYMBOL_BITS)),
                 Err(error) => self.error(span, &error, &[]),

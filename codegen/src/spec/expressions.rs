@@ -34,7 +34,8 @@ pub enum ExpressionRole {
     Given(usize),
     /// Left side minus right side of a constraint.
     ConstraintResidual(usize),
-    /// A coefficient of an acceleration in a constraint.
+    /// A coefficient of the highest derivatives in a constraint on accelerations or their rates, and what is added to
+    /// the acceleration that the state carries for it.
     ConstraintAcceleration(usize),
     /// A coefficient of a condition on virtual displacements.
     VirtualConstraint(usize),
@@ -85,6 +86,7 @@ macro_rules! visit {
             hamiltonian,
             constraints,
             derived_connection: _,
+            accelerations: _,
             virtual_constraints,
             independent: _,
             force_multipliers: _,
@@ -178,6 +180,13 @@ macro_rules! visit {
                     for e in acceleration {
                         $visit(ExpressionRole::ConstraintAcceleration(k), e);
                     }
+                }
+                ConstraintKind::ThirdOrder { jerk, carried } => {
+                    let CarriedAcceleration { name: _, symbol: _, offset, doc: _ } = carried;
+                    for e in jerk {
+                        $visit(ExpressionRole::ConstraintAcceleration(k), e);
+                    }
+                    $visit(ExpressionRole::ConstraintAcceleration(k), offset);
                 }
             }
         }

@@ -35,6 +35,8 @@ pub enum Restriction {
     Nonlinear,
     /// On accelerations.
     SecondOrder,
+    /// On rates of accelerations.
+    ThirdOrder,
 }
 
 /// Kind of a system; the order is the one in which to list them.
@@ -73,6 +75,7 @@ impl Model {
         let restrictions = self.constraints.iter().map(|c| match c.kind {
             ConstraintKind::Nonlinear => Restriction::Nonlinear,
             ConstraintKind::SecondOrder { .. } => Restriction::SecondOrder,
+            ConstraintKind::ThirdOrder { .. } => Restriction::ThirdOrder,
             ConstraintKind::Linear => match graph.affine_parts(c.residual, &velocities) {
                 Some((_, rest)) if graph.is_zero(rest) => Restriction::Linear,
                 _ => Restriction::Affine,
@@ -118,6 +121,7 @@ impl fmt::Display for Kind {
             (self.restriction == Restriction::Affine, "affine constraints"),
             (self.restriction == Restriction::Nonlinear, "nonlinear constraints"),
             (self.restriction == Restriction::SecondOrder, "second-order constraints"),
+            (self.restriction == Restriction::ThirdOrder, "third-order constraints"),
             (self.is_servo, "servo constraints"),
             (self.has_advected, "advected parameters"),
             (self.by_stages, "by stages"),
@@ -148,6 +152,11 @@ mod tests {
             (body, "constraint w3 = 0;", "Euler-Poincaré-Suslov"),
             (body, "constraint w3 = 2;", "Euler-Poincaré-Suslov, affine constraints"),
             (body, "constraint w1*w2 = w3^2;", "Euler-Poincaré-Suslov, nonlinear constraints"),
+            (
+                body,
+                "constraint ddt(ddt(w3)) = 0; virtual delta(w1) = 0;",
+                "Euler-Poincaré-Suslov, third-order constraints, servo constraints",
+            ),
             (body, "constraint w3 = 0; virtual delta(w1) = 0;", "Euler-Poincaré-Suslov, servo constraints"),
             (body, "advected G in R^3 by cross(w, G);", "Euler-Poincaré, advected parameters"),
             (disk, "", "Lagrange-Poincaré"),

@@ -275,6 +275,28 @@ pub enum ConstraintKind {
         /// `w`: one coefficient per velocity, in the order of [`Model::all_velocities`].
         acceleration: Vec<ExprId>,
     },
+    /// Affine in the rates of accelerations: `w(x, y, t) . yddot + w0(x, y, ydot, t) = 0`, `w0` being the residual, in
+    /// which [`Model::accelerations`] stand for `ydot`.
+    ThirdOrder {
+        /// `w`: one coefficient per velocity, in the order of [`Model::all_velocities`].
+        jerk: Vec<ExprId>,
+        /// What the state carries.
+        carried: CarriedAcceleration,
+    },
+}
+
+/// The acceleration `s = w . ydot + offset(x, y, t)` along a constraint of third order, whose rate the constraint gives
+/// and which is a component of the state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CarriedAcceleration {
+    /// Its name, `acceleration_` and that of the constraint.
+    pub name: String,
+    /// Its symbol.
+    pub symbol: SymbolId,
+    /// Zero in the velocities of the model as written; not zero where another connection changed these.
+    pub offset: ExprId,
+    /// Documentation.
+    pub doc: String,
 }
 
 /// A scalar constraint.
@@ -286,13 +308,14 @@ pub struct Constraint {
     pub text: String,
     /// Whether it restricts velocities linearly, velocities, or accelerations.
     pub kind: ConstraintKind,
-    /// Left side minus right side, without the accelerations.
+    /// Left side minus right side, without the highest derivatives.
     pub residual: ExprId,
     /// Where it stands.
     pub span: Option<Span>,
 }
 
-/// A scalar condition `f(x, y, t) . delta y = 0` on virtual displacements.
+/// A scalar condition `f(x, y, ydot, t) . delta y = 0` on virtual displacements; [`Model::accelerations`] stand for
+/// `ydot`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualConstraint {
     /// Given name, or `d1`, `d2`, .. in order.
@@ -527,6 +550,9 @@ pub struct Model {
     /// A connection to be derived; the model is then written with the group velocity `xi` and the state holds
     /// `v = xi + A(x) xdot`.
     pub derived_connection: Option<ConnectionKind>,
+    /// What stands for the accelerations in constraints of third order and in conditions on displacements, in the order
+    /// of [`Model::all_velocities`]; empty where nothing mentions any.
+    pub accelerations: Vec<SymbolId>,
     /// Conditions on virtual displacements; when there are none, the constraints give them.
     pub virtual_constraints: Vec<VirtualConstraint>,
     /// Chosen independent velocities: indices into the base velocities, the velocities in the algebra and the
@@ -594,8 +620,12 @@ impl Model {
             Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
                 constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)
             }
+            Error::NoResponse { .. } => self.constraints.first().and_then(|c| c.span),
             Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } => {
                 self.places.independent.or(self.constraints.first().and_then(|c| c.span))
+            }
+            Error::UndeterminedAcceleration { condition, .. } => {
+                conditions.into_iter().find(|(text, _)| *text == condition).and_then(|(_, span)| span)
             }
             Error::WrongNumberOfDisplacements { .. } => self.virtual_constraints.first().and_then(|v| v.span),
             Error::InnerProductDependsOn { .. } => self.places.inner_product,

@@ -142,6 +142,11 @@ pub enum ValueError {
         /// `delta` or `ddt`.
         function: &'static str,
     },
+    /// A derivative of what is the highest derivative already.
+    OrderTooHigh {
+        /// `ddt`.
+        function: &'static str,
+    },
     /// More entries than the limit.
     TooLarge,
 }
@@ -176,6 +181,7 @@ impl fmt::Display for ValueError {
                 write!(f, "entries of different shapes: {first} and {other}")
             }
             ValueError::NotAVelocity { function } => write!(f, "`{function}` takes a velocity"),
+            ValueError::OrderTooHigh { function } => write!(f, "`{function}` is applied too often"),
             ValueError::TooLarge => write!(f, "more than {MAX_DIM} rows or columns"),
         }
     }
@@ -240,6 +246,9 @@ impl ValueError {
                 format!(
                     "name a velocity of the base or of the algebra: `{function}(Omega)`, `{function}(q_dot)`"
                 )
+            }
+            ValueError::OrderTooHigh { .. } => {
+                "a constraint is of third order at most, `ddt(ddt(v))`, as the state has accelerations and not their rates; a condition on displacements of second, `ddt(v)`".into()
             }
             ValueError::Shapes { operation: Operation::Cross, .. } => "both must be vector(3)".into(),
             ValueError::Shapes { operation: Operation::Dot, .. } => {

@@ -553,14 +553,19 @@ impl Value {
     /// The value with every entry replaced by its image in the table of a function of velocities.
     ///
     /// # Errors
-    /// [`ValueError::NotAVelocity`] when an entry has no image.
+    /// [`ValueError::NotAVelocity`] when an entry has no image, [`ValueError::OrderTooHigh`] when it is a derivative of
+    /// the highest order.
     pub(super) fn image(
         &self,
         function: &'static str,
         table: &BTreeMap<ExprId, ExprId>,
     ) -> Result<Value, ValueError> {
-        if self.entries().iter().any(|e| !table.contains_key(e)) {
-            return Err(ValueError::NotAVelocity { function });
+        if let Some(other) = self.entries().iter().find(|e| !table.contains_key(e)) {
+            let is_derivative = function == "ddt" && table.values().any(|image| image == other);
+            return Err(match is_derivative {
+                true => ValueError::OrderTooHigh { function },
+                false => ValueError::NotAVelocity { function },
+            });
         }
         Ok(self.map(|e| table.get(&e).copied().unwrap_or(e)))
     }

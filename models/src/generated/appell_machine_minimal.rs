@@ -295,6 +295,27 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     }
 }
 
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Prepared<R> {
+    type Over = Prepared<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
+        Prepared {
+            c0: convert(self.c0),
+            c1: convert(self.c1),
+            c2: convert(self.c2),
+            c3: convert(self.c3),
+            c4: convert(self.c4),
+        }
+    }
+
+    fn state_over(state: &[R; 4], convert: impl Fn(R) -> Q) -> [Q; 4] {
+        state.map(convert)
+    }
+}
+
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
 

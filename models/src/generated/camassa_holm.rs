@@ -733,6 +733,85 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     }
 }
 
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Prepared<R> {
+    type Over = Prepared<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
+        Prepared {
+            c0: convert(self.c0),
+            c1: convert(self.c1),
+            c2: convert(self.c2),
+            c3: convert(self.c3),
+            c4: convert(self.c4),
+            c5: convert(self.c5),
+            c6: convert(self.c6),
+            c7: convert(self.c7),
+            c8: convert(self.c8),
+            c9: convert(self.c9),
+            c10: convert(self.c10),
+            c11: convert(self.c11),
+            c12: convert(self.c12),
+            c13: convert(self.c13),
+            c14: convert(self.c14),
+            c15: convert(self.c15),
+            c16: convert(self.c16),
+            c17: convert(self.c17),
+            c18: convert(self.c18),
+            c19: convert(self.c19),
+            c20: convert(self.c20),
+            c21: convert(self.c21),
+            c22: convert(self.c22),
+            c23: convert(self.c23),
+            c24: convert(self.c24),
+            c25: convert(self.c25),
+            c26: convert(self.c26),
+            c27: convert(self.c27),
+            c28: convert(self.c28),
+            c29: convert(self.c29),
+            c30: convert(self.c30),
+            c31: convert(self.c31),
+            c32: convert(self.c32),
+            c33: convert(self.c33),
+            c34: convert(self.c34),
+            c35: convert(self.c35),
+            c36: convert(self.c36),
+            c37: convert(self.c37),
+            c38: convert(self.c38),
+            c39: convert(self.c39),
+            A_c_1_c_1: convert(self.A_c_1_c_1),
+            c40: convert(self.c40),
+            c41: convert(self.c41),
+            c42: convert(self.c42),
+            c43: convert(self.c43),
+            c44: convert(self.c44),
+            c45: convert(self.c45),
+            c46: convert(self.c46),
+            c47: convert(self.c47),
+            c48: convert(self.c48),
+            c49: convert(self.c49),
+            c50: convert(self.c50),
+            c51: convert(self.c51),
+            c52: convert(self.c52),
+            c53: convert(self.c53),
+            c54: convert(self.c54),
+            c55: convert(self.c55),
+            c56: convert(self.c56),
+            c57: convert(self.c57),
+            c58: convert(self.c58),
+            c59: convert(self.c59),
+            c60: convert(self.c60),
+            c61: convert(self.c61),
+        }
+    }
+
+    fn state_over(state: &[R; 13], convert: impl Fn(R) -> Q) -> [Q; 13] {
+        state.map(convert)
+    }
+}
+
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
 

@@ -398,6 +398,34 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     }
 }
 
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Prepared<R> {
+    type Over = Prepared<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
+        Prepared {
+            m: convert(self.m),
+            c0: convert(self.c0),
+            c1: convert(self.c1),
+            c2: convert(self.c2),
+            c3: convert(self.c3),
+            c4: convert(self.c4),
+            c5: convert(self.c5),
+            A_omega_omega: convert(self.A_omega_omega),
+            c6: convert(self.c6),
+            c7: convert(self.c7),
+            c8: convert(self.c8),
+            c9: convert(self.c9),
+        }
+    }
+
+    fn state_over(state: &[R; 5], convert: impl Fn(R) -> Q) -> [Q; 5] {
+        state.map(convert)
+    }
+}
+
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
 

@@ -522,6 +522,42 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     }
 }
 
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Prepared<R> {
+    type Over = Prepared<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
+        Prepared {
+            c0: convert(self.c0),
+            c1: convert(self.c1),
+            c2: convert(self.c2),
+            c3: convert(self.c3),
+            c4: convert(self.c4),
+            c5: convert(self.c5),
+            c6: convert(self.c6),
+            c7: convert(self.c7),
+            c8: convert(self.c8),
+            c9: convert(self.c9),
+            c10: convert(self.c10),
+            c11: convert(self.c11),
+            c12: convert(self.c12),
+            c13: convert(self.c13),
+            c14: convert(self.c14),
+            c15: convert(self.c15),
+            c16: convert(self.c16),
+            c17: convert(self.c17),
+            c18: convert(self.c18),
+            c19: convert(self.c19),
+        }
+    }
+
+    fn state_over(state: &[R; 5], convert: impl Fn(R) -> Q) -> [Q; 5] {
+        state.map(convert)
+    }
+}
+
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
 

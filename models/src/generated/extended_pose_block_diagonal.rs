@@ -881,6 +881,76 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     }
 }
 
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Prepared<R> {
+    type Over = Prepared<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
+        Prepared {
+            G11: convert(self.G11),
+            G12: convert(self.G12),
+            G13: convert(self.G13),
+            G22: convert(self.G22),
+            G23: convert(self.G23),
+            G33: convert(self.G33),
+            G44: convert(self.G44),
+            G45: convert(self.G45),
+            G46: convert(self.G46),
+            G55: convert(self.G55),
+            G56: convert(self.G56),
+            G66: convert(self.G66),
+            G77: convert(self.G77),
+            G78: convert(self.G78),
+            G79: convert(self.G79),
+            G88: convert(self.G88),
+            G89: convert(self.G89),
+            G99: convert(self.G99),
+            c0: convert(self.c0),
+            c1: convert(self.c1),
+            c2: convert(self.c2),
+            A_l3_1: convert(self.A_l3_1),
+            A_l6_4: convert(self.A_l6_4),
+            A_l9_7: convert(self.A_l9_7),
+            A_l2_1: convert(self.A_l2_1),
+            A_l5_4: convert(self.A_l5_4),
+            A_l8_7: convert(self.A_l8_7),
+            A_l3_2: convert(self.A_l3_2),
+            A_l6_5: convert(self.A_l6_5),
+            A_l9_8: convert(self.A_l9_8),
+            c3: convert(self.c3),
+            c4: convert(self.c4),
+            c5: convert(self.c5),
+            c6: convert(self.c6),
+            c7: convert(self.c7),
+            c8: convert(self.c8),
+            c9: convert(self.c9),
+            c10: convert(self.c10),
+            c11: convert(self.c11),
+            c12: convert(self.c12),
+            c13: convert(self.c13),
+            c14: convert(self.c14),
+            c15: convert(self.c15),
+            c16: convert(self.c16),
+            c17: convert(self.c17),
+            A_l9_8_2: convert(self.A_l9_8_2),
+            A_l9_7_2: convert(self.A_l9_7_2),
+            A_l8_7_2: convert(self.A_l8_7_2),
+            A_l6_5_2: convert(self.A_l6_5_2),
+            A_l6_4_2: convert(self.A_l6_4_2),
+            A_l5_4_2: convert(self.A_l5_4_2),
+            A_l3_2_2: convert(self.A_l3_2_2),
+            A_l3_1_2: convert(self.A_l3_1_2),
+            A_l2_1_2: convert(self.A_l2_1_2),
+        }
+    }
+
+    fn state_over(state: &[R; 9], convert: impl Fn(R) -> Q) -> [Q; 9] {
+        state.map(convert)
+    }
+}
+
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
 

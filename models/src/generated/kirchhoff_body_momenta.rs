@@ -1011,6 +1011,88 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     }
 }
 
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Prepared<R> {
+    type Over = Prepared<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
+        Prepared {
+            J1: convert(self.J1),
+            J2: convert(self.J2),
+            J3: convert(self.J3),
+            M1: convert(self.M1),
+            M2: convert(self.M2),
+            M3: convert(self.M3),
+            C11: convert(self.C11),
+            C12: convert(self.C12),
+            C13: convert(self.C13),
+            C21: convert(self.C21),
+            C22: convert(self.C22),
+            C23: convert(self.C23),
+            C31: convert(self.C31),
+            C32: convert(self.C32),
+            C33: convert(self.C33),
+            A_l4_1: convert(self.A_l4_1),
+            A_l4_2: convert(self.A_l4_2),
+            A_l4_3: convert(self.A_l4_3),
+            A_l5_1: convert(self.A_l5_1),
+            A_l5_2: convert(self.A_l5_2),
+            A_l5_3: convert(self.A_l5_3),
+            A_l5_4: convert(self.A_l5_4),
+            A_l6_1: convert(self.A_l6_1),
+            A_l6_2: convert(self.A_l6_2),
+            A_l6_3: convert(self.A_l6_3),
+            A_l6_4: convert(self.A_l6_4),
+            A_l6_5: convert(self.A_l6_5),
+            c0: convert(self.c0),
+            c1: convert(self.c1),
+            c2: convert(self.c2),
+            c3: convert(self.c3),
+            c4: convert(self.c4),
+            c5: convert(self.c5),
+            c6: convert(self.c6),
+            c7: convert(self.c7),
+            c8: convert(self.c8),
+            c9: convert(self.c9),
+            c10: convert(self.c10),
+            c11: convert(self.c11),
+            c12: convert(self.c12),
+            c13: convert(self.c13),
+            c14: convert(self.c14),
+            c15: convert(self.c15),
+            c16: convert(self.c16),
+            c17: convert(self.c17),
+            c18: convert(self.c18),
+            c19: convert(self.c19),
+            c20: convert(self.c20),
+            c21: convert(self.c21),
+            c22: convert(self.c22),
+            c23: convert(self.c23),
+            c24: convert(self.c24),
+            c25: convert(self.c25),
+            c26: convert(self.c26),
+            A_l6_5_2: convert(self.A_l6_5_2),
+            A_l6_4_2: convert(self.A_l6_4_2),
+            A_l5_4_2: convert(self.A_l5_4_2),
+            A_l6_3_2: convert(self.A_l6_3_2),
+            A_l5_3_2: convert(self.A_l5_3_2),
+            A_l4_3_2: convert(self.A_l4_3_2),
+            A_l6_2_2: convert(self.A_l6_2_2),
+            A_l5_2_2: convert(self.A_l5_2_2),
+            A_l4_2_2: convert(self.A_l4_2_2),
+            A_l6_1_2: convert(self.A_l6_1_2),
+            A_l5_1_2: convert(self.A_l5_1_2),
+            A_l4_1_2: convert(self.A_l4_1_2),
+        }
+    }
+
+    fn state_over(state: &[R; 6], convert: impl Fn(R) -> Q) -> [Q; 6] {
+        state.map(convert)
+    }
+}
+
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
 

@@ -508,6 +508,37 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     }
 }
 
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Prepared<R> {
+    type Over = Prepared<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
+        Prepared {
+            I11: convert(self.I11),
+            I12: convert(self.I12),
+            I13: convert(self.I13),
+            I22: convert(self.I22),
+            I23: convert(self.I23),
+            c0: convert(self.c0),
+            c1: convert(self.c1),
+            A_l2_1: convert(self.A_l2_1),
+            c2: convert(self.c2),
+            c3: convert(self.c3),
+            c4: convert(self.c4),
+            c5: convert(self.c5),
+            c6: convert(self.c6),
+            c7: convert(self.c7),
+            A_l2_1_2: convert(self.A_l2_1_2),
+        }
+    }
+
+    fn state_over(state: &[R; 6], convert: impl Fn(R) -> Q) -> [Q; 6] {
+        state.map(convert)
+    }
+}
+
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
 

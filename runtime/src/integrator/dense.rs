@@ -5,7 +5,7 @@
 use super::Integrator;
 use super::norms::{copy, stage_point};
 use crate::error::Error;
-use crate::methods::{Constant, Derivatives, Method, increments};
+use crate::methods::{Constant, Derivatives, Method, Step, increments};
 use crate::options::signed;
 use crate::real::Real;
 use crate::system::{StateVector, System};
@@ -59,6 +59,9 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             copy(&self.points[other].state, &mut self.work);
             return Ok(());
         }
+        if const { M::DENSE_BY_STEPS } {
+            return self.step_inside(t);
+        }
         if self.dense == Dense::StagesMissing {
             self.complete_dense_stages()?;
         }
@@ -91,6 +94,26 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             *out = start + x * (difference + rest * (first - difference + x * cubic));
         }
         Ok(())
+    }
+
+    /// The end of a shorter step from the start of the last one.
+    fn step_inside(&mut self, t: R) -> Result<(), Error> {
+        let from = &self.points[usize::from(!self.current)];
+        let mut to = from.clone();
+        let mut step = Step {
+            system: self.system,
+            t: self.t_previous,
+            h: t - self.t_previous,
+            from,
+            to: &mut to,
+            work: &mut self.work,
+            last_h: None,
+            rhs_evals: &mut self.stats.rhs_evals,
+            jacobian_evals: &mut self.stats.jacobian_evals,
+        };
+        self.method.advance(&mut self.storage, &mut step)?;
+        copy(&to.state, &mut self.work);
+        self.point_failure(t, &self.work, None).map_or(Ok(()), |failure| Err(failure.into()))
     }
 
     fn complete_dense_stages(&mut self) -> Result<(), Error> {

@@ -9,6 +9,8 @@ mod dop853;
 mod dopri5;
 mod explicit;
 mod gauss;
+#[cfg(feature = "lanes")]
+mod gbs14;
 mod projected;
 mod rk4;
 mod sums;
@@ -20,6 +22,8 @@ mod vern9;
 pub use dop853::Dop853;
 pub use dopri5::Dopri5;
 pub use gauss::{FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Newton};
+#[cfg(feature = "lanes")]
+pub use gbs14::{Gbs14, Rows};
 pub use projected::{Invariants, Projected, Projection};
 pub use rk4::Rk4;
 pub(crate) use sums::{Derivatives, compensated_advance, square_of_norm, two_sum};
@@ -43,6 +47,9 @@ use crate::system::{StateVector, System};
 pub trait Method<R: Real, S: System<R>>: Copy {
     /// Coefficients of the method; without stages for a series.
     const TABLEAU: &'static Tableau;
+
+    /// Whether the state within a step is that of a shorter step from the same start, instead of what the tableau says.
+    const DENSE_BY_STEPS: bool = false;
 
     /// What the method keeps from one step to the next.
     type Storage;

@@ -83,6 +83,8 @@ pub struct Projection<R, V, T, const K: usize> {
 impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S> for Projected<M, K> {
     const TABLEAU: &'static Tableau = M::TABLEAU;
 
+    const DENSE_BY_STEPS: bool = M::DENSE_BY_STEPS;
+
     type Storage = Projection<R, S::State, M::Storage, K>;
 
     fn validate(&self, options: &Options<R>) -> Result<(), Error> {

@@ -13,8 +13,8 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use hamel_runtime::{
-    Dop853, Dopri5, F64x8, Gauss4, Gauss6, Gauss8, Integrator, Jet, Method, Options, Real, Scene, Stats,
-    System, Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gbs14, Integrator, Jet, Method, Options,
+    OverScalar, Real, Scene, Stats, System, Taylor, Tsit5, Vern9,
 };
 
 use crate::kernel;
@@ -149,7 +149,7 @@ fn taylor<S: Jet<f64, State = [f64; N]> + 'static, const N: usize>(scene: S, spa
     })
 }
 
-fn of_runtime<S: System<f64, State = [f64; N]> + 'static, const N: usize>(
+fn of_runtime<S: OverScalar<F64x4, State = [f64; N]> + 'static, const N: usize>(
     scene: &Rc<S>,
     span: Span<N>,
 ) -> Vec<Solver> {
@@ -158,6 +158,7 @@ fn of_runtime<S: System<f64, State = [f64; N]> + 'static, const N: usize>(
         runge_kutta("dopri5", scene, span, Dopri5),
         runge_kutta("dop853", scene, span, Dop853),
         runge_kutta("vern9", scene, span, Vern9),
+        runge_kutta("gbs14", scene, span, Gbs14),
         runge_kutta("gauss4", scene, span, Gauss4::fixed_point()),
         runge_kutta("gauss6", scene, span, Gauss6::fixed_point()),
         runge_kutta("gauss8", scene, span, Gauss8::fixed_point()),

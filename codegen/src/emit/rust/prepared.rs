@@ -63,6 +63,13 @@ impl Writer<'_> {
         })
     }
 
+    /// The names of what is in the structure: parameters that functions of the state read, and slots.
+    pub(super) fn fields(&self) -> Vec<Ident> {
+        let module = self.module;
+        let params = module.read_params.iter().map(|i| &module.fields[*i as usize]);
+        idents(params.chain(&module.slots))
+    }
+
     fn constructor(&self, marked: TokenStream) -> Result<TokenStream, Error> {
         let (module, rt) = (self.module, &self.runtime);
         let (program, prepare) = (&module.program.prepare, &module.prepare);

@@ -1,4 +1,4 @@
-//! What makes a scene usable by every integrator and by name: `System` and `Scene`.
+//! What makes a scene usable by every integrator and by name: `System`, `OverScalar` and `Scene`.
 //!
 //! Does not know: what the methods compute.
 
@@ -6,10 +6,10 @@ use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 
 use super::Writer;
-use super::tokens::{ident, idents, size};
+use super::tokens::{ident, idents, phantom, size};
 
 impl Writer<'_> {
-    /// Both traits, calling the methods.
+    /// The traits, calling the methods.
     pub(super) fn traits(&self, has_series: bool) -> TokenStream {
         let (module, rt) = (self.module, &self.runtime);
         let (n, n_params) = (size(module.state.len()), size(module.params.len()));
@@ -50,6 +50,13 @@ impl Writer<'_> {
         let conserves_energy = is_kept.then(|| quote! { const CONSERVES_ENERGY: bool = true; });
         let wrong_number = format!("the number of values is {n_params}");
         let (outputs, invariants) = (self.outputs_of(), self.invariants_of());
+        let fields = self.fields();
+        let over = if fields.is_empty() {
+            let (_, marked) = phantom();
+            quote! { let _ = convert; Prepared { #marked } }
+        } else {
+            quote! { Prepared { #(#fields: convert(self.#fields)),* } }
+        };
         let series = has_series.then(|| {
             quote! {
                 fn series_of(#arguments, out: &mut [[R; #n]]) -> bool {
@@ -73,6 +80,18 @@ impl Writer<'_> {
                 #signature
 
                 #domain
+            }
+
+            impl<Q: #rt::Real, R: #rt::Real> #rt::OverScalar<Q, R> for Prepared<R> {
+                type Over = Prepared<Q>;
+
+                fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
+                    #over
+                }
+
+                fn state_over(state: &[R; #n], convert: impl Fn(R) -> Q) -> [Q; #n] {
+                    state.map(convert)
+                }
             }
 
             impl<R: #rt::Real> #rt::Scene<R> for Prepared<R> {

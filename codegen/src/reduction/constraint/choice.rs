@@ -81,7 +81,7 @@ pub(in crate::reduction) fn solve_rows(
         let expected = n_unknowns.map_or(general.len(), |n| names.len().saturating_sub(n));
         if displacements.len() != expected {
             let found = displacements.len();
-            return Err(Error::WrongNumberOfDisplacements { found, expected });
+            return Err(Error::WrongNumberOfDisplacements { found, expected, velocities: names.len() });
         }
     }
     let (Some(solved), Some(allowed)) = (solved, allowed) else {
@@ -163,7 +163,9 @@ fn constraint_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRo
         let g = &mut model.graph;
         let parts = match c.kind {
             ConstraintKind::Linear => g.affine_parts(c.residual, &columns),
-            ConstraintKind::Nonlinear | ConstraintKind::SecondOrder { .. } => None,
+            ConstraintKind::Nonlinear
+            | ConstraintKind::SecondOrder { .. }
+            | ConstraintKind::ThirdOrder { .. } => None,
         };
         let (name, text) = (c.name.clone(), c.text.clone());
         let (one_form, source) = match (&c.kind, parts) {
@@ -175,6 +177,10 @@ fn constraint_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRo
             }
             (ConstraintKind::SecondOrder { acceleration }, _) => {
                 (acceleration.clone(), AccelerationSource::Servo(c.residual))
+            }
+            (ConstraintKind::ThirdOrder { jerk, carried }, _) => {
+                let own = g.sym(carried.symbol);
+                (jerk.clone(), AccelerationSource::Servo(g.sub(carried.offset, own)))
             }
             _ => {
                 let slopes = frame.iter().map(|u| g.diff(c.residual, u.symbol)).collect();

@@ -1,9 +1,11 @@
 //! Kinematic constraints `a_A(x) . y + b_A(x, t) = 0`: solved for dependent velocities, or kept with multipliers.
 //!
-//! `choice` decides which form the constraints of a model take, `solver` solves linear rows. Does not know: the
-//! algebroid, the Lagrangian.
+//! `choice` decides which form the constraints of a model take, `solver` solves linear rows; `higher` has what the
+//! state carries for constraints of third order, and puts accelerations that constraints determine into the conditions
+//! on displacements. Does not know: the bracket of the algebroid, the Lagrangian.
 
 mod choice;
+mod higher;
 mod solver;
 
 use crate::expr::{ExprId, Graph, SymbolId};
@@ -11,6 +13,8 @@ use crate::expr::{ExprId, Graph, SymbolId};
 use super::part::Part;
 
 pub(super) use choice::{Choice, Setting, annihilator, constrain, frame_unknowns, refused, solve_rows};
+pub use higher::{CarriedAcceleration, HigherOrder};
+pub(super) use higher::{Prolonged, prolonged, settled};
 pub(super) use solver::Solver;
 
 /// One scalar constraint as an affine form in the velocities.
@@ -105,7 +109,8 @@ pub struct AccelerationRow {
 pub enum AccelerationSource {
     /// The time derivative of a constraint `phi(x, y, t) = 0`.
     Differentiated(ExprId),
-    /// A second-order constraint, given with its part `w0` without accelerations.
+    /// A second-order constraint, given with its part `w0` without accelerations; for one of third order the
+    /// acceleration `w . ydot` along it, which the state carries.
     Servo(ExprId),
 }
 

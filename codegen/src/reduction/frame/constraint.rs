@@ -9,8 +9,8 @@ use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Graph, Sign, SymbolId};
 use crate::reduction::change::{Frame, contract, tidied};
 use crate::reduction::constraint::{
-    AccelerationRow, AccelerationSource, Choice, ConstraintRow, KinematicConstraint, Reactions,
-    Setting as Rows, SolvedConstraint, Solver, Unknown, solve_rows,
+    AccelerationRow, AccelerationSource, Choice, ConstraintRow, HigherOrder, KinematicConstraint, Reactions,
+    Setting as Rows, SolvedConstraint, Solver, Unknown, prolonged, solve_rows,
 };
 use crate::reduction::system::ReducedSystem;
 use crate::spec::Param;
@@ -222,6 +222,46 @@ fn substituted(
 ) -> Result<Vec<Vec<ExprId>>, Error> {
     let divided = |_: DivisionByZero| Error::DivisionByZero { place: "the change of frame".into() };
     forms.iter().map(|form| g.subs_all(form, values).map_err(divided)).collect()
+}
+
+/// Rates of accelerations along constraints of third order, by the accelerations of the new velocities, which get
+/// symbols of their own.
+///
+/// `velocities`: those of the model; `values`: those that change, by those of the new frame.
+///
+/// # Errors
+/// [`Error::DivisionByZero`].
+pub(super) fn rates_in(
+    g: &mut Graph,
+    setting: &Setting<'_>,
+    eta: &[Unknown],
+    (velocities, values): (&[SymbolId], &BTreeMap<SymbolId, ExprId>),
+    higher: HigherOrder,
+) -> Result<HigherOrder, Error> {
+    if higher.carried.is_empty() {
+        return Ok(higher);
+    }
+    let accelerations: Vec<SymbolId> = eta.iter().map(|u| g.symbol(&format!("ddt({})", u.name))).collect();
+    let symbols: Vec<ExprId> = eta.iter().map(|u| g.sym(u.symbol)).collect();
+    let mut rates = BTreeMap::from([(setting.time, g.one())]);
+    for (i, x) in setting.algebroid.base().iter().enumerate() {
+        let anchor: Vec<ExprId> = (0..eta.len()).map(|a| setting.algebroid.anchor(i, a)).collect();
+        rates.insert(*x, g.dot(&anchor, &symbols));
+    }
+    let pairs = eta.iter().map(|u| u.symbol).zip(accelerations.iter().copied()).collect::<Vec<_>>();
+    let mut old = Vec::new();
+    for (y, acceleration) in velocities.iter().zip(&higher.accelerations) {
+        let own = g.sym(*y);
+        old.push((*acceleration, values.get(y).copied().unwrap_or(own)));
+    }
+    let mut replaced = values.clone();
+    replaced.extend(prolonged(g, &old, &rates, &pairs).accelerations);
+    let mut carried = higher.carried;
+    for acceleration in &mut carried {
+        let divided = |_: DivisionByZero| Error::DivisionByZero { place: "the change of frame".into() };
+        acceleration.rate = g.subs(acceleration.rate, &replaced).map_err(divided)?;
+    }
+    Ok(HigherOrder { carried, accelerations })
 }
 
 /// A condition on accelerations, `ydot = T etadot + Tdot eta`.

@@ -94,6 +94,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         accelerations,
         forces,
         constraint,
+        higher,
         degeneracy,
         unknowns,
         momenta,
@@ -137,6 +138,11 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     let forces = frame.one_form(g, &forces);
     let beside = constraint::Setting { time, params: &params, signs: &signs, algebroid: &algebroid };
     let before = constraint.clone();
+    let higher = match is_carried {
+        true => constraint::rates_in(g, &beside, &eta, (&velocities, &all), higher)?,
+        // With multipliers an internal frame changes nothing.
+        false => higher,
+    };
     let constraint = match is_carried {
         true => constraint::solved_again(g, &beside, &frame, &eta, constraint, &all)?,
         // What a momentum is depends on the displacements.
@@ -185,6 +191,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         accelerations,
         forces,
         constraint,
+        higher,
         degeneracy,
         unknowns,
         momenta,

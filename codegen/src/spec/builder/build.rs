@@ -36,6 +36,7 @@ impl ModelBuilder {
         let constraints = self.check_constraints();
         let virtual_constraints = self.check_virtual_constraints();
         let independent = self.check_independent(&constraints);
+        let accelerations = self.used_accelerations(&constraints, &virtual_constraints);
         let forces = self.check_forces();
         self.check_named_values();
         let sections = self.check_sections();
@@ -96,6 +97,7 @@ impl ModelBuilder {
             lagrangian,
             hamiltonian,
             constraints,
+            accelerations,
             virtual_constraints,
             independent,
             force_multipliers: self.multipliers.is_some(),

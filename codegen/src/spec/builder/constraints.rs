@@ -2,20 +2,23 @@
 //!
 //! Deliberately does not know: how constraints are solved.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use super::draft::{ConstraintDraft, ModelBuilder};
+use super::draft::{ConstraintDraft, DeclaredAs, ModelBuilder};
 use super::symbols::Special;
-use crate::expr::{ExprId, SymbolId};
+use crate::expr::{ExprId, Style, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::shape::{Operation, Shape, ValueError};
 use crate::spec::value::Value;
 
+/// Characters of a combination of accelerations that are shown where it is documented.
+const MAX_SHOWN: usize = 60;
+
 impl ModelBuilder {
-    /// A constraint `left = right` on velocities, or on accelerations made by [`ModelBuilder::ddt`]; a vector equation
-    /// gives one constraint per component, and the number 0 on one side stands for a zero of any shape.
+    /// A constraint `left = right` on velocities, or on accelerations and their rates made by [`ModelBuilder::ddt`]; a
+    /// vector equation gives one constraint per component, and the number 0 on one side stands for a zero of any shape.
     ///
     /// ```
     /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Value};
@@ -157,7 +160,7 @@ impl ModelBuilder {
         let mut n_unnamed = 0;
         for draft in self.constraints.clone() {
             for (name, place, e) in self.rows(&draft, "constraint", "c", &mut taken, &mut n_unnamed) {
-                if let Some((residual, kind)) = self.classify(e, &place, draft.span) {
+                if let Some((residual, kind)) = self.classify(e, &name, &place, draft.span) {
                     let (text, span) = (draft.text.clone(), draft.span);
                     result.push(Constraint { name, text, kind, residual, span });
                 }
@@ -167,13 +170,24 @@ impl ModelBuilder {
     }
 
     /// The part without accelerations and the kind.
-    fn classify(&mut self, e: ExprId, place: &str, span: Option<Span>) -> Option<(ExprId, ConstraintKind)> {
+    fn classify(
+        &mut self,
+        e: ExprId,
+        name: &str,
+        place: &str,
+        span: Option<Span>,
+    ) -> Option<(ExprId, ConstraintKind)> {
         let e = self.simple_in_frame(e);
-        let special = [Special::QuasiVelocity, Special::Acceleration];
+        let special = [Special::QuasiVelocity, Special::Acceleration, Special::Jerk];
         if self.reports_stray(e, span, place, &special) {
             return None;
         }
         let velocities = self.velocity_symbols();
+        let jerks: Vec<SymbolId> = velocities.iter().filter_map(|v| self.jerks.get(v)).copied().collect();
+        let highest = self.occurring(e, &jerks);
+        if !highest.is_empty() {
+            return self.third_order(e, (name, place), span, (&highest, &jerks));
+        }
         let accelerations: Vec<SymbolId> =
             velocities.iter().filter_map(|v| self.accelerations.get(v)).copied().collect();
         let occurring = self.occurring(e, &accelerations);
@@ -212,6 +226,67 @@ impl ModelBuilder {
         }
     }
 
+    /// A constraint on the rates of accelerations that occur in it, `highest` of `jerks`.
+    fn third_order(
+        &mut self,
+        e: ExprId,
+        (name, place): (&str, &str),
+        span: Option<Span>,
+        (highest, jerks): (&[SymbolId], &[SymbolId]),
+    ) -> Option<(ExprId, ConstraintKind)> {
+        if self.reports_stray(e, span, place, &[Special::Acceleration, Special::Jerk]) {
+            return None;
+        }
+        let Some((slopes, residual)) = self.graph.affine_parts(e, highest) else {
+            let help = "rates of accelerations `ddt(ddt(v))` appear in the first power only";
+            self.problem(span, format!("{place} is not affine in the rates of accelerations"), help);
+            return None;
+        };
+        let accelerations: BTreeSet<SymbolId> = self.accelerations.values().copied().collect();
+        let factor = slopes.iter().flat_map(|slope| self.graph.free_symbols(*slope));
+        if let Some(factor) = factor.into_iter().find(|s| accelerations.contains(s)) {
+            let message =
+                format!("{place} has the factor `{}` on a rate of an acceleration", self.graph.name(factor));
+            let help = "factors of `ddt(ddt(v))` are functions of coordinates, velocities and time: the state has the combination of accelerations that they make";
+            self.problem(span, message, help);
+            return None;
+        }
+        let jerk = self.spread(highest, slopes, jerks);
+        let along: Vec<ExprId> = self
+            .velocity_symbols()
+            .iter()
+            .map(|v| self.accelerations[v])
+            .map(|s| self.graph.sym(s))
+            .collect();
+        let combination = self.graph.dot(&jerk, &along);
+        let shown = self.graph.display(combination, Style::Plain);
+        let shown = if shown.len() <= MAX_SHOWN { format!("`{shown}`, the ") } else { String::new() };
+        let own = format!("acceleration_{name}");
+        let here = std::mem::replace(&mut self.here, span);
+        let (symbol, _) = self.new_symbol(&own, DeclaredAs::CarriedAcceleration);
+        self.here = here;
+        self.carried_accelerations.push((symbol, own.clone()));
+        let doc = format!("{shown}acceleration along constraint `{name}`");
+        let carried = CarriedAcceleration { name: own, symbol, offset: self.graph.zero(), doc };
+        Some((residual, ConstraintKind::ThirdOrder { jerk, carried }))
+    }
+
+    /// What stands for accelerations, where constraints of third order or conditions on displacements mention any.
+    pub(super) fn used_accelerations(
+        &mut self,
+        constraints: &[Constraint],
+        conditions: &[VirtualConstraint],
+    ) -> Vec<SymbolId> {
+        let velocities = self.velocity_symbols();
+        let symbols: Vec<SymbolId> =
+            velocities.iter().filter_map(|v| self.accelerations.get(v)).copied().collect();
+        let all: BTreeSet<SymbolId> = symbols.iter().copied().collect();
+        let is_third = |c: &Constraint| matches!(c.kind, ConstraintKind::ThirdOrder { .. });
+        let is_used = constraints.iter().any(is_third)
+            || conditions.iter().flat_map(|c| &c.one_form).any(|e| self.graph.depends_on(*e, &all));
+        if is_used { symbols } else { Vec::new() }
+    }
+
     pub(super) fn check_virtual_constraints(&mut self) -> Vec<VirtualConstraint> {
         let velocities = self.velocity_symbols();
         let unknowns: Vec<SymbolId> =
@@ -222,7 +297,7 @@ impl ModelBuilder {
         for draft in self.virtual_constraints.clone() {
             let span = draft.span;
             for (name, place, e) in self.rows(&draft, "condition", "d", &mut taken, &mut n_unnamed) {
-                if self.reports_stray(e, span, &place, &[Special::Displacement]) {
+                if self.reports_stray(e, span, &place, &[Special::Displacement, Special::Acceleration]) {
                     continue;
                 }
                 let occurring = self.occurring(e, &unknowns);
@@ -281,7 +356,7 @@ impl ModelBuilder {
         if let Some(c) = constraints.iter().find(|c| c.kind != ConstraintKind::Linear) {
             let problem = Diagnostic::new(
                 span,
-                "a nonlinear or second-order constraint leaves all velocities in the state",
+                "a nonlinear or higher-order constraint leaves all velocities in the state",
             )
             .with_place(c.span, "this one")
             .with_help("remove `independent`");

@@ -33,6 +33,7 @@ pub(in crate::spec) enum DeclaredAs {
     Definition,
     FrameVelocity,
     Section,
+    CarriedAcceleration,
 }
 
 impl DeclaredAs {
@@ -53,6 +54,7 @@ impl DeclaredAs {
             DeclaredAs::Definition => "a definition",
             DeclaredAs::FrameVelocity => "a quasi-velocity of the frame",
             DeclaredAs::Section => "a basis element of the algebroid",
+            DeclaredAs::CarriedAcceleration => "the acceleration along a constraint of third order",
         }
     }
 
@@ -263,6 +265,10 @@ pub struct ModelBuilder {
     /// Displacements and accelerations by their velocity, made when they are used.
     pub(super) displacements: BTreeMap<SymbolId, SymbolId>,
     pub(super) accelerations: BTreeMap<SymbolId, SymbolId>,
+    /// Rates of accelerations, by the velocity.
+    pub(super) jerks: BTreeMap<SymbolId, SymbolId>,
+    /// Symbols and names of the accelerations that the state has for constraints of third order.
+    pub(super) carried_accelerations: Vec<(SymbolId, String)>,
     pub(super) stages: Vec<StageDraft>,
     /// A matrix, or none for the metric of the Lagrangian.
     pub(super) inner_product: Option<(Option<Value>, Option<Span>)>,
@@ -330,6 +336,8 @@ impl ModelBuilder {
             derived_connection: None,
             displacements: BTreeMap::new(),
             accelerations: BTreeMap::new(),
+            jerks: BTreeMap::new(),
+            carried_accelerations: Vec::new(),
             stages: Vec::new(),
             inner_product: None,
             stage_connections: Vec::new(),

@@ -395,6 +395,7 @@ impl ModelBuilder {
         symbols.extend(self.advected.iter().flat_map(|a| a.components.iter().map(|(n, s)| (*s, n.clone()))));
         let reconstructed = self.reconstructions.iter().flat_map(|r| r.symbols.iter().zip(&r.names));
         symbols.extend(reconstructed.map(|(s, n)| (*s, n.clone())));
+        symbols.extend(self.carried_accelerations.iter().map(|(s, n)| (*s, n.clone())));
         symbols.into_iter().map(|(s, name)| (self.graph.sym(s), name)).collect()
     }
 

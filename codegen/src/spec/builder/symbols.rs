@@ -20,6 +20,7 @@ pub(super) enum Special {
     Reconstructed,
     Displacement,
     Acceleration,
+    Jerk,
 }
 
 impl ModelBuilder {
@@ -46,12 +47,19 @@ impl ModelBuilder {
         velocity.image("delta", &self.displacement_table())
     }
 
-    /// The acceleration that belongs to a velocity, of the same shape; for [`ModelBuilder::constraint`].
+    /// The acceleration that belongs to a velocity, or the rate of an acceleration, of the same shape; for
+    /// [`ModelBuilder::constraint`] and, as far as accelerations, coefficients in [`ModelBuilder::virtual_constraint`].
     ///
     /// # Errors
-    /// [`ValueError::NotAVelocity`] unless every entry is a velocity of the base or of the algebra.
+    /// [`ValueError::NotAVelocity`] unless every entry is a velocity of the base or of the algebra or an acceleration,
+    /// [`ValueError::OrderTooHigh`] for the rate of an acceleration.
     pub fn ddt(&mut self, velocity: &Value) -> Result<Value, ValueError> {
-        velocity.image("ddt", &self.acceleration_table())
+        let mut table = self.acceleration_table();
+        let is_acceleration = |e: &ExprId| table.values().any(|image| image == e);
+        if !self.jerks.is_empty() || velocity.entries().iter().any(is_acceleration) {
+            table = self.jerk_table();
+        }
+        velocity.image("ddt", &table)
     }
 
     pub(in crate::spec) fn displacement_table(&mut self) -> BTreeMap<ExprId, ExprId> {
@@ -65,6 +73,27 @@ impl ModelBuilder {
         let mut symbols = std::mem::take(&mut self.accelerations);
         let table = self.derived_table("ddt", &mut symbols);
         self.accelerations = symbols;
+        table
+    }
+
+    /// [`ModelBuilder::acceleration_table`] and, for accelerations, their rates.
+    pub(in crate::spec) fn jerk_table(&mut self) -> BTreeMap<ExprId, ExprId> {
+        let mut table = self.acceleration_table();
+        let mut rates = BTreeMap::from([(self.time, self.graph.one())]);
+        let coordinates: Vec<SymbolId> = self.base.iter().map(|c| c.symbol).collect();
+        rates.extend(coordinates.into_iter().zip(self.coordinate_rates()));
+        for velocity in self.velocity_symbols() {
+            let acceleration = self.accelerations[&velocity];
+            let name = format!("ddt(ddt({}))", self.graph.name(velocity));
+            let jerk = *self.jerks.entry(velocity).or_insert_with(|| self.graph.symbol(&name));
+            rates.insert(velocity, self.graph.sym(acceleration));
+            rates.insert(acceleration, self.graph.sym(jerk));
+        }
+        let accelerations: Vec<ExprId> = table.values().copied().collect();
+        for e in accelerations {
+            let rate = self.graph.derivative_along(e, &rates);
+            table.entry(e).or_insert(rate);
+        }
         table
     }
 
@@ -139,6 +168,8 @@ impl ModelBuilder {
                 Some((Special::Displacement, "the displacement", "displacements belong in `virtual`"))
             } else if self.accelerations.values().any(|d| d == s) {
                 Some((Special::Acceleration, "the acceleration", "accelerations belong in `constraint`"))
+            } else if self.jerks.values().any(|d| d == s) {
+                Some((Special::Jerk, "the rate of an acceleration", "it belongs in `constraint`"))
             } else {
                 None
             }

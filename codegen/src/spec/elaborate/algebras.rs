@@ -114,7 +114,7 @@ impl Elaboration<'_> {
             problems: &mut self.builder.problems,
             is_spent: &mut self.is_spent,
             restriction: None,
-            operator: None,
+            operators: &[],
             withheld: &BTreeSet::new(),
             algebras: &self.algebras,
             own_algebra: None,

@@ -66,7 +66,7 @@ impl Elaboration<'_> {
                 Some(value) => _ = self.builder.at(Some(expr.span)).hamiltonian(&value),
                 None => _ = self.builder.broken.insert("hamiltonian"),
             },
-            ItemKind::Constraint { name, left, right } => match self.equation("ddt", left, right) {
+            ItemKind::Constraint { name, left, right } => match self.equation(&["ddt"], left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);
                     let text = self.one_line(place);
@@ -75,7 +75,7 @@ impl Elaboration<'_> {
                 }
                 None => _ = self.builder.broken.insert("constraint"),
             },
-            ItemKind::Virtual { name, left, right } => match self.equation("delta", left, right) {
+            ItemKind::Virtual { name, left, right } => match self.equation(&["delta", "ddt"], left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);
                     let text = self.one_line(place);
@@ -198,7 +198,7 @@ impl Elaboration<'_> {
                 let help = "it is drawn on the torus: leave the place out";
                 self.problem(part.span, "a field has no place in space".to_owned(), help);
             }
-            if let Some((algebra, f)) = self.evaluator(None, None).field_of(arguments, shape.span) {
+            if let Some((algebra, f)) = self.evaluator(&[], None).field_of(arguments, shape.span) {
                 self.builder.at(Some(name.span)).field_view(&name.text, &algebra, &f, &doc);
             }
             return;

@@ -72,7 +72,7 @@ impl Elaboration<'_> {
             if self.poisoned.contains(&name.text) {
                 continue;
             }
-            match self.evaluator(None, None).eval(expr) {
+            match self.evaluator(&[], None).eval(expr) {
                 Some((value, bits)) => {
                     self.builder.bind(&name.text, &value);
                     self.weights.insert(name.text.clone(), bits);

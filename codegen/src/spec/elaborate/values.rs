@@ -47,39 +47,45 @@ impl Elaboration<'_> {
     }
 
     pub(super) fn eval(&mut self, expr: &Expr) -> Option<Value> {
-        self.eval_with(expr, None)
+        self.eval_with(expr, &[])
     }
 
-    /// Both sides of an equation in which `delta` or `ddt` is legal.
+    /// Both sides of an equation in which `functions`, of `delta` and `ddt`, are legal.
     pub(super) fn equation(
         &mut self,
-        function: &'static str,
+        functions: &[&'static str],
         left: &Expr,
         right: &Expr,
     ) -> Option<(Value, Value)> {
         // Most constraints contain no accelerations and need no symbols for them.
-        let table = match function {
-            _ if !left.calls(function) && !right.calls(function) => BTreeMap::new(),
-            "delta" => self.builder.displacement_table(),
-            _ => self.builder.acceleration_table(),
-        };
-        let operator = Some((function, &table));
-        let (left, right) = (self.eval_with(left, operator), self.eval_with(right, operator));
+        let mut tables = Vec::new();
+        for function in functions {
+            let calls = |of: fn(&Expr, &str) -> bool| of(left, function) || of(right, function);
+            let table = match *function {
+                _ if !calls(Expr::calls) => BTreeMap::new(),
+                "delta" => self.builder.displacement_table(),
+                _ if functions.len() == 1 && calls(Expr::nests) => self.builder.jerk_table(),
+                _ => self.builder.acceleration_table(),
+            };
+            tables.push((*function, table));
+        }
+        let operators: Vec<_> = tables.iter().map(|(function, table)| (*function, table)).collect();
+        let (left, right) = (self.eval_with(left, &operators), self.eval_with(right, &operators));
         Some((left?, right?))
     }
 
     fn eval_with(
         &mut self,
         expr: &Expr,
-        operator: Option<(&'static str, &BTreeMap<ExprId, ExprId>)>,
+        operators: &[(&'static str, &BTreeMap<ExprId, ExprId>)],
     ) -> Option<Value> {
-        self.evaluator(operator, None).eval(expr).map(|(value, _)| value)
+        self.evaluator(operators, None).eval(expr).map(|(value, _)| value)
     }
 
     /// What evaluates expressions of the model with everything that is declared by now.
     pub(super) fn evaluator<'s>(
         &'s mut self,
-        operator: Option<(&'static str, &'s BTreeMap<ExprId, ExprId>)>,
+        operators: &'s [(&'static str, &'s BTreeMap<ExprId, ExprId>)],
         restriction: Option<&'static str>,
     ) -> Evaluator<'s> {
         // The sections of an algebroid are no algebra.
@@ -92,7 +98,7 @@ impl Elaboration<'_> {
             problems: &mut self.builder.problems,
             is_spent: &mut self.is_spent,
             restriction,
-            operator,
+            operators,
             withheld: &self.withheld,
             algebras: &self.algebras,
             own_algebra: self.builder.algebra.as_ref().filter(|_| !is_own).map(|(algebra, _)| algebra),
@@ -102,7 +108,7 @@ impl Elaboration<'_> {
     /// Coordinates are declared before definitions, so only parameters are known here.
     pub(super) fn interval_end(&mut self, expr: &Expr) -> Option<ExprId> {
         let restriction = Some("the ends of an interval contain parameters and numbers only");
-        let (value, _) = self.evaluator(None, restriction).eval(expr)?;
+        let (value, _) = self.evaluator(&[], restriction).eval(expr)?;
         match value {
             Value::Scalar(e) => Some(e),
             _ => {
@@ -125,7 +131,7 @@ impl Elaboration<'_> {
             problems: &mut self.builder.problems,
             is_spent: &mut self.is_spent,
             restriction: Some(restriction),
-            operator: None,
+            operators: &[],
             withheld: &BTreeSet::new(),
             algebras: &self.algebras,
             own_algebra: None,

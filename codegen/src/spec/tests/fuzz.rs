@@ -109,6 +109,7 @@ fn mutated_specs_do_not_panic() {
         "R^0",
         "delta(Omega)",
         "ddt(Omega1)",
+        "ddt(ddt(Omega1))",
         "; virtual delta(Omega1) = 0;",
         "; quasi_velocity s;",
         "; reconstruct q in SO(3) from Omega;",

@@ -222,7 +222,7 @@ fn bad_displacements() {
     check(
         r#"model m { velocity v in R^2; lagrangian = dot(v, v); virtual ddt(v1) + delta(v1) = 0; }"#,
         expect![[
-            r#"1:62 `ddt` is not legal here [accelerations belong in `constraint`, as in `constraint ddt(v1) + v1 = 0;`]"#
+            r#"1:62 condition `ddt(v1) + delta(v1) = 0` is not linear in the displacements [every term has one factor `delta(..)`]"#
         ]],
     );
     check(
@@ -308,7 +308,7 @@ fn bad_constraints() {
     check(
         r#"model m { velocity v in R^2; lagrangian = dot(v, v); constraint v1^2 = 1; independent v2; }"#,
         expect![[
-            r#"1:75 a nonlinear or second-order constraint leaves all velocities in the state [remove `independent`]"#
+            r#"1:75 a nonlinear or higher-order constraint leaves all velocities in the state [remove `independent`]"#
         ]],
     );
     check(

@@ -1,0 +1,202 @@
+//! Extrapolation of order 14 in lanes: its order, its errors against tolerances, output inside of steps and events.
+
+#![cfg(feature = "lanes")]
+
+use std::ops::ControlFlow;
+
+use hamel_runtime::{
+    Direction, Error, Gbs14, Integrator, Invariants, Norm, Options, OverScalar, Projected, Real, System,
+    Vern9,
+};
+
+/// A pendulum driven in time: `x' = v, v' = -sin x + a cos(w t)`, and `u' = x`.
+#[derive(Clone, Copy)]
+struct Driven<R> {
+    a: R,
+    w: R,
+}
+
+impl<R: Real> System<R> for Driven<R> {
+    type State = [R; 3];
+    fn rhs(&self, t: R, y: &[R; 3], dy: &mut [R; 3]) {
+        *dy = [y[1], self.a * (self.w * t).cos() - y[0].sin(), y[0]];
+    }
+}
+
+impl<Q: Real, R: Real> OverScalar<Q, R> for Driven<R> {
+    type Over = Driven<Q>;
+    fn over(&self, convert: impl Fn(R) -> Q) -> Driven<Q> {
+        Driven { a: convert(self.a), w: convert(self.w) }
+    }
+    fn state_over(state: &[R; 3], convert: impl Fn(R) -> Q) -> [Q; 3] {
+        state.map(convert)
+    }
+}
+
+/// Kepler's problem, `q'' = -q/|q|^3`.
+#[derive(Clone, Copy)]
+struct Kepler;
+
+impl<R: Real> System<R> for Kepler {
+    type State = [R; 4];
+    fn rhs(&self, _t: R, y: &[R; 4], dy: &mut [R; 4]) {
+        let square = y[0].mul_add(y[0], y[1] * y[1]);
+        let cube = (square * square.sqrt()).recip();
+        *dy = [y[2], y[3], -cube * y[0], -cube * y[1]];
+    }
+}
+
+impl<Q: Real, R: Real> OverScalar<Q, R> for Kepler {
+    type Over = Kepler;
+    fn over(&self, _convert: impl Fn(R) -> Q) -> Kepler {
+        Kepler
+    }
+    fn state_over(state: &[R; 4], convert: impl Fn(R) -> Q) -> [Q; 4] {
+        state.map(convert)
+    }
+}
+
+/// The energy of Kepler's problem.
+impl Invariants<f64, 1> for Kepler {
+    fn values(&self, _t: f64, y: &[f64; 4]) -> [f64; 1] {
+        [0.5 * (y[2] * y[2] + y[3] * y[3]) - 1.0 / y[0].hypot(y[1])]
+    }
+    fn gradients(&self, _t: f64, y: &[f64; 4], gradients: &mut [[f64; 4]; 1]) {
+        let cube = y[0].hypot(y[1]).powi(3);
+        gradients[0] = [y[0] / cube, y[1] / cube, y[2], y[3]];
+    }
+}
+
+const DRIVEN: Driven<f64> = Driven { a: 0.3, w: 1.7 };
+const START: [f64; 3] = [0.4, 0.9, -0.2];
+/// Eccentricity one half.
+const PERIHELION: [f64; 4] = [0.5, 0.0, 0.0, 1.732_050_807_568_877_2];
+const PERIOD: f64 = std::f64::consts::TAU;
+
+fn distance<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+fn reference(t: f64) -> [f64; 3] {
+    let mut solver = Integrator::new(&DRIVEN, Vern9, 0.0, START, Options::adaptive(3e-15, 3e-15)).unwrap();
+    solver.integrate_to(t).unwrap();
+    *solver.state()
+}
+
+#[test]
+fn the_order_is_fourteen() {
+    let end = reference(6.0);
+    let error = |steps: u32| {
+        let options = Options::fixed(6.0 / f64::from(steps));
+        let mut solver = Integrator::new(&DRIVEN, Gbs14, 0.0, START, options).unwrap();
+        solver.integrate_to(6.0).unwrap();
+        assert_eq!(solver.stats().rhs_evals, 1 + 14 * u64::from(steps));
+        distance(solver.state(), &end)
+    };
+    let (coarse, fine) = (error(4), error(6));
+    let order = (coarse / fine).ln() / 1.5_f64.ln();
+    assert!((12.5..16.5).contains(&order), "{order}: {coarse:e} {fine:e}");
+}
+
+#[test]
+fn errors_follow_the_tolerance_in_either_direction_of_time() {
+    for tolerance in [1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14] {
+        let mut solver =
+            Integrator::new(&Kepler, Gbs14, 0.0, PERIHELION, Options::adaptive(tolerance, tolerance))
+                .unwrap();
+        solver.integrate_to(3.0 * PERIOD).unwrap();
+        let error = distance(solver.state(), &PERIHELION);
+        // An error along the orbit grows as the square of the number of periods.
+        assert!(error < 1e4 * tolerance, "{tolerance:e}: {error:e}");
+        let n_forth = solver.stats().steps;
+        solver.integrate_to(0.0).unwrap();
+        let error = distance(solver.state(), &PERIHELION);
+        assert!(error < 4e4 * tolerance, "{tolerance:e}: {error:e}");
+        assert!(n_forth > 5, "{n_forth}");
+    }
+}
+
+/// At the same tolerance as `Vern9`, in fewer evaluations one after the other.
+#[test]
+fn steps_are_longer_than_those_of_lower_order() {
+    let evaluations = |gbs: bool| {
+        let options = Options::adaptive(1e-12, 1e-12);
+        if gbs {
+            let mut solver = Integrator::new(&Kepler, Gbs14, 0.0, PERIHELION, options).unwrap();
+            solver.integrate_to(PERIOD).unwrap();
+            solver.stats().rhs_evals
+        } else {
+            let mut solver = Integrator::new(&Kepler, Vern9, 0.0, PERIHELION, options).unwrap();
+            solver.integrate_to(PERIOD).unwrap();
+            solver.stats().rhs_evals
+        }
+    };
+    let (gbs, vern) = (evaluations(true), evaluations(false));
+    assert!(10 * gbs < 6 * vern, "{gbs} {vern}");
+}
+
+#[test]
+fn states_inside_of_steps_are_as_accurate_as_their_ends() {
+    let mut solver = Integrator::new(&DRIVEN, Gbs14, 0.0, START, Options::adaptive(1e-12, 1e-12)).unwrap();
+    let times = (0..=40).map(|k| 0.25 * f64::from(k));
+    let mut sampled = Vec::new();
+    solver.sample(10.0, times, |t, y| sampled.push((t, *y))).unwrap();
+    assert_eq!(sampled.len(), 41);
+    assert!(solver.stats().steps < 20);
+    for (t, y) in sampled {
+        let error = distance(&y, &if t == 0.0 { START } else { reference(t) });
+        // The error of all steps before grows to 2.2e-12.
+        assert!(error < 4e-12, "{t}: {error:e}");
+    }
+    // Near the end of a step the state inside of it is that of the end.
+    let (from, to) = (solver.previous_t(), solver.t());
+    let mut inside = [0.0; 3];
+    solver.interpolate(to - (to - from) * 1e-14, &mut inside).unwrap();
+    assert!(distance(&inside, solver.state()) < 1e-13);
+}
+
+#[test]
+fn events_are_found_to_the_spacing_of_times() {
+    let mut solver =
+        Integrator::new(&Kepler, Gbs14, 0.0, PERIHELION, Options::adaptive(1e-13, 1e-13)).unwrap();
+    let mut times = Vec::new();
+    let progress = solver
+        .integrate_with_events(
+            3.2 * PERIOD,
+            [Direction::Rising],
+            |_, y| [y[1]],
+            |event| {
+                times.push(event.t);
+                if times.len() == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            },
+        )
+        .unwrap();
+    assert!(!progress.reached());
+    assert_eq!(times.len(), 3);
+    for (k, t) in times.iter().enumerate() {
+        assert!((t - PERIOD * (k + 1) as f64).abs() < 5e-12, "{k}: {t}");
+    }
+    assert_eq!(solver.t(), times[2]);
+}
+
+#[test]
+fn projection_keeps_the_energy_of_steps_and_between_them() {
+    let options = Options::adaptive(1e-5, 1e-5);
+    let mut solver =
+        Integrator::new(&Kepler, Projected::<_, 1>::new(Gbs14), 0.0, PERIHELION, options).unwrap();
+    let [level] = Kepler.values(0.0, &PERIHELION);
+    let times = (1..200).map(|k| 0.1 * f64::from(k));
+    let mut worst = 0.0_f64;
+    solver.sample(20.0, times, |t, y| worst = worst.max((Kepler.values(t, y)[0] - level).abs())).unwrap();
+    assert!(worst < 4e-15, "{worst:e}");
+}
+
+#[test]
+fn tolerances_below_its_floor_are_refused() {
+    let refused = Integrator::new(&Kepler, Gbs14, 0.0, PERIHELION, Options::adaptive(5e-15, 0.0)).map(|_| ());
+    assert_eq!(refused, Err(Error::RelativeTolerance { value: 5e-15, least: 1e-14 }));
+    let options = Options::adaptive(0.0, 1e-9).with_norm(Norm::Max);
+    let mut solver = Integrator::new(&Kepler, Gbs14, 0.0, PERIHELION, options).unwrap();
+    solver.integrate_to(PERIOD).unwrap();
+    assert!(distance(solver.state(), &PERIHELION) < 1e-7);
+}
