@@ -44,6 +44,11 @@ pub struct HigherOrder {
     pub accelerations: Vec<SymbolId>,
 }
 
+/// What stands in the place of symbols.
+type Values = BTreeMap<SymbolId, ExprId>;
+/// What was divided by, with what to call it.
+type Divisors = Vec<(String, ExprId)>;
+
 /// What constraints of third order bring into a system on `algebroid`, and what was divided by on the way, with what to
 /// call it. Conditions on virtual displacements of the model contain no accelerations afterwards.
 ///
@@ -55,7 +60,7 @@ pub struct HigherOrder {
 pub(in crate::reduction) fn settled(
     model: &mut Model,
     algebroid: &Algebroid,
-) -> Result<(HigherOrder, Vec<(String, ExprId)>), Error> {
+) -> Result<(HigherOrder, Divisors), Error> {
     let mut found = HigherOrder::default();
     if model.accelerations.is_empty() {
         return Ok((found, Vec::new()));
@@ -104,10 +109,7 @@ fn rates_of_state(model: &mut Model, algebroid: &Algebroid) -> BTreeMap<SymbolId
 
 /// Puts accelerations that the constraints determine in the place of their symbols in the conditions on displacements;
 /// what was divided by.
-fn settle_displacements(
-    model: &mut Model,
-    motion: &BTreeMap<SymbolId, ExprId>,
-) -> Result<Vec<(String, ExprId)>, Error> {
+fn settle_displacements(model: &mut Model, motion: &BTreeMap<SymbolId, ExprId>) -> Result<Divisors, Error> {
     let all: BTreeSet<SymbolId> = model.accelerations.iter().copied().collect();
     let used: BTreeSet<SymbolId> = (model.virtual_constraints.iter().flat_map(|c| &c.one_form))
         .flat_map(|e| model.graph.free_symbols(*e))
@@ -183,7 +185,7 @@ fn determined(
     accelerations: &[SymbolId],
     used: &[usize],
     rows: Vec<(Vec<ExprId>, ExprId)>,
-) -> Result<(BTreeMap<SymbolId, ExprId>, Vec<(String, ExprId)>), Error> {
+) -> Result<(Values, Divisors), Error> {
     let mut rows: Vec<Vec<ExprId>> =
         rows.into_iter().map(|(form, rest)| form.into_iter().chain([rest]).collect()).collect();
     for column in (0..accelerations.len()).filter(|k| !used.contains(k)) {
