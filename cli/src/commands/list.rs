@@ -12,7 +12,8 @@ use crate::error::Error;
 use crate::model;
 use crate::output::terminal::{bold, width};
 use crate::request::json::number;
-use crate::run::dynamics::{Factory as _, Info};
+use crate::run::dynamics::Factory as _;
+use crate::run::info::Info;
 use crate::run::interpreted;
 use crate::session::{ModelFile, Session};
 

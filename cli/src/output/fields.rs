@@ -9,7 +9,7 @@ use hamel_codegen::spec::ViewShape;
 use super::plot::field::Field;
 use crate::model::units::split_unit;
 use crate::model::{Model, roles};
-use crate::run::dynamics::Info;
+use crate::run::info::Info;
 use crate::run::simulation::{SimulateRequest, SimulateResponse};
 
 /// The fields of a model at all samples, and the names of those that need more than the scene's state.

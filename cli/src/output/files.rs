@@ -12,7 +12,7 @@ use super::plot::{self, Figure, MAX_LINES, Panel, svg};
 use crate::error::Error;
 use crate::model::blocks::Block;
 use crate::model::spelling::lower_first;
-use crate::run::dynamics::Info;
+use crate::run::info::Info;
 use crate::run::method::Steps;
 use crate::run::simulation::{SimulateRequest, SimulateResponse};
 

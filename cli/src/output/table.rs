@@ -11,8 +11,8 @@ use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
 use crate::error::Error;
-use crate::run::dynamics::Info;
 use crate::run::ensemble::Member;
+use crate::run::info::Info;
 
 /// Everything that is written about an ensemble.
 pub(crate) struct Table<'a> {

@@ -6,9 +6,9 @@ use serde_json::{Map, Value};
 
 use super::json::{Fields, Json, by_name, names_in, number};
 use crate::error::{Error, Problem};
-use crate::run::dynamics::Info;
 use crate::run::evaluate::{EvalRequest, EvalResponse, MAX_PROBLEMS};
 use crate::run::forms::{Form, Forms};
+use crate::run::info::Info;
 
 impl EvalRequest {
     /// Reads `{"params": {..}, "states": [{name: number, ..}, ..], "t": number}`.

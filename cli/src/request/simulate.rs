@@ -9,8 +9,8 @@ use serde_json::{Map, Value};
 use super::json::{Fields, Json, by_name, names_in, number};
 use crate::error::{Error, Problem};
 use crate::names;
-use crate::run::dynamics::Info;
 use crate::run::forms::Forms;
+use crate::run::info::Info;
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::{Sample, SimulateRequest, SimulateResponse, samples_refusal};
 

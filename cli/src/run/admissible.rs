@@ -10,7 +10,8 @@ use std::ops::Range;
 
 use hamel_codegen::spec::Want;
 
-use super::dynamics::{Dynamics, Info};
+use super::dynamics::Dynamics;
+use super::info::Info;
 use crate::error::Error;
 
 /// A residual counts as rounding up to this part of the size of its terms, see [`Linear::sizes`].

@@ -7,9 +7,10 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::dynamics::{Factory, Info};
+use super::dynamics::Factory;
 use super::ensemble::{EnsembleRequest, Member, integrate};
 use super::evaluate::{EvalRequest, EvalResponse, eval};
+use super::info::Info;
 use super::integrate::simulate;
 use super::simulation::{SimulateRequest, SimulateResponse};
 use crate::error::Error;

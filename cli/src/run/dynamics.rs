@@ -1,4 +1,4 @@
-//! What can be asked of a scene with parameters, whoever evaluates it, and what a scene is called and made of.
+//! What can be asked of a scene with parameters, whoever evaluates it.
 //!
 //! Does not know: where a scene comes from, JSON, how states are integrated.
 
@@ -9,117 +9,10 @@ use std::sync::Arc;
 
 use hamel_runtime::{
     Differentiable, Dual, F64x4, Failure, Invariants, Jet, MAX_ORDER, OverScalar, ParamError, Pivot, Real,
-    Scene, SceneInfo, SquareStorage, StateVector, System,
+    Scene, SquareStorage, StateVector, System,
 };
-use serde::{Deserialize, Serialize};
 
-/// Names and meanings of all that a scene has.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Info {
-    /// Name of the model.
-    pub model: String,
-    /// Name of the scene within the model.
-    pub scene: String,
-    /// Names of the state's components in order.
-    pub state: Vec<String>,
-    /// Components of the state in the place of velocities, such as momenta; empty where that is not known, for compiled
-    /// scenes.
-    #[serde(default)]
-    pub momenta: Vec<String>,
-    /// Free parameters in order.
-    pub params: Vec<ParamEntry>,
-    /// Groups of outputs in the order of [`Dynamics::outputs`].
-    pub outputs: Vec<OutputEntry>,
-    /// Whether [`Dynamics::energy`] has a value.
-    pub has_energy: bool,
-    /// Whether it has one and is proved to be constant along the motion.
-    pub conserves_energy: bool,
-}
-
-/// A free parameter of a scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ParamEntry {
-    /// Name, as the model spells it.
-    pub name: String,
-    /// Value of the scene as published.
-    pub default: f64,
-    /// Meaning and unit.
-    pub doc: String,
-}
-
-/// A group of outputs of a scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct OutputEntry {
-    /// Name of the group.
-    pub name: String,
-    /// Names of the components in order.
-    pub components: Vec<String>,
-    /// Meaning and unit.
-    pub doc: String,
-}
-
-impl Info {
-    /// Number of components of all outputs.
-    pub fn n_outputs(&self) -> usize {
-        self.outputs.iter().map(|group| group.components.len()).sum()
-    }
-
-    /// Names of the parameters in order.
-    pub fn param_names(&self) -> Vec<&str> {
-        self.params.iter().map(|p| p.name.as_str()).collect()
-    }
-
-    /// Names of the state's components in order.
-    pub fn state_names(&self) -> Vec<&str> {
-        self.state.iter().map(String::as_str).collect()
-    }
-
-    /// Defaults of the parameters in order.
-    pub fn defaults(&self) -> Vec<f64> {
-        self.params.iter().map(|p| p.default).collect()
-    }
-
-    /// Positions of a group's components among all outputs; none when the scene has no such group.
-    pub fn output_range(&self, group: &str) -> Option<std::ops::Range<usize>> {
-        let mut start = 0;
-        for entry in &self.outputs {
-            let end = start + entry.components.len();
-            if entry.name == group {
-                return Some(start..end);
-            }
-            start = end;
-        }
-        None
-    }
-}
-
-impl Info {
-    /// The names and meanings of a scene known at compile time.
-    pub fn of<R: Real, S: Scene<R>>() -> Info {
-        let info: &SceneInfo = &S::INFO;
-        let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-        let param = |p: &hamel_runtime::ParamInfo| ParamEntry {
-            name: p.name.into(),
-            default: p.default,
-            doc: p.doc.into(),
-        };
-        let output = |o: &hamel_runtime::OutputInfo| OutputEntry {
-            name: o.name.into(),
-            components: owned(o.components),
-            doc: o.doc.into(),
-        };
-        Info {
-            model: info.model.into(),
-            scene: info.scene.into(),
-            state: owned(info.state),
-            momenta: Vec::new(),
-            params: info.params.iter().map(param).collect(),
-            outputs: info.outputs.iter().map(output).collect(),
-            has_energy: info.has_energy,
-            conserves_energy: S::CONSERVES_ENERGY,
-        }
-    }
-}
+use super::info::Info;
 
 /// A scene with parameter values, ready to be evaluated.
 ///

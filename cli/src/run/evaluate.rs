@@ -5,7 +5,8 @@
 use hamel_runtime::{Error as SolverError, Failure};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, Dynamics, Factory, Info, PreparedScene};
+use super::dynamics::{BadParams, Dynamics, Factory, PreparedScene};
+use super::info::Info;
 use crate::error::{Error, Problem};
 
 /// What to evaluate, in the order of [`Info`].

@@ -13,8 +13,9 @@ use hamel_codegen::scene::{self, Executable};
 use hamel_codegen::spec::CarriedBy;
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, Info};
+use super::dynamics::BadParams;
 use super::evaluate::refused;
+use super::info::Info;
 use crate::error::Error;
 use crate::model::Checked;
 

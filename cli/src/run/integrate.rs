@@ -5,8 +5,9 @@
 use hamel_runtime::{Error as SolverError, Integrator, Method};
 
 use super::admissible;
-use super::dynamics::{Factory, Info, PreparedScene, VecState};
+use super::dynamics::{Factory, PreparedScene, VecState};
 use super::evaluate::{describe, prepare, why_stopped};
+use super::info::Info;
 use super::method::Steps;
 use super::record::Record;
 use super::simulation::{SimulateRequest, SimulateResponse, stopped_because};

@@ -12,7 +12,8 @@ use hamel_codegen::spec;
 use hamel_runtime::{Failure, Pivot};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry, PreparedScene, VecState};
+use super::dynamics::{BadParams, Dynamics, Factory, PreparedScene, VecState};
+use super::info::{Info, OutputEntry, ParamEntry};
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{Checked, Model};

@@ -11,6 +11,7 @@ pub mod dynamics;
 pub mod ensemble;
 pub mod evaluate;
 pub mod forms;
+pub mod info;
 pub mod integrate;
 pub mod interpreted;
 pub mod method;

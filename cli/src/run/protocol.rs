@@ -10,9 +10,10 @@ use std::io::{BufRead, Write};
 use serde::{Deserialize, Serialize};
 
 use super::backend::simulate_with_bar;
-use super::dynamics::{Factory, Info};
+use super::dynamics::Factory;
 use super::ensemble::{EnsembleRequest, integrate};
 use super::evaluate::{EvalRequest, eval};
+use super::info::Info;
 use super::simulation::SimulateRequest;
 use crate::error::{Error, WireError};
 

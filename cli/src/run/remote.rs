@@ -10,9 +10,9 @@ use serde::de::DeserializeOwned;
 
 use super::backend::Backend;
 use super::cargo;
-use super::dynamics::Info;
 use super::ensemble::{EnsembleRequest, Member};
 use super::evaluate::{EvalRequest, EvalResponse};
+use super::info::Info;
 use super::protocol::{Answer, Ask, Hello, Opened, PACKAGE};
 use super::simulation::{SimulateRequest, SimulateResponse};
 use crate::error::Error;

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::Info;
+use super::info::Info;
 use super::method::{MethodName, Steps};
 use crate::error::Error;
 

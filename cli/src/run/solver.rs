@@ -7,7 +7,8 @@ use hamel_runtime::{
 };
 
 use super::auto;
-use super::dynamics::{Dynamics, Info, PreparedLanes, PreparedScene};
+use super::dynamics::{Dynamics, PreparedLanes, PreparedScene};
+use super::info::Info;
 use super::method::{MethodName, Steps};
 use crate::error::Error;
 

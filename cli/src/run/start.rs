@@ -9,9 +9,9 @@ use hamel_codegen::spec::Want;
 
 use super::admissible::{self, Outcome, Places, project};
 use super::backend::{Backend, Local};
-use super::dynamics::Info;
 use super::evaluate::{EvalRequest, prepare};
 use super::forms::Forms;
+use super::info::Info;
 use super::interpreted::{self, Built};
 use super::simulation::SimulateRequest;
 use crate::error::Error;

@@ -3,8 +3,9 @@
 //! Deliberately does not know: which models are run.
 
 use hamel::Error;
-use hamel::run::dynamics::{Dynamics, Factory, Info, VecState};
+use hamel::run::dynamics::{Dynamics, Factory, PreparedScene, VecState};
 use hamel::run::evaluate::describe;
+use hamel::run::info::Info;
 use hamel_codegen::spec::Want;
 use hamel_runtime::{Gauss6, Integrator, Method, Options, Progress, Projected, Vern9};
 
@@ -40,7 +41,7 @@ impl std::fmt::Display for Stepping {
     }
 }
 
-type System<'a> = Box<dyn Dynamics + 'a>;
+type System<'a> = PreparedScene<'a>;
 type Follow = fn(&System<'_>, &[f64], Stepping, u64, &mut dyn FnMut(f64, &[f64])) -> Result<(), String>;
 
 /// A method and how it chooses steps. A new method is one line of [`METHODS`].

@@ -18,7 +18,7 @@ use super::plot::loglog::{self, Curve, LogLog};
 use super::plot::{self, Figure, Panel};
 use crate::error::Error;
 use crate::model::blocks::Block;
-use crate::run::dynamics::Info;
+use crate::run::info::Info;
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::{SimulateRequest, SimulateResponse};
 use contents::{Page, Quantity, ViewKind};
