@@ -4,11 +4,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::expr::{ExprId, Section, Sign, Style, SymbolId, sign_of};
+use crate::expr::{ExprId, Section, Sign, Style, SymbolId, Vanishing, sign_of};
 use crate::reduction::ReducedSystem;
 use crate::spec::Want;
 
-use super::sections::SectionMomentum;
 use super::solve::Pivot;
 
 /// A state variable and its time derivative.
@@ -85,6 +84,20 @@ pub struct Facts {
     pub mass_matrix_is_constant: bool,
     /// Whether `A` (the Hessian `L_yy` in the multiplier form) is symmetric.
     pub mass_matrix_is_symmetric: bool,
+}
+
+/// What became of the momentum along a section.
+#[derive(Clone, Debug)]
+pub struct SectionMomentum {
+    /// Name of the section.
+    pub name: String,
+    /// Its rate along the motion, zero where it is seen to vanish.
+    pub rate: ExprId,
+    /// Whether the rate vanishes identically.
+    pub verdict: Vanishing,
+    /// Whether the section is one of virtual displacements, so that no reaction acts along it; none where that could
+    /// not be found out.
+    pub is_displacement: Option<bool>,
 }
 
 /// The form of the equations of motion that was solved for the rates.

@@ -39,7 +39,9 @@ pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coeffic
 pub use derive::derive;
 pub use dirac::DiracStructure;
 pub use displacements::{BothEquations, DisplacementForms};
-pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
+pub use equations::{
+    Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, SectionMomentum, StateEquation,
+};
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};
 pub use gauge::{ConservedMomenta, ConservedMomentum};
 pub use hamiltonization::{BracketFacts, Jacobi};
@@ -47,7 +49,6 @@ pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};
 pub use measure::{Density, Factor};
 pub use phases::{Phase, phases};
 pub use routh::Routhian;
-pub use sections::SectionMomentum;
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;
 pub use vertical::{HorizontalEquation, VerticalEquation, VerticalEquations};

@@ -15,21 +15,7 @@ use crate::spec::Want;
 
 use super::chart::Chart;
 use super::derive::{Derivation, Motion};
-use super::equations::{Equations, Output};
-
-/// What became of the momentum along a section.
-#[derive(Clone, Debug)]
-pub struct SectionMomentum {
-    /// Name of the section.
-    pub name: String,
-    /// Its rate along the motion, zero where it is seen to vanish.
-    pub rate: ExprId,
-    /// Whether the rate vanishes identically.
-    pub verdict: Vanishing,
-    /// Whether the section is one of virtual displacements, so that no reaction acts along it; none where that could
-    /// not be found out.
-    pub is_displacement: Option<bool>,
-}
+use super::equations::{Equations, Output, SectionMomentum};
 
 impl Derivation<'_> {
     /// The momenta along the sections of the model, and their rates.
@@ -45,9 +31,9 @@ impl Derivation<'_> {
         };
         let (mut found, mut components) = (Vec::new(), Vec::new());
         for section in &system.sections {
-            let value = self.paired(&section.coefficients, &self.momentum.clone());
+            let value = self.g.dot(&section.coefficients, &self.momentum);
             components.push((section.name.clone(), self.g.cancel_zero(value)));
-            let momentum = self.paired(&section.coefficients, &raw);
+            let momentum = self.g.dot(&section.coefficients, &raw);
             let rate = self.rate_of(momentum, motion)?;
             let is_displacement = self.is_displacement(&section.coefficients)?;
             let verdict = self.g.vanishing(rate);
@@ -71,7 +57,7 @@ impl Derivation<'_> {
             KinematicConstraint::Multipliers { reactions, .. } => {
                 let mut is_displacement = Some(true);
                 for form in reactions {
-                    let work = self.paired(form, section);
+                    let work = self.g.dot(form, section);
                     let work = self.replace(work)?;
                     match self.g.vanishing(work) {
                         Vanishing::Zero => {}
@@ -83,11 +69,6 @@ impl Derivation<'_> {
             }
         };
         Ok(Some(independent_rows(&self.g, &rows).iter().all(|k| *k < n)))
-    }
-
-    fn paired(&mut self, a: &[ExprId], b: &[ExprId]) -> ExprId {
-        let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| self.g.mul(*x, *y)).collect();
-        self.g.sum(&terms)
     }
 }
 

@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use super::layout::Layout;
+use super::layout::{GroupBlock, Layout};
 use super::matrix_group::MatrixGroup;
 use crate::algebra::LieAlgebra;
 
@@ -23,19 +23,6 @@ pub enum Group {
     Translation(usize),
     /// Matrices, and vectors of the spaces of a semidirect product.
     Matrices(Box<MatrixGroup>),
-}
-
-/// Coordinates of a group that belong together.
-#[derive(Clone)]
-pub(super) struct GroupBlock {
-    /// Position of the name in the text that they stand for.
-    pub(super) of: usize,
-    /// Their name as one value.
-    pub(super) name: String,
-    /// Their own names.
-    pub(super) components: Vec<String>,
-    /// The number of columns of a matrix; none for a vector or a number.
-    pub(super) n_columns: Option<usize>,
 }
 
 impl fmt::Display for Group {

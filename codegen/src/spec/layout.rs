@@ -62,3 +62,16 @@ pub(super) fn short_list(intro: &str, names: &[String]) -> String {
 pub(super) fn component_help(names: &[String]) -> String {
     short_list("the components are", names)
 }
+
+/// Coordinates of a group that belong together.
+#[derive(Clone)]
+pub(super) struct GroupBlock {
+    /// Position of the name in the text that they stand for.
+    pub(super) of: usize,
+    /// Their name as one value.
+    pub(super) name: String,
+    /// Their own names.
+    pub(super) components: Vec<String>,
+    /// The number of columns of a matrix; none for a vector or a number.
+    pub(super) n_columns: Option<usize>,
+}

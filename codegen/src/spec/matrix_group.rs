@@ -4,8 +4,7 @@
 
 use std::fmt;
 
-use super::group::GroupBlock;
-use super::layout::Layout;
+use super::layout::{GroupBlock, Layout};
 use crate::algebra::{LieAlgebra, Matrix, Representation};
 use crate::error::Error;
 use crate::expr::Rational;

@@ -9,8 +9,8 @@ use crate::options::{Options, StepSize};
 use crate::real::Real;
 use crate::system::{OverScalar, StateVector, System};
 
-/// The explicit midpoint rule, extrapolated to order 14 from rows of 2, 4, .., 14 substeps: the fastest method for smooth
-/// systems at any tolerance down to 1e-14.
+/// The explicit midpoint rule, extrapolated to order 14 from rows of 2, 4, .., 14 substeps: the fastest method for
+/// smooth systems at any tolerance down to 1e-14.
 ///
 /// ```text
 /// d_0 = 0,  d_1 = eta f(t, y),  d_(i+1) = d_(i-1) + 2 eta f(t + i eta, y + d_i),  eta = h/n      row n: d_n
@@ -22,8 +22,8 @@ use crate::system::{OverScalar, StateVector, System};
 /// round-off of a step near that of `y + h f`; the weights are up to 56 in sum, and tolerances below 1e-14 are out of
 /// reach. The estimate is the difference from the extrapolation without the row of two substeps.
 ///
-/// Continuous output is a step of its own from the same start, as accurate as the step: 13 evaluations a state. For many
-/// of them in a step [`Vern9`](crate::Vern9) is the better choice.
+/// Continuous output is a step of its own from the same start, as accurate as the step: 13 evaluations a state. For
+/// many of them in a step [`Vern9`](crate::Vern9) is the better choice.
 ///
 /// # Source
 ///

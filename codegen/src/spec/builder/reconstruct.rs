@@ -9,7 +9,8 @@ use super::symbols::Special;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Number, SymbolId};
 use crate::spec::diagnostic::Span;
-use crate::spec::group::{Group, GroupBlock};
+use crate::spec::group::Group;
+use crate::spec::layout::GroupBlock;
 use crate::spec::layout::Layout;
 use crate::spec::limits::MAX_DIM;
 use crate::spec::model::*;
@@ -34,10 +35,10 @@ impl Group {
 impl ModelBuilder {
     /// Coordinates of a group that the velocities `from` of the algebra move; with none, all velocities of the algebra.
     ///
-    /// SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names, angle
-    /// and position; SE(3) two names `q, r` and has `qw, .., qz, r1, r2, r3`; R^n one name `x` for `x1, .., xn`, or `n`
-    /// names. A matrix group takes one name `R` and has the entries of a matrix, `R11, R12, ..`, or of a real and an
-    /// imaginary part, `R_re11, ..`; and one more name for each space of a semidirect product.
+    /// SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names,
+    /// angle and position; SE(3) two names `q, r` and has `qw, .., qz, r1, r2, r3`; R^n one name `x` for `x1, .., xn`,
+    /// or `n` names. A matrix group takes one name `R` and has the entries of a matrix, `R11, R12, ..`, or of a real
+    /// and an imaginary part, `R_re11, ..`; and one more name for each space of a semidirect product.
     pub fn reconstruct_group(
         &mut self,
         names: &[&str],
