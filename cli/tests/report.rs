@@ -88,6 +88,7 @@ fn a_page_has_every_section() {
         "Kinematics (anchor)",
         "Equations of motion",
         "Found exactly",
+        "Momenta along sections",
         "Operation counts",
         "Motion in space",
         "Motion",

@@ -265,7 +265,9 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
         divisors: Default::default(),
     };
     let requests = [Request { role: Role::Rate, results: vec![("x".into(), sum)] }];
-    let program = lower(&mut g, &inputs, &sections, &[], &requests, &SearchBudget::default()).unwrap();
+    // As straight lines, not as a loop over a table.
+    let budget = SearchBudget { products: usize::MAX, ..SearchBudget::default() };
+    let program = lower(&mut g, &inputs, &sections, &[], &requests, &budget).unwrap();
     let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
     let longest = emitted.lines().map(str::len).max();
     assert!(longest < Some(200), "{longest:?}");

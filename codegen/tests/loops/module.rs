@@ -1064,6 +1064,31 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     }
 }
 
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Prepared<R> {
+    type Over = Prepared<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
+        Prepared {
+            mu: convert(self.mu),
+            w: convert(self.w),
+            c0: convert(self.c0),
+            A_re_1_m1_re_1_m1: convert(self.A_re_1_m1_re_1_m1),
+            c1: convert(self.c1),
+            c2: convert(self.c2),
+            d_dot_im_1_0_d_im_1_0: convert(self.d_dot_im_1_0_d_im_1_0),
+            d_dot_im_1_1_d_im_1_1: convert(self.d_dot_im_1_1_d_im_1_1),
+            A_re_0_1_re_0_1: convert(self.A_re_0_1_re_0_1),
+        }
+    }
+
+    fn state_over(state: &[R; 10], convert: impl Fn(R) -> Q) -> [Q; 10] {
+        state.map(convert)
+    }
+}
+
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
 
