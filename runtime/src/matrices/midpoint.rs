@@ -455,6 +455,8 @@ fn start(n: usize, m: &mut Matrices<'_>, n_known: usize, next: usize, n_kept: us
 /// The number of steps whose extrapolation comes nearest to the step in the slot `next`, in the norm of Frobenius: the
 /// error of the polynomial through `q` steps before is the backward difference of the order `q`. Where iterations end
 /// early, what they leave over is multiplied by `2^q`.
+#[cold]
+#[inline(never)]
 fn best_order(n: usize, history: &[Row], next: usize, n_kept: usize) -> usize {
     let size = n_rows(n, n);
     let mut squares = [0.0; 1 + MAX_HISTORY];
