@@ -240,6 +240,17 @@ pub enum Error {
         /// The acceleration.
         acceleration: String,
     },
+    /// An event sets what the state of a scene does not carry.
+    EventSets {
+        /// The event.
+        event: String,
+        /// What it sets.
+        target: String,
+        /// The scene.
+        scene: String,
+        /// What its state carries.
+        state: Vec<String>,
+    },
     /// An exact number that no `f64` comes near: too large, or not zero and too small.
     OutOfRange {
         /// What has that value.
@@ -424,6 +435,10 @@ impl Error {
             Error::NoBracket { reason } => (
                 format!("there is no nonholonomic bracket: {reason}"),
                 "remove `bracket` from what the scene wants".into(),
+            ),
+            Error::EventSets { event, target, scene, state } => (
+                format!("event `{event}` sets `{target}`, which the state of scene {scene} does not carry"),
+                format!("it carries {}", state.join(", ")),
             ),
             Error::NoPhases { reason } => (
                 format!("there are no phases: {reason}"),

@@ -165,6 +165,21 @@ pub enum Error {
         /// Position of the function.
         index: usize,
     },
+    /// An event that changes the state follows itself within the rounding of time: infinitely many events before a
+    /// time, as of a ball that comes to rest.
+    EventsAccumulate {
+        /// Time of the last of them.
+        t: f64,
+        /// Position of its function.
+        index: usize,
+    },
+    /// The limit on events was reached.
+    TooManyEvents {
+        /// Time of the last of them.
+        t: f64,
+        /// The limit, `Options::max_events`.
+        limit: u64,
+    },
     /// An invariant to project onto is infinite or NaN at a state that is finite.
     InvariantNotFinite {
         /// Time of the evaluation.
@@ -266,6 +281,16 @@ impl fmt::Display for Error {
                     "event function {index} is not finite at t = {t}: let it have a value on the whole way"
                 )
             }
+            Self::EventsAccumulate { t, index } => {
+                write!(
+                    f,
+                    "events of function {index} accumulate at t = {t}: each changes the state again within the \
+                     rounding of time; stop before, or let it end the motion"
+                )
+            }
+            Self::TooManyEvents { t, limit } => {
+                write!(f, "limit of {limit} events reached at t = {t}: raise max_events if they are meant")
+            }
             Self::InvariantNotFinite { t, index } => {
                 write!(
                     f,
@@ -356,6 +381,8 @@ mod tests {
             Error::OutsideInterval { t: 3.0, from: 1.0, to: 2.0 },
             Error::NotConverged { method: "gauss6", t: 1.0, h: 0.1, iterations: 100 },
             Error::EventNotFinite { t: 1.0, index: 0 },
+            Error::EventsAccumulate { t: 1.0, index: 0 },
+            Error::TooManyEvents { t: 1.0, limit: 10 },
             Error::InvariantNotFinite { t: 1.0, index: 0 },
             Error::Order { order: 40, least: 2, most: 32 },
             Error::MatrixSize { n: 4, allowed: "an odd number from 3 on" },

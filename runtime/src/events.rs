@@ -1,9 +1,12 @@
-//! Events: changes of sign of functions of time and state, located within a step.
+//! Events: changes of sign of functions of time and state, located within a step, and what follows them.
 //!
-//! The module deliberately does not know states or how they are interpolated: it sees values of one function.
+//! The module deliberately does not know how states are interpolated: to locate, it sees values of one function.
+
+use core::ops::ControlFlow;
 
 use crate::options::signed;
 use crate::real::Real;
+use crate::system::System;
 
 /// Which changes of sign are events.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,6 +22,16 @@ pub enum Direction {
 }
 
 impl Direction {
+    /// Whether a change of sign of this direction may lead to a value.
+    pub(crate) fn may_end<R: Real>(self, after: R) -> bool {
+        let after = signed(after);
+        match self {
+            Self::Rising => after >= 0.0,
+            Self::Falling => after <= 0.0,
+            Self::Either => true,
+        }
+    }
+
     /// Whether the values at both ends of a step are a change of sign of this direction.
     pub(crate) fn is_change<R: Real>(self, before: R, after: R) -> bool {
         let (before, after) = (signed(before), signed(after));
@@ -65,6 +78,106 @@ pub struct Event<'a, R, V> {
     pub t: R,
     /// The state then.
     pub state: &'a V,
+}
+
+/// What follows an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Action {
+    /// Nothing: the motion goes on as if nothing had happened.
+    Continue,
+    /// The motion goes on from the state as it has been changed.
+    Restart,
+    /// The integration stops there.
+    Stop,
+    /// It stops there with the state as it has been changed.
+    ChangeAndStop,
+}
+
+/// What is told on the way of an integration, and what it asks for: see
+/// [`Integrator::observe`](crate::Integrator::observe).
+///
+/// ```
+/// use hamel_runtime::{Action, Direction, Integrator, Observer, Options, System, Vern9};
+///
+/// /// A ball: height and speed.
+/// struct Ball;
+///
+/// impl System<f64> for Ball {
+///     type State = [f64; 2];
+///     fn rhs(&self, _t: f64, y: &[f64; 2], dy: &mut [f64; 2]) {
+///         *dy = [y[1], -9.81];
+///     }
+/// }
+///
+/// /// It keeps four fifths of its speed at every impact; the fifth ends the motion.
+/// struct Impacts(u32);
+///
+/// impl Observer<f64, [f64; 2], 1> for Impacts {
+///     fn values(&mut self, _t: f64, y: &[f64; 2]) -> [f64; 1] {
+///         [y[0]]
+///     }
+///
+///     fn event(&mut self, _index: usize, _t: f64, y: &mut [f64; 2]) -> Action {
+///         self.0 += 1;
+///         y[1] *= -0.8;
+///         if self.0 == 5 { Action::ChangeAndStop } else { Action::Restart }
+///     }
+/// }
+///
+/// let mut solver = Integrator::new(&Ball, Vern9, 0.0, [0.0, 9.81], Options::adaptive(1e-12, 1e-12))?;
+/// solver.observe(100.0, [], [Direction::Falling], &mut Impacts(0))?;
+/// let flights = 2.0 * (1.0 + 0.8 + 0.8_f64.powi(2) + 0.8_f64.powi(3) + 0.8_f64.powi(4));
+/// assert!((solver.t() - flights).abs() < 1e-12);
+/// assert!((solver.state()[1] - 9.81 * 0.8_f64.powi(5)).abs() < 1e-11);
+/// # Ok::<(), hamel_runtime::Error>(())
+/// ```
+pub trait Observer<R: Real, V, const K: usize> {
+    /// The state at a time that was asked for.
+    fn sample(&mut self, t: R, state: &V) {
+        let _ = (t, state);
+    }
+
+    /// The end of a step, unless an event has ended it before; where the answer is to break, the integration stops.
+    fn step(&mut self, t: R, state: &V) -> ControlFlow<()> {
+        let _ = (t, state);
+        ControlFlow::Continue(())
+    }
+
+    /// The values of the functions whose changes of sign are events.
+    fn values(&mut self, t: R, state: &V) -> [R; K];
+
+    /// An event: position of its function, its time, and the state just after the change of sign, which it may change.
+    fn event(&mut self, index: usize, t: R, state: &mut V) -> Action;
+}
+
+/// A system that says itself what its events are and what they do, as generated scenes with events do.
+///
+/// [`Integrator::integrate_through_events`](crate::Integrator::integrate_through_events) carries them out.
+pub trait Events<R: Real, const K: usize>: System<R> {
+    /// The changes of sign that are events.
+    const DIRECTIONS: [Direction; K];
+
+    /// The values of the functions whose changes of sign are events.
+    fn event_values(&self, t: R, y: &Self::State) -> [R; K];
+
+    /// Changes the state as the event of function `index` does, all components from the state before, and says whether
+    /// the motion goes on.
+    fn event_apply(&self, index: usize, t: R, y: &mut Self::State) -> Action;
+}
+
+impl<R: Real, const K: usize, S: Events<R, K> + ?Sized> Events<R, K> for &S {
+    const DIRECTIONS: [Direction; K] = S::DIRECTIONS;
+
+    #[inline]
+    fn event_values(&self, t: R, y: &Self::State) -> [R; K] {
+        (**self).event_values(t, y)
+    }
+
+    #[inline]
+    fn event_apply(&self, index: usize, t: R, y: &mut Self::State) -> Action {
+        (**self).event_apply(index, t, y)
+    }
 }
 
 /// The end of a bracket of at most the width `resolution` around a change of sign of `f` in `[0, 1]`, by the

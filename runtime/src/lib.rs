@@ -96,7 +96,7 @@ mod variational;
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
-pub use events::{Direction, Event};
+pub use events::{Action, Direction, Event, Events, Observer};
 pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
 pub use integrator::{Integrator, Progress, Stats};
 pub use jet::{Convolutions, Jet, MAX_ORDER};

@@ -55,10 +55,13 @@ pub struct Options<R> {
     pub norm: Norm,
     /// Limit on attempted steps, accepted and rejected, of one call of the integrator.
     pub max_steps: u64,
+    /// Limit on events that are told in one call of the integrator.
+    pub max_events: u64,
 }
 
 impl<R: Real> Options<R> {
     const MAX_STEPS: u64 = 10_000_000;
+    const MAX_EVENTS: u64 = 1_000_000;
 
     /// Steps chosen such that the estimated local error stays within the tolerances.
     ///
@@ -67,14 +70,21 @@ impl<R: Real> Options<R> {
     #[must_use]
     pub fn adaptive(rtol: R, atol: R) -> Self {
         let step = StepSize::Adaptive { initial: None, max: None };
-        Self { rtol, atol, step, norm: Norm::Rms, max_steps: Self::MAX_STEPS }
+        Self { rtol, atol, step, norm: Norm::Rms, max_steps: Self::MAX_STEPS, max_events: Self::MAX_EVENTS }
     }
 
     /// Steps of the size `h > 0`.
     #[must_use]
     pub fn fixed(h: R) -> Self {
         let step = StepSize::Fixed(h);
-        Self { rtol: R::ZERO, atol: R::ZERO, step, norm: Norm::Rms, max_steps: Self::MAX_STEPS }
+        Self {
+            rtol: R::ZERO,
+            atol: R::ZERO,
+            step,
+            norm: Norm::Rms,
+            max_steps: Self::MAX_STEPS,
+            max_events: Self::MAX_EVENTS,
+        }
     }
 
     /// Sets the first step to try; no effect with fixed steps.
@@ -109,6 +119,13 @@ impl<R: Real> Options<R> {
         self
     }
 
+    /// Sets the limit on events that are told in one call.
+    #[must_use]
+    pub fn with_max_events(mut self, limit: u64) -> Self {
+        self.max_events = limit;
+        self
+    }
+
     /// The same options for another scalar, each number by `convert`.
     ///
     /// ```
@@ -119,14 +136,14 @@ impl<R: Real> Options<R> {
     /// ```
     #[must_use]
     pub fn map<Q: Real>(self, convert: impl Fn(R) -> Q) -> Options<Q> {
-        let Self { rtol, atol, step, norm, max_steps } = self;
+        let Self { rtol, atol, step, norm, max_steps, max_events } = self;
         let step = match step {
             StepSize::Fixed(h) => StepSize::Fixed(convert(h)),
             StepSize::Adaptive { initial, max } => {
                 StepSize::Adaptive { initial: initial.map(&convert), max: max.map(&convert) }
             }
         };
-        Options { rtol: convert(rtol), atol: convert(atol), step, norm, max_steps }
+        Options { rtol: convert(rtol), atol: convert(atol), step, norm, max_steps, max_events }
     }
 
     /// Checks every number of the options.

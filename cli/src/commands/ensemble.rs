@@ -109,6 +109,11 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let built = interpreted::build(model, &choice.scene)?;
     has_state(built.info())?;
     let forms = Forms::of(model, built.info())?;
+    if built.watched().is_some_and(|watched| watched.acts()) {
+        let reason = "has events that change the state or end the motion, which ensembles do not carry out: choose a \
+                      scene without `events`";
+        return Err(Error::unusable("--scene", reason));
+    }
     let plan = Plan::new(built.info(), &forms, arguments)?;
     let mut backend = choice.open(&file)?;
     let info = backend.info().clone();

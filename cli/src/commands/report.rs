@@ -17,10 +17,11 @@ use crate::output::fields::fields;
 use crate::output::report::contents::contents;
 use crate::output::report::{self, Motion, Precision};
 use crate::run::backend::{Backend as _, Local};
+use crate::run::dynamics::Factory;
 use crate::run::forms::Forms;
 use crate::run::interpreted;
 use crate::run::method::{MethodName, Steps};
-use crate::run::simulation::SimulateRequest;
+use crate::run::simulation::{MAX_EVENTS, SimulateRequest};
 use crate::run::start;
 use crate::session::Session;
 
@@ -77,7 +78,9 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
 fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> {
     let params = roles::all_params(model, &arguments.scene, &BTreeMap::new());
     let (roles, preferred) = (roles::roles(model, &params), roles::initial_values(model, &params));
-    let mut full = Local::new(interpreted::build_pictured(model, &arguments.scene)?);
+    let full = interpreted::build_pictured(model, &arguments.scene)?;
+    let watched = full.watched();
+    let mut full = Local::new(full);
     let info = full.info().clone();
     let values = info.defaults();
     let given = BTreeMap::new();
@@ -93,16 +96,24 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
         with_outputs: true,
         n_group: 0,
         max_steps: report::MAX_STEPS,
+        max_events: MAX_EVENTS,
+        watched,
     };
     let response = full.simulate(&request)?;
     // Accuracy is compared without outputs and without the coordinates of the group.
-    let mut bare = Local::new(interpreted::build(model, &arguments.scene)?);
-    let start = bare.info().state.iter().map(|name| {
+    let bare = interpreted::build(model, &arguments.scene)?;
+    let start = Factory::info(&bare).state.iter().map(|name| {
         let at = info.state.iter().position(|s| s == name);
         at.map_or(0.0, |at| request.initial[at])
     });
-    let bare_request =
-        SimulateRequest { initial: start.collect(), samples: 0, with_outputs: false, ..request.clone() };
+    let bare_request = SimulateRequest {
+        initial: start.collect(),
+        samples: 0,
+        with_outputs: false,
+        watched: bare.watched(),
+        ..request.clone()
+    };
+    let mut bare = Local::new(bare);
     let precision = Precision::measure(arguments.t_final, |method, steps| {
         bare.simulate(&SimulateRequest { method, steps, ..bare_request.clone() })
     });

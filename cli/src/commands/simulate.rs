@@ -11,18 +11,20 @@ use hamel_codegen::spec::Want;
 
 use super::options::{MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
-use crate::model::{self, Model, blocks, roles};
+use crate::model::{self, Checked, Model, blocks, roles};
+use crate::output::crossings::{Crossings, EventTarget};
 use crate::output::fields::fields;
 use crate::output::files::{Run, Target};
 use crate::output::terminal::bold;
 use crate::request::read_request;
 use crate::run::backend::Backend;
 use crate::run::choice::Via;
+use crate::run::events::Watched;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::integrate::has_state;
 use crate::run::method::{MethodName, Steps};
-use crate::run::simulation::{SimulateRequest, SimulateResponse, samples_refusal};
+use crate::run::simulation::{EventRecord, MAX_EVENTS, SimulateRequest, SimulateResponse, samples_refusal};
 use crate::run::start::{Starts, judge};
 use crate::run::{admissible, auto, interpreted};
 use crate::session::Session;
@@ -43,6 +45,9 @@ use crate::session::Session;
 ///
 /// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift",
 /// "constraint_residual", "initial_residual", "warnings"}
+///
+/// A request with "sections", a list of texts as for --section, and a model with events add "events" to the answer,
+/// [{"name", "t", "state": {..}}, ..], and "ended_by" where one has ended the motion; "max_events" limits their number.
 ///
 /// A request with "reconstruct" gives the coordinates of the group, all of them or none for the defaults, and the
 /// answer has their final values in "reconstruction". `hamel list` shows their names: what scene reconstruction adds to
@@ -75,12 +80,27 @@ pub struct Arguments {
     /// Number of samples in files, at equal distances, both ends included [default: 1001]
     #[arg(long, value_name = "N")]
     pub samples: Option<usize>,
+    /// Function of the state to watch for changes of sign, an expression of the model's language with `rising` or
+    /// `falling` behind it where only these are meant; may be repeated
+    #[arg(long, value_name = "EXPRESSION")]
+    pub section: Vec<String>,
+    /// File to write with the events and the crossings of sections: .csv, or .svg with the crossings in a plane; may be
+    /// repeated
+    #[arg(long, value_name = "FILE")]
+    pub events: Vec<PathBuf>,
+    /// Components of the state that span the plane of --events FILE.svg [default: the first two]
+    #[arg(long, value_name = "X,Y", requires = "events", value_delimiter = ',', num_args = 2)]
+    pub plane: Vec<String>,
+    /// Largest number of events [default: 100000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub max_events: Option<u64>,
     /// File to write: .csv, .svg or .json; may be repeated
     #[arg(short, long = "output", value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// Read a JSON request from standard input and print a JSON answer
     #[arg(long, conflicts_with_all =
-        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_steps", "samples", "output"])]
+        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_steps", "samples", "output",
+         "section", "events", "plane", "max_events"])]
     pub json: bool,
 }
 
@@ -114,7 +134,9 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
     if reconstructs {
         return reconstruct_text(&mut *backend, model()?, &text, &forms);
     }
-    let request = SimulateRequest::parse_in(&text, &info, &forms, 0, &|_| Vec::new())?;
+    let mut request = SimulateRequest::parse_in(&text, &info, &forms, 0, &|_| Vec::new())?;
+    let sections = SimulateRequest::sections(&text)?;
+    request.watched = Watched::new(model()?, &info, &sections, "sections")?;
     // The default scene has what there is, so that nobody has to read the model, unless it carries momenta.
     let has_all =
         choice.scene == model::DEFAULT_SCENE && info.output_range(Want::Velocities.name()).is_none();
@@ -130,6 +152,9 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
 /// As [`SimulateRequest::parse`] and [`crate::run::integrate::simulate`].
 pub fn simulate_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
     let request = SimulateRequest::parse(text, backend.info())?;
+    if !SimulateRequest::sections(text)?.is_empty() {
+        return Err(Error::unusable("sections", "needs the model besides the scene"));
+    }
     respond(backend, &request)
 }
 
@@ -145,13 +170,15 @@ fn respond(backend: &mut dyn Backend, request: &SimulateRequest) -> Result<Strin
 /// As [`simulate_text`], and when the scene's state does not end with the coordinates that the model reconstructs.
 pub fn reconstruct_text(
     backend: &mut dyn Backend,
-    model: &Model,
+    model: &Checked,
     text: &str,
     forms: &Forms,
 ) -> Result<String, Error> {
     let n_group = n_group(backend.info(), model)?;
     let defaults = |params: &BTreeMap<String, f64>| roles::group_start(model, params);
-    let request = SimulateRequest::parse_in(text, backend.info(), forms, n_group, &defaults)?;
+    let mut request = SimulateRequest::parse_in(text, backend.info(), forms, n_group, &defaults)?;
+    let sections = SimulateRequest::sections(text)?;
+    request.watched = Watched::new(model, backend.info(), &sections, "sections")?;
     respond(backend, &request)
 }
 
@@ -175,6 +202,8 @@ fn n_group(info: &Info, model: &Model) -> Result<usize, Error> {
 fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = session.find(&arguments.scene.model)?;
     let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
+    let of_events: Vec<EventTarget> =
+        arguments.events.iter().map(|p| EventTarget::new(p)).collect::<Result<_, _>>()?;
     let model = file.model()?;
     let mut choice = arguments.scene.choice();
     if arguments.reconstruct {
@@ -224,6 +253,8 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if let Some(reason) = samples_refusal(samples as u64, &info, !targets.is_empty()) {
         return Err(Error::unusable("--samples", reason));
     }
+    let watched = Watched::new(model, &info, &arguments.section, "--section")?;
+    let plane = plane(&info, &arguments.plane)?;
     let (params, initial) = Starts::new(model, &info, forms)?.choose(&mut *backend, &set, &given)?;
     let request = SimulateRequest {
         params,
@@ -235,6 +266,8 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         with_outputs: !targets.is_empty(),
         n_group,
         max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
+        max_events: arguments.max_events.unwrap_or(MAX_EVENTS),
+        watched,
     };
     let response = backend.simulate(&request)?;
     warn(&response);
@@ -252,6 +285,15 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     for target in &targets {
         target.write(&run)?;
     }
+    let crossings = Crossings {
+        info: &info,
+        title: &title,
+        plane,
+        events: response.events.as_deref().unwrap_or_default(),
+    };
+    for target in &of_events {
+        target.write(&crossings)?;
+    }
     let mut text = summary(&info, &title, &request, &response);
     if !targets.is_empty() && !missing.is_empty() {
         let list = missing.join(", ");
@@ -264,7 +306,42 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     for target in &targets {
         let _ = write!(text, "\nwrote {} ({} samples)", target.path().display(), response.samples.len());
     }
+    for target in &of_events {
+        let _ = write!(text, "\nwrote {} ({} events)", target.path().display(), crossings.events.len());
+    }
     Ok(text)
+}
+
+/// Positions in the state of the components that span a plane: those named, or the first two.
+fn plane(info: &Info, names: &[String]) -> Result<[usize; 2], Error> {
+    let [x, y] = names else { return Ok([0, usize::from(info.state.len() > 1)]) };
+    let place = |name: &String| {
+        let known = || info.state.clone();
+        info.state.iter().position(|s| s == name).ok_or_else(|| Error::Request {
+            problems: vec![Problem::UnknownName {
+                path: "--plane".into(),
+                kind: "state",
+                name: name.clone(),
+                known: known(),
+            }],
+        })
+    };
+    Ok([place(x)?, place(y)?])
+}
+
+/// How often each event has happened, and when the last did.
+fn told(events: &[EventRecord]) -> String {
+    let mut counts: BTreeMap<&str, (usize, f64)> = BTreeMap::new();
+    for EventRecord { name, t, .. } in events {
+        let (count, last) = counts.entry(name).or_default();
+        (*count, *last) = (*count + 1, *t);
+    }
+    let each =
+        counts.iter().map(|(name, (count, last))| format!("{name} {count} times, last at t = {last:?}"));
+    match counts.is_empty() {
+        true => "events     none".to_owned(),
+        false => format!("events     {}", each.collect::<Vec<_>>().join("\n             ")),
+    }
 }
 
 fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &SimulateResponse) -> String {
@@ -304,6 +381,12 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     }
     if let Some(residual) = response.constraint_residual {
         let _ = write!(text, "\n  constraint residual at most {residual:.1e}");
+    }
+    if let Some(events) = &response.events {
+        let _ = write!(text, "\n  {}", told(events));
+    }
+    if let Some(event) = &response.ended_by {
+        let _ = write!(text, "\n  ended by event {event}");
     }
     let width = info.state.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(5);
     let _ = write!(text, "\n\n  {:width$}  {:>24}  {:>24}", "", "initial", "final");

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how anything was computed.
 
+pub(crate) mod crossings;
 pub mod fields;
 pub mod files;
 pub(crate) mod formulations;

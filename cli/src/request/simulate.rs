@@ -12,7 +12,9 @@ use crate::names;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::method::{MethodName, Steps};
-use crate::run::simulation::{Sample, SimulateRequest, SimulateResponse, samples_refusal};
+use crate::run::simulation::{
+    EventRecord, MAX_EVENTS, Sample, SimulateRequest, SimulateResponse, samples_refusal,
+};
 
 /// Largest number that a request can give exactly.
 const MAX_WHOLE: f64 = (1_u64 << 53) as f64;
@@ -24,6 +26,29 @@ impl SimulateRequest {
     /// [`Error::NotJson`].
     pub fn asks_to_reconstruct(text: &str) -> Result<bool, Error> {
         has_field(text, "reconstruct", |value| *value != Json::Null)
+    }
+
+    /// The sections that a request asks for.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`], [`Error::Request`] for anything but a list of texts.
+    pub fn sections(text: &str) -> Result<Vec<String>, Error> {
+        let Json::Object(entries) = Json::parse(text)? else { return Ok(Vec::new()) };
+        let Some((_, value)) = entries.into_iter().find(|(name, _)| name == "sections") else {
+            return Ok(Vec::new());
+        };
+        let texts = match value {
+            Json::Null => Some(Vec::new()),
+            Json::Array(list) => list
+                .into_iter()
+                .map(|one| match one {
+                    Json::String(text) => Some(text),
+                    _ => None,
+                })
+                .collect(),
+            _ => None,
+        };
+        texts.ok_or_else(|| Error::unusable("sections", "is a list of texts such as [\"x rising\"]"))
     }
 
     /// Whether a request's method is [`MethodName::Projected`], so that the scene has to have its invariants.
@@ -70,7 +95,7 @@ impl SimulateRequest {
         n_group: usize,
         defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
     ) -> Result<SimulateRequest, Error> {
-        const FIELDS: [&str; 10] = [
+        const FIELDS: [&str; 12] = [
             "params",
             "initial",
             "t_final",
@@ -81,6 +106,8 @@ impl SimulateRequest {
             "reconstruct",
             "samples",
             "max_steps",
+            "sections",
+            "max_events",
         ];
         let mut fields = Fields::new(Json::parse(text)?, &FIELDS)?;
         let params = fields.take("params");
@@ -143,6 +170,7 @@ impl SimulateRequest {
         };
         let samples = whole("samples", 0, 0);
         let max_steps = whole("max_steps", 1, steps.max_steps());
+        let max_events = whole("max_events", 1, MAX_EVENTS);
         let with_outputs = false;
         if let Some(reason) = samples_refusal(samples, info, with_outputs) {
             fields.problems.push(unusable("samples", reason));
@@ -163,6 +191,8 @@ impl SimulateRequest {
             with_outputs,
             n_group,
             max_steps,
+            max_events,
+            watched: None,
         })
     }
 }
@@ -195,6 +225,19 @@ impl SimulateResponse {
         answer.insert("constraint_residual".into(), if_any(self.constraint_residual));
         answer.insert("initial_residual".into(), if_any(self.initial_residual));
         answer.insert("warnings".into(), self.warnings.clone().into());
+        if let Some(events) = &self.events {
+            let event = |e: &EventRecord| {
+                let mut entry = Map::new();
+                entry.insert("name".into(), e.name.clone().into());
+                entry.insert("t".into(), number(e.t));
+                entry.insert("state".into(), by_name(names(), &e.state));
+                Value::from(entry)
+            };
+            answer.insert("events".into(), events.iter().map(event).collect());
+            if let Some(event) = &self.ended_by {
+                answer.insert("ended_by".into(), event.clone().into());
+            }
+        }
         if n_group > 0 {
             let group = info.state[n_own..].iter().map(String::as_str);
             answer.insert("reconstruction".into(), by_name(group, &self.last[n_own..]));

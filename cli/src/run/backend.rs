@@ -140,7 +140,7 @@ mod tests {
 
     use super::status;
     use crate::run::method::{MethodName, Steps};
-    use crate::run::simulation::SimulateRequest;
+    use crate::run::simulation::{MAX_EVENTS, SimulateRequest};
 
     #[test]
     fn a_bar_says_what_is_left_of_time_or_of_steps() {
@@ -155,6 +155,8 @@ mod tests {
             with_outputs: false,
             n_group: 0,
             max_steps,
+            max_events: MAX_EVENTS,
+            watched: None,
         };
         let told =
             |t_final, max_steps, t| status(&request(t_final, max_steps), t, 1000, Duration::from_secs(10));

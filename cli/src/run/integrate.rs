@@ -7,6 +7,7 @@ use hamel_runtime::{Error as SolverError, Integrator, Method};
 use super::admissible;
 use super::dynamics::{Factory, PreparedScene, VecState};
 use super::evaluate::{describe, prepare, why_stopped};
+use super::events::Watcher;
 use super::info::Info;
 use super::method::Steps;
 use super::record::Record;
@@ -58,6 +59,7 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
         let Run { dynamics, request, progress } = self;
         let info = dynamics.info();
         let options = request.steps.options(request.t_final, request.max_steps)?;
+        let options = options.with_max_events(request.max_events);
         let start = |error: SolverError| match error {
             SolverError::Failure(failure) => {
                 Error::State { path: "initial".into(), reason: describe(info, failure) }
@@ -67,35 +69,25 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
         let clock = std::time::Instant::now();
         let initial = VecState(request.initial.clone());
         let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(start)?;
-        let mut record = Record::new(&**dynamics, request)?;
-        let mut interpolated = VecState(request.initial.clone());
-        let mut next = 0;
-        loop {
-            // Samples up to the time reached; the end is sampled at the end exactly.
-            while next < request.samples {
-                let time = request.sample_time(next);
-                if (time - solver.t()) * request.t_final.signum() > 0.0 {
-                    break;
-                }
-                if let Err(error) = solver.interpolate(time, &mut interpolated) {
-                    let (t, y) = (solver.t(), solver.state().0.clone());
-                    return Err(stopped(info, t, &y, &error));
-                }
-                record.sample(time, &interpolated.0)?;
-                next += 1;
-            }
-            if solver.t() == request.t_final {
-                break;
-            }
-            if solver.stats().steps + solver.stats().rejected >= request.max_steps {
-                let limit = SolverError::TooManySteps { t: solver.t(), limit: request.max_steps };
-                return Err(stopped(info, solver.t(), &solver.state().0, &limit));
-            }
-            if let Err(error) = solver.step_towards(request.t_final) {
-                return Err(stopped(info, solver.t(), &solver.state().0, &error));
-            }
-            record.step(solver.t(), &solver.state().0)?;
-            progress(solver.t());
+        let record = Record::new(&**dynamics, request)?;
+        let mut watcher = Watcher::new(request.watched.as_ref(), &request.params, (record, info, progress))?;
+        let times = (0..request.samples).map(|k| request.sample_time(k));
+        let directions = watcher.directions();
+        let reached = solver.observe(request.t_final, times, directions, &mut watcher);
+        let Watcher { record, log, ended_by, error, .. } = watcher;
+        if let Some(error) = error {
+            return Err(error);
+        }
+        if let Err(error) = reached {
+            let (t, y) = (solver.t(), &solver.state().0);
+            let (SolverError::EventNotFinite { index, .. } | SolverError::EventsAccumulate { index, .. }) =
+                error
+            else {
+                return Err(stopped(info, t, y, &error));
+            };
+            let event = request.watched.as_ref().and_then(|watched| watched.name(index));
+            let reason = format!("event {}: {}", event.unwrap_or_default(), why_stopped(info, &error));
+            return Err(stopped_because(info, t, y, reason));
         }
         let last = solver.state().0.clone();
         let stats = solver.stats();
@@ -107,6 +99,8 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
             rejected: stats.rejected,
             rhs_evals: stats.rhs_evals,
             energy_drift,
+            events: request.watched.is_some().then_some(log),
+            ended_by,
             warnings: drift_warning(info, request.steps, energy_drift).into_iter().collect(),
             initial_energy: record.initial_energy,
             energy_scale: record.scale,

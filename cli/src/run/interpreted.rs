@@ -13,6 +13,7 @@ use hamel_runtime::{Failure, Pivot};
 use serde::{Deserialize, Serialize};
 
 use super::dynamics::{BadParams, Dynamics, Factory, PreparedScene, VecState};
+use super::events::Watched;
 use super::info::{Info, OutputEntry, ParamEntry};
 use crate::cache::Cache;
 use crate::error::Error;
@@ -137,6 +138,11 @@ impl Built {
             found.ok().flatten()
         };
         self.invariants.get_or_init(find).as_ref()
+    }
+
+    /// The events of the scene, if it has any.
+    pub fn watched(&self) -> Option<Watched> {
+        Watched::of(&self.executable)
     }
 
     /// Operations of one evaluation of the right-hand side.

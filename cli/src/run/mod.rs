@@ -10,6 +10,7 @@ pub mod choice;
 pub mod dynamics;
 pub mod ensemble;
 pub mod evaluate;
+pub mod events;
 pub mod forms;
 pub mod info;
 pub mod integrate;

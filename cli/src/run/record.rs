@@ -8,6 +8,9 @@ use super::dynamics::Dynamics;
 use super::simulation::{Sample, SimulateRequest, stopped_because};
 use crate::error::Error;
 
+/// A residual after an event, relative to the largest component of the state, that is no rounding.
+const VIOLATED: f64 = 1e-9;
+
 /// Most steps whose energies are kept for a figure.
 const MAX_STEPS_SHOWN: usize = 4096;
 
@@ -46,6 +49,8 @@ pub(super) struct Record<'a> {
     dynamics: &'a dyn Dynamics,
     with_outputs: bool,
     pub(super) initial_energy: Option<f64>,
+    /// What the energy is compared with: that at the start, or after the last event that has changed the state.
+    level: Option<f64>,
     pub(super) scale: f64,
     /// Largest `|E - E0|`.
     pub(super) deviation: f64,
@@ -72,6 +77,7 @@ impl<'a> Record<'a> {
             dynamics,
             with_outputs: request.with_outputs,
             initial_energy,
+            level: initial_energy,
             scale,
             deviation: 0.0,
             constraint,
@@ -99,6 +105,29 @@ impl<'a> Record<'a> {
         Ok(())
     }
 
+    /// Goes on after an event that has changed the state; what it has done wrong, if it has violated a constraint.
+    pub(super) fn restart(&mut self, t: f64, before: &[f64], after: &[f64]) -> Result<Option<String>, Error> {
+        let energy = self.dynamics.energy(t, after);
+        if energy.is_some_and(|energy| !energy.is_finite()) {
+            return Err(self.not_finite(t, after, "the energy after an event"));
+        }
+        self.level = energy;
+        let Some(range) = self.constraint.clone() else { return Ok(None) };
+        let largest = |y: &[f64]| {
+            self.dynamics.outputs(t, y)[range.clone()].iter().fold(0.0_f64, |max, x| max.max(x.abs()))
+        };
+        let (old, new) = (largest(before), largest(after));
+        let size = after.iter().fold(1.0_f64, |max, y| max.max(y.abs()));
+        // What the motion itself has lost of the constraint is no fault of the event.
+        let is_kept = new <= VIOLATED * size || new <= 10.0 * old;
+        Ok((!is_kept).then(|| {
+            format!(
+                "violates the constraint: its residual is {new:.1e} after it and {old:.1e} before; let it set \
+                 velocities that satisfy the constraint"
+            )
+        }))
+    }
+
     fn keep(&mut self, t: f64, energy: Option<f64>) {
         let (Some(energy), true) = (energy, self.with_outputs) else { return };
         if self.n_steps.is_multiple_of(self.stride) {
@@ -117,7 +146,7 @@ impl<'a> Record<'a> {
 
     /// Notes the energy at a point and returns it.
     fn energy(&mut self, t: f64, y: &[f64]) -> Result<Option<f64>, Error> {
-        let (Some(energy), Some(initial)) = (self.dynamics.energy(t, y), self.initial_energy) else {
+        let (Some(energy), Some(initial)) = (self.dynamics.energy(t, y), self.level) else {
             return Ok(None);
         };
         if !energy.is_finite() {

@@ -4,6 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::events::Watched;
 use super::info::Info;
 use super::method::{MethodName, Steps};
 use crate::error::Error;
@@ -29,7 +30,14 @@ pub struct SimulateRequest {
     pub n_group: usize,
     /// Largest number of steps, rejected ones included; [`Steps::max_steps`] unless somebody asks for another one.
     pub max_steps: u64,
+    /// Largest number of events.
+    pub max_events: u64,
+    /// Events to watch for.
+    pub watched: Option<Watched>,
 }
+
+/// Largest number of events unless somebody asks for another one: all of them are kept.
+pub const MAX_EVENTS: u64 = 100_000;
 
 /// One state on the way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,10 +52,21 @@ pub struct Sample {
     pub outputs: Vec<f64>,
 }
 
+/// An event on the way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EventRecord {
+    /// Its name.
+    pub name: String,
+    /// Its time.
+    pub t: f64,
+    /// The state there, before the event has changed it.
+    pub state: Vec<f64>,
+}
+
 /// Where an integration led to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SimulateResponse {
-    /// Time reached: `t_final` exactly.
+    /// Time reached: `t_final` exactly, unless an event has ended the motion.
     pub t: f64,
     /// State there.
     pub last: Vec<f64>,
@@ -71,6 +90,10 @@ pub struct SimulateResponse {
     pub initial_residual: Option<f64>,
     /// The same over the start, all steps and samples.
     pub constraint_residual: Option<f64>,
+    /// Events in the order of time; none where nothing was watched for.
+    pub events: Option<Vec<EventRecord>>,
+    /// The event that has ended the motion.
+    pub ended_by: Option<String>,
     /// What there is to know about the result besides: that the energy moved though it is conserved.
     pub warnings: Vec<String>,
     /// Seconds that the integration took.

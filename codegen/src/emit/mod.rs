@@ -19,8 +19,8 @@ use crate::program::{Jet, Program};
 
 pub use rust::{SceneEntry, emit_include, emit_index, method_text};
 pub use text::{
-    GroupKind, GroupText, GroupTexts, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText,
-    ProductText, SceneText, StateText,
+    EventText, GroupKind, GroupText, GroupTexts, ImplicitText, ImplicitVariableText, MatrixText, OutputText,
+    ParamText, ProductText, SceneText, StateText,
 };
 
 /// Emits the module of one scene.

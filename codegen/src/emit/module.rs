@@ -21,6 +21,8 @@ const INVARIANTS: &str = "invariants";
 const GRADIENTS: &str = "invariant_gradients";
 /// The matrix of the derivatives of the right-hand side by the state.
 const JACOBIAN: &str = "jacobian";
+/// The output with the functions of events.
+const EVENTS: &str = "events";
 
 /// The constant with the variables of the implicit form.
 pub(super) const IMPLICIT: &str = "IMPLICIT";
@@ -273,6 +275,16 @@ impl<'a> Module<'a> {
         let gradients = self.matrix_function(GRADIENTS)?;
         let values = self.outputs.iter().find(|o| o.text.name == INVARIANTS)?;
         Some((values.text.components.len(), &values.name, gradients))
+    }
+
+    /// The function that computes the functions of events; none where the scene has no events.
+    pub(super) fn event_functions(&self) -> Option<&str> {
+        self.output(EVENTS).filter(|_| !self.text.events.is_empty())
+    }
+
+    /// The function that computes an output.
+    pub(super) fn output(&self, name: &str) -> Option<&str> {
+        self.outputs.iter().find(|o| o.text.name == name).map(|o| o.name.as_str())
     }
 
     /// The function that computes a matrix.

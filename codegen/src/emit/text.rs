@@ -36,6 +36,8 @@ pub struct SceneText {
     pub products: Vec<ProductText>,
     /// The implicit form, where the scene wants it.
     pub implicit: Option<ImplicitText>,
+    /// Events; their functions are the output `events`, what each sets is an output.
+    pub events: Vec<EventText>,
     /// Formula lines of functions, by role.
     pub formulas: BTreeMap<Role, Vec<String>>,
     /// Whether the energy is proved to be constant along the motion.
@@ -142,6 +144,19 @@ pub struct MatrixText {
     pub is_antisymmetric: bool,
     /// Meaning.
     pub doc: String,
+}
+
+/// An event.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EventText {
+    /// Name.
+    pub name: String,
+    /// Whether it is told where its function rises, and where it falls.
+    pub directions: (bool, bool),
+    /// Whether it ends the motion.
+    pub stops: bool,
+    /// The output with what it sets, and the positions in the state of its components; none where it sets nothing.
+    pub sets: Option<(String, Vec<usize>)>,
 }
 
 /// A function that takes a vector besides time and state.

@@ -32,6 +32,8 @@ pub enum OutputKind {
     OfModel,
     /// A component of another output, which a scene wants by its own name.
     Component,
+    /// What an event sets.
+    After,
     /// The gradients of the invariants.
     Gradients,
     /// What the motion has besides the nonholonomic bracket with the energy.

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::error::Error;
 use crate::expr::{Definition, ExprId, Graph, Node, Rational, Style, SymbolId, Vanishing};
 use crate::reduction::{AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind};
-use crate::spec::Want;
+use crate::spec::{OutputPart, Want};
 
 use super::derive::{Derivation, Motion};
 use super::equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
@@ -346,7 +346,12 @@ impl Derivation<'_> {
                 components.push((name.clone(), self.replace(*e)?));
             }
             let (name, doc) = (output.name.clone(), output.doc.clone());
-            outputs.push(Output { kind: OutputKind::OfModel, name, components, doc });
+            let kind = match output.part {
+                OutputPart::Own => OutputKind::OfModel,
+                OutputPart::Events => OutputKind::Group(Want::Events),
+                OutputPart::After => OutputKind::After,
+            };
+            outputs.push(Output { kind, name, components, doc });
         }
         let (along_sections, momenta_along) = self.along_sections(&motion)?;
         outputs.extend(momenta_along);

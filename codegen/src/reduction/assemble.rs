@@ -140,6 +140,7 @@ pub(super) fn on_algebroid(
         state,
         casimirs: model.casimirs,
         outputs: model.outputs,
+        events: model.events,
         sections: model.sections,
         reconstruction,
         momenta_in_space,

@@ -12,7 +12,9 @@ use num_traits::{Signed, ToPrimitive};
 
 use crate::algebra::Algebroid;
 use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, Rational, SymbolId};
-use crate::spec::{self, Coordinate, Diagnostics, Domain, Model, NamedVector, Span, circle_names};
+use crate::spec::{
+    self, Coordinate, Diagnostics, Domain, Model, NamedVector, OutputPart, Span, circle_names,
+};
 
 use super::domain::{DomainCondition, spell_end};
 use super::part::Part;
@@ -116,7 +118,8 @@ pub fn with_circles(
     }
     system.outputs.extend(turned.iter().filter_map(|t| {
         let components = vec![(t.circle.angle.clone(), t.value?)];
-        Some(NamedVector { name: t.circle.angle.clone(), components, doc: t.doc.clone() })
+        let (name, doc) = (t.circle.angle.clone(), t.doc.clone());
+        Some(NamedVector { name, components, doc, part: OutputPart::Own })
     }));
     system.circles = turned.into_iter().map(|t| t.circle).collect();
     Ok(system)

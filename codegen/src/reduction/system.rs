@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::algebra::Algebroid;
 use crate::expr::{ExprId, Graph, Sign, SymbolId};
-use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side, VelocitySection};
+use crate::spec::{Condition, Event, Named, NamedVector, Param, ParamArray, Side, VelocitySection};
 
 use super::change::{Change, Frame};
 use super::constraint::{HigherOrder, KinematicConstraint, Unknown};
@@ -139,6 +139,8 @@ pub struct ReducedSystem {
     pub casimirs: Vec<Named>,
     /// Outputs of the model.
     pub outputs: Vec<NamedVector>,
+    /// Events; their functions and what they set are outputs.
+    pub events: Vec<Event>,
     /// Sections along which momenta are wanted, by the sections of the frame.
     pub sections: Vec<VelocitySection>,
     /// Coordinates of the group, which only scenes that ask for them carry.
@@ -214,6 +216,7 @@ impl ReducedSystem {
             state: _,
             casimirs,
             outputs,
+            events: _,
             sections,
             reconstruction,
             momenta_in_space,

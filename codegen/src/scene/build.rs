@@ -18,7 +18,7 @@ use super::built::{BuiltScene, legendre_role};
 use super::dependence::{ignorable, left_out, needs};
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
-use super::{bracket, derivatives, implicit, invariants};
+use super::{bracket, derivatives, events, implicit, invariants};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -194,6 +194,11 @@ fn wanted_outputs(available: &[Output], wanted: &Wanted) -> Vec<Output> {
     let of_kind = |kind: OutputKind| available.iter().filter(move |o| o.kind == kind).cloned().collect();
     let name = match wanted {
         Wanted::Want(Want::Outputs) => return of_kind(OutputKind::OfModel),
+        Wanted::Want(Want::Events) => {
+            let is_of_events =
+                |o: &&Output| matches!(o.kind, OutputKind::Group(Want::Events) | OutputKind::After);
+            return available.iter().filter(is_of_events).cloned().collect();
+        }
         Wanted::Want(want) => return of_kind(OutputKind::Group(*want)),
         Wanted::Own(name) => name,
     };
@@ -365,6 +370,7 @@ pub(super) fn lower_scene(
         // The recurrence of Taylor coefficients has a rule for every operation, and none for loops.
         search.products = usize::MAX;
     }
+    let events = events::of_scene(&equations, &plan.name, &state, &outputs)?;
     let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, &search)?;
     let products = derivatives.products;
     let spent = graph.spent();
@@ -379,6 +385,7 @@ pub(super) fn lower_scene(
         matrices,
         products,
         implicit: implicit_form,
+        events,
         wants_taylor,
         doc,
         chosen,

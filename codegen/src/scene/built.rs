@@ -10,6 +10,7 @@ use crate::program::{Program, Role};
 use crate::spec::{Param, Want};
 
 use super::derivatives::{Matrix, Product};
+use super::events::SceneEvent;
 use super::implicit::Implicit;
 
 /// A scene after the whole pipeline: its equations and its program.
@@ -29,6 +30,7 @@ pub struct BuiltScene {
     pub(super) matrices: Vec<Matrix>,
     pub(super) products: Vec<Product>,
     pub(super) implicit: Option<Implicit>,
+    pub(super) events: Vec<SceneEvent>,
     /// Whether the emitted module has the Taylor coefficients of solutions.
     pub(super) wants_taylor: bool,
     pub(super) doc: String,
@@ -74,6 +76,11 @@ impl BuiltScene {
     /// The implicit form, where the scene wants it.
     pub fn implicit(&self) -> Option<&Implicit> {
         self.implicit.as_ref()
+    }
+
+    /// The events that the scene has, in the order of its output `events`.
+    pub fn events(&self) -> &[SceneEvent] {
+        &self.events
     }
 
     /// The momenta that the state carries as functions of velocities; empty where it carries none.

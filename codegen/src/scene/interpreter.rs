@@ -13,6 +13,7 @@ use crate::spec::Want;
 use super::bracket::REMAINDER;
 use super::built::{BuiltScene, legendre_role};
 use super::derivatives::{Derivative, Matrix};
+use super::events::SceneEvent;
 use super::implicit;
 use super::invariants::GRADIENTS;
 use super::plan::INVARIANTS;
@@ -23,6 +24,8 @@ use super::plan::INVARIANTS;
 pub struct Executable {
     /// What is run.
     pub program: Program,
+    /// The events, whose functions are the output `events`.
+    pub events: Vec<SceneEvent>,
     patterns: Vec<Pattern>,
 }
 
@@ -96,7 +99,8 @@ pub(super) fn jet_of(program: &Program) -> Result<Jet, Error> {
 impl BuiltScene {
     /// What it takes to run the scene.
     pub fn executable(&self) -> Executable {
-        Executable { program: self.program.clone(), patterns: self.patterns() }
+        let (program, events) = (self.program.clone(), self.events().to_vec());
+        Executable { program, events, patterns: self.patterns() }
     }
 
     fn patterns(&self) -> Vec<Pattern> {
@@ -230,6 +234,23 @@ impl<'a> Interpreter<'a> {
     /// When the size of `y` is wrong.
     pub fn invariant_gradients(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
         self.matrix_named(GRADIENTS, t, y)
+    }
+
+    /// The functions whose changes of sign are the events of the scene, when it wants them.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn events(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
+        self.values(&Role::Output(Want::Events.name().to_owned()), t, y)
+    }
+
+    /// Changes a state as an event of the scene does: everything that it sets takes its value at the state before.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn apply(&self, event: &SceneEvent, t: f64, y: &mut [f64]) {
+        let Some(after) = self.values(&Role::Output(event.after()), t, y) else { return };
+        event.sets.iter().zip(after).for_each(|(place, value)| y[*place] = value);
     }
 
     /// The matrix `Pi` of the nonholonomic bracket, `y' = Pi dE + R`, when the scene wants it.

@@ -16,6 +16,7 @@ mod counts;
 mod defaults;
 mod dependence;
 mod derivatives;
+mod events;
 mod formulations;
 mod groups;
 mod implicit;
@@ -43,6 +44,7 @@ use plan::{Drops, Outputs, Plan};
 pub use built::BuiltScene;
 pub use defaults::warnings;
 pub use derivatives::{Derivative, Matrix, Product};
+pub use events::SceneEvent;
 pub use formulations::{Candidate, Formulations, LeftOut, Progress};
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
@@ -317,7 +319,8 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnost
         })?;
         let name = view_output(&view.name);
         let components = numbers.into_iter().enumerate().map(|(k, e)| (format!("{name} {k}"), e)).collect();
-        pictured.outputs.push(spec::NamedVector { name, components, doc: view.doc.clone() });
+        let (doc, part) = (view.doc.clone(), spec::OutputPart::Own);
+        pictured.outputs.push(spec::NamedVector { name, components, doc, part });
     }
     let mut scenes = Scenes::new(&pictured);
     let plan = scenes.plan(scene)?;
@@ -330,6 +333,30 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnost
         reconstructs,
         ..plan
     };
+    build_planned(&scenes.derivations, plan)
+}
+
+/// Whether a scene has the events of its model: it wants them, or all outputs.
+pub fn has_events(model: &Model, scene: &str) -> bool {
+    let wants = |plan: Plan| match plan.outputs {
+        Outputs::All => true,
+        Outputs::Named(wants) => wants.contains(&Wanted::Want(Want::Events)),
+    };
+    !model.events.is_empty() && Plan::of(model, scene).is_some_and(wants)
+}
+
+/// Builds the right-hand side of a scene and the events of the model, whether or not the scene wants them, in its
+/// state.
+///
+/// # Errors
+/// As [`build`]; [`Error::EventSets`] as a problem where the state does not carry what an event sets.
+pub fn build_events(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
+    let mut scenes = Scenes::new(model);
+    let own = scenes.plan(scene)?;
+    let outputs = Outputs::Named(vec![Wanted::Want(Want::Events)]);
+    let bare = Plan::bare(own.name.clone(), own.formulation.clone());
+    let plan = Plan { outputs, drops: own.drops, reconstructs: own.reconstructs, ..bare };
+    scenes.derivations.derive_all([&plan.formulation]);
     build_planned(&scenes.derivations, plan)
 }
 

@@ -5,17 +5,18 @@
 use std::collections::BTreeMap;
 
 use crate::emit::{
-    self, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText, SceneEntry,
-    SceneText, StateText,
+    self, EventText, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText,
+    SceneEntry, SceneText, StateText,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
 use crate::program::{Jet, Role};
-use crate::spec::Want;
+use crate::spec::{EventDirection, Want};
 
 use super::built::BuiltScene;
 use super::built::legendre_role;
 use super::derivatives::{Matrix, Product};
+use super::events::SceneEvent;
 use super::groups::groups;
 use super::implicit::{self, Implicit};
 use super::interpreter;
@@ -134,6 +135,7 @@ impl BuiltScene {
             matrices: self.matrices.iter().map(matrix_text).collect(),
             products: self.products.iter().map(product_text).chain(self.legendre_text()).collect(),
             implicit: self.implicit().map(implicit_text),
+            events: self.events().iter().map(event_text).collect(),
             formulas: BTreeMap::from(formulas),
             conserves_energy: self.equations.facts.energy_is_conserved,
             groups: writing.nalgebra.then(|| groups(self)),
@@ -191,6 +193,16 @@ impl BuiltScene {
             ),
         })
     }
+}
+
+fn event_text(event: &SceneEvent) -> EventText {
+    let directions = match event.direction {
+        EventDirection::Rising => (true, false),
+        EventDirection::Falling => (false, true),
+        EventDirection::Either => (true, true),
+    };
+    let sets = (!event.sets.is_empty()).then(|| (event.after(), event.sets.clone()));
+    EventText { name: event.name.clone(), directions, stops: event.stops, sets }
 }
 
 fn product_text(product: &Product) -> ProductText {

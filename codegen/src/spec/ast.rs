@@ -1,6 +1,7 @@
 //! Syntax tree of a model file. Every node knows its bytes.
 
 use super::diagnostic::Span;
+use super::model::EventDirection;
 use super::names::ALGEBRA_FUNCTIONS;
 use crate::expr::Rational;
 
@@ -130,6 +131,19 @@ pub(super) struct AlgebroidBlock {
     pub(super) rules: Vec<BracketRule>,
 }
 
+/// An event, as it is written.
+#[derive(Clone, Debug)]
+pub(super) struct EventItem {
+    pub(super) name: Name,
+    /// The function whose changes of sign it is.
+    pub(super) value: Expr,
+    pub(super) direction: EventDirection,
+    /// What it sets, and to what.
+    pub(super) sets: Vec<(Name, Expr)>,
+    /// Where it says that it ends the motion.
+    pub(super) stop: Option<Span>,
+}
+
 #[derive(Clone, Debug)]
 pub(super) enum ItemKind {
     Source(String),
@@ -252,6 +266,8 @@ pub(super) enum ItemKind {
         algebra: Option<AlgebraExpr>,
         value: Expr,
     },
+    /// `event impact = z falling { then v = -e*v; }`
+    Event(EventItem),
     Reconstruct {
         names: Vec<Name>,
         way: ReconstructWay,

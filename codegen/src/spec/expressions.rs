@@ -94,6 +94,7 @@ macro_rules! visit {
             casimirs,
             outputs,
             sections,
+            events,
             reconstruction,
             initial,
             scenes,
@@ -107,6 +108,7 @@ macro_rules! visit {
         for Velocity { name: _, symbol: _, block: _, doc: _ } in velocities.iter().chain(&*quasi_velocities) {
         }
         for Momentum { name: _, components: _, doc: _, span: _ } in &*momenta {}
+        for Event { name: _, direction: _, sets: _, stops: _, doc: _, span: _ } in &*events {}
         for Scene {
             name: _,
             fixed: _,
@@ -219,7 +221,7 @@ macro_rules! visit {
             $visit(ExpressionRole::Casimir(k), expr);
         }
         for (k, output) in outputs.into_iter().enumerate() {
-            let NamedVector { name: _, components, doc: _ } = output;
+            let NamedVector { name: _, components, doc: _, part: _ } = output;
             for (_, e) in components {
                 $visit(ExpressionRole::Output(k), e);
             }

@@ -40,9 +40,10 @@ pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use model::{
     Advected, Carried, CarriedAcceleration, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind,
-    Coordinate, Domain, FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named,
-    NamedVector, OwnAlgebroid, OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction,
-    ReconstructionKind, Scene, Side, Velocity, VelocitySection, VirtualConstraint, circle_names, diagnose,
+    Coordinate, Domain, Event, EventDirection, FormulationSearch, Given, IdealChain, InnerProduct, Model,
+    Momentum, Named, NamedVector, OutputPart, OwnAlgebroid, OwnBracket, Param, ParamArray, Places,
+    QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side, Velocity, VelocitySection,
+    VirtualConstraint, circle_names, diagnose,
 };
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;

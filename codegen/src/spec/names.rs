@@ -36,6 +36,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("casimir", "casimir name = expression;"),
     ("output", "output name = expression;"),
     ("section", "section s = [1, 0, x];` or `section s in so(3) = Gamma;"),
+    ("event", "event impact = z falling { then v = -e*v; }` or `event top = v falling;"),
     ("reconstruct", "reconstruct q in SO(3) from Omega;` or `reconstruct x by v;"),
     ("initial", "initial Omega = [0, 0, 1];"),
     ("view", "view name = ball(r) at [x, y, r] attitude q;"),

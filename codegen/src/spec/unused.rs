@@ -185,6 +185,9 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::Section { algebra, value, .. } => {
             mentions([value]).into_iter().chain(algebra.iter().flat_map(algebras)).collect()
         }
+        ItemKind::Event(event) => {
+            mentions(std::iter::once(&event.value).chain(event.sets.iter().map(|(_, value)| value)))
+        }
         ItemKind::Momentum { velocity, .. } => vec![velocity.text.clone()],
         ItemKind::Carry(list) | ItemKind::Scene { carries: list, .. } => levels(list),
         ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {

@@ -50,6 +50,8 @@ pub enum Want {
     Outputs,
     /// The momenta along the sections of the model.
     Sections,
+    /// The functions whose changes of sign are events, and what the events set.
+    Events,
     /// Rates of geometric and dynamic phases.
     Phases,
     /// The Taylor coefficients of solutions.
@@ -66,7 +68,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 26] = [
+    pub const ALL: [Want; 27] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -87,6 +89,7 @@ impl Want {
         Want::Circles,
         Want::Outputs,
         Want::Sections,
+        Want::Events,
         Want::Phases,
         Want::Taylor,
         Want::Invariants,
@@ -118,6 +121,7 @@ impl Want {
             Want::Circles => "circles",
             Want::Outputs => "outputs",
             Want::Sections => "sections",
+            Want::Events => "events",
             Want::Phases => "phases",
             Want::Taylor => "taylor",
             Want::Invariants => "invariants",
@@ -136,8 +140,8 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Bracket, Casimirs, Circles, Constraint, HamiltonianTime, Implicit, Invariants, MomentumEquation,
-            NonholonomicMomentum, Outputs, Phases, Sections, Taylor, Velocities,
+            Bracket, Casimirs, Circles, Constraint, Events, HamiltonianTime, Implicit, Invariants,
+            MomentumEquation, NonholonomicMomentum, Outputs, Phases, Sections, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -147,6 +151,7 @@ impl Want {
                 | Casimirs
                 | Circles
                 | Outputs
+                | Events
                 | Phases
                 | Sections
                 | Taylor

@@ -1,7 +1,7 @@
 //! The one driver of all methods: time, state and counts of an integration.
 //!
 //! [`step`] takes one accepted step, [`failure`] says why there is none, [`dense`] interpolates within the last step,
-//! [`sampling`] visits times and events on the way, [`norms`] measures errors. The module deliberately does not know
+//! [`sampling`] visits times and events on the way, [`watch`] finds the events of a step, [`norms`] measures errors. The module deliberately does not know
 //! any method: the integrator reads a tableau and has the stages, or a series, computed.
 
 mod dense;
@@ -9,6 +9,7 @@ mod failure;
 mod norms;
 mod sampling;
 mod step;
+mod watch;
 
 use core::fmt;
 

@@ -6,9 +6,11 @@ use core::ops::ControlFlow;
 
 use super::dense::Dense;
 use super::norms::copy;
+use super::watch::{Ends, Watch};
 use super::{Integrator, Progress};
+use crate::controller::Controller;
 use crate::error::Error;
-use crate::events::{Direction, Event, locate};
+use crate::events::{Action, Direction, Event, Events, Observer};
 use crate::methods::Method;
 use crate::options::signed;
 use crate::real::Real;
@@ -68,77 +70,233 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         &mut self,
         t_end: R,
         times: impl IntoIterator<Item = R>,
-        mut output: impl FnMut(R, &S::State),
+        output: impl FnMut(R, &S::State),
         directions: [Direction; K],
-        mut functions: impl FnMut(R, &S::State) -> [R; K],
-        mut on_event: impl FnMut(Event<'_, R, S::State>) -> ControlFlow<()>,
+        functions: impl FnMut(R, &S::State) -> [R; K],
+        on_event: impl FnMut(Event<'_, R, S::State>) -> ControlFlow<()>,
+    ) -> Result<Progress, Error> {
+        struct Closures<O, F, E> {
+            output: O,
+            functions: F,
+            on_event: E,
+        }
+        impl<R, V, O, F, E, const K: usize> Observer<R, V, K> for Closures<O, F, E>
+        where
+            R: Real,
+            O: FnMut(R, &V),
+            F: FnMut(R, &V) -> [R; K],
+            E: FnMut(Event<'_, R, V>) -> ControlFlow<()>,
+        {
+            fn sample(&mut self, t: R, state: &V) {
+                (self.output)(t, state);
+            }
+
+            fn values(&mut self, t: R, state: &V) -> [R; K] {
+                (self.functions)(t, state)
+            }
+
+            fn event(&mut self, index: usize, t: R, state: &mut V) -> Action {
+                let stops = (self.on_event)(Event { index, t, state }).is_break();
+                if stops { Action::Stop } else { Action::Continue }
+            }
+        }
+        self.observe(t_end, times, directions, &mut Closures { output, functions, on_event })
+    }
+
+    /// Integrates to `t_end` through the events of the system, which may change the state or end the motion, and tells
+    /// them to `on_event` with the state just before they have done so; where it breaks, the integration stops there.
+    ///
+    /// ```
+    /// use core::ops::ControlFlow;
+    /// use hamel_runtime::{Action, Direction, Events, Integrator, Options, Progress, System, Vern9};
+    ///
+    /// /// A billiard ball between two walls, in one dimension.
+    /// struct Billiard;
+    ///
+    /// impl System<f64> for Billiard {
+    ///     type State = [f64; 2];
+    ///     fn rhs(&self, _t: f64, y: &[f64; 2], dy: &mut [f64; 2]) {
+    ///         *dy = [y[1], 0.0];
+    ///     }
+    /// }
+    ///
+    /// impl Events<f64, 2> for Billiard {
+    ///     const DIRECTIONS: [Direction; 2] = [Direction::Falling, Direction::Rising];
+    ///     fn event_values(&self, _t: f64, y: &[f64; 2]) -> [f64; 2] {
+    ///         [y[0], y[0] - 1.0]
+    ///     }
+    ///     fn event_apply(&self, _index: usize, _t: f64, y: &mut [f64; 2]) -> Action {
+    ///         y[1] = -y[1];
+    ///         Action::Restart
+    ///     }
+    /// }
+    ///
+    /// let mut walls = [0; 2];
+    /// let mut solver = Integrator::new(&Billiard, Vern9, 0.0, [0.5, 1.0], Options::adaptive(1e-12, 1e-12))?;
+    /// let progress = solver.integrate_through_events(10.0, |event| {
+    ///     walls[event.index] += 1;
+    ///     ControlFlow::Continue(())
+    /// })?;
+    /// assert_eq!((progress, walls), (Progress::Reached, [5, 5]));
+    /// assert!((solver.state()[0] - 0.5).abs() < 1e-12);
+    /// # Ok::<(), hamel_runtime::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// As [`observe`](Self::observe).
+    pub fn integrate_through_events<const K: usize>(
+        &mut self,
+        t_end: R,
+        on_event: impl FnMut(Event<'_, R, S::State>) -> ControlFlow<()>,
+    ) -> Result<Progress, Error>
+    where
+        S: Events<R, K>,
+    {
+        struct Through<'s, S, E> {
+            system: &'s S,
+            on_event: E,
+        }
+        impl<R, S, E, const K: usize> Observer<R, S::State, K> for Through<'_, S, E>
+        where
+            R: Real,
+            S: Events<R, K>,
+            E: FnMut(Event<'_, R, S::State>) -> ControlFlow<()>,
+        {
+            fn values(&mut self, t: R, state: &S::State) -> [R; K] {
+                self.system.event_values(t, state)
+            }
+
+            fn event(&mut self, index: usize, t: R, state: &mut S::State) -> Action {
+                let stops = (self.on_event)(Event { index, t, state }).is_break();
+                match self.system.event_apply(index, t, state) {
+                    Action::Continue if stops => Action::Stop,
+                    Action::Restart if stops => Action::ChangeAndStop,
+                    action => action,
+                }
+            }
+        }
+        self.observe(t_end, [], S::DIRECTIONS, &mut Through { system: self.system, on_event })
+    }
+
+    /// Integrates to `t_end` and tells an observer the states at `times`, the ends of steps and the events, in the order
+    /// of time.
+    ///
+    /// Events are located as [`integrate_with_events`](Self::integrate_with_events) says. Several at one time are told in
+    /// the order of their functions, each with the state that the one before has left. Where one answers
+    /// [`Action::Restart`], the motion goes on from the changed state at the time of the event: the step after it starts
+    /// anew, samples at that time have the state before, and what a change of the state does to the sign of a function
+    /// is no event. A function that its own event leaves at zero does not fire again until it has left zero.
+    ///
+    /// # Errors
+    ///
+    /// As [`sample`](Self::sample); [`Error::EventNotFinite`] if a function has no value; [`Error::Failure`] for a
+    /// changed state outside of the domain, or without a derivative; [`Error::EventsAccumulate`] where events that
+    /// change the state follow each other within the rounding of time; [`Error::TooManyEvents`].
+    pub fn observe<const K: usize>(
+        &mut self,
+        t_end: R,
+        times: impl IntoIterator<Item = R>,
+        directions: [Direction; K],
+        observer: &mut impl Observer<R, S::State, K>,
     ) -> Result<Progress, Error> {
         let mut budget = self.options.max_steps;
         if !t_end.all_finite() {
             return Err(Error::TimeNotFinite { value: signed(t_end) });
         }
-        let mut samples =
-            Samples { times: times.into_iter(), next: None, t_end, backward: self.t.all_gt(t_end) };
+        let backward = self.t.all_gt(t_end);
+        let mut samples = Samples { times: times.into_iter(), next: None, t_end, backward };
         samples.draw(self.t)?;
-        self.output_until(self.t, &mut samples, &mut output)?;
-        let mut before = finite_values(self.t, functions(self.t, self.state()))?;
+        self.output_until(self.t, &mut samples, observer)?;
+        let values = observer.values(self.t, self.state());
+        let mut watch = Watch::new(directions, self.options.max_events, (self.t, values))?;
+        let mut start = self.t;
         loop {
             let progress = self.step_within(t_end, &mut budget)?;
-            let after = finite_values(self.t, functions(self.t, self.state()))?;
-            let mut found = [None; K];
-            for (index, found) in found.iter_mut().enumerate() {
-                if directions[index].is_change(before[index], after[index]) {
-                    *found = Some(self.locate_event(&mut functions, index, (before[index], after[index]))?);
-                }
-            }
-            while let Some((index, t)) = earliest(&found, samples.backward) {
-                found[index] = None;
-                self.output_until(t, &mut samples, &mut output)?;
+            let after = observer.values(self.t, self.state());
+            let ends = Ends { from: self.t_previous, to: self.t };
+            watch.search(ends, after, |t| {
                 self.evaluate_dense(t)?;
-                if on_event(Event { index, t, state: &self.work }).is_break() {
-                    self.stop_at(t)?;
-                    return Ok(if t == t_end { Progress::Reached } else { Progress::Running });
+                Ok(observer.values(t, &self.work))
+            })?;
+            match self.tell_events(&mut watch, &mut samples, observer, start)? {
+                Told::Nothing => {}
+                Told::Stop => {
+                    return Ok(if self.t == t_end { Progress::Reached } else { Progress::Running });
+                }
+                Told::Restart if self.t == t_end => return Ok(Progress::Reached),
+                Told::Restart => {
+                    start = self.t;
+                    continue;
                 }
             }
-            self.output_until(self.t, &mut samples, &mut output)?;
-            before = after;
+            self.output_until(self.t, &mut samples, observer)?;
+            if observer.step(self.t, self.state()).is_break() {
+                return Ok(progress);
+            }
             if progress.reached() {
                 return Ok(Progress::Reached);
             }
         }
     }
 
-    /// Calls `output` at the times up to `t`.
-    fn output_until(
+    /// Tells the events of the last step, up to one that stops or changes the motion since `start`.
+    fn tell_events<const K: usize>(
+        &mut self,
+        watch: &mut Watch<R, K>,
+        samples: &mut Samples<R, impl Iterator<Item = R>>,
+        observer: &mut impl Observer<R, S::State, K>,
+        start: R,
+    ) -> Result<Told, Error> {
+        // The values where the first event that changes the state has found it.
+        let mut changed: Option<[R; K]> = None;
+        while let Some((index, t)) = watch.next(samples.backward)? {
+            if changed.is_none() {
+                self.output_until(t, samples, observer)?;
+                self.evaluate_dense(t)?;
+            }
+            let before = match changed {
+                Some(values) => values,
+                None => observer.values(t, &self.work),
+            };
+            match observer.event(index, t, &mut self.work) {
+                Action::Continue => {}
+                Action::Restart => changed = Some(before),
+                Action::Stop if changed.is_none() => {
+                    self.stop_at(t)?;
+                    return Ok(Told::Stop);
+                }
+                Action::Stop | Action::ChangeAndStop => {
+                    self.restart_at(t)?;
+                    return Ok(Told::Stop);
+                }
+            }
+            let Some(before) = changed.filter(|_| !watch.has_another_at(t)) else { continue };
+            self.restart_at(t)?;
+            self.control = Controller::new(M::TABLEAU.estimate_order().unwrap_or(M::TABLEAU.order));
+            // The motion until now says how soon the next event may be; a step has to change the time.
+            let least = 1e4 * R::EPSILON * t.magnitude();
+            let longest = (t - start).magnitude().max(least);
+            self.next_step = self.next_step.map(|step| step.min(longest));
+            watch.restart(t, before, observer.values(t, self.state()))?;
+            return Ok(Told::Restart);
+        }
+        Ok(Told::Nothing)
+    }
+
+    /// Tells the samples at the times up to `t`.
+    fn output_until<const K: usize>(
         &mut self,
         t: R,
         samples: &mut Samples<R, impl Iterator<Item = R>>,
-        output: &mut impl FnMut(R, &S::State),
+        observer: &mut impl Observer<R, S::State, K>,
     ) -> Result<(), Error> {
         while let Some(time) = samples.next.filter(|&time| !samples.is_ahead(time, t)) {
             self.evaluate_dense(time)?;
-            output(time, &self.work);
+            observer.sample(time, &self.work);
             samples.draw(self.t)?;
         }
         Ok(())
-    }
-
-    /// The first time known to be after a change of sign of a function within the last step.
-    fn locate_event<const K: usize>(
-        &mut self,
-        functions: &mut impl FnMut(R, &S::State) -> [R; K],
-        index: usize,
-        (before, after): (R, R),
-    ) -> Result<R, Error> {
-        let (from, to) = (self.t_previous, self.t);
-        let time = |x: R| if x == R::ONE { to } else { from + x * (to - from) };
-        let resolution = R::EPSILON * (1.0 + from.magnitude().max(to.magnitude()) / (to - from).magnitude());
-        let value = |x: R| {
-            let t = time(x);
-            self.evaluate_dense(t)?;
-            finite_values(t, functions(t, &self.work)).map(|values| signed(values[index]))
-        };
-        locate(value, (signed(before), signed(after)), resolution).map(time)
     }
 
     /// Makes the state in `work` the last accepted one, at a time within the last step.
@@ -146,6 +304,23 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         if t == self.t {
             return Ok(());
         }
+        self.place_at(t)
+    }
+
+    /// The same with a state that has been changed.
+    fn restart_at(&mut self, t: R) -> Result<(), Error> {
+        if let Some(failure) = self.point_failure(t, &self.work, None) {
+            return Err(failure.into());
+        }
+        self.system.domain(t, &self.work)?;
+        self.place_at(t)?;
+        let state = &self.points[usize::from(self.current)].state;
+        self.signature = self.system.signature(t, state);
+        self.method.restart(&mut self.storage, self.system, t, state);
+        Ok(())
+    }
+
+    fn place_at(&mut self, t: R) -> Result<(), Error> {
         let point = &mut self.points[usize::from(self.current)];
         copy(&self.work, &mut point.state);
         point.residue.as_mut_slice().fill(R::ZERO);
@@ -155,6 +330,16 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         let here = self.here();
         self.point_failure(t, &here.state, Some(&here.slope)).map_or(Ok(()), |failure| Err(failure.into()))
     }
+}
+
+/// What has come of the events of a step.
+enum Told {
+    /// The motion goes on.
+    Nothing,
+    /// It goes on from a changed state.
+    Restart,
+    /// It stops.
+    Stop,
 }
 
 /// Times still to be sampled.
@@ -181,21 +366,4 @@ impl<R: Real, I: Iterator<Item = R>> Samples<R, I> {
             _ => Ok(()),
         }
     }
-}
-
-/// Passes values of event functions on if they are finite.
-fn finite_values<R: Real, const K: usize>(t: R, values: [R; K]) -> Result<[R; K], Error> {
-    match values.iter().position(|value| !value.all_finite()) {
-        Some(index) => Err(Error::EventNotFinite { t: signed(t), index }),
-        None => Ok(values),
-    }
-}
-
-/// The first of the times in the direction of integration, and its position.
-fn earliest<R: Real>(times: &[Option<R>], backward: bool) -> Option<(usize, R)> {
-    let times = times.iter().enumerate().filter_map(|(index, time)| time.map(|time| (index, time)));
-    times.reduce(|best, next| {
-        let sooner = if backward { next.1.all_gt(best.1) } else { best.1.all_gt(next.1) };
-        if sooner { next } else { best }
-    })
 }

@@ -115,6 +115,12 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
         self.method.longest_step(&mut storage.inner, start)
     }
 
+    /// The levels are those of the state that the motion goes on from.
+    fn restart(&self, storage: &mut Self::Storage, system: &S, t: R, y: &S::State) {
+        self.method.restart(&mut storage.inner, system, t, y);
+        storage.levels = system.values(t, y);
+    }
+
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
         self.method.advance(&mut storage.inner, step)?;
         storage.project(step)

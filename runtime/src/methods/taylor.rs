@@ -272,6 +272,10 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
     }
 
     #[inline]
+    fn restart(&self, storage: &mut Self::Storage, _system: &S, _t: R, _y: &S::State) {
+        (storage.t, storage.previous_step) = (None, 0.0);
+    }
+
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
         storage.expand(step.system, step.t, &step.from.state, step.rhs_evals);
         let (y, residue) = (step.from.state.as_slice(), step.from.residue.as_slice());

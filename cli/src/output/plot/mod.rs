@@ -6,6 +6,7 @@ pub mod bars;
 pub mod field;
 pub mod loglog;
 mod pen;
+pub mod points;
 
 use plotters::element::{Circle, PathElement, Text};
 use plotters::style::text_anchor::{HPos, VPos};

@@ -1,9 +1,10 @@
 //! The Rust back end: a module as items, documented for rustdoc and formatted.
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `matrices`, `implicit`,
-//! `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of modules,
+//! `events`, `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of modules,
 //! `format` text. Does not know: which functions there are and why, the order of their statements.
 
+mod events;
 mod excerpt;
 mod format;
 mod functions;
@@ -49,6 +50,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.differentiable(),
         writer.invariants(),
         writer.implicit(),
+        writer.events()?,
         series.map_or(Ok(TokenStream::new()), |series| writer.series(&series))?,
         writer.groups()?,
     ];

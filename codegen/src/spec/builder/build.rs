@@ -40,6 +40,7 @@ impl ModelBuilder {
         let forces = self.check_forces();
         self.check_named_values();
         let sections = self.check_sections();
+        let events = self.check_events();
         let reconstruction = self.check_reconstructions(connection.as_deref());
         let initial = self.check_initial();
         let carried = std::mem::take(&mut self.carries);
@@ -105,6 +106,7 @@ impl ModelBuilder {
             casimirs: self.casimirs,
             outputs: self.outputs,
             sections,
+            events,
             reconstruction,
             initial,
             scenes,

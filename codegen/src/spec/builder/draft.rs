@@ -37,7 +37,7 @@ pub(in crate::spec) enum DeclaredAs {
 }
 
 impl DeclaredAs {
-    fn words(self) -> &'static str {
+    pub(super) fn words(self) -> &'static str {
         match self {
             DeclaredAs::Parameter => "a parameter",
             DeclaredAs::ParameterComponent => "a component of a parameter",
@@ -156,6 +156,30 @@ pub(super) struct SectionDraft {
     pub(super) span: Option<Span>,
     /// Where its value stands.
     pub(super) of_value: Option<Span>,
+}
+
+/// What an event sets, and to what.
+#[derive(Clone, Debug)]
+pub(in crate::spec) struct EventSet {
+    pub(in crate::spec) target: Located,
+    pub(in crate::spec) value: Value,
+    /// Where the value stands.
+    pub(in crate::spec) span: Option<Span>,
+}
+
+/// An event.
+#[derive(Clone, Debug)]
+pub(super) struct EventDraft {
+    pub(super) name: String,
+    pub(super) value: Value,
+    /// Where the function stands.
+    pub(super) of_value: Option<Span>,
+    pub(super) direction: EventDirection,
+    pub(super) sets: Vec<EventSet>,
+    pub(super) stops: bool,
+    pub(super) doc: String,
+    /// Where its name stands.
+    pub(super) span: Option<Span>,
 }
 
 /// What the model gives of the motion of a velocity.
@@ -286,6 +310,7 @@ pub struct ModelBuilder {
     pub(super) outputs: Vec<NamedVector>,
     pub(super) output_names: BTreeMap<String, Option<Span>>,
     pub(super) sections: Vec<SectionDraft>,
+    pub(super) events: Vec<EventDraft>,
     pub(super) reconstructions: Vec<ReconstructionDraft>,
     pub(super) initial: Vec<(String, Value, Option<Span>)>,
     pub(super) scenes: Vec<SceneDraft>,
@@ -353,6 +378,7 @@ impl ModelBuilder {
             outputs: Vec::new(),
             output_names: BTreeMap::new(),
             sections: Vec::new(),
+            events: Vec::new(),
             reconstructions: Vec::new(),
             initial: Vec::new(),
             scenes: Vec::new(),

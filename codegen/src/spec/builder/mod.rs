@@ -9,6 +9,7 @@ mod connection;
 mod constraints;
 mod draft;
 mod dynamics;
+mod events;
 mod frame;
 mod given;
 mod momenta;
@@ -24,6 +25,6 @@ mod view;
 
 pub(super) use algebroid::SectionBracket;
 pub use draft::ModelBuilder;
-pub(super) use draft::{CarryDraft, DeclaredAs};
+pub(super) use draft::{CarryDraft, DeclaredAs, EventSet};
 pub(in crate::spec) use view::FIELD;
 pub use view::Placement;

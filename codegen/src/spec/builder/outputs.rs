@@ -62,7 +62,8 @@ impl ModelBuilder {
             Shape::Matrix(n, m) => Layout::Matrix(n, m).names(name),
         };
         let components = names.into_iter().zip(value.entries().iter().copied()).collect();
-        self.outputs.push(NamedVector { name: name.to_owned(), components, doc: doc.to_owned() });
+        let (name, doc, part) = (name.to_owned(), doc.to_owned(), OutputPart::Own);
+        self.outputs.push(NamedVector { name, components, doc, part });
         self
     }
 }

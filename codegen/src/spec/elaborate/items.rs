@@ -3,8 +3,8 @@
 //! Deliberately does not know: in which order names become known.
 
 use super::values::Elaboration;
-use crate::spec::ast::{Carry, Comparison, Expr, Item, ItemKind, Name};
-use crate::spec::builder::{CarryDraft, FIELD, Placement};
+use crate::spec::ast::{Carry, Comparison, EventItem, Expr, Item, ItemKind, Name};
+use crate::spec::builder::{CarryDraft, EventSet, FIELD, Placement};
 use crate::spec::eval::is_poisoned;
 use crate::spec::model::{ConnectionKind, FormulationSearch, Side};
 use crate::spec::names;
@@ -139,6 +139,7 @@ impl Elaboration<'_> {
                     _ => _ = self.builder.broken.insert("section"),
                 }
             }
+            ItemKind::Event(event) => self.event(event, &item.doc.join("\n")),
             ItemKind::Acceleration { name, value } => match self.eval(value) {
                 Some(value) => _ = self.builder.at(Some(name.span)).acceleration(&name.text, &value),
                 None => _ = self.builder.broken.insert("acceleration"),
@@ -170,6 +171,25 @@ impl Elaboration<'_> {
             | ItemKind::Initial { .. }
             | ItemKind::View { .. }
             | ItemKind::Coordinate { .. } => {}
+        }
+    }
+
+    fn event(&mut self, event: &EventItem, doc: &str) {
+        let EventItem { name, value, direction, sets, stop } = event;
+        let value = self.located(value);
+        let sets: Vec<Option<_>> = sets
+            .iter()
+            .map(|(target, value)| {
+                let (value, span) = self.located(value)?;
+                Some(EventSet { target: (target.text.clone(), Some(target.span)), value, span })
+            })
+            .collect();
+        match (value, sets.into_iter().collect::<Option<Vec<_>>>()) {
+            (Some(value), Some(sets)) => {
+                let builder = self.builder.at(Some(name.span));
+                builder.located_event(&name.text, value, *direction, (sets, stop.is_some()), doc);
+            }
+            _ => _ = self.builder.broken.insert("event"),
         }
     }
 
