@@ -202,7 +202,8 @@ fn an_impact_is_one_event_whatever_its_direction() {
         let mut n = 0;
         let progress = solver.integrate_through_events(2001.0, |event| {
             n += 1;
-            // Every impact is found on a step that ends far below the wall, to rounding of that; the times add it up twice.
+            // Every impact is found on a step that ends far below the wall, to rounding of that; the times add it up
+            // twice.
             assert!((event.t - 2.0 * f64::from(n)).abs() < 1e-13 * f64::from(n * n + 10), "{n}: {}", event.t);
             ControlFlow::Continue(())
         });

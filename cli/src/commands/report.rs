@@ -98,6 +98,7 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
         max_steps: report::MAX_STEPS,
         max_events: MAX_EVENTS,
         watched,
+        along: Vec::new(),
     };
     let response = full.simulate(&request)?;
     // Accuracy is compared without outputs and without the coordinates of the group.
@@ -111,6 +112,7 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
         samples: 0,
         with_outputs: false,
         watched: bare.watched(),
+        along: Vec::new(),
         ..request.clone()
     };
     let mut bare = Local::new(bare);

@@ -24,6 +24,7 @@ use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::integrate::has_state;
 use crate::run::method::{MethodName, Steps};
+use crate::run::sensitivity::Direction;
 use crate::run::simulation::{EventRecord, MAX_EVENTS, SimulateRequest, SimulateResponse, samples_refusal};
 use crate::run::start::{Starts, judge};
 use crate::run::{admissible, auto, interpreted};
@@ -49,6 +50,9 @@ use crate::session::Session;
 /// A request with "sections", a list of texts as for --section, and a model with events add "events" to the answer,
 /// [{"name", "t", "state": {..}}, ..], and "ended_by" where one has ended the motion; "max_events" limits their number.
 ///
+/// A request with "sensitivity", a list of parameters and components of the initial state, adds the derivatives of the
+/// final state by each to the answer, {"l": {"Omega1": .., ..}, ..}.
+///
 /// A request with "reconstruct" gives the coordinates of the group, all of them or none for the defaults, and the
 /// answer has their final values in "reconstruction". `hamel list` shows their names: what scene reconstruction adds to
 /// the state. docs/command-line.md says more about both.
@@ -61,6 +65,7 @@ Examples:
   hamel simulate heavy_top --set m=2 l=0.1 --initial Omega3=20 --t-final 5 -o top.csv -o top.svg
   hamel simulate mobile_robot --reconstruct --initial x=1 y=-2 -o robot.svg
   hamel simulate suslov --method rk4 --step 0.001
+  hamel simulate heavy_top --sensitivity l,Omega3 --t-final 2 -o top.csv
   hamel simulate ./my_model.hamel --t-final 3
   echo '{\"initial\": {\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}, \"t_final\": 10, \"samples\": 5}' \\
     | hamel simulate free_rigid_body --json
@@ -84,6 +89,9 @@ pub struct Arguments {
     /// `falling` behind it where only these are meant; may be repeated
     #[arg(long, value_name = "EXPRESSION")]
     pub section: Vec<String>,
+    /// Parameters and components of the initial state by which the motion is differentiated as well
+    #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',')]
+    pub sensitivity: Vec<String>,
     /// File to write with the events and the crossings of sections: .csv, or .svg with the crossings in a plane; may be
     /// repeated
     #[arg(long, value_name = "FILE")]
@@ -100,7 +108,7 @@ pub struct Arguments {
     /// Read a JSON request from standard input and print a JSON answer
     #[arg(long, conflicts_with_all =
         ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_steps", "samples", "output",
-         "section", "events", "plane", "max_events"])]
+         "section", "sensitivity", "events", "plane", "max_events"])]
     pub json: bool,
 }
 
@@ -236,6 +244,10 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if let Err(reason) = forms.form_of(given.keys().map(String::as_str)) {
         problems.push(Problem::Unusable { path: "--initial".into(), reason });
     }
+    let along = Direction::named(&info, &arguments.sensitivity, "--sensitivity").unwrap_or_else(|found| {
+        problems.extend(found);
+        Vec::new()
+    });
     if !problems.is_empty() {
         let group = model::group_coordinates(model);
         let is_of_group =
@@ -268,6 +280,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
         max_events: arguments.max_events.unwrap_or(MAX_EVENTS),
         watched,
+        along,
     };
     let response = backend.simulate(&request)?;
     warn(&response);
@@ -392,6 +405,12 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     let _ = write!(text, "\n\n  {:width$}  {:>24}  {:>24}", "", "initial", "final");
     for ((name, start), end) in info.state.iter().zip(&request.initial).zip(&response.last) {
         let _ = write!(text, "\n  {name:width$}  {:>24}  {:>24}", format!("{start:?}"), format!("{end:?}"));
+    }
+    for (by, values) in &response.along {
+        let _ = write!(text, "\n\n  derivative of the final state by {by}");
+        for (name, value) in info.state.iter().zip(values) {
+            let _ = write!(text, "\n  {name:width$}  {:>24}", format!("{value:?}"));
+        }
     }
     text
 }

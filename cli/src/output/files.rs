@@ -14,7 +14,7 @@ use crate::model::blocks::Block;
 use crate::model::spelling::lower_first;
 use crate::run::info::Info;
 use crate::run::method::Steps;
-use crate::run::simulation::{SimulateRequest, SimulateResponse};
+use crate::run::simulation::{Sample, SimulateRequest, SimulateResponse};
 
 /// A file to write and its format, which its extension says.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -91,7 +91,8 @@ impl Target {
     }
 }
 
-/// Time, state, energy and outputs (as `group.component`), one sample a line, every number in shortest round-trip form.
+/// Time, state, energy, outputs (as `group.component`) and derivatives, one sample a line, every number in shortest
+/// round-trip form.
 pub fn csv(run: &Run<'_>) -> String {
     let Run { info, response, .. } = *run;
     let mut text = String::from("t");
@@ -110,10 +111,15 @@ pub fn csv(run: &Run<'_>) -> String {
             }
         }
     }
+    for (by, _) in &response.along {
+        for name in &info.state {
+            let _ = write!(text, ",d_{name}_d_{by}");
+        }
+    }
     text.push('\n');
     for sample in &response.samples {
         let _ = write!(text, "{:?}", sample.t);
-        for x in sample.state.iter().chain(&sample.energy).chain(&sample.outputs) {
+        for x in sample.state.iter().chain(&sample.energy).chain(&sample.outputs).chain(&sample.along) {
             let _ = write!(text, ",{x:?}");
         }
         text.push('\n');
@@ -144,6 +150,17 @@ pub fn figure(run: &Run<'_>) -> Figure {
     for chunk in rest.chunks(MAX_LINES) {
         let lines = chunk.iter().map(|&k| (info.state[k].clone(), column(k))).collect();
         panels.push(Panel { title: "State".into(), lines, times: None });
+    }
+    for (k, (by, _)) in response.along.iter().enumerate() {
+        let column = |at: usize| {
+            let derivative = |s: &Sample| s.along[k * info.state.len() + at];
+            (info.state[at].clone(), response.samples.iter().map(derivative).collect())
+        };
+        let all: Vec<usize> = (0..info.state.len()).collect();
+        for chunk in all.chunks(MAX_LINES) {
+            let lines = chunk.iter().map(|at| column(*at)).collect();
+            panels.push(Panel { title: format!("Derivative by {by}"), lines, times: None });
+        }
     }
     if let Some(initial) = response.initial_energy {
         let relative = |energy: f64| (energy - initial) / response.energy_scale;

@@ -12,6 +12,7 @@ use crate::names;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::method::{MethodName, Steps};
+use crate::run::sensitivity::Direction;
 use crate::run::simulation::{
     EventRecord, MAX_EVENTS, Sample, SimulateRequest, SimulateResponse, samples_refusal,
 };
@@ -95,7 +96,7 @@ impl SimulateRequest {
         n_group: usize,
         defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
     ) -> Result<SimulateRequest, Error> {
-        const FIELDS: [&str; 12] = [
+        const FIELDS: [&str; 13] = [
             "params",
             "initial",
             "t_final",
@@ -108,6 +109,7 @@ impl SimulateRequest {
             "max_steps",
             "sections",
             "max_events",
+            "sensitivity",
         ];
         let mut fields = Fields::new(Json::parse(text)?, &FIELDS)?;
         let params = fields.take("params");
@@ -175,6 +177,7 @@ impl SimulateRequest {
         if let Some(reason) = samples_refusal(samples, info, with_outputs) {
             fields.problems.push(unusable("samples", reason));
         }
+        let along = along(&mut fields, info);
         fields.finish()?;
         let own = forms.own_form();
         let initial = forms.convert(&params, 0.0, &initial, [&form, &own]).map_err(|e| e.at("initial"))?;
@@ -193,8 +196,29 @@ impl SimulateRequest {
             max_steps,
             max_events,
             watched: None,
+            along,
         })
     }
+}
+
+/// What a field `sensitivity`, an array of names, asks to differentiate by.
+fn along(fields: &mut Fields, info: &Info) -> Vec<Direction> {
+    let mut names = Vec::new();
+    for name in fields.array("sensitivity").unwrap_or_default() {
+        match name {
+            Json::String(name) => names.push(name),
+            other => fields.problems.push(Problem::WrongKind {
+                path: "sensitivity".into(),
+                found: other.describe(),
+                wanted: "the name of a parameter or of a component of the state",
+            }),
+        }
+    }
+    let directions = Direction::named(info, &names, "sensitivity");
+    directions.unwrap_or_else(|problems| {
+        fields.problems.extend(problems);
+        Vec::new()
+    })
 }
 
 /// Whether an object has a field with such a value.
@@ -237,6 +261,11 @@ impl SimulateResponse {
             if let Some(event) = &self.ended_by {
                 answer.insert("ended_by".into(), event.clone().into());
             }
+        }
+        if !self.along.is_empty() {
+            let all = || info.state.iter().map(String::as_str);
+            let by = self.along.iter().map(|(name, values)| (name.clone(), by_name(all(), values)));
+            answer.insert("sensitivity".into(), by.collect());
         }
         if n_group > 0 {
             let group = info.state[n_own..].iter().map(String::as_str);

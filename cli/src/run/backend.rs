@@ -157,6 +157,7 @@ mod tests {
             max_steps,
             max_events: MAX_EVENTS,
             watched: None,
+            along: Vec::new(),
         };
         let told =
             |t_final, max_steps, t| status(&request(t_final, max_steps), t, 1000, Duration::from_secs(10));

@@ -124,6 +124,9 @@ impl<'a> Deref for PreparedScene<'a> {
 /// The same on four lanes.
 pub type PreparedLanes<'a> = Box<dyn LaneDynamics + 'a>;
 
+/// A right-hand side with parameters over dual numbers, `(t, y, dy)`.
+pub type DualRates<'a> = Box<dyn Fn(Dual, &[Dual], &mut [Dual]) + 'a>;
+
 /// A scene whose parameters are still to be given; threads may share it.
 pub trait Factory: Sync {
     /// Names and meanings.
@@ -143,6 +146,12 @@ pub trait Factory: Sync {
         let lanes = (0..F64x4::LANES).map(|k| self.prepare(&lane(values, k)));
         Ok(Box::new(SideBySide(lanes.collect::<Result<_, _>>()?)))
     }
+
+    /// Fixes the parameters of the right-hand side, with their derivatives along a direction.
+    ///
+    /// # Errors
+    /// As [`Factory::prepare`].
+    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams>;
 }
 
 impl<F: Factory + ?Sized> Factory for &F {
@@ -156,6 +165,10 @@ impl<F: Factory + ?Sized> Factory for &F {
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
         (**self).prepare_lanes(values)
+    }
+
+    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
+        (**self).prepare_duals(values)
     }
 }
 
@@ -494,6 +507,11 @@ where
             }
         }
         Ok(Box::new(Prepared(W::prepare(values)?)))
+    }
+
+    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
+        let scene = D::prepare(values)?;
+        Ok(Box::new(move |t, y, dy| scene.rhs(t, array(y), array_mut(dy))))
     }
 }
 

@@ -204,7 +204,7 @@ impl<'a> Job<'a> {
             if info.has_energy && energy.is_none() {
                 error.get_or_insert_with(|| format!("the energy is not finite at t = {t:?}"));
             }
-            samples.push(Sample { t, state: state.0, energy, outputs: Vec::new() });
+            samples.push(Sample { t, state: state.0, energy, outputs: Vec::new(), along: Vec::new() });
         }
         Member { samples, steps: trajectory.stats.steps, error }
     }

@@ -11,6 +11,7 @@ use super::events::Watcher;
 use super::info::Info;
 use super::method::Steps;
 use super::record::Record;
+use super::sensitivity::Along;
 use super::simulation::{SimulateRequest, SimulateResponse, stopped_because};
 use super::solver::{WithMethod, with_method};
 use crate::error::Error;
@@ -29,8 +30,24 @@ pub fn simulate(
     request.validate(factory.info())?;
     let dynamics = prepare(factory, &request.params)?;
     admissible::check(&*dynamics, &request.initial, request.n_group)?;
-    let run = Run { dynamics: &dynamics, request, progress };
-    with_method(request.method, request.steps, &*dynamics, &request.initial, run)?
+    if request.along.is_empty() {
+        return motion(&dynamics, request, progress);
+    }
+    let along = Along::new(factory, request)?;
+    let extended = along.request(request);
+    extended.validate(along.info())?;
+    let mut response = motion(&prepare(&along, &request.params)?, &extended, progress)?;
+    along.separate(&mut response);
+    Ok(response)
+}
+
+fn motion(
+    dynamics: &PreparedScene<'_>,
+    request: &SimulateRequest,
+    progress: &mut dyn FnMut(f64),
+) -> Result<SimulateResponse, Error> {
+    let run = Run { dynamics, request, progress };
+    with_method(request.method, request.steps, &**dynamics, &request.initial, run)?
 }
 
 /// Whether there is anything to integrate.
@@ -95,6 +112,7 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
         Ok(SimulateResponse {
             t: solver.t(),
             last,
+            along: Vec::new(),
             steps: stats.steps,
             rejected: stats.rejected,
             rhs_evals: stats.rhs_evals,

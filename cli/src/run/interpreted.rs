@@ -6,13 +6,13 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::{Counts, Function, Jet, Role};
+use hamel_codegen::program::{Counts, Function, Jet, Role, ViolatedCondition};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_codegen::spec;
-use hamel_runtime::{Failure, Pivot};
+use hamel_runtime::{Dual, Failure, Pivot};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, Dynamics, Factory, PreparedScene, VecState};
+use super::dynamics::{BadParams, DualRates, Dynamics, Factory, PreparedScene, VecState};
 use super::events::Watched;
 use super::info::{Info, OutputEntry, ParamEntry};
 use crate::cache::Cache;
@@ -152,16 +152,17 @@ impl Built {
     }
 }
 
+fn bad_params(bad: ViolatedCondition) -> BadParams {
+    BadParams { condition: bad.condition, meaning: bad.meaning }
+}
+
 impl Factory for Built {
     fn info(&self) -> &Info {
         &self.info
     }
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
-        let interpreter = self
-            .executable
-            .prepare(values)
-            .map_err(|bad| BadParams { condition: bad.condition, meaning: bad.meaning })?;
+        let interpreter = self.executable.prepare(values).map_err(bad_params)?;
         let (jet, invariants) = (OnceLock::new(), OnceLock::new());
         Ok(PreparedScene::new(Interpreted {
             built: self,
@@ -170,6 +171,11 @@ impl Factory for Built {
             jet,
             invariants,
         }))
+    }
+
+    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
+        let rates = self.executable.prepare_rates(values).map_err(bad_params)?;
+        Ok(Box::new(move |t, y, dy| rates.rhs(t, y, dy)))
     }
 }
 

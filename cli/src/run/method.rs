@@ -109,6 +109,12 @@ impl MethodName {
         matches!(self.class(), Class::Fixed | Class::Newton)
     }
 
+    /// Whether the method integrates a motion with its derivatives: it asks a scene for nothing but the right-hand
+    /// side.
+    pub(crate) fn carries_derivatives(self) -> bool {
+        !matches!(self.class(), Class::Newton | Class::Series | Class::Projection)
+    }
+
     /// Whether the method asks for derivatives of the right-hand side.
     pub(crate) fn is_newton(self) -> bool {
         self.class() == Class::Newton

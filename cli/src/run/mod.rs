@@ -19,6 +19,7 @@ pub mod method;
 pub mod protocol;
 mod record;
 pub mod remote;
+pub mod sensitivity;
 pub mod simulation;
 mod solver;
 pub mod start;

@@ -173,7 +173,7 @@ impl<'a> Record<'a> {
         if outputs.iter().any(|x| !x.is_finite()) {
             return Err(self.not_finite(t, y, "an output"));
         }
-        self.samples.push(Sample { t, state: y.to_vec(), energy, outputs });
+        self.samples.push(Sample { t, state: y.to_vec(), energy, outputs, along: Vec::new() });
         Ok(())
     }
 

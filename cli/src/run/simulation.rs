@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::events::Watched;
 use super::info::Info;
 use super::method::{MethodName, Steps};
+use super::sensitivity::Direction;
 use crate::error::Error;
 
 /// What to integrate, in the order of [`Info`]; it starts at time zero.
@@ -34,6 +35,8 @@ pub struct SimulateRequest {
     pub max_events: u64,
     /// Events to watch for.
     pub watched: Option<Watched>,
+    /// What the motion is differentiated by.
+    pub along: Vec<Direction>,
 }
 
 /// Largest number of events unless somebody asks for another one: all of them are kept.
@@ -50,6 +53,8 @@ pub struct Sample {
     pub energy: Option<f64>,
     /// Outputs, when asked for.
     pub outputs: Vec<f64>,
+    /// Derivatives of the state along each direction that was asked for, one direction after the other.
+    pub along: Vec<f64>,
 }
 
 /// An event on the way.
@@ -70,6 +75,8 @@ pub struct SimulateResponse {
     pub t: f64,
     /// State there.
     pub last: Vec<f64>,
+    /// Derivatives of the state there, by the name of what it is differentiated by.
+    pub along: Vec<(String, Vec<f64>)>,
     /// States on the way.
     pub samples: Vec<Sample>,
     /// Accepted steps.

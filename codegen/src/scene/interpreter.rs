@@ -4,7 +4,7 @@
 
 use std::borrow::Cow;
 
-use hamel_runtime::Dual;
+use hamel_runtime::{Dual, Real};
 
 use crate::error::Error;
 use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
@@ -71,6 +71,19 @@ impl Executable {
         Interpreter::new(&self.program, Cow::Borrowed(&self.patterns), params)
     }
 
+    /// Prepares the right-hand side alone, over any scalar.
+    ///
+    /// # Errors
+    /// The condition that the parameters violate.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong.
+    pub fn prepare_rates<R: Real>(&self, params: &[R]) -> Result<Rates<'_, R>, ViolatedCondition> {
+        let prepared = self.program.prepare(params)?;
+        let function = self.program.function_idx(&Role::Rate);
+        Ok(Rates { program: &self.program, function, params: params.to_vec(), prepared })
+    }
+
     /// The recurrence of the Taylor coefficients of solutions.
     ///
     /// # Errors
@@ -122,6 +135,28 @@ impl BuiltScene {
     /// When the number of parameters is wrong.
     pub fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
         Interpreter::new(&self.program, Cow::Owned(self.patterns()), params)
+    }
+}
+
+/// The right-hand side of a program with prepared parameters over some scalar.
+#[derive(Clone, Debug)]
+pub struct Rates<'a, R> {
+    program: &'a Program,
+    /// None where the scene has no state.
+    function: Option<usize>,
+    params: Vec<R>,
+    prepared: Vec<R>,
+}
+
+impl<R: Real> Rates<'_, R> {
+    /// Writes the derivative `f(t, y)` to `dy`.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn rhs(&self, t: R, y: &[R], dy: &mut [R]) {
+        if let Some(k) = self.function {
+            self.program.run(k, &self.params, &self.prepared, t, y, dy);
+        }
     }
 }
 

@@ -179,14 +179,14 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         self.observe(t_end, [], S::DIRECTIONS, &mut Through { system: self.system, on_event })
     }
 
-    /// Integrates to `t_end` and tells an observer the states at `times`, the ends of steps and the events, in the order
-    /// of time.
+    /// Integrates to `t_end` and tells an observer the states at `times`, the ends of steps and the events, in the
+    /// order of time.
     ///
-    /// Events are located as [`integrate_with_events`](Self::integrate_with_events) says. Several at one time are told in
-    /// the order of their functions, each with the state that the one before has left. Where one answers
-    /// [`Action::Restart`], the motion goes on from the changed state at the time of the event: the step after it starts
-    /// anew, samples at that time have the state before, and what a change of the state does to the sign of a function
-    /// is no event. A function that its own event leaves at zero does not fire again until it has left zero.
+    /// Events are located as [`integrate_with_events`](Self::integrate_with_events) says. Several at one time are told
+    /// in the order of their functions, each with the state that the one before has left. Where one answers
+    /// [`Action::Restart`], the motion goes on from the changed state at the time of the event: the step after it
+    /// starts anew, samples at that time have the state before, and what a change of the state does to the sign of a
+    /// function is no event. A function that its own event leaves at zero does not fire again until it has left zero.
     ///
     /// # Errors
     ///

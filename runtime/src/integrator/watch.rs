@@ -25,8 +25,8 @@ pub(super) struct Watch<R, const K: usize> {
     directions: [Direction; K],
     /// Values at the start of the step.
     before: [R; K],
-    /// Zero, or the value, zero but for rounding, that a function has after a restart by its own event, until it has left
-    /// zero. A ball that starts an ulp below the ground and does not rise above it falls back to that level.
+    /// Zero, or the value, zero but for rounding, that a function has after a restart by its own event, until it has
+    /// left zero. A ball that starts an ulp below the ground and does not rise above it falls back to that level.
     levels: [R; K],
     /// Which functions start the step on their level.
     departs: [bool; K],

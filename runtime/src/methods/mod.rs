@@ -87,7 +87,8 @@ pub trait Method<R: Real, S: System<R>>: Copy {
         f64::INFINITY
     }
 
-    /// Forgets what the storage knows of the motion so far: it goes on from another state at a time, as after an impact.
+    /// Forgets what the storage knows of the motion so far: it goes on from another state at a time, as after an
+    /// impact.
     fn restart(&self, _storage: &mut Self::Storage, _system: &S, _t: R, _y: &S::State) {}
 
     /// Computes the stages `k_1` to `k_(s-1)`, or the series, the new state and what it lacks.

@@ -1,0 +1,231 @@
+//! A scene with the derivatives of its motion by parameters and components of the initial state, as a scene of its own.
+//!
+//! Does not know: how anything is integrated, how a request was written.
+
+use hamel_runtime::{Dual, Failure, Pivot, Real, System, Variational};
+use serde::{Deserialize, Serialize};
+
+use super::dynamics::{BadParams, DualRates, Dynamics, Factory, PreparedScene, VecState};
+use super::info::Info;
+use super::method::MethodName;
+use super::simulation::{SimulateRequest, SimulateResponse};
+use crate::error::{Error, Problem};
+use crate::names;
+
+/// What a motion is differentiated by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Direction {
+    /// A parameter, by its place.
+    Param(usize),
+    /// A component of the initial state, by its place.
+    Initial(usize),
+}
+
+impl Direction {
+    /// Directions by name, in their order; `path` says where they were given.
+    ///
+    /// # Errors
+    /// Names that are neither of a parameter nor of a component of the state, and repeated ones.
+    pub fn named(info: &Info, given: &[String], path: &str) -> Result<Vec<Direction>, Vec<Problem>> {
+        let known: Vec<&str> = info.param_names().into_iter().chain(info.state_names()).collect();
+        let (mut directions, mut problems) = (Vec::new(), Vec::new());
+        for name in given {
+            match known.iter().position(|own| own == name) {
+                None => problems.push(Problem::UnknownName {
+                    path: path.to_owned(),
+                    kind: "parameter or component of the state",
+                    name: name.clone(),
+                    known: known.iter().map(|name| (*name).to_owned()).collect(),
+                }),
+                Some(k) => {
+                    let direction = match k.checked_sub(info.params.len()) {
+                        None => Direction::Param(k),
+                        Some(at) => Direction::Initial(at),
+                    };
+                    if directions.contains(&direction) {
+                        problems.push(Problem::Repeated { path: path.to_owned(), name: name.clone() });
+                    }
+                    directions.push(direction);
+                }
+            }
+        }
+        if problems.is_empty() { Ok(directions) } else { Err(problems) }
+    }
+
+    /// The name that it has in a scene.
+    pub fn name(self, info: &Info) -> &str {
+        match self {
+            Direction::Param(k) => &info.params[k].name,
+            Direction::Initial(k) => &info.state[k],
+        }
+    }
+}
+
+/// A scene whose state has the derivatives behind it, one direction after the other.
+pub(super) struct Along<'f> {
+    factory: &'f dyn Factory,
+    directions: &'f [Direction],
+    info: Info,
+}
+
+impl<'f> Along<'f> {
+    /// The scene with the derivatives that a request asks for.
+    ///
+    /// # Errors
+    /// [`Error::Options`] for methods that need more than the right-hand side, and where events are watched.
+    pub(super) fn new(factory: &'f dyn Factory, request: &'f SimulateRequest) -> Result<Along<'f>, Error> {
+        let method = request.method;
+        if !method.carries_derivatives() {
+            let fit = MethodName::all().filter(|method| method.carries_derivatives());
+            let fit: Vec<&str> = fit.map(MethodName::name).collect();
+            let reason = format!(
+                "sensitivity: method {} needs more of a scene than its right-hand side, which is all that has \
+                 derivatives; choose one of {}",
+                method.name(),
+                names::list(fit)
+            );
+            return Err(Error::Options { reason });
+        }
+        if request.watched.is_some() {
+            let reason = "sensitivity: derivatives are not carried through events and sections: leave out either, or \
+                          choose a scene without events";
+            return Err(Error::Options { reason: reason.into() });
+        }
+        let base = factory.info();
+        let mut state = base.state.clone();
+        for direction in &request.along {
+            let by = direction.name(base);
+            state.extend(base.state.iter().map(|name| format!("d_{name}_d_{by}")));
+        }
+        let info = Info { state, ..base.clone() };
+        Ok(Along { factory, directions: &request.along, info })
+    }
+
+    /// The same request for this scene.
+    pub(super) fn request(&self, request: &SimulateRequest) -> SimulateRequest {
+        let n = request.initial.len();
+        let mut initial = request.initial.clone();
+        for direction in self.directions {
+            initial.extend((0..n).map(|k| f64::from(u8::from(*direction == Direction::Initial(k)))));
+        }
+        SimulateRequest { initial, along: Vec::new(), ..request.clone() }
+    }
+
+    /// Takes the derivatives apart from the state in what came out.
+    pub(super) fn separate(&self, response: &mut SimulateResponse) {
+        let n = self.factory.info().state.len();
+        let derivatives = response.last.split_off(n);
+        let names = self.directions.iter().map(|direction| direction.name(&self.info).to_owned());
+        response.along = names.zip(derivatives.chunks(n).map(<[f64]>::to_vec)).collect();
+        for sample in &mut response.samples {
+            sample.along = sample.state.split_off(n);
+        }
+    }
+}
+
+impl Factory for Along<'_> {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
+        let base = self.factory.prepare(values)?;
+        let rates = self.directions.iter().map(|direction| {
+            let mut duals: Vec<Dual> = values.iter().copied().map(Dual::constant).collect();
+            if let Direction::Param(k) = direction {
+                duals[*k] = Dual::variable(values[*k]);
+            }
+            self.prepare_duals(&duals).map(OnDuals)
+        });
+        let rates = rates.collect::<Result<_, _>>()?;
+        Ok(PreparedScene::new(PreparedAlong { info: &self.info, base, rates }))
+    }
+
+    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
+        self.factory.prepare_duals(values)
+    }
+}
+
+/// The right-hand side over dual numbers as a system.
+struct OnDuals<'a>(DualRates<'a>);
+
+impl System<Dual> for OnDuals<'_> {
+    type State = VecState<Dual>;
+
+    fn rhs(&self, t: Dual, y: &VecState<Dual>, dy: &mut VecState<Dual>) {
+        (self.0)(t, &y.0, &mut dy.0);
+    }
+}
+
+struct PreparedAlong<'a> {
+    info: &'a Info,
+    base: PreparedScene<'a>,
+    /// One for each direction.
+    rates: Vec<OnDuals<'a>>,
+}
+
+impl PreparedAlong<'_> {
+    /// The state without derivatives.
+    fn own<'y>(&self, y: &'y [f64]) -> &'y [f64] {
+        &y[..self.base.info().state.len()]
+    }
+}
+
+impl Dynamics for PreparedAlong<'_> {
+    fn info(&self) -> &Info {
+        self.info
+    }
+
+    fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
+        let zeros = VecState(vec![Dual::ZERO; self.own(y).len()]);
+        let mut rates = VecState(vec![0.0; y.len()]);
+        Variational::<f64, _, VecState>::new(&self.rates, zeros).rhs(t, &VecState(y.to_vec()), &mut rates);
+        dy.copy_from_slice(&rates.0);
+    }
+
+    fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {
+        self.base.energy(t, self.own(y))
+    }
+
+    fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
+        self.base.outputs(t, self.own(y))
+    }
+
+    fn series(&self, _t: f64, _y: &[f64], _out: &mut [VecState]) -> bool {
+        false
+    }
+
+    fn jacobian(&self, _t: f64, _y: &[f64], rows: &mut [VecState]) {
+        // No method that asks for it gets here; a matrix that is not finite is reported.
+        rows.iter_mut().for_each(|row| row.0.fill(f64::NAN));
+    }
+
+    fn rhs_cost(&self) -> Option<u64> {
+        // A product of dual numbers is three of numbers.
+        self.base.rhs_cost().map(|cost| 3 * cost * self.rates.len() as u64)
+    }
+
+    fn n_invariants(&self) -> Option<usize> {
+        Some(0)
+    }
+
+    fn invariants(&self, _t: f64, _y: &[f64], _values: &mut [f64]) {}
+
+    fn invariant_gradients(&self, _t: f64, _y: &[f64], _gradients: &mut [VecState]) {}
+
+    fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
+        Dynamics::check(&*self.base, t, self.own(y))
+    }
+
+    fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
+        Dynamics::domain(&*self.base, t, self.own(y))
+    }
+
+    fn signature(&self, t: f64, y: &[f64]) -> f64 {
+        Dynamics::signature(&*self.base, t, self.own(y))
+    }
+
+    fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>)) {
+        Dynamics::pivots(&*self.base, t, self.own(y), visit);
+    }
+}

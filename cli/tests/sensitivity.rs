@@ -1,0 +1,170 @@
+//! Derivatives of motions by parameters and initial values: `simulate --sensitivity` and its JSON field.
+
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+
+use hamel::cache::Cache;
+use hamel::commands::simulate::simulate_text;
+use hamel::error::{Error, Problem};
+use hamel::model::Checked;
+use hamel::run::backend::Local;
+use hamel::run::interpreted;
+use hamel_codegen::spec;
+use serde_json::{Value, json};
+
+/// `x = x0 cos w t + v0/w sin w t` with `w^2 = k/m`.
+const OSCILLATOR: &str = "model oscillator {
+    param k = 4 where k > 0;
+    param m = 1;
+    coordinate x in real;
+    lagrangian = m*x_dot^2/2 - k*x^2/2;
+}";
+
+/// A ball that bounces.
+const BALL: &str = "model ball {
+    coordinate z in real;
+    lagrangian = z_dot^2/2 - z;
+    event impact = z falling { then z_dot = -z_dot; }
+}";
+
+fn simulate(text: &str, request: &Value) -> Result<Value, Error> {
+    let model = spec::parse("test.hamel", text).unwrap_or_else(|e| panic!("{e}"));
+    let model = Arc::new(Checked::new(model, Cache::none()));
+    let built = interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}"));
+    let answer = simulate_text(&mut Local::new(built), &request.to_string())?;
+    Ok(serde_json::from_str(&answer).expect("JSON"))
+}
+
+fn request() -> Value {
+    json!({
+        "initial": {"x": 0.3, "x_dot": -0.5}, "t_final": 3.0, "rtol": 1e-12, "atol": 1e-12,
+        "method": "vern9", "sensitivity": ["k", "x_dot", "m"],
+    })
+}
+
+fn at(answer: &Value, by: &str, component: &str) -> f64 {
+    answer["sensitivity"][by][component].as_f64().unwrap_or_else(|| panic!("{answer}"))
+}
+
+#[test]
+fn derivatives_are_those_of_the_solution_in_closed_form() {
+    let answer = simulate(OSCILLATOR, &request()).unwrap();
+    let (t, w) = (3.0_f64, 2.0_f64);
+    let (s, c) = (w * t).sin_cos();
+    // By the frequency, and dw/dk = 1/(2 w), dw/dm = -w/2.
+    let by_w = -0.3 * t * s - 0.5 * (t * c / w - s / (w * w));
+    let expected = [("k", by_w / (2.0 * w)), ("m", -by_w * w / 2.0), ("x_dot", s / w)];
+    for (by, expected) in expected {
+        assert!((at(&answer, by, "x") - expected).abs() < 1e-10, "{by}: {answer} {expected}");
+    }
+    assert!((at(&answer, "x_dot", "x_dot") - c).abs() < 1e-10);
+    // The state is what it is without derivatives, to the tolerance, and the answer has them only where asked.
+    let mut plain = request();
+    plain.as_object_mut().unwrap().remove("sensitivity");
+    let plain = simulate(OSCILLATOR, &plain).unwrap();
+    assert!(plain.get("sensitivity").is_none());
+    for name in ["x", "x_dot"] {
+        let difference = plain["final"][name].as_f64().unwrap() - answer["final"][name].as_f64().unwrap();
+        assert!(difference.abs() < 1e-11, "{difference}");
+    }
+    assert_eq!(answer["final"].as_object().unwrap().len(), 2);
+}
+
+#[test]
+fn every_method_that_takes_rates_alone_has_them_and_others_are_refused_by_name() {
+    let (mut n_fit, mut n_refused) = (0, 0);
+    let exact = at(&simulate(OSCILLATOR, &request()).unwrap(), "k", "x");
+    for method in hamel::run::method::MethodName::all() {
+        let mut request = request();
+        request["method"] = json!(method.name());
+        let fixed = |request: &mut Value| {
+            let fields = request.as_object_mut().unwrap();
+            fields.remove("rtol");
+            fields.remove("atol");
+            fields.insert("step".into(), json!(1e-3));
+        };
+        let found = match simulate(OSCILLATOR, &request) {
+            Err(Error::Request { .. }) => {
+                fixed(&mut request);
+                simulate(OSCILLATOR, &request)
+            }
+            other => other,
+        };
+        match found {
+            Ok(answer) => {
+                n_fit += 1;
+                let found = at(&answer, "k", "x");
+                // The classical method at its step is the least exact.
+                assert!((found - exact).abs() < 1e-8, "{}: {found} {exact}", method.name());
+            }
+            Err(error) => {
+                n_refused += 1;
+                let text = error.to_string();
+                assert!(text.contains("sensitivity") && text.contains(method.name()), "{text}");
+            }
+        }
+    }
+    assert!(n_fit >= 9 && n_refused >= 5, "{n_fit} {n_refused}");
+}
+
+#[test]
+fn wrong_names_are_told_with_what_there_is() {
+    let mut wrong = request();
+    wrong["sensitivity"] = json!(["kk", "x", "x", 3]);
+    let Err(Error::Request { problems }) = simulate(OSCILLATOR, &wrong) else { panic!() };
+    assert!(problems.iter().any(|p| matches!(p, Problem::UnknownName { name, .. } if name == "kk")));
+    assert!(problems.iter().any(|p| matches!(p, Problem::Repeated { name, .. } if name == "x")));
+    assert!(problems.iter().any(|p| matches!(p, Problem::WrongKind { .. })));
+}
+
+fn hamel(arguments: &[&str]) -> (bool, String, String) {
+    let out = Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+        .args(arguments)
+        .output()
+        .unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (out.status.success(), text(&out.stdout), text(&out.stderr))
+}
+
+/// A file in a folder of the tests.
+fn file(name: &str, text: &str) -> String {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("sensitivity_{name}"));
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn derivatives_are_not_carried_through_events() {
+    let model = file("ball.hamel", BALL);
+    let (is_fine, _, message) = hamel(&["simulate", &model, "--initial", "z=1", "--sensitivity", "z"]);
+    assert!(!is_fine && message.contains("events"), "{message}");
+}
+
+#[test]
+fn tables_pictures_and_the_summary_have_them() {
+    let model = file("oscillator.hamel", OSCILLATOR);
+    let [csv, svg] = ["out.csv", "out.svg"].map(|name| file(name, ""));
+    let arguments =
+        ["--initial", "x=0.3", "x_dot=-0.5", "--t-final", "3", "--sensitivity", "k,x", "--samples"];
+    let arguments = [&["simulate", &model][..], &arguments, &["7", "-o", &csv, "-o", &svg]].concat();
+    let (is_fine, summary, message) = hamel(&arguments);
+    assert!(is_fine, "{message}");
+    assert!(summary.contains("derivative of the final state by k"), "{summary}");
+    let table = std::fs::read_to_string(&csv).unwrap();
+    let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 8);
+    assert!(rows.iter().all(|row| row.len() == rows[0].len()));
+    let column =
+        |name: &str| rows[0].iter().position(|own| *own == name).unwrap_or_else(|| panic!("{table}"));
+    let value = |row: usize, name: &str| rows[row][column(name)].parse::<f64>().unwrap();
+    // At the start nothing has moved but what is differentiated by.
+    assert_eq!((value(1, "d_x_d_k"), value(1, "d_x_d_x"), value(1, "d_x_dot_d_x")), (0.0, 1.0, 0.0));
+    // By the initial place: cos w t.
+    for row in 1..8 {
+        let exact = (2.0 * value(row, "t")).cos();
+        assert!((value(row, "d_x_d_x") - exact).abs() < 1e-8, "{row}: {table}");
+    }
+    assert!(std::fs::read_to_string(&svg).unwrap().contains("Derivative by k"));
+}
