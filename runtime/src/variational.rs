@@ -171,9 +171,9 @@ impl<R: Real, T: System<Dual<R>>, V: StateVector<R>> Variational<'_, R, T, V> {
     /// # Source
     ///
     /// Benettin, Galgani, Giorgilli, Strelcyn, Meccanica 15 (1980), 9-20 and 21-30.
-    pub fn lyapunov_exponents<M: Method<R, Self> + Clone>(
+    pub fn lyapunov_exponents<M: Method<R, Self>>(
         &self,
-        method: &M,
+        method: M,
         (t, z): (&mut R, &mut V),
         options: Options<R>,
         (interval, n_intervals): (R, usize),
@@ -189,7 +189,7 @@ impl<R: Real, T: System<Dual<R>>, V: StateVector<R>> Variational<'_, R, T, V> {
         for k in 1..=n_intervals {
             let mut next = z.clone();
             self.orthonormalise(*t, &mut next, |_, _| ())?;
-            let mut solver = Integrator::new(self, method.clone(), *t, next, options)?;
+            let mut solver = Integrator::new(self, method, *t, next, options)?;
             let end = R::from_f64(k as f64).mul_add(interval, start);
             solver.integrate_to(end)?;
             let mut next = solver.state().clone();

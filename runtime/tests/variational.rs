@@ -127,7 +127,7 @@ fn exponents_of_a_linear_system_are_real_parts_of_its_eigenvalues() {
     let options = Options::adaptive(1e-12, 1e-12);
     let mut exponents = [0.0; 2];
     let mut run = |t: &mut f64, z: &mut [f64; 6], plan| {
-        variational.lyapunov_exponents(&Dop853, (t, z), options, plan, &mut exponents).unwrap();
+        variational.lyapunov_exponents(Dop853, (t, z), options, plan, &mut exponents).unwrap();
         exponents
     };
     // The directions settle first.
@@ -147,9 +147,7 @@ fn exponents_of_the_attractor_of_lorenz_are_those_in_print() {
     let (mut t, mut exponents) = (0.0, [0.0; 3]);
     let options = Options::adaptive(1e-9, 1e-9);
     for n in [40, 2000] {
-        variational
-            .lyapunov_exponents(&Dop853, (&mut t, &mut z), options, (0.25, n), &mut exponents)
-            .unwrap();
+        variational.lyapunov_exponents(Dop853, (&mut t, &mut z), options, (0.25, n), &mut exponents).unwrap();
     }
     // The sum is the divergence, which is constant; the others converge as one over the time, 500 here.
     let sum: f64 = exponents.iter().sum();
@@ -165,10 +163,10 @@ fn dependent_directions_are_refused_and_nothing_is_lost() {
     let mut exponents = [0.0; 2];
     let plan = (0.5, 3);
     let options = Options::adaptive(1e-9, 1e-9);
-    let found = variational.lyapunov_exponents(&Dop853, (&mut t, &mut z), options, plan, &mut exponents);
+    let found = variational.lyapunov_exponents(Dop853, (&mut t, &mut z), options, plan, &mut exponents);
     assert!(matches!(found, Err(Error::Failure(Failure::NonFinite { index: 4, .. }))), "{found:?}");
     assert_eq!((t, z), (1.0, before));
-    let found = variational.lyapunov_exponents(&Dop853, (&mut t, &mut z), options, (0.0, 3), &mut exponents);
+    let found = variational.lyapunov_exponents(Dop853, (&mut t, &mut z), options, (0.0, 3), &mut exponents);
     assert_eq!(found, Err(Error::StepSize { value: 0.0 }));
 }
 
