@@ -19,13 +19,13 @@ use crate::output::terminal::bold;
 use crate::request::read_request;
 use crate::run::backend::Backend;
 use crate::run::choice::Via;
-use crate::run::events::Watched;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::integrate::has_state;
 use crate::run::method::{MethodName, Steps};
-use crate::run::simulation::{EventRecord, MAX_EVENTS, SimulateRequest, SimulateResponse, samples_refusal};
+use crate::run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse, samples_refusal};
 use crate::run::start::{Starts, judge};
+use crate::run::watched::{EventRecord, Watched};
 use crate::run::{admissible, auto, interpreted};
 use crate::session::Session;
 

@@ -10,7 +10,7 @@ pub mod choice;
 pub mod dynamics;
 pub mod ensemble;
 pub mod evaluate;
-pub mod events;
+mod events;
 pub mod forms;
 pub mod info;
 pub mod integrate;
@@ -22,5 +22,6 @@ pub mod remote;
 pub mod simulation;
 mod solver;
 pub mod start;
+pub mod watched;
 
 pub use record::energy_scale;
