@@ -89,7 +89,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub events: Vec<PathBuf>,
     /// Components of the state that span the plane of --events FILE.svg [default: the first two]
-    #[arg(long, value_name = "X,Y", requires = "events", value_delimiter = ',', num_args = 2)]
+    #[arg(long, value_name = "X,Y", requires = "events", value_delimiter = ',')]
     pub plane: Vec<String>,
     /// Largest number of events [default: 100000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -314,7 +314,12 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
 
 /// Positions in the state of the components that span a plane: those named, or the first two.
 fn plane(info: &Info, names: &[String]) -> Result<[usize; 2], Error> {
-    let [x, y] = names else { return Ok([0, usize::from(info.state.len() > 1)]) };
+    let [x, y] = names else {
+        if names.is_empty() {
+            return Ok([0, usize::from(info.state.len() > 1)]);
+        }
+        return Err(Error::unusable("--plane", "has two components of the state, as in --plane x,y"));
+    };
     let place = |name: &String| {
         let known = || info.state.clone();
         info.state.iter().position(|s| s == name).ok_or_else(|| Error::Request {

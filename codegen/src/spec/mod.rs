@@ -15,6 +15,7 @@ mod diagnostic;
 mod elaborate;
 mod eval;
 mod eval_algebra;
+mod event;
 mod expressions;
 mod group;
 mod kind;
@@ -33,6 +34,7 @@ mod want;
 pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
 pub use diagnostic::{Diagnostic, Diagnostics, Origin, Severity, Span};
+pub use event::{Event, EventDirection, OutputPart};
 pub use expressions::ExpressionRole;
 pub use group::Group;
 pub use kind::{Kind, Restriction, Setting};
@@ -40,8 +42,8 @@ pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use model::{
     Advected, Carried, CarriedAcceleration, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind,
-    Coordinate, Domain, Event, EventDirection, FormulationSearch, Given, IdealChain, InnerProduct, Model,
-    Momentum, Named, NamedVector, OutputPart, OwnAlgebroid, OwnBracket, Param, ParamArray, Places,
+    Coordinate, Domain, FormulationSearch, Given, IdealChain, InnerProduct, Model,
+    Momentum, Named, NamedVector, OwnAlgebroid, OwnBracket, Param, ParamArray, Places,
     QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side, Velocity, VelocitySection,
     VirtualConstraint, circle_names, diagnose,
 };

@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::group::Group;
+use crate::spec::event::EventDirection;
 use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::shape::ValueError;

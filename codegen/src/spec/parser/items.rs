@@ -9,7 +9,8 @@ use super::lexer::{Parsed, too_deep};
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::limits::{MAX_DEPTH, MAX_DIM};
-use crate::spec::model::{ConnectionKind, EventDirection};
+use crate::spec::event::EventDirection;
+use crate::spec::model::ConnectionKind;
 use crate::spec::names;
 
 impl<'a> Parser<'a> {
