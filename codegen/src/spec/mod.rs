@@ -42,10 +42,9 @@ pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use model::{
     Advected, Carried, CarriedAcceleration, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind,
-    Coordinate, Domain, FormulationSearch, Given, IdealChain, InnerProduct, Model,
-    Momentum, Named, NamedVector, OwnAlgebroid, OwnBracket, Param, ParamArray, Places,
-    QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side, Velocity, VelocitySection,
-    VirtualConstraint, circle_names, diagnose,
+    Coordinate, Domain, FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named,
+    NamedVector, OwnAlgebroid, OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction,
+    ReconstructionKind, Scene, Side, Velocity, VelocitySection, VirtualConstraint, circle_names, diagnose,
 };
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;

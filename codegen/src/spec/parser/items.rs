@@ -8,8 +8,8 @@ use super::cursor::Parser;
 use super::lexer::{Parsed, too_deep};
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
-use crate::spec::limits::{MAX_DEPTH, MAX_DIM};
 use crate::spec::event::EventDirection;
+use crate::spec::limits::{MAX_DEPTH, MAX_DIM};
 use crate::spec::model::ConnectionKind;
 use crate::spec::names;
 
