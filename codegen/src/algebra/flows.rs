@@ -27,8 +27,9 @@ fn algebra_of(functions: Functions, name: &str) -> Result<LieAlgebra<Number>, Er
     Ok(LieAlgebra { functions: Some(functions), ..algebra })
 }
 
-/// Largest size of matrices of functions on the sphere: with it the dimension is at the limit of the language.
-const MAX_SPHERE: usize = 14;
+/// Largest size of matrices of functions on the sphere: a scene of it, 22,000 lines with its table, is generated in half
+/// a minute, one of the next size but one in minutes.
+const MAX_SPHERE: usize = 12;
 
 impl LieAlgebra<Number> {
     /// su(N) in the sine basis, Zeitlin's truncation of the functions on the torus, for odd `N`:
@@ -54,7 +55,7 @@ impl LieAlgebra<Number> {
         algebra_of(Functions::Torus(Modes::new(modulus / 2, Some(modulus))), &name)
     }
 
-    /// su(N) in a basis of spherical harmonics, Zeitlin's truncation of the functions on the sphere, `N` from 2 to 14.
+    /// su(N) in a basis of spherical harmonics, Zeitlin's truncation of the functions on the sphere, `N` from 2 to 12.
     ///
     /// Functions become Hermitian matrices, coordinates the spin matrices times `2/sqrt(N^2 - 1)`, brackets
     /// `{f, g} = -i sqrt(N^2 - 1)/2 (F G - G F)`. The basis are the real [`Harmonics`], degree by degree; it is
