@@ -27,11 +27,14 @@ fn algebra_of(functions: Functions, name: &str) -> Result<LieAlgebra<Number>, Er
     Ok(LieAlgebra { functions: Some(functions), ..algebra })
 }
 
-/// Largest size of matrices of functions on the sphere: a scene of it, 22,000 lines with its table, is generated in half
-/// a minute, one of the next size but one in minutes.
-const MAX_SPHERE: usize = 12;
-
 impl LieAlgebra<Number> {
+    /// Sizes `N` of [`zeitlin`](LieAlgebra::zeitlin): those whose sines have exact zeros.
+    pub const TORUS_SIZES: [usize; 8] = [3, 5, 7, 9, 11, 13, 15, 21];
+
+    /// Largest `N` of [`zeitlin_sphere`](LieAlgebra::zeitlin_sphere): a scene of it, 22,000 lines with its table, is
+    /// generated in half a minute, one of the next size but one in minutes.
+    pub const MAX_SPHERE: usize = 12;
+
     /// su(N) in the sine basis, Zeitlin's truncation of the functions on the torus, for odd `N`:
     /// `[L_a, L_b] = (N/2 pi) sin(2 pi (a x b)/N) L_{a+b}`, sums of waves modulo `N`.
     ///
@@ -46,7 +49,7 @@ impl LieAlgebra<Number> {
     pub fn zeitlin(n: usize) -> Result<LieAlgebra<Number>, Error> {
         let name = format!("zeitlin({n})");
         let modulus = i64::try_from(n).unwrap_or(i64::MAX);
-        if ![3, 5, 7, 9, 11, 13, 15, 21].contains(&n) {
+        if !Self::TORUS_SIZES.contains(&n) {
             return Err(Error::Unsupported {
                 what: name,
                 possible: "zeitlin(N) with N = 3, 5, 7, 9, 11, 13, 15 or 21".into(),
@@ -69,8 +72,8 @@ impl LieAlgebra<Number> {
     /// scheme for long-time simulation of spherical ideal hydrodynamics
     pub fn zeitlin_sphere(n: usize) -> Result<LieAlgebra<Number>, Error> {
         let name = format!("zeitlin_sphere({n})");
-        if !(2..=MAX_SPHERE).contains(&n) {
-            let possible = format!("zeitlin_sphere(N) with N from 2 to {MAX_SPHERE}");
+        if !(2..=Self::MAX_SPHERE).contains(&n) {
+            let possible = format!("zeitlin_sphere(N) with N from 2 to {}", Self::MAX_SPHERE);
             return Err(Error::Unsupported { what: name, possible });
         }
         algebra_of(Functions::Sphere(Harmonics::new(n)), &name)

@@ -158,13 +158,35 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
         vorticity.rows.fill([0.0; 2 * LANES]);
         for l in 1..self.n {
             for m in 0..=l {
-                let factor = self.of_real_harmonic(m);
                 let at = place(l, m);
-                let im = if m == 0 { 0.0 } else { -factor * modes[at + 1] };
-                let omega = [factor * modes[at], im];
-                self.add_mode((l, m), omega, super::MatrixMut { n: vorticity.n, rows: vorticity.rows });
+                let mode = [modes[at], if m == 0 { 0.0 } else { modes[at + 1] }];
+                let matrix = super::MatrixMut { n: vorticity.n, rows: vorticity.rows };
+                self.add_real_mode((l, m), mode, matrix);
             }
         }
+    }
+
+    /// Adds `c cos(m phi) + s sin(m phi)`, each times its real harmonic of the degree `l`, to the vorticity; of `m = 0`
+    /// there is no sine.
+    ///
+    /// # Panics
+    ///
+    /// As [`add_mode`](Self::add_mode).
+    pub fn add_real_mode(&self, (l, m): (usize, usize), [c, s]: [f64; 2], vorticity: super::MatrixMut<'_>) {
+        let factor = self.of_real_harmonic(m);
+        self.add_mode((l, m), [factor * c, -factor * s], vorticity);
+    }
+
+    /// The coefficients `c` and `s` of the real harmonics of a degree and an order in a Hermitian matrix.
+    ///
+    /// # Panics
+    ///
+    /// As [`add_mode`](Self::add_mode).
+    #[must_use]
+    pub fn real_mode(&self, (l, m): (usize, usize), matrix: super::MatrixRef<'_>) -> [f64; 2] {
+        let factor = self.of_real_harmonic(m);
+        let [re, im] = self.mode((l, m), matrix);
+        [re / factor, if m == 0 { 0.0 } else { -im / factor }]
     }
 
     /// The coefficients of real harmonics of a Hermitian matrix, in the order of the algebra `zeitlin_sphere(N)`.
@@ -176,12 +198,11 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
         assert_eq!((modes.len(), matrix.n()), (self.n_modes(), self.n));
         for l in 1..self.n {
             for m in 0..=l {
-                let factor = self.of_real_harmonic(m);
-                let [re, im] = self.mode((l, m), matrix);
+                let [c, s] = self.real_mode((l, m), matrix);
                 let at = place(l, m);
-                modes[at] = re / factor;
+                modes[at] = c;
                 if m > 0 {
-                    modes[at + 1] = -im / factor;
+                    modes[at + 1] = s;
                 }
             }
         }
