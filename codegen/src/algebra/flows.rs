@@ -1,5 +1,5 @@
-//! Algebras of functions: Zeitlin's truncations on the torus and on the sphere, the Galerkin truncations of the torus and of the circle, and their
-//! action on functions.
+//! Algebras of functions: Zeitlin's truncations on the torus and on the sphere, the Galerkin truncations of the torus
+//! and of the circle, and their action on functions.
 //!
 //! Deliberately does not know: velocities, energies, dissipation.
 
@@ -167,7 +167,8 @@ fn on_sphere(harmonics: &Harmonics) -> Representation<Number> {
 
 impl Representation<Number> {
     /// The action of an algebra of modes on functions: by its bracket, on real and imaginary parts of their
-    /// coefficients, for functions on the torus, and on those in the basis of harmonics on the sphere; `-u f'` of a field `u` on the circle. `None` for other algebras.
+    /// coefficients, for functions on the torus, and on those in the basis of harmonics on the sphere; `-u f'` of a
+    /// field `u` on the circle. `None` for other algebras.
     pub fn functions(algebra: &LieAlgebra<Number>) -> Option<Representation<Number>> {
         let modes = match algebra.functions.as_ref()? {
             Functions::Circle(modes) => {
