@@ -249,7 +249,7 @@ mod tests {
         let algebra = LieAlgebra::zeitlin(3).unwrap();
         let names = ["re_0_1", "im_0_1", "re_1_m1", "im_1_m1", "re_1_0", "im_1_0", "re_1_1", "im_1_1"];
         assert_eq!(algebra.basis(), names);
-        assert_eq!(algebra.modes().unwrap().squares(), [1, 1, 2, 2, 1, 1, 2, 2]);
+        assert_eq!(algebra.functions().unwrap().squares(), [1, 1, 2, 2, 1, 1, 2, 2]);
     }
 
     /// `rho([x, y]) = rho(x) rho(y) - rho(y) rho(x)`.
@@ -269,7 +269,7 @@ mod tests {
             let mut g = Graph::new();
             let mut x = vec![g.zero(); algebra.dim()];
             x[0] = g.one();
-            let trace = algebra.modes().unwrap().trace_power(&mut g, &x, k).unwrap();
+            let trace = algebra.functions().unwrap().trace_power(&mut g, &x, k).unwrap();
             let expected = g.int(expected);
             let difference = g.sub(trace, expected);
             assert!(g.is_zero(difference), "{n}, {k}");
