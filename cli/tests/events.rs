@@ -24,14 +24,14 @@ fn text(bytes: &[u8]) -> String {
 
 /// The answer to a request about a model that is a file, or shipped.
 fn answer(model: &str, request: &Value) -> Value {
-    let out = hamel(&["simulate", model, "--json"], &request.to_string());
+    let out = hamel(&["simulate", model, "--via", "interpreter", "--json"], &request.to_string());
     assert!(out.status.success(), "{}", text(&out.stderr));
     serde_json::from_slice(&out.stdout).unwrap()
 }
 
 /// What is said about a request that is refused.
 fn refusal(model: &str, request: &Value) -> String {
-    let out = hamel(&["simulate", model, "--json"], &request.to_string());
+    let out = hamel(&["simulate", model, "--via", "interpreter", "--json"], &request.to_string());
     assert!(!out.status.success(), "{}", text(&out.stdout));
     text(&out.stderr)
 }

@@ -681,7 +681,7 @@ fn a_scene_without_state_says_that_there_is_nothing_to_integrate() {
     // Both pieces of advice hold.
     let answer = eval(fixed, &json!({"states": [{}], "t": 2})).unwrap();
     assert_eq!(answer["energy"], json!([4.0]));
-    let model = spec::parse("test.hamel", fixed).unwrap_or_else(|e| panic!("{e}"));
+    let model = model(fixed);
     let request = json!({"initial": {}, "t_final": 2, "reconstruct": {}}).to_string();
     let mut backend = backend(fixed, "reconstruction");
     let forms = Forms::own(backend.info());

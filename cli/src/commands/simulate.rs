@@ -7,11 +7,14 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use hamel_codegen::spec::Want;
+use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
-use crate::model::{self, Checked, Model, blocks, roles};
+use crate::model::blocks::{self, Block};
+use crate::model::spelling::spell;
+use crate::model::units::split_unit;
+use crate::model::{self, Checked, Model, roles};
 use crate::output::crossings::{Crossings, EventTarget};
 use crate::output::fields::fields;
 use crate::output::files::{Run, Target};
@@ -19,14 +22,15 @@ use crate::output::terminal::bold;
 use crate::request::read_request;
 use crate::run::backend::Backend;
 use crate::run::choice::Via;
-use crate::run::events::Watched;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::integrate::has_state;
+use crate::run::matrices::{self, Outcome};
 use crate::run::method::{MethodName, Steps};
 use crate::run::sensitivity::Direction;
-use crate::run::simulation::{EventRecord, MAX_EVENTS, SimulateRequest, SimulateResponse, samples_refusal};
+use crate::run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse, samples_refusal};
 use crate::run::start::{Starts, judge};
+use crate::run::watched::{EventRecord, Watched};
 use crate::run::{admissible, auto, interpreted};
 use crate::session::Session;
 
@@ -97,7 +101,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub events: Vec<PathBuf>,
     /// Components of the state that span the plane of --events FILE.svg [default: the first two]
-    #[arg(long, value_name = "X,Y", requires = "events", value_delimiter = ',', num_args = 2)]
+    #[arg(long, value_name = "X,Y", requires = "events", value_delimiter = ',')]
     pub plane: Vec<String>,
     /// Largest number of events [default: 100000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -120,7 +124,100 @@ const DEFAULT_SAMPLES: usize = 1001;
 /// # Errors
 /// Everything that can be wrong with names, values or the request, the integration and files.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    if let Some(fluid) = session.find(&arguments.scene.model)?.fluid()? {
+        return of_matrices(&fluid, arguments);
+    }
     if arguments.json { answer(session, &arguments.scene) } else { simulate(session, arguments) }
+}
+
+/// The motion of a fluid of matrices; a summary, or the answer to a JSON request with the Casimirs at both ends.
+fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Error> {
+    let info = matrices::info(fluid);
+    if arguments.scene.scene != info.scene {
+        let (name, known) = (arguments.scene.scene.clone(), vec![info.scene]);
+        return Err(Error::UnknownScene { model: info.model, name, known });
+    }
+    if arguments.scene.via == Some(Via::Compiled) {
+        return Err(Error::unusable("--via", "is not possible: matrices are multiplied in this process"));
+    }
+    if arguments.json {
+        let text = read_request("{\"initial\": {\"re_1_0\": 0.5, ..}, \"t_final\": 1, \"step\": 0.01}")?;
+        if !SimulateRequest::sections(&text)?.is_empty() {
+            return Err(Error::unusable("sections", "are not possible: a fluid of matrices has no events"));
+        }
+        let request = SimulateRequest::parse(&text, &info)?;
+        let Outcome { response, casimirs } = matrices::simulate(fluid, &request)?;
+        let mut answer = response.to_json(&info, 0);
+        if let Some(fields) = answer.as_object_mut() {
+            let values = casimirs.into_iter().map(|(name, ends)| (name, ends.to_vec().into()));
+            fields.insert("casimirs".into(), serde_json::Value::Object(values.collect()));
+        }
+        return Ok(answer.to_string());
+    }
+    let motion = &arguments.motion;
+    if arguments.reconstruct {
+        return Err(Error::unusable("--reconstruct", "is not possible: a fluid of matrices has no places"));
+    }
+    if !arguments.section.is_empty() || !arguments.events.is_empty() {
+        return Err(Error::unusable("--section", "is not possible: a fluid of matrices has no events"));
+    }
+    let method = match motion.method {
+        method if method == MethodName::default() => MethodName::Isospectral,
+        method => method,
+    };
+    let (Some(step), None, None) = (motion.step, motion.rtol, motion.atol) else {
+        let reason =
+            "is what a fluid of matrices is moved by, without tolerances: give one, such as --step 0.01";
+        return Err(Error::unusable("--step", reason));
+    };
+    let mut problems = Vec::new();
+    assignments(&motion.set, "--set", "parameter", &[], &mut problems);
+    let given = assignments(&motion.initial, "--initial", "state", &info.state_names(), &mut problems);
+    if !problems.is_empty() {
+        return Err(Error::Request { problems });
+    }
+    let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
+    let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
+    let mut initial = matrices::initial(fluid);
+    for (name, value) in info.state.iter().zip(&mut initial) {
+        *value = given.get(name).copied().unwrap_or(*value);
+    }
+    let steps = Steps::Fixed { step };
+    let request = SimulateRequest {
+        params: Vec::new(),
+        initial,
+        t_final: motion.t_final,
+        method,
+        steps,
+        samples,
+        with_outputs: !targets.is_empty(),
+        n_group: 0,
+        max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
+        max_events: MAX_EVENTS,
+        watched: None,
+    };
+    let Outcome { response, casimirs } = matrices::simulate(fluid, &request)?;
+    let title = fluid.doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default();
+    let (doc, unit) = split_unit(&fluid.vorticity, 0);
+    let members = info.state.iter().map(|name| (name.clone(), spell(name))).collect();
+    let blocks = [Block { symbol: String::new(), doc, unit, members }];
+    let run =
+        Run { info: &info, title, blocks: &blocks, request: &request, response: &response, fields: &[] };
+    for target in &targets {
+        target.write(&run)?;
+    }
+    let mut text = summary(&info, title, &request, &response);
+    if !casimirs.is_empty() {
+        text.push('\n');
+    }
+    let width = casimirs.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0).max(5);
+    for (name, [start, end]) in &casimirs {
+        let _ = write!(text, "\n  {name:width$}  {:>24}  {:>24}", format!("{start:?}"), format!("{end:?}"));
+    }
+    for target in &targets {
+        let _ = write!(text, "\nwrote {} ({} samples)", target.path().display(), response.samples.len());
+    }
+    Ok(text)
 }
 
 /// The answer to a JSON request.
@@ -327,7 +424,12 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
 
 /// Positions in the state of the components that span a plane: those named, or the first two.
 fn plane(info: &Info, names: &[String]) -> Result<[usize; 2], Error> {
-    let [x, y] = names else { return Ok([0, usize::from(info.state.len() > 1)]) };
+    let [x, y] = names else {
+        if names.is_empty() {
+            return Ok([0, usize::from(info.state.len() > 1)]);
+        }
+        return Err(Error::unusable("--plane", "has two components of the state, as in --plane x,y"));
+    };
     let place = |name: &String| {
         let known = || info.state.clone();
         info.state.iter().position(|s| s == name).ok_or_else(|| Error::Request {

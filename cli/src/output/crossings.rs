@@ -10,7 +10,7 @@ use hamel_codegen::config::write_atomically;
 use super::plot::points::{self, Points};
 use crate::error::Error;
 use crate::run::info::Info;
-use crate::run::simulation::EventRecord;
+use crate::run::watched::EventRecord;
 
 /// The events of a motion, and the plane in which they are drawn.
 #[derive(Clone, Copy, Debug)]
@@ -106,7 +106,7 @@ fn figure(crossings: &Crossings<'_>) -> Points {
 mod tests {
     use super::{Crossings, csv, figure};
     use crate::run::info::Info;
-    use crate::run::simulation::EventRecord;
+    use crate::run::watched::EventRecord;
 
     #[test]
     fn events_are_lines_of_a_table_and_points_of_a_plane() {

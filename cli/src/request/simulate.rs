@@ -13,9 +13,8 @@ use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::method::{MethodName, Steps};
 use crate::run::sensitivity::Direction;
-use crate::run::simulation::{
-    EventRecord, MAX_EVENTS, Sample, SimulateRequest, SimulateResponse, samples_refusal,
-};
+use crate::run::simulation::{MAX_EVENTS, Sample, SimulateRequest, SimulateResponse, samples_refusal};
+use crate::run::watched::EventRecord;
 
 /// Largest number that a request can give exactly.
 const MAX_WHOLE: f64 = (1_u64 << 53) as f64;

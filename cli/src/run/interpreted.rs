@@ -13,8 +13,8 @@ use hamel_runtime::{Dual, Failure, Pivot};
 use serde::{Deserialize, Serialize};
 
 use super::dynamics::{BadParams, DualRates, Dynamics, Factory, PreparedScene, VecState};
-use super::events::Watched;
 use super::info::{Info, OutputEntry, ParamEntry};
+use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{Checked, Model};

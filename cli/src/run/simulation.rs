@@ -4,10 +4,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::events::Watched;
 use super::info::Info;
 use super::method::{MethodName, Steps};
 use super::sensitivity::Direction;
+use super::watched::{EventRecord, Watched};
 use crate::error::Error;
 
 /// What to integrate, in the order of [`Info`]; it starts at time zero.
@@ -55,17 +55,6 @@ pub struct Sample {
     pub outputs: Vec<f64>,
     /// Derivatives of the state along each direction that was asked for, one direction after the other.
     pub along: Vec<f64>,
-}
-
-/// An event on the way.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct EventRecord {
-    /// Its name.
-    pub name: String,
-    /// Its time.
-    pub t: f64,
-    /// The state there, before the event has changed it.
-    pub state: Vec<f64>,
 }
 
 /// Where an integration led to.

@@ -1,7 +1,7 @@
 //! Syntax tree of a model file. Every node knows its bytes.
 
 use super::diagnostic::Span;
-use super::model::EventDirection;
+use super::event::EventDirection;
 use super::names::ALGEBRA_FUNCTIONS;
 use crate::expr::Rational;
 

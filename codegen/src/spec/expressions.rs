@@ -6,6 +6,7 @@
 //! Deliberately does not know: what is done with the expressions, the expressions of views, which have a graph of their
 //! own.
 
+use super::event::Event;
 use super::model::*;
 use crate::expr::{ExprId, Graph};
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+use super::event::{Event, OutputPart};
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 use super::view::Views;
@@ -432,56 +433,6 @@ pub struct NamedVector {
     pub doc: String,
     /// What it is in the model.
     pub part: OutputPart,
-}
-
-/// What a [`NamedVector`] is in the model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OutputPart {
-    /// An output that the model declares.
-    Own,
-    /// The functions of all events.
-    Events,
-    /// What an event sets: the new values, in the order of [`Event::sets`].
-    After,
-}
-
-/// Which changes of sign of a function are an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum EventDirection {
-    /// From negative to zero or positive.
-    Rising,
-    /// From positive to zero or negative.
-    Falling,
-    /// Both.
-    Either,
-}
-
-/// An event: a change of sign of a function of time and state, and what it does.
-///
-/// The functions of all events are the components of the output [`OutputPart::Events`], and what one of them sets is
-/// its output [`OutputPart::After`], so that both are written in the state of every formulation as outputs are.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Event {
-    /// Name.
-    pub name: String,
-    /// Which changes of sign are events.
-    pub direction: EventDirection,
-    /// What it sets: velocities, coordinates, advected parameters, by component.
-    pub sets: Vec<SymbolId>,
-    /// Whether it ends the motion.
-    pub stops: bool,
-    /// Documentation.
-    pub doc: String,
-    /// Where its name stands.
-    pub span: Option<Span>,
-}
-
-impl Event {
-    /// Name of the output with what an event sets.
-    pub fn after(event: &str) -> String {
-        format!("after_{event}")
-    }
 }
 
 /// Which formulations a scene is searched for one that costs less.

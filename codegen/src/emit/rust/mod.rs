@@ -1,11 +1,13 @@
 //! The Rust back end: a module as items, documented for rustdoc and formatted.
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `matrices`, `implicit`,
-//! `events`, `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of
-//! modules, `format` text. Does not know: which functions there are and why, the order of their statements.
+//! `events`, `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of modules,
+//! `fluid` the module of a fluid of matrices, `format` text. Does not know: which functions there are and why, the
+//! order of their statements.
 
 mod events;
 mod excerpt;
+mod fluid;
 mod format;
 mod functions;
 mod guards;
@@ -24,6 +26,7 @@ mod traits;
 use proc_macro2::TokenStream;
 
 pub use excerpt::method_text;
+pub(super) use fluid::emit as emit_fluid;
 pub use index::{SceneEntry, emit_include, emit_index};
 
 use self::notation::Rust;

@@ -8,6 +8,7 @@ use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::event::EventDirection;
 use crate::spec::group::Group;
 use crate::spec::model::*;
 use crate::spec::names;

@@ -8,6 +8,7 @@ use super::draft::{DeclaredAs, EventDraft, EventSet, ModelBuilder};
 use super::symbols::Special;
 use crate::expr::{ExprId, SymbolId};
 use crate::spec::diagnostic::Span;
+use crate::spec::event::{Event, EventDirection, OutputPart};
 use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::value::Value;

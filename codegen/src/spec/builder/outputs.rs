@@ -4,6 +4,7 @@
 
 use super::draft::ModelBuilder;
 use crate::spec::diagnostic::Diagnostic;
+use crate::spec::event::OutputPart;
 use crate::spec::layout::Layout;
 use crate::spec::model::*;
 use crate::spec::names;
