@@ -5,8 +5,8 @@
 use std::ops::ControlFlow;
 
 use hamel_runtime::{
-    Direction, Error, Gbs14, Integrator, Invariants, Norm, Options, OverScalar, Projected, Real, System,
-    Vern9,
+    Direction, Error, F64x8, Gbs14, Integrator, Invariants, Norm, Options, OverScalar, Projected, Real,
+    System, Vern9,
 };
 
 /// A pendulum driven in time: `x' = v, v' = -sin x + a cos(w t)`, and `u' = x`.
@@ -299,6 +299,45 @@ fn projection_keeps_the_energy_of_steps_and_between_them() {
     let mut worst = 0.0_f64;
     solver.sample(20.0, times, |t, y| worst = worst.max((Kepler.values(t, y)[0] - level).abs())).unwrap();
     assert!(worst < 4e-15, "{worst:e}");
+}
+
+/// Trajectories in lanes: the order, the accuracy of each, and sums in another order than those of one trajectory.
+#[test]
+fn trajectories_in_lanes_are_as_accurate_as_one() {
+    fn starts(k: usize) -> [f64; 3] {
+        [START[0] + 0.1 * k as f64, START[1], START[2]]
+    }
+    let system = OverScalar::<F64x8>::over(&DRIVEN, F64x8::splat);
+    let y0: [F64x8; 3] = std::array::from_fn(|c| F64x8::new(std::array::from_fn(|lane| starts(lane)[c])));
+    let time = F64x8::splat;
+    let fixed = Options::fixed(time(0.75));
+    let mut lanes = Integrator::new(&system, Gbs14, time(0.0), y0, fixed).unwrap();
+    lanes.integrate_to(time(6.0)).unwrap();
+    assert_eq!(lanes.stats().rhs_evals, 1 + 8 * 50);
+    let adaptive = Options::adaptive(time(1e-12), time(1e-12));
+    let mut in_steps = Integrator::new(&system, Gbs14, time(0.0), y0, adaptive).unwrap();
+    in_steps.integrate_to(time(6.0)).unwrap();
+    let mut inside = y0;
+    in_steps.interpolate((in_steps.previous_t() + in_steps.t()) * time(0.5), &mut inside).unwrap();
+    for lane in 0..8 {
+        let mut one = Integrator::new(&DRIVEN, Gbs14, 0.0, starts(lane), Options::fixed(0.75)).unwrap();
+        one.integrate_to(6.0).unwrap();
+        let of_lane = |y: &[F64x8; 3]| y.map(|x| x.lane(lane));
+        let apart = distance(&of_lane(lanes.state()), one.state());
+        // Sums in another order, whose weights are up to 56, over steps that part neighbours.
+        assert!(apart < 2e-13, "{lane}: {apart:e}");
+        let accurate = |t: f64| {
+            let options = Options::adaptive(3e-15, 3e-15);
+            let mut solver = Integrator::new(&DRIVEN, Vern9, 0.0, starts(lane), options).unwrap();
+            solver.integrate_to(t).unwrap();
+            *solver.state()
+        };
+        assert!(distance(&of_lane(in_steps.state()), &accurate(6.0)) < 4e-12, "{lane}");
+        let middle = 0.5 * (in_steps.previous_t().lane(0) + in_steps.t().lane(0));
+        assert!(distance(&of_lane(&inside), &accurate(middle)) < 4e-12, "{lane}");
+    }
+    let refused = Options::adaptive(time(5e-15), time(0.0));
+    assert!(Integrator::new(&system, Gbs14, time(0.0), y0, refused).is_err());
 }
 
 #[test]

@@ -13,6 +13,8 @@ mod gauss;
 mod gbs14;
 mod projected;
 mod rk4;
+#[cfg(feature = "lanes")]
+mod rows_in_turn;
 mod sums;
 mod tableau;
 mod taylor;
@@ -26,6 +28,8 @@ pub use gauss::{FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Newton};
 pub use gbs14::{Gbs14, Rows};
 pub use projected::{Invariants, Projected, Projection};
 pub use rk4::Rk4;
+#[cfg(feature = "lanes")]
+pub use rows_in_turn::Turns;
 pub(crate) use sums::{Derivatives, compensated_advance, square_of_norm, two_sum};
 pub(crate) use tableau::c;
 pub use tableau::{Constant, Estimate, Row, Tableau};
