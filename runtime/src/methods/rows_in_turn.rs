@@ -15,27 +15,19 @@ use crate::system::{StateVector, System};
 pub struct Turns<V> {
     /// The estimate of the error, divided by the step.
     estimate: [V; 1],
-    /// Increments at even and odd substeps, a point and its derivative, and the sums over rows.
-    work: [V; 6],
+    zeros: V,
 }
 
-impl<V: Clone> Turns<V> {
-    fn new<R: Real>(zeros: V) -> Self
-    where
-        V: StateVector<R>,
-    {
-        Self { work: core::array::from_fn(|_| zeros.clone()), estimate: [zeros] }
-    }
-
+impl<V> Turns<V> {
     #[inline(always)]
     fn advance<R: Real, S: System<R, State = V>>(&mut self, step: &mut Step<'_, R, S>)
     where
         V: StateVector<R>,
     {
         let (y, f) = (step.from.state.as_slice(), step.from.slope.as_slice());
-        let [even, odd, point, slope, sum, error] = &mut self.work;
-        sum.as_mut_slice().fill(R::ZERO);
-        error.as_mut_slice().fill(R::ZERO);
+        // Copies, which stay in registers as far as there are any.
+        let [mut even, mut odd, mut point, mut slope, mut sum, mut error] =
+            core::array::from_fn(|_| self.zeros.clone());
         for (half, weights) in WEIGHTS.iter().enumerate().skip(1) {
             let eta = step.h * R::from_f64(1.0 / (2 * half) as f64);
             let (mut t, twice) = (step.t + eta, eta + eta);
@@ -46,16 +38,16 @@ impl<V: Clone> Turns<V> {
                 for ((point, at), y) in point.as_mut_slice().iter_mut().zip(at.as_slice()).zip(y) {
                     *point = *y + *at;
                 }
-                step.system.rhs(t, point, slope);
+                step.system.rhs(t, &point, &mut slope);
                 for (to, slope) in to.as_mut_slice().iter_mut().zip(slope.as_slice()) {
                     *to = twice.mul_add(*slope, *to);
                 }
                 t += eta;
             };
-            substep(odd, even);
+            substep(&odd, &mut even);
             for _ in 1..half {
-                substep(even, odd);
-                substep(odd, even);
+                substep(&even, &mut odd);
+                substep(&odd, &mut even);
             }
             let weights = weights.map(R::from_f64);
             let sums = sum.as_mut_slice().iter_mut().zip(error.as_mut_slice());
@@ -96,7 +88,7 @@ macro_rules! in_turn {
                 y0: &S::State,
                 _options: &Options<$scalar>,
             ) -> Self::Storage {
-                Turns::new(y0.zeros_like())
+                Turns { estimate: [y0.zeros_like()], zeros: y0.zeros_like() }
             }
 
             #[inline]
