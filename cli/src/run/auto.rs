@@ -40,7 +40,7 @@ pub fn choose(rtol: f64, rhs_cost: Option<u64>, has_series: bool, purpose: Purpo
         return MethodName::Gbs14;
     }
     let is_cheap = rhs_cost.is_some_and(|cost| cost <= CHEAP);
-    if is_cheap && has_series {
+    if is_cheap && has_series && rtol < 3e-5 {
         return MethodName::Taylor;
     }
     let loosest_for_ninth_order = if is_cheap { 3e-11 } else { 3e-6 };
