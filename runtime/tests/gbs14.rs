@@ -232,12 +232,13 @@ fn an_event_costs_a_few_steps() {
         let mut n_events = 0;
         let functions =
             |_: f64, y: &[f64; 4]| if watched { [y[1], y[0] - 0.2, y[3] * y[2] - 0.1] } else { [1.0; 3] };
-        solver
+        let progress = solver
             .integrate_with_events(4.0 * PERIOD, [Direction::Either; 3], functions, |_| {
                 n_events += 1;
                 ControlFlow::Continue(())
             })
             .unwrap();
+        assert!(progress.reached());
         (n_events, solver.stats().rhs_evals)
     };
     let ((none, plain), (found, with_events)) = (evaluations(false), evaluations(true));
