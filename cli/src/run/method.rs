@@ -46,6 +46,8 @@ pub enum MethodName {
     Auto,
     /// Verner's method with a projection onto the invariants of the motion after every step.
     Projected,
+    /// The isospectral midpoint rule, for fluids that are moved as products of matrices; fixed steps only.
+    Isospectral,
 }
 
 /// What a method needs and offers.
@@ -63,10 +65,12 @@ enum Class {
     Choice,
     /// Corrects the steps of another method.
     Projection,
+    /// Moves matrices in fixed steps.
+    Matrices,
 }
 
 /// Every method in the order of [`MethodName`], with its name in requests and on the command line.
-const METHODS: [(MethodName, &str, Class); 15] = [
+const METHODS: [(MethodName, &str, Class); 16] = [
     (MethodName::Tsit5, "tsit5", Class::Embedded),
     (MethodName::Dop853, "dop853", Class::Embedded),
     (MethodName::Vern9, "vern9", Class::Embedded),
@@ -82,6 +86,7 @@ const METHODS: [(MethodName, &str, Class); 15] = [
     (MethodName::Taylor, "taylor", Class::Series),
     (MethodName::Auto, "auto", Class::Choice),
     (MethodName::Projected, "projected", Class::Projection),
+    (MethodName::Isospectral, "isospectral", Class::Matrices),
 ];
 
 impl MethodName {
@@ -106,7 +111,12 @@ impl MethodName {
 
     /// Whether the method takes fixed steps only.
     pub(crate) fn has_fixed_steps(self) -> bool {
-        matches!(self.class(), Class::Fixed | Class::Newton)
+        matches!(self.class(), Class::Fixed | Class::Newton | Class::Matrices)
+    }
+
+    /// Whether the method moves matrices, which models with equations have none of.
+    pub(crate) fn is_of_matrices(self) -> bool {
+        self.class() == Class::Matrices
     }
 
     /// Whether the method asks for derivatives of the right-hand side.

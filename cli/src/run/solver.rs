@@ -70,6 +70,15 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
             let chosen = auto::choose(rtol, dynamics.rhs_cost(), has_series, purpose);
             return with_method(chosen, steps, purpose, dynamics, y, user);
         }
+        MethodName::Isospectral => {
+            let info = dynamics.info();
+            let reason = format!(
+                "method isospectral moves fluids that are products of matrices, and scene {} of {} has equations: choose \
+                 another method, or write `want matrices` in a fluid's scene",
+                info.scene, info.model
+            );
+            return Err(Error::Options { reason });
+        }
         // Storage has a size known to the compiler: rounded up, with invariants that are always met.
         MethodName::Projected => match dynamics.n_invariants() {
             Some(1..=4) => user.single(Projected::<_, 4>::new(Vern9)),

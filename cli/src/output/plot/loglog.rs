@@ -207,7 +207,7 @@ mod tests {
             assert!(!looks[..k].contains(look), "{k}: {look:?}");
         }
         // One colour for each method, so that `tsit5` and `projected` do not share theirs.
-        for k in 0..MethodName::all().count() - 3 {
+        for k in 0..MethodName::all().count() - 4 {
             assert!(looks[..k].iter().all(|look| look.0 != looks[k].0), "{k}");
             assert_eq!(looks[k].1, Mark::Circle);
         }
