@@ -107,7 +107,7 @@ pub use methods::{
     Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
 };
 #[cfg(feature = "lanes")]
-pub use methods::{Gbs14, Rows};
+pub use methods::{Gbs14, Rows, Turns};
 #[cfg(feature = "nalgebra")]
 pub use nalgebra;
 #[cfg(feature = "nalgebra")]

@@ -195,6 +195,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
         max_events: MAX_EVENTS,
         watched: None,
+        along: Vec::new(),
     };
     let Outcome { response, casimirs } = matrices::simulate(fluid, &request)?;
     let title = fluid.doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default();
@@ -321,12 +322,14 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let motion = &arguments.motion;
     let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
         .map_err(|reason| Error::unusable("--step", reason))?;
+    let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
     let method = match (motion.method, steps) {
         (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
             // Compiled code does not say what it costs.
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
             let is_interpreted = choice.via(&file) == Via::Interpreter;
-            auto::choose(rtol, Some(cost), is_interpreted || model::wants(model, &choice.scene, Want::Taylor))
+            let has_series = is_interpreted || model::wants(model, &choice.scene, Want::Taylor);
+            auto::choose(rtol, Some(cost), has_series, auto::Purpose::of_samples(samples))
         }
         (method, _) => method,
     };
@@ -358,7 +361,6 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         }
         return Err(Error::Request { problems });
     }
-    let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
     if let Some(reason) = samples_refusal(samples as u64, &info, !targets.is_empty()) {
         return Err(Error::unusable("--samples", reason));
     }

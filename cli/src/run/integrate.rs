@@ -5,6 +5,7 @@
 use hamel_runtime::{Error as SolverError, Integrator, Method};
 
 use super::admissible;
+use super::auto::Purpose;
 use super::dynamics::{Factory, PreparedScene, VecState};
 use super::evaluate::{describe, prepare, why_stopped};
 use super::events::Watcher;
@@ -47,7 +48,8 @@ fn motion(
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
     let run = Run { dynamics, request, progress };
-    with_method(request.method, request.steps, &**dynamics, &request.initial, run)?
+    let purpose = Purpose::of_samples(request.samples);
+    with_method(request.method, request.steps, purpose, &**dynamics, &request.initial, run)?
 }
 
 /// Whether there is anything to integrate.

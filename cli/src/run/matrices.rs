@@ -192,6 +192,7 @@ fn run<S: Modes>(
                 state: modes(&solver),
                 energy: Some(solver.energy() / S::ENERGY),
                 outputs: if request.with_outputs { casimirs(&mut solver) } else { Vec::new() },
+                along: Vec::new(),
             });
         }
     }
@@ -203,6 +204,7 @@ fn run<S: Modes>(
         response: SimulateResponse {
             t: request.t_final,
             last: modes(&solver),
+            along: Vec::new(),
             samples,
             steps: stats.steps,
             rejected: 0,

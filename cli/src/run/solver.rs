@@ -6,7 +6,7 @@ use hamel_runtime::{
     Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gbs14, Method, Projected, Rk4, Taylor, Tsit5, Vern9,
 };
 
-use super::auto;
+use super::auto::{self, Purpose};
 use super::dynamics::{Dynamics, PreparedLanes, PreparedScene};
 use super::info::Info;
 use super::method::{MethodName, Steps};
@@ -39,6 +39,7 @@ pub(crate) trait WithMethod<'a>: Sized {
 pub(crate) fn with_method<'a, U: WithMethod<'a>>(
     method: MethodName,
     steps: Steps,
+    purpose: Purpose,
     dynamics: &dyn Dynamics,
     y: &[f64],
     user: U,
@@ -47,7 +48,7 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
         MethodName::Tsit5 => user.explicit(Tsit5),
         MethodName::Dop853 => user.explicit(Dop853),
         MethodName::Vern9 => user.explicit(Vern9),
-        MethodName::Gbs14 => user.single(Gbs14),
+        MethodName::Gbs14 => user.explicit(Gbs14),
         MethodName::Dopri5 => user.explicit(Dopri5),
         MethodName::Rk4 => user.explicit(Rk4),
         MethodName::Gauss4 => user.single(Gauss4::fixed_point()),
@@ -65,8 +66,9 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
                 let reason = "method auto chooses by tolerances: give these instead of a step".to_owned();
                 return Err(Error::Options { reason });
             };
-            let chosen = auto::choose(rtol, dynamics.rhs_cost(), dynamics.series(0.0, y, &mut []));
-            return with_method(chosen, steps, dynamics, y, user);
+            let has_series = dynamics.series(0.0, y, &mut []);
+            let chosen = auto::choose(rtol, dynamics.rhs_cost(), has_series, purpose);
+            return with_method(chosen, steps, purpose, dynamics, y, user);
         }
         MethodName::Isospectral => {
             let info = dynamics.info();

@@ -6,7 +6,7 @@ use core::ops::ControlFlow;
 
 use super::dense::Dense;
 use super::norms::copy;
-use super::watch::{Ends, Watch};
+use super::watch::{Ends, Watch, Within, finite_values};
 use super::{Integrator, Progress};
 use crate::controller::Controller;
 use crate::error::Error;
@@ -215,10 +215,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             let progress = self.step_within(t_end, &mut budget)?;
             let after = observer.values(self.t, self.state());
             let ends = Ends { from: self.t_previous, to: self.t };
-            watch.search(ends, after, |t| {
-                self.evaluate_dense(t)?;
-                Ok(observer.values(t, &self.work))
-            })?;
+            watch.search(ends, after, &mut LastStep { integrator: &mut *self, observer: &mut *observer })?;
             match self.tell_events(&mut watch, &mut samples, observer, start)? {
                 Told::Nothing => {}
                 Told::Stop => {
@@ -365,5 +362,39 @@ impl<R: Real, I: Iterator<Item = R>> Samples<R, I> {
             }
             _ => Ok(()),
         }
+    }
+}
+
+/// The last step of an integrator, as an observer sees it.
+struct LastStep<'i, I, O> {
+    integrator: &'i mut I,
+    observer: &'i mut O,
+}
+
+impl<R, S, M, O, const K: usize> Within<R, K> for LastStep<'_, Integrator<'_, R, S, M>, O>
+where
+    R: Real,
+    S: System<R>,
+    M: Method<R, S>,
+    O: Observer<R, S::State, K>,
+{
+    fn values(&mut self, t: R) -> Result<[R; K], Error> {
+        self.integrator.evaluate_dense(t)?;
+        Ok(self.observer.values(t, &self.integrator.work))
+    }
+
+    fn bracket(
+        &mut self,
+        (index, level): (usize, R),
+        (before, after): (f64, f64),
+        resolution: f64,
+    ) -> Result<[(R, f64); 2], Error> {
+        if const { !M::DENSE_BY_STEPS } {
+            return Ok([(R::ZERO, before), (R::ONE, after)]);
+        }
+        let mut function = |t: R, y: &S::State| {
+            finite_values(t, self.observer.values(t, y)).map(|values| signed(values[index] - level))
+        };
+        self.integrator.bracket_by_cubics(&mut function, (before, after), resolution)
     }
 }

@@ -66,6 +66,21 @@ impl<R: Real> Ends<R> {
     }
 }
 
+/// The event functions within the last step.
+pub(super) trait Within<R, const K: usize> {
+    /// Their values at a time.
+    fn values(&mut self, t: R) -> Result<[R; K], Error>;
+
+    /// A part of the step, with the values of a function less a level at its ends, in which the function changes its
+    /// sign; between the ends of the step it has these values.
+    fn bracket(
+        &mut self,
+        of: (usize, R),
+        values: (f64, f64),
+        resolution: f64,
+    ) -> Result<[(R, f64); 2], Error>;
+}
+
 impl<R: Real, const K: usize> Watch<R, K> {
     /// Watches from a time on, where the functions have these values; one that is zero there has no event.
     pub(super) fn new(
@@ -88,16 +103,14 @@ impl<R: Real, const K: usize> Watch<R, K> {
         })
     }
 
-    /// Finds the changes of sign within a step, at whose end the functions have the values `after`; `values` has those
-    /// within.
+    /// Finds the changes of sign within a step, at whose end the functions have the values `after`.
     pub(super) fn search(
         &mut self,
         ends: Ends<R>,
         after: [R; K],
-        mut values: impl FnMut(R) -> Result<[R; K], Error>,
+        within: &mut impl Within<R, K>,
     ) -> Result<(), Error> {
         let after = finite_values(ends.to, after)?;
-        let mut values = |t: R| values(t).and_then(|values| finite_values(t, values));
         self.last = None;
         for index in 0..K {
             let (direction, last) = (self.directions[index], after[index]);
@@ -107,7 +120,8 @@ impl<R: Real, const K: usize> Watch<R, K> {
                 // It may have come back to zero within the step: where has it been in between? Back to its own level
                 // only, if it has never been on the other side of zero.
                 for x in ends.departures().filter(|_| direction.may_end(last - own)) {
-                    let value = values(ends.time(R::from_f64(x)))?[index];
+                    let t = ends.time(R::from_f64(x));
+                    let value = finite_values(t, within.values(t)?)?[index];
                     if direction.is_change(value - own, last - own) {
                         (start, first) = (R::from_f64(x), value);
                         level = if direction.is_change(value, last) { R::ZERO } else { own };
@@ -118,11 +132,17 @@ impl<R: Real, const K: usize> Watch<R, K> {
                 }
             }
             if direction.is_change(first - level, last - level) {
-                let rest = R::ONE - start;
-                let resolution = ends.rounding() / rest.magnitude();
-                let time = |x: R| ends.time(if x == R::ONE { x } else { start + rest * x });
-                let value = |x: R| values(time(x)).map(|values| signed(values[index] - level));
-                let x = locate(value, (signed(first - level), signed(last - level)), resolution)?;
+                let (at_start, at_end) = (signed(first - level), signed(last - level));
+                let [(a, at_a), (b, at_b)] = match start == R::ZERO {
+                    true => within.bracket((index, level), (at_start, at_end), ends.rounding())?,
+                    false => [(start, at_start), (R::ONE, at_end)],
+                };
+                let time = |x: R| ends.time(if x == R::ONE { b } else { a + x * (b - a) });
+                let value = |x: R| {
+                    let t = time(x);
+                    finite_values(t, within.values(t)?).map(|values| signed(values[index] - level))
+                };
+                let x = locate(value, (at_a, at_b), ends.rounding() / (b - a).magnitude())?;
                 self.found[index] = Some(time(x));
             }
             self.before[index] = last;
@@ -182,7 +202,7 @@ impl<R: Real, const K: usize> Watch<R, K> {
 }
 
 /// Passes values of event functions on if they are finite.
-fn finite_values<R: Real, const K: usize>(t: R, values: [R; K]) -> Result<[R; K], Error> {
+pub(super) fn finite_values<R: Real, const K: usize>(t: R, values: [R; K]) -> Result<[R; K], Error> {
     match values.iter().position(|value| !value.all_finite()) {
         Some(index) => Err(Error::EventNotFinite { t: signed(t), index }),
         None => Ok(values),
