@@ -92,6 +92,7 @@ mod options;
 mod products;
 mod real;
 mod system;
+mod variational;
 
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
@@ -119,6 +120,7 @@ pub use system::{
     Differentiable, OutputInfo, OverScalar, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage, StateVector,
     System,
 };
+pub use variational::Variational;
 
 /// Includes a module that a build script generated with `hamel_codegen`, by the name of the file in `OUT_DIR` without
 /// its extension: a model's name, `<model>_<scene>` for its other scenes, or the file of `Config::include_file`.

@@ -230,6 +230,8 @@ pub trait Differentiable<R: Real>: System<R> {
 }
 
 /// A system over the scalar `R` that exists over the scalar `Q`, too; generated ones do over any.
+///
+/// A method that evaluates several states at once takes one in lanes: `Gbs14`, with the feature `lanes`.
 pub trait OverScalar<Q: Real, R: Real = f64>: System<R> {
     /// The system over `Q`.
     type Over: System<Q>;

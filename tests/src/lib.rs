@@ -36,6 +36,8 @@ mod docs {
     pub struct Fluids;
     #[doc = include_str!("../../docs/book/integrators.md")]
     pub struct Integrators;
+    #[doc = include_str!("../../docs/book/derivatives.md")]
+    pub struct Derivatives;
     #[doc = include_str!("../../docs/book/no-std.md")]
     pub struct NoStd;
     #[doc = include_str!("../../docs/book/theory.md")]

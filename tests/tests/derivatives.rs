@@ -588,6 +588,12 @@ mod variational {
         z[..N].copy_from_slice(&y);
         z[N..].copy_from_slice(&v);
         let found = motion(&Variational { top: prepared(0.0), direction }, z);
+        // The same by dual numbers, without derivatives in the scene.
+        let duals: Vec<Dual> = params.iter().zip(direction).map(|(p, q)| Dual::new(*p, q)).collect();
+        let systems: [hamel_models::generated::heavy_top::Prepared<Dual>; 1] =
+            [Scene::prepare(&duals).unwrap()];
+        let variational = hamel_runtime::Variational::<_, _, [f64; 2 * N]>::new(&systems, [Dual::ZERO; N]);
+        models::close("derivative by dual numbers", &motion(&variational, z), &found, 1e-11);
         let expected = extrapolated(|h| {
             let mut moved = y;
             moved.iter_mut().zip(&v).for_each(|(y, v)| *y += h * v);

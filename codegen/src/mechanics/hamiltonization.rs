@@ -296,9 +296,7 @@ impl Look<'_> {
             let slopes: Vec<ExprId> = self.symbols.iter().map(|x| self.g.diff(*value, *x)).collect();
             let field: Vec<ExprId> = (self.pi.iter())
                 .map(|row| {
-                    let terms: Vec<ExprId> =
-                        row.iter().zip(&slopes).map(|(e, s)| self.g.mul(*e, *s)).collect();
-                    let sum = self.g.sum(&terms);
+                    let sum = self.g.dot(row, &slopes);
                     self.g.cancel_zero(sum)
                 })
                 .collect();

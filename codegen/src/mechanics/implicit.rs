@@ -255,9 +255,7 @@ impl Form<'_> {
         let is_whole = solved.unknowns.iter().all(|u| u.frame_idx.is_some());
         if is_whole && solved.rows.len() == solved.dependent.len() {
             let rows = solved.rows.iter().map(|row| {
-                let terms: Vec<ExprId> =
-                    row.one_form.iter().zip(&self.y).map(|(a, y)| self.g.mul(*a, *y)).collect();
-                let sum = self.g.sum(&terms);
+                let sum = self.g.dot(&row.one_form, &self.y);
                 self.g.add(sum, row.offset)
             });
             return rows.collect();

@@ -248,9 +248,7 @@ impl Derivation<'_> {
         for (((_, residual), (_, lambda)), form) in
             residuals.iter().zip(&motion.multipliers).zip(&motion.reactions)
         {
-            let work: Vec<ExprId> =
-                form.iter().zip(self.y.clone()).map(|(coefficient, y)| self.g.mul(*coefficient, y)).collect();
-            let work = self.g.sum(&work);
+            let work = self.g.dot(form, &self.y);
             let homogeneous = (1..=8).any(|degree| {
                 let multiple = self.g.scale(*residual, &Rational::from_integer(degree.into()));
                 self.g.is_equal(work, multiple)

@@ -387,8 +387,7 @@ impl<'a> Writer<'a> {
         }
         let mut tau = Vec::new();
         for row in &self.basis {
-            let terms: Vec<ExprId> = row.iter().zip(&generalised).map(|(e, f)| self.g.mul(*e, *f)).collect();
-            let sum = self.g.sum(&terms);
+            let sum = self.g.dot(row, &generalised);
             tau.push(self.g.cancel_zero(sum));
         }
         let symbols = self.symbols("tau", &tau);

@@ -268,16 +268,11 @@ fn transposed(m: &Rows) -> Rows {
 
 fn product(g: &mut Graph, a: &Rows, b: &Rows) -> Rows {
     let columns = transposed(b);
-    a.iter().map(|row| columns.iter().map(|column| dot(g, row, column)).collect()).collect()
+    a.iter().map(|row| columns.iter().map(|column| g.dot(row, column)).collect()).collect()
 }
 
 fn applied(g: &mut Graph, m: &Rows, v: &[ExprId]) -> Vec<ExprId> {
-    m.iter().map(|row| dot(g, row, v)).collect()
-}
-
-fn dot(g: &mut Graph, a: &[ExprId], b: &[ExprId]) -> ExprId {
-    let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| g.mul(*x, *y)).collect();
-    g.sum(&terms)
+    m.iter().map(|row| g.dot(row, v)).collect()
 }
 
 /// Real and imaginary part of a determinant, by expansion along the first row.

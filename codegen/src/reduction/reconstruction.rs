@@ -160,8 +160,7 @@ fn cross(g: &mut Graph, a: &[ExprId], b: &[ExprId]) -> Vec<ExprId> {
 fn quaternion_rates(g: &mut Graph, q: &[ExprId], omega: &[ExprId; 3], side: Side) -> Vec<ExprId> {
     let half = Rational::new(1.into(), 2.into());
     let u = &q[1..4];
-    let products: Vec<ExprId> = u.iter().zip(omega).map(|(a, b)| g.mul(*a, *b)).collect();
-    let inner = g.sum(&products);
+    let inner = g.dot(u, omega);
     let turned = match side {
         Side::Left => cross(g, u, omega),
         Side::Right => cross(g, omega, u),

@@ -278,8 +278,7 @@ impl ReducedSystem {
         let (shape, fibre) = y.split_at(n_shape);
         let Some(connection) = &self.connection else { return fibre.to_vec() };
         let components = fibre.iter().zip(connection).map(|(v, row)| {
-            let along: Vec<ExprId> = row.iter().zip(shape).map(|(a, rate)| g.mul(*a, *rate)).collect();
-            let along = g.sum(&along);
+            let along = g.dot(row, shape);
             g.sub(*v, along)
         });
         components.collect()

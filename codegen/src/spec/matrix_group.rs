@@ -157,7 +157,7 @@ impl MatrixGroup {
         .collect()
     }
 
-    /// The bilinear form that its matrices keep; none where they keep none.
+    /// What its matrices keep beside having an inverse; none where that is all.
     pub fn kept_form(&self) -> Option<KeptForm> {
         let size = self.matrices.first().map_or(0, Matrix::n_rows);
         match self.family {

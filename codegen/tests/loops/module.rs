@@ -403,25 +403,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     }
 }
 
-/// 1 products with 1 numbers, for 9 sums.
+/// Products: 1; distinct numbers: 1; sums: 9.
 static PRODUCTS_0: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x06\0\t\0\0\0",
     &[1, 1, 1, 1, 1, 1, 1, 1, 1],
     &[[1.0, 0.0]],
 );
-/// 9 products with 3 numbers, for 9 sums.
+/// Products: 9; distinct numbers: 3; sums: 9.
 static PRODUCTS_1: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\0\0\0\0\0\0\x02\0\x01\0\x01\0\x03\0\x01\0\x01\0\x04\0\x02\0\x02\0\x05\0\x02\0\x02\0\x06\0\x01\0\x01\0\x07\0\x01\0\x01\0\x08\0\x02\0\x02\0\t\0\x02\0\x02\0",
     &[1, 2, 3, 4, 5, 6, 7, 8, 9],
     &[[-1.0, 0.0], [2.0, 0.0], [1.0, 0.0]],
 );
-/// 8 products with 1 numbers, for 8 sums.
+/// Products: 8; distinct numbers: 1; sums: 8.
 static PRODUCTS_2: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x02\0\x04\0\0\0\x03\0\x04\0\0\0\x04\0\x04\0\0\0\x05\0\x04\0\0\0\x06\0\x04\0\0\0\x07\0\x04\0\0\0\x08\0\x04\0\0\0\t\0\x04\0\0\0",
     &[1, 2, 3, 4, 5, 6, 7, 8],
     &[[-2.0, 0.0]],
 );
-/// 96 products with 8 numbers, for 8 sums.
+/// Products: 96; distinct numbers: 8; sums: 8.
 static PRODUCTS_3: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x04\0\x05\0\0\0\x04\0\x07\0\x01\0\x05\0\x06\0\0\0\x05\0\x08\0\x01\0\x06\0\x03\0\x02\0\x06\0\x07\0\x03\0\x07\0\x04\0\x02\0\x07\0\x08\0\x03\0\x08\0\x03\0\x04\0\x08\0\x05\0\x05\0\t\0\x04\0\x04\0\t\0\x06\0\x05\0\x04\0\x06\0\0\0\x04\0\x08\0\x04\0\x05\0\x05\0\x05\0\x05\0\x07\0\x01\0\x06\0\x04\0\x03\0\x06\0\x08\0\x03\0\x07\0\x03\0\x02\0\x07\0\x07\0\x02\0\x08\0\x04\0\x04\0\x08\0\x06\0\0\0\t\0\x03\0\x01\0\t\0\x05\0\x05\0\x06\0\x07\0\x01\0\x07\0\x08\0\x04\0\x08\0\x05\0\x06\0\t\0\x06\0\x07\0\x02\0\x05\0\x05\0\x02\0\x07\0\x04\0\x03\0\x06\0\x05\0\x03\0\x08\0\x01\0\x06\0\x01\0\0\0\x07\0\x02\0\0\0\x08\0\x01\0\x07\0\t\0\x02\0\x06\0\x06\0\x08\0\x04\0\x07\0\x07\0\x04\0\x08\0\x06\0\x07\0\t\0\x05\0\x07\0\x02\0\x06\0\x05\0\x02\0\x08\0\x04\0\x03\0\x05\0\0\0\x03\0\x07\0\x04\0\x06\0\x02\0\x05\0\x07\0\x01\0\0\0\x08\0\x02\0\x07\0\t\0\x01\0\x07\0\x04\0\x07\0\x04\0\x05\0\x08\0\x01\0\x08\0\x03\0\x01\0\t\0\x04\0\x04\0\x02\0\x07\0\x02\0\x03\0\x08\0\x02\0\x08\0\x01\0\0\0\t\0\x02\0\0\0\x02\0\x03\0\x03\0\x03\0\x04\0\x02\0\x04\0\x01\0\x05\0\x05\0\x02\0\0\0\x04\0\x08\0\x01\0\x05\0\x07\0\x01\0\x08\0\x04\0\x04\0\t\0\x03\0\x04\0\x02\0\x08\0\x02\0\x03\0\x07\0\x03\0\x08\0\x02\0\x05\0\t\0\x01\0\0\0\x02\0\x04\0\x03\0\x03\0\x03\0\x03\0\x04\0\x02\0\x05\0\x05\0\x01\0\x05\0\x04\0\x05\0\x07\0\x05\0\x06\0\x06\0\x06\0\x03\0\x04\0\x07\0\x04\0\x01\0\x02\0\x05\0\0\0\x03\0\x06\0\x05\0\x06\0\x01\0\x05\0\x07\0\x02\0\0\0\x02\0\x03\0\x01\0\x03\0\x04\0\x01\0\x04\0\x01\0\x06\0\x05\0\x02\0\x06\0\x04\0\x06\0\x06\0\x05\0\x05\0\x06\0\x06\0\x04\0\x01\0\x07\0\x03\0\x01\0\x02\0\x06\0\0\0\x03\0\x05\0\0\0\x06\0\x02\0\x05\0\x07\0\x01\0\x05\0\x02\0\x04\0\x01\0\x03\0\x03\0\x04\0\x04\0\x02\0\x07\0\x05\0\x01\0\x06\0",
     &[12, 24, 36, 48, 60, 72, 84, 96],
@@ -436,49 +436,49 @@ static PRODUCTS_3: ::hamel_runtime::Products<'static> = ::hamel_runtime::Product
         [0.103374167891586, 6.8954134548293545e-18],
     ],
 );
-/// 2 products with 1 numbers, for 8 sums.
+/// Products: 2; distinct numbers: 1; sums: 8.
 static PRODUCTS_4: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\0\0\x03\0\0\0\0\0\x05\0\0\0",
     &[1, 1, 1, 1, 2, 2, 2, 2],
     &[[1.0, 0.0]],
 );
-/// 8 products with 1 numbers, for 8 sums.
+/// Products: 8; distinct numbers: 1; sums: 8.
 static PRODUCTS_5: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x06\0\0\0\0\0\x06\0\x01\0\0\0\x07\0\x02\0\0\0\x07\0\x03\0\0\0\x06\0\x04\0\0\0\x06\0\x05\0\0\0\x07\0\x06\0\0\0\x07\0\x07\0\0\0",
     &[1, 2, 3, 4, 5, 6, 7, 8],
     &[[1.0, 0.0]],
 );
-/// 8 products with 1 numbers, for 8 sums.
+/// Products: 8; distinct numbers: 1; sums: 8.
 static PRODUCTS_6: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x02\0\0\0\0\0\x03\0\0\0\0\0\x06\0\0\0\0\0\x07\0\0\0\0\0\x04\0\x01\0\0\0\x05\0\x01\0\0\0\x08\0\x01\0\0\0\t\0\x01\0\0\0",
     &[1, 2, 3, 4, 5, 6, 7, 8],
     &[[1.0, 0.0]],
 );
-/// 1 products with 1 numbers, for 1 sums.
+/// Products: 1; distinct numbers: 1; sums: 1.
 static PRODUCTS_7: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x01\0\x01\0\0\0",
     &[1],
     &[[0.5, 0.0]],
 );
-/// 8 products with 2 numbers, for 1 sums.
+/// Products: 8; distinct numbers: 2; sums: 1.
 static PRODUCTS_8: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x02\0\0\0\0\0\x03\0\x01\0\0\0\x06\0\x02\0\0\0\x07\0\x03\0\0\0\x04\0\x04\0\x01\0\x05\0\x05\0\x01\0\x08\0\x06\0\x01\0\t\0\x07\0\x01\0",
     &[8],
     &[[1.0, 0.0], [0.5, 0.0]],
 );
-/// 1 products with 1 numbers, for 1 sums.
+/// Products: 1; distinct numbers: 1; sums: 1.
 static PRODUCTS_9: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x03\0\0\0\0\0",
     &[1],
     &[[1.0, 0.0]],
 );
-/// 1 products with 1 numbers, for 1 sums.
+/// Products: 1; distinct numbers: 1; sums: 1.
 static PRODUCTS_10: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x01\0\x02\0\0\0",
     &[1],
     &[[1.0, 0.0]],
 );
-/// 56 products with 6 numbers, for 32 sums.
+/// Products: 56; distinct numbers: 6; sums: 32.
 static PRODUCTS_11: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x02\0\0\0\0\0\x03\0\0\0\0\0\x04\0\x01\0\x01\0\x05\0\x01\0\x01\0\x06\0\0\0\0\0\x07\0\0\0\0\0\x08\0\x01\0\x01\0\t\0\x01\0\x01\0\x06\0\x02\0\x02\0\x08\0\x02\0\x03\0\x07\0\x02\0\x02\0\t\0\x02\0\x03\0\x04\0\x02\0\x04\0\x08\0\x02\0\x03\0\x05\0\x02\0\x04\0\t\0\x02\0\x03\0\x04\0\x02\0\x04\0\x06\0\x02\0\x05\0\x05\0\x02\0\x04\0\x07\0\x02\0\x05\0\x07\0\x02\0\x02\0\t\0\x02\0\x04\0\x06\0\x02\0\x02\0\x08\0\x02\0\x04\0\x05\0\x02\0\x04\0\t\0\x02\0\x04\0\x04\0\x02\0\x04\0\x08\0\x02\0\x04\0\x05\0\x02\0\x04\0\x07\0\x02\0\x02\0\x04\0\x02\0\x04\0\x06\0\x02\0\x02\0\x08\0\x02\0\x04\0\x02\0\x02\0\x05\0\t\0\x02\0\x04\0\x03\0\x02\0\x02\0\x06\0\x02\0\x04\0\x02\0\x02\0\x03\0\x07\0\x02\0\x04\0\x03\0\x02\0\x03\0\t\0\x02\0\x04\0\x03\0\x02\0\x05\0\x08\0\x02\0\x04\0\x02\0\x02\0\x02\0\x07\0\x02\0\x04\0\x03\0\x02\0\x04\0\x06\0\x02\0\x04\0\x02\0\x02\0\x04\0\x04\0\x02\0\x04\0\x02\0\x02\0\x05\0\x05\0\x02\0\x04\0\x03\0\x02\0\x02\0\x05\0\x02\0\x04\0\x03\0\x02\0\x05\0\x04\0\x02\0\x04\0\x02\0\x02\0\x02\0",
     &[
@@ -494,7 +494,7 @@ static PRODUCTS_11: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
         [-1.1026577908435842, 7.447865976517441e-17],
     ],
 );
-/// 144 products with 14 numbers, for 48 sums.
+/// Products: 144; distinct numbers: 14; sums: 48.
 static PRODUCTS_12: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x02\0\x04\0\0\0\x02\0\x06\0\x01\0\x03\0\x08\0\x02\0\x02\0\x05\0\0\0\x02\0\x07\0\x01\0\x03\0\t\0\x02\0\x02\0\x06\0\x03\0\x02\0\x02\0\x04\0\x04\0\n\0\x05\0\x02\0\x07\0\x03\0\x02\0\x03\0\x04\0\x04\0\x0B\0\x05\0\x02\0\x04\0\x06\0\x02\0\x02\0\x07\0\x03\0\x0C\0\x02\0\x02\0\x05\0\x06\0\x02\0\x03\0\x07\0\x03\0\r\0\x02\0\x02\0\x05\0\0\0\x02\0\x07\0\x07\0\x03\0\x0E\0\x02\0\x02\0\x04\0\x06\0\x02\0\x06\0\x01\0\x03\0\x0F\0\x08\0\x02\0\x07\0\x03\0\x02\0\x03\0\x03\0\x04\0\x10\0\t\0\x02\0\x06\0\x04\0\x02\0\x02\0\x04\0\x04\0\x11\0\x05\0\x02\0\x05\0\0\0\x02\0\x03\0\x07\0\x03\0\x12\0\x02\0\x02\0\x04\0\x06\0\x02\0\x02\0\x01\0\x03\0\x13\0\x08\0\x02\0\x04\0\x06\0\x02\0\x06\0\x07\0\x04\0\x08\0\n\0\x02\0\x05\0\x06\0\x02\0\x07\0\x01\0\x04\0\x0E\0\n\0\x02\0\x06\0\x01\0\x02\0\0\0\0\0\x04\0\x14\0\n\0\x02\0\x07\0\x07\0\x02\0\x01\0\0\0\x04\0\x15\0\x0B\0\x02\0\x04\0\x0C\0\x02\0\0\0\r\0\x03\0\x16\0\x02\0\x02\0\x05\0\r\0\x02\0\x01\0\x0C\0\x03\0\x17\0\x08\0\x02\0\x05\0\x06\0\x02\0\x07\0\x07\0\x04\0\t\0\n\0\x02\0\x04\0\0\0\x02\0\x06\0\x07\0\x04\0\x0F\0\x0B\0\x02\0\x07\0\x07\0\x02\0\x01\0\x06\0\x04\0\x18\0\x0B\0\x02\0\x06\0\x07\0\x02\0\0\0\0\0\x04\0\x19\0\x0B\0\x02\0\x05\0\r\0\x02\0\x01\0\r\0\x03\0\x1A\0\x08\0\x02\0\x04\0\r\0\x02\0\0\0\r\0\x03\0\x1B\0\x08\0\x02\0\x06\0\x04\0\x02\0\x02\0\x03\0\x04\0\n\0\t\0\x02\0\x07\0\x04\0\x02\0\x03\0\x04\0\x04\0\x10\0\x05\0\x02\0\x06\0\x07\0\x02\0\0\0\x06\0\x03\0\x14\0\x02\0\x02\0\x07\0\x01\0\x02\0\x01\0\0\0\x03\0\x18\0\x08\0\x02\0\x02\0\x01\0\x02\0\0\0\0\0\x03\0\x1C\0\x08\0\x02\0\x03\0\x07\0\x02\0\x01\0\0\0\x03\0\x1D\0\x02\0\x02\0\x07\0\x04\0\x02\0\x03\0\x03\0\x04\0\x0B\0\t\0\x02\0\x06\0\x03\0\x02\0\x02\0\x03\0\x04\0\x11\0\t\0\x02\0\x07\0\x01\0\x02\0\x01\0\x06\0\x03\0\x15\0\x08\0\x02\0\x06\0\x01\0\x02\0\0\0\x06\0\x03\0\x19\0\x08\0\x02\0\x03\0\x07\0\x02\0\x01\0\x06\0\x03\0\x1E\0\x02\0\x02\0\x02\0\x07\0\x02\0\0\0\0\0\x03\0\x1F\0\x02\0\x02\0\x04\0\0\0\x02\0\x02\0\x01\0\x04\0\x0C\0\n\0\x02\0\x05\0\x06\0\x02\0\x03\0\x01\0\x04\0\x12\0\n\0\x02\0\x04\0\r\0\x02\0\0\0\x0C\0\x03\0\x16\0\x08\0\x02\0\x05\0\x0C\0\x02\0\x01\0\x0C\0\x03\0\x1A\0\x02\0\x02\0\x02\0\x07\0\x02\0\0\0\x06\0\x04\0\x1C\0\x0B\0\x02\0\x03\0\x01\0\x02\0\x01\0\0\0\x04\0\x1E\0\n\0\x02\0\x05\0\0\0\x02\0\x03\0\x01\0\x04\0\r\0\n\0\x02\0\x04\0\0\0\x02\0\x02\0\x07\0\x04\0\x13\0\x0B\0\x02\0\x05\0\x0C\0\x02\0\x01\0\r\0\x03\0\x17\0\x02\0\x02\0\x04\0\x0C\0\x02\0\0\0\x0C\0\x03\0\x1B\0\x02\0\x02\0\x03\0\x01\0\x02\0\x01\0\x06\0\x04\0\x1D\0\n\0\x02\0\x02\0\x01\0\x02\0\0\0\x06\0\x04\0\x1F\0\n\0",
     &[
@@ -519,7 +519,7 @@ static PRODUCTS_12: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
         [0.103374167891586, 6.8954134548293545e-18],
     ],
 );
-/// 48 products with 1 numbers, for 48 sums.
+/// Products: 48; distinct numbers: 1; sums: 48.
 static PRODUCTS_13: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x05\0\0\0\0\0\x05\0\x01\0\0\0\x05\0\x02\0\0\0\x05\0\x03\0\0\0\x05\0\x04\0\0\0\x05\0\x05\0\0\0\x05\0\x06\0\0\0\x05\0\x07\0\0\0\x05\0\x08\0\0\0\x05\0\t\0\0\0\x05\0\n\0\0\0\x05\0\x0B\0\0\0\x06\0\x0C\0\0\0\x06\0\r\0\0\0\x06\0\x0E\0\0\0\x06\0\x0F\0\0\0\x06\0\x10\0\0\0\x06\0\x11\0\0\0\x06\0\x12\0\0\0\x06\0\x13\0\0\0\x06\0\x14\0\0\0\x06\0\x15\0\0\0\x06\0\x16\0\0\0\x06\0\x17\0\0\0\x05\0\x18\0\0\0\x05\0\x19\0\0\0\x05\0\x1A\0\0\0\x05\0\x1B\0\0\0\x05\0\x1C\0\0\0\x05\0\x1D\0\0\0\x05\0\x1E\0\0\0\x05\0\x1F\0\0\0\x05\0 \0\0\0\x05\0!\0\0\0\x05\0\"\0\0\0\x05\0#\0\0\0\x06\0$\0\0\0\x06\0%\0\0\0\x06\0&\0\0\0\x06\0'\0\0\0\x06\0(\0\0\0\x06\0)\0\0\0\x06\0*\0\0\0\x06\0+\0\0\0\x06\0,\0\0\0\x06\0-\0\0\0\x06\0.\0\0\0\x06\0/\0\0\0",
     &[
@@ -529,7 +529,7 @@ static PRODUCTS_13: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
     ],
     &[[1.0, 0.0]],
 );
-/// 2 products with 1 numbers, for 41 sums.
+/// Products: 2; distinct numbers: 1; sums: 41.
 static PRODUCTS_14: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\t\0\x06\0\0\0\x06\0\t\0\0\0",
     &[
@@ -538,7 +538,7 @@ static PRODUCTS_14: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
     ],
     &[[1.0, 0.0]],
 );
-/// 56 products with 6 numbers, for 41 sums.
+/// Products: 56; distinct numbers: 6; sums: 41.
 static PRODUCTS_15: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x02\0\x01\0\0\0\x03\0\x01\0\0\0\x04\0\x02\0\x01\0\x05\0\x02\0\x01\0\x06\0\x01\0\0\0\x07\0\x01\0\0\0\x08\0\x02\0\x01\0\t\0\x02\0\x01\0\x06\0\0\0\x02\0\x08\0\0\0\x03\0\x07\0\0\0\x02\0\t\0\0\0\x03\0\x04\0\0\0\x04\0\x08\0\0\0\x03\0\x05\0\0\0\x04\0\t\0\0\0\x03\0\x04\0\0\0\x04\0\x06\0\0\0\x05\0\x05\0\0\0\x04\0\x07\0\0\0\x05\0\x07\0\0\0\x02\0\t\0\0\0\x04\0\x06\0\0\0\x02\0\x08\0\0\0\x04\0\x05\0\0\0\x04\0\t\0\0\0\x04\0\x04\0\0\0\x04\0\x08\0\0\0\x04\0\x05\0\0\0\x04\0\x07\0\0\0\x02\0\x04\0\0\0\x04\0\x06\0\0\0\x02\0\x08\0\0\0\x04\0\x02\0\0\0\x05\0\t\0\0\0\x04\0\x03\0\0\0\x02\0\x06\0\0\0\x04\0\x02\0\0\0\x03\0\x07\0\0\0\x04\0\x03\0\0\0\x03\0\t\0\0\0\x04\0\x03\0\0\0\x05\0\x08\0\0\0\x04\0\x02\0\0\0\x02\0\x07\0\0\0\x04\0\x03\0\0\0\x04\0\x06\0\0\0\x04\0\x02\0\0\0\x04\0\x04\0\0\0\x04\0\x02\0\0\0\x05\0\x05\0\0\0\x04\0\x03\0\0\0\x02\0\x05\0\0\0\x04\0\x03\0\0\0\x05\0\x04\0\0\0\x04\0\x02\0\0\0\x02\0",
     &[
@@ -554,7 +554,7 @@ static PRODUCTS_15: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
         [-1.1026577908435842, 7.447865976517441e-17],
     ],
 );
-/// 9 products with 3 numbers, for 41 sums.
+/// Products: 9; distinct numbers: 3; sums: 41.
 static PRODUCTS_16: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\0\0\0\0\0\0\x02\0\x01\0\x01\0\x03\0\x01\0\x01\0\x04\0\x02\0\x02\0\x05\0\x02\0\x02\0\x06\0\x01\0\x01\0\x07\0\x01\0\x01\0\x08\0\x02\0\x02\0\t\0\x02\0\x02\0",
     &[
@@ -563,7 +563,7 @@ static PRODUCTS_16: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
     ],
     &[[-1.0, 0.0], [2.0, 0.0], [1.0, 0.0]],
 );
-/// 48 products with 4 numbers, for 24 sums.
+/// Products: 48; distinct numbers: 4; sums: 24.
 static PRODUCTS_17: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\0\0\x05\0\0\0\0\0\x07\0\x01\0\0\0\x06\0\0\0\0\0\x08\0\x01\0\0\0\x07\0\0\0\0\0\x03\0\x02\0\0\0\x08\0\0\0\0\0\x04\0\x02\0\0\0\x05\0\0\0\0\0\x03\0\x01\0\0\0\x06\0\0\0\0\0\x04\0\x01\0\0\0\x06\0\0\0\0\0\x08\0\x03\0\0\0\x05\0\0\0\0\0\x07\0\x03\0\0\0\x08\0\0\0\0\0\x04\0\0\0\0\0\x07\0\0\0\0\0\x03\0\0\0\0\0\x06\0\0\0\0\0\x04\0\x03\0\0\0\x05\0\0\0\0\0\x03\0\x03\0\0\0\x07\0\x03\0\0\0\x01\0\x02\0\0\0\x08\0\x03\0\0\0\x02\0\0\0\0\0\x05\0\0\0\0\0\x01\0\x02\0\0\0\x06\0\0\0\0\0\x02\0\x02\0\0\0\x08\0\x03\0\0\0\x02\0\x02\0\0\0\x07\0\x03\0\0\0\x01\0\0\0\0\0\x06\0\0\0\0\0\x02\0\0\0\0\0\x05\0\0\0\0\0\x01\0\0\0\0\0\x03\0\x03\0\0\0\x01\0\x02\0\0\0\x04\0\x03\0\0\0\x02\0\0\0\0\0\x04\0\x03\0\0\0\x02\0\x02\0\0\0\x03\0\x03\0\0\0\x01\0\0\0",
     &[
@@ -577,13 +577,13 @@ static PRODUCTS_17: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
         [1.1026577908435842, -7.447865976517441e-17],
     ],
 );
-/// 8 products with 1 numbers, for 8 sums.
+/// Products: 8; distinct numbers: 1; sums: 8.
 static PRODUCTS_18: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x02\0\x03\0\0\0\x03\0\x03\0\0\0\x04\0\x03\0\0\0\x05\0\x03\0\0\0\x06\0\x03\0\0\0\x07\0\x03\0\0\0\x08\0\x03\0\0\0\t\0\x03\0\0\0",
     &[1, 2, 3, 4, 5, 6, 7, 8],
     &[[-2.0, 0.0]],
 );
-/// 48 products with 6 numbers, for 8 sums.
+/// Products: 48; distinct numbers: 6; sums: 8.
 static PRODUCTS_19: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x04\0\0\0\0\0\x05\0\x01\0\0\0\x06\0\x02\0\x01\0\x07\0\x03\0\x01\0\x08\0\x04\0\x02\0\t\0\x05\0\x02\0\x04\0\x06\0\0\0\x05\0\x07\0\x02\0\x06\0\x08\0\x01\0\x07\0\t\0\x03\0\x08\0\n\0\0\0\t\0\x0B\0\x02\0\x02\0\0\0\x02\0\x03\0\x06\0\x02\0\x06\0\x0C\0\x02\0\x07\0\r\0\0\0\x08\0\x0E\0\x04\0\t\0\x0F\0\x05\0\x02\0\x01\0\x02\0\x03\0\x07\0\0\0\x06\0\x10\0\0\0\x07\0\x11\0\0\0\x08\0\x12\0\x05\0\t\0\x13\0\x05\0\x02\0\x02\0\x03\0\x03\0\x08\0\x03\0\x04\0\x0C\0\0\0\x05\0\x10\0\x02\0\x08\0\x14\0\x02\0\t\0\x15\0\0\0\x02\0\x03\0\x03\0\x03\0\t\0\x01\0\x04\0\r\0\x02\0\x05\0\x11\0\x02\0\x08\0\x16\0\0\0\t\0\x17\0\0\0\x02\0\x04\0\0\0\x03\0\n\0\x02\0\x04\0\x0E\0\x05\0\x05\0\x12\0\x04\0\x06\0\x14\0\0\0\x07\0\x16\0\x02\0\x02\0\x05\0\0\0\x03\0\x0B\0\0\0\x04\0\x0F\0\x04\0\x05\0\x13\0\x04\0\x06\0\x15\0\x02\0\x07\0\x17\0\x02\0",
     &[6, 12, 18, 24, 30, 36, 42, 48],
@@ -596,7 +596,7 @@ static PRODUCTS_19: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
         [0.1875, 0.0],
     ],
 );
-/// 48 products with 6 numbers, for 8 sums.
+/// Products: 48; distinct numbers: 6; sums: 8.
 static PRODUCTS_20: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x0B\0\x11\0\0\0\x0C\0\x12\0\0\0\r\0\x13\0\x01\0\x0E\0\x14\0\x01\0\x0F\0\x15\0\0\0\x10\0\x16\0\0\0\x0B\0\x17\0\0\0\x0C\0\x18\0\x02\0\r\0\x19\0\x03\0\x0E\0\x1A\0\x01\0\x0F\0\x1B\0\0\0\x10\0\x1C\0\x02\0\t\0\x11\0\x04\0\n\0\x17\0\x04\0\r\0\x1D\0\x04\0\x0E\0\x1E\0\x05\0\x0F\0\x1F\0\0\0\x10\0 \0\x02\0\t\0\x12\0\x04\0\n\0\x18\0\x05\0\r\0!\0\x05\0\x0E\0\"\0\x05\0\x0F\0#\0\x02\0\x10\0$\0\x02\0\t\0\x13\0\x03\0\n\0\x19\0\x01\0\x0B\0\x1D\0\0\0\x0C\0!\0\x02\0\x0F\0%\0\x02\0\x10\0&\0\0\0\t\0\x14\0\x03\0\n\0\x1A\0\x03\0\x0B\0\x1E\0\x02\0\x0C\0\"\0\x02\0\x0F\0'\0\0\0\x10\0(\0\0\0\t\0\x15\0\x04\0\n\0\x1B\0\x04\0\x0B\0\x1F\0\x02\0\x0C\0#\0\0\0\r\0%\0\x05\0\x0E\0'\0\x04\0\t\0\x16\0\x04\0\n\0\x1C\0\x05\0\x0B\0 \0\0\0\x0C\0$\0\0\0\r\0&\0\x04\0\x0E\0(\0\x04\0",
     &[6, 12, 18, 24, 30, 36, 42, 48],
@@ -609,13 +609,13 @@ static PRODUCTS_20: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
         [0.1875, 0.0],
     ],
 );
-/// 8 products with 1 numbers, for 8 sums.
+/// Products: 8; distinct numbers: 1; sums: 8.
 static PRODUCTS_21: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x04\0\0\0\0\0\x04\0\x01\0\0\0\x05\0\x02\0\0\0\x05\0\x03\0\0\0\x04\0\x04\0\0\0\x04\0\x05\0\0\0\x05\0\x06\0\0\0\x05\0\x07\0\0\0",
     &[1, 2, 3, 4, 5, 6, 7, 8],
     &[[1.0, 0.0]],
 );
-/// 56 products with 6 numbers, for 41 sums.
+/// Products: 56; distinct numbers: 6; sums: 41.
 static PRODUCTS_22: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x02\0\x01\0\0\0\x03\0\x01\0\0\0\x04\0\x02\0\x01\0\x05\0\x02\0\x01\0\x06\0\x01\0\0\0\x07\0\x01\0\0\0\x08\0\x02\0\x01\0\t\0\x02\0\x01\0\x04\0\0\0\x02\0\x02\0\0\0\x03\0\x05\0\0\0\x02\0\x03\0\0\0\x03\0\x06\0\0\0\x02\0\x02\0\0\0\x02\0\x07\0\0\0\x02\0\x03\0\0\0\x04\0\x04\0\0\0\x02\0\x06\0\0\0\x03\0\x05\0\0\0\x02\0\x07\0\0\0\x05\0\x05\0\0\0\x02\0\x03\0\0\0\x05\0\x04\0\0\0\x02\0\x02\0\0\0\x05\0\x07\0\0\0\x02\0\x03\0\0\0\x02\0\x06\0\0\0\x02\0\x02\0\0\0\x04\0\x05\0\0\0\x02\0\x07\0\0\0\x03\0\x04\0\0\0\x02\0\x06\0\0\0\x05\0\x08\0\0\0\x02\0\x02\0\0\0\x03\0\t\0\0\0\x02\0\x03\0\0\0\x03\0\x04\0\0\0\x02\0\x08\0\0\0\x02\0\x05\0\0\0\x02\0\t\0\0\0\x04\0\t\0\0\0\x02\0\x03\0\0\0\x05\0\x08\0\0\0\x02\0\x02\0\0\0\x05\0\x05\0\0\0\x02\0\t\0\0\0\x02\0\x04\0\0\0\x02\0\x08\0\0\0\x04\0\x06\0\0\0\x03\0\x08\0\0\0\x02\0\x07\0\0\0\x03\0\t\0\0\0\x04\0\x07\0\0\0\x03\0\t\0\0\0\x02\0\x06\0\0\0\x03\0\x08\0\0\0\x04\0",
     &[
@@ -631,7 +631,7 @@ static PRODUCTS_22: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
         [-1.1026577908435842, 7.447865976517441e-17],
     ],
 );
-/// 9 products with 2 numbers, for 41 sums.
+/// Products: 9; distinct numbers: 2; sums: 41.
 static PRODUCTS_23: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x01\0\0\0\0\0\t\0\x03\0\x01\0\x08\0\x03\0\x01\0\x07\0\x04\0\x01\0\x06\0\x04\0\x01\0\x05\0\x03\0\x01\0\x04\0\x03\0\x01\0\x03\0\x04\0\x01\0\x02\0\x04\0\x01\0",
     &[
@@ -640,7 +640,7 @@ static PRODUCTS_23: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
     ],
     &[[-1.0, 0.0], [1.0, 0.0]],
 );
-/// 48 products with 4 numbers, for 32 sums.
+/// Products: 48; distinct numbers: 4; sums: 32.
 static PRODUCTS_24: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\0\0\x06\0\0\0\0\0\x04\0\x01\0\0\0\x05\0\0\0\0\0\x03\0\x01\0\0\0\x08\0\0\0\0\0\x04\0\x02\0\0\0\x07\0\0\0\0\0\x03\0\x02\0\0\0\x06\0\0\0\0\0\x08\0\x01\0\0\0\x05\0\0\0\0\0\x07\0\x01\0\0\0\x05\0\0\0\0\0\x03\0\x03\0\0\0\x06\0\0\0\0\0\x04\0\x03\0\0\0\x07\0\0\0\0\0\x03\0\0\0\0\0\x08\0\0\0\0\0\x04\0\0\0\0\0\x05\0\0\0\0\0\x07\0\x03\0\0\0\x06\0\0\0\0\0\x08\0\x03\0\0\0\x06\0\0\0\0\0\x02\0\x02\0\0\0\x05\0\0\0\0\0\x01\0\x02\0\0\0\x08\0\x03\0\0\0\x02\0\0\0\0\0\x07\0\x03\0\0\0\x01\0\x02\0\0\0\x05\0\0\0\0\0\x01\0\0\0\0\0\x06\0\0\0\0\0\x02\0\0\0\0\0\x07\0\x03\0\0\0\x01\0\0\0\0\0\x08\0\x03\0\0\0\x02\0\x02\0\0\0\x04\0\x03\0\0\0\x02\0\0\0\0\0\x03\0\x03\0\0\0\x01\0\x02\0\0\0\x03\0\x03\0\0\0\x01\0\0\0\0\0\x04\0\x03\0\0\0\x02\0\x02\0",
     &[
@@ -654,7 +654,7 @@ static PRODUCTS_24: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
         [1.1026577908435842, -7.447865976517441e-17],
     ],
 );
-/// 48 products with 6 numbers, for 32 sums.
+/// Products: 48; distinct numbers: 6; sums: 32.
 static PRODUCTS_25: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x0B\0\x11\0\0\0\x0C\0\x12\0\0\0\r\0\x13\0\x01\0\x0E\0\x14\0\x01\0\x0F\0\x15\0\x01\0\x10\0\x16\0\0\0\x0B\0\x17\0\0\0\x0C\0\x18\0\x01\0\r\0\x19\0\x01\0\x0E\0\x1A\0\0\0\x0F\0\x1B\0\0\0\x10\0\x1C\0\0\0\t\0\x11\0\x02\0\n\0\x17\0\x02\0\r\0\x1D\0\x03\0\x0E\0\x1E\0\x03\0\x0F\0\x1F\0\x04\0\x10\0 \0\x04\0\t\0\x12\0\x02\0\n\0\x18\0\x03\0\r\0!\0\x03\0\x0E\0\"\0\x02\0\x0F\0#\0\x05\0\x10\0$\0\x04\0\t\0\x13\0\0\0\n\0\x19\0\0\0\x0B\0\x1D\0\x01\0\x0C\0!\0\x01\0\x0F\0%\0\x01\0\x10\0&\0\0\0\t\0\x14\0\0\0\n\0\x1A\0\x01\0\x0B\0\x1E\0\x01\0\x0C\0\"\0\0\0\x0F\0'\0\0\0\x10\0(\0\0\0\t\0\x15\0\x03\0\n\0\x1B\0\x02\0\x0B\0\x1F\0\x05\0\x0C\0#\0\x04\0\r\0%\0\x03\0\x0E\0'\0\x02\0\t\0\x16\0\x02\0\n\0\x1C\0\x02\0\x0B\0 \0\x05\0\x0C\0$\0\x05\0\r\0&\0\x02\0\x0E\0(\0\x02\0",
     &[
@@ -670,25 +670,25 @@ static PRODUCTS_25: ::hamel_runtime::Products<'static> = ::hamel_runtime::Produc
         [0.375, 0.0],
     ],
 );
-/// 2 products with 1 numbers, for 8 sums.
+/// Products: 2; distinct numbers: 1; sums: 8.
 static PRODUCTS_26: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\t\0\x01\0\0\0\x06\0\x01\0\0\0",
     &[0, 0, 0, 0, 1, 1, 1, 2],
     &[[1.0, 0.0]],
 );
-/// 8 products with 1 numbers, for 8 sums.
+/// Products: 8; distinct numbers: 1; sums: 8.
 static PRODUCTS_27: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x05\0\x10\0\0\0\x05\0\x0F\0\0\0\x05\0\x0E\0\0\0\x05\0\r\0\0\0\x05\0\x0C\0\0\0\x05\0\x0B\0\0\0\x05\0\n\0\0\0\x05\0\t\0\0\0",
     &[1, 2, 3, 4, 5, 6, 7, 8],
     &[[-2.0, 0.0]],
 );
-/// 8 products with 2 numbers, for 8 sums.
+/// Products: 8; distinct numbers: 2; sums: 8.
 static PRODUCTS_28: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\x01\0\x07\0\0\0\x01\0\x06\0\0\0\x02\0\x05\0\x01\0\x02\0\x04\0\x01\0\x01\0\x03\0\0\0\x01\0\x02\0\0\0\x02\0\x01\0\x01\0\x02\0\0\0\x01\0",
     &[1, 2, 3, 4, 5, 6, 7, 8],
     &[[2.0, 0.0], [1.0, 0.0]],
 );
-/// 48 products with 6 numbers, for 8 sums.
+/// Products: 48; distinct numbers: 6; sums: 8.
 static PRODUCTS_29: ::hamel_runtime::Products<'static> = ::hamel_runtime::Products::new(
     b"\t\0\x08\0\0\0\n\0\t\0\0\0\x0B\0\n\0\x01\0\x0C\0\x0B\0\x01\0\r\0\x0C\0\x02\0\x0E\0\r\0\x02\0\t\0\x0E\0\0\0\n\0\x0F\0\x02\0\x0B\0\x10\0\x03\0\x0C\0\x11\0\x01\0\r\0\x12\0\0\0\x0E\0\x13\0\x02\0\t\0\x14\0\x04\0\n\0\x15\0\x05\0\x0B\0\x16\0\x02\0\x0C\0\x17\0\0\0\x0F\0\x13\0\0\0\x10\0\r\0\0\0\t\0\x18\0\x04\0\n\0\x19\0\x04\0\x0B\0\x1A\0\x02\0\x0C\0\x1B\0\x02\0\x0F\0\x12\0\x02\0\x10\0\x0C\0\0\0\t\0\x1C\0\x02\0\n\0\x1D\0\0\0\r\0\x1B\0\0\0\x0E\0\x17\0\x02\0\x0F\0\x11\0\x03\0\x10\0\x0B\0\x03\0\t\0\x1E\0\x02\0\n\0\x1F\0\x02\0\r\0\x1A\0\0\0\x0E\0\x16\0\0\0\x0F\0\x10\0\x01\0\x10\0\n\0\x03\0\x0B\0\x1F\0\0\0\x0C\0\x1D\0\x02\0\r\0\x19\0\x05\0\x0E\0\x15\0\x04\0\x0F\0\x0F\0\0\0\x10\0\t\0\x02\0\x0B\0\x1E\0\0\0\x0C\0\x1C\0\0\0\r\0\x18\0\x05\0\x0E\0\x14\0\x05\0\x0F\0\x0E\0\x02\0\x10\0\x08\0\x02\0",
     &[6, 12, 18, 24, 30, 36, 42, 48],

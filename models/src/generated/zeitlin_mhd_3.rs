@@ -271,90 +271,90 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = self.c1 * w_im_1_m1;
         let t4 = self.c1 * w_im_1_1;
         let t5 = t3 - t4;
-        let t6 = self.c0 * a_re_1_m1;
-        let t7 = self.c0 * a_re_1_1;
+        let t6 = self.c0 * a_im_1_m1;
+        let t7 = self.c0 * a_im_1_1;
         let t8 = t6 - t7;
-        let t9 = self.c0 * a_im_1_m1;
-        let t10 = self.c0 * a_im_1_1;
+        let t9 = self.c0 * a_re_1_m1;
+        let t10 = self.c0 * a_re_1_1;
         let t11 = t9 - t10;
-        let t12 = t9 + t10;
+        let t12 = t6 + t7;
         let t13 = t0 + t1;
-        let t14 = t6 + t7;
+        let t14 = t9 + t10;
         let t15 = t3 + t4;
         let t16 = w_re_1_0 - w_re_0_1;
         let t17 = a_im_1_0 - a_im_0_1;
         let t18 = w_im_1_0 - w_im_0_1;
         let t19 = a_re_1_0 - a_re_0_1;
-        let t20 = a_re_0_1 + a_re_1_0;
-        let t21 = a_im_0_1 + a_im_1_0;
+        let t20 = a_im_0_1 + a_im_1_0;
+        let t21 = a_re_0_1 + a_re_1_0;
         let t22 = w_re_0_1 + w_re_1_0;
         let t23 = w_im_0_1 + w_im_1_0;
         let t24 = (-a_re_1_m1).mul_add(t1, a_re_1_1 * t0);
         let t25 = (-a_im_1_m1).mul_add(t4, a_im_1_1 * t3);
-        let t26 = (-a_im_1_m1).mul_add(t1, a_re_1_1 * t3);
+        let t26 = (-a_re_1_1).mul_add(t3, a_im_1_m1 * t1);
         let t27 = (-a_re_1_m1).mul_add(t4, a_im_1_1 * t0);
-        let t28 = (-a_re_0_1).mul_add(w_re_1_0, a_re_1_0 * w_re_0_1);
-        let t29 = self.c2 * (-a_im_0_1).mul_add(w_im_1_0, a_im_1_0 * w_im_0_1);
-        let t30 = (-a_im_0_1).mul_add(w_re_1_0, a_re_1_0 * w_im_0_1);
-        let t31 = self.c0 * (-a_re_0_1).mul_add(w_im_1_0, a_im_1_0 * w_re_0_1);
+        let t28 = (-a_im_0_1).mul_add(w_im_1_0, a_im_1_0 * w_im_0_1);
+        let t29 = self.c2 * (-a_re_0_1).mul_add(w_re_1_0, a_re_1_0 * w_re_0_1);
+        let t30 = (-a_re_0_1).mul_add(w_im_1_0, a_im_1_0 * w_re_0_1);
+        let t31 = self.c0 * (-a_im_0_1).mul_add(w_re_1_0, a_re_1_0 * w_im_0_1);
         *dy = [
-            (-a_im_1_0)
+            (-a_re_1_0)
                 .mul_add(
                     t11,
-                    (-a_re_1_0).mul_add(t8, w_im_1_0.mul_add(t5, w_re_1_0 * t2)),
+                    (-a_im_1_0).mul_add(t8, w_im_1_0.mul_add(t5, w_re_1_0 * t2)),
                 ),
             (-w_re_1_0)
                 .mul_add(
                     t15,
                     (-a_im_1_0).mul_add(t14, w_im_1_0.mul_add(t13, a_re_1_0 * t12)),
                 ),
-            (-t7).mul_add(t19, (-t4).mul_add(t18, t10.mul_add(t17, t1 * t16))),
+            (-t10).mul_add(t19, (-t4).mul_add(t18, t7.mul_add(t17, t1 * t16))),
             (-t1).mul_add(t23, (-t4).mul_add(t22, t7.mul_add(t21, t10 * t20))),
             (-w_re_0_1)
                 .mul_add(
                     t2,
-                    (-a_im_0_1).mul_add(t12, w_im_0_1.mul_add(t15, a_re_0_1 * t8)),
+                    (-a_im_0_1).mul_add(t12, w_im_0_1.mul_add(t15, a_re_0_1 * t11)),
                 ),
             (-w_im_0_1)
                 .mul_add(
                     t13,
-                    (-w_re_0_1).mul_add(t5, a_im_0_1.mul_add(t14, a_re_0_1 * t11)),
+                    (-w_re_0_1).mul_add(t5, a_im_0_1.mul_add(t14, a_re_0_1 * t8)),
                 ),
-            (-t9).mul_add(t21, (-t0).mul_add(t16, t6.mul_add(t19, t3 * t23))),
-            (-t6).mul_add(t17, (-t9).mul_add(t20, t0.mul_add(t18, t3 * t22))),
-            (-a_im_1_0)
+            (-t6).mul_add(t20, (-t0).mul_add(t16, t9.mul_add(t19, t3 * t23))),
+            (-t6).mul_add(t21, (-t9).mul_add(t17, t0.mul_add(t18, t3 * t22))),
+            (-a_re_1_0)
                 .mul_add(
-                    t5,
-                    (-a_re_1_0)
-                        .mul_add(t2, w_im_1_0.mul_add(t11, w_re_1_0.mul_add(t8, t24))),
+                    t2,
+                    (-a_im_1_0)
+                        .mul_add(t5, w_im_1_0.mul_add(t8, w_re_1_0.mul_add(t11, t24))),
                 ) + t25,
             (-w_re_1_0)
                 .mul_add(
                     t12,
                     (-a_im_1_0)
-                        .mul_add(t13, w_im_1_0.mul_add(t14, a_re_1_0.mul_add(t15, t26))),
+                        .mul_add(t13, w_im_1_0.mul_add(t14, a_re_1_0.mul_add(t15, -t26))),
                 ) - t27,
             t28
                 .mul_add(
                     self.c0,
-                    (-t10)
+                    (-t7)
                         .mul_add(
                             t18,
-                            (-t1).mul_add(t19, t7.mul_add(t16, t4.mul_add(t17, t29))),
+                            (-t1).mul_add(t19, t10.mul_add(t16, t4.mul_add(t17, t29))),
                         ),
                 ),
-            (-t30)
+            t30
                 .mul_add(
                     self.c0,
                     (-t7)
                         .mul_add(
-                            t23,
-                            (-t10).mul_add(t22, t1.mul_add(t21, t4.mul_add(t20, t31))),
+                            t22,
+                            (-t10).mul_add(t23, t1.mul_add(t20, t4.mul_add(t21, -t31))),
                         ),
                 ),
             (-w_re_0_1)
                 .mul_add(
-                    t8,
+                    t11,
                     (-a_im_0_1)
                         .mul_add(t15, w_im_0_1.mul_add(t12, a_re_0_1.mul_add(t2, t25))),
                 ) - t24,
@@ -362,15 +362,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(
                     t14,
                     (-w_re_0_1)
-                        .mul_add(t11, a_im_0_1.mul_add(t13, a_re_0_1.mul_add(t5, t26))),
-                ) + t27,
-            (-t28)
+                        .mul_add(t8, a_im_0_1.mul_add(t13, a_re_0_1.mul_add(t5, t27))),
+                ) - t26,
+            t28
                 .mul_add(
                     self.c3,
-                    (-t6)
+                    (-t9)
                         .mul_add(
                             t16,
-                            (-t3).mul_add(t21, t9.mul_add(t23, t0.mul_add(t19, t29))),
+                            (-t3).mul_add(t20, t6.mul_add(t23, t0.mul_add(t19, -t29))),
                         ),
                 ),
             (-t30)
@@ -379,7 +379,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-t0)
                         .mul_add(
                             t17,
-                            (-t3).mul_add(t20, t6.mul_add(t18, t9.mul_add(t22, -t31))),
+                            (-t3).mul_add(t21, t6.mul_add(t22, t9.mul_add(t18, -t31))),
                         ),
                 ),
         ];

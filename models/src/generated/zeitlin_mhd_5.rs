@@ -407,33 +407,33 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// `7.5 * sin((2/5) * pi) / pi`
+    /// `2.5 * sin((2/5) * pi) / pi`
     c0: R,
     /// `7.5 * sin((1/5) * pi) / pi`
     c1: R,
     /// `0.1875 * sin((1/5) * pi) / pi`
     c2: R,
-    /// `0.75 * sin((2/5) * pi) / pi`
+    /// `7.5 * sin((2/5) * pi) / pi`
     c3: R,
-    /// `2.5 * sin((2/5) * pi) / pi`
+    /// `0.75 * sin((2/5) * pi) / pi`
     c4: R,
     /// `1.25 * sin((2/5) * pi) / pi`
     c5: R,
-    /// `0.125 * sin((1/5) * pi) / pi`
-    c6: R,
     /// `2.5 * sin((1/5) * pi) / pi`
+    c6: R,
+    /// `0.125 * sin((1/5) * pi) / pi`
     c7: R,
     /// `0.75 * sin((1/5) * pi) / pi`
     c8: R,
     /// `0.1875 * sin((2/5) * pi) / pi`
     c9: R,
-    /// `10 * sin((1/5) * pi) / pi`
-    c10: R,
     /// `2 * sin((1/5) * pi) / pi`
+    c10: R,
+    /// `10 * sin((2/5) * pi) / pi`
     c11: R,
     /// `0.3125 * sin((2/5) * pi) / pi`
     c12: R,
-    /// `10 * sin((2/5) * pi) / pi`
+    /// `10 * sin((1/5) * pi) / pi`
     c13: R,
     /// `2 * sin((2/5) * pi) / pi`
     c14: R,
@@ -467,15 +467,15 @@ pub struct Prepared<R = f64> {
     c28: R,
     /// `2 * sin((1/10) * pi)`
     c29: R,
-    /// `7.5 * sin((1/5) * pi) / pi`
-    c30: R,
-    /// `0.75 * sin((2/5) * pi) / pi`
-    c31: R,
-    /// `0.1875 * sin((1/5) * pi) / pi`
-    c32: R,
-    /// `7.5 * sin((2/5) * pi) / pi`
-    c33: R,
     /// `2.5 * sin((2/5) * pi) / pi`
+    c30: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c31: R,
+    /// `0.75 * sin((2/5) * pi) / pi`
+    c32: R,
+    /// `0.1875 * sin((1/5) * pi) / pi`
+    c33: R,
+    /// `7.5 * sin((2/5) * pi) / pi`
     c34: R,
     /// `7.5 * sin((1/5) * pi) / pi`
     c35: R,
@@ -587,9 +587,9 @@ pub struct Prepared<R = f64> {
     c88: R,
     /// `0.5 * sin((1/5) * pi) / pi`
     c89: R,
-    /// `0.5 * sin((1/5) * pi) / pi`
-    c90: R,
     /// `0.5 * sin((2/5) * pi) / pi`
+    c90: R,
+    /// `0.5 * sin((1/5) * pi) / pi`
     c91: R,
     /// `2.5 * sin((1/5) * pi) / pi`
     c92: R,
@@ -617,19 +617,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let _ = params;
         let t0 = (R::ratio(2.0, 5.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t1 = R::from_f64(7.5) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t1 = R::from_f64(2.5) * t0 / R::from_f64(::core::f64::consts::PI);
         let t2 = (R::ratio(1.0, 5.0) * R::from_f64(::core::f64::consts::PI)).sin();
         let t3 = R::from_f64(7.5) * t2 / R::from_f64(::core::f64::consts::PI);
         let t4 = R::from_f64(0.1875) * t2 / R::from_f64(::core::f64::consts::PI);
-        let t5 = R::from_f64(0.75) * t0 / R::from_f64(::core::f64::consts::PI);
-        let t6 = R::from_f64(2.5) * t0 / R::from_f64(::core::f64::consts::PI);
-        let t7 = R::from_f64(0.125) * t2 / R::from_f64(::core::f64::consts::PI);
-        let t8 = R::from_f64(2.5) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t5 = R::from_f64(7.5) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t6 = R::from_f64(0.75) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t7 = R::from_f64(2.5) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t8 = R::from_f64(0.125) * t2 / R::from_f64(::core::f64::consts::PI);
         let t9 = R::from_f64(0.75) * t2 / R::from_f64(::core::f64::consts::PI);
         let t10 = R::from_f64(0.1875) * t0 / R::from_f64(::core::f64::consts::PI);
-        let t11 = R::from_f64(10.0) * t2 / R::from_f64(::core::f64::consts::PI);
-        let t12 = R::from_f64(2.0) * t2 / R::from_f64(::core::f64::consts::PI);
-        let t13 = R::from_f64(10.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t11 = R::from_f64(2.0) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t12 = R::from_f64(10.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t13 = R::from_f64(10.0) * t2 / R::from_f64(::core::f64::consts::PI);
         let t14 = R::from_f64(2.0) * t0 / R::from_f64(::core::f64::consts::PI);
         let t15 = R::from_f64(0.125) * t0 / R::from_f64(::core::f64::consts::PI);
         let t16 = R::from_f64(0.625) * t2 / R::from_f64(::core::f64::consts::PI);
@@ -674,39 +674,39 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c27: -t26,
             c28: R::from_f64(-2.0) * t26,
             c29: R::from_f64(2.0) * t25,
-            c30: t3,
-            c31: t5,
-            c32: t4,
-            c33: t1,
-            c34: t6,
+            c30: t1,
+            c31: t3,
+            c32: t6,
+            c33: t4,
+            c34: t5,
             c35: t3,
-            c36: t5,
+            c36: t6,
             c37: t4,
             c38: t3,
-            c39: t1,
+            c39: t5,
             c40: t3,
             c41: t9,
             c42: t3,
-            c43: t1,
+            c43: t5,
             c44: t9,
             c45: t10,
-            c46: t13,
-            c47: t6,
+            c46: t12,
+            c47: t1,
             c48: t14,
-            c49: t6,
-            c50: t13,
+            c49: t1,
+            c50: t12,
             c51: t16,
             c52: t18,
             c53: t3,
             c54: t20,
             c55: t3,
-            c56: t13,
+            c56: t12,
             c57: t14,
-            c58: t8,
+            c58: t7,
             c59: t16,
-            c60: t7,
+            c60: t8,
             c61: t14,
-            c62: t13,
+            c62: t12,
             c63: t18,
             c64: t3,
             c65: t20,
@@ -714,14 +714,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c67: t20,
             c68: t19,
             c69: t17,
-            c70: t6,
+            c70: t1,
             c71: t15,
             c72: t19,
-            c73: t12,
-            c74: t11,
+            c73: t11,
+            c74: t13,
             c75: t15,
             c76: t17,
-            c77: t13,
+            c77: t12,
             c78: t20,
             c79: t3,
             c80: t20,
@@ -730,17 +730,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c83: t3,
             c84: t20,
             c85: t3,
-            c86: t6,
+            c86: t1,
             c87: t21,
             c88: t23,
             c89: t22,
-            c90: t22,
-            c91: t21,
-            c92: t8,
+            c90: t21,
+            c91: t22,
+            c92: t7,
             c93: t22,
-            c94: t6,
+            c94: t1,
             c95: t24,
-            c96: t8,
+            c96: t7,
         })
     }
 }
@@ -766,7 +766,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1403 additions, 1291 multiplications (1066 fused).
+    /// 1400 additions, 1292 multiplications (1068 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 48], dy: &mut [R; 48]) {
         let [w_re_0_1, w_im_0_1, w_re_0_2, w_im_0_2, w_re_1_m2, w_im_1_m2, w_re_1_m1,
@@ -777,115 +777,109 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         a_re_2_m2, a_im_2_m2, a_re_2_m1, a_im_2_m1, a_re_2_0, a_im_2_0, a_re_2_1,
         a_im_2_1, a_re_2_2, a_im_2_2] = *y;
         let _ = t;
-        let [t0, t6, t7, t10, t14, t15, t16, t17, t18, t19, t22, t23, t24, t28, t31, t34,
-        t35, t36, t37, t39, t41, t42, t43, t44, t45, t46, t47, t48, t49, t51, t54, t56,
-        t57, t60, t62, t64, t65, t67, t70, t71, t74, t75, t76, t77, t78, t79, t80, t81,
-        t82, t83, t84, t85, t86, t87, t89, t91, t92, t93, t95, t96, t97, t98, t99, t101,
-        t104, t105, t108, t110, t112, t116, t122, t124, t126, t128, t130, t132, t135,
-        t136, t137, t144, t145, t146, t147, t150, t151, t154, t155, t156, t157, t158,
-        t159, t160, t162, t164, t166, t168, t169, t171, t172, t173, t174, t175, t176,
-        t177, t178, t179, t180, t182, t183, t184, t186, t187, t188, t191, t192, t193,
-        t197, t198, t200, t202, t204, t205, t207, t208, t209, t211, t212, t213, t215,
-        t217, t220, t221, t222, t223, t224, t225, t226, t227, t230, t233, t236, t238,
-        t240, t241, t243, t246, t248, t249, t250, t251, t252, t253, t255, t256, t261,
-        t263, t266, t267, t270, t271, t274, t276, t278, t279, t282, t283, t286, t288,
-        t290, t291, t292, t293, t294, t295, t296, t297, t298, t299, t300, t301, t302,
-        t303, t304, t305, t306, t307, t308, t309, t310, t311, t314, t315, t316, t317,
-        t318, t319, t320, t321, t322, t323, t324, t325, t326, t329, t330, t331, t332,
-        t333, t334, t335, t336, t337, t338, t339, t340, t341, t342, t343, t344, t345,
-        t346, t347, t348, t349, t350, t351, t352, t353, t354, t357, t358, t359, t360,
-        t361, t362, t363, t364, t365, t368, t369, t370, t371, t372, t373, t374, t375,
-        t376, t377, t378, t379, t380, t381, t382, t383, t384, t385, t388, t389, t390,
-        t391, t392, t393, t394, t395, t396, t397, t398, t399] = {
-            let t0 = self.c0 * a_re_1_1;
-            let t1 = self.c1 * a_re_2_m2;
-            let t2 = self.c2 * w_re_2_m2;
-            let t3 = (-w_re_2_m1).mul_add(t2, a_re_2_m1 * t1);
-            let t4 = self.c0 * a_im_1_m2;
-            let t5 = self.c3 * w_im_1_m1;
-            let t7 = self.c0 * a_im_1_1;
-            let t8 = self.c4 * a_im_1_1;
-            let t9 = self.c4 * a_im_1_m1;
-            let t10 = t8 - t9;
-            let t11 = self.c30 * a_re_2_1;
-            let t12 = self.c1 * a_im_2_1;
-            let t13 = self.c31 * w_re_1_m1;
-            let t14 = self.c5 * w_re_1_m1;
-            let t15 = self.c5 * w_re_1_1;
-            let t16 = t14 - t15;
-            let t17 = self.c5 * w_im_1_m1;
-            let t18 = self.c5 * w_im_1_1;
+        let [t2, t8, t11, t12, t13, t17, t18, t19, t20, t21, t22, t25, t26, t27, t29,
+        t30, t31, t35, t36, t37, t39, t41, t42, t43, t44, t45, t46, t47, t48, t49, t51,
+        t54, t56, t57, t62, t65, t66, t67, t68, t69, t71, t74, t75, t77, t78, t79, t80,
+        t81, t82, t83, t84, t85, t86, t87, t89, t91, t92, t93, t94, t95, t96, t97, t98,
+        t99, t101, t104, t105, t108, t110, t112, t116, t122, t124, t126, t128, t130,
+        t132, t135, t136, t137, t144, t145, t146, t147, t150, t151, t154, t155, t157,
+        t158, t159, t160, t161, t162, t163, t165, t166, t168, t169, t171, t172, t173,
+        t174, t175, t176, t177, t178, t179, t180, t182, t183, t184, t186, t187, t188,
+        t190, t191, t193, t196, t197, t199, t201, t203, t204, t206, t207, t208, t210,
+        t211, t212, t214, t216, t219, t220, t221, t222, t223, t224, t225, t226, t229,
+        t232, t235, t238, t239, t240, t241, t242, t245, t247, t248, t249, t250, t251,
+        t252, t254, t256, t257, t260, t262, t265, t266, t269, t270, t273, t275, t277,
+        t278, t281, t282, t285, t287, t289, t290, t291, t292, t293, t295, t296, t297,
+        t298, t299, t300, t301, t302, t303, t304, t305, t306, t307, t308, t309, t310,
+        t311, t312, t313, t314, t315, t318, t319, t320, t321, t322, t323, t324, t325,
+        t328, t329, t330, t331, t332, t333, t334, t335, t336, t337, t338, t339, t340,
+        t341, t342, t343, t344, t345, t346, t347, t348, t349, t350, t351, t352, t353,
+        t356, t357, t358, t359, t360, t361, t362, t363, t364, t368, t369, t370, t371,
+        t372, t373, t374, t375, t376, t377, t378, t379, t380, t381, t382, t385, t386,
+        t387, t388, t389, t390, t391, t392, t393, t394, t395, t396, t397, t398, t399] = {
+            let t0 = self.c0 * a_im_1_1;
+            let t1 = self.c0 * a_im_1_m1;
+            let t3 = self.c1 * a_re_2_m2;
+            let t4 = self.c2 * w_re_2_m2;
+            let t5 = (-w_re_2_m1).mul_add(t4, a_re_2_m1 * t3);
+            let t6 = self.c3 * a_im_1_m2;
+            let t7 = self.c4 * w_im_1_m1;
+            let t9 = self.c30 * a_re_1_1;
+            let t10 = self.c0 * a_re_1_m1;
+            let t12 = self.c3 * a_im_1_1;
+            let t13 = self.c3 * a_re_1_1;
+            let t14 = self.c31 * a_im_2_1;
+            let t15 = self.c1 * a_re_2_1;
+            let t16 = self.c32 * w_re_1_m1;
+            let t17 = self.c5 * w_re_1_m1;
+            let t18 = self.c5 * w_re_1_1;
             let t19 = t17 - t18;
-            let t20 = self.c32 * w_im_2_m2;
-            let t21 = self.c6 * w_im_2_0;
-            let t22 = w_im_2_m1 - w_im_2_1;
-            let t23 = self.c6 * w_re_2_0;
-            let t24 = w_re_2_m1 - w_re_2_1;
-            let t25 = self.c33 * a_re_1_m2;
-            let t26 = self.c34 * a_re_1_m1;
-            let t27 = self.c4 * a_re_1_1;
-            let t29 = self.c35 * a_im_2_m2;
-            let t30 = self.c36 * w_re_1_1;
-            let t31 = self.c3 * w_im_1_1;
-            let t32 = self.c37 * w_re_2_2;
-            let t33 = self.c2 * w_im_2_2;
-            let t34 = self.c7 * a_im_2_0;
-            let t35 = a_im_2_m1 - a_im_2_1;
-            let t36 = self.c7 * a_re_2_0;
-            let t37 = a_re_2_m1 - a_re_2_1;
-            let t38 = t23
+            let t20 = self.c5 * w_im_1_m1;
+            let t21 = self.c5 * w_im_1_1;
+            let t22 = t20 - t21;
+            let t23 = self.c33 * w_im_2_m2;
+            let t24 = self.c6 * a_re_2_0;
+            let t25 = a_re_2_1 - a_re_2_m1;
+            let t26 = self.c6 * a_im_2_0;
+            let t27 = a_im_2_1 - a_im_2_m1;
+            let t28 = self.c7 * w_im_2_0;
+            let t29 = w_im_2_m1 - w_im_2_1;
+            let t30 = self.c7 * w_re_2_0;
+            let t31 = w_re_2_m1 - w_re_2_1;
+            let t32 = self.c34 * a_re_1_m2;
+            let t33 = self.c35 * a_im_2_m2;
+            let t34 = self.c36 * w_re_1_1;
+            let t35 = self.c4 * w_im_1_1;
+            let t36 = self.c37 * w_re_2_2;
+            let t37 = self.c2 * w_im_2_2;
+            let t38 = t24
                 .mul_add(
-                    t24,
-                    t21
+                    t25,
+                    w_im_2_m1
                         .mul_add(
-                            t22,
-                            w_im_2_m1
+                            t23,
+                            w_re_1_m2
                                 .mul_add(
-                                    t20,
-                                    w_re_1_m2
+                                    t16,
+                                    a_re_2_2
                                         .mul_add(
-                                            t13,
+                                            t15,
                                             a_im_2_2
                                                 .mul_add(
-                                                    t12,
-                                                    a_re_2_2
-                                                        .mul_add(
-                                                            t11,
-                                                            a_im_1_2.mul_add(t7, a_re_1_2.mul_add(t0, -t3)),
-                                                        ),
+                                                    t14,
+                                                    a_re_1_2.mul_add(t13, a_im_1_2.mul_add(t12, -t5)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t40 = (-w_im_1_m2).mul_add(t13, a_re_1_m1 * t4);
-            let t41 = (-w_im_2_m1).mul_add(t2, a_im_2_m1 * t1);
-            let t43 = t14 + t15;
+            let t40 = (-w_im_1_m2).mul_add(t16, a_re_1_m1 * t6);
+            let t41 = (-w_im_2_m1).mul_add(t4, a_im_2_m1 * t3);
+            let t43 = t17 + t18;
             let t44 = a_im_2_m1 + a_im_2_1;
             let t45 = w_re_2_m1 + w_re_2_1;
-            let t46 = t26 + t27;
-            let t47 = t17 + t18;
+            let t47 = t20 + t21;
             let t48 = a_re_2_m1 + a_re_2_1;
             let t49 = w_im_2_m1 + w_im_2_1;
-            let t50 = t21
+            let t50 = t28
                 .mul_add(
                     t45,
-                    t36
+                    t24
                         .mul_add(
                             t44,
                             w_im_2_1
                                 .mul_add(
-                                    t32,
+                                    t36,
                                     w_re_1_2
                                         .mul_add(
-                                            t31,
+                                            t35,
                                             w_re_1_m2
                                                 .mul_add(
-                                                    t5,
-                                                    a_im_2_2
+                                                    t7,
+                                                    a_re_2_m1
                                                         .mul_add(
-                                                            t11,
-                                                            a_re_2_m1.mul_add(t29, a_im_1_2.mul_add(t0, t40)),
+                                                            t33,
+                                                            a_im_2_2.mul_add(t15, a_im_1_2.mul_add(t13, t40)),
                                                         ),
                                                 ),
                                         ),
@@ -899,23 +893,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t56 = self.c9 * w_im_2_2;
             let t57 = (-w_im_2_m1).mul_add(t56, a_im_2_2 * t55);
             let t58 = self.c40 * a_im_1_1;
-            let t59 = self.c0 * a_re_2_m1;
+            let t59 = self.c3 * a_re_2_m1;
             let t60 = self.c41 * w_re_1_m1;
             let t61 = self.c8 * w_im_1_m1;
             let t62 = self.c9 * w_re_2_m2;
             let t63 = self.c9 * w_im_2_m2;
-            let t64 = self.c10 * a_im_1_0;
-            let t65 = a_im_1_2 - a_im_1_m2;
-            let t66 = self.c10 * a_re_1_0;
-            let t67 = a_re_1_2 - a_re_1_m2;
-            let t68 = self.c11 * w_im_1_0;
-            let t69 = w_im_1_m2 - w_im_1_2;
-            let t70 = self.c11 * w_re_1_0;
-            let t71 = w_re_1_m2 - w_re_1_2;
-            let t72 = self.c42 * a_re_1_2;
-            let t73 = self.c1 * a_im_1_2;
-            let t74 = self.c43 * a_re_2_m2;
-            let t75 = self.c0 * a_im_2_m2;
+            let t64 = self.c10 * w_im_1_0;
+            let t65 = w_im_1_m2 - w_im_1_2;
+            let t66 = self.c10 * w_re_1_0;
+            let t67 = w_re_1_m2 - w_re_1_2;
+            let t68 = self.c11 * a_re_2_0;
+            let t69 = a_re_2_m2 - a_re_2_2;
+            let t70 = self.c11 * a_im_2_0;
+            let t71 = a_im_2_m2 - a_im_2_2;
+            let t72 = self.c42 * a_im_1_2;
+            let t73 = self.c1 * a_re_1_2;
+            let t74 = self.c43 * a_im_2_m2;
+            let t75 = self.c3 * a_re_2_m2;
             let t76 = self.c44 * w_im_1_1;
             let t77 = self.c45 * w_re_2_2;
             let t78 = self.c12 * w_re_2_m2;
@@ -924,10 +918,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t81 = self.c12 * w_im_2_m2;
             let t82 = self.c12 * w_im_2_2;
             let t83 = t81 - t82;
-            let t84 = self.c13 * a_im_2_0;
-            let t85 = a_im_2_2 - a_im_2_m2;
-            let t86 = self.c13 * a_re_2_0;
-            let t87 = a_re_2_2 - a_re_2_m2;
+            let t84 = self.c13 * a_re_1_0;
+            let t85 = a_re_1_m2 - a_re_1_2;
+            let t86 = self.c13 * a_im_1_0;
+            let t87 = a_im_1_m2 - a_im_1_2;
             let t88 = t66
                 .mul_add(
                     t67,
@@ -955,6 +949,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 );
             let t90 = (-w_im_1_m2).mul_add(t53, a_im_1_m2 * t52);
             let t91 = (-w_im_2_m1).mul_add(t77, a_re_2_2 * t55);
+            let t92 = t81 + t82;
             let t93 = a_im_1_m2 + a_im_1_2;
             let t94 = w_re_1_m2 + w_re_1_2;
             let t95 = a_re_2_m2 + a_re_2_2;
@@ -962,7 +957,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t97 = a_re_1_m2 + a_re_1_2;
             let t98 = w_im_1_m2 + w_im_1_2;
             let t99 = a_im_2_m2 + a_im_2_2;
-            let t100 = t66
+            let t100 = t84
                 .mul_add(
                     t93,
                     w_re_2_1
@@ -977,7 +972,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                             w_re_1_m2
                                                 .mul_add(
                                                     t76,
-                                                    a_im_2_1.mul_add(t74, a_re_1_m1.mul_add(t73, t90)),
+                                                    a_im_2_1.mul_add(t75, a_re_1_m1.mul_add(t72, t90)),
                                                 ),
                                         ),
                                 ),
@@ -988,7 +983,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t106 = self.c47 * a_re_2_0;
             let t107 = self.c15 * w_re_2_0;
             let t108 = (-w_re_1_2).mul_add(t107, a_re_1_2 * t106);
-            let t109 = t58 - t29;
+            let t109 = t58 - t33;
             let t110 = self.c16 * w_re_0_2;
             let t111 = self.c15 * w_im_2_0;
             let t112 = self.c48 * w_im_0_1;
@@ -999,18 +994,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t117 = self.c49 * a_im_2_0;
             let t118 = self.c50 * a_im_0_1;
             let t119 = t117 + t118;
-            let t120 = self.c19 * a_re_1_0;
-            let t121 = self.c19 * a_im_1_0;
+            let t120 = self.c19 * a_im_1_0;
+            let t121 = self.c19 * a_re_1_0;
             let t122 = self.c51 * w_im_0_2;
-            let t123 = t76 - t20;
+            let t123 = t76 - t23;
             let t124 = self.c52 * a_re_1_1;
-            let t125 = R::from_f64(0.0625) * w_im_1_m1;
-            let t127 = R::from_f64(0.0625) * w_re_1_m1;
-            let t129 = R::from_f64(0.25) * w_im_1_0;
-            let t131 = R::from_f64(0.25) * w_re_1_0;
+            let t125 = R::from_f64(0.0625) * w_re_1_m1;
+            let t127 = R::from_f64(0.0625) * w_im_1_m1;
+            let t129 = R::from_f64(0.25) * w_re_1_0;
+            let t131 = R::from_f64(0.25) * w_im_1_0;
             let t133 = w_re_0_1
                 .mul_add(
-                    t14,
+                    t17,
                     a_im_0_2
                         .mul_add(
                             t116,
@@ -1023,7 +1018,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                             w_re_2_m2
                                                 .mul_add(
                                                     t114,
-                                                    w_re_1_1.mul_add(t110, a_re_2_2.mul_add(t86, t3)),
+                                                    w_re_1_1.mul_add(t110, a_re_2_2.mul_add(t68, t5)),
                                                 ),
                                         ),
                                 ),
@@ -1035,31 +1030,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-w_im_1_1)
                         .mul_add(
                             t122,
-                            (-a_im_2_m2)
+                            (-a_im_2_2)
                                 .mul_add(
-                                    t121,
+                                    t70,
                                     (-a_re_2_m2)
                                         .mul_add(
-                                            t120,
-                                            (-a_im_2_2).mul_add(t84, w_im_0_1.mul_add(t17, t133)),
+                                            t121,
+                                            (-a_im_2_m2).mul_add(t120, w_im_0_1.mul_add(t20, t133)),
                                         ),
                                 ),
                         ),
                 );
             let t136 = (-w_im_1_2).mul_add(t103, a_im_1_2 * t102);
-            let t137 = (-w_re_2_m2).mul_add(t115, a_re_2_m2 * t121);
+            let t137 = (-w_re_2_m2).mul_add(t115, a_re_2_m2 * t120);
             let t138 = (-w_im_2_m1).mul_add(t53, a_im_2_m1 * t52);
             let t139 = (-w_im_1_2).mul_add(t107, a_im_1_2 * t106);
             let t140 = t111 - t112;
-            let t141 = t20 + t76;
+            let t141 = t23 + t76;
             let t142 = t117 - t118;
-            let t143 = t29 + t58;
+            let t143 = t33 + t58;
             let t148 = w_re_0_1
                 .mul_add(
-                    t17,
+                    t20,
                     a_im_0_1
                         .mul_add(
-                            t26,
+                            t10,
                             w_im_2_0
                                 .mul_add(
                                     t79,
@@ -1083,11 +1078,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             t116,
                             (-a_re_0_1)
                                 .mul_add(
-                                    t9,
-                                    (-a_im_2_m2)
+                                    t1,
+                                    (-a_re_2_2)
                                         .mul_add(
-                                            t120,
-                                            (-a_im_2_2).mul_add(t86, (-a_re_2_2).mul_add(t84, t148)),
+                                            t70,
+                                            (-a_im_2_2).mul_add(t68, (-a_im_2_m2).mul_add(t121, t148)),
                                         ),
                                 ),
                         ),
@@ -1095,24 +1090,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t152 = self.c56 * a_re_1_0;
             let t153 = self.c57 * w_re_1_0;
             let t154 = (-w_re_2_m1).mul_add(t153, a_re_2_m1 * t152);
-            let t155 = (-w_im_1_m2).mul_add(t56, a_im_2_2 * t4);
+            let t155 = (-w_im_1_m2).mul_add(t56, a_im_2_2 * t6);
             let t156 = self.c58 * a_re_0_2;
             let t157 = self.c59 * w_re_2_0;
             let t159 = self.c16 * w_im_2_0;
             let t161 = self.c60 * w_im_0_2;
             let t162 = self.c61 * w_im_1_0;
-            let t163 = self.c7 * a_im_0_2;
-            let t165 = self.c62 * a_im_1_0;
-            let t166 = self.c6 * w_re_0_2;
+            let t163 = self.c6 * a_im_0_2;
+            let t164 = self.c62 * a_im_1_0;
+            let t166 = self.c7 * w_re_0_2;
             let t167 = w_re_1_m2 - w_re_2_m1;
-            let t168 = a_im_2_0 - a_im_0_2;
-            let t169 = a_re_2_0 - a_re_0_2;
-            let t170 = (-a_im_1_2)
+            let t168 = a_re_2_0 - a_re_0_2;
+            let t169 = a_im_2_0 - a_im_0_2;
+            let t170 = (-a_im_1_m2)
                 .mul_add(
-                    t163,
+                    t118,
                     w_re_2_1
                         .mul_add(
-                            t23,
+                            t30,
                             w_im_2_m1
                                 .mul_add(
                                     t162,
@@ -1122,7 +1117,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                             w_im_1_m2
                                                 .mul_add(
                                                     t112,
-                                                    a_im_2_1.mul_add(t34, a_re_1_2.mul_add(t156, t57)),
+                                                    a_im_2_1.mul_add(t26, a_re_1_2.mul_add(t156, t57)),
                                                 ),
                                         ),
                                 ),
@@ -1136,98 +1131,81 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t181 = t116
                 .mul_add(
                     t177,
-                    a_im_2_1
+                    a_re_2_m1
                         .mul_add(
-                            t36,
+                            t164,
                             a_re_2_1
                                 .mul_add(
-                                    t34,
-                                    a_re_2_m1
+                                    t26,
+                                    a_im_2_1
                                         .mul_add(
-                                            t165,
-                                            a_re_1_m2
+                                            t24,
+                                            a_re_1_2
                                                 .mul_add(
-                                                    t118,
-                                                    a_im_1_2.mul_add(t156, a_re_1_2.mul_add(t163, t91)),
+                                                    t163,
+                                                    a_im_1_2.mul_add(t156, a_re_1_m2.mul_add(t118, t91)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t183 = (-w_re_1_m2).mul_add(t2, a_re_1_m2 * t1);
-            let t184 = (-w_im_2_m1).mul_add(t5, a_im_1_m1 * t55);
-            let t185 = t98
+            let t183 = (-w_re_1_m2).mul_add(t4, a_re_1_m2 * t3);
+            let t184 = (-w_im_2_m1).mul_add(t7, a_im_1_m1 * t55);
+            let t185 = t85
                 .mul_add(
-                    t161,
+                    t156,
                     w_im_2_1
                         .mul_add(
-                            t31,
+                            t35,
                             w_re_2_1
                                 .mul_add(
-                                    t30,
+                                    t34,
                                     w_im_1_2
                                         .mul_add(
-                                            t33,
+                                            t37,
                                             w_re_1_2
                                                 .mul_add(
-                                                    t32,
-                                                    a_im_1_m2.mul_add(t29, a_re_1_m1.mul_add(t59, t183)),
+                                                    t36,
+                                                    a_re_1_m1.mul_add(t59, a_im_1_m2.mul_add(t33, t183)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t187 = (-w_im_2_m1).mul_add(t13, a_re_1_m1 * t55);
-            let t188 = (-w_im_1_m2).mul_add(t2, a_im_1_m2 * t1);
-            let t189 = t97
+            let t187 = (-w_im_2_m1).mul_add(t16, a_re_1_m1 * t55);
+            let t188 = (-w_im_1_m2).mul_add(t4, a_im_1_m2 * t3);
+            let t189 = t87
                 .mul_add(
-                    t163,
+                    t156,
                     w_im_2_1
                         .mul_add(
-                            t30,
+                            t34,
                             w_re_2_m1
                                 .mul_add(
-                                    t5,
+                                    t7,
                                     w_re_1_2
                                         .mul_add(
-                                            t33,
-                                            a_re_2_1
+                                            t37,
+                                            a_re_2_2
                                                 .mul_add(
-                                                    t7,
-                                                    a_re_2_2.mul_add(t73, a_re_1_m2.mul_add(t29, t187)),
+                                                    t72,
+                                                    a_re_2_1.mul_add(t12, a_re_1_m2.mul_add(t33, t187)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t190 = (-w_re_2_1)
+            let t191 = (-w_re_2_1).mul_add(t153, a_re_2_1 * t152);
+            let t192 = self.c63 * a_re_1_m1;
+            let t193 = self.c18 * a_im_1_m1;
+            let t194 = w_im_1_2 + w_im_2_1;
+            let t195 = w_re_1_2 - w_re_2_1;
+            let t198 = t168
                 .mul_add(
-                    t31,
-                    (-w_im_1_2)
-                        .mul_add(
-                            t32,
-                            (-w_re_1_m2)
-                                .mul_add(
-                                    t20,
-                                    (-a_im_2_1)
-                                        .mul_add(
-                                            t0,
-                                            (-a_im_2_2).mul_add(t72, (-a_im_1_m1).mul_add(t59, t189)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t192 = (-w_re_2_1).mul_add(t153, a_re_2_1 * t152);
-            let t193 = self.c63 * a_im_1_m1;
-            let t194 = self.c18 * a_re_1_m1;
-            let t195 = w_im_1_2 + w_im_2_1;
-            let t196 = w_re_1_2 - w_re_2_1;
-            let t199 = t180
-                .mul_add(
-                    t193,
+                    t192,
                     w_im_2_m1
                         .mul_add(
-                            t21,
+                            t28,
                             w_im_1_2
                                 .mul_add(
                                     t112,
@@ -1237,67 +1215,67 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                             w_re_1_m2
                                                 .mul_add(
                                                     t166,
-                                                    a_im_2_1.mul_add(t165, a_re_2_m1.mul_add(t36, t192)),
+                                                    a_re_2_m1.mul_add(t24, a_im_2_1.mul_add(t164, t191)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t201 = (-w_im_2_1).mul_add(t153, a_im_2_1 * t152);
-            let t202 = a_im_1_2 - a_im_2_1;
-            let t203 = w_re_1_2 + w_re_2_1;
-            let t206 = t168
+            let t200 = (-w_im_2_1).mul_add(t153, a_im_2_1 * t152);
+            let t201 = a_im_1_2 - a_im_2_1;
+            let t202 = w_re_1_2 + w_re_2_1;
+            let t205 = t169
                 .mul_add(
-                    t194,
+                    t192,
                     w_re_2_1
                         .mul_add(
                             t162,
                             w_im_2_m1
                                 .mul_add(
-                                    t23,
+                                    t30,
                                     w_re_2_m1
                                         .mul_add(
-                                            t21,
+                                            t28,
                                             w_im_1_m2
                                                 .mul_add(
                                                     t166,
-                                                    a_re_1_m2.mul_add(t163, a_re_1_2.mul_add(t118, t201)),
+                                                    a_re_1_2.mul_add(t118, a_re_1_m2.mul_add(t163, t200)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t208 = (-w_re_1_m2).mul_add(t107, a_re_1_m2 * t106);
-            let t210 = t32 + t60;
-            let t211 = t61 - t33;
+            let t207 = (-w_re_1_m2).mul_add(t107, a_re_1_m2 * t106);
+            let t209 = t36 + t60;
+            let t210 = t61 - t37;
+            let t211 = a_re_1_m1 + a_re_2_2;
             let t212 = a_im_1_m1 - a_im_2_2;
-            let t213 = a_re_1_m1 + a_re_2_2;
-            let t214 = R::from_f64(0.0625) * w_im_1_1;
-            let t216 = R::from_f64(0.0625) * w_re_1_1;
-            let t218 = w_im_0_1
+            let t213 = R::from_f64(0.0625) * w_re_1_1;
+            let t215 = R::from_f64(0.0625) * w_im_1_1;
+            let t217 = w_im_0_1
                 .mul_add(
-                    t18,
+                    t21,
                     a_im_0_2
                         .mul_add(
                             t193,
                             a_re_0_2
                                 .mul_add(
-                                    t194,
+                                    t192,
                                     a_re_0_1
                                         .mul_add(
-                                            t27,
+                                            t9,
                                             w_re_2_0
                                                 .mul_add(
                                                     t78,
-                                                    a_im_2_m2.mul_add(t84, a_re_2_2.mul_add(t120, t208)),
+                                                    a_re_2_2.mul_add(t121, a_im_2_m2.mul_add(t70, t207)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t219 = (-a_im_0_1)
+            let t218 = (-a_im_0_1)
                 .mul_add(
-                    t8,
+                    t0,
                     (-w_re_2_2)
                         .mul_add(
                             t114,
@@ -1307,37 +1285,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                     (-w_im_1_m1)
                                         .mul_add(
                                             t122,
-                                            (-w_re_1_m1).mul_add(t110, (-a_re_2_m2).mul_add(t86, t218)),
+                                            (-w_re_1_m1).mul_add(t110, (-a_re_2_m2).mul_add(t68, t217)),
                                         ),
                                 ),
                         ),
                 );
-            let t222 = t60 - t32;
-            let t223 = a_im_1_m1 + a_im_2_2;
-            let t224 = t33 + t61;
-            let t225 = a_re_1_m1 - a_re_2_2;
-            let t228 = a_im_0_1
+            let t221 = t60 - t36;
+            let t222 = a_im_1_m1 + a_im_2_2;
+            let t223 = t37 + t61;
+            let t224 = a_re_1_m1 - a_re_2_2;
+            let t227 = a_im_0_1
                 .mul_add(
-                    t27,
+                    t9,
                     a_re_0_1
                         .mul_add(
-                            t8,
+                            t0,
                             w_re_2_2
                                 .mul_add(
                                     t115,
                                     w_re_1_m1
                                         .mul_add(
                                             t122,
-                                            a_im_2_m2
+                                            a_im_2_2
                                                 .mul_add(
-                                                    t86,
-                                                    a_re_2_m2.mul_add(t84, a_im_2_2.mul_add(t120, -t172)),
+                                                    t121,
+                                                    a_re_2_m2.mul_add(t70, a_im_2_m2.mul_add(t68, -t172)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t229 = (-w_im_2_2)
+            let t228 = (-w_im_2_2)
                 .mul_add(
                     t114,
                     (-w_im_2_0)
@@ -1351,122 +1329,122 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                             t110,
                                             (-a_re_2_2)
                                                 .mul_add(
-                                                    t121,
-                                                    t11.mul_add(t223, a_re_0_2.mul_add(t193, t228)),
+                                                    t120,
+                                                    t15.mul_add(t222, a_re_0_2.mul_add(t193, t227)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t231 = self.c68 * a_im_0_1;
-            let t232 = self.c69 * w_im_0_1;
-            let t233 = (-w_im_2_2).mul_add(t232, a_im_2_2 * t231);
-            let t234 = self.c70 * a_re_0_2;
-            let t235 = self.c71 * w_re_0_2;
-            let t236 = (-w_re_2_1).mul_add(t235, a_re_2_1 * t234);
+            let t230 = self.c68 * a_im_0_1;
+            let t231 = self.c69 * w_im_0_1;
+            let t232 = (-w_im_2_2).mul_add(t231, a_im_2_2 * t230);
+            let t233 = self.c70 * a_re_0_2;
+            let t234 = self.c71 * w_re_0_2;
+            let t235 = (-w_re_2_1).mul_add(t234, a_re_2_1 * t233);
+            let t236 = self.c0 * a_im_0_2;
             let t237 = self.c72 * a_re_0_1;
-            let t239 = self.c4 * a_im_0_2;
-            let t240 = self.c73 * w_re_0_1;
-            let t241 = self.c11 * w_im_0_1;
-            let t242 = self.c74 * a_re_0_1;
-            let t243 = self.c10 * a_im_0_1;
-            let t244 = self.c75 * w_im_0_2;
-            let t245 = self.c76 * w_re_0_1;
-            let t247 = t7
+            let t239 = self.c73 * w_re_0_1;
+            let t240 = self.c10 * w_im_0_1;
+            let t241 = self.c74 * a_im_0_1;
+            let t242 = self.c13 * a_re_0_1;
+            let t243 = self.c75 * w_im_0_2;
+            let t244 = self.c76 * w_re_0_1;
+            let t246 = t12
                 .mul_add(
-                    t202,
+                    t201,
                     w_im_2_m1
                         .mul_add(
-                            t241,
+                            t240,
                             w_re_2_m1
                                 .mul_add(
-                                    t240,
+                                    t239,
                                     w_im_1_2
                                         .mul_add(
                                             t111,
                                             w_im_1_m2
                                                 .mul_add(
-                                                    t68,
-                                                    a_im_2_1.mul_add(t239, a_re_1_m2.mul_add(t66, t108)),
+                                                    t64,
+                                                    a_im_2_1.mul_add(t236, a_re_1_m2.mul_add(t84, t108)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t249 = (-w_im_2_1).mul_add(t235, a_im_2_1 * t234);
-            let t254 = t31
+            let t248 = (-w_im_2_1).mul_add(t234, a_im_2_1 * t233);
+            let t253 = t35
                 .mul_add(
-                    t203,
+                    t202,
                     w_re_2_1
                         .mul_add(
-                            t244,
+                            t243,
                             w_im_2_m1
                                 .mul_add(
-                                    t240,
+                                    t239,
                                     w_re_1_2
                                         .mul_add(
                                             t111,
                                             a_re_2_m1
                                                 .mul_add(
-                                                    t243,
-                                                    a_im_1_m2.mul_add(t66, a_re_1_m2.mul_add(t64, -t139)),
+                                                    t241,
+                                                    a_re_1_m2.mul_add(t86, a_im_1_m2.mul_add(t84, -t139)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
+            let t255 = t164 + t236;
             let t256 = self.c77 * a_im_0_2;
-            let t257 = t165 + t239;
-            let t258 = self.c13 * a_re_0_2;
-            let t259 = t162 + t244;
-            let t260 = R::from_f64(0.25) * w_im_2_0;
-            let t262 = R::from_f64(0.25) * w_re_2_0;
-            let t264 = w_im_2_m2
+            let t257 = self.c11 * a_re_0_2;
+            let t258 = t162 + t243;
+            let t259 = R::from_f64(0.25) * w_re_2_0;
+            let t261 = R::from_f64(0.25) * w_im_2_0;
+            let t263 = w_im_2_m2
                 .mul_add(
-                    t232,
+                    t231,
                     w_im_1_1
                         .mul_add(
                             t159,
                             w_im_1_0
                                 .mul_add(
-                                    t17,
-                                    a_re_2_0
+                                    t20,
+                                    a_im_2_2
                                         .mul_add(
-                                            t124,
-                                            a_re_2_m2
+                                            t256,
+                                            a_re_2_0
                                                 .mul_add(
-                                                    t237,
-                                                    a_im_2_2.mul_add(t256, a_re_1_0.mul_add(t26, t236)),
+                                                    t124,
+                                                    a_re_2_m2.mul_add(t237, a_re_1_0.mul_add(t10, t235)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t265 = (-w_re_1_1)
+            let t264 = (-w_re_1_1)
                 .mul_add(
                     t157,
                     (-w_re_1_0)
                         .mul_add(
-                            t14,
-                            (-a_im_2_0)
+                            t17,
+                            (-a_re_2_2)
                                 .mul_add(
-                                    t116,
-                                    (-a_im_2_m2)
+                                    t257,
+                                    (-a_im_2_0)
                                         .mul_add(
-                                            t231,
-                                            (-a_re_2_2)
+                                            t116,
+                                            (-a_im_2_m2)
                                                 .mul_add(
-                                                    t258,
-                                                    (-a_im_1_0).mul_add(t9, w_re_0_2.mul_add(t79, t264)),
+                                                    t230,
+                                                    (-a_im_1_0).mul_add(t1, w_re_0_2.mul_add(t79, t263)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t267 = (-w_re_2_m2).mul_add(t232, a_re_2_m2 * t231);
-            let t268 = t244 - t162;
-            let t269 = t239 - t165;
-            let t272 = w_im_0_2
+            let t266 = (-w_re_2_m2).mul_add(t231, a_re_2_m2 * t230);
+            let t267 = t243 - t162;
+            let t268 = t236 - t164;
+            let t271 = w_im_0_2
                 .mul_add(
                     t79,
                     w_re_0_2
@@ -1481,30 +1459,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                             a_im_2_m2
                                                 .mul_add(
                                                     t237,
-                                                    a_im_1_0.mul_add(t26, a_re_1_0.mul_add(t9, t188)),
+                                                    a_re_1_0.mul_add(t1, a_im_1_0.mul_add(t10, t188)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t273 = (-w_im_1_0)
+            let t272 = (-w_im_1_0)
                 .mul_add(
-                    t14,
+                    t17,
                     (-w_re_1_0)
                         .mul_add(
-                            t17,
-                            (-a_im_2_0)
+                            t20,
+                            (-a_re_2_2)
                                 .mul_add(
-                                    t124,
-                                    (-a_re_2_0)
+                                    t256,
+                                    (-a_im_2_2)
                                         .mul_add(
-                                            t116,
-                                            (-a_im_2_2).mul_add(t258, (-a_re_2_2).mul_add(t256, t272)),
+                                            t257,
+                                            (-a_re_2_0).mul_add(t116, (-a_im_2_0).mul_add(t124, t271)),
                                         ),
                                 ),
                         ),
                 );
-            let t275 = t99
+            let t274 = t99
                 .mul_add(
                     t256,
                     w_im_2_1
@@ -1519,15 +1497,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                             a_im_2_m1
                                                 .mul_add(
                                                     t58,
-                                                    a_re_1_2.mul_add(t74, a_re_1_m1.mul_add(t11, t155)),
+                                                    a_re_1_2.mul_add(t75, a_re_1_m1.mul_add(t15, t155)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t277 = t85
+            let t276 = t48
                 .mul_add(
-                    t258,
+                    t241,
                     w_im_2_1
                         .mul_add(
                             t60,
@@ -1540,477 +1518,482 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                             w_re_1_2
                                                 .mul_add(
                                                     t63,
-                                                    a_im_2_2.mul_add(t25, a_re_2_m1.mul_add(t58, t138)),
+                                                    a_re_2_m1.mul_add(t58, a_im_2_2.mul_add(t32, t138)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t280 = w_re_2_2
+            let t279 = w_re_2_2
                 .mul_add(
-                    t245,
+                    t244,
                     w_re_1_0
                         .mul_add(
-                            t15,
+                            t18,
                             w_re_1_m1
                                 .mul_add(
                                     t157,
-                                    a_im_2_0
+                                    a_re_2_m2
                                         .mul_add(
-                                            t193,
-                                            a_im_2_m2
+                                            t257,
+                                            a_im_2_0
                                                 .mul_add(
-                                                    t256,
-                                                    a_re_2_m2.mul_add(t258, a_im_1_0.mul_add(t8, t154)),
+                                                    t193,
+                                                    a_im_2_m2.mul_add(t256, a_im_1_0.mul_add(t0, t154)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t281 = (-w_re_0_2)
+            let t280 = (-w_re_0_2)
                 .mul_add(
                     t78,
                     (-w_im_1_0)
                         .mul_add(
-                            t18,
+                            t21,
                             (-w_im_1_m1)
                                 .mul_add(
                                     t159,
-                                    (-a_re_2_0)
+                                    (-a_re_2_2)
                                         .mul_add(
-                                            t194,
-                                            (-a_re_2_2)
+                                            t237,
+                                            (-a_re_2_0)
                                                 .mul_add(
-                                                    t237,
-                                                    (-a_re_1_0).mul_add(t27, t72.mul_add(t213, t280)),
+                                                    t192,
+                                                    (-a_re_1_0).mul_add(t9, t73.mul_add(t211, t279)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t284 = w_im_2_2
+            let t283 = w_im_2_2
                 .mul_add(
-                    t245,
+                    t244,
                     w_im_1_0
                         .mul_add(
-                            t15,
+                            t18,
                             w_re_1_0
                                 .mul_add(
-                                    t18,
-                                    a_im_2_0
+                                    t21,
+                                    a_re_2_2
                                         .mul_add(
-                                            t194,
-                                            a_im_2_m2
+                                            t230,
+                                            a_re_2_0
                                                 .mul_add(
-                                                    t258,
-                                                    a_re_2_0.mul_add(t193, a_re_2_2.mul_add(t231, -t174)),
+                                                    t193,
+                                                    a_im_2_0.mul_add(t192, a_im_2_m2.mul_add(t257, -t174)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t285 = (-a_re_2_m2)
+            let t284 = (-a_im_2_2)
                 .mul_add(
-                    t256,
-                    (-a_im_2_2)
+                    t237,
+                    (-a_re_2_m2)
                         .mul_add(
-                            t237,
-                            (-a_im_1_0)
+                            t256,
+                            (-a_re_1_0)
                                 .mul_add(
-                                    t27,
-                                    (-a_re_1_0)
+                                    t0,
+                                    (-a_im_1_0)
                                         .mul_add(
-                                            t8,
+                                            t9,
                                             t72
                                                 .mul_add(
-                                                    t212,
-                                                    t73.mul_add(t225, w_im_0_2.mul_add(t78, t284)),
+                                                    t224,
+                                                    t73.mul_add(t212, w_im_0_2.mul_add(t78, t283)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t287 = (-a_re_1_2)
+            let t286 = (-a_re_1_2)
                 .mul_add(
-                    t66,
+                    t84,
                     w_im_2_1
                         .mul_add(
-                            t241,
+                            t240,
                             w_re_1_2
                                 .mul_add(
-                                    t70,
-                                    a_re_2_1
+                                    t66,
+                                    a_im_2_m1
                                         .mul_add(
-                                            t242,
-                                            a_im_2_m1
-                                                .mul_add(
-                                                    t239,
-                                                    a_im_1_m2.mul_add(t117, a_im_1_2.mul_add(t64, t184)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t289 = (-a_re_1_2)
-                .mul_add(
-                    t64,
-                    w_re_2_m1
-                        .mul_add(
-                            t244,
-                            w_im_1_2
-                                .mul_add(
-                                    t70,
-                                    w_re_1_2
-                                        .mul_add(
-                                            t68,
-                                            a_im_2_1
+                                            t236,
+                                            a_re_2_1
                                                 .mul_add(
                                                     t242,
-                                                    a_re_2_1.mul_add(t243, a_re_1_m2.mul_add(t117, t40)),
+                                                    a_im_1_2.mul_add(t86, a_im_1_m2.mul_add(t117, t184)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t291 = self.c21 * w_re_1_m2;
-            let t292 = self.c21 * w_re_1_2;
-            let t293 = (-a_re_1_m2).mul_add(t292, a_re_1_2 * t291);
-            let t294 = self.c21 * w_im_1_2;
-            let t295 = self.c22 * w_re_2_m1;
-            let t296 = self.c22 * w_re_2_1;
-            let t297 = t296 - t295;
-            let t298 = self.c23 * w_im_2_2;
-            let t299 = self.c86 * w_im_1_0;
-            let t300 = self.c4 * w_re_1_0;
-            let t301 = t291 - t300;
-            let t302 = self.c87 * w_im_1_m2;
-            let t303 = self.c88 * w_re_2_m2;
-            let t305 = self.c89 * w_im_2_m1;
-            let t307 = self.c22 * w_im_2_1;
-            let t308 = a_im_2_2 - a_im_2_0;
-            let t309 = self.c23 * w_im_2_m2;
-            let t310 = self.c23 * w_re_2_2;
-            let t311 = a_re_2_m2 - a_re_2_1;
-            let t312 = t299
+            let t288 = (-a_im_1_2)
                 .mul_add(
-                    a_im_1_m1 - a_im_1_1,
-                    t37
+                    t84,
+                    w_re_2_m1
                         .mul_add(
-                            t157,
-                            t35
+                            t243,
+                            w_im_1_2
                                 .mul_add(
-                                    t159,
-                                    a_im_2_1
+                                    t66,
+                                    w_re_1_2
                                         .mul_add(
-                                            t298,
-                                            a_re_2_m2
+                                            t64,
+                                            a_re_2_1
                                                 .mul_add(
-                                                    t295,
-                                                    a_im_1_1.mul_add(t294, a_re_1_m2.mul_add(t14, t293)),
+                                                    t241,
+                                                    a_im_2_1.mul_add(t242, a_re_1_m2.mul_add(t117, t40)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t313 = (-t309)
+            let t290 = self.c21 * w_im_1_2;
+            let t291 = self.c21 * w_im_1_m2;
+            let t292 = (-a_im_1_2).mul_add(t291, a_im_1_m2 * t290);
+            let t293 = self.c21 * w_re_1_2;
+            let t294 = t17 - t293;
+            let t295 = self.c22 * w_im_2_1;
+            let t296 = self.c22 * w_re_2_1;
+            let t297 = self.c22 * w_re_2_m1;
+            let t298 = t296 - t297;
+            let t299 = self.c23 * w_re_2_2;
+            let t300 = self.c23 * w_im_2_m2;
+            let t301 = t300 - t295;
+            let t302 = self.c23 * w_re_2_m2;
+            let t303 = t302 - t296;
+            let t304 = self.c22 * w_im_2_m1;
+            let t305 = self.c86 * w_im_1_0;
+            let t306 = t305 - t290;
+            let t307 = self.c0 * w_re_1_0;
+            let t308 = t307 - t293;
+            let t309 = t291 - t305;
+            let t310 = self.c87 * w_re_1_m2;
+            let t314 = self.c88 * w_im_2_2;
+            let t315 = a_im_2_m2 - a_im_2_1;
+            let t316 = (-a_im_2_m1)
                 .mul_add(
-                    a_im_2_m1 - a_im_2_2,
-                    (-t307)
+                    t300,
+                    (-a_im_1_2)
                         .mul_add(
-                            t308,
-                            (-a_im_2_0)
+                            t21,
+                            t304
                                 .mul_add(
-                                    t305,
-                                    (-a_re_2_m1)
+                                    a_im_2_m2 - a_im_2_0,
+                                    a_re_2_1
                                         .mul_add(
-                                            t303,
-                                            (-a_im_1_m1).mul_add(t302, (-a_re_1_2).mul_add(t15, t312)),
+                                            t299,
+                                            a_im_2_0.mul_add(t295, a_im_1_m2.mul_add(t20, -t292)),
                                         ),
                                 ),
                         ),
                 );
-            let t315 = t302 + t299;
-            let t316 = (-a_re_1_m2).mul_add(t17, a_im_1_m1 * t291);
-            let t317 = t18 + t302;
-            let t318 = t294 + t299;
-            let t319 = t307 + t309;
-            let t320 = t298 + t305;
-            let t321 = t305 + t307;
-            let t322 = t15 + t291;
-            let t323 = t14 + t292;
-            let t324 = t300 + t292;
-            let t326 = a_im_2_m2 + a_im_2_1;
-            let t327 = (-a_im_2_0)
+            let t317 = a_im_2_2
                 .mul_add(
-                    t296,
-                    (-a_im_2_m1)
+                    t301,
+                    a_re_2_0
                         .mul_add(
-                            t303,
-                            (-a_im_1_m1)
+                            t298,
+                            a_re_1_m2
                                 .mul_add(
-                                    t300,
+                                    t294,
+                                    (-t314)
+                                        .mul_add(
+                                            t315,
+                                            (-t25)
+                                                .mul_add(
+                                                    t157,
+                                                    (-t27).mul_add(t159, (-a_re_2_m1).mul_add(t302, t316)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t319 = (-a_re_1_m1).mul_add(t291, a_im_1_m2 * t17);
+            let t320 = t21 + t291;
+            let t321 = t314 + t304;
+            let t322 = t295 + t300;
+            let t323 = t299 + t297;
+            let t325 = a_im_1_m2 + a_im_1_1;
+            let t326 = (-a_im_2_1)
+                .mul_add(
+                    t299,
+                    (-a_im_1_1)
+                        .mul_add(
+                            t307,
+                            t305
+                                .mul_add(
+                                    a_re_1_m1 + a_re_1_1,
                                     t48
                                         .mul_add(
                                             t159,
-                                            a_re_2_1
+                                            a_re_2_m1
                                                 .mul_add(
-                                                    t298,
-                                                    a_re_2_m1.mul_add(t309, a_re_1_m2.mul_add(t294, -t316)),
+                                                    t300,
+                                                    a_re_2_1.mul_add(t314, a_re_1_1.mul_add(t290, -t319)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t328 = a_re_1_1
+            let t327 = a_re_2_m2
                 .mul_add(
-                    t318,
-                    a_re_1_0
+                    t321,
+                    a_re_1_2
                         .mul_add(
-                            t47,
-                            a_re_1_2
+                            t320,
+                            a_re_1_0
                                 .mul_add(
-                                    t317,
-                                    a_re_1_m1
+                                    t47,
+                                    a_re_1_m2
                                         .mul_add(
-                                            t315,
-                                            (-t295)
+                                            t20 + t290,
+                                            (-t293)
                                                 .mul_add(
-                                                    a_im_2_m2 + a_im_2_0,
-                                                    (-t310).mul_add(t326, (-t44).mul_add(t157, t327)),
+                                                    t325,
+                                                    (-t44).mul_add(t157, (-a_im_2_m1).mul_add(t302, t326)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t330 = self.c24 * w_re_1_1;
-            let t331 = self.c24 * w_re_1_m1;
-            let t332 = (-a_re_1_1).mul_add(t331, a_re_1_m1 * t330);
-            let t333 = self.c90 * w_re_1_m2;
-            let t335 = self.c24 * w_im_1_1;
-            let t336 = self.c24 * w_im_1_m1;
-            let t338 = self.c22 * w_re_1_2;
-            let t339 = t338 - t333;
-            let t340 = self.c91 * w_re_2_1;
-            let t341 = t79 - t340;
-            let t342 = self.c21 * w_im_2_1;
-            let t343 = t82 - t342;
-            let t344 = self.c25 * w_im_2_0;
-            let t345 = self.c25 * w_re_2_0;
-            let t346 = self.c21 * w_re_2_m1;
+            let t329 = self.c89 * w_im_1_2;
+            let t330 = self.c22 * w_im_1_m2;
+            let t331 = t329 - t330;
+            let t332 = self.c24 * w_im_1_1;
+            let t333 = (-a_im_1_1).mul_add(t330, a_im_1_m2 * t332);
+            let t334 = self.c24 * w_re_1_m1;
+            let t335 = self.c24 * w_re_1_1;
+            let t337 = self.c24 * w_im_1_m1;
+            let t339 = self.c90 * w_im_2_1;
+            let t340 = self.c21 * w_re_2_1;
+            let t341 = t82 - t339;
+            let t342 = t79 - t340;
+            let t343 = self.c91 * w_re_1_2;
+            let t344 = a_re_1_0 - a_re_1_m1;
+            let t345 = self.c92 * w_re_1_0;
+            let t346 = self.c6 * w_im_1_0;
             let t347 = self.c21 * w_im_2_m1;
-            let t348 = t78 - t346;
-            let t349 = t81 - t347;
-            let t350 = self.c92 * w_im_1_0;
-            let t351 = self.c93 * w_im_1_2;
-            let t352 = a_im_1_m1 - a_im_1_0;
-            let t353 = self.c7 * w_re_1_0;
-            let t354 = self.c22 * w_im_1_m2;
-            let t355 = (-a_re_1_m1)
+            let t348 = t81 - t347;
+            let t349 = self.c21 * w_re_2_m1;
+            let t350 = t78 - t349;
+            let t351 = self.c25 * w_re_2_0;
+            let t352 = self.c25 * w_im_2_0;
+            let t353 = self.c93 * w_re_1_m2;
+            let t354 = t87
                 .mul_add(
-                    t338,
-                    t87
+                    t346,
+                    t85
                         .mul_add(
                             t345,
-                            t85
+                            t343
                                 .mul_add(
                                     t344,
-                                    a_im_2_m2
+                                    a_re_2_m2
                                         .mul_add(
-                                            t342,
-                                            a_re_2_m2
+                                            t340,
+                                            a_im_2_m2
                                                 .mul_add(
-                                                    t340,
-                                                    a_im_1_2.mul_add(t336, a_re_1_2.mul_add(t331, t332)),
+                                                    t339,
+                                                    a_re_1_2.mul_add(t334, a_im_1_2.mul_add(t337, -t333)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t356 = (-t354)
+            let t355 = (-t353)
                 .mul_add(
-                    a_im_1_0 - a_im_1_1,
-                    (-t67)
+                    a_re_1_0 - a_re_1_1,
+                    (-t71)
                         .mul_add(
-                            t353,
-                            (-t351)
+                            t352,
+                            (-t69)
                                 .mul_add(
-                                    t352,
-                                    (-t65)
+                                    t351,
+                                    (-a_re_2_2)
                                         .mul_add(
-                                            t350,
+                                            t349,
                                             (-a_im_2_2)
                                                 .mul_add(
                                                     t347,
-                                                    (-a_re_2_2).mul_add(t346, (-a_im_1_m2).mul_add(t335, t355)),
+                                                    (-a_im_1_m1).mul_add(t329, (-a_re_1_m2).mul_add(t335, t354)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t358 = (-a_im_1_1).mul_add(t331, a_re_1_m1 * t335);
+            let t357 = (-a_im_1_m1).mul_add(t335, a_re_1_1 * t337);
+            let t359 = t78 + t349;
             let t360 = t79 + t340;
-            let t361 = t78 + t346;
-            let t362 = a_re_1_m1 + a_re_1_0;
-            let t363 = t338 + t333;
-            let t364 = t82 + t342;
-            let t366 = t354
+            let t361 = a_re_1_m1 + a_re_1_0;
+            let t362 = t81 + t347;
+            let t363 = t82 + t339;
+            let t364 = a_im_1_m1 + a_im_1_0;
+            let t365 = a_im_1_0 + a_im_1_1;
+            let t366 = t330
                 .mul_add(
                     a_re_1_0 + a_re_1_1,
-                    t351
+                    t97
                         .mul_add(
-                            t362,
-                            t97
+                            t346,
+                            t329
                                 .mul_add(
-                                    t350,
+                                    t361,
                                     t99
                                         .mul_add(
-                                            t345,
-                                            a_im_2_m2
+                                            t351,
+                                            a_im_2_2
                                                 .mul_add(
-                                                    t340,
-                                                    a_im_2_2
+                                                    t349,
+                                                    a_im_2_m2
                                                         .mul_add(
-                                                            t346,
-                                                            a_re_1_m2.mul_add(t335, a_re_1_2.mul_add(t336, t358)),
+                                                            t340,
+                                                            a_re_1_2.mul_add(t337, a_re_1_m2.mul_add(t332, t357)),
                                                         ),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t367 = (-a_re_2_m2)
+            let t367 = (-t93)
                 .mul_add(
-                    t342,
-                    (-a_re_2_2)
+                    t345,
+                    (-t343)
                         .mul_add(
-                            t347,
-                            (-a_im_1_1)
+                            t364,
+                            (-t95)
                                 .mul_add(
-                                    t333,
-                                    (-a_im_1_m2)
+                                    t352,
+                                    (-a_re_2_2)
                                         .mul_add(
-                                            t330,
-                                            (-a_im_1_2).mul_add(t331, (-a_im_1_m1).mul_add(t338, t366)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t369 = (-a_re_0_2).mul_add(t353, a_re_1_0 * t110);
-            let t370 = self.c94 * w_re_0_1;
-            let t373 = self.c4 * w_im_0_1;
-            let t374 = t344 + t373;
-            let t375 = t122 + t305;
-            let t376 = t14 - t345;
-            let t377 = t353 - t295;
-            let t378 = t305 + t350;
-            let t379 = a_im_2_2 - a_im_0_1;
-            let t380 = t82 - t373;
-            let t381 = t110 - t295;
-            let t382 = t82 + t294;
-            let t383 = a_re_1_m1 - a_re_2_0;
-            let t384 = a_im_1_0 + a_im_2_m1;
-            let t385 = a_re_2_m1 - a_re_0_2;
-            let t386 = (-a_im_0_1)
-                .mul_add(
-                    t294,
-                    (-a_re_0_1)
-                        .mul_add(
-                            t14,
-                            (-a_re_2_0)
-                                .mul_add(
-                                    t292,
-                                    t17
-                                        .mul_add(
-                                            t379,
-                                            a_im_2_2
+                                            t347,
+                                            (-a_re_2_m2)
                                                 .mul_add(
-                                                    t344,
-                                                    a_re_1_2.mul_add(t345, a_re_1_m1.mul_add(t370, t369)),
+                                                    t339,
+                                                    (-a_im_1_2).mul_add(t334, (-a_im_1_m2).mul_add(t335, t366)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t387 = a_im_1_2
+            let t369 = self.c94 * w_im_0_1;
+            let t370 = (-a_im_0_1).mul_add(t290, a_im_1_2 * t369);
+            let t371 = self.c0 * w_re_0_1;
+            let t372 = t351 - t371;
+            let t373 = t304 + t346;
+            let t374 = t345 - t297;
+            let t375 = t79 - t293;
+            let t376 = t20 + t352;
+            let t377 = t302 - t335;
+            let t378 = t17 - t351;
+            let t379 = t110 - t297;
+            let t380 = t79 - t371;
+            let t381 = t82 + t290;
+            let t382 = t300 + t332;
+            let t383 = a_re_1_2
                 .mul_add(
-                    t374,
-                    (-t330)
+                    t372,
+                    a_re_1_0
                         .mul_add(
-                            t385,
-                            (-t335)
+                            t110 - t302,
+                            (-a_im_0_1)
                                 .mul_add(
-                                    a_im_0_2 + a_im_2_m1,
-                                    (-t303)
+                                    t20,
+                                    (-a_im_1_0)
                                         .mul_add(
-                                            a_re_1_0 - a_re_2_m1,
-                                            (-t309).mul_add(t384, (-t79).mul_add(t383, t386)),
+                                            t300,
+                                            t122
+                                                .mul_add(
+                                                    t365,
+                                                    a_im_1_2.mul_add(t352, a_im_1_1.mul_add(t304, t370)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t384 = (-a_re_1_1)
+                .mul_add(
+                    t379,
+                    a_re_2_2
+                        .mul_add(
+                            t378,
+                            a_re_2_m1
+                                .mul_add(
+                                    t377,
+                                    a_im_2_2
+                                        .mul_add(
+                                            t376,
+                                            a_re_2_0
+                                                .mul_add(
+                                                    t375,
+                                                    a_re_2_m2.mul_add(t374, a_im_2_m2.mul_add(t373, t383)),
+                                                ),
                                         ),
                                 ),
                         ),
                 );
             [
-                t0,
-                (-w_im_1_m2).mul_add(t5, a_im_1_m1 * t4),
-                t7,
-                t10,
-                t14,
-                t15,
-                t16,
+                t0 - t1,
+                (-w_im_1_m2).mul_add(t7, a_im_1_m1 * t6),
+                t9 - t10,
+                t12,
+                t13,
                 t17,
                 t18,
                 t19,
+                t20,
+                t21,
                 t22,
-                t23,
-                t24,
-                t26 - t27,
+                t25,
+                t26,
+                t27,
+                t29,
+                t30,
                 t31,
-                t34,
                 t35,
                 t36,
                 t37,
-                (-w_im_2_1)
+                (-w_im_1_2)
                     .mul_add(
-                        t33,
-                        (-w_re_2_1)
+                        t35,
+                        (-w_re_1_2)
                             .mul_add(
-                                t32,
-                                (-w_im_1_2)
+                                t34,
+                                (-a_im_2_m1)
                                     .mul_add(
-                                        t31,
-                                        (-w_re_1_2)
+                                        t33,
+                                        (-a_re_1_m1)
                                             .mul_add(
-                                                t30,
-                                                (-a_im_2_m1).mul_add(t29, (-a_re_1_m1).mul_add(t25, t38)),
+                                                t32,
+                                                t30.mul_add(t31, t28.mul_add(t29, t26.mul_add(t27, t38))),
                                             ),
                                     ),
                             ),
                     ),
                 t41,
-                t8 + t9,
+                t0 + t1,
                 t43,
                 t44,
                 t45,
-                t46,
+                t9 + t10,
                 t47,
                 t48,
                 t49,
-                (-t34)
+                (-w_re_2_1)
                     .mul_add(
-                        t48,
-                        (-w_re_2_1)
+                        t37,
+                        (-w_re_2_m1)
                             .mul_add(
-                                t33,
-                                (-w_re_2_m1)
+                                t23,
+                                (-w_im_1_2)
                                     .mul_add(
-                                        t20,
-                                        (-w_im_1_2)
+                                        t34,
+                                        (-a_re_2_2)
                                             .mul_add(
-                                                t30,
-                                                (-a_re_2_2)
-                                                    .mul_add(
-                                                        t12,
-                                                        (-a_im_1_m1).mul_add(t25, (-a_re_1_2).mul_add(t7, t50)),
-                                                    ),
+                                                t14,
+                                                (-a_re_1_2).mul_add(t12, (-a_im_1_m1).mul_add(t32, t50)),
                                             ),
                                     ),
                             ),
@@ -2018,16 +2001,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t54,
                 t56,
                 t57,
-                t60,
                 t62,
-                t64,
                 t65,
+                t66,
                 t67,
-                t70,
+                t68,
+                t69,
                 t71,
                 t74,
                 t75,
-                t76,
                 t77,
                 t78,
                 t79,
@@ -2042,24 +2024,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-w_im_1_m2)
                     .mul_add(
                         t76,
-                        (-a_im_2_1)
+                        (-a_re_2_1)
                             .mul_add(
                                 t75,
-                                (-a_re_2_1)
+                                (-a_im_2_1)
                                     .mul_add(
                                         t74,
-                                        (-a_im_1_m1)
+                                        (-a_re_1_m1)
                                             .mul_add(
                                                 t73,
-                                                (-a_re_1_m1)
+                                                (-a_im_1_m1)
                                                     .mul_add(t72, t70.mul_add(t71, t68.mul_add(t69, t88))),
                                             ),
                                     ),
                             ),
                     ),
                 t91,
-                t81 + t82,
+                t92,
                 t93,
+                t94,
                 t95,
                 t96,
                 t97,
@@ -2068,17 +2051,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-w_im_1_2)
                     .mul_add(
                         t60,
-                        (-a_re_2_1)
+                        (-a_im_2_2)
                             .mul_add(
-                                t75,
-                                (-a_im_2_2)
+                                t59,
+                                (-a_re_2_1)
                                     .mul_add(
-                                        t59,
-                                        (-a_re_1_m2)
+                                        t74,
+                                        (-a_im_1_m1)
                                             .mul_add(
-                                                t58,
-                                                (-a_im_1_m1)
-                                                    .mul_add(t72, t84.mul_add(t95, t68.mul_add(t94, t100))),
+                                                t73,
+                                                (-a_re_1_m2)
+                                                    .mul_add(t58, t70.mul_add(t95, t64.mul_add(t94, t100))),
                                             ),
                                     ),
                             ),
@@ -2091,10 +2074,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t116,
                 t122,
                 t124,
-                (-w_im_2_2).mul_add(t125, a_im_1_m1 * a_im_2_2),
-                (-w_re_2_2).mul_add(t127, a_re_1_m1 * a_re_2_2),
-                (-w_im_0_2).mul_add(t129, a_im_0_2 * a_im_1_0),
-                (-w_re_0_2).mul_add(t131, a_re_0_2 * a_re_1_0),
+                (-w_re_2_2).mul_add(t125, a_re_1_m1 * a_re_2_2),
+                (-w_im_2_2).mul_add(t127, a_im_1_m1 * a_im_2_2),
+                (-w_re_0_2).mul_add(t129, a_re_0_2 * a_re_1_0),
+                (-w_im_0_2).mul_add(t131, a_im_0_2 * a_im_1_0),
                 (-w_im_2_m1)
                     .mul_add(
                         t123,
@@ -2110,7 +2093,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                                 (-a_re_0_2)
                                                     .mul_add(
                                                         t124,
-                                                        (-a_im_0_1).mul_add(t9, (-a_re_0_1).mul_add(t26, t134)),
+                                                        (-a_im_0_1).mul_add(t1, (-a_re_0_1).mul_add(t10, t134)),
                                                     ),
                                             ),
                                     ),
@@ -2118,10 +2101,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 t136,
                 t137,
-                (-w_re_2_2).mul_add(t125, a_im_1_m1 * a_re_2_2),
-                (-w_im_2_2).mul_add(t127, a_re_1_m1 * a_im_2_2),
-                (-w_re_0_2).mul_add(t129, a_re_0_2 * a_im_1_0),
-                (-w_im_0_2).mul_add(t131, a_im_0_2 * a_re_1_0),
+                (-w_im_2_2).mul_add(t125, a_re_1_m1 * a_im_2_2),
+                (-w_re_2_2).mul_add(t127, a_im_1_m1 * a_re_2_2),
+                (-w_im_0_2).mul_add(t129, a_im_0_2 * a_re_1_0),
+                (-w_re_0_2).mul_add(t131, a_re_0_2 * a_im_1_0),
                 (-a_re_2_m1)
                     .mul_add(
                         t143,
@@ -2131,44 +2114,49 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 w_re_2_m1
                                     .mul_add(
                                         t141,
-                                        w_re_1_2.mul_add(t140, (-w_im_0_1).mul_add(t14, t149)),
+                                        w_re_1_2.mul_add(t140, (-w_im_0_1).mul_add(t17, t149)),
                                     ),
                             ),
                     ) - t41 + t137 + t138 + t139,
                 (-w_re_1_m2).mul_add(t103, a_re_1_m2 * t102),
                 t154,
                 t155,
-                t156,
                 t157,
                 t157 - t110,
                 t159,
                 t159 - t122,
+                t161,
                 t162,
-                t59 - t25,
+                t163,
+                t59 - t32,
                 t166,
                 t168,
                 t169,
-                (-t77)
+                (-t124)
                     .mul_add(
-                        t167,
-                        (-w_im_2_1)
+                        t168,
+                        (-t77)
                             .mul_add(
-                                t21,
-                                (-w_re_1_2)
+                                t167,
+                                (-w_im_2_1)
                                     .mul_add(
-                                        t166,
-                                        (-a_re_2_1)
+                                        t28,
+                                        (-w_re_1_2)
                                             .mul_add(
-                                                t36,
-                                                (-a_im_2_m1).mul_add(t165, (-a_im_1_m2).mul_add(t118, t170)),
+                                                t166,
+                                                (-a_im_2_m1)
+                                                    .mul_add(
+                                                        t164,
+                                                        (-a_re_2_1).mul_add(t24, (-a_im_1_2).mul_add(t163, t170)),
+                                                    ),
                                             ),
                                     ),
                             ),
                     ),
                 t172,
-                (-w_im_1_m2).mul_add(t77, a_re_2_2 * t4),
+                (-w_im_1_m2).mul_add(t77, a_re_2_2 * t6),
                 t174,
-                t25 + t59,
+                t32 + t59,
                 t122 + t159,
                 t177,
                 t110 + t157,
@@ -2176,10 +2164,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t180,
                 (-w_im_2_1)
                     .mul_add(
-                        t23,
+                        t30,
                         (-w_re_2_1)
                             .mul_add(
-                                t21,
+                                t28,
                                 (-w_re_2_m1)
                                     .mul_add(
                                         t162,
@@ -2193,22 +2181,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 t183,
                 t184,
-                (-t93)
+                (-w_re_2_m1)
                     .mul_add(
-                        t163,
-                        (-w_re_2_m1)
+                        t16,
+                        (-w_im_1_m2)
                             .mul_add(
-                                t13,
-                                (-w_im_1_m2)
+                                t23,
+                                (-a_re_2_2)
                                     .mul_add(
-                                        t20,
-                                        (-a_im_2_1)
+                                        t73,
+                                        (-a_im_2_2)
                                             .mul_add(
-                                                t7,
+                                                t72,
                                                 (-a_re_2_1)
                                                     .mul_add(
-                                                        t0,
-                                                        (-a_im_2_2).mul_add(t73, (-a_re_2_2).mul_add(t72, t185)),
+                                                        t13,
+                                                        (-a_im_2_1).mul_add(t12, t98.mul_add(t161, t185)),
                                                     ),
                                             ),
                                     ),
@@ -2216,326 +2204,330 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 t187,
                 t188,
-                (-w_im_0_1)
+                (-w_re_2_1)
                     .mul_add(
-                        t43,
-                        (-w_re_0_1)
+                        t35,
+                        (-w_im_1_2)
                             .mul_add(
-                                t19,
-                                (-a_re_0_1)
+                                t36,
+                                (-w_re_1_m2)
                                     .mul_add(
-                                        t10,
-                                        a_im_0_1
+                                        t23,
+                                        (-a_im_2_2)
                                             .mul_add(
-                                                t46,
-                                                (-t69)
+                                                t73,
+                                                (-a_im_2_1)
                                                     .mul_add(
-                                                        t166,
-                                                        (-t94).mul_add(t161, (-t65).mul_add(t156, t190)),
+                                                        t13,
+                                                        (-a_im_1_m1).mul_add(t59, t97.mul_add(t163, t189)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
-                t192,
+                t191,
                 t193,
-                a_im_1_2 + a_im_2_1,
                 a_re_1_2 - a_re_2_1,
+                a_im_1_2 + a_im_2_1,
                 (-a_im_2_m1)
                     .mul_add(
-                        t34,
-                        (-a_im_1_m2)
+                        t26,
+                        (-a_im_1_2)
                             .mul_add(
-                                t163,
+                                t118,
                                 (-a_re_1_m2)
                                     .mul_add(
                                         t156,
-                                        (-a_im_1_2)
+                                        (-a_im_1_m2)
                                             .mul_add(
-                                                t118,
+                                                t163,
                                                 t62
-                                                    .mul_add(t196, t63.mul_add(t195, t169.mul_add(t194, t199))),
+                                                    .mul_add(t195, t63.mul_add(t194, t180.mul_add(t193, t198))),
                                             ),
                                     ),
                             ),
                     ),
-                t202,
+                t201,
                 a_re_1_2 + a_re_2_1,
                 w_im_1_2 - w_im_2_1,
                 (-w_re_1_m2)
                     .mul_add(
                         t161,
-                        (-a_re_2_1)
+                        (-a_re_2_m1)
                             .mul_add(
-                                t165,
+                                t26,
                                 (-a_im_2_m1)
                                     .mul_add(
-                                        t36,
-                                        (-a_re_2_m1)
+                                        t24,
+                                        (-a_re_2_1)
                                             .mul_add(
-                                                t34,
+                                                t164,
                                                 (-a_im_1_m2)
-                                                    .mul_add(t156, t63.mul_add(t203, t74.mul_add(t202, t206))),
+                                                    .mul_add(t156, t63.mul_add(t202, t75.mul_add(t201, t205))),
                                             ),
                                     ),
                             ),
                     ),
-                t208,
-                (-w_im_2_2).mul_add(t115, a_im_2_2 * t121),
+                t207,
+                (-w_im_2_2).mul_add(t115, a_im_2_2 * t120),
+                t210,
                 t211,
                 t212,
-                t213,
-                (-w_im_2_m2).mul_add(t214, a_im_1_1 * a_im_2_m2),
-                (-w_re_2_m2).mul_add(t216, a_re_1_1 * a_re_2_m2),
+                (-w_re_2_m2).mul_add(t213, a_re_1_1 * a_re_2_m2),
+                (-w_im_2_m2).mul_add(t215, a_im_1_1 * a_im_2_m2),
                 (-w_im_1_m2)
                     .mul_add(
                         t140,
                         w_im_2_1
                             .mul_add(
-                                t211,
+                                t210,
                                 w_re_2_1
                                     .mul_add(
-                                        t210,
+                                        t209,
                                         a_im_1_m2
                                             .mul_add(
                                                 t142,
-                                                (-t11)
+                                                (-t14)
                                                     .mul_add(
-                                                        t213,
-                                                        (-t12).mul_add(t212, (-w_re_0_1).mul_add(t15, t219)),
+                                                        t212,
+                                                        (-t15).mul_add(t211, (-w_re_0_1).mul_add(t18, t218)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
                 (-w_im_1_m2).mul_add(t107, a_im_1_m2 * t106),
+                t221,
                 t222,
                 t223,
                 t224,
-                t225,
-                (-w_re_2_m2).mul_add(t214, a_im_1_1 * a_re_2_m2),
-                (-w_im_2_m2).mul_add(t216, a_re_1_1 * a_im_2_m2),
+                (-w_im_2_m2).mul_add(t213, a_re_1_1 * a_im_2_m2),
+                (-w_re_2_m2).mul_add(t215, a_im_1_1 * a_re_2_m2),
                 (-w_re_1_m2)
                     .mul_add(
                         t113,
                         w_im_2_1
                             .mul_add(
-                                t222,
+                                t221,
                                 a_re_1_m2
                                     .mul_add(
                                         t119,
-                                        (-t12)
+                                        (-t14)
                                             .mul_add(
-                                                t225,
+                                                t224,
                                                 (-w_im_0_1)
                                                     .mul_add(
-                                                        t15,
-                                                        (-w_re_0_1).mul_add(t18, (-a_im_0_2).mul_add(t194, t229)),
+                                                        t18,
+                                                        (-w_re_0_1).mul_add(t21, (-a_im_0_2).mul_add(t192, t228)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
-                t233,
-                t236,
-                t237 - t120,
+                t232,
+                t235,
+                t237 - t121,
+                t239,
                 t240,
                 t241,
-                t243,
-                t245 - t114,
+                t242,
+                t244 - t114,
                 (-w_im_2_1)
                     .mul_add(
-                        t244,
+                        t243,
                         (-w_re_1_m2)
                             .mul_add(
-                                t70,
-                                (-a_im_2_m1)
+                                t66,
+                                (-a_re_2_m1)
                                     .mul_add(
-                                        t243,
-                                        (-a_re_2_m1)
+                                        t242,
+                                        (-a_im_2_m1)
                                             .mul_add(
-                                                t242,
-                                                (-a_im_1_m2)
+                                                t241,
+                                                (-a_im_1_2)
                                                     .mul_add(
-                                                        t64,
-                                                        (-a_im_1_2).mul_add(t117, t30.mul_add(t196, t247)),
+                                                        t117,
+                                                        (-a_im_1_m2).mul_add(t86, t34.mul_add(t195, t246)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
-                t249,
-                t121 + t231,
-                t120 + t237,
-                t115 + t232,
-                t114 + t245,
+                t248,
+                t121 + t237,
+                t120 + t230,
+                t115 + t231,
+                t114 + t244,
                 (-w_re_2_m1)
                     .mul_add(
-                        t241,
+                        t240,
                         (-w_im_1_m2)
                             .mul_add(
-                                t70,
+                                t66,
                                 (-w_re_1_m2)
                                     .mul_add(
-                                        t68,
-                                        (-a_re_2_1)
+                                        t64,
+                                        (-a_im_2_m1)
                                             .mul_add(
-                                                t239,
-                                                (-a_im_2_m1)
+                                                t242,
+                                                (-a_re_2_1)
                                                     .mul_add(
-                                                        t242,
-                                                        (-a_re_1_2).mul_add(t117, t30.mul_add(t195, t254)),
+                                                        t236,
+                                                        (-a_re_1_2).mul_add(t117, t34.mul_add(t194, t253)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
                 t256,
-                (-w_im_0_1).mul_add(t260, a_im_0_1 * a_im_2_0),
-                (-w_re_0_1).mul_add(t262, a_re_0_1 * a_re_2_0),
+                t257,
+                (-w_re_0_1).mul_add(t259, a_re_0_1 * a_re_2_0),
+                (-w_im_0_1).mul_add(t261, a_im_0_1 * a_im_2_0),
                 (-w_im_2_1)
                     .mul_add(
-                        t259,
+                        t258,
                         (-w_im_1_m2)
                             .mul_add(
                                 t141,
                                 a_im_2_1
                                     .mul_add(
-                                        t257,
+                                        t255,
                                         a_im_1_m2
                                             .mul_add(
                                                 t143,
-                                                (-w_im_0_2).mul_add(t82, (-w_re_2_m2).mul_add(t245, t265)),
+                                                (-w_im_0_2).mul_add(t82, (-w_re_2_m2).mul_add(t244, t264)),
                                             ),
                                     ),
                             ),
                     ),
-                t267,
-                (-w_re_0_1).mul_add(t260, a_re_0_1 * a_im_2_0),
-                (-w_im_0_1).mul_add(t262, a_im_0_1 * a_re_2_0),
+                t266,
+                (-w_im_0_1).mul_add(t259, a_im_0_1 * a_re_2_0),
+                (-w_re_0_1).mul_add(t261, a_re_0_1 * a_im_2_0),
                 (-a_re_2_1)
                     .mul_add(
-                        t269,
+                        t268,
                         (-a_re_1_m2)
                             .mul_add(
                                 t109,
                                 w_re_2_1
                                     .mul_add(
-                                        t268,
-                                        w_re_1_m2.mul_add(t123, (-w_im_2_m2).mul_add(t245, t273)),
+                                        t267,
+                                        w_re_1_m2.mul_add(t123, (-w_im_2_m2).mul_add(t244, t272)),
                                     ),
                             ),
-                    ) - t90 + t201 + t249 + t267,
-                (-w_re_1_2)
+                    ) - t90 + t200 + t248 + t266,
+                (-w_re_2_1)
                     .mul_add(
-                        t62,
-                        (-a_re_2_2)
+                        t60,
+                        (-w_im_2_m1)
                             .mul_add(
-                                t25,
-                                (-a_im_1_2)
+                                t76,
+                                (-w_re_1_2)
                                     .mul_add(
-                                        t75,
-                                        (-a_im_1_m1)
+                                        t62,
+                                        (-a_re_2_2)
                                             .mul_add(
-                                                t12,
-                                                t49
-                                                    .mul_add(t241, t37.mul_add(t242, t87.mul_add(t258, t275))),
+                                                t32,
+                                                (-a_im_1_2)
+                                                    .mul_add(
+                                                        t74,
+                                                        (-a_im_1_m1).mul_add(t14, t49.mul_add(t240, t274)),
+                                                    ),
                                             ),
                                     ),
                             ),
                     ),
-                (-w_re_1_m2)
+                (-w_re_2_m1)
                     .mul_add(
-                        t56,
-                        (-a_im_1_2)
+                        t76,
+                        (-w_re_1_m2)
                             .mul_add(
-                                t74,
-                                (-a_im_1_m1)
+                                t56,
+                                (-a_re_1_2)
                                     .mul_add(
-                                        t11,
-                                        (-a_re_1_2)
+                                        t74,
+                                        (-a_re_1_m1)
                                             .mul_add(
-                                                t75,
-                                                (-a_re_1_m1)
-                                                    .mul_add(t12, t35.mul_add(t242, t48.mul_add(t243, t277))),
+                                                t14,
+                                                (-a_im_1_2).mul_add(t75, (-a_im_1_m1).mul_add(t15, t276)),
                                             ),
                                     ),
                             ),
                     ),
-                (-w_re_2_m1).mul_add(t235, a_re_2_m1 * t234),
+                (-w_re_2_m1).mul_add(t234, a_re_2_m1 * t233),
                 (-w_im_2_m1)
                     .mul_add(
-                        t268,
+                        t267,
                         (-w_re_1_2)
                             .mul_add(
-                                t210,
+                                t209,
                                 w_im_1_2
                                     .mul_add(
-                                        t224,
+                                        t223,
                                         a_im_2_m1
                                             .mul_add(
-                                                t269,
-                                                (-t73).mul_add(t223, (-w_im_0_2).mul_add(t81, t281)),
+                                                t268,
+                                                (-t72).mul_add(t222, (-w_im_0_2).mul_add(t81, t280)),
                                             ),
                                     ),
                             ),
-                    ) - t233,
-                (-w_im_2_m1).mul_add(t235, a_im_2_m1 * t234),
+                    ) - t232,
+                (-w_im_2_m1).mul_add(t234, a_im_2_m1 * t233),
                 (-a_re_2_m1)
                     .mul_add(
-                        t257,
+                        t255,
                         w_re_2_m1
                             .mul_add(
-                                t259,
+                                t258,
                                 (-w_re_0_2)
                                     .mul_add(
                                         t81,
                                         (-w_re_2_2)
                                             .mul_add(
-                                                t232,
-                                                (-w_im_1_m1).mul_add(t157, (-w_re_1_m1).mul_add(t159, t285)),
+                                                t231,
+                                                (-w_im_1_m1).mul_add(t157, (-w_re_1_m1).mul_add(t159, t284)),
                                             ),
                                     ),
                             ),
                     ),
-                (-t13)
+                (-t16)
                     .mul_add(
                         t167,
                         (-w_re_2_1)
                             .mul_add(
-                                t240,
+                                t239,
                                 (-w_im_2_m1)
                                     .mul_add(
-                                        t244,
+                                        t243,
                                         (-w_im_1_2)
                                             .mul_add(
-                                                t68,
-                                                (-w_im_1_m2).mul_add(t111, (-a_im_2_1).mul_add(t243, t287)),
+                                                t64,
+                                                (-w_im_1_m2).mul_add(t111, (-a_im_2_1).mul_add(t241, t286)),
                                             ),
                                     ),
                             ),
                     ),
-                (-t5)
+                (-t7)
                     .mul_add(
                         t179,
                         (-w_im_2_1)
                             .mul_add(
-                                t240,
+                                t239,
                                 (-w_re_2_1)
                                     .mul_add(
-                                        t241,
+                                        t240,
                                         (-w_re_1_m2)
                                             .mul_add(
                                                 t111,
-                                                (-a_re_2_m1).mul_add(t239, (-a_im_1_2).mul_add(t66, t289)),
+                                                (-a_re_2_m1).mul_add(t236, (-a_re_1_2).mul_add(t86, t288)),
                                             ),
                                     ),
                             ),
                     ),
+                t290,
                 t291,
                 t292,
                 t293,
-                t294,
                 t295,
                 t296,
                 t297,
@@ -2545,73 +2537,69 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t301,
                 t302,
                 t303,
-                t296 - t303,
+                t304,
                 t305,
-                t298 - t305,
+                t306,
                 t307,
                 t308,
                 t309,
                 t310,
-                t311,
-                (-a_re_1_0)
+                t310 - t307,
+                t18 - t310,
+                t299 - t297,
+                t314,
+                t315,
+                (-a_im_1_m1)
                     .mul_add(
-                        t16,
-                        (-a_im_1_2)
+                        t309,
+                        (-a_re_1_1)
                             .mul_add(
-                                t18 - t302,
-                                (-a_re_1_m1)
+                                t308,
+                                (-a_re_1_0)
                                     .mul_add(
-                                        t301,
-                                        a_re_2_0
+                                        t19,
+                                        (-a_im_1_1)
                                             .mul_add(
-                                                t297,
-                                                a_im_1_m2.mul_add(t17 - t294, (-t310).mul_add(t311, t313)),
+                                                t306,
+                                                (-a_im_1_0).mul_add(t22, a_re_2_2.mul_add(t303, t317)),
                                             ),
                                     ),
                             ),
                     ),
-                t315,
-                t316,
-                t317,
-                t318,
                 t319,
                 t320,
                 t321,
                 t322,
                 t323,
-                t324,
-                t303 + t296,
-                t326,
-                (-a_im_1_1)
+                t296 + t302,
+                t325,
+                (-a_im_2_m2)
                     .mul_add(
-                        t324,
-                        (-a_im_1_0)
+                        t323,
+                        (-a_im_1_2)
                             .mul_add(
-                                t43,
-                                (-a_im_1_m2)
+                                t18 + t310,
+                                (-a_im_1_m1)
                                     .mul_add(
-                                        t323,
-                                        (-a_im_1_2)
+                                        t307 + t310,
+                                        (-a_im_1_0)
                                             .mul_add(
-                                                t322,
-                                                a_re_2_0
-                                                    .mul_add(
-                                                        t321,
-                                                        a_re_2_m2.mul_add(t320, a_re_2_2.mul_add(t319, t328)),
-                                                    ),
+                                                t43,
+                                                a_re_2_2.mul_add(t322, a_re_2_0.mul_add(t295 + t304, t327)),
                                             ),
                                     ),
                             ),
                     ),
+                t329,
                 t330,
                 t331,
                 t332,
                 t333,
-                (-a_re_1_1).mul_add(t333, a_re_1_m2 * t330),
+                t334,
                 t335,
-                t336,
-                (-a_im_1_1).mul_add(t336, a_im_1_m1 * t335),
-                t338,
+                (-a_re_1_m1).mul_add(t335, a_re_1_1 * t334),
+                t337,
+                (-a_im_1_m1).mul_add(t332, a_im_1_1 * t337),
                 t339,
                 t340,
                 t341,
@@ -2627,52 +2615,51 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t351,
                 t352,
                 t353,
-                t354,
-                (-a_im_2_1)
+                (-a_re_2_1)
                     .mul_add(
-                        t349,
-                        (-a_re_2_1)
+                        t350,
+                        (-a_im_2_1)
                             .mul_add(
                                 t348,
-                                a_im_2_0
+                                a_re_2_m1
                                     .mul_add(
-                                        t83,
-                                        a_re_2_0
+                                        t342,
+                                        a_im_2_m1
                                             .mul_add(
-                                                t80,
-                                                a_im_2_m1
+                                                t341,
+                                                a_re_2_0
                                                     .mul_add(
-                                                        t343,
-                                                        a_re_2_m1.mul_add(t341, a_re_1_0.mul_add(t339, t356)),
+                                                        t80,
+                                                        a_im_2_0.mul_add(t83, a_im_1_0.mul_add(t331, t355)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
-                t358,
-                (-a_re_1_1).mul_add(t336, a_im_1_m1 * t330),
+                t357,
+                (-a_re_1_m1).mul_add(t332, a_im_1_1 * t334),
+                t359,
                 t360,
                 t361,
                 t362,
                 t363,
                 t364,
-                t81 + t347,
                 (-a_re_2_m1)
                     .mul_add(
-                        t364,
-                        (-a_im_1_0)
+                        t363,
+                        (-a_re_2_1)
                             .mul_add(
-                                t363,
-                                a_im_2_1
+                                t362,
+                                (-a_re_2_0)
                                     .mul_add(
-                                        t361,
-                                        a_im_2_0
+                                        t92,
+                                        a_im_2_m1
                                             .mul_add(
-                                                t96,
-                                                a_im_2_m1
+                                                t360,
+                                                a_im_2_1
                                                     .mul_add(
-                                                        t360,
-                                                        (-t93).mul_add(t353, (-t95).mul_add(t344, t367)),
+                                                        t359,
+                                                        a_im_2_0.mul_add(t96, (-t353).mul_add(t365, t367)),
                                                     ),
                                             ),
                                     ),
@@ -2680,8 +2667,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 t369,
                 t370,
-                (-a_re_0_1).mul_add(t292, a_re_1_2 * t370),
-                (-a_im_0_2).mul_add(t350, a_im_1_0 * t122),
+                t371,
+                t372,
                 t373,
                 t374,
                 t375,
@@ -2692,926 +2679,1113 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t380,
                 t381,
                 t382,
-                t383,
-                t384,
-                t385,
-                (-a_im_2_0)
+                (-a_re_0_2)
                     .mul_add(
-                        t382,
-                        (-a_re_1_1)
+                        t345 - t335,
+                        (-a_re_0_1)
                             .mul_add(
-                                t381,
-                                (-a_im_1_m1)
+                                t294,
+                                (-a_im_2_m1)
                                     .mul_add(
-                                        t380,
-                                        a_im_2_m2
+                                        t382,
+                                        (-a_im_2_0)
                                             .mul_add(
-                                                t378,
-                                                a_re_2_m2
-                                                    .mul_add(
-                                                        t377,
-                                                        a_re_2_2.mul_add(t376, a_im_1_1.mul_add(t375, t387)),
-                                                    ),
+                                                t381,
+                                                (-a_re_1_m1)
+                                                    .mul_add(t380, (-a_im_1_m1).mul_add(t82 - t369, t384)),
                                             ),
                                     ),
                             ),
                     ),
-                t344 - t373,
-                (-a_re_0_1).mul_add(t294, a_im_1_2 * t370),
-                t14 + t345,
-                t295 + t353,
-                t82 + t373,
-                t122 - t305,
-                t110 + t295,
-                t309 - t335,
-                t17 - t344,
-                t303 + t330,
-                t350 - t305,
+                (-a_im_2_0).mul_add(t293, a_re_1_2 * t352),
+                (-a_im_0_1).mul_add(t293, a_re_1_2 * t369),
+                (-a_re_0_2).mul_add(t346, a_im_1_0 * t110),
+                t297 + t345,
+                a_im_0_1 + a_im_2_2,
+                a_im_1_m1 - a_im_2_0,
+                a_im_1_0 - a_im_2_m1,
+                a_re_0_2 + a_re_2_m1,
+                a_re_0_1 + a_re_2_0,
+                t110 + t297,
+                t122 - t304,
+                t351 + t371,
+                t82 + t369,
+                t346 - t304,
             ]
         };
-        let [t401, t404, t406, t407, t408, t414, t416, t417, t421, t422, t425, t426,
-        t436, t438, t443, t444, t445, t446, t447, t449, t450, t451, t455, t462, t463,
-        t464, t466, t471, t472, t473, t474, t478, t480, t482, t484, t486, t493, t494,
-        t495, t496, t498, t501, t502, t507, t508, t509, t511, t515, t518, t523, t525,
-        t528, t530, t533] = {
-            let t400 = t82 - t294;
-            let t401 = t79 + t292;
-            let t402 = a_im_2_2
-                .mul_add(
-                    t391,
-                    a_im_1_0
-                        .mul_add(
-                            t110 + t303,
-                            a_im_1_m1
-                                .mul_add(
-                                    t79 + t370,
-                                    a_re_1_2
-                                        .mul_add(
-                                            t389,
-                                            (-a_re_0_1).mul_add(t17, (-a_im_1_2).mul_add(t345, -t390)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t403 = (-a_re_1_1)
+        let [t403, t404, t405, t406, t409, t412, t413, t414, t415, t416, t420, t424,
+        t429, t437, t451, t455, t458, t463, t465, t466, t469, t470, t473, t475, t476,
+        t482, t484, t486, t493, t494, t495, t496, t502, t503, t504, t511, t512, t517,
+        t521, t526, t529, t532, t535, t537] = {
+            let t400 = t20 - t352;
+            let t401 = t290
                 .mul_add(
                     t394,
-                    (-a_re_1_0)
+                    t332
                         .mul_add(
-                            t122 + t309,
-                            (-a_re_1_m1)
+                            t393,
+                            t302
                                 .mul_add(
-                                    t393,
-                                    a_im_0_2
+                                    t392,
+                                    t79
                                         .mul_add(
-                                            t353 + t330,
-                                            a_im_0_1.mul_add(t323, a_im_2_m2.mul_add(t392, t402)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t405 = (-a_re_2_m1).mul_add(t300, a_re_1_0 * t346);
-            let t406 = (-a_im_2_1).mul_add(t351, a_im_1_2 * t307);
-            let t409 = t82 + t299;
-            let t410 = t347 - t373;
-            let t411 = t302 + t347;
-            let t412 = t169
-                .mul_add(
-                    t330,
-                    t168
-                        .mul_add(
-                            t335,
-                            a_re_0_2
-                                .mul_add(
-                                    t338,
-                                    a_re_2_1
-                                        .mul_add(
-                                            t157,
-                                            a_im_2_0
+                                            t391,
+                                            t17
                                                 .mul_add(
-                                                    t307,
-                                                    a_im_1_2.mul_add(t122, a_re_2_2.mul_add(t346, -t405)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t413 = (-t370)
-                .mul_add(
-                    a_re_1_m2 - a_re_1_0,
-                    (-a_im_0_2)
-                        .mul_add(
-                            t351,
-                            (-a_im_2_1)
-                                .mul_add(
-                                    t159,
-                                    (-a_re_2_0)
-                                        .mul_add(
-                                            t296,
-                                            (-a_re_2_m1).mul_add(t79, (-a_re_1_2).mul_add(t110, t412)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t415 = (-a_re_0_1).mul_add(t302, a_im_1_m2 * t370);
-            let t418 = t346 + t370;
-            let t419 = t82 - t299;
-            let t420 = t79 + t300;
-            let t421 = t347 + t373;
-            let t422 = t347 - t302;
-            let t423 = t180
-                .mul_add(
-                    t330,
-                    a_im_0_2
-                        .mul_add(
-                            t338,
-                            a_re_0_2
-                                .mul_add(
-                                    t351,
-                                    a_im_0_1
-                                        .mul_add(
-                                            t300,
-                                            a_re_2_0
-                                                .mul_add(
-                                                    t307,
-                                                    (-a_im_2_2).mul_add(t346, a_im_2_0.mul_add(t296, -t415)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t424 = (-a_re_0_1)
-                .mul_add(
-                    t299,
-                    (-a_im_2_1)
-                        .mul_add(
-                            t157,
-                            (-a_re_2_1)
-                                .mul_add(
-                                    t159,
-                                    (-a_im_1_m2)
-                                        .mul_add(
-                                            t79,
-                                            (-a_im_1_2).mul_add(t110, (-a_re_1_2).mul_add(t122, t423)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t426 = (-a_re_2_m1).mul_add(t14, a_re_1_m1 * t346);
-            let t427 = t338 - t303;
-            let t428 = t309 + t351;
-            let t429 = t18 + t347;
-            let t430 = t342 - t373;
-            let t431 = t17 + t342;
-            let t432 = t298 + t354;
-            let t433 = a_re_1_2 - a_re_2_m2;
-            let t434 = (-t310)
-                .mul_add(
-                    t433,
-                    (-a_re_2_m2)
-                        .mul_add(
-                            t333,
-                            (-a_im_1_2)
-                                .mul_add(
-                                    t298,
-                                    t67
-                                        .mul_add(
-                                            t110,
-                                            t93
-                                                .mul_add(
-                                                    t122,
-                                                    a_im_1_m2.mul_add(t309, a_re_1_m2.mul_add(t303, t426)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t435 = a_re_2_1
-                .mul_add(
-                    t15 - t346,
-                    a_im_2_2
-                        .mul_add(
-                            t428,
-                            a_re_2_2
-                                .mul_add(
-                                    t427,
-                                    a_im_1_m1
-                                        .mul_add(
-                                            t421,
-                                            (-t370)
-                                                .mul_add(
-                                                    a_re_1_m1 - a_re_1_1,
-                                                    (-t340).mul_add(a_re_1_1 - a_re_2_m1, t434),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t437 = (-a_im_2_m2).mul_add(t333, a_re_1_m2 * t309);
-            let t438 = t340 + t370;
-            let t439 = t17 - t342;
-            let t440 = t303 + t338;
-            let t441 = t15 + t346;
-            let t442 = a_im_1_2 - a_im_2_m2;
-            let t443 = t342 + t373;
-            let t444 = t351 - t309;
-            let t445 = t14 + t340;
-            let t446 = t298 - t354;
-            let t447 = t18 - t347;
-            let t448 = a_im_1_1
-                .mul_add(
-                    t438,
-                    a_re_1_m1
-                        .mul_add(
-                            t410,
-                            (-t97)
-                                .mul_add(
-                                    t122,
-                                    (-a_im_1_m2)
-                                        .mul_add(
-                                            t303,
-                                            (-a_re_1_2)
-                                                .mul_add(t298, t310.mul_add(t442, t65.mul_add(t110, t437))),
-                                        ),
-                                ),
-                        ),
-                );
-            let t450 = t159 + t354;
-            let t451 = t294 + t342;
-            let t452 = a_re_1_0 - a_re_2_m2;
-            let t453 = (-a_re_1_0)
-                .mul_add(
-                    t370,
-                    t333
-                        .mul_add(
-                            t385,
-                            t340
-                                .mul_add(
-                                    t452,
-                                    a_re_2_0
-                                        .mul_add(
-                                            t295,
-                                            a_re_2_m2
-                                                .mul_add(
-                                                    t292,
-                                                    a_im_1_2.mul_add(t373, (-a_im_2_0).mul_add(t305, t371)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t454 = (-t169)
-                .mul_add(
-                    t331,
-                    (-t180)
-                        .mul_add(
-                            t336,
-                            (-t78)
-                                .mul_add(
-                                    t198,
-                                    (-t81)
-                                        .mul_add(
-                                            t197,
-                                            (-a_im_0_2)
-                                                .mul_add(
-                                                    t354,
-                                                    (-a_im_2_1).mul_add(t299, (-a_re_2_m1).mul_add(t157, t453)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t456 = t159 - t354;
-            let t457 = t157 + t333;
-            let t458 = t342 - t294;
-            let t459 = t292 + t340;
-            let t460 = (-a_im_2_0)
-                .mul_add(
-                    t295,
-                    (-a_re_2_0)
-                        .mul_add(
-                            t305,
-                            (-a_re_1_2)
-                                .mul_add(
-                                    t373,
-                                    t299
-                                        .mul_add(
-                                            a_re_0_1 + a_re_2_1,
-                                            t177
-                                                .mul_add(
-                                                    t336,
-                                                    t78.mul_add(t202, a_im_0_2.mul_add(t333, t390)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t461 = a_im_1_m2
-                .mul_add(
-                    t395,
-                    a_re_1_0
-                        .mul_add(
-                            t430,
-                            a_re_1_m1
-                                .mul_add(
-                                    t160,
-                                    (-t168)
-                                        .mul_add(
-                                            t331,
-                                            (-t81)
-                                                .mul_add(
-                                                    t204,
-                                                    (-a_re_0_2).mul_add(t354, (-a_im_2_1).mul_add(t300, t460)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t463 = (-a_re_2_2).mul_add(t353, a_re_1_0 * t310);
-            let t465 = t81 + t302;
-            let t466 = t331 - t310;
-            let t467 = t298 + t336;
-            let t468 = a_re_1_1 - a_re_2_0;
-            let t469 = (-a_re_1_1)
-                .mul_add(
-                    t370,
-                    t78
-                        .mul_add(
-                            t468,
-                            a_re_2_0
-                                .mul_add(
-                                    t291,
-                                    a_im_1_1
-                                        .mul_add(
-                                            t373,
-                                            a_im_1_0
-                                                .mul_add(
-                                                    t298,
-                                                    a_im_1_m1.mul_add(t122, a_re_1_m1.mul_add(t110, t372)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t470 = a_im_2_0
-                .mul_add(
-                    t465,
-                    (-t225)
-                        .mul_add(
-                            t296,
-                            (-t223)
-                                .mul_add(
-                                    t307,
-                                    (-a_im_0_2)
-                                        .mul_add(
-                                            t336,
-                                            (-a_re_0_2)
-                                                .mul_add(
-                                                    t331,
-                                                    (-a_im_2_m2).mul_add(t344, (-a_im_2_2).mul_add(t350, t469)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t472 = (-a_re_2_2).mul_add(t350, a_im_1_0 * t310);
-            let t473 = (-a_im_2_m2).mul_add(t15, a_re_1_1 * t81);
-            let t475 = t81 - t302;
-            let t476 = t78 + t291;
-            let t477 = t310 + t331;
-            let t478 = t336 - t298;
-            let t479 = (-a_im_1_1)
-                .mul_add(
-                    t370,
-                    (-a_re_1_1)
-                        .mul_add(
-                            t373,
-                            t212
-                                .mul_add(
-                                    t296,
-                                    t345
-                                        .mul_add(
-                                            a_im_1_m2 - a_im_2_m2,
-                                            t110
-                                                .mul_add(
-                                                    t352,
-                                                    a_re_0_1.mul_add(t18, a_re_1_0.mul_add(t298, t415)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t481 = self.c95 * w_re_0_2;
-            let t482 = (-a_re_0_2).mul_add(t345, a_re_2_0 * t481);
-            let t483 = self.c25 * w_im_0_2;
-            let t485 = self.c96 * w_re_0_1;
-            let t487 = t485 - t333;
-            let t488 = self.c7 * w_im_0_1;
-            let t489 = t354 + t488;
-            let t490 = t488 - t350;
-            let t491 = t340
-                .mul_add(
-                    a_re_1_1 - a_re_0_2,
-                    t15
-                        .mul_add(
-                            t198,
-                            a_im_0_2
-                                .mul_add(
-                                    t342,
-                                    a_re_2_1
-                                        .mul_add(
-                                            t481,
-                                            a_re_1_0
-                                                .mul_add(
-                                                    t333,
-                                                    (-a_re_1_2).mul_add(t345, a_im_1_2.mul_add(t344, -t463)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t492 = a_im_1_0
-                .mul_add(
-                    t446,
-                    a_im_1_m2
-                        .mul_add(
-                            t399,
-                            (-t292)
-                                .mul_add(
-                                    t468,
-                                    (-t18)
-                                        .mul_add(
-                                            t202,
-                                            (-a_re_0_1)
-                                                .mul_add(
-                                                    t295,
-                                                    (-a_im_2_1).mul_add(t483, (-a_im_2_0).mul_add(t294, t491)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t497 = t488 - t354;
-            let t498 = t353 + t485;
-            let t499 = t18
-                .mul_add(
-                    t204,
-                    a_im_0_1
-                        .mul_add(
-                            t295,
-                            a_im_2_1
-                                .mul_add(
-                                    t481,
-                                    a_re_2_1
-                                        .mul_add(
-                                            t483,
-                                            a_im_2_m1
-                                                .mul_add(
-                                                    t485,
-                                                    a_re_1_2.mul_add(t344, a_im_1_2.mul_add(t345, t472)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t500 = a_re_1_0
-                .mul_add(
-                    t432,
-                    (-a_im_0_2)
-                        .mul_add(
-                            t340,
-                            (-a_re_0_2)
-                                .mul_add(
-                                    t342,
-                                    (-a_im_2_0)
-                                        .mul_add(
-                                            t292,
-                                            (-a_re_2_0)
-                                                .mul_add(t294, t333.mul_add(t384, t15.mul_add(t197, t499))),
-                                        ),
-                                ),
-                        ),
-                );
-            let t503 = t17 - t483;
-            let t504 = t299 + t483;
-            let t505 = a_im_1_m2
-                .mul_add(
-                    t396,
-                    a_re_1_0
-                        .mul_add(
-                            t14 - t340,
-                            a_re_1_m1
-                                .mul_add(
-                                    t79 - t300,
-                                    (-t303)
-                                        .mul_add(
-                                            a_re_1_m2 - a_re_0_1,
-                                            (-a_re_2_0).mul_add(t330, a_re_1_1.mul_add(t157, t334)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t506 = (-a_im_1_0)
-                .mul_add(
-                    t439,
-                    (-a_im_1_m1)
-                        .mul_add(
-                            t419,
-                            a_im_0_2
-                                .mul_add(
-                                    t364,
-                                    a_im_2_0
-                                        .mul_add(
-                                            t335 + t488,
-                                            a_im_2_m2.mul_add(t497, a_im_2_2.mul_add(t503, t505)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t509 = t17 + t483;
-            let t510 = t14 + t481;
-            let t511 = t483 - t299;
-            let t512 = t300 + t481;
-            let t513 = a_im_1_0
-                .mul_add(
-                    t445,
-                    a_im_1_m2
-                        .mul_add(
-                            t398,
-                            a_re_1_0
-                                .mul_add(
-                                    t431,
-                                    (-a_im_2_m2)
-                                        .mul_add(
-                                            t485,
-                                            t335
-                                                .mul_add(a_re_1_m2 + a_re_2_0, a_im_0_1.mul_add(t303, t437)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t514 = (-a_im_1_m1)
-                .mul_add(
-                    t420,
-                    (-a_re_1_m1)
-                        .mul_add(
-                            t409,
-                            a_re_2_1
-                                .mul_add(
-                                    t511,
-                                    a_im_2_0
-                                        .mul_add(
-                                            t330 + t485,
-                                            a_im_2_2.mul_add(t510, a_re_2_2.mul_add(t509, t513)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t516 = a_im_2_1
-                .mul_add(
-                    t336,
-                    a_im_2_m2
-                        .mul_add(
-                            t294,
-                            a_re_2_m1
-                                .mul_add(
-                                    t330,
-                                    a_im_1_1
-                                        .mul_add(
-                                            t305,
-                                            a_re_1_2
-                                                .mul_add(
-                                                    t78,
-                                                    a_re_1_m1.mul_add(t296, (-a_re_2_m2).mul_add(t292, t337)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t517 = (-t99)
-                .mul_add(
-                    t483,
-                    (-a_re_2_1)
-                        .mul_add(
-                            t331,
-                            (-a_im_2_2)
-                                .mul_add(
-                                    t302,
-                                    (-a_im_2_m1)
-                                        .mul_add(
-                                            t335,
-                                            (-a_re_1_1)
-                                                .mul_add(
-                                                    t295,
-                                                    (-a_im_1_m1).mul_add(t307, t44.mul_add(t488, t516)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t519 = a_re_0_1 + a_re_1_m1;
-            let t520 = a_im_1_m1 - a_im_0_1;
-            let t521 = t295
-                .mul_add(
-                    a_im_0_1 + a_im_1_1,
-                    t305
-                        .mul_add(
-                            a_re_0_1 + a_re_1_1,
-                            t95
-                                .mul_add(
-                                    t483,
-                                    a_im_2_1
-                                        .mul_add(
-                                            t331,
-                                            a_re_2_1
-                                                .mul_add(
-                                                    t336,
-                                                    a_im_2_m2.mul_add(t292, a_re_2_m2.mul_add(t294, -t359)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t522 = (-t35)
-                .mul_add(
-                    t485,
-                    (-t48)
-                        .mul_add(
-                            t488,
-                            (-t85)
-                                .mul_add(
-                                    t481,
-                                    (-a_im_2_2)
-                                        .mul_add(
-                                            t291,
-                                            (-a_im_2_m1)
-                                                .mul_add(
-                                                    t330,
-                                                    (-a_re_2_2).mul_add(t302, (-a_re_2_m1).mul_add(t335, t521)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t524 = (-a_im_1_1)
-                .mul_add(
-                    t299,
-                    (-a_re_1_m1)
-                        .mul_add(
-                            t157,
-                            t225
-                                .mul_add(
-                                    t338,
-                                    t481
-                                        .mul_add(
-                                            a_re_2_m1 - a_re_2_m2,
-                                            t159
-                                                .mul_add(
-                                                    t520,
-                                                    a_re_2_0.mul_add(t331, a_im_2_2.mul_add(t488, t405)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t526 = t213
-                .mul_add(
-                    t351,
-                    t308
-                        .mul_add(
-                            t485,
-                            t159
-                                .mul_add(
-                                    t519,
-                                    a_re_2_m2
-                                        .mul_add(
-                                            t483,
-                                            a_im_1_1
-                                                .mul_add(
-                                                    t300,
-                                                    a_re_1_1.mul_add(t299, a_im_1_m1.mul_add(t157, t473)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t527 = a_im_2_m1
-                .mul_add(
-                    t512,
-                    a_re_2_m1
-                        .mul_add(
-                            t504,
-                            (-a_re_0_1)
-                                .mul_add(
-                                    t298,
-                                    (-a_im_2_0)
-                                        .mul_add(
-                                            t331,
-                                            (-a_im_2_m2)
-                                                .mul_add(
-                                                    t481,
-                                                    (-a_re_2_0).mul_add(t336, t223.mul_add(t338, t526)),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let t529 = (-a_re_2_m1)
-                .mul_add(
-                    t481,
-                    t291
-                        .mul_add(
-                            t383,
-                            t353
-                                .mul_add(
-                                    t433,
-                                    t311
-                                        .mul_add(
-                                            t485,
-                                            t326
-                                                .mul_add(
-                                                    t488,
-                                                    a_im_0_2
+                                                    t390,
+                                                    a_im_2_2
                                                         .mul_add(
-                                                            t347,
-                                                            a_re_0_2.mul_add(t346, a_im_2_0.mul_add(t302, t406)),
+                                                            t351,
+                                                            a_im_1_m1.mul_add(t371, (-a_re_2_m1).mul_add(t300, t386)),
                                                         ),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t531 = (-a_re_1_m2)
+            let t402 = (-a_im_1_1)
                 .mul_add(
-                    t344,
-                    t346
+                    t395,
+                    a_im_0_2
                         .mul_add(
-                            a_im_1_m1 - a_im_0_2,
-                            a_re_0_2
+                            t335 + t345,
+                            a_im_2_m2
                                 .mul_add(
-                                    t347,
-                                    a_im_2_0
+                                    t389,
+                                    (-a_re_0_1)
                                         .mul_add(
-                                            t291,
-                                            a_re_2_0
+                                            t20,
+                                            (-a_im_2_m1).mul_add(t335, (-a_re_2_0).mul_add(t82, t401)),
+                                        ),
+                                ),
+                        ),
+                );
+            let t404 = (-a_im_2_m1).mul_add(t305, a_im_1_0 * t347);
+            let t405 = (-a_re_2_1).mul_add(t343, a_re_1_2 * t296);
+            let t406 = (-a_im_2_1).mul_add(t329, a_im_1_2 * t295);
+            let t407 = t349 - t310;
+            let t408 = t349 - t371;
+            let t409 = t79 - t307;
+            let t410 = a_re_0_2
+                .mul_add(
+                    t343,
+                    a_im_2_m1
+                        .mul_add(
+                            t82,
+                            a_re_2_1
+                                .mul_add(
+                                    t157,
+                                    a_im_1_2
+                                        .mul_add(
+                                            t122,
+                                            a_im_1_0
                                                 .mul_add(
-                                                    t302,
-                                                    a_im_1_2.mul_add(t353, a_re_1_2.mul_add(t350, t316)),
+                                                    t369,
+                                                    (-a_im_2_2).mul_add(t347, a_im_2_0.mul_add(t295, -t404)),
                                                 ),
                                         ),
                                 ),
                         ),
                 );
-            let t532 = a_im_0_1
+            let t411 = (-a_im_0_2)
                 .mul_add(
-                    t325,
+                    t329,
+                    (-a_im_0_1)
+                        .mul_add(
+                            t305,
+                            (-a_re_2_0)
+                                .mul_add(
+                                    t296,
+                                    (-a_im_2_1)
+                                        .mul_add(
+                                            t159,
+                                            (-a_re_1_2)
+                                                .mul_add(t110, t169.mul_add(t332, t168.mul_add(t335, t410))),
+                                        ),
+                                ),
+                        ),
+                );
+            let t413 = (-a_im_2_1).mul_add(t343, a_re_1_2 * t295);
+            let t415 = (-a_re_2_1).mul_add(t329, a_im_1_2 * t296);
+            let t417 = t349 + t371;
+            let t418 = t79 + t307;
+            let t419 = t82 - t305;
+            let t420 = t310 + t349;
+            let t421 = a_re_1_0 + a_re_2_2;
+            let t422 = t180
+                .mul_add(
+                    t335,
+                    a_im_0_2
+                        .mul_add(
+                            t343,
+                            a_re_0_2
+                                .mul_add(
+                                    t329,
+                                    a_im_0_1
+                                        .mul_add(
+                                            t307,
+                                            a_re_2_0
+                                                .mul_add(
+                                                    t295,
+                                                    a_im_2_0.mul_add(t296, a_re_1_m2.mul_add(t82, t413)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t423 = (-a_re_2_1)
+                .mul_add(
+                    t159,
+                    (-a_im_2_1)
+                        .mul_add(
+                            t157,
+                            (-a_re_1_2)
+                                .mul_add(
+                                    t122,
+                                    (-a_im_1_2)
+                                        .mul_add(
+                                            t110,
+                                            (-a_re_1_0).mul_add(t369, (-a_im_1_m2).mul_add(t371, t422)),
+                                        ),
+                                ),
+                        ),
+                );
+            let t425 = (-a_im_2_m1).mul_add(t20, a_im_1_m1 * t347);
+            let t426 = t21 + t347;
+            let t427 = t299 - t353;
+            let t428 = t18 - t349;
+            let t429 = t300 + t329;
+            let t430 = t343 - t302;
+            let t431 = t339 - t369;
+            let t432 = t340 - t371;
+            let t433 = t17 - t340;
+            let t434 = a_im_1_2 + a_im_2_m2;
+            let t435 = (-a_im_2_m1)
+                .mul_add(
+                    t339,
+                    (-a_re_1_2)
+                        .mul_add(
+                            t299,
+                            t93
+                                .mul_add(
+                                    t122,
+                                    a_im_1_m1
+                                        .mul_add(
+                                            t369,
+                                            a_re_1_m2
+                                                .mul_add(
+                                                    t302,
+                                                    a_im_1_m2.mul_add(t300, (-a_im_0_2).mul_add(t329, t425)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t436 = a_re_2_m2
+                .mul_add(
+                    t427,
+                    a_im_2_1
+                        .mul_add(
+                            t426,
+                            a_re_1_m1
+                                .mul_add(
+                                    t408,
+                                    (-t330)
+                                        .mul_add(
+                                            a_im_0_2 + a_im_2_m2,
+                                            (-t314).mul_add(t434, (-t85).mul_add(t110, t435)),
+                                        ),
+                                ),
+                        ),
+                );
+            let t438 = t340 + t371;
+            let t439 = (-a_re_2_m2).mul_add(t330, a_im_1_m2 * t302);
+            let t440 = t18 + t349;
+            let t441 = t302 + t343;
+            let t442 = t20 - t339;
+            let t443 = a_re_1_m1 + a_re_2_1;
+            let t444 = t339 + t369;
+            let t445 = t299 + t353;
+            let t446 = t17 + t340;
+            let t447 = t329 - t300;
+            let t448 = a_re_1_2 + a_re_2_m2;
+            let t449 = (-t87)
+                .mul_add(
+                    t110,
+                    (-t97)
+                        .mul_add(
+                            t122,
+                            (-a_re_2_1)
+                                .mul_add(
+                                    t21,
+                                    (-a_re_1_m1)
+                                        .mul_add(
+                                            t369,
+                                            t347
+                                                .mul_add(
+                                                    t443,
+                                                    a_im_1_2.mul_add(t299, a_re_1_m2.mul_add(t300, -t439)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t450 = a_im_0_1
+                .mul_add(
+                    t43,
                     a_re_0_1
                         .mul_add(
-                            t307 - t309,
+                            t22,
+                            a_re_2_m1
+                                .mul_add(
+                                    t442,
+                                    a_im_2_2
+                                        .mul_add(
+                                            t441,
+                                            a_im_2_1
+                                                .mul_add(
+                                                    t440,
+                                                    a_im_1_1.mul_add(t438, (-t314).mul_add(t448, t449)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t452 = t290 + t339;
+            let t453 = t159 + t330;
+            let t454 = t340 - t293;
+            let t455 = t157 - t353;
+            let t456 = (-t81)
+                .mul_add(
+                    t197,
+                    (-a_im_0_2)
+                        .mul_add(
+                            t330,
+                            (-a_re_0_2)
+                                .mul_add(
+                                    t353,
+                                    (-a_re_2_1)
+                                        .mul_add(
+                                            t307,
+                                            (-a_im_2_0)
+                                                .mul_add(
+                                                    t304,
+                                                    a_re_2_0.mul_add(t297, a_re_1_2.mul_add(t371, t370)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t457 = a_re_1_m2
+                .mul_add(
+                    t379,
+                    a_im_1_0
+                        .mul_add(
+                            t444,
+                            a_im_1_m2
+                                .mul_add(
+                                    t396,
+                                    (-t305)
+                                        .mul_add(
+                                            a_im_0_1 + a_im_2_1,
+                                            (-t180)
+                                                .mul_add(
+                                                    t337,
+                                                    (-t168).mul_add(t334, (-t78).mul_add(t196, t456)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t459 = t293 + t340;
+            let t460 = t339 - t290;
+            let t461 = t353
+                .mul_add(
+                    a_im_0_2 + a_im_2_m1,
+                    t177
+                        .mul_add(
+                            t337,
+                            t78
+                                .mul_add(
+                                    t201,
+                                    a_re_2_m1
+                                        .mul_add(
+                                            t159,
+                                            a_im_2_m1
+                                                .mul_add(
+                                                    t157,
+                                                    a_re_2_1.mul_add(t305, a_im_1_2.mul_add(t371, -t387)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t462 = (-t330)
+                .mul_add(
+                    t393,
+                    (-t307)
+                        .mul_add(
+                            a_im_2_1 - a_im_0_1,
+                            (-t169)
+                                .mul_add(
+                                    t334,
+                                    (-t81)
+                                        .mul_add(
+                                            t203,
+                                            (-a_re_2_0).mul_add(t304, (-a_im_2_0).mul_add(t297, t461)),
+                                        ),
+                                ),
+                        ),
+                );
+            let t464 = (-a_im_2_2).mul_add(t346, a_im_1_0 * t314);
+            let t465 = (-a_im_2_m2).mul_add(t21, a_im_1_1 * t81);
+            let t467 = t81 + t291;
+            let t468 = t314 + t337;
+            let t469 = t334 - t299;
+            let t470 = t78 - t310;
+            let t471 = a_im_1_m2 + a_im_2_m2;
+            let t472 = (-t110)
+                .mul_add(
+                    t344,
+                    (-a_re_2_2)
+                        .mul_add(
+                            t345,
+                            (-a_re_1_1)
+                                .mul_add(
+                                    t371,
+                                    t325
+                                        .mul_add(
+                                            t369,
+                                            t122
+                                                .mul_add(
+                                                    t364,
+                                                    a_re_2_m2.mul_add(t351, a_re_1_0.mul_add(t299, t464)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t474 = (-a_im_2_2).mul_add(t345, a_re_1_0 * t314);
+            let t475 = (-a_im_2_m2).mul_add(t18, a_re_1_1 * t81);
+            let t477 = t78 + t310;
+            let t478 = t299 + t334;
+            let t479 = t337 - t314;
+            let t480 = (-a_im_1_0)
+                .mul_add(
+                    t299,
+                    t212
+                        .mul_add(
+                            t296,
+                            a_im_0_1
+                                .mul_add(
+                                    t18,
+                                    a_re_0_1
+                                        .mul_add(
+                                            t21,
+                                            a_re_2_2
+                                                .mul_add(
+                                                    t346,
+                                                    a_re_2_0.mul_add(t81, a_im_1_m1.mul_add(t110, t474)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t481 = (-t352)
+                .mul_add(
+                    a_re_1_m2 + a_re_2_m2,
+                    (-t122)
+                        .mul_add(
+                            t361,
+                            (-a_re_0_2)
+                                .mul_add(
+                                    t337,
+                                    (-a_im_2_m2)
+                                        .mul_add(
+                                            t351,
+                                            (-a_re_1_1).mul_add(t369, (-a_im_1_1).mul_add(t371, t480)),
+                                        ),
+                                ),
+                        ),
+                );
+            let t483 = self.c95 * w_im_0_2;
+            let t484 = (-a_im_0_2).mul_add(t352, a_im_2_0 * t483);
+            let t485 = self.c25 * w_re_0_2;
+            let t487 = self.c96 * w_re_0_1;
+            let t488 = t487 - t353;
+            let t489 = self.c6 * w_im_0_1;
+            let t490 = t487 - t345;
+            let t491 = (-a_re_1_2)
+                .mul_add(
+                    t351,
+                    t489
+                        .mul_add(
+                            a_im_2_m1 + a_im_2_2,
+                            t18
+                                .mul_add(
+                                    t196,
+                                    a_im_0_2
+                                        .mul_add(
+                                            t339,
+                                            a_re_2_1
+                                                .mul_add(
+                                                    t485,
+                                                    a_re_2_0.mul_add(t293, a_im_1_2.mul_add(t352, t464)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t492 = a_re_1_1
+                .mul_add(
+                    t454,
+                    a_im_1_m2
+                        .mul_add(
+                            t399,
+                            (-t330)
+                                .mul_add(
+                                    t392,
+                                    (-t21)
+                                        .mul_add(
+                                            t201,
+                                            (-a_re_0_2)
+                                                .mul_add(
+                                                    t340,
+                                                    (-a_im_2_1).mul_add(t483, (-a_im_2_0).mul_add(t290, t491)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t494 = (-a_re_0_1).mul_add(t314, a_im_2_2 * t487);
+            let t495 = (-a_re_0_2).mul_add(t352, a_im_2_0 * t485);
+            let t497 = t353 + t487;
+            let t498 = t489 - t330;
+            let t499 = t346 + t489;
+            let t500 = (-a_re_2_0)
+                .mul_add(
+                    t290,
+                    t18
+                        .mul_add(
+                            t197,
+                            t21
+                                .mul_add(
+                                    t203,
+                                    a_re_2_1
+                                        .mul_add(
+                                            t483,
+                                            a_im_2_1
+                                                .mul_add(
+                                                    t485,
+                                                    a_im_1_2.mul_add(t351, a_re_1_0.mul_add(t330, t386)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t501 = (-a_im_1_m2)
+                .mul_add(
+                    t389,
+                    a_im_0_1
+                        .mul_add(
+                            t323,
+                            a_im_2_m1
+                                .mul_add(
+                                    t497,
+                                    a_im_1_0
+                                        .mul_add(
+                                            t445,
+                                            (-a_im_0_2)
+                                                .mul_add(
+                                                    t340,
+                                                    (-a_re_0_2).mul_add(t339, (-a_re_0_1).mul_add(t304, t500)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t503 = (-a_re_0_1).mul_add(t157, a_re_2_0 * t487);
+            let t504 = t20 - t483;
+            let t505 = t305 + t483;
+            let t506 = t485 - t307;
+            let t507 = t17 - t485;
+            let t508 = a_im_0_1 + a_im_1_1;
+            let t509 = a_re_1_1
+                .mul_add(
+                    t455,
+                    a_re_1_0
+                        .mul_add(
+                            t433,
+                            (-t159)
+                                .mul_add(
+                                    t508,
+                                    (-a_re_2_0)
+                                        .mul_add(
+                                            t335,
+                                            t300
+                                                .mul_add(a_im_1_m2 - a_im_0_1, a_re_0_1.mul_add(t302, t503)),
+                                        ),
+                                ),
+                        ),
+                );
+            let t510 = (-a_re_1_m2)
+                .mul_add(
+                    t377,
+                    (-a_im_1_0)
+                        .mul_add(
+                            t442,
+                            a_im_0_2
+                                .mul_add(
+                                    t363,
+                                    a_im_2_2
+                                        .mul_add(
+                                            t504,
+                                            a_im_2_0
+                                                .mul_add(
+                                                    t332 + t489,
+                                                    a_im_2_m2.mul_add(t498, a_re_1_m1.mul_add(t409, t509)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t512 = t17 + t485;
+            let t513 = t307 + t485;
+            let t514 = a_im_1_1 - a_im_0_1;
+            let t515 = (-a_im_1_1)
+                .mul_add(
+                    t353,
+                    t483
+                        .mul_add(
+                            a_re_2_1 + a_re_2_2,
+                            t20
+                                .mul_add(
+                                    t421,
+                                    a_im_0_1
+                                        .mul_add(
+                                            t302,
+                                            a_re_2_0
+                                                .mul_add(
+                                                    t332,
+                                                    a_re_1_0.mul_add(t339, a_im_1_m2.mul_add(t335, t439)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t516 = a_re_1_m2
+                .mul_add(
+                    t382,
+                    a_im_1_0
+                        .mul_add(
+                            t446,
+                            (-t305)
+                                .mul_add(
+                                    t443,
+                                    (-t489)
+                                        .mul_add(
+                                            a_re_2_m2 + a_re_2_0,
+                                            (-t157).mul_add(t514, (-a_re_1_m1).mul_add(t82, t515)),
+                                        ),
+                                ),
+                        ),
+                );
+            let t518 = a_im_0_1 + a_im_1_m1;
+            let t519 = t25
+                .mul_add(
+                    t487,
+                    a_re_2_2
+                        .mul_add(
+                            t310,
+                            a_re_2_m1
+                                .mul_add(
+                                    t335,
+                                    a_im_2_1
+                                        .mul_add(
+                                            t337,
+                                            a_im_2_m2
+                                                .mul_add(
+                                                    t290,
+                                                    a_re_1_m1.mul_add(t296, a_im_1_m2.mul_add(t82, t336)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t520 = (-a_re_2_1)
+                .mul_add(
+                    t334,
+                    (-a_re_2_m2)
+                        .mul_add(
+                            t293,
+                            (-a_im_1_2)
+                                .mul_add(
+                                    t81,
+                                    (-a_re_1_1)
+                                        .mul_add(
+                                            t297,
+                                            t304
+                                                .mul_add(t514, t69.mul_add(t485, t44.mul_add(t489, t519))),
+                                        ),
+                                ),
+                        ),
+                );
+            let t522 = a_im_1_m1 - a_im_0_1;
+            let t523 = a_re_0_1 + a_re_1_m1;
+            let t524 = t95
+                .mul_add(
+                    t483,
+                    t71
+                        .mul_add(
+                            t485,
+                            t27
+                                .mul_add(
+                                    t487,
+                                    a_re_2_1
+                                        .mul_add(
+                                            t337,
+                                            a_re_2_m2
+                                                .mul_add(
+                                                    t290,
+                                                    a_im_2_1.mul_add(t334, (-a_im_2_m1).mul_add(t335, t358)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t525 = (-t296)
+                .mul_add(
+                    t522,
+                    (-t48)
+                        .mul_add(
+                            t489,
+                            (-a_re_2_m1)
+                                .mul_add(
+                                    t332,
+                                    (-a_im_2_2)
+                                        .mul_add(
+                                            t310,
+                                            t293
+                                                .mul_add(
+                                                    t471,
+                                                    t304.mul_add(a_re_0_1 + a_re_1_1, t297.mul_add(t508, t524)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t527 = t224
+                .mul_add(
+                    t343,
+                    t159
+                        .mul_add(
+                            t522,
+                            a_re_2_2
+                                .mul_add(
+                                    t487,
+                                    a_im_2_2
+                                        .mul_add(
+                                            t489,
+                                            a_re_2_0
+                                                .mul_add(
+                                                    t334,
+                                                    a_re_1_1.mul_add(t307, a_im_1_0.mul_add(t21, t465)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t528 = (-t483)
+                .mul_add(
+                    a_im_2_m2 + a_im_2_m1,
+                    (-a_im_0_1)
+                        .mul_add(
+                            t314,
+                            (-a_re_0_1)
+                                .mul_add(
+                                    t299,
+                                    (-a_re_2_m2)
+                                        .mul_add(
+                                            t485,
+                                            (-a_re_1_m1).mul_add(t157, (-a_im_1_1).mul_add(t305, t527)),
+                                        ),
+                                ),
+                        ),
+                );
+            let t530 = t222
+                .mul_add(
+                    t343,
+                    t157
+                        .mul_add(
+                            t518,
+                            t159
+                                .mul_add(
+                                    t523,
+                                    a_im_0_1
+                                        .mul_add(
+                                            t299,
+                                            a_re_2_m2
+                                                .mul_add(
+                                                    t483,
+                                                    a_re_1_1.mul_add(t305, a_im_1_1.mul_add(t307, t475)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t531 = (-a_im_1_0)
+                .mul_add(
+                    t440,
+                    a_re_0_2
+                        .mul_add(
+                            t348,
+                            a_re_2_m1
+                                .mul_add(
+                                    t505,
+                                    a_im_2_m1
+                                        .mul_add(
+                                            t513,
+                                            (-a_re_2_2)
+                                                .mul_add(
+                                                    t489,
+                                                    (-a_im_2_m2).mul_add(t485, t211.mul_add(t329, t530)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t533 = (-a_re_2_1)
+                .mul_add(
+                    t487,
+                    (-a_re_2_0)
+                        .mul_add(
+                            t310,
+                            (-a_im_1_2)
+                                .mul_add(
+                                    t346,
+                                    a_im_0_2
+                                        .mul_add(
+                                            t347,
+                                            a_re_0_2
+                                                .mul_add(
+                                                    t349,
+                                                    a_im_2_1.mul_add(t489, a_re_1_2.mul_add(t345, t406)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t534 = a_re_2_m1
+                .mul_add(
+                    t507,
+                    a_re_2_m2
+                        .mul_add(
+                            t490,
                             a_im_2_m2
                                 .mul_add(
-                                    t498,
-                                    a_re_1_m1
+                                    t499,
+                                    a_im_1_0
                                         .mul_add(
-                                            t411,
-                                            (-a_im_2_1).mul_add(t485, (-a_re_2_1).mul_add(t488, t531)),
+                                            t447,
+                                            a_im_1_m2
+                                                .mul_add(
+                                                    t400,
+                                                    (-t291).mul_add(t391, (-a_im_2_m1).mul_add(t483, t533)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t536 = (-a_im_1_m2)
+                .mul_add(
+                    t351,
+                    t346
+                        .mul_add(
+                            t448,
+                            t345
+                                .mul_add(
+                                    t434,
+                                    t347
+                                        .mul_add(
+                                            a_re_0_2 + a_re_1_m1,
+                                            t315
+                                                .mul_add(
+                                                    t487,
+                                                    a_re_2_0.mul_add(t291, a_im_2_0.mul_add(t310, t415)),
+                                                ),
                                         ),
                                 ),
                         ),
                 );
             [
-                t401,
-                (-a_re_2_0)
+                (-a_re_2_2)
                     .mul_add(
                         t400,
                         (-a_re_2_m2)
                             .mul_add(
                                 t399,
-                                (-a_im_2_m1)
+                                (-a_re_1_m1)
                                     .mul_add(
                                         t398,
-                                        (-a_re_2_2)
+                                        (-a_im_1_2)
                                             .mul_add(
                                                 t397,
-                                                (-a_re_2_m1).mul_add(t396, (-a_im_1_1).mul_add(t395, t403)),
+                                                (-a_re_1_1)
+                                                    .mul_add(t396, (-a_re_1_0).mul_add(t122 + t300, t402)),
                                             ),
                                     ),
                             ),
                     ),
+                t404,
+                t405,
                 t406,
-                (-a_re_2_1).mul_add(t338, a_re_1_2 * t296),
-                (-a_re_2_2).mul_add(t291, a_re_1_m2 * t79),
-                (-a_im_2_2)
+                t409,
+                (-a_re_1_0)
                     .mul_add(
-                        t411,
+                        t408,
                         (-a_im_1_1)
                             .mul_add(
                                 t160,
-                                (-a_re_1_1)
+                                a_re_0_1
                                     .mul_add(
-                                        t158,
-                                        (-a_im_1_0)
+                                        t311,
+                                        a_re_2_2
                                             .mul_add(
-                                                t410,
-                                                a_re_0_1
-                                                    .mul_add(
-                                                        t301,
-                                                        a_im_2_m1.mul_add(t409, a_im_1_m2.mul_add(t393, t413)),
-                                                    ),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                (-a_im_2_1).mul_add(t338, a_re_1_2 * t307),
-                (-a_re_2_1).mul_add(t351, a_im_1_2 * t296),
-                t421,
-                t422,
-                a_im_2_m1
-                    .mul_add(
-                        t420,
-                        a_re_2_m1
-                            .mul_add(
-                                t419,
-                                a_im_1_1
-                                    .mul_add(
-                                        t178,
-                                        a_im_1_0
-                                            .mul_add(
-                                                t418,
+                                                t407,
                                                 a_re_1_m2
                                                     .mul_add(
                                                         t380,
-                                                        (-t177).mul_add(t335, (-t291).mul_add(t379, t424)),
+                                                        a_im_1_m2.mul_add(t398, (-t291).mul_add(t390, t411)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
-                t426,
-                (-a_re_0_2)
+                t413,
+                (-a_im_0_1).mul_add(t310, a_re_1_m2 * t369),
+                t415,
+                (-a_re_2_2).mul_add(t291, a_im_1_m2 * t79),
+                t420,
+                a_re_0_1
                     .mul_add(
-                        t339,
-                        (-a_im_0_1)
+                        t309,
+                        a_re_2_m1
                             .mul_add(
-                                t47,
-                                (-a_im_2_m2)
+                                t419,
+                                a_im_2_m1
                                     .mul_add(
-                                        t432,
-                                        (-a_im_2_m1)
+                                        t418,
+                                        a_im_1_1
                                             .mul_add(
-                                                t431,
-                                                (-a_im_1_1)
+                                                t178,
+                                                a_im_1_0
                                                     .mul_add(
-                                                        t430,
-                                                        a_re_0_1.mul_add(t16, a_im_2_1.mul_add(t429, t435)),
+                                                        t417,
+                                                        (-t177).mul_add(t332, (-t347).mul_add(t421, t423)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
-                t438,
-                t443,
-                t444,
-                t445,
-                t446,
-                t447,
-                (-a_im_1_m1)
+                t429,
+                (-a_re_2_m1)
                     .mul_add(
-                        t418,
-                        a_im_0_2
+                        t433,
+                        (-a_re_1_1)
                             .mul_add(
-                                t363,
-                                a_im_0_1
+                                t432,
+                                (-a_im_1_1)
                                     .mul_add(
-                                        t43,
+                                        t431,
                                         a_re_0_1
                                             .mul_add(
                                                 t19,
-                                                a_im_2_1
+                                                a_re_2_2
                                                     .mul_add(
-                                                        t441,
-                                                        a_im_2_2.mul_add(t440, a_re_2_m1.mul_add(t439, t448)),
+                                                        t430,
+                                                        a_im_2_2.mul_add(t429, a_re_2_1.mul_add(t428, t436)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
-                t450,
-                t451,
-                a_im_1_0
+                (-a_re_2_2)
                     .mul_add(
-                        t443,
-                        a_im_1_m2
+                        t447,
+                        (-a_im_2_m1)
                             .mul_add(
-                                t394,
-                                a_re_1_m2
+                                t446,
+                                (-a_im_2_m2)
                                     .mul_add(
-                                        t381,
-                                        a_im_1_m1
+                                        t445,
+                                        (-a_im_1_m1)
                                             .mul_add(
-                                                t176,
+                                                t417,
+                                                (-a_re_1_1)
+                                                    .mul_add(t444, a_im_0_2.mul_add(t343 + t353, t450)),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                t455,
+                (-a_re_2_m2)
+                    .mul_add(
+                        t454,
+                        a_re_0_1
+                            .mul_add(
+                                t308,
+                                a_im_2_m1
+                                    .mul_add(
+                                        t453,
+                                        a_im_2_m2
+                                            .mul_add(
+                                                t452,
                                                 a_re_1_m1
-                                                    .mul_add(t158, (-t300).mul_add(a_re_2_1 - a_re_0_1, t454)),
+                                                    .mul_add(
+                                                        t158,
+                                                        a_im_1_m1.mul_add(t176, a_re_1_0.mul_add(t432, t457)),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                (-a_im_1_0)
+                    .mul_add(
+                        t438,
+                        a_re_0_1
+                            .mul_add(
+                                t306,
+                                a_re_2_m2
+                                    .mul_add(
+                                        t460,
+                                        a_im_2_m2
+                                            .mul_add(
+                                                t459,
+                                                a_re_1_m1
+                                                    .mul_add(
+                                                        t160,
+                                                        a_re_1_0.mul_add(t431, a_im_1_m2.mul_add(t395, t462)),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                t465,
+                (-a_re_2_m2).mul_add(t18, a_re_1_1 * t78),
+                t469,
+                t470,
+                a_re_0_1
+                    .mul_add(
+                        t312,
+                        a_re_2_1
+                            .mul_add(
+                                t469,
+                                a_im_2_1
+                                    .mul_add(
+                                        t468,
+                                        a_im_2_0
+                                            .mul_add(
+                                                t467,
+                                                (-t222)
+                                                    .mul_add(
+                                                        t295,
+                                                        (-t224).mul_add(t296, (-t352).mul_add(t471, t472)),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                t475,
+                (-a_re_2_m2).mul_add(t21, a_im_1_1 * t78),
+                (-a_re_2_1)
+                    .mul_add(
+                        t479,
+                        a_im_0_2
+                            .mul_add(
+                                t334 + t345,
+                                a_im_2_1
+                                    .mul_add(
+                                        t478,
+                                        a_im_2_0
+                                            .mul_add(
+                                                t477,
+                                                a_im_1_m2
+                                                    .mul_add(
+                                                        t397,
+                                                        (-t291).mul_add(t394, (-t211).mul_add(t295, t481)),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                t484,
+                (-a_re_0_2).mul_add(t351, a_re_2_0 * t485),
+                (-a_re_2_2)
+                    .mul_add(
+                        t490,
+                        (-a_re_1_0)
+                            .mul_add(
+                                t427,
+                                (-a_re_1_m2)
+                                    .mul_add(
+                                        t374,
+                                        (-a_im_1_1)
+                                            .mul_add(
+                                                t460,
+                                                a_re_0_1.mul_add(t313, a_re_2_m1.mul_add(t488, t492)),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                t494,
+                t495,
+                (-a_im_0_2).mul_add(t351, a_re_2_0 * t483),
+                (-a_re_2_2)
+                    .mul_add(
+                        t499,
+                        (-a_re_2_m1)
+                            .mul_add(
+                                t498,
+                                (-a_re_1_1)
+                                    .mul_add(
+                                        t452,
+                                        (-a_re_1_m2).mul_add(t373, (-a_im_1_1).mul_add(t459, t501)),
+                                    ),
+                            ),
+                    ) + t474 - t494 - t495,
+                t503,
+                t504,
+                (-a_re_0_2)
+                    .mul_add(
+                        t342,
+                        (-a_re_2_2)
+                            .mul_add(
+                                t507,
+                                (-a_re_2_1)
+                                    .mul_add(
+                                        t506,
+                                        (-a_re_2_m2)
+                                            .mul_add(
+                                                t488,
+                                                (-a_im_2_1).mul_add(t505, (-a_im_1_m1).mul_add(t419, t510)),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                t512,
+                (-a_im_2_1)
+                    .mul_add(
+                        t513,
+                        (-a_im_2_m2)
+                            .mul_add(
+                                t497,
+                                (-a_im_1_m1)
+                                    .mul_add(
+                                        t418,
+                                        (-a_re_1_1)
+                                            .mul_add(
+                                                t453,
+                                                a_im_2_2.mul_add(t512, a_im_2_0.mul_add(t335 + t487, t516)),
                                             ),
                                     ),
                             ),
@@ -3619,207 +3793,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-a_re_1_m2)
                     .mul_add(
                         t375,
-                        (-a_im_1_m1)
+                        a_im_0_2
                             .mul_add(
-                                t178,
-                                a_im_0_1
+                                t92,
+                                a_re_1_2
                                     .mul_add(
-                                        t324,
-                                        a_im_2_m2
+                                        t470,
+                                        (-t295)
                                             .mul_add(
-                                                t459,
-                                                a_re_2_m2
+                                                t518,
+                                                (-t99)
                                                     .mul_add(
-                                                        t458,
-                                                        a_im_2_m1.mul_add(t457, a_re_2_m1.mul_add(t456, t461)),
-                                                    ),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                t463,
-                (-a_im_2_m2).mul_add(t18, a_im_1_1 * t81),
-                t466,
-                (-a_re_2_m2)
-                    .mul_add(
-                        t15 - t345,
-                        (-a_im_1_m2)
-                            .mul_add(
-                                t389,
-                                (-a_re_1_m2)
-                                    .mul_add(
-                                        t345 - t370,
-                                        a_re_0_1
-                                            .mul_add(
-                                                t15 - t291,
-                                                a_im_2_1.mul_add(t467, a_re_2_1.mul_add(t466, t470)),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                t472,
-                t473,
-                (-a_re_2_m2).mul_add(t18, a_im_1_1 * t78),
-                t478,
-                a_im_2_1
-                    .mul_add(
-                        t477,
-                        a_im_2_0
-                            .mul_add(
-                                t476,
-                                a_re_2_0
-                                    .mul_add(
-                                        t475,
-                                        (-t213)
-                                            .mul_add(
-                                                t307,
-                                                (-t122)
-                                                    .mul_add(
-                                                        t362,
-                                                        (-a_re_2_m2).mul_add(t344, (-a_im_2_2).mul_add(t353, t479)),
-                                                    ),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                t482,
-                (-a_im_0_2).mul_add(t344, a_im_2_0 * t483),
-                (-a_re_0_1).mul_add(t310, a_re_2_2 * t485),
-                (-a_im_0_1)
-                    .mul_add(
-                        t320,
-                        (-a_im_1_1)
-                            .mul_add(
-                                t458,
-                                (-a_re_1_m2)
-                                    .mul_add(
-                                        t377,
-                                        a_im_2_2
-                                            .mul_add(
-                                                t490,
-                                                a_im_2_m1.mul_add(t489, a_re_2_m1.mul_add(t487, t492)),
-                                            ),
-                                    ),
-                            ),
-                    ) - t482,
-                (-a_im_0_1).mul_add(t310, a_re_2_2 * t488),
-                (-a_im_0_2).mul_add(t345, a_re_2_0 * t483),
-                (-a_re_0_2).mul_add(t344, a_im_2_0 * t481),
-                t498,
-                (-a_re_2_m1)
-                    .mul_add(
-                        t497,
-                        (-a_im_1_1)
-                            .mul_add(
-                                t459,
-                                (-a_re_1_1)
-                                    .mul_add(
-                                        t451,
-                                        (-a_im_1_m2)
-                                            .mul_add(
-                                                t392,
-                                                (-a_re_1_m2).mul_add(t378, a_re_0_1.mul_add(t306, t500)),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                (-a_re_0_1).mul_add(t157, a_re_2_0 * t485),
-                (-a_im_0_1)
-                    .mul_add(
-                        t159 + t309,
-                        (-a_im_2_1)
-                            .mul_add(
-                                t504,
-                                (-a_re_2_1)
-                                    .mul_add(
-                                        t481 - t300,
-                                        (-a_re_2_m2)
-                                            .mul_add(
-                                                t487,
-                                                (-a_re_2_2)
-                                                    .mul_add(t14 - t481, (-a_im_1_1).mul_add(t456, t506)),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                (-a_im_0_1).mul_add(t157, a_re_2_0 * t488),
-                t509,
-                t511,
-                (-a_re_0_2)
-                    .mul_add(
-                        t343,
-                        (-a_re_0_1)
-                            .mul_add(
-                                t159 - t309,
-                                (-a_im_2_1)
-                                    .mul_add(
-                                        t512,
-                                        (-a_re_2_m2)
-                                            .mul_add(
-                                                t489,
-                                                (-a_im_1_1).mul_add(t457, (-a_re_1_1).mul_add(t450, t514)),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                (-a_im_0_1)
-                    .mul_add(
-                        t321,
-                        (-a_re_0_1)
-                            .mul_add(
-                                t297,
-                                (-a_im_1_2)
-                                    .mul_add(
-                                        t475,
-                                        a_im_0_2
-                                            .mul_add(
-                                                t92,
-                                                a_im_1_m2
-                                                    .mul_add(
-                                                        t400,
-                                                        (-t37).mul_add(t485, (-t87).mul_add(t481, t517)),
-                                                    ),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                (-a_re_0_2)
-                    .mul_add(
-                        t83,
-                        (-a_im_1_2)
-                            .mul_add(
-                                t476,
-                                (-a_re_1_2)
-                                    .mul_add(
-                                        t465,
-                                        a_im_1_m2
-                                            .mul_add(
-                                                t401,
-                                                a_re_1_m2
-                                                    .mul_add(
-                                                        t382,
-                                                        (-t296).mul_add(t520, (-t307).mul_add(t519, t522)),
-                                                    ),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                a_im_2_0
-                    .mul_add(
-                        t488 - t336,
-                        a_im_1_0
-                            .mul_add(
-                                t447,
-                                a_im_1_2
-                                    .mul_add(
-                                        t478,
-                                        (-t212)
-                                            .mul_add(
-                                                t351,
-                                                (-t15)
-                                                    .mul_add(
-                                                        t452,
-                                                        (-a_im_0_1).mul_add(t298, (-a_im_2_m2).mul_add(t483, t524)),
+                                                        t483,
+                                                        (-a_im_2_2).mul_add(t291, (-a_im_2_m1).mul_add(t332, t520)),
                                                     ),
                                             ),
                                     ),
@@ -3827,55 +3813,89 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 (-a_im_0_2)
                     .mul_add(
-                        t361,
-                        (-a_im_1_0)
+                        t96,
+                        (-a_re_0_2)
                             .mul_add(
-                                t441,
-                                (-a_re_1_0)
+                                t83,
+                                (-a_re_1_2)
                                     .mul_add(
-                                        t429,
+                                        t467,
                                         (-a_im_1_2)
                                             .mul_add(
                                                 t477,
-                                                (-a_re_1_2).mul_add(t467, a_re_0_2.mul_add(t349, t527)),
+                                                a_re_1_m2.mul_add(t381, (-t295).mul_add(t523, t525)),
                                             ),
                                     ),
                             ),
-                    ),
+                    ) + t357,
                 (-a_re_1_0)
                     .mul_add(
-                        t427,
-                        (-a_re_1_m2)
+                        t428,
+                        a_im_0_2
                             .mul_add(
-                                t376,
-                                a_re_0_1
+                                t362,
+                                a_re_0_2
                                     .mul_add(
-                                        t304,
-                                        a_im_1_0
+                                        t350,
+                                        a_re_2_m1
                                             .mul_add(
-                                                t444,
-                                                a_im_1_m2
+                                                t506,
+                                                a_im_2_0
                                                     .mul_add(
-                                                        t397,
-                                                        a_im_1_m1.mul_add(t422, (-t350).mul_add(t442, t529)),
+                                                        t489 - t337,
+                                                        a_im_1_2.mul_add(t479, (-t212).mul_add(t329, t528)),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
-                (-a_re_2_m2)
+                (-a_im_0_2)
                     .mul_add(
-                        t490,
-                        (-a_im_2_m1)
+                        t359,
+                        (-a_re_2_0)
                             .mul_add(
-                                t510,
-                                (-a_re_2_m1)
+                                t337 + t489,
+                                (-a_im_2_0)
                                     .mul_add(
-                                        t503,
-                                        (-a_im_1_0)
+                                        t334 + t487,
+                                        (-a_re_1_2)
                                             .mul_add(
-                                                t440,
-                                                (-a_im_1_m2).mul_add(t391, (-a_re_1_0).mul_add(t428, t532)),
+                                                t468,
+                                                (-a_im_1_2).mul_add(t478, (-a_re_1_0).mul_add(t426, t531)),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                (-a_im_0_1)
+                    .mul_add(
+                        t322,
+                        (-a_re_0_1)
+                            .mul_add(
+                                t303,
+                                (-a_re_1_m1)
+                                    .mul_add(
+                                        t407,
+                                        (-a_re_1_0).mul_add(t430, (-a_re_1_m2).mul_add(t378, t534)),
+                                    ),
+                            ),
+                    ) - t405 + t425 - t484,
+                (-a_re_1_m2)
+                    .mul_add(
+                        t376,
+                        (-a_im_1_0)
+                            .mul_add(
+                                t441,
+                                a_im_0_1
+                                    .mul_add(
+                                        t324,
+                                        a_im_1_m1
+                                            .mul_add(
+                                                t420,
+                                                (-t489)
+                                                    .mul_add(
+                                                        a_re_2_m2 + a_re_2_1,
+                                                        (-a_im_0_2).mul_add(t349, t536),
+                                                    ),
                                             ),
                                     ),
                             ),
@@ -3883,20 +3903,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         *dy = [
-            (-a_re_1_0)
+            w_im_1_0
                 .mul_add(
-                    t28,
-                    w_im_1_0
+                    t22,
+                    w_re_1_0
                         .mul_add(
                             t19,
-                            w_re_1_0
+                            a_re_1_0
                                 .mul_add(
-                                    t16,
+                                    t11,
                                     a_im_1_0
-                                        .mul_add(t10, (-t36).mul_add(t37, (-t34).mul_add(t35, t39))),
+                                        .mul_add(
+                                            t2,
+                                            (-w_im_2_1).mul_add(t37, (-w_re_2_1).mul_add(t36, t39)),
+                                        ),
                                 ),
                         ),
-                ) - t6,
+                ) - t8,
             (-w_re_1_0)
                 .mul_add(
                     t47,
@@ -3906,7 +3929,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             w_im_1_0
                                 .mul_add(
                                     t43,
-                                    a_re_1_0.mul_add(t42, (-t23).mul_add(t49, t51)),
+                                    a_re_1_0
+                                        .mul_add(t42, (-t30).mul_add(t49, (-t26).mul_add(t48, t51))),
                                 ),
                         ),
                 ) - t41,
@@ -3929,13 +3953,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     w_re_2_0
                         .mul_add(
                             t92,
-                            (-t86)
+                            (-t68)
                                 .mul_add(
                                     t99,
-                                    (-t70)
+                                    (-t66)
                                         .mul_add(
                                             t98,
-                                            (-t64).mul_add(t97, (-w_im_2_1).mul_add(t62, t101)),
+                                            (-t86).mul_add(t97, (-w_im_2_1).mul_add(t62, t101)),
                                         ),
                                 ),
                         ),
@@ -3946,18 +3970,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     t130 + t132,
                     (-self.c20).mul_add(t126 + t128, t135 + t104 + t105 - t108),
                 ),
-            self.c55.mul_add(t146 - t147, self.c54.mul_add(t144 - t145, t150)),
+            (-self.c55).mul_add(t146 - t147, (-self.c54).mul_add(t144 - t145, t150)),
             (-a_re_2_2)
                 .mul_add(
-                    t164,
+                    t165,
                     w_im_1_1
                         .mul_add(
                             t160,
-                            w_re_1_1
-                                .mul_add(
-                                    t158,
-                                    (-t124).mul_add(t169, (-t116).mul_add(t168, t171)),
-                                ),
+                            w_re_1_1.mul_add(t158, (-t116).mul_add(t169, t171)),
                         ),
                 ) + t151 - t154 + t155,
             (-w_im_1_1)
@@ -3975,22 +3995,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ) + t172 - t173 - t174,
             (-w_re_0_1)
                 .mul_add(
-                    t16,
+                    t19,
                     (-a_im_0_1)
                         .mul_add(
                             t42,
-                            w_im_0_1
+                            (-a_re_0_1)
                                 .mul_add(
-                                    t47,
-                                    a_re_0_1
+                                    t11,
+                                    w_im_0_1
                                         .mul_add(
-                                            t28,
-                                            (-t71).mul_add(t166, (-t67).mul_add(t156, t186)),
+                                            t47,
+                                            (-t67).mul_add(t166, (-t93).mul_add(t163, t186)),
                                         ),
                                 ),
                         ),
                 ) + t184,
-            t191 - t188,
+            (-w_im_0_1)
+                .mul_add(
+                    t43,
+                    (-w_re_0_1)
+                        .mul_add(
+                            t22,
+                            (-a_re_0_1)
+                                .mul_add(
+                                    t2,
+                                    a_im_0_1
+                                        .mul_add(
+                                            t46,
+                                            (-t65).mul_add(t166, (-t94).mul_add(t161, t190)),
+                                        ),
+                                ),
+                        ),
+                ) - t188,
             (-w_im_1_m1)
                 .mul_add(
                     t176,
@@ -3999,11 +4035,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             t158,
                             (-t74)
                                 .mul_add(
-                                    t198,
+                                    t197,
                                     (-t75)
                                         .mul_add(
-                                            t197,
-                                            (-w_im_2_1).mul_add(t162, (-w_re_2_m1).mul_add(t23, t200)),
+                                            t196,
+                                            (-w_im_2_1).mul_add(t162, (-w_re_2_m1).mul_add(t30, t199)),
                                         ),
                                 ),
                         ),
@@ -4016,66 +4052,70 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             t178,
                             (-t62)
                                 .mul_add(
-                                    t205,
-                                    (-t75)
+                                    t204,
+                                    (-t74)
                                         .mul_add(
-                                            t204,
-                                            (-t177).mul_add(t193, (-w_re_1_2).mul_add(t112, t207)),
+                                            t203,
+                                            (-t177).mul_add(t193, (-w_re_1_2).mul_add(t112, t206)),
                                         ),
                                 ),
                         ),
                 ) - t136,
             self
                 .c65
-                .mul_add(t215 + t217, self.c64.mul_add(t130 - t132, t220 - t151 + t209)),
-            (-self.c67)
                 .mul_add(
-                    t226 - t227,
+                    t214 + t216,
+                    (-self.c64).mul_add(t130 - t132, t219 - t151 + t208),
+                ),
+            self
+                .c67
+                .mul_add(
+                    t225 - t226,
                     (-self.c66)
-                        .mul_add(t146 + t147, (-w_re_2_1).mul_add(t224, t230) - t221),
+                        .mul_add(t146 + t147, (-w_re_2_1).mul_add(t223, t229) - t220),
                 ),
             (-w_re_2_2)
                 .mul_add(
-                    t246,
+                    t245,
                     a_re_2_2
-                        .mul_add(t238, (-t31).mul_add(t205, (-t0).mul_add(t198, t248))),
-                ) + t209 - t233 - t236,
+                        .mul_add(t238, (-t35).mul_add(t204, (-t13).mul_add(t196, t247))),
+                ) + t208 - t232 - t235,
             (-w_im_2_2)
                 .mul_add(
-                    t253,
+                    t252,
                     (-w_re_2_2)
                         .mul_add(
-                            t252,
-                            a_im_2_2
+                            t251,
+                            a_re_2_2
                                 .mul_add(
-                                    t251,
-                                    a_re_2_2
+                                    t250,
+                                    a_im_2_2
                                         .mul_add(
-                                            t250,
-                                            (-t0).mul_add(t197, (-t7).mul_add(t204, t255)),
+                                            t249,
+                                            (-t12).mul_add(t203, (-t13).mul_add(t197, t254)),
                                         ),
                                 ),
                         ),
-                ) - t249,
+                ) - t248,
             (-self.c79)
                 .mul_add(
-                    t261 + t263,
-                    (-self.c78).mul_add(t126 - t128, t266 - t54 - t183 - t192),
+                    t260 + t262,
+                    self.c78.mul_add(t126 - t128, t265 - t54 - t183 - t191),
                 ),
-            (-self.c81).mul_add(t270 - t271, (-self.c80).mul_add(t144 + t145, t274)),
+            self.c81.mul_add(t269 - t270, (-self.c80).mul_add(t144 + t145, t273)),
             (-w_im_0_2)
                 .mul_add(
                     t92,
                     w_re_0_2
                         .mul_add(
                             t80,
-                            (-t24)
+                            (-t31)
                                 .mul_add(
-                                    t240,
+                                    t239,
                                     (-t44)
                                         .mul_add(
-                                            t243,
-                                            (-w_re_2_1).mul_add(t60, (-w_im_2_m1).mul_add(t76, t276)),
+                                            t241,
+                                            (-t25).mul_add(t242, (-t69).mul_add(t257, t275)),
                                         ),
                                 ),
                         ),
@@ -4086,125 +4126,104 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     w_re_0_2
                         .mul_add(
                             t83,
-                            (-t22)
+                            (-t29)
                                 .mul_add(
-                                    t240,
+                                    t239,
                                     (-t45)
                                         .mul_add(
-                                            t241,
-                                            (-t95).mul_add(t256, (-w_re_2_m1).mul_add(t76, t278)),
+                                            t240,
+                                            (-t27)
+                                                .mul_add(
+                                                    t242,
+                                                    (-t95).mul_add(t256, (-t71).mul_add(t257, t277)),
+                                                ),
                                         ),
                                 ),
                         ),
                 ) + t173,
-            (-self.c83).mul_add(t261 - t263, self.c82.mul_add(t215 - t217, t282 - t279)),
+            self.c83.mul_add(t260 - t262, (-self.c82).mul_add(t214 - t216, t281 - t278)),
             self
                 .c85
                 .mul_add(
-                    t270 + t271,
+                    t269 + t270,
                     self
                         .c84
                         .mul_add(
-                            t226 + t227,
-                            (-w_im_1_2).mul_add(t222, (-w_re_1_2).mul_add(t211, t286))
-                                - t283,
+                            t225 + t226,
+                            (-w_im_1_2).mul_add(t221, (-w_re_1_2).mul_add(t210, t285))
+                                - t282,
                         ),
                 ),
-            (-a_im_2_m2)
+            (-a_re_2_m2)
                 .mul_add(
-                    t250,
-                    (-a_re_2_m2)
+                    t238,
+                    (-a_im_2_m2)
                         .mul_add(
-                            t238,
+                            t250,
                             (-a_re_1_m1)
                                 .mul_add(
-                                    t164,
-                                    w_im_2_m2.mul_add(t252, w_re_2_m2.mul_add(t246, t288)),
+                                    t165,
+                                    w_im_2_m2.mul_add(t251, w_re_2_m2.mul_add(t245, t287)),
                                 ),
                         ),
-                ) - t6 - t208 + t279,
+                ) - t8 - t207 + t278,
             (-a_im_2_m2)
-                .mul_add(t251, w_im_2_m2.mul_add(t253, a_im_1_m1.mul_add(t175, t290)))
-                - t137 + t187 + t221 + t267 + t283,
-            (-a_im_2_m2)
+                .mul_add(t249, w_im_2_m2.mul_add(t252, a_im_1_m1.mul_add(t175, t289)))
+                - t137 + t187 + t220 + t266 + t282,
+            (-a_re_2_m2)
                 .mul_add(
-                    t306,
-                    (-a_re_2_2)
-                        .mul_add(
-                            t304,
-                            (-a_re_1_1)
-                                .mul_add(t300 - t292, (-a_im_1_0).mul_add(t19, t314)),
-                        ),
+                    t313,
+                    (-a_re_1_2).mul_add(t312, (-a_re_1_m1).mul_add(t311, t318)),
                 ),
-            (-a_im_2_2).mul_add(t325, t329),
-            t357 - t334 + t337,
-            (-a_re_2_1).mul_add(t365, (-a_re_2_0).mul_add(t92, t368)) - t359,
-            t388 - t371 + t372,
-            (-a_re_0_2).mul_add(t350 - t335, (-a_im_2_0).mul_add(t401, t404)),
-            (-a_im_0_1).mul_add(t315, t414) + t406 + t407 + t408,
-            (-a_re_2_2)
+            (-a_im_2_2).mul_add(t324, (-a_im_2_0).mul_add(t297 + t296, t328)),
+            t356 - t336 - t338,
+            t368 - t358,
+            (-a_im_0_2).mul_add(t346 + t332, t385),
+            t403 - t387 + t388,
+            (-a_re_2_m1).mul_add(t409, (-a_re_1_1).mul_add(t158, t412)) + t405 + t406,
+            (-a_im_2_2).mul_add(t420, (-a_re_1_1).mul_add(t176, t424)) - t414 - t415
+                - t416,
+            (-a_re_0_2).mul_add(t343 - t353, (-a_im_0_1).mul_add(t47, t437)),
+            (-a_re_0_2).mul_add(t331, t451),
+            (-a_re_2_m1).mul_add(t455, t458),
+            (-a_im_1_m1).mul_add(t178, (-a_re_1_m2).mul_add(t122 + t304, t463)),
+            (-a_im_0_2)
                 .mul_add(
-                    t422,
-                    (-a_re_1_1).mul_add(t176, (-a_re_1_0).mul_add(t421, t425)),
-                ) + t416 - t417,
-            (-a_im_0_2).mul_add(t351 + t354, t436),
-            (-a_re_0_2)
-                .mul_add(
-                    t351 - t354,
-                    (-a_re_2_1)
+                    t337 + t346,
+                    (-a_im_0_1)
                         .mul_add(
-                            t447,
-                            (-a_re_2_m2)
+                            t320,
+                            (-a_re_2_0)
                                 .mul_add(
-                                    t446,
-                                    (-a_im_2_m1)
-                                        .mul_add(
-                                            t445,
-                                            (-a_re_2_2).mul_add(t444, (-a_re_1_1).mul_add(t443, t449)),
-                                        ),
+                                    t470,
+                                    (-a_re_1_m2)
+                                        .mul_add(t372, a_re_0_2.mul_add(t345 - t334, t473)),
                                 ),
                         ),
+                ) + t465 + t466,
+            t482 - t388 - t414 + t475 - t476,
+            (-a_im_0_1).mul_add(t321, t493) - t484 - t486,
+            t502 + t496,
+            t511 - t333,
+            (-a_im_0_2)
+                .mul_add(
+                    t360,
+                    (-a_re_0_2).mul_add(t341, (-a_re_0_1).mul_add(t159 - t300, t517)),
                 ),
-            (-a_im_0_1)
-                .mul_add(t318, a_im_2_m2.mul_add(t451, a_im_2_m1.mul_add(t450, t455))),
-            (-a_im_1_0).mul_add(t438, t462),
-            (-a_im_0_1).mul_add(t317, t471) - t369 + t463 + t464,
-            (-a_re_2_1)
+            (-a_re_0_2).mul_add(t80, (-a_re_0_1).mul_add(t298, t521)) - t292 - t338,
+            t526 + t416,
+            (-a_re_1_2).mul_add(t469, t529) - t404 - t466 - t503,
+            t532 + t476 + t494,
+            t535 + t486,
+            (-a_re_0_1)
                 .mul_add(
-                    t478,
-                    (-a_re_1_m2)
+                    t301,
+                    (-a_re_2_m1)
                         .mul_add(
-                            t374,
-                            a_im_0_2
-                                .mul_add(
-                                    t331 + t353,
-                                    a_re_0_2.mul_add(t350 - t336, a_im_0_1.mul_add(t322, t480)),
-                                ),
+                            t504,
+                            (-a_im_2_m1).mul_add(t512, (-a_re_1_0).mul_add(t429, t537)),
                         ),
-                ) - t472 + t473 - t474,
-            t493 - t484 - t486,
-            (-a_im_2_2).mul_add(t498, t501) - t494 + t495 - t496,
-            (-a_re_0_2).mul_add(t341, t507) + t502,
-            (-a_im_0_2).mul_add(t360, t515) - t508,
-            (-a_re_0_2).mul_add(t80, t518) - t293 - t332 - t408,
-            (-a_im_0_2).mul_add(t96, t523) - t358,
-            (-a_im_2_m1)
-                .mul_add(
-                    t511,
-                    (-a_re_1_1)
-                        .mul_add(
-                            t78 - t300,
-                            (-a_re_1_2)
-                                .mul_add(
-                                    t466,
-                                    a_im_0_2.mul_add(t365, a_re_0_2.mul_add(t348, t525)),
-                                ),
-                        ),
-                ) + t464 + t486 - t502,
-            t528 + t474 - t494 - t508,
-            (-a_im_0_1).mul_add(t319, (-a_im_2_m1).mul_add(t509, t530)) - t407 - t426
-                + t482 - t484,
-            t533 + t416 + t417 + t495 + t496,
+                ) - t319 + t413 + t495 + t496,
         ];
     }
 

@@ -23,7 +23,7 @@ impl Writer<'_> {
         for (table, name) in self.module.program.tables.iter().zip(&self.module.tables) {
             let name = ident(name);
             let doc = doc_attributes([format!(
-                "{} products with {} numbers, for {} sums.",
+                "Products: {}; distinct numbers: {}; sums: {}.",
                 table.n_products(),
                 table.numbers().len(),
                 table.ends.len()

@@ -171,9 +171,7 @@ impl Builder<'_> {
         let slopes = linear.jacobian(self.g, &mut self.writer, name, title).remove(0);
         let matrix = dense(self.g, bracket.remainder.len(), &bracket.entries);
         for (r, row) in bracket.remainder.iter_mut().zip(&matrix) {
-            let terms: Vec<ExprId> =
-                row.iter().zip(&slopes).map(|(e, slope)| self.g.mul(*e, *slope)).collect();
-            let sum = self.g.sum(&terms);
+            let sum = self.g.dot(row, &slopes);
             *r = self.g.sub(*r, sum);
         }
     }
