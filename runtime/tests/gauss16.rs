@@ -1,4 +1,5 @@
-//! Collocation of order 16 in lanes: its order and structure, round-off over many steps, output inside of steps, events.
+//! Collocation of order 16 in lanes: its order and structure, round-off over many steps, output inside of steps,
+//! events.
 
 #![cfg(feature = "lanes")]
 

@@ -122,7 +122,8 @@ impl MethodName {
         matches!(self.class(), Class::Projection | Class::FixedProjection)
     }
 
-    /// Whether the method is one of its own, and evaluates the right-hand side but neither its derivatives nor a series.
+    /// Whether the method is one of its own, and evaluates the right-hand side but neither its derivatives nor a
+    /// series.
     pub(crate) fn evaluates_rates_alone(self) -> bool {
         !matches!(self.class(), Class::Newton | Class::Series | Class::Choice)
     }

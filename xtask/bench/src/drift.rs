@@ -1,8 +1,9 @@
 //! Errors of the energy over many steps, for the methods of the runtime on systems that conserve it.
 //!
 //! Every method takes steps at which round-off is all that is left of its error: half the longest power of two with
-//! which it meets the end of a short motion; the method for long runs also an eighth, which leaves less of it. Runs start at several points of one motion, so that their round-off has
-//! nothing in common. The energy is that of the state as it is stored, with 31 digits.
+//! which it meets the end of a short motion; the method for long runs also an eighth, which leaves less of it. Runs
+//! start at several points of one motion, so that their round-off has nothing in common. The energy is that of the
+//! state as it is stored, with 31 digits.
 //!
 //! Does not know: where motions come from, how results are shown.
 

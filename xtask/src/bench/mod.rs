@@ -123,8 +123,9 @@ Examples:
     /// Long runs: the error of the energy against the number of steps
     ///
     /// Makes 1e7 short steps with gauss16, and a tenth with longer ones and with the other methods that come near
-    /// round-off, on ten systems from four points of a motion each; prints errors after 1e3, 1e4, .. steps, how they grow, and the time of a unit of time.
-    /// When no models are named, docs/benchmarks/drift.md, drift.csv and drift.svg are written.
+    /// round-off, on ten systems from four points of a motion each; prints errors after 1e3, 1e4, .. steps, how they
+    /// grow, and the time of a unit of time. When no models are named, docs/benchmarks/drift.md, drift.csv and
+    /// drift.svg are written.
     ///
     /// The measuring program is built in target/bench, which takes some minutes the first time.
     #[command(after_help = "\
@@ -135,7 +136,8 @@ Examples:
         /// Names of models; ten when none is given
         models: Vec<String>,
         /// Steps of the longest runs
-        #[arg(long, value_name = "N", default_value_t = 10_000_000, value_parser = clap::value_parser!(u64).range(10_000..))]
+        #[arg(long, value_name = "N", default_value_t = 10_000_000)]
+        #[arg(value_parser = clap::value_parser!(u64).range(10_000..))]
         steps: u64,
         /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
         #[arg(long, value_enum)]
