@@ -6,6 +6,8 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use hamel_codegen::spec::{self, MatrixFluid};
+
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{self, Checked, Model};
@@ -183,13 +185,7 @@ impl<'s> ModelFile<'s> {
         if let Some(model) = self.model.get() {
             return Ok(model);
         }
-        let shown = self.shown();
-        let text = match &self.source {
-            Source::File(path) => {
-                Cow::Owned(std::fs::read_to_string(path).map_err(|e| Error::io(shown.clone(), e))?)
-            }
-            Source::Shipped(text) => Cow::Borrowed(*text),
-        };
+        let (shown, text) = (self.shown(), self.text()?);
         let model = self.session.parse(&shown, &text)?;
         if self.repository.is_some() && model.name != self.name {
             return Err(Error::Misnamed { file: shown, model: model.name });
@@ -197,6 +193,27 @@ impl<'s> ModelFile<'s> {
         model::show_warnings(&model.warnings);
         let checked = Arc::new(Checked::new(model, self.session.cache.clone()));
         Ok(self.model.get_or_init(|| checked))
+    }
+
+    fn text(&self) -> Result<Cow<'static, str>, Error> {
+        Ok(match &self.source {
+            Source::File(path) => {
+                Cow::Owned(std::fs::read_to_string(path).map_err(|e| Error::io(self.shown(), e))?)
+            }
+            Source::Shipped(text) => Cow::Borrowed(*text),
+        })
+    }
+
+    /// The fluid of a file whose model is moved as products of matrices; none for a model with equations, which is then
+    /// checked by nobody.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Models`] with every problem of the text.
+    pub fn fluid(&self) -> Result<Option<MatrixFluid>, Error> {
+        if self.model.get().is_some() {
+            return Ok(None);
+        }
+        Ok(spec::matrix_fluid(&self.shown(), &self.text()?)?)
     }
 
     /// The model, owned.

@@ -642,14 +642,18 @@ fn number_of(value: &Value) -> f64 {
 
 #[test]
 fn auto_takes_a_method_that_suits_tolerance_and_scene() {
-    let request = |method: &str, rtol: f64| {
+    let request = |method: &str, rtol: f64, samples: usize| {
         let initial = state([1.0, 2.0, 3.0]);
-        json!({"initial": initial, "t_final": 5, "method": method, "rtol": rtol, "atol": rtol})
+        json!({
+            "initial": initial, "t_final": 5, "method": method, "rtol": rtol, "atol": rtol, "samples": samples
+        })
     };
-    let answer = |method: &str, rtol: f64| simulate(TOP, &request(method, rtol)).unwrap();
-    // A cheap scene, and the interpreter has series for any.
+    let answer =
+        |method: &str, rtol: f64, samples: usize| simulate(TOP, &request(method, rtol, samples)).unwrap();
     for rtol in [1e-5, 1e-12] {
-        assert_eq!(answer("auto", rtol), answer("taylor", rtol));
+        assert_eq!(answer("auto", rtol, 2), answer("gbs14", rtol, 2));
+        // States inside of steps, a cheap scene, and the interpreter has series for any.
+        assert_eq!(answer("auto", rtol, 20), answer("taylor", rtol, 20));
     }
     let fixed = json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 1, "method": "auto", "step": 0.1});
     assert!(problems(simulate(TOP, &fixed))[0].to_string().contains("auto chooses by tolerances"));

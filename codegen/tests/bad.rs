@@ -10,7 +10,8 @@ use hamel_codegen::spec::{self, Diagnostics};
 
 /// The report about a file, rendered without colour.
 fn report(file: &str, text: &str) -> Option<String> {
-    let outcome = spec::parse(file, text).and_then(|model| {
+    let fluid = spec::matrix_fluid(file, text);
+    let outcome = fluid.and_then(|_| spec::parse(file, text)).and_then(|model| {
         let mut scenes = Scenes::new(&model);
         let names = scenes.names();
         let scenes = scenes.build_all(&names)?;

@@ -47,7 +47,7 @@ mod lanes;
 mod run;
 
 pub use error::{Error, Stop};
-pub use hamel_runtime::{Dop853, Dopri5, F64x4, F64x8, Options, Rk4, Stats, Tsit5, Vern9};
+pub use hamel_runtime::{Dop853, Dopri5, F64x4, F64x8, Gbs14, Options, Rk4, Stats, Tsit5, Vern9};
 pub use lanes::{Family, Lanes, Source};
 pub use run::{Ensemble, Trajectory};
 

@@ -7,7 +7,10 @@ use std::time::Instant;
 use hamel_models::generated::{
     chaplygin_ball_taylor, euler_disk_taylor, heavy_top_taylor, snakeboard_taylor, two_arm_satellite_taylor,
 };
-use hamel_runtime::{Dop853, Error, Integrator, Jet, Method, Options, Scene, System, Taylor, Tsit5, Vern9};
+use hamel_runtime::{
+    Dop853, Error, F64x4, Gbs14, Integrator, Jet, Method, Options, OverScalar, Scene, System, Taylor, Tsit5,
+    Vern9,
+};
 
 /// Time to reach.
 const T_END: f64 = 5.0;
@@ -29,18 +32,19 @@ where
 
 fn measure<S, const N: usize>(start: [f64; N]) -> Result<(), Box<dyn std::error::Error>>
 where
-    S: Scene<f64> + Jet<f64> + System<f64, State = [f64; N]>,
+    S: Scene<f64> + Jet<f64> + OverScalar<F64x4, State = [f64; N]>,
 {
     let defaults: Vec<f64> = S::INFO.params.iter().map(|p| p.default).collect();
     let system = S::prepare(&defaults)?;
     let (exact, _) = solve(&system, Taylor::new(), start, 3e-15)?;
-    for name in ["tsit5", "dop853", "vern9", "taylor"] {
+    for name in ["tsit5", "dop853", "vern9", "gbs14", "taylor"] {
         for half in 8..=28 {
             let tolerance = 10.0_f64.powf(-0.5 * f64::from(half));
             let run = || match name {
                 "tsit5" => solve(&system, Tsit5, start, tolerance),
                 "dop853" => solve(&system, Dop853, start, tolerance),
                 "vern9" => solve(&system, Vern9, start, tolerance),
+                "gbs14" => solve(&system, Gbs14, start, tolerance),
                 _ => solve(&system, Taylor::new(), start, tolerance),
             };
             let (last, evaluations) = run()?;

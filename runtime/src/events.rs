@@ -67,6 +67,11 @@ pub struct Event<'a, R, V> {
     pub state: &'a V,
 }
 
+/// Whether a value is on the side of `after`, or zero, of a change of sign from `before` to `after`.
+pub(crate) fn is_after(value: f64, (before, after): (f64, f64)) -> bool {
+    if after > before { value >= 0.0 } else { value <= 0.0 }
+}
+
 /// The end of a bracket of at most the width `resolution` around a change of sign of `f` in `[0, 1]`, by the
 /// method ITP.
 ///

@@ -65,6 +65,13 @@ macro_rules! lanes {
                 self.to_array()[k]
             }
 
+            /// The larger number on every lane; of NaN any.
+            #[inline]
+            #[must_use]
+            pub fn max(self, other: Self) -> Self {
+                Self(self.0.fast_max(other.0))
+            }
+
             #[inline]
             fn map(self, f: impl FnMut(f64) -> f64) -> Self {
                 Self::new(self.to_array().map(f))

@@ -108,7 +108,7 @@ pub use methods::{
     Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
 };
 #[cfg(feature = "lanes")]
-pub use methods::{Gauss16, Gbs14, Halves, Rows};
+pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};
 #[cfg(feature = "nalgebra")]
 pub use nalgebra;
 #[cfg(feature = "nalgebra")]

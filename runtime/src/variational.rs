@@ -160,9 +160,9 @@ impl<R: Real, T: System<Dual<R>>, V: StateVector<R>> Variational<'_, R, T, V> {
     ///
     /// # Errors
     ///
-    /// [`Error::StepSize`] for an interval that is zero or not finite; [`Error::Failure`] where derivatives are linearly
-    /// dependent; those of [`Integrator`]. The exponents are of no use then, `t` and `z` are those at the end of the last
-    /// whole interval.
+    /// [`Error::StepSize`] for an interval that is zero or not finite; [`Error::Failure`] where derivatives are
+    /// linearly dependent; those of [`Integrator`]. The exponents are of no use then, `t` and `z` are those at the end
+    /// of the last whole interval.
     ///
     /// # Panics
     ///

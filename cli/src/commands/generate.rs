@@ -63,14 +63,27 @@ impl Arguments {
 /// # Errors
 /// The problems of all models together; [`Error::Stale`] when checking. On an error nothing has been written.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let (mut models, mut errors): (Vec<Model>, Vec<Error>) = (Vec::new(), Vec::new());
+    let (mut models, mut fluids, mut errors) = (Vec::<Model>::new(), Vec::new(), Vec::new());
     for argument in &arguments.models {
-        match session.find(argument).and_then(crate::session::ModelFile::into_model) {
-            Ok(model) => models.push(model),
+        let read = session.find(argument).and_then(|file| match file.fluid()? {
+            Some(fluid) => {
+                fluids.push(fluid);
+                Ok(None)
+            }
+            None => file.into_model().map(Some),
+        });
+        match read {
+            Ok(model) => models.extend(model),
             Err(error) => errors.push(error),
         }
     }
     Error::all_of(errors)?;
+    if let (Some(fluid), false) = (fluids.first(), arguments.scene.is_empty() && arguments.mod_file.is_none())
+    {
+        let reason =
+            format!("are of scenes, and {} is a fluid of matrices: generate it by itself", fluid.name);
+        return Err(Error::unusable("--scene and --mod-file", reason));
+    }
     let mut config = Config::new();
     config.out_dir(&arguments.out_dir);
     for model in models.iter().filter(|_| !arguments.scene.is_empty()) {
@@ -79,9 +92,10 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if let Some(file) = &arguments.mod_file {
         config.include_file(file);
     }
-    let bundle = config.generate(&models)?;
+    let mut bundle = config.generate(&models)?;
+    config.add_fluids(&fluids, &mut bundle)?;
     bundle.warnings.iter().for_each(show_warnings);
-    let n_scenes = bundle.entries.len();
+    let n_scenes = bundle.entries.len() + fluids.len();
     if arguments.check {
         let wrong = |path: &Path| if path.is_file() { "is out of date" } else { "is missing" };
         let changed = bundle.changed(&arguments.out_dir).into_iter();

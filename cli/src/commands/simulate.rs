@@ -7,11 +7,14 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use hamel_codegen::spec::Want;
+use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
-use crate::model::{self, Model, blocks, roles};
+use crate::model::blocks::{self, Block};
+use crate::model::spelling::spell;
+use crate::model::units::split_unit;
+use crate::model::{self, Model, roles};
 use crate::output::fields::fields;
 use crate::output::files::{Run, Target};
 use crate::output::terminal::bold;
@@ -21,6 +24,7 @@ use crate::run::choice::Via;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::integrate::has_state;
+use crate::run::matrices::{self, Outcome};
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::{SimulateRequest, SimulateResponse, samples_refusal};
 use crate::run::start::{Starts, judge};
@@ -92,7 +96,92 @@ const DEFAULT_SAMPLES: usize = 1001;
 /// # Errors
 /// Everything that can be wrong with names, values or the request, the integration and files.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    if let Some(fluid) = session.find(&arguments.scene.model)?.fluid()? {
+        return of_matrices(&fluid, arguments);
+    }
     if arguments.json { answer(session, &arguments.scene) } else { simulate(session, arguments) }
+}
+
+/// The motion of a fluid of matrices; a summary, or the answer to a JSON request with the Casimirs at both ends.
+fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Error> {
+    let info = matrices::info(fluid);
+    if arguments.scene.scene != info.scene {
+        let (name, known) = (arguments.scene.scene.clone(), vec![info.scene]);
+        return Err(Error::UnknownScene { model: info.model, name, known });
+    }
+    if arguments.scene.via == Some(Via::Compiled) {
+        return Err(Error::unusable("--via", "is not possible: matrices are multiplied in this process"));
+    }
+    if arguments.json {
+        let text = read_request("{\"initial\": {\"re_1_0\": 0.5, ..}, \"t_final\": 1, \"step\": 0.01}")?;
+        let request = SimulateRequest::parse(&text, &info)?;
+        let Outcome { response, casimirs } = matrices::simulate(fluid, &request)?;
+        let mut answer = response.to_json(&info, 0);
+        if let Some(fields) = answer.as_object_mut() {
+            let values = casimirs.into_iter().map(|(name, ends)| (name, ends.to_vec().into()));
+            fields.insert("casimirs".into(), serde_json::Value::Object(values.collect()));
+        }
+        return Ok(answer.to_string());
+    }
+    let motion = &arguments.motion;
+    if arguments.reconstruct {
+        return Err(Error::unusable("--reconstruct", "is not possible: a fluid of matrices has no places"));
+    }
+    let method = match motion.method {
+        method if method == MethodName::default() => MethodName::Isospectral,
+        method => method,
+    };
+    let (Some(step), None, None) = (motion.step, motion.rtol, motion.atol) else {
+        let reason =
+            "is what a fluid of matrices is moved by, without tolerances: give one, such as --step 0.01";
+        return Err(Error::unusable("--step", reason));
+    };
+    let mut problems = Vec::new();
+    assignments(&motion.set, "--set", "parameter", &[], &mut problems);
+    let given = assignments(&motion.initial, "--initial", "state", &info.state_names(), &mut problems);
+    if !problems.is_empty() {
+        return Err(Error::Request { problems });
+    }
+    let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
+    let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
+    let mut initial = matrices::initial(fluid);
+    for (name, value) in info.state.iter().zip(&mut initial) {
+        *value = given.get(name).copied().unwrap_or(*value);
+    }
+    let steps = Steps::Fixed { step };
+    let request = SimulateRequest {
+        params: Vec::new(),
+        initial,
+        t_final: motion.t_final,
+        method,
+        steps,
+        samples,
+        with_outputs: !targets.is_empty(),
+        n_group: 0,
+        max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
+    };
+    let Outcome { response, casimirs } = matrices::simulate(fluid, &request)?;
+    let title = fluid.doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default();
+    let (doc, unit) = split_unit(&fluid.vorticity, 0);
+    let members = info.state.iter().map(|name| (name.clone(), spell(name))).collect();
+    let blocks = [Block { symbol: String::new(), doc, unit, members }];
+    let run =
+        Run { info: &info, title, blocks: &blocks, request: &request, response: &response, fields: &[] };
+    for target in &targets {
+        target.write(&run)?;
+    }
+    let mut text = summary(&info, title, &request, &response);
+    if !casimirs.is_empty() {
+        text.push('\n');
+    }
+    let width = casimirs.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0).max(5);
+    for (name, [start, end]) in &casimirs {
+        let _ = write!(text, "\n  {name:width$}  {:>24}  {:>24}", format!("{start:?}"), format!("{end:?}"));
+    }
+    for target in &targets {
+        let _ = write!(text, "\nwrote {} ({} samples)", target.path().display(), response.samples.len());
+    }
+    Ok(text)
 }
 
 /// The answer to a JSON request.
@@ -187,12 +276,14 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let motion = &arguments.motion;
     let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
         .map_err(|reason| Error::unusable("--step", reason))?;
+    let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
     let method = match (motion.method, steps) {
         (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
             // Compiled code does not say what it costs.
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
             let is_interpreted = choice.via(&file) == Via::Interpreter;
-            auto::choose(rtol, Some(cost), is_interpreted || model::wants(model, &choice.scene, Want::Taylor))
+            let has_series = is_interpreted || model::wants(model, &choice.scene, Want::Taylor);
+            auto::choose(rtol, Some(cost), has_series, auto::Purpose::of_samples(samples))
         }
         (method, _) => method,
     };
@@ -220,7 +311,6 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         }
         return Err(Error::Request { problems });
     }
-    let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
     if let Some(reason) = samples_refusal(samples as u64, &info, !targets.is_empty()) {
         return Err(Error::unusable("--samples", reason));
     }

@@ -12,11 +12,35 @@ use super::method::MethodName;
 /// own arithmetic costs as much, and series grow with the cost faster than values.
 const CHEAP: u64 = 64;
 
+/// Tolerances from which on extrapolation in lanes can meet them.
+const LEAST_FOR_LANES: f64 = 1e-14;
+
+/// What an integration is for, as far as the choice of a method depends on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// One trajectory, whose last state counts.
+    End,
+    /// One trajectory with states at times in between: each costs a method without continuous output a step.
+    Samples,
+    /// Several trajectories side by side, so that no lanes are left for one of them.
+    Ensemble,
+}
+
+impl Purpose {
+    /// Of a trajectory with so many samples at equal distances, both ends included.
+    pub fn of_samples(samples: usize) -> Purpose {
+        if samples <= 2 { Purpose::End } else { Purpose::Samples }
+    }
+}
+
 /// The fastest method at a relative tolerance. `rhs_cost` is unknown for scenes of which only the compiled code is
 /// there: they are taken for costly.
-pub fn choose(rtol: f64, rhs_cost: Option<u64>, has_series: bool) -> MethodName {
+pub fn choose(rtol: f64, rhs_cost: Option<u64>, has_series: bool, purpose: Purpose) -> MethodName {
+    if purpose == Purpose::End && rtol >= LEAST_FOR_LANES {
+        return MethodName::Gbs14;
+    }
     let is_cheap = rhs_cost.is_some_and(|cost| cost <= CHEAP);
-    if is_cheap && has_series {
+    if is_cheap && has_series && rtol < 3e-5 {
         return MethodName::Taylor;
     }
     let loosest_for_ninth_order = if is_cheap { 3e-11 } else { 3e-6 };
@@ -28,7 +52,7 @@ mod tests {
     use std::collections::BTreeMap;
     use std::sync::Arc;
 
-    use super::{CHEAP, choose};
+    use super::{CHEAP, LEAST_FOR_LANES, Purpose, choose};
     use crate::cache::Cache;
     use crate::model::Checked;
     use crate::run::interpreted;
@@ -68,21 +92,25 @@ mod tests {
         for exponent in 4..=13 {
             let bound = 10.0_f64.powi(-exponent);
             let times = fastest(bound);
-            for has_series in [true, false] {
-                for is_cheap in [true, false] {
+            for purpose in [Purpose::End, Purpose::Samples] {
+                for (has_series, is_cheap) in [(true, true), (true, false), (false, true), (false, false)] {
+                    let is_usable = |method: &str| {
+                        (has_series || method != "taylor") && (purpose == Purpose::End || method != "gbs14")
+                    };
                     // The geometric mean over the models of the class.
                     let mut means: BTreeMap<&str, f64> = BTreeMap::new();
                     for (_, of_model) in times.iter().filter(|(m, _)| (costs[*m] <= CHEAP) == is_cheap) {
-                        let usable = of_model.iter().filter(|(method, _)| has_series || **method != "taylor");
+                        let usable = of_model.iter().filter(|(method, _)| is_usable(method));
                         usable.for_each(|(method, us)| *means.entry(method).or_default() += us.ln());
                     }
                     let n = if is_cheap { n_cheap } else { costs.len() - n_cheap } as f64;
-                    let chosen = choose(bound, Some(if is_cheap { CHEAP } else { CHEAP + 1 }), has_series);
+                    let cost = if is_cheap { CHEAP } else { CHEAP + 1 };
+                    let chosen = choose(bound, Some(cost), has_series, purpose);
                     let best = means.values().copied().fold(f64::INFINITY, f64::min);
                     let lost = ((means[chosen.name()] - best) / n).exp();
                     assert!(
                         lost < 1.2,
-                        "{bound:e}, cheap {is_cheap}: {chosen:?} takes {lost:.2} of the best"
+                        "{bound:e}, {purpose:?}, cheap {is_cheap}: {chosen:?} takes {lost:.2} of the best"
                     );
                 }
             }
@@ -90,10 +118,25 @@ mod tests {
     }
 
     #[test]
+    fn lanes_are_taken_where_they_are_free_and_reach_the_tolerance() {
+        for cost in [Some(20), Some(10_000), None] {
+            for has_series in [true, false] {
+                let chosen = |rtol, purpose| choose(rtol, cost, has_series, purpose);
+                assert_eq!(chosen(1e-10, Purpose::of_samples(0)), MethodName::Gbs14);
+                assert_eq!(chosen(LEAST_FOR_LANES, Purpose::of_samples(2)), MethodName::Gbs14);
+                assert_ne!(chosen(1e-10, Purpose::of_samples(3)), MethodName::Gbs14);
+                assert_ne!(chosen(1e-10, Purpose::Ensemble), MethodName::Gbs14);
+                assert_ne!(chosen(9e-15, Purpose::End), MethodName::Gbs14);
+            }
+        }
+    }
+
+    #[test]
     fn an_unknown_cost_is_taken_for_a_high_one() {
         for rtol in [1e-4, 1e-8, 1e-13] {
-            assert_eq!(choose(rtol, None, true), choose(rtol, Some(10_000), true));
+            let chosen = |cost| choose(rtol, cost, true, Purpose::Samples);
+            assert_eq!(chosen(None), chosen(Some(10_000)));
         }
-        assert_eq!(choose(1e-10, Some(20), true), MethodName::Taylor);
+        assert_eq!(choose(1e-10, Some(20), true, Purpose::Samples), MethodName::Taylor);
     }
 }

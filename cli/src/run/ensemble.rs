@@ -11,6 +11,7 @@ use rayon::ThreadPool;
 use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, ParallelIterator as _};
 use serde::{Deserialize, Serialize};
 
+use super::auto::Purpose;
 use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
 use super::evaluate::why_stopped;
 use super::method::{MethodName, Steps};
@@ -91,7 +92,9 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec
     // What a scene can do depends on the scene alone, but takes parameters that are allowed.
     let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
     match &any {
-        Some((dynamics, y)) => with_method(request.method, request.steps, &**dynamics, y, job)?,
+        Some((dynamics, y)) => {
+            with_method(request.method, request.steps, Purpose::Ensemble, &**dynamics, y, job)?
+        }
         // No trajectory will start, whatever the method.
         None => job.explicit(hamel_runtime::Dop853),
     }

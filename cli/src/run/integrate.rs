@@ -5,6 +5,7 @@
 use hamel_runtime::{Error as SolverError, Integrator, Method};
 
 use super::admissible;
+use super::auto::Purpose;
 use super::dynamics::{Factory, PreparedScene, VecState};
 use super::evaluate::{describe, prepare, why_stopped};
 use super::info::Info;
@@ -29,7 +30,8 @@ pub fn simulate(
     let dynamics = prepare(factory, &request.params)?;
     admissible::check(&*dynamics, &request.initial, request.n_group)?;
     let run = Run { dynamics: &dynamics, request, progress };
-    with_method(request.method, request.steps, &*dynamics, &request.initial, run)?
+    let purpose = Purpose::of_samples(request.samples);
+    with_method(request.method, request.steps, purpose, &*dynamics, &request.initial, run)?
 }
 
 /// Whether there is anything to integrate.

@@ -50,6 +50,8 @@ pub enum MethodName {
     Projected,
     /// Gauss collocation of order 16 with the same projection, fixed steps only.
     Gauss16Projected,
+    /// The isospectral midpoint rule, for fluids that are moved as products of matrices; fixed steps only.
+    Isospectral,
 }
 
 /// What a method needs and offers.
@@ -69,10 +71,12 @@ enum Class {
     Projection,
     /// Corrects the steps of a method for fixed steps.
     FixedProjection,
+    /// Moves matrices in fixed steps.
+    Matrices,
 }
 
 /// Every method in the order of [`MethodName`], with its name in requests and on the command line.
-const METHODS: [(MethodName, &str, Class); 17] = [
+const METHODS: [(MethodName, &str, Class); 18] = [
     (MethodName::Tsit5, "tsit5", Class::Embedded),
     (MethodName::Dop853, "dop853", Class::Embedded),
     (MethodName::Vern9, "vern9", Class::Embedded),
@@ -90,6 +94,7 @@ const METHODS: [(MethodName, &str, Class); 17] = [
     (MethodName::Auto, "auto", Class::Choice),
     (MethodName::Projected, "projected", Class::Projection),
     (MethodName::Gauss16Projected, "gauss16-projected", Class::FixedProjection),
+    (MethodName::Isospectral, "isospectral", Class::Matrices),
 ];
 
 impl MethodName {
@@ -114,7 +119,7 @@ impl MethodName {
 
     /// Whether the method takes fixed steps only.
     pub(crate) fn has_fixed_steps(self) -> bool {
-        matches!(self.class(), Class::Fixed | Class::Newton | Class::FixedProjection)
+        matches!(self.class(), Class::Fixed | Class::Newton | Class::FixedProjection | Class::Matrices)
     }
 
     /// Whether the method asks for the invariants of the motion.
@@ -123,9 +128,9 @@ impl MethodName {
     }
 
     /// Whether the method is one of its own, and evaluates the right-hand side but neither its derivatives nor a
-    /// series.
+    /// series, and moves no matrices, which models with equations have none of.
     pub(crate) fn evaluates_rates_alone(self) -> bool {
-        !matches!(self.class(), Class::Newton | Class::Series | Class::Choice)
+        !matches!(self.class(), Class::Newton | Class::Series | Class::Choice | Class::Matrices)
     }
 }
 

@@ -14,6 +14,7 @@ pub mod forms;
 pub mod info;
 pub mod integrate;
 pub mod interpreted;
+pub mod matrices;
 pub mod method;
 pub mod protocol;
 mod record;

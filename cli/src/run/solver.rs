@@ -7,7 +7,7 @@ use hamel_runtime::{
     Vern9,
 };
 
-use super::auto;
+use super::auto::{self, Purpose};
 use super::dynamics::{Dynamics, PreparedLanes, PreparedScene};
 use super::info::Info;
 use super::method::{MethodName, Steps};
@@ -40,6 +40,7 @@ pub(crate) trait WithMethod<'a>: Sized {
 pub(crate) fn with_method<'a, U: WithMethod<'a>>(
     method: MethodName,
     steps: Steps,
+    purpose: Purpose,
     dynamics: &dyn Dynamics,
     y: &[f64],
     user: U,
@@ -48,7 +49,7 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
         MethodName::Tsit5 => user.explicit(Tsit5),
         MethodName::Dop853 => user.explicit(Dop853),
         MethodName::Vern9 => user.explicit(Vern9),
-        MethodName::Gbs14 => user.single(Gbs14),
+        MethodName::Gbs14 => user.explicit(Gbs14),
         MethodName::Dopri5 => user.explicit(Dopri5),
         MethodName::Rk4 => user.explicit(Rk4),
         MethodName::Gauss4 => user.single(Gauss4::fixed_point()),
@@ -67,8 +68,18 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
                 let reason = "method auto chooses by tolerances: give these instead of a step".to_owned();
                 return Err(Error::Options { reason });
             };
-            let chosen = auto::choose(rtol, dynamics.rhs_cost(), dynamics.series(0.0, y, &mut []));
-            return with_method(chosen, steps, dynamics, y, user);
+            let has_series = dynamics.series(0.0, y, &mut []);
+            let chosen = auto::choose(rtol, dynamics.rhs_cost(), has_series, purpose);
+            return with_method(chosen, steps, purpose, dynamics, y, user);
+        }
+        MethodName::Isospectral => {
+            let info = dynamics.info();
+            let reason = format!(
+                "method isospectral moves fluids that are products of matrices, and scene {} of {} has equations: choose \
+                 another method, or write `want matrices` in a fluid's scene",
+                info.scene, info.model
+            );
+            return Err(Error::Options { reason });
         }
         MethodName::Projected => return projected(Vern9, method, dynamics, user),
         MethodName::Gauss16Projected => return projected(Gauss16, method, dynamics, user),

@@ -1,9 +1,11 @@
-//! Algebras of Fourier modes: Zeitlin's truncation, the Galerkin truncations of the torus and of the circle, and their
-//! action on functions.
+//! Algebras of functions: Zeitlin's truncations on the torus and on the sphere, the Galerkin truncations of the torus
+//! and of the circle, and their action on functions.
 //!
 //! Deliberately does not know: velocities, energies, dissipation.
 
 use super::circle::{CircleModes, Combination};
+use super::functions::Functions;
+use super::harmonics::Harmonics;
 use super::lie::{Block, LieAlgebra};
 use super::matrix::Matrix;
 use super::modes::{Modes, Normal, Wave};
@@ -11,20 +13,28 @@ use super::representation::Representation;
 use crate::error::Error;
 use crate::expr::{Number, Scalar};
 
-/// The algebra whose basis modes are.
-fn algebra_of(modes: Modes, name: &str) -> Result<LieAlgebra<Number>, Error> {
-    let (basis, brackets) = (modes.labels(), modes.brackets());
+/// The algebra whose basis functions are.
+fn algebra_of(functions: Functions, name: &str) -> Result<LieAlgebra<Number>, Error> {
+    let (basis, brackets) = (functions.labels(), functions.brackets());
     let block = Block { labels: basis.clone(), ..Block::new(name, basis.len()) };
-    let algebra = match modes.modulus() {
-        Some(_) => LieAlgebra::with_blocks(name, vec![block], basis, &brackets),
-        None => LieAlgebra::almost(name, basis, &brackets)
-            .map(|algebra| LieAlgebra { blocks: vec![block], ..algebra }),
+    let algebra = if functions.is_truncated() {
+        LieAlgebra::almost(name, basis, &brackets)
+            .map(|algebra| LieAlgebra { blocks: vec![block], ..algebra })
+    } else {
+        LieAlgebra::with_blocks(name, vec![block], basis, &brackets)
     };
     let algebra = algebra.map_err(|mut errors| errors.remove(0))?;
-    Ok(LieAlgebra { modes: Some(modes), ..algebra })
+    Ok(LieAlgebra { functions: Some(functions), ..algebra })
 }
 
 impl LieAlgebra<Number> {
+    /// Sizes `N` of [`zeitlin`](LieAlgebra::zeitlin): those whose sines have exact zeros.
+    pub const TORUS_SIZES: [usize; 8] = [3, 5, 7, 9, 11, 13, 15, 21];
+
+    /// Largest `N` of [`zeitlin_sphere`](LieAlgebra::zeitlin_sphere): a scene of it, 22,000 lines with its table, is
+    /// generated in half a minute, one of the next size but one in minutes.
+    pub const MAX_SPHERE: usize = 12;
+
     /// su(N) in the sine basis, Zeitlin's truncation of the functions on the torus, for odd `N`:
     /// `[L_a, L_b] = (N/2 pi) sin(2 pi (a x b)/N) L_{a+b}`, sums of waves modulo `N`.
     ///
@@ -39,13 +49,34 @@ impl LieAlgebra<Number> {
     pub fn zeitlin(n: usize) -> Result<LieAlgebra<Number>, Error> {
         let name = format!("zeitlin({n})");
         let modulus = i64::try_from(n).unwrap_or(i64::MAX);
-        if ![3, 5, 7, 9, 11, 13, 15, 21].contains(&n) {
+        if !Self::TORUS_SIZES.contains(&n) {
             return Err(Error::Unsupported {
                 what: name,
                 possible: "zeitlin(N) with N = 3, 5, 7, 9, 11, 13, 15 or 21".into(),
             });
         }
-        algebra_of(Modes::new(modulus / 2, Some(modulus)), &name)
+        algebra_of(Functions::Torus(Modes::new(modulus / 2, Some(modulus))), &name)
+    }
+
+    /// su(N) in a basis of spherical harmonics, Zeitlin's truncation of the functions on the sphere, `N` from 2 to 12.
+    ///
+    /// Functions become Hermitian matrices, coordinates the spin matrices times `2/sqrt(N^2 - 1)`, brackets
+    /// `{f, g} = -i sqrt(N^2 - 1)/2 (F G - G F)`. The basis are the real [`Harmonics`], degree by degree; it is
+    /// orthonormal in the mean over the sphere, so that momenta are the coefficients of vorticity.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for an `N` too small or too large.
+    ///
+    /// # Source
+    /// Hoppe and Yau 1998, Some properties of matrix harmonics on S^2; Modin and Viviani 2020, A Casimir preserving
+    /// scheme for long-time simulation of spherical ideal hydrodynamics
+    pub fn zeitlin_sphere(n: usize) -> Result<LieAlgebra<Number>, Error> {
+        let name = format!("zeitlin_sphere({n})");
+        if !(2..=Self::MAX_SPHERE).contains(&n) {
+            let possible = format!("zeitlin_sphere(N) with N from 2 to {}", Self::MAX_SPHERE);
+            return Err(Error::Unsupported { what: name, possible });
+        }
+        algebra_of(Functions::Sphere(Harmonics::new(n)), &name)
     }
 
     /// The Galerkin truncation to waves of components up to `k` of the functions on the torus with their bracket
@@ -59,7 +90,7 @@ impl LieAlgebra<Number> {
         if !(1..=4).contains(&k) {
             return Err(Error::Unsupported { what: name, possible: "torus(K) with K from 1 to 4".into() });
         }
-        algebra_of(Modes::new(largest, None), &name)
+        algebra_of(Functions::Torus(Modes::new(largest, None)), &name)
     }
 
     /// An algebra of modes in the basis in which components of velocities are the coefficients of vorticity: those of
@@ -68,11 +99,12 @@ impl LieAlgebra<Number> {
     /// # Errors
     /// [`Error::Unsupported`] for other algebras.
     pub fn vorticity(&self) -> Result<LieAlgebra<Number>, Error> {
-        let modes = self.modes.clone().ok_or_else(|| Error::Unsupported {
+        let functions = self.functions.clone().and_then(|f| f.normalised(Normal::Vorticity));
+        let functions = functions.ok_or_else(|| Error::Unsupported {
             what: format!("vorticity({})", self.name),
-            possible: "an algebra of Fourier modes, zeitlin(N) or torus(K)".into(),
+            possible: "an algebra of functions, zeitlin(N), zeitlin_sphere(N) or torus(K)".into(),
         })?;
-        algebra_of(modes.normalised(Normal::Vorticity), &format!("vorticity({})", self.name))
+        algebra_of(functions, &format!("vorticity({})", self.name))
     }
 }
 
@@ -97,11 +129,7 @@ impl LieAlgebra<Number> {
             return Err(Error::Unsupported { what: name, possible });
         }
         let modes = CircleModes { largest: k };
-        let basis = modes.labels();
-        let block = Block { labels: basis.clone(), ..Block::new(&name, basis.len()) };
-        let algebra = LieAlgebra::almost(&name, basis, &modes.brackets());
-        let algebra = algebra.map_err(|mut errors| errors.remove(0))?;
-        Ok(LieAlgebra { blocks: vec![block], circle: Some(modes), ..algebra })
+        algebra_of(Functions::Circle(modes), &name)
     }
 }
 
@@ -122,14 +150,33 @@ fn on_circle(
     Representation::unverified(name, n, (0..n).map(matrix).collect(), modes.labels())
 }
 
+/// The action of functions on the sphere on others, by their bracket.
+fn on_sphere(harmonics: &Harmonics) -> Representation<Number> {
+    let labels = harmonics.labels();
+    let n = labels.len();
+    let mut matrices = vec![Matrix::zeros(n, n); n];
+    let scales: Vec<Number> = harmonics.elements().iter().map(|(l, ..)| harmonics.scale(*l).into()).collect();
+    for (a, b, value) in harmonics.of_functions() {
+        for (c, q) in value {
+            matrices[a].set(c, b, q.times(&scales[a]));
+            matrices[b].set(c, a, q.times(&scales[b]).negated());
+        }
+    }
+    Representation::unverified("functions", n, matrices, labels)
+}
+
 impl Representation<Number> {
     /// The action of an algebra of modes on functions: by its bracket, on real and imaginary parts of their
-    /// coefficients, for functions on the torus; `-u f'` of a field `u` on the circle. `None` for other algebras.
+    /// coefficients, for functions on the torus, and on those in the basis of harmonics on the sphere; `-u f'` of a
+    /// field `u` on the circle. `None` for other algebras.
     pub fn functions(algebra: &LieAlgebra<Number>) -> Option<Representation<Number>> {
-        if let Some(modes) = algebra.circle {
-            return Some(on_circle(modes, "functions", |u, f| modes.carried(u, f)));
-        }
-        let modes = algebra.modes.as_ref()?;
+        let modes = match algebra.functions.as_ref()? {
+            Functions::Circle(modes) => {
+                return Some(on_circle(*modes, "functions", |u, f| modes.carried(u, f)));
+            }
+            Functions::Sphere(harmonics) => return Some(on_sphere(harmonics)),
+            Functions::Torus(modes) => modes,
+        };
         let elements = modes.elements();
         let matrix = |x: &(Wave, bool)| {
             let scale = Number::from(modes.scale(x.0));
@@ -147,8 +194,8 @@ impl Representation<Number> {
 
     /// The action of vector fields on the circle on densities, `-(u rho)'`; `None` for other algebras.
     pub fn densities(algebra: &LieAlgebra<Number>) -> Option<Representation<Number>> {
-        let modes = algebra.circle?;
-        Some(on_circle(modes, "densities", |u, rho| modes.dragged(u, rho)))
+        let Functions::Circle(modes) = algebra.functions.as_ref()? else { return None };
+        Some(on_circle(*modes, "densities", |u, rho| modes.dragged(u, rho)))
     }
 }
 
@@ -202,7 +249,7 @@ mod tests {
         let algebra = LieAlgebra::zeitlin(3).unwrap();
         let names = ["re_0_1", "im_0_1", "re_1_m1", "im_1_m1", "re_1_0", "im_1_0", "re_1_1", "im_1_1"];
         assert_eq!(algebra.basis(), names);
-        assert_eq!(algebra.modes().unwrap().squares(), [1, 1, 2, 2, 1, 1, 2, 2]);
+        assert_eq!(algebra.functions().unwrap().squares(), [1, 1, 2, 2, 1, 1, 2, 2]);
     }
 
     /// `rho([x, y]) = rho(x) rho(y) - rho(y) rho(x)`.
@@ -222,7 +269,7 @@ mod tests {
             let mut g = Graph::new();
             let mut x = vec![g.zero(); algebra.dim()];
             x[0] = g.one();
-            let trace = algebra.modes().unwrap().trace_power(&mut g, &x, k).unwrap();
+            let trace = algebra.functions().unwrap().trace_power(&mut g, &x, k).unwrap();
             let expected = g.int(expected);
             let difference = g.sub(trace, expected);
             assert!(g.is_zero(difference), "{n}, {k}");

@@ -4,9 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use super::circle::CircleModes;
+use super::functions::Functions;
 use super::matrix::Matrix;
-use super::modes::Modes;
 use super::skew::{Bracket, SkewBracket};
 use crate::error::Error;
 use crate::expr::{Number, Rational, Scalar};
@@ -45,8 +44,7 @@ pub struct LieAlgebra<Q = Rational> {
     pub(super) blocks: Vec<Block>,
     pub(super) bracket: SkewBracket<Q>,
     pub(super) is_almost: bool,
-    pub(super) modes: Option<Modes>,
-    pub(super) circle: Option<CircleModes>,
+    pub(super) functions: Option<Functions>,
 }
 
 impl<Q: Scalar> LieAlgebra<Q> {
@@ -98,8 +96,7 @@ impl<Q: Scalar> LieAlgebra<Q> {
             blocks: vec![Block::new(name, basis.len())],
             bracket: SkewBracket::new(basis, brackets)?,
             is_almost: true,
-            modes: None,
-            circle: None,
+            functions: None,
         })
     }
 
@@ -119,19 +116,9 @@ impl<Q: Scalar> LieAlgebra<Q> {
         self.is_almost
     }
 
-    /// The Fourier modes that its basis consists of, if it does.
-    pub fn modes(&self) -> Option<&Modes> {
-        self.modes.as_ref()
-    }
-
-    /// The modes of functions on the circle that its basis consists of, if it does.
-    pub fn circle(&self) -> Option<CircleModes> {
-        self.circle
-    }
-
-    /// Eigenvalues of minus the Laplacian of the functions that its basis consists of, if it does.
-    pub fn squares(&self) -> Option<Vec<i64>> {
-        self.modes.as_ref().map(Modes::squares).or(self.circle.map(CircleModes::squares))
+    /// The functions that its basis consists of, if it does.
+    pub fn functions(&self) -> Option<&Functions> {
+        self.functions.as_ref()
     }
 
     /// The same algebra with every structure constant mapped.
@@ -144,8 +131,7 @@ impl<Q: Scalar> LieAlgebra<Q> {
             blocks: self.blocks.clone(),
             bracket: self.bracket.map(f),
             is_almost: self.is_almost,
-            modes: self.modes.clone(),
-            circle: self.circle,
+            functions: self.functions.clone(),
         }
     }
 
@@ -258,6 +244,6 @@ impl LieAlgebra {
         }
         // Jacobi holds in every basis.
         let bracket = SkewBracket { basis: self.basis().to_vec(), brackets };
-        Ok(LieAlgebra { bracket, modes: None, circle: None, ..self.clone() })
+        Ok(LieAlgebra { bracket, functions: None, ..self.clone() })
     }
 }

@@ -11,6 +11,8 @@ mod algebroid;
 mod circle;
 mod families;
 mod flows;
+mod functions;
+mod harmonics;
 mod ideals;
 mod lie;
 mod matrix;
@@ -23,6 +25,8 @@ mod skew;
 
 pub use algebroid::Algebroid;
 pub use circle::CircleModes;
+pub use functions::Functions;
+pub use harmonics::Harmonics;
 pub(crate) use ideals::{independent_vectors, lies_in, next_ideal, whole_algebra};
 pub use lie::{Block, LieAlgebra};
 pub use matrix::{Matrix, solve_symbolic, solve_symmetric};

@@ -17,10 +17,10 @@ pub(super) type Wave = (i64, i64);
 /// What the components of an element are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Normal {
-    /// Pairings: basis elements are dual to real and imaginary parts of coefficients in the pairing
-    /// `sum over all m of f_m conj(g_m)`, so that momenta are coefficients.
+    /// Pairings: basis elements are dual to the coefficients of functions (on the torus to their real and imaginary
+    /// parts, in the pairing `sum over all m of f_m conj(g_m)`), so that momenta are coefficients.
     Dual,
-    /// Coefficients of minus the Laplacian of a function: basis elements are `1/|m|^2` times the waves.
+    /// Coefficients of minus the Laplacian of a function: basis elements are functions by the eigenvalue of each.
     Vorticity,
 }
 

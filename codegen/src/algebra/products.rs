@@ -18,8 +18,7 @@ impl<Q: Scalar> LieAlgebra<Q> {
             blocks: Vec::new(),
             bracket: SkewBracket::default(),
             is_almost: factors.iter().any(LieAlgebra::is_almost),
-            modes: None,
-            circle: None,
+            functions: None,
         };
         for factor in factors {
             let offset = product.bracket.basis.len();
@@ -40,7 +39,7 @@ impl<Q: Scalar> LieAlgebra<Q> {
     pub fn semidirect(base: &LieAlgebra<Q>, spaces: &[Representation<Q>]) -> Result<LieAlgebra<Q>, Error> {
         let names: Vec<&str> = spaces.iter().map(|r| r.name()).collect();
         let mut algebra = base.clone().renamed(&format!("semidirect({}, {})", base.name, names.join(", ")));
-        (algebra.modes, algebra.circle) = (None, None);
+        algebra.functions = None;
         for space in spaces {
             if space.n_generators() != base.dim() {
                 let what = format!("representation {}", space.name());

@@ -10,6 +10,7 @@
 
 mod bundle;
 mod cache;
+mod fluid;
 mod problems;
 #[cfg(feature = "internals")]
 pub mod store;

@@ -19,8 +19,8 @@ use crate::program::{Jet, Program};
 
 pub use rust::{SceneEntry, emit_include, emit_index, method_text};
 pub use text::{
-    GroupKind, GroupText, GroupTexts, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText,
-    ProductText, SceneText, StateText,
+    FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText, ImplicitVariableText,
+    MatrixText, OutputText, ParamText, ProductText, SceneText, StateText, SurfaceText,
 };
 
 /// Emits the module of one scene.
@@ -40,6 +40,17 @@ pub fn emit_scene(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Res
         Error::Emission { reason, .. } => {
             Error::Emission { model: format!("{} {}", text.model, text.scene), reason }
         }
+        other => other,
+    })
+}
+
+/// Emits the module of a fluid that is moved as products of matrices.
+///
+/// # Errors
+/// [`Error::NotAPath`] for a runtime that is no path, [`Error::Emission`] when the result is not Rust.
+pub fn emit_fluid(text: &FluidText) -> Result<String, Error> {
+    rust::emit_fluid(text).map_err(|e| match e {
+        Error::Emission { reason, .. } => Error::Emission { model: text.model.clone(), reason },
         other => other,
     })
 }

@@ -45,6 +45,53 @@ pub struct SceneText {
     pub groups: Option<GroupTexts>,
 }
 
+/// What the module of a fluid that is moved as products of matrices says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FluidText {
+    /// Name of the model.
+    pub model: String,
+    /// What the first line says after the version.
+    pub command: String,
+    /// Path of the runtime in the crate that the module is for; empty for `::hamel_runtime`.
+    pub runtime: String,
+    /// What the system is, a paragraph.
+    pub doc: Vec<String>,
+    /// Where the equations come from.
+    pub sources: Vec<String>,
+    /// Where the fluid flows.
+    pub surface: SurfaceText,
+    /// Size of the matrices.
+    pub n: usize,
+    /// What the vorticity is.
+    pub vorticity: String,
+    /// Modes that begin with another value than zero, or are looked at.
+    pub modes: Vec<FluidModeText>,
+    /// Casimirs by name and power, from 1 on.
+    pub casimirs: Vec<(String, usize)>,
+}
+
+/// Where a fluid flows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SurfaceText {
+    /// The torus.
+    Torus,
+    /// The sphere.
+    Sphere,
+}
+
+/// A mode of a fluid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FluidModeText {
+    /// Its name.
+    pub name: String,
+    /// Its wave vector, or degree and order.
+    pub wave: (i64, i64),
+    /// Whether it is the imaginary part, or the coefficient of the sine.
+    pub is_second: bool,
+    /// Value at time zero.
+    pub initial: f64,
+}
+
 /// Parameters, and components of the state, that form something together.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GroupTexts {

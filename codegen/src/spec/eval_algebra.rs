@@ -7,7 +7,7 @@ use super::diagnostic::Span;
 use super::eval::{Evaluator, Weighed};
 use super::names;
 use super::value::Value;
-use crate::algebra::LieAlgebra;
+use crate::algebra::{Functions, LieAlgebra};
 use crate::expr::{ExprId, Number};
 
 /// Largest power of an element.
@@ -21,7 +21,9 @@ impl Evaluator<'_> {
         let (algebra, rest) = self.algebra_before(function, wanted, arguments, span)?;
         let n = algebra.dim();
         if function == "laplacian" {
-            let Some(squares) = algebra.squares() else { return self.no_modes(&algebra, function, span) };
+            let Some(squares) = algebra.functions().map(Functions::squares) else {
+                return self.no_modes(&algebra, function, span);
+            };
             let mut entries = vec![self.graph.zero(); n * n];
             for (k, square) in squares.into_iter().enumerate() {
                 entries[k * n + k] = self.graph.int(-square);
@@ -37,23 +39,21 @@ impl Evaluator<'_> {
                 return self.fail(exponent.span, message, "");
             }
             self.charge(k * n * n, span)?;
-            let value = algebra.modes().and_then(|modes| match function {
-                "star_power" => modes.star_power(self.graph, &x, k).map(Value::Vector),
-                _ => modes.trace_power(self.graph, &x, k).map(Value::Scalar),
+            let value = algebra.functions().and_then(|functions| match function {
+                "star_power" => functions.star_power(self.graph, &x, k).map(Value::Vector),
+                _ => functions.trace_power(self.graph, &x, k).map(Value::Scalar),
             });
             let Some(value) = value else { return self.no_modes(&algebra, function, span) };
             return Some((value, bits * k as u64 + 64));
         }
         let (y, other_bits) = self.vector_of(&algebra, rest.get(1)?)?;
         self.charge(n * n, span)?;
-        if function == "pointwise" {
-            let Some(modes) = algebra.circle() else { return self.no_modes(&algebra, function, span) };
-            let value = modes.pointwise(self.graph, &x, &y);
-            return Some((Value::Vector(value), bits + other_bits + 16));
-        }
-        if function == "poisson" {
-            let Some(modes) = algebra.modes() else { return self.no_modes(&algebra, function, span) };
-            let value = modes.poisson(self.graph, &x, &y);
+        if matches!(function, "pointwise" | "poisson") {
+            let value = algebra.functions().and_then(|functions| match function {
+                "pointwise" => functions.pointwise(self.graph, &x, &y),
+                _ => functions.poisson(self.graph, &x, &y),
+            });
+            let Some(value) = value else { return self.no_modes(&algebra, function, span) };
             return Some((Value::Vector(value), bits + other_bits + 16));
         }
         let mut terms = vec![Vec::new(); n];
@@ -85,7 +85,7 @@ impl Evaluator<'_> {
     /// The algebra and the vector of `field([g,] f)`.
     pub(super) fn field_of(&mut self, arguments: &[Expr], span: Span) -> Option<(LieAlgebra<Number>, Value)> {
         let (algebra, rest) = self.algebra_before("field", 1, arguments, span)?;
-        if algebra.modes().is_none() {
+        if !matches!(algebra.functions(), Some(Functions::Torus(_))) {
             return self.no_modes(&algebra, "field", span);
         }
         let (entries, _) = self.vector_of(&algebra, rest.first()?)?;
@@ -128,10 +128,11 @@ impl Evaluator<'_> {
     fn no_modes<T>(&mut self, algebra: &LieAlgebra<Number>, function: &str, span: Span) -> Option<T> {
         let message = format!("`{function}` does not exist for {}", algebra.name());
         let help = match function {
-            "star_power" | "trace_power" => "zeitlin(N) has products of modes",
+            "star_power" | "trace_power" => "zeitlin(N) and zeitlin_sphere(N) have products of functions",
             "pointwise" => "witt(K) has functions on the circle",
-            "laplacian" => "zeitlin(N), torus(K) and witt(K) have a basis of modes",
-            _ => "zeitlin(N) and torus(K) have a basis of modes",
+            "laplacian" => "zeitlin(N), zeitlin_sphere(N), torus(K) and witt(K) have a basis of functions",
+            "field" => "zeitlin(N) and torus(K) have functions on the torus, which is what is drawn",
+            _ => "zeitlin(N), zeitlin_sphere(N) and torus(K) have functions on a surface",
         };
         self.fail(span, message, help)
     }

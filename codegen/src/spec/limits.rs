@@ -14,6 +14,9 @@ pub(super) const MAX_BRACKETS: usize = MAX_DEPTH + 8;
 /// Largest dimension of a vector, matrix or algebra.
 pub(super) const MAX_DIM: usize = 200;
 
+/// Largest size of matrices of a fluid that is moved as products of them.
+pub(super) const MAX_MATRIX: usize = 1024;
+
 /// Most digits of a number and largest absolute decimal exponent.
 pub(super) const MAX_DIGITS: usize = 400;
 

@@ -16,6 +16,7 @@ mod elaborate;
 mod eval;
 mod eval_algebra;
 mod expressions;
+mod fluid;
 mod group;
 mod kind;
 mod layout;
@@ -34,6 +35,7 @@ pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
 pub use diagnostic::{Diagnostic, Diagnostics, Origin, Severity, Span};
 pub use expressions::ExpressionRole;
+pub use fluid::{FluidCasimir, FluidMode, FluidSurface, MatrixFluid};
 pub use group::Group;
 pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
@@ -117,5 +119,44 @@ pub fn parse_within(budget: Budget, file_name: &str, text: &str) -> Result<Model
     // Editors on Windows may write a byte order mark; spans count without it.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let outcome = parser::parse_file(text);
-    elaborate::elaborate(outcome, Origin { file: file_name.to_owned(), text: text.to_owned() }, budget)
+    let origin = Origin { file: file_name.to_owned(), text: text.to_owned() };
+    if let Some(span) = outcome.file.as_ref().and_then(fluid::requested) {
+        let problems = [outcome.problems, vec![fluid::refusal(span)]].concat();
+        return Err(Diagnostics::new(Some(origin), problems));
+    }
+    elaborate::elaborate(outcome, origin, budget)
+}
+
+/// Reads an ideal fluid that is moved as products of matrices; none for a model with equations, which [`parse`] reads.
+///
+/// What it takes does not depend on `N`.
+///
+/// ```
+/// let text = "model flow {
+///     algebra fluid = zeitlin(255);
+///     momentum omega in fluid as *;
+///     action right;
+///     hamiltonian = -dot(omega, laplacian(fluid)^-1*omega);
+///     initial re_1_0 = 0.5;
+///     initial im_2_m3 = -0.25;
+/// }";
+/// let fluid = hamel_codegen::spec::matrix_fluid("flow.hamel", text).unwrap().unwrap();
+/// assert_eq!((fluid.n, fluid.modes[1].wave), (255, (2, -3)));
+/// let refused = hamel_codegen::spec::parse("flow.hamel", text).unwrap_err();
+/// assert!(refused.to_string().contains("products of matrices"));
+/// ```
+///
+/// # Errors
+/// Everything in such a model that is no part of the fluid, in the order of the text.
+pub fn matrix_fluid(file_name: &str, text: &str) -> Result<Option<MatrixFluid>, Diagnostics> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let outcome = parser::parse_file(text);
+    let Some(file) = outcome.file.filter(|file| fluid::requested(file).is_some()) else { return Ok(None) };
+    let mut problems = outcome.problems;
+    match fluid::read(&file) {
+        Ok(fluid) if problems.is_empty() => return Ok(Some(fluid)),
+        Ok(_) => {}
+        Err(list) => problems.extend(list),
+    }
+    Err(Diagnostics::new(Some(Origin { file: file_name.to_owned(), text: text.to_owned() }), problems))
 }

@@ -62,11 +62,13 @@ pub enum Want {
     HamiltonianTime,
     /// The equations with a mass matrix, `M z' = f(t, z)`, and their variables at a state.
     Implicit,
+    /// Products of matrices in the place of equations, for ideal fluids: a [`MatrixFluid`](super::MatrixFluid).
+    Matrices,
 }
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 26] = [
+    pub const ALL: [Want; 27] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -93,6 +95,7 @@ impl Want {
         Want::Bracket,
         Want::HamiltonianTime,
         Want::Implicit,
+        Want::Matrices,
     ];
 
     /// What the scene says, and the name of the function or output where there is one.
@@ -124,6 +127,7 @@ impl Want {
             Want::Bracket => "bracket",
             Want::HamiltonianTime => "hamiltonian_time",
             Want::Implicit => "implicit",
+            Want::Matrices => "matrices",
         }
     }
 
@@ -136,8 +140,8 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Bracket, Casimirs, Circles, Constraint, HamiltonianTime, Implicit, Invariants, MomentumEquation,
-            NonholonomicMomentum, Outputs, Phases, Sections, Taylor, Velocities,
+            Bracket, Casimirs, Circles, Constraint, HamiltonianTime, Implicit, Invariants, Matrices,
+            MomentumEquation, NonholonomicMomentum, Outputs, Phases, Sections, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -155,6 +159,7 @@ impl Want {
                 | Bracket
                 | HamiltonianTime
                 | Implicit
+                | Matrices
         )
     }
 }

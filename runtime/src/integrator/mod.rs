@@ -1,9 +1,11 @@
 //! The one driver of all methods: time, state and counts of an integration.
 //!
 //! [`step`] takes one accepted step, [`failure`] says why there is none, [`dense`] interpolates within the last step,
-//! [`sampling`] visits times and events on the way, [`norms`] measures errors. The module deliberately does not know
-//! any method: the integrator reads a tableau and has the stages, or a series, computed.
+//! [`sampling`] visits times and events on the way, [`crossing`] brackets these with few steps, [`norms`] measures
+//! errors. The module deliberately does not know any method: the integrator reads a tableau and has the stages, or a
+//! series, computed.
 
+mod crossing;
 mod dense;
 mod failure;
 mod norms;

@@ -133,12 +133,20 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         let (from, to) = (self.t_previous, self.t);
         let time = |x: R| if x == R::ONE { to } else { from + x * (to - from) };
         let resolution = R::EPSILON * (1.0 + from.magnitude().max(to.magnitude()) / (to - from).magnitude());
+        let mut function =
+            |t: R, y: &S::State| finite_values(t, functions(t, y)).map(|values| signed(values[index]));
+        let mut bracket = [(R::ZERO, signed(before)), (R::ONE, signed(after))];
+        if const { M::DENSE_BY_STEPS } {
+            bracket = self.bracket_by_cubics(&mut function, (bracket[0].1, bracket[1].1), resolution)?;
+        }
+        let [(a, before), (b, after)] = bracket;
         let value = |x: R| {
-            let t = time(x);
+            let t = time(a + x * (b - a));
             self.evaluate_dense(t)?;
-            finite_values(t, functions(t, &self.work)).map(|values| signed(values[index]))
+            function(t, &self.work)
         };
-        locate(value, (signed(before), signed(after)), resolution).map(time)
+        let x = locate(value, (before, after), resolution / (b - a).magnitude())?;
+        Ok(time(if x == R::ONE { b } else { a + x * (b - a) }))
     }
 
     /// Makes the state in `work` the last accepted one, at a time within the last step.

@@ -6,8 +6,8 @@ use super::dense::Dense;
 use super::norms::{all_finite, all_moderate, scaled_norm, square_within_range, tolerances, weighted_square};
 use super::{Integrator, Progress};
 use crate::error::{Error, Failure};
-use crate::methods::{Derivatives, Estimate, Method, Start, Step, two_sum};
-use crate::options::{StepSize, signed};
+use crate::methods::{Derivatives, Estimate, Method, Start, Step, Tolerances, two_sum};
+use crate::options::{Norm, StepSize, signed};
 use crate::real::Real;
 use crate::system::{StateVector, System};
 
@@ -70,16 +70,13 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
                 Ok(square) => {
                     self.accept(h, t, t_residue);
                     if let StepSize::Adaptive { .. } = self.options.step {
-                        let mut control = self.control;
-                        let next = control.accept(h.magnitude(), square);
-                        if landing {
+                        self.next_step = Some(if landing {
                             // A shortened step says nothing against longer ones: keep at least the size it was
                             // cut from, and the memory of the control.
-                            self.next_step = Some(next.max(step));
+                            self.control.accept_cut(h.magnitude(), square).max(step)
                         } else {
-                            self.next_step = Some(next);
-                            self.control = control;
-                        }
+                            self.control.accept(h.magnitude(), square)
+                        });
                     }
                     return Ok(if landing { Progress::Reached } else { Progress::Running });
                 }
@@ -173,8 +170,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         let Step { to, work, rhs_evals, .. } = step;
         let has_slopes = const { !M::TABLEAU.is_series() };
         if has_slopes {
-            self.system.rhs(t_new, &to.state, &mut to.slope);
             *rhs_evals += 1;
+            self.method.slope(&mut self.storage, self.system, t_new, to);
         }
         if !all_finite(&to.state) || has_slopes && !all_finite(&to.slope) {
             return Err(Rejection::Failed(self.diagnose(h, t_new).into()));
@@ -192,21 +189,30 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             stored: M::stages(&self.storage),
             last: &to.slope,
         };
-        let tolerances = tolerances(&self.rtol, &self.atol, [&from.state, &to.state], &mut self.scales);
         let norm = self.options.norm;
-        let estimate = |[first, second]: [f64; 2]| match M::TABLEAU.estimate {
-            Estimate::None | Estimate::Series => 0.0,
-            Estimate::Embedded { .. } => first,
-            Estimate::Combined { .. } if first == 0.0 => 0.0,
-            Estimate::Combined { .. } => first * (first / (first + 0.01 * second)),
+        let ends = [&from.state, &to.state];
+        let known = match norm {
+            Norm::Rms => M::mean_square_error(&self.storage, h, &self.rtol, &self.atol, ends),
+            Norm::Max => None,
         };
-        let rows = const { M::TABLEAU.error_weights() };
-        let first = weighted_square(norm, const { M::TABLEAU.error_weights()[0] }, &k, &tolerances, work);
-        let second = weighted_square(norm, const { M::TABLEAU.error_weights()[1] }, &k, &tolerances, work);
-        let mut square = estimate([first, second]) * (h.magnitude() * h.magnitude());
-        if !square.is_finite() {
-            square = estimate(rows.map(|row| square_within_range(norm, row, &k, &tolerances, h, work)));
-        }
+        let square = known.filter(|square| square.is_finite()).unwrap_or_else(|| {
+            let tolerances = tolerances(&self.rtol, &self.atol, ends, &mut self.scales);
+            let rows = const { M::TABLEAU.error_weights() };
+            let estimate = |[first, second]: [f64; 2]| match M::TABLEAU.estimate {
+                Estimate::None | Estimate::Series => 0.0,
+                Estimate::Embedded { .. } => first,
+                Estimate::Combined { .. } if first == 0.0 => 0.0,
+                Estimate::Combined { .. } => first * (first / (first + 0.01 * second)),
+            };
+            let first = weighted_square(norm, const { M::TABLEAU.error_weights()[0] }, &k, &tolerances, work);
+            let second =
+                weighted_square(norm, const { M::TABLEAU.error_weights()[1] }, &k, &tolerances, work);
+            let square = estimate([first, second]) * (h.magnitude() * h.magnitude());
+            if square.is_finite() {
+                return square;
+            }
+            estimate(rows.map(|row| square_within_range(norm, row, &k, &tolerances, h, work)))
+        });
         if square <= 1.0 {
             self.keeps_signature(t_new).map(|()| square)
         } else if square.is_finite() {
@@ -245,6 +251,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     fn select_initial_step(&mut self, remaining: R) -> f64 {
         let distance = remaining.magnitude();
         let small = 1e-6 * distance;
+        // The first step must pass the test of `changes_time`, whatever the norms say.
+        let least = (100.0 * R::EPSILON * self.t.magnitude()).max(R::MIN_POSITIVE).min(distance);
         let [one, two] = &mut self.points;
         let (here, free) = if self.current { (two, one) } else { (one, two) };
         let (y, slope) = (here.state.as_slice(), here.slope.as_slice());
@@ -256,6 +264,23 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         let usable = state_norm >= 1e-5 && slope_norm >= 1e-5 && quotient.is_finite() && quotient > 0.0;
         let guess = (if usable { quotient } else { small }).min(distance);
         let h = if R::ZERO.all_gt(remaining) { R::from_f64(-guess) } else { R::from_f64(guess) };
+        if usable {
+            let trial = (100.0 * guess).min(distance);
+            let trial = if R::ZERO.all_gt(remaining) { R::from_f64(-trial) } else { R::from_f64(trial) };
+            let start = Start {
+                system: self.system,
+                t: self.t,
+                point: here,
+                tolerances: Tolerances { ..tolerances },
+                norm,
+                work: &mut self.work,
+                rhs_evals: &mut self.stats.rhs_evals,
+            };
+            if let Some(step) = self.method.first_step(&mut self.storage, start, trial) {
+                self.dense = Dense::Lost;
+                return step.min(distance).max(least);
+            }
+        }
         for (c, out) in self.work.as_mut_slice().iter_mut().enumerate() {
             *out = y[c] + h * slope[c];
         }
@@ -274,9 +299,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             crate::math::pow(0.01 / steepest, 1.0 / f64::from(order))
         };
         let step = (100.0 * guess).min(refined).min(distance);
-        // Where a norm overflowed or the probe left the domain, start small and let the control decide. The
-        // first step must pass the test of `changes_time`, whatever the norms say.
-        let least = (100.0 * R::EPSILON * self.t.magnitude()).max(R::MIN_POSITIVE).min(distance);
+        // Where a norm overflowed or the probe left the domain, start small and let the control decide.
         if bend_norm.is_finite() && step.is_finite() { step.max(least) } else { guess.max(least) }
     }
 }

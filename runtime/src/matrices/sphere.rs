@@ -29,6 +29,15 @@ use crate::math::{mul_add, sqrt};
 /// `tr T_lm T_lm^+ = N/(4 pi)`. Coordinates become the spin matrices times `2/sqrt(N^2 - 1)`, and the motion is that of
 /// `omega_t = {psi, omega}`, `psi` the function with `-Delta psi = omega`.
 ///
+/// The state of models in `zeitlin_sphere(N)` of the model language are the coefficients of real harmonics whose square
+/// has the mean one, without the sign of Condon and Shortley: `c_l0` and, for `m > 0`, `c_lm` of `cos(m phi)` and
+/// `s_lm` of `sin(m phi)`, degree by degree from `l = 1` on. [`set_modes`](Self::set_modes) and
+/// [`modes`](Self::modes) go to the matrix and back:
+///
+/// ```text
+/// omega_l0 = sqrt(4 pi) c_l0,   omega_lm = (-1)^m sqrt(2 pi) (c_lm - i s_lm)
+/// ```
+///
 /// # Source
 ///
 /// Hoppe and Yau, Some properties of matrix harmonics on S^2 (1998); Modin and Viviani, A Casimir preserving scheme for
@@ -38,6 +47,11 @@ pub struct Sphere<S> {
     n: usize,
     /// Of each element on or above the diagonal: the factor of the element before it, and the reciprocal of the pivot.
     tables: S,
+}
+
+/// The number of the cosine of a degree and an order among the modes; the sine follows it.
+fn place(l: usize, m: usize) -> usize {
+    l * l - 1 + (2 * m).saturating_sub(1)
 }
 
 /// `2 s (s + 1) - 2 m_i m_j`.
@@ -125,6 +139,79 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
             sum = [mul_add(value, re, sum[0]), mul_add(value, im, sum[1])];
         });
         sum.map(|x| x * self.area() / n as f64)
+    }
+
+    /// Number of real numbers that a state has: `n^2 - 1`.
+    #[must_use]
+    pub const fn n_modes(&self) -> usize {
+        self.n * self.n - 1
+    }
+
+    /// Writes the matrix of the vorticity with the coefficients `modes` of real harmonics, in the order of the algebra
+    /// `zeitlin_sphere(N)`.
+    ///
+    /// # Panics
+    ///
+    /// If there are not `n^2 - 1` modes, or if the matrix does not have the size of the sphere.
+    pub fn set_modes(&self, modes: &[f64], vorticity: super::MatrixMut<'_>) {
+        assert_eq!((modes.len(), vorticity.n()), (self.n_modes(), self.n));
+        vorticity.rows.fill([0.0; 2 * LANES]);
+        for l in 1..self.n {
+            for m in 0..=l {
+                let at = place(l, m);
+                let mode = [modes[at], if m == 0 { 0.0 } else { modes[at + 1] }];
+                let matrix = super::MatrixMut { n: vorticity.n, rows: vorticity.rows };
+                self.add_real_mode((l, m), mode, matrix);
+            }
+        }
+    }
+
+    /// Adds `c cos(m phi) + s sin(m phi)`, each times its real harmonic of the degree `l`, to the vorticity; of `m = 0`
+    /// there is no sine.
+    ///
+    /// # Panics
+    ///
+    /// As [`add_mode`](Self::add_mode).
+    pub fn add_real_mode(&self, (l, m): (usize, usize), [c, s]: [f64; 2], vorticity: super::MatrixMut<'_>) {
+        let factor = self.of_real_harmonic(m);
+        self.add_mode((l, m), [factor * c, -factor * s], vorticity);
+    }
+
+    /// The coefficients `c` and `s` of the real harmonics of a degree and an order in a Hermitian matrix.
+    ///
+    /// # Panics
+    ///
+    /// As [`add_mode`](Self::add_mode).
+    #[must_use]
+    pub fn real_mode(&self, (l, m): (usize, usize), matrix: super::MatrixRef<'_>) -> [f64; 2] {
+        let factor = self.of_real_harmonic(m);
+        let [re, im] = self.mode((l, m), matrix);
+        [re / factor, if m == 0 { 0.0 } else { -im / factor }]
+    }
+
+    /// The coefficients of real harmonics of a Hermitian matrix, in the order of the algebra `zeitlin_sphere(N)`.
+    ///
+    /// # Panics
+    ///
+    /// If there is not room for `n^2 - 1` modes, or if the matrix does not have the size of the sphere.
+    pub fn modes(&self, matrix: super::MatrixRef<'_>, modes: &mut [f64]) {
+        assert_eq!((modes.len(), matrix.n()), (self.n_modes(), self.n));
+        for l in 1..self.n {
+            for m in 0..=l {
+                let [c, s] = self.real_mode((l, m), matrix);
+                let at = place(l, m);
+                modes[at] = c;
+                if m > 0 {
+                    modes[at + 1] = s;
+                }
+            }
+        }
+    }
+
+    /// `omega_lm` of the real harmonic `cos(m phi)` of that degree.
+    fn of_real_harmonic(&self, m: usize) -> f64 {
+        let sign = if m.is_multiple_of(2) { 1.0 } else { -1.0 };
+        sign * sqrt(self.area() / if m == 0 { 1.0 } else { 2.0 })
     }
 
     /// Calls `visit` with the elements `(i, i + m)` of `T_lm`.

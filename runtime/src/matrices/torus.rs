@@ -130,19 +130,61 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Torus<S> {
         let largest = (n / 2) as isize;
         for m1 in 0..=largest {
             for m2 in (if m1 == 0 { 1 } else { -largest })..=largest {
-                let mut sum = [0.0; 2];
-                for k in 0..n {
-                    let column = (k as isize + m2).rem_euclid(n as isize) as usize;
-                    let [re, im] = element(n, matrix.rows, k, column);
-                    let [cosine, sine] = self.phase(m1, m2, k);
-                    sum[0] += re * cosine + im * sine;
-                    sum[1] += im * cosine - re * sine;
-                }
                 let at = 2 * place(n, (m1, m2));
-                modes[at] = sum[0] / n as f64;
-                modes[at + 1] = sum[1] / n as f64;
+                modes[at..at + 2].copy_from_slice(&self.mode((m1, m2), matrix));
             }
         }
+    }
+
+    /// Adds to the vorticity the wave `m` of the half set with the coefficient `omega`, and its conjugate.
+    ///
+    /// # Panics
+    ///
+    /// Unless `m` is in the half set of the size `n`, and if the matrix does not have the size of the torus.
+    pub fn add_mode(&self, (m1, m2): (isize, isize), omega: [f64; 2], vorticity: super::MatrixMut<'_>) {
+        let n = self.n;
+        assert!(self.is_mode((m1, m2)) && vorticity.n() == n);
+        for k in 0..n {
+            let column = (k as isize + m2).rem_euclid(n as isize) as usize;
+            let [cosine, sine] = self.phase(m1, m2, k);
+            let re = omega[0] * cosine - omega[1] * sine;
+            let im = omega[0] * sine + omega[1] * cosine;
+            let [old_re, old_im] = element(n, vorticity.rows, k, column);
+            // On the diagonal the wave and its conjugate are in the same place.
+            if column == k {
+                set_element(n, vorticity.rows, (k, k), [old_re + 2.0 * re, 0.0]);
+            } else {
+                let new = [old_re + re, old_im + im];
+                set_element(n, vorticity.rows, (k, column), new);
+                set_element(n, vorticity.rows, (column, k), [new[0], -new[1]]);
+            }
+        }
+    }
+
+    /// The coefficient of a wave of the half set in a Hermitian matrix.
+    ///
+    /// # Panics
+    ///
+    /// As [`add_mode`](Self::add_mode).
+    #[must_use]
+    pub fn mode(&self, (m1, m2): (isize, isize), matrix: super::MatrixRef<'_>) -> [f64; 2] {
+        let n = self.n;
+        assert!(self.is_mode((m1, m2)) && matrix.n() == n);
+        let mut sum = [0.0; 2];
+        for k in 0..n {
+            let column = (k as isize + m2).rem_euclid(n as isize) as usize;
+            let [re, im] = element(n, matrix.rows, k, column);
+            let [cosine, sine] = self.phase(m1, m2, k);
+            sum[0] += re * cosine + im * sine;
+            sum[1] += im * cosine - re * sine;
+        }
+        sum.map(|x| x / n as f64)
+    }
+
+    /// Whether a wave is in the half set.
+    const fn is_mode(&self, (m1, m2): (isize, isize)) -> bool {
+        let largest = (self.n / 2) as isize;
+        (m1 > 0 || m1 == 0 && m2 > 0) && m1 <= largest && m2 <= largest && m2 >= -largest
     }
 
     /// The element `(k, k + m2)` of `J_m`: `exp(2 pi i m1 (m2 + 2 k)/N)`.

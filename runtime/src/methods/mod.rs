@@ -13,6 +13,8 @@ mod gauss;
 mod gbs14;
 mod projected;
 mod rk4;
+#[cfg(feature = "lanes")]
+mod rows_in_turn;
 mod sums;
 mod tableau;
 mod taylor;
@@ -28,6 +30,8 @@ pub use gauss::{Gauss16, Halves};
 pub use gbs14::{Gbs14, Rows};
 pub use projected::{Invariants, Projected, Projection};
 pub use rk4::Rk4;
+#[cfg(feature = "lanes")]
+pub use rows_in_turn::Turns;
 pub(crate) use sums::{Derivatives, compensated_advance, square_of_norm, two_sum};
 pub(crate) use tableau::c;
 pub use tableau::{Constant, Estimate, Row, Tableau};
@@ -89,6 +93,15 @@ pub trait Method<R: Real, S: System<R>>: Copy {
         f64::INFINITY
     }
 
+    /// The size of the first adaptive step, as far as the method can tell from a trial of the signed size `trial` that
+    /// leads to no state; asked only where the size is not given.
+    ///
+    /// Most methods cannot tell, and start with a step whose error is about that of Euler's method.
+    #[inline]
+    fn first_step(&self, _storage: &mut Self::Storage, _start: Start<'_, R, S>, _trial: R) -> Option<f64> {
+        None
+    }
+
     /// Computes the stages `k_1` to `k_(s-1)`, or the series, the new state and what it lacks.
     ///
     /// Values that are not finite are passed on: the integrator looks for them.
@@ -97,6 +110,26 @@ pub trait Method<R: Real, S: System<R>>: Copy {
     ///
     /// [`Error::NotConverged`] of implicit methods.
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error>;
+
+    /// Writes the derivative at the end of a step, with the bits that the system gives; not asked for by methods by
+    /// series.
+    #[inline]
+    fn slope(&self, _storage: &mut Self::Storage, system: &S, t: R, end: &mut Point<S::State>) {
+        system.rhs(t, &end.state, &mut end.slope);
+    }
+
+    /// The mean square of the error of a step of size `h` in units of the tolerances, if the method has it sooner than
+    /// the sums of its tableau; the step waits for it.
+    #[inline]
+    fn mean_square_error(
+        _storage: &Self::Storage,
+        _h: R,
+        _rtol: &S::State,
+        _atol: &S::State,
+        _ends: [&S::State; 2],
+    ) -> Option<f64> {
+        None
+    }
 }
 
 /// An end of a step.

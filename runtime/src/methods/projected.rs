@@ -3,7 +3,7 @@
 //! The module deliberately does not know what an invariant means: energy, Casimir, constraint, or the equations of a
 //! group in its coordinates.
 
-use super::{Method, Start, Step, Tableau, two_sum};
+use super::{Method, Point, Start, Step, Tableau, two_sum};
 use crate::error::Error;
 use crate::options::{Options, signed};
 use crate::real::Real;
@@ -115,9 +115,30 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
         self.method.longest_step(&mut storage.inner, start)
     }
 
+    #[inline]
+    fn first_step(&self, storage: &mut Self::Storage, start: Start<'_, R, S>, trial: R) -> Option<f64> {
+        self.method.first_step(&mut storage.inner, start, trial)
+    }
+
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
         self.method.advance(&mut storage.inner, step)?;
         storage.project(step)
+    }
+
+    #[inline]
+    fn slope(&self, storage: &mut Self::Storage, system: &S, t: R, end: &mut Point<S::State>) {
+        self.method.slope(&mut storage.inner, system, t, end);
+    }
+
+    #[inline]
+    fn mean_square_error(
+        storage: &Self::Storage,
+        h: R,
+        rtol: &S::State,
+        atol: &S::State,
+        ends: [&S::State; 2],
+    ) -> Option<f64> {
+        M::mean_square_error(&storage.inner, h, rtol, atol, ends)
     }
 }
 

@@ -326,6 +326,8 @@ macro_rules! models {
                         <$taylor::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes),
                     );
                     solvers.push(side_by_side("vern9 in 8 lanes", scenes.0.map_err(prepare)?, span, Vern9));
+                    let scene_in_lanes = <$model::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes).map_err(prepare)?;
+                    solvers.push(side_by_side("gbs14 in 8 lanes", scene_in_lanes, span, Gbs14));
                     solvers.push(side_by_side("taylor in 8 lanes", scenes.1.map_err(prepare)?, span, Taylor::new()));
                     let rhs = move |t: f64, y: &[f64; $n], dy: &mut [f64; $n]| scene.rhs(t, y, dy);
                     solvers.extend(others::solvers(rhs, span));

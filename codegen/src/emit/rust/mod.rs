@@ -2,9 +2,11 @@
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `matrices`, `implicit`,
 //! `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of modules,
-//! `format` text. Does not know: which functions there are and why, the order of their statements.
+//! `fluid` the module of a fluid of matrices, `format` text. Does not know: which functions there are and why, the
+//! order of their statements.
 
 mod excerpt;
+mod fluid;
 mod format;
 mod functions;
 mod guards;
@@ -23,6 +25,7 @@ mod traits;
 use proc_macro2::TokenStream;
 
 pub use excerpt::method_text;
+pub(super) use fluid::emit as emit_fluid;
 pub use index::{SceneEntry, emit_include, emit_index};
 
 use self::notation::Rust;

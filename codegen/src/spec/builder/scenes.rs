@@ -144,6 +144,9 @@ impl ModelBuilder {
                         scene.name
                     );
                     self.problem(span, message, "add an item such as `reconstruct q in SO(3);`");
+                } else if name == Want::Matrices.name() {
+                    let message = "a model that is built in Rust has equations, not products of matrices";
+                    self.problem(span, message, "write the fluid as a model file: see `spec::matrix_fluid`");
                 } else if scene.wants.iter().any(|wanted| wanted.name() == name) {
                     self.problem(
                         span,

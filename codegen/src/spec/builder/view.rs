@@ -1,7 +1,7 @@
 //! What a figure in space shows of a model.
 
 use super::draft::ModelBuilder;
-use crate::algebra::LieAlgebra;
+use crate::algebra::{Functions, LieAlgebra};
 use crate::expr::{ExprId, Graph, Number};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::names;
@@ -188,7 +188,7 @@ impl ModelBuilder {
     ) -> &mut Self {
         let here = self.here;
         self.check_view_name(name);
-        let Some(modes) = algebra.modes() else {
+        let Some(Functions::Torus(modes)) = algebra.functions() else {
             let message = format!("{} has no basis of waves", algebra.name());
             self.problem(here, message, "zeitlin(N) and torus(K) have one");
             return self;

@@ -13,8 +13,22 @@ use crate::spec::limits::{MAX_ABELIAN, MAX_DIM, MAX_REPRESENTATION};
 use crate::spec::names;
 
 /// Families of algebras, one for each number.
-pub(super) const FAMILIES: &[&str] =
-    &["so", "se", "su", "u", "gl", "sl", "sp", "sim", "galilei", "heisenberg", "zeitlin", "torus", "witt"];
+pub(super) const FAMILIES: &[&str] = &[
+    "so",
+    "se",
+    "su",
+    "u",
+    "gl",
+    "sl",
+    "sp",
+    "sim",
+    "galilei",
+    "heisenberg",
+    "zeitlin",
+    "zeitlin_sphere",
+    "torus",
+    "witt",
+];
 
 /// Families whose names definitions may take all the same, as their parentheses tell them apart.
 pub(super) const SHORT_FAMILIES: &[&str] = &["u"];
@@ -160,7 +174,8 @@ impl Elaboration<'_> {
             "heisenberg" => 14,
             _ => 8,
         };
-        if n > largest && !["zeitlin", "torus", "witt"].contains(&family) {
+        let says_itself = ["zeitlin", "zeitlin_sphere", "torus", "witt"].contains(&family);
+        if n > largest && !says_itself {
             self.problem(
                 span,
                 format!("{family}({n}) is too large"),
@@ -179,6 +194,7 @@ impl Elaboration<'_> {
             "sim" => LieAlgebra::sim(n),
             "galilei" => LieAlgebra::galilei(n),
             "zeitlin" => return self.algebra_or_report(LieAlgebra::zeitlin(n), span),
+            "zeitlin_sphere" => return self.algebra_or_report(LieAlgebra::zeitlin_sphere(n), span),
             "torus" => return self.algebra_or_report(LieAlgebra::torus(n), span),
             "witt" => return self.algebra_or_report(LieAlgebra::witt(n), span),
             _ => LieAlgebra::heisenberg(n),
@@ -245,7 +261,7 @@ impl Elaboration<'_> {
                     let (found, help) = match name.as_str() {
                         "functions" => (
                             Representation::functions(algebra),
-                            "zeitlin(N), torus(K) and witt(K) act on functions",
+                            "zeitlin(N), zeitlin_sphere(N), torus(K) and witt(K) act on functions",
                         ),
                         _ => (Representation::densities(algebra), "witt(K) acts on densities"),
                     };

@@ -8,7 +8,7 @@ use super::cursor::Parser;
 use super::lexer::{Parsed, too_deep};
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
-use crate::spec::limits::{MAX_DEPTH, MAX_DIM};
+use crate::spec::limits::{MAX_DEPTH, MAX_DIM, MAX_MATRIX};
 use crate::spec::model::ConnectionKind;
 use crate::spec::names;
 
@@ -155,6 +155,10 @@ impl<'a> Parser<'a> {
     }
 
     fn size(&mut self) -> Parsed<Size> {
+        self.size_up_to(MAX_DIM)
+    }
+
+    fn size_up_to(&mut self, largest: usize) -> Parsed<Size> {
         let span = self.here();
         let Some((literal, rest)) = self.cursor.literal() else { return self.expected("a whole number") };
         let text = literal.to_string();
@@ -164,10 +168,10 @@ impl<'a> Parser<'a> {
         }
         self.advance(span, rest);
         match value {
-            Some(value @ 1..=MAX_DIM) => Ok(Size { value, span }),
+            Some(value) if (1..=largest).contains(&value) => Ok(Size { value, span }),
             _ => {
                 let problem =
-                    Diagnostic::new(Some(span), format!("dimension `{text}` is not between 1 and {MAX_DIM}"));
+                    Diagnostic::new(Some(span), format!("dimension `{text}` is not between 1 and {largest}"));
                 Err(Box::new(problem))
             }
         }
@@ -336,7 +340,16 @@ impl<'a> Parser<'a> {
         let node = if name.text == "R" && self.punct("^").is_some() {
             AlgebraNode::Power(self.size()?.value)
         } else if let Some((mut inside, _)) = self.group(Delimiter::Parenthesis) {
-            AlgebraNode::Call(name, inside.comma_list(|p| p.algebra_expr())?)
+            // A size of matrices is no dimension of a vector.
+            let is_of_matrices = ["zeitlin", "zeitlin_sphere"].contains(&name.text.as_str());
+            let argument = |p: &mut Parser<'a>| match is_of_matrices && p.cursor.literal().is_some() {
+                true => {
+                    let size = p.size_up_to(MAX_MATRIX)?;
+                    Ok(AlgebraExpr { node: AlgebraNode::Number(size.value), span: size.span })
+                }
+                false => p.algebra_expr(),
+            };
+            AlgebraNode::Call(name, inside.comma_list(argument)?)
         } else {
             AlgebraNode::Name(name.text)
         };

@@ -1,0 +1,220 @@
+//! A fluid that is moved as products of matrices, integrated by the isospectral midpoint rule.
+//!
+//! Does not know: how a request was written, files, figures, models with equations.
+
+use hamel_codegen::expr::rational_to_f64;
+use hamel_codegen::spec::{FluidMode, FluidSurface, MatrixFluid};
+use hamel_runtime::Error as SolverError;
+use hamel_runtime::matrices::{IsospectralMidpoint, Laplacian, MatrixMut, MatrixRef, Options, Sphere, Torus};
+
+use super::info::{Info, OutputEntry};
+use super::method::{MethodName, Steps};
+use super::simulation::{Sample, SimulateRequest, SimulateResponse, stopped_because};
+use crate::error::Error;
+use crate::model::DEFAULT_SCENE;
+
+/// What the state is in figures and answers: the modes that the model gives.
+pub fn info(fluid: &MatrixFluid) -> Info {
+    let casimirs: Vec<String> = fluid.casimirs.iter().map(|c| c.name.clone()).collect();
+    let group = |components| OutputEntry {
+        name: "casimirs".into(),
+        components,
+        doc: "traces of powers of the vorticity by N".into(),
+    };
+    Info {
+        model: fluid.name.clone(),
+        scene: DEFAULT_SCENE.into(),
+        state: fluid.modes.iter().map(|m| m.name.clone()).collect(),
+        momenta: Vec::new(),
+        params: Vec::new(),
+        outputs: if casimirs.is_empty() { Vec::new() } else { vec![group(casimirs)] },
+        has_energy: true,
+        conserves_energy: true,
+    }
+}
+
+/// Values of the modes at time zero, unless told otherwise.
+pub fn initial(fluid: &MatrixFluid) -> Vec<f64> {
+    fluid.modes.iter().map(|mode| rational_to_f64(&mode.initial)).collect()
+}
+
+/// What came out, and the Casimirs at the start and at the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// As of any other simulation; evaluations of the right-hand side are iterations.
+    pub response: SimulateResponse,
+    /// Name, value at the start and at the end.
+    pub casimirs: Vec<(String, [f64; 2])>,
+}
+
+/// Integrates a fluid in steps of one size, at most that of the request, such that samples are at steps.
+///
+/// # Errors
+/// [`Error::Options`] for another method and for tolerances in the place of a step, [`Error::Stopped`] where the
+/// iteration of a step does not converge.
+pub fn simulate(fluid: &MatrixFluid, request: &SimulateRequest) -> Result<Outcome, Error> {
+    let info = info(fluid);
+    request.validate(&info)?;
+    let options = |reason: String| Error::Options { reason };
+    // Who says nothing about the method has the default of all others.
+    if ![MethodName::default(), MethodName::Isospectral].contains(&request.method) {
+        let name = request.method.name();
+        let reason = format!("method {name}: matrices are moved by isospectral alone, leave the method out");
+        return Err(options(reason));
+    }
+    let Steps::Fixed { step } = request.steps else {
+        let reason = "a fluid of matrices is moved in fixed steps: give the step, and no tolerances";
+        return Err(options(reason.into()));
+    };
+    let solver = |e: SolverError| options(e.to_string());
+    match fluid.surface {
+        FluidSurface::Torus => {
+            let tables = vec![0.0; Torus::<Vec<f64>>::storage(fluid.n)];
+            run(fluid, &info, &Torus::new(fluid.n, tables).map_err(solver)?, request, step)
+        }
+        FluidSurface::Sphere => {
+            let tables = vec![0.0; Sphere::<Vec<f64>>::storage(fluid.n)];
+            run(fluid, &info, &Sphere::new(fluid.n, tables).map_err(solver)?, request, step)
+        }
+    }
+}
+
+/// A surface whose modes have the names of the model language.
+trait Modes: Laplacian {
+    /// The energy of the runtime by that of the model.
+    const ENERGY: f64;
+
+    /// Adds to a mode.
+    fn add(&self, mode: &FluidMode, value: f64, vorticity: MatrixMut<'_>);
+
+    /// The value of a mode.
+    fn value(&self, mode: &FluidMode, vorticity: MatrixRef<'_>) -> f64;
+}
+
+/// A value as one of two, real and imaginary part or cosine and sine.
+fn parts(mode: &FluidMode, value: f64) -> [f64; 2] {
+    if mode.is_second { [0.0, value] } else { [value, 0.0] }
+}
+
+impl Modes for Torus<Vec<f64>> {
+    const ENERGY: f64 = 1.0;
+
+    fn add(&self, mode: &FluidMode, value: f64, vorticity: MatrixMut<'_>) {
+        let (m1, m2) = mode.wave;
+        self.add_mode((m1 as isize, m2 as isize), parts(mode, value), vorticity);
+    }
+
+    fn value(&self, mode: &FluidMode, vorticity: MatrixRef<'_>) -> f64 {
+        let (m1, m2) = mode.wave;
+        self.mode((m1 as isize, m2 as isize), vorticity)[usize::from(mode.is_second)]
+    }
+}
+
+impl Modes for Sphere<Vec<f64>> {
+    // The integral over the sphere by the mean.
+    const ENERGY: f64 = 4.0 * std::f64::consts::PI;
+
+    fn add(&self, mode: &FluidMode, value: f64, vorticity: MatrixMut<'_>) {
+        let (l, m) = mode.wave;
+        self.add_real_mode((l as usize, m as usize), parts(mode, value), vorticity);
+    }
+
+    fn value(&self, mode: &FluidMode, vorticity: MatrixRef<'_>) -> f64 {
+        let (l, m) = mode.wave;
+        self.real_mode((l as usize, m as usize), vorticity)[usize::from(mode.is_second)]
+    }
+}
+
+fn run<S: Modes>(
+    fluid: &MatrixFluid,
+    info: &Info,
+    surface: &S,
+    request: &SimulateRequest,
+    step: f64,
+) -> Result<Outcome, Error> {
+    let clock = std::time::Instant::now();
+    let intervals = request.samples.max(2) - 1;
+    let per_interval = (request.t_final.abs() / intervals as f64 / step * (1.0 - 1e-12)).ceil().max(1.0);
+    let n_steps = per_interval * intervals as f64;
+    let limit = request.max_steps;
+    if n_steps > limit as f64 {
+        let reason =
+            format!("{n_steps:.1e} steps are needed, and at most {limit} are taken: give a larger step");
+        return Err(Error::Options { reason });
+    }
+    let size = request.t_final.abs() / n_steps;
+    // At time zero nothing moves, whatever the step.
+    let options = Options::fixed(if size > 0.0 { size } else { step });
+    let room = vec![0.0; IsospectralMidpoint::<S, Vec<f64>>::storage(fluid.n, &options)];
+    let mut solver = IsospectralMidpoint::new(surface, room, 0.0, options)
+        .map_err(|e| Error::Options { reason: e.to_string() })?;
+    for (mode, value) in fluid.modes.iter().zip(&request.initial) {
+        surface.add(mode, *value, solver.vorticity_mut());
+    }
+    let n_traces = fluid.n_casimirs();
+    let casimirs = |solver: &mut IsospectralMidpoint<'_, S, Vec<f64>>| -> Vec<f64> {
+        let mut traces = vec![0.0; n_traces];
+        solver.casimirs(&mut traces);
+        fluid.casimirs.iter().map(|c| traces[c.power - 1]).collect()
+    };
+    let modes = |solver: &IsospectralMidpoint<'_, S, Vec<f64>>| -> Vec<f64> {
+        fluid.modes.iter().map(|mode| surface.value(mode, solver.vorticity())).collect()
+    };
+    let initial_energy = solver.energy() / S::ENERGY;
+    let energy_scale = if initial_energy.abs() >= f64::MIN_POSITIVE { initial_energy.abs() } else { 1.0 };
+    let first = casimirs(&mut solver);
+    let mut deviation = 0.0_f64;
+    let (mut samples, mut energy_at_steps) = (Vec::new(), Vec::new());
+    let n_samples = request.samples;
+    // So many points are enough for any figure.
+    let stride = (n_steps / 4096.0).ceil().max(1.0) as u64;
+    for k in 0..=intervals {
+        let (from, to) =
+            (if k == 0 { 0.0 } else { request.t_final * ((k - 1) as f64 / intervals as f64) }, {
+                request.t_final * (k as f64 / intervals as f64)
+            });
+        let count = if k == 0 || request.t_final == 0.0 { 0 } else { per_interval as u64 };
+        for j in 1..=count {
+            let time = if j == count { to } else { from + (to - from) * (j as f64 / count as f64) };
+            if let Err(error) = solver.integrate_to(time) {
+                return Err(stopped_because(info, solver.t(), &modes(&solver), error.to_string()));
+            }
+            let energy = solver.energy() / S::ENERGY;
+            deviation = deviation.max((energy - initial_energy).abs());
+            if request.with_outputs && solver.stats().steps.is_multiple_of(stride) {
+                energy_at_steps.push((solver.t(), energy));
+            }
+        }
+        // A single sample is the end.
+        if n_samples > 1 || (n_samples == 1 && k == intervals) {
+            samples.push(Sample {
+                t: solver.t(),
+                state: modes(&solver),
+                energy: Some(solver.energy() / S::ENERGY),
+                outputs: if request.with_outputs { casimirs(&mut solver) } else { Vec::new() },
+            });
+        }
+    }
+    let stats = solver.stats();
+    let last = casimirs(&mut solver);
+    let names = fluid.casimirs.iter().map(|c| c.name.clone());
+    Ok(Outcome {
+        casimirs: names.zip(first.into_iter().zip(last).map(|(a, b)| [a, b])).collect(),
+        response: SimulateResponse {
+            t: request.t_final,
+            last: modes(&solver),
+            samples,
+            steps: stats.steps,
+            rejected: 0,
+            rhs_evals: stats.iterations,
+            energy_drift: Some(deviation / energy_scale),
+            initial_energy: Some(initial_energy),
+            energy_scale,
+            energy_at_steps,
+            initial_residual: None,
+            constraint_residual: None,
+            warnings: Vec::new(),
+            seconds: clock.elapsed().as_secs_f64(),
+        },
+    })
+}

@@ -1,0 +1,194 @@
+//! Fluids that are moved as products of matrices, by the program: beside their equations, of any size, and what is
+//! refused.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+/// A folder with model files, removed at the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str, files: &[(&str, String)]) -> Folder {
+        let path = std::env::temp_dir().join(format!("hamel-matrices-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).unwrap();
+        for (file, text) in files {
+            std::fs::write(path.join(file), text).unwrap();
+        }
+        Folder(path)
+    }
+
+    fn run(&self, arguments: &[&str], input: &str) -> Output {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_hamel"))
+            .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+            .args(arguments)
+            .current_dir(&self.0)
+            .env_remove("CARGO_MANIFEST_DIR")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // The program may end before it reads.
+        let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+        child.wait_with_output().unwrap()
+    }
+
+    fn done(&self, arguments: &[&str], input: &str) -> String {
+        let out = self.run(arguments, input);
+        assert!(out.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
+        String::from_utf8(out.stdout).unwrap()
+    }
+
+    fn refused(&self, arguments: &[&str], input: &str) -> String {
+        let out = self.run(arguments, input);
+        assert!(!out.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&out.stdout));
+        String::from_utf8(out.stderr).unwrap()
+    }
+
+    fn json(&self, model: &str, request: &str) -> Value {
+        serde_json::from_str(&self.done(&["simulate", model, "--json"], request)).unwrap()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn fluid(name: &str, algebra: &str, factor: &str, modes: &[(String, f64)], scene: &str) -> (String, String) {
+    let initial: String = modes.iter().map(|(mode, value)| format!("initial {mode} = {value};\n")).collect();
+    let text = format!(
+        "model {name} {{
+            algebra fluid = {algebra};
+            /// Vorticity [1/s].
+            momentum omega in fluid as *;
+            action right;
+            hamiltonian = {factor}*dot(omega, laplacian(fluid)^-1*omega);
+            casimir C2 = trace_power(fluid, omega, 2);
+            casimir C3 = trace_power(fluid, omega, 3);
+            {initial}
+            {scene}
+        }}"
+    );
+    (format!("{name}.hamel"), text)
+}
+
+const PRODUCTS: &str = "scene default { want matrices, energy, casimirs; }";
+
+/// All modes of both algebras with `N = 3`.
+fn all_modes(labels: [&str; 8]) -> Vec<(String, f64)> {
+    labels.iter().enumerate().map(|(k, name)| ((*name).to_owned(), ((k * k + 1) as f64).sin())).collect()
+}
+
+#[test]
+fn matrices_move_as_the_equations_of_the_same_model() {
+    let torus = ["re_0_1", "im_0_1", "re_1_m1", "im_1_m1", "re_1_0", "im_1_0", "re_1_1", "im_1_1"];
+    let sphere = ["c_1_0", "c_1_1", "s_1_1", "c_2_0", "c_2_1", "s_2_1", "c_2_2", "s_2_2"];
+    for (algebra, factor, labels) in [("zeitlin(3)", "-1", torus), ("zeitlin_sphere(3)", "-1/2", sphere)] {
+        let modes = all_modes(labels);
+        let equations = fluid("equations", algebra, factor, &modes, "");
+        let products = fluid("products", algebra, factor, &modes, PRODUCTS);
+        let files = [(equations.0.as_str(), equations.1), (products.0.as_str(), products.1)];
+        let folder = Folder::new(&algebra[..8], &files);
+        let initial: Vec<String> = modes.iter().map(|(mode, value)| format!("\"{mode}\": {value}")).collect();
+        let initial = initial.join(", ");
+        let request =
+            |more: &str| format!("{{\"initial\": {{{initial}}}, \"t_final\": 1, \"samples\": 3{more}}}");
+        let expected = folder.json("equations.hamel", &request(""));
+        // Of second order: the error of half of the step is a quarter of it.
+        let found = |step: f64| {
+            let answer = folder.json("products.hamel", &request(&format!(", \"step\": {step}")));
+            let off = |name: &str| {
+                let at = |answer: &Value| answer["final"][name].as_f64().unwrap();
+                (at(&answer) - at(&expected)).abs()
+            };
+            let error = labels.iter().map(|name| off(name)).fold(0.0, f64::max);
+            (error, answer)
+        };
+        let ((coarse, _), (fine, answer)) = (found(0.02), found(0.01));
+        assert!(fine < 2e-4 && (3.5..4.5).contains(&(coarse / fine)), "{algebra}: {coarse:e}, {fine:e}");
+        assert_eq!(answer["steps"], 100);
+        assert_eq!(answer["samples"].as_array().unwrap().len(), 3);
+        assert!(answer["energy_drift"].as_f64().unwrap() < 1e-3);
+        for name in ["C2", "C3"] {
+            let ends = answer["casimirs"][name].as_array().unwrap();
+            assert!(
+                (ends[0].as_f64().unwrap() - ends[1].as_f64().unwrap()).abs() < 1e-13,
+                "{name}: {ends:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn any_size_is_simulated_and_generated() {
+    let modes = [("re_1_0".to_owned(), 0.5), ("im_1_2".to_owned(), 0.3)];
+    let (name, text) = fluid("large", "zeitlin(127)", "-1", &modes, "");
+    let folder = Folder::new("large", &[(name.as_str(), text)]);
+    let summary = folder.done(
+        &[
+            "simulate",
+            "large.hamel",
+            "--step",
+            "0.1",
+            "--t-final",
+            "0.5",
+            "--samples",
+            "6",
+            "-o",
+            "a.csv",
+            "-o",
+            "a.svg",
+        ],
+        "",
+    );
+    assert!(summary.contains("by isospectral, step 0.1: 5 steps") && summary.contains("C3"), "{summary}");
+    let table = std::fs::read_to_string(folder.0.join("a.csv")).unwrap();
+    assert_eq!(table.lines().next(), Some("t,re_1_0,im_1_2,energy,casimirs.C2,casimirs.C3"));
+    assert_eq!(table.lines().count(), 7);
+    assert!(std::fs::read_to_string(folder.0.join("a.svg")).unwrap().contains("isospectral"));
+    folder.done(&["generate", "large.hamel", "--out-dir", "out"], "");
+    let module = std::fs::read_to_string(folder.0.join("out/large.rs")).unwrap();
+    assert!(module.lines().count() < 150 && module.contains("pub const N: usize = 127;"), "{module}");
+    assert!(
+        folder.done(&["generate", "large.hamel", "--out-dir", "out", "--check"], "").contains("up to date")
+    );
+}
+
+#[test]
+fn what_matrices_cannot_do_is_said() {
+    let modes = [("re_1_0".to_owned(), 0.5)];
+    let (name, text) = fluid("large", "zeitlin(127)", "-1", &modes, "");
+    let folder = Folder::new("refused", &[(name.as_str(), text)]);
+    for command in ["explain", "report"] {
+        let said = folder.refused(&[command, "large.hamel"], "");
+        assert!(said.contains("moved as products of matrices") && said.contains("hamel simulate"), "{said}");
+    }
+    let cases: [(&[&str], &str); 7] = [
+        (&[], "--step is what a fluid of matrices is moved by"),
+        (&["--step", "0.1", "--method", "rk4"], "method rk4: matrices are moved by isospectral alone"),
+        (&["--step", "0.1", "--reconstruct"], "--reconstruct is not possible"),
+        (&["--step", "0.1", "--scene", "minimal"], "no scene `minimal`"),
+        (&["--step", "0.1", "--via", "compiled"], "--via is not possible"),
+        (&["--step", "0.1", "--initial", "re_9_9=1"], "re_9_9"),
+        (&["--step", "0.1", "--set", "mu=1"], "mu"),
+    ];
+    for (options, expected) in cases {
+        let said = folder.refused(&[&["simulate", "large.hamel"], options].concat(), "");
+        assert!(said.contains(expected), "{options:?}: {said}");
+    }
+    let adaptive = "{\"initial\": {\"re_1_0\": 1}, \"t_final\": 1}";
+    let said = folder.refused(&["simulate", "large.hamel", "--json"], adaptive);
+    assert!(said.contains("moved in fixed steps: give the step"), "{said}");
+    let said = folder.refused(&["generate", "large.hamel", "--out-dir", "out", "--mod-file", "mod.rs"], "");
+    assert!(said.contains("is a fluid of matrices"), "{said}");
+    // And what has equations is not moved as matrices.
+    let said =
+        folder.refused(&["simulate", "zeitlin_euler_3", "--method", "isospectral", "--step", "0.1"], "");
+    assert!(said.contains("has equations"), "{said}");
+}

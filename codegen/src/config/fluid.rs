@@ -1,0 +1,68 @@
+//! Files of fluids that are moved as products of matrices.
+//!
+//! Does not know: models with equations, what the module of a fluid contains.
+
+use super::Config;
+use super::bundle::{Bundle, emission};
+use super::problems::{Problem, Problems};
+use crate::emit::{self, FluidModeText, FluidText, SurfaceText};
+use crate::expr::rational_to_f64;
+use crate::spec::{FluidSurface, MatrixFluid};
+
+impl Config {
+    /// Adds the modules of fluids that are moved as products of matrices; their size does not depend on that of the
+    /// matrices. They are no scenes, so that no index has them.
+    ///
+    /// ```
+    /// let text = "model flow { algebra g = zeitlin_sphere(256); momentum w in g as *; action right;
+    ///     hamiltonian = -1/2*dot(w, laplacian(g)^-1*w); initial c_5_4 = 0.3; }";
+    /// let fluid = hamel_codegen::spec::matrix_fluid("flow.hamel", text).unwrap().unwrap();
+    /// let mut bundle = hamel_codegen::config::Bundle::default();
+    /// hamel_codegen::Config::new().add_fluids(&[fluid], &mut bundle).unwrap();
+    /// assert!(bundle.files["flow.rs"].contains("pub const N: usize = 256;"));
+    /// ```
+    ///
+    /// # Errors
+    /// [`Problem::SameModule`], [`Problem::Emission`].
+    pub fn add_fluids(&self, fluids: &[MatrixFluid], bundle: &mut Bundle) -> Result<(), Problems> {
+        for fluid in fluids {
+            let file = format!("{}.rs", fluid.name);
+            if bundle.files.contains_key(&file) {
+                let scenes = ["a model", "a fluid of matrices"].map(|what| format!("{what}, {}", fluid.name));
+                return Err(Problem::SameModule { module: fluid.name.clone(), scenes }.into());
+            }
+            let text =
+                emit::emit_fluid(&self.text_of(fluid)).map_err(|source| emission(&fluid.name, source))?;
+            bundle.files.insert(file, text);
+        }
+        Ok(())
+    }
+
+    fn text_of(&self, fluid: &MatrixFluid) -> FluidText {
+        let mode = |mode: &crate::spec::FluidMode| FluidModeText {
+            name: mode.name.clone(),
+            wave: mode.wave,
+            is_second: mode.is_second,
+            initial: rational_to_f64(&mode.initial),
+        };
+        let command = match &self.writing.command {
+            Some(command) => format!("{command} {}", fluid.name),
+            None => format!("do not edit, change the model {}", fluid.name),
+        };
+        FluidText {
+            model: fluid.name.clone(),
+            command,
+            runtime: self.writing.runtime.clone().unwrap_or_default(),
+            doc: fluid.doc.clone(),
+            sources: fluid.sources.clone(),
+            surface: match fluid.surface {
+                FluidSurface::Torus => SurfaceText::Torus,
+                FluidSurface::Sphere => SurfaceText::Sphere,
+            },
+            n: fluid.n,
+            vorticity: fluid.vorticity.clone(),
+            modes: fluid.modes.iter().map(mode).collect(),
+            casimirs: fluid.casimirs.iter().map(|c| (c.name.clone(), c.power)).collect(),
+        }
+    }
+}

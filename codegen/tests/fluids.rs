@@ -1,0 +1,93 @@
+//! Modules of fluids that are moved as products of matrices: the ones of `tests/fluids`, compiled and run, and that
+//! their size does not depend on that of the matrices.
+//!
+//! Write them again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test fluids`.
+
+use expect_test::expect_file;
+use hamel_codegen::Config;
+use hamel_codegen::config::Bundle;
+use hamel_codegen::spec;
+use hamel_runtime::matrices::{IsospectralMidpoint, Options, Sphere, Torus};
+
+/// The module on the torus, as a crate has it.
+mod torus {
+    include!("fluids/torus.rs");
+}
+
+/// The module on the sphere.
+mod sphere {
+    include!("fluids/sphere.rs");
+}
+
+const TORUS: &str = include_str!("fluids/torus.hamel");
+const SPHERE: &str = include_str!("fluids/sphere.hamel");
+
+fn module(name: &str, text: &str) -> String {
+    let fluid =
+        spec::matrix_fluid(name, text).unwrap_or_else(|e| panic!("{e}")).expect("a fluid of matrices");
+    let mut bundle = Bundle::default();
+    Config::new().add_fluids(&[fluid], &mut bundle).unwrap();
+    bundle.files.remove(&format!("{name}.rs")).expect("a file")
+}
+
+#[test]
+fn the_modules_are_the_ones_that_were_compiled() {
+    expect_file!["fluids/torus.rs"].assert_eq(&module("torus", TORUS));
+    expect_file!["fluids/sphere.rs"].assert_eq(&module("sphere", SPHERE));
+}
+
+#[test]
+fn modules_of_any_size_differ_in_a_number() {
+    for (name, text, size, largest) in [("torus", TORUS, "63", "1023"), ("sphere", SPHERE, "32", "1024")] {
+        let other = module(name, &text.replace(&format!("({size})"), &format!("({largest})")));
+        let number = |n: &str| format!("pub const N: usize = {n};");
+        assert_eq!(module(name, text).replace(&number(size), &number(largest)), other);
+    }
+}
+
+#[test]
+fn a_fluid_on_the_torus_begins_and_goes_on_as_the_model_says() {
+    // Half of the waves, by |m|^2.
+    let energy = 0.25 + 0.0625 / 5.0 + 0.015_625 / 13.0;
+    let drift = |step: f64| {
+        let surface = torus::surface(vec![0.0; Torus::<Vec<f64>>::storage(torus::N)]).unwrap();
+        let options = Options::fixed(step);
+        let room = vec![0.0; IsospectralMidpoint::<Torus<Vec<f64>>, Vec<f64>>::storage(torus::N, &options)];
+        let mut fluid = torus::fluid(&surface, room, options).unwrap();
+        assert_eq!(torus::MODES, ["w_re_1_0", "w_im_1_2", "w_re_3_m2", "w_re_0_1"]);
+        let modes = torus::modes(&fluid);
+        assert!(modes.iter().zip(torus::INITIAL).all(|(x, y)| (x - y).abs() < 1e-15), "{modes:?}");
+        assert!((torus::energy(&mut fluid) - energy).abs() < 1e-15);
+        let before = torus::casimirs(&mut fluid);
+        assert!((before[0] - 2.0 * (0.25 + 0.0625 + 0.015_625)).abs() < 1e-14, "{before:?}");
+        fluid.integrate_to(1.0).unwrap();
+        let after = torus::casimirs(&mut fluid);
+        assert!(before.iter().zip(after).all(|(x, y)| (x - y).abs() < 1e-14), "{before:?} {after:?}");
+        assert!((torus::modes(&fluid)[1] - modes[1]).abs() > 1e-3);
+        (torus::energy(&mut fluid) - energy).abs()
+    };
+    // Steps are of second order.
+    let (coarse, fine) = (drift(0.05), drift(0.025));
+    assert!(fine < 5e-6 && (3.0..5.0).contains(&(coarse / fine)), "{coarse:e} {fine:e}");
+}
+
+#[test]
+fn a_fluid_on_the_sphere_begins_and_goes_on_as_the_model_says() {
+    let surface = sphere::surface(vec![0.0; Sphere::<Vec<f64>>::storage(sphere::N)]).unwrap();
+    let options = Options::fixed(0.05);
+    let room = vec![0.0; IsospectralMidpoint::<Sphere<Vec<f64>>, Vec<f64>>::storage(sphere::N, &options)];
+    let mut fluid = sphere::fluid(&surface, room, options).unwrap();
+    let modes = sphere::modes(&fluid);
+    assert!(modes.iter().zip(sphere::INITIAL).all(|(x, y)| (x - y).abs() < 1e-14), "{modes:?}");
+    // Half the sum of squares by l (l + 1).
+    let energy = 0.5 * (1.0 / 2.0 + 0.0625 / 30.0 + 0.25 / 12.0);
+    assert!((sphere::energy(&mut fluid) - energy).abs() < 1e-14);
+    let [before] = sphere::casimirs(&mut fluid);
+    assert!((before - 1.3125).abs() < 1e-13, "{before}");
+    fluid.integrate_to(1.0).unwrap();
+    let [after] = sphere::casimirs(&mut fluid);
+    assert!((before - after).abs() < 1e-13, "{before} {after}");
+    // Solid rotation stays, and turns the other harmonics.
+    let moved = sphere::modes(&fluid);
+    assert!((moved[0] - 1.0).abs() < 1e-12 && (moved[1] - 0.25).abs() > 1e-3, "{moved:?}");
+}
