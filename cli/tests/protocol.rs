@@ -266,7 +266,9 @@ const THINNING: &str = "model thinning {
 #[test]
 fn fixed_steps_end_where_a_pivot_vanishes_and_say_which() {
     let initial = json!({"x": 0, "w": 0, "x_dot": 1, "w_dot": 0});
-    for method in ["rk4", "gauss4", "gauss6", "gauss8", "tsit5", "dop853", "vern9", "dopri5", "taylor"] {
+    for method in
+        ["rk4", "gauss4", "gauss6", "gauss8", "gauss16", "tsit5", "dop853", "vern9", "dopri5", "taylor"]
+    {
         let request = json!({"initial": initial, "t_final": 3, "method": method, "step": 0.1});
         match simulate(THINNING, &request) {
             Err(Error::Stopped { t, state, reason }) => {
@@ -345,6 +347,8 @@ fn simulate_takes_defaults_and_all_methods() {
         ("gauss4", Some(1e-3)),
         ("gauss6", Some(0.01)),
         ("gauss8", Some(0.02)),
+        ("gauss16", Some(0.1)),
+        ("gauss16-projected", Some(0.1)),
         ("gauss4-newton", Some(1e-3)),
         ("gauss6-newton", Some(0.01)),
         ("gauss8-newton", Some(0.02)),
@@ -382,12 +386,13 @@ fn newton_takes_steps_that_fixed_points_cannot_and_is_recommended_by_its_name() 
         let initial = json!({"x": 1, "y": 1, "x_dot": 0, "y_dot": 0});
         json!({"initial": initial, "t_final": 10, "method": method, "step": 0.05})
     };
-    for method in ["gauss4", "gauss6", "gauss8"] {
+    let recommended = [("gauss4", "gauss4-newton"), ("gauss6", "gauss6-newton"), ("gauss8", "gauss8-newton")];
+    for (method, other) in recommended.into_iter().chain([("gauss16", "gauss8-newton")]) {
         let Err(error) = simulate(STIFF, &request(method)) else { panic!("{method} converged") };
-        let words = format!("take a smaller step, or {method}-newton");
+        let words = format!("take a smaller step, or {other}");
         assert!(error.to_string().contains(&words), "{error}");
         // What is recommended works.
-        let answer = simulate(STIFF, &request(&format!("{method}-newton"))).unwrap();
+        let answer = simulate(STIFF, &request(other)).unwrap();
         assert_eq!(answer["steps"], 200);
         // Both masses together: x'' = -x/2, but for the stretch of the stiff spring.
         let x = answer["final"]["x"].as_f64().unwrap();
@@ -609,11 +614,26 @@ fn the_projected_method_keeps_what_is_conserved_and_needs_something_to_keep() {
     let drift = |method: &str| number_of(&simulate(TOP, &request(method)).unwrap()["energy_drift"]);
     let (free, kept) = (drift("vern9"), drift("projected"));
     assert!(free > 1e-10 && kept < 1e-15, "{free:e}, {kept:e}");
+    // With fixed steps, at which the method alone has an error of its own.
+    let drift = |method: &str| {
+        let request =
+            json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 10_000, "method": method, "step": 0.5});
+        number_of(&simulate(TOP, &request).unwrap()["energy_drift"])
+    };
+    let (free, kept) = (drift("gauss16"), drift("gauss16-projected"));
+    assert!(free > 2e-15 && kept < 1e-15, "{free:e}, {kept:e}");
+    let unstepped = json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 1, "method": "gauss16-projected"});
+    let error = simulate(TOP, &unstepped).unwrap_err().to_string();
+    assert!(error.contains("step is missing: gauss16-projected has no error estimate"), "{error}");
     // The energy changes, and the momentum is a component of the state.
     let damped = "model damped { coordinate q in real; lagrangian = q_dot^2/2; force q_dot = -q_dot; }";
-    let request = json!({"initial": {"q": 1, "q_dot": 1}, "t_final": 1, "method": "projected"});
-    let error = simulate(damped, &request).unwrap_err().to_string();
-    assert!(error.contains("has no invariant besides components of its state"), "{error}");
+    for (method, step) in [("projected", Value::Null), ("gauss16-projected", json!(0.1))] {
+        let initial = json!({"q": 1, "q_dot": 1});
+        let request = json!({"initial": initial, "t_final": 1, "method": method, "step": step});
+        let error = simulate(damped, &request).unwrap_err().to_string();
+        let words = format!("method {method}: scene default of damped has no invariant besides components");
+        assert!(error.contains(&words), "{error}");
+    }
 }
 
 fn number_of(value: &Value) -> f64 {

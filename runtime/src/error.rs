@@ -272,8 +272,11 @@ impl fmt::Display for Error {
                      {iterations} iterations: take a smaller step"
                 )?;
                 // The fixed-point iteration of Gauss methods has an alternative.
-                let has_alternative = method.starts_with("gauss") && !method.ends_with("-newton");
-                if has_alternative { write!(f, ", or {method}-newton") } else { Ok(()) }
+                match method {
+                    "gauss4" | "gauss6" | "gauss8" => write!(f, ", or {method}-newton"),
+                    "gauss16" => f.write_str(", or gauss8-newton"),
+                    _ => Ok(()),
+                }
             }
             Self::EventNotFinite { t, index } => {
                 write!(

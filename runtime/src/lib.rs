@@ -13,6 +13,7 @@
 //! | [`Taylor`] | 2 to 32 | as steps | adaptive, fixed | tolerances below 1e-6, systems with series, [`Jet`] |
 //! | [`Rk4`] | 4 | 3 | fixed | comparisons, real time |
 //! | [`Gauss4`], [`Gauss6`], [`Gauss8`] | 4, 6, 8 | 3, 4, 5 | fixed | long times: symplectic, symmetric |
+//! | `Gauss16` (feature `lanes`) | 16 | 16 | fixed | the longest times: round-off is a random walk; [`OverScalar`] |
 //! | [`matrices::IsospectralMidpoint`] | 2 | none | fixed | ideal fluids: the spectrum of the vorticity kept |
 //! | [`Projected`] | as within | as within | as within | invariants kept to round-off, elements of groups |
 //!
@@ -107,7 +108,7 @@ pub use methods::{
     Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
 };
 #[cfg(feature = "lanes")]
-pub use methods::{Gbs14, Rows, Turns};
+pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};
 #[cfg(feature = "nalgebra")]
 pub use nalgebra;
 #[cfg(feature = "nalgebra")]

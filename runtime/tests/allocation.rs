@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use hamel_runtime::{
     Convolutions, Differentiable, Direction, Dop853, Dopri5, Gauss4, Gauss6, Gauss8, Integrator, Invariants,
-    Jet, Method, Options, Progress, Projected, Rk4, System, Taylor, Tsit5, Vern9,
+    Jet, Method, Options, OverScalar, Progress, Projected, Real, Rk4, System, Taylor, Tsit5, Vern9,
 };
 
 /// Counts the allocations of each thread and leaves the work to the system.
@@ -47,10 +47,20 @@ static ALLOCATOR: Counting = Counting;
 
 struct Pendulum;
 
-impl System<f64> for Pendulum {
-    type State = [f64; 2];
-    fn rhs(&self, _t: f64, y: &[f64; 2], dy: &mut [f64; 2]) {
+impl<R: Real> System<R> for Pendulum {
+    type State = [R; 2];
+    fn rhs(&self, _t: R, y: &[R; 2], dy: &mut [R; 2]) {
         *dy = [y[1], -y[0].sin()];
+    }
+}
+
+impl<Q: Real, R: Real> OverScalar<Q, R> for Pendulum {
+    type Over = Pendulum;
+    fn over(&self, _convert: impl Fn(R) -> Q) -> Pendulum {
+        Pendulum
+    }
+    fn state_over(state: &[R; 2], convert: impl Fn(R) -> Q) -> [Q; 2] {
+        state.map(convert)
     }
 }
 
@@ -138,6 +148,16 @@ fn integration_allocates_nothing() {
     assert_eq!(allocations(Taylor::new(), Options::adaptive(1e-12, 1e-12)), 0);
     assert_eq!(allocations(Taylor::of_order(8), Options::fixed(0.05)), 0);
     assert_eq!(allocations(Projected::<_, 1>::new(Taylor::new()), Options::adaptive(1e-12, 1e-12)), 0);
+}
+
+#[cfg(feature = "lanes")]
+#[test]
+fn integration_in_lanes_allocates_nothing() {
+    use hamel_runtime::{Gauss16, Gbs14};
+
+    assert_eq!(allocations(Gbs14, Options::adaptive(1e-12, 1e-12)), 0);
+    assert_eq!(allocations(Gauss16, Options::fixed(0.05)), 0);
+    assert_eq!(allocations(Projected::<_, 1>::new(Gauss16), Options::fixed(0.05)), 0);
 }
 
 #[test]

@@ -51,13 +51,15 @@ impl SimulateRequest {
         texts.ok_or_else(|| Error::unusable("sections", "is a list of texts such as [\"x rising\"]"))
     }
 
-    /// Whether a request's method is [`MethodName::Projected`], so that the scene has to have its invariants.
+    /// Whether a request's method projects onto invariants, which the scene then has to have.
     ///
     /// # Errors
     /// [`Error::NotJson`].
     pub fn asks_to_project(text: &str) -> Result<bool, Error> {
-        let projected = Json::String(MethodName::Projected.name().to_owned());
-        has_field(text, "method", |value| *value == projected)
+        has_field(text, "method", |value| match value {
+            Json::String(name) => MethodName::from_name(name).is_some_and(MethodName::is_projection),
+            _ => false,
+        })
     }
 
     /// Whether `initial` names something that is no state variable, so that the forms of states matter.

@@ -76,7 +76,7 @@ impl Choice {
     /// # Errors
     /// Problems of the model.
     pub fn suited_to(&self, file: &ModelFile<'_>, method: MethodName) -> Result<Choice, Error> {
-        if method != MethodName::Projected || self.via(file) == Via::Interpreter {
+        if !method.is_projection() || self.via(file) == Via::Interpreter {
             return Ok(self.clone());
         }
         if model::wants(file.model()?, &self.scene, Want::Invariants) {

@@ -34,6 +34,8 @@ pub enum MethodName {
     Gauss6,
     /// Gauss collocation of eighth order: symplectic, fixed steps only.
     Gauss8,
+    /// Gauss collocation of order 16 in lanes, for the longest runs: symplectic, fixed steps only.
+    Gauss16,
     /// The same of fourth order with Newton's iteration, for stiff systems and long steps.
     Gauss4Newton,
     /// The same of sixth order with Newton's iteration.
@@ -46,6 +48,8 @@ pub enum MethodName {
     Auto,
     /// Verner's method with a projection onto the invariants of the motion after every step.
     Projected,
+    /// Gauss collocation of order 16 with the same projection, fixed steps only.
+    Gauss16Projected,
     /// The isospectral midpoint rule, for fluids that are moved as products of matrices; fixed steps only.
     Isospectral,
 }
@@ -63,14 +67,16 @@ enum Class {
     Series,
     /// Stands for another method.
     Choice,
-    /// Corrects the steps of another method.
+    /// Corrects the steps of another method, of an explicit one with an error estimate.
     Projection,
+    /// Corrects the steps of a method for fixed steps.
+    FixedProjection,
     /// Moves matrices in fixed steps.
     Matrices,
 }
 
 /// Every method in the order of [`MethodName`], with its name in requests and on the command line.
-const METHODS: [(MethodName, &str, Class); 16] = [
+const METHODS: [(MethodName, &str, Class); 18] = [
     (MethodName::Tsit5, "tsit5", Class::Embedded),
     (MethodName::Dop853, "dop853", Class::Embedded),
     (MethodName::Vern9, "vern9", Class::Embedded),
@@ -80,12 +86,14 @@ const METHODS: [(MethodName, &str, Class); 16] = [
     (MethodName::Gauss4, "gauss4", Class::Fixed),
     (MethodName::Gauss6, "gauss6", Class::Fixed),
     (MethodName::Gauss8, "gauss8", Class::Fixed),
+    (MethodName::Gauss16, "gauss16", Class::Fixed),
     (MethodName::Gauss4Newton, "gauss4-newton", Class::Newton),
     (MethodName::Gauss6Newton, "gauss6-newton", Class::Newton),
     (MethodName::Gauss8Newton, "gauss8-newton", Class::Newton),
     (MethodName::Taylor, "taylor", Class::Series),
     (MethodName::Auto, "auto", Class::Choice),
     (MethodName::Projected, "projected", Class::Projection),
+    (MethodName::Gauss16Projected, "gauss16-projected", Class::FixedProjection),
     (MethodName::Isospectral, "isospectral", Class::Matrices),
 ];
 
@@ -111,23 +119,24 @@ impl MethodName {
 
     /// Whether the method takes fixed steps only.
     pub(crate) fn has_fixed_steps(self) -> bool {
-        matches!(self.class(), Class::Fixed | Class::Newton | Class::Matrices)
+        matches!(self.class(), Class::Fixed | Class::Newton | Class::FixedProjection | Class::Matrices)
     }
 
-    /// Whether the method moves matrices, which models with equations have none of.
-    pub(crate) fn is_of_matrices(self) -> bool {
-        self.class() == Class::Matrices
+    /// Whether the method asks for the invariants of the motion.
+    pub(crate) fn is_projection(self) -> bool {
+        matches!(self.class(), Class::Projection | Class::FixedProjection)
     }
 
     /// Whether the method integrates a motion with its derivatives: it asks a scene for nothing but the right-hand
     /// side.
     pub(crate) fn carries_derivatives(self) -> bool {
-        !matches!(self.class(), Class::Newton | Class::Series | Class::Projection)
+        (self.evaluates_rates_alone() && !self.is_projection()) || self.class() == Class::Choice
     }
 
-    /// Whether the method asks for derivatives of the right-hand side.
-    pub(crate) fn is_newton(self) -> bool {
-        self.class() == Class::Newton
+    /// Whether the method is one of its own, and evaluates the right-hand side but neither its derivatives nor a
+    /// series, and moves no matrices, which models with equations have none of.
+    pub(crate) fn evaluates_rates_alone(self) -> bool {
+        !matches!(self.class(), Class::Newton | Class::Series | Class::Choice | Class::Matrices)
     }
 }
 

@@ -3,7 +3,8 @@
 //! Does not know: what is integrated with a method, requests.
 
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gbs14, Method, Projected, Rk4, Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, Projected, Rk4, Taylor, Tsit5,
+    Vern9,
 };
 
 use super::auto::{self, Purpose};
@@ -54,6 +55,7 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
         MethodName::Gauss4 => user.single(Gauss4::fixed_point()),
         MethodName::Gauss6 => user.single(Gauss6::fixed_point()),
         MethodName::Gauss8 => user.single(Gauss8::fixed_point()),
+        MethodName::Gauss16 => user.single(Gauss16),
         MethodName::Gauss4Newton => user.single(Gauss4::newton()),
         MethodName::Gauss6Newton => user.single(Gauss6::newton()),
         MethodName::Gauss8Newton => user.single(Gauss8::newton()),
@@ -79,13 +81,30 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
             );
             return Err(Error::Options { reason });
         }
-        // Storage has a size known to the compiler: rounded up, with invariants that are always met.
-        MethodName::Projected => match dynamics.n_invariants() {
-            Some(1..=4) => user.single(Projected::<_, 4>::new(Vern9)),
-            Some(5..=16) => user.single(Projected::<_, 16>::new(Vern9)),
-            Some(17..=MAX_INVARIANTS) => user.single(Projected::<_, MAX_INVARIANTS>::new(Vern9)),
-            n_invariants => return Err(not_projected(dynamics.info(), n_invariants)),
-        },
+        MethodName::Projected => return projected(Vern9, method, dynamics, user),
+        MethodName::Gauss16Projected => return projected(Gauss16, method, dynamics, user),
+    })
+}
+
+/// Calls `user` with a method around which steps are projected onto the invariants of a scene; `name` is that of both.
+///
+/// # Errors
+/// [`Error::Options`] when the scene has no invariants, or too many.
+fn projected<'a, U: WithMethod<'a>, M>(
+    method: M,
+    name: MethodName,
+    dynamics: &dyn Dynamics,
+    user: U,
+) -> Result<U::Output, Error>
+where
+    M: Method<f64, PreparedScene<'a>> + Sync,
+{
+    // Storage has a size known to the compiler: rounded up, with invariants that are always met.
+    Ok(match dynamics.n_invariants() {
+        Some(1..=4) => user.single(Projected::<_, 4>::new(method)),
+        Some(5..=16) => user.single(Projected::<_, 16>::new(method)),
+        Some(17..=MAX_INVARIANTS) => user.single(Projected::<_, MAX_INVARIANTS>::new(method)),
+        n_invariants => return Err(not_projected(name, dynamics.info(), n_invariants)),
     })
 }
 
@@ -106,7 +125,7 @@ fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
     Err(Error::Options { reason })
 }
 
-fn not_projected(info: &Info, n_invariants: Option<usize>) -> Error {
+fn not_projected(method: MethodName, info: &Info, n_invariants: Option<usize>) -> Error {
     let reason = match n_invariants {
         None => "was compiled without its invariants: choose a scene that wants `invariants`, or --via interpreter"
             .to_owned(),
@@ -115,5 +134,6 @@ fn not_projected(info: &Info, n_invariants: Option<usize>) -> Error {
             .to_owned(),
         Some(n) => format!("has {n} invariants, but at most {MAX_INVARIANTS} can be kept: choose another method"),
     };
-    Error::Options { reason: format!("method projected: scene {} of {} {reason}", info.scene, info.model) }
+    let (method, Info { scene, model, .. }) = (method.name(), info);
+    Error::Options { reason: format!("method {method}: scene {scene} of {model} {reason}") }
 }

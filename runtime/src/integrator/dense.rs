@@ -99,7 +99,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// The end of a shorter step from the start of the last one.
     fn step_inside(&mut self, t: R) -> Result<(), Error> {
         let from = &self.points[usize::from(!self.current)];
-        let mut to = from.clone();
+        let mut to = self.points[usize::from(self.current)].clone();
         let mut step = Step {
             system: self.system,
             t: self.t_previous,
@@ -107,7 +107,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             from,
             to: &mut to,
             work: &mut self.work,
-            last_h: None,
+            last_h: Some(self.h),
+            is_inside: true,
             rhs_evals: &mut self.stats.rhs_evals,
             jacobian_evals: &mut self.stats.jacobian_evals,
         };

@@ -162,6 +162,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             to,
             work: &mut self.work,
             last_h,
+            is_inside: false,
             rhs_evals: &mut self.stats.rhs_evals,
             jacobian_evals: &mut self.stats.jacobian_evals,
         };

@@ -25,6 +25,8 @@ pub use dop853::Dop853;
 pub use dopri5::Dopri5;
 pub use gauss::{FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Newton};
 #[cfg(feature = "lanes")]
+pub use gauss::{Gauss16, Halves};
+#[cfg(feature = "lanes")]
 pub use gbs14::{Gbs14, Rows};
 pub use projected::{Invariants, Projected, Projection};
 pub use rk4::Rk4;
@@ -246,12 +248,16 @@ pub struct Step<'a, R: Real, S: System<R>> {
     /// The start, complete.
     pub from: &'a Point<S::State>,
     /// The end: `state` and `residue` are to be computed. Before, it is the start of the last step if `last_h` says
-    /// so.
+    /// so; of a step inside of the last one its slope is that at the end of it.
     pub to: &'a mut Point<S::State>,
     /// Space for one state.
     pub work: &'a mut S::State,
-    /// Size of the last step, if `to` and the stored stages are still those of the step that led to `from`.
+    /// Size of the last step, if `to` and the stored stages are still those of the step that led to `from`, or of the
+    /// one around this.
     pub last_h: Option<R>,
+    /// Whether the step is one inside of the last one, from its start, for continuous output: what is stored of the
+    /// last one is to be kept for the step after it.
+    pub is_inside: bool,
     /// Count of evaluations of the right-hand side, to be kept up to date.
     pub rhs_evals: &'a mut u64,
     /// Count of evaluations of the Jacobian, to be kept up to date.

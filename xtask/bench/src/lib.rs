@@ -6,6 +6,8 @@
 //!
 //! Deliberately does not know: the generator, operation counts, how results are shown.
 
+#[cfg(feature = "drift")]
+pub mod drift;
 #[cfg(feature = "measure")]
 pub mod expert;
 #[cfg(feature = "measure")]

@@ -12,11 +12,18 @@
 //! hamel-bench fluids <rounds> <folder>        writes flows into the folder; a line `round` after each size and tolerance,
 //!                                             and `<surface>;<n>;<by>;<ns>;<iterations>;<error>;<drift>`, then
 //!                                             `long;<steps>;<step>;<drift>`
+//! hamel-bench drift <steps> <model> <t> <params> <initial>
+//!                                             `<name>=<value>` joined by commas; for each method a line `round` and
+//!                                             lines `<method>;<step>;<ns>;<steps>;<rms>;<mean>`
 //! ```
 
+#[cfg(any(feature = "integrators", feature = "drift"))]
+use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::time::Duration;
 
+#[cfg(feature = "drift")]
+use hamel_bench::drift;
 #[cfg(feature = "integrators")]
 use hamel_bench::wp;
 use hamel_bench::{Kernel, fluids, kernel, kernels};
@@ -40,14 +47,14 @@ fn number(text: &str) -> Result<u64, String> {
     text.parse().map_err(|e| format!("{text}: {e}"))
 }
 
-#[cfg(feature = "integrators")]
-fn numbers(text: &str) -> Result<wp::Numbers, String> {
+#[cfg(any(feature = "integrators", feature = "drift"))]
+fn numbers(text: &str) -> Result<BTreeMap<String, f64>, String> {
     let pair = |pair: &str| {
         let (name, value) = pair.split_once('=').ok_or(format!("{pair}: no ="))?;
         let value = value.parse::<f64>().map_err(|e| format!("{pair}: {e}"))?;
         Ok((name.to_owned(), value))
     };
-    text.split(',').map(pair).collect()
+    text.split(',').filter(|pair| !pair.is_empty()).map(pair).collect()
 }
 
 fn run(arguments: &[String]) -> Result<(), String> {
@@ -81,6 +88,19 @@ fn run(arguments: &[String]) -> Result<(), String> {
             for (steps, h, drift) in fluids::long_runs()? {
                 println!("long;{steps};{h};{drift:e}\nround");
             }
+        }
+        #[cfg(feature = "drift")]
+        ["drift", steps, model, t_end, params, initial] => {
+            let t_end = t_end.parse::<f64>().map_err(|e| format!("{t_end}: {e}"))?;
+            let (params, initial) = (numbers(params)?, numbers(initial)?);
+            let motion = drift::Motion { model: model.to_owned(), params, initial, t_end };
+            drift::measure(&motion, number(steps)?, |measured| {
+                let drift::Measured { method, h, ns, errors } = measured;
+                for drift::Error { steps, rms, mean } in errors {
+                    println!("{method};{h};{ns};{steps};{rms:e};{mean:e}");
+                }
+                println!("round");
+            })?;
         }
         #[cfg(feature = "integrators")]
         ["solvers"] => wp::MODELS.iter().for_each(|model| println!("{model}")),

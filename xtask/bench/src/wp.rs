@@ -13,7 +13,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gbs14, Integrator, Jet, Method, Options,
+    Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Integrator, Jet, Method, Options,
     OverScalar, Real, Scene, Stats, System, Taylor, Tsit5, Vern9,
 };
 
@@ -162,6 +162,7 @@ fn of_runtime<S: OverScalar<F64x4, State = [f64; N]> + 'static, const N: usize>(
         runge_kutta("gauss4", scene, span, Gauss4::fixed_point()),
         runge_kutta("gauss6", scene, span, Gauss6::fixed_point()),
         runge_kutta("gauss8", scene, span, Gauss8::fixed_point()),
+        runge_kutta("gauss16", scene, span, Gauss16),
     ]
 }
 

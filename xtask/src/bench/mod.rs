@@ -2,6 +2,8 @@
 //!
 //! Does not know: how anything is measured or shown.
 
+mod drift;
+mod drift_report;
 mod family;
 mod fluids;
 mod fluids_report;
@@ -17,6 +19,7 @@ mod scaling;
 mod scaling_report;
 mod source;
 mod table;
+mod trajectory;
 mod wp;
 mod wp_report;
 
@@ -117,6 +120,29 @@ Examples:
         #[arg(long)]
         peers: bool,
     },
+    /// Long runs: the error of the energy against the number of steps
+    ///
+    /// Makes 1e7 short steps with gauss16, and a tenth with longer ones and with the other methods that come near
+    /// round-off, on ten systems from four points of a motion each; prints errors after 1e3, 1e4, .. steps, how they
+    /// grow, and the time of a unit of time. When no models are named, docs/benchmarks/drift.md, drift.csv and
+    /// drift.svg are written.
+    ///
+    /// The measuring program is built in target/bench, which takes some minutes the first time.
+    #[command(after_help = "\
+Examples:
+  cargo xtask bench drift                            ten systems, some minutes; writes docs/benchmarks
+  cargo xtask bench drift heavy_top --steps 100000   one of them, shorter; writes nothing")]
+    Drift {
+        /// Names of models; ten when none is given
+        models: Vec<String>,
+        /// Steps of the longest runs
+        #[arg(long, value_name = "N", default_value_t = 10_000_000)]
+        #[arg(value_parser = clap::value_parser!(u64).range(10_000..))]
+        steps: u64,
+        /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
+        #[arg(long, value_enum)]
+        target_cpu: Option<TargetCpu>,
+    },
     /// Growing systems: time of generation and of rustc, lines, and time of one call
     ///
     /// Generates free motions on so(n), su(n) and nilpotent groups of dimension 6 to 78, compiles each with one call of
@@ -160,6 +186,10 @@ impl Bench {
             Bench::Fluids { rounds, target_cpu, peers } => {
                 let target_cpu = or_host(target_cpu);
                 fluids::fluids(repository, fluids::Options { rounds, target_cpu, peers })
+            }
+            Bench::Drift { models, steps, target_cpu } => {
+                let target_cpu = or_host(target_cpu);
+                drift::drift(repository, &drift::Options { models, steps, target_cpu })
             }
             Bench::Scaling { short, rounds, target_cpu } => {
                 let target_cpu = or_host(target_cpu);

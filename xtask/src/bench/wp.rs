@@ -8,12 +8,12 @@ use std::process::Command;
 
 use hamel::Error;
 use hamel::repository::Repository;
-use serde_json::Value;
 
 use super::peers::{listen, script};
 use super::point::Point;
-use super::program::{PACKAGE, TargetCpu, build, converse, failed, progress};
+use super::program::{PACKAGE, TargetCpu, build, converse, progress};
 use super::source::Source;
+use super::trajectory::Trajectory;
 use super::wp_report::Report;
 
 /// The models that are measured when none is named.
@@ -44,23 +44,6 @@ impl Options {
     }
 }
 
-/// The first trajectory of a model's reference file, as arguments of the measuring program.
-fn problem(repository: &Repository, model: &str) -> Result<[String; 4], Error> {
-    let path = repository.root().join(format!("tests/reference/{model}.json"));
-    let text = std::fs::read_to_string(&path).map_err(|e| Error::io(repository.shown(&path), e))?;
-    let of = |reason: String| failed(format!("tests/reference/{model}.json: {reason}"));
-    let file: Value = serde_json::from_str(&text).map_err(|e| of(e.to_string()))?;
-    let trajectory = &file["trajectories"][0];
-    let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-    let numbers = |name: &str| {
-        let object =
-            trajectory[name].as_object().ok_or_else(|| of(format!("the first trajectory has no {name}")))?;
-        let pairs = object.iter().map(|(name, value)| format!("{name}={}", text(value)));
-        Ok::<_, Error>(pairs.collect::<Vec<_>>().join(","))
-    };
-    Ok([text(&trajectory["t_final"]), numbers("params")?, numbers("initial")?, numbers("final")?])
-}
-
 /// Measures, writes `docs/benchmarks/wp*` when all models were measured, and returns the tables.
 ///
 /// # Errors
@@ -76,7 +59,8 @@ pub(crate) fn wp(repository: &Repository, options: &Options) -> Result<String, E
     for model in &models {
         bar.set_message(model.clone());
         let mut command = Command::new(&program);
-        command.args(["solve", &options.rounds.to_string(), model]).args(problem(repository, model)?);
+        let Trajectory { t_final, params, initial, last } = Trajectory::first(repository, model)?;
+        command.args(["solve", &options.rounds.to_string(), model]).args([t_final, params, initial, last]);
         let mut found = Vec::new();
         converse(command, PACKAGE, &bar, |line| {
             found.push(Point::parse(line)?);

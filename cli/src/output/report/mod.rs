@@ -88,10 +88,7 @@ impl Precision {
         };
         let floor = error(&other.last).max(f64::EPSILON);
         let mut methods = Vec::new();
-        let is_shown = |m: &MethodName| {
-            !(matches!(m, MethodName::Taylor | MethodName::Auto) || m.is_newton() || m.is_of_matrices())
-        };
-        for method in MethodName::all().filter(is_shown) {
+        for method in MethodName::all().filter(|method| method.evaluates_rates_alone()) {
             // Twice as many steps each time; the Gauss methods take few large ones.
             let fixed = |k: u32| Steps::Fixed { step: t_final / f64::from(1 << k) };
             let steps: Vec<Steps> = match method {

@@ -3,8 +3,12 @@
 //! The module deliberately does not know step sizes or tolerances: stages are solved to round-off.
 
 mod newton;
+#[cfg(feature = "lanes")]
+mod sixteen;
 mod tableaux;
 
+#[cfg(feature = "lanes")]
+pub use self::sixteen::{Gauss16, Halves};
 use self::tableaux::{GAUSS4, GAUSS6, GAUSS8};
 use super::{Constant, Derivatives, Method, Step, Tableau, c, compensated_advance};
 use crate::error::Error;
@@ -292,6 +296,9 @@ impl Change {
     }
 }
 
+/// Changes that stop to decrease above this many units of round-off are no round-off.
+const ROUND_OFF: f64 = 1e3;
+
 /// Repeats `sweep` until the stages do not change, or until the changes stop to decrease in round-off.
 ///
 /// # Source
@@ -303,8 +310,6 @@ fn iterate<R: Real, S: System<R>>(
     mut sweep: impl FnMut(&mut Step<'_, R, S>) -> Change,
 ) -> Result<(), Error> {
     const MAX_ITERATIONS: u32 = 100;
-    /// Changes that stop to decrease above this many units of round-off are no round-off.
-    const ROUND_OFF: f64 = 1e3;
     /// Changes may grow at first.
     const PATIENCE: u32 = 10;
     let mut previous = f64::INFINITY;

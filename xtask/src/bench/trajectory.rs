@@ -1,0 +1,49 @@
+//! Trajectories of the reference files, as arguments of the measuring program.
+//!
+//! Does not know: what is measured along them.
+
+use hamel::Error;
+use hamel::repository::Repository;
+use serde_json::Value;
+
+use super::program::failed;
+
+/// A trajectory; numbers by name are `<name>=<value>` joined by commas.
+pub(super) struct Trajectory {
+    /// Time to reach from zero.
+    pub(super) t_final: String,
+    /// Parameters.
+    pub(super) params: String,
+    /// State at time zero.
+    pub(super) initial: String,
+    /// State at the end.
+    pub(super) last: String,
+}
+
+impl Trajectory {
+    /// The first trajectory of a model's reference file.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Failed`] for a file that is none.
+    pub(super) fn first(repository: &Repository, model: &str) -> Result<Trajectory, Error> {
+        let path = repository.root().join(format!("tests/reference/{model}.json"));
+        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(repository.shown(&path), e))?;
+        let of = |reason: String| failed(format!("tests/reference/{model}.json: {reason}"));
+        let file: Value = serde_json::from_str(&text).map_err(|e| of(e.to_string()))?;
+        let trajectory = &file["trajectories"][0];
+        let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let numbers = |name: &str| {
+            let object = trajectory[name]
+                .as_object()
+                .ok_or_else(|| of(format!("the first trajectory has no {name}")))?;
+            let pairs = object.iter().map(|(name, value)| format!("{name}={}", text(value)));
+            Ok::<_, Error>(pairs.collect::<Vec<_>>().join(","))
+        };
+        Ok(Trajectory {
+            t_final: text(&trajectory["t_final"]),
+            params: numbers("params")?,
+            initial: numbers("initial")?,
+            last: numbers("final")?,
+        })
+    }
+}
