@@ -114,7 +114,7 @@ fn small_exp2(x: f64) -> f64 {
     let sum = x + TO_WHOLE;
     let f = x - (sum - TO_WHOLE);
     let whole = f64::from_bits((sum.to_bits() << 52).wrapping_add(1.0_f64.to_bits()));
-    whole * (1.0 + f * (0.693_147 + f * (0.242_6 + f * 0.055_8)))
+    whole * (1.0 + f * (core::f64::consts::LN_2 + f * (0.242_6 + f * 0.055_8)))
 }
 
 /// Power of two within a relative 5e-4, for exponents between -1000 and 1000; of others that of the nearer end.

@@ -39,7 +39,7 @@ impl Events<f64, 1> for Ball {
         [y[0]]
     }
     fn event_apply(&self, _index: usize, _t: f64, y: &mut [f64; 2]) -> Action {
-        y[1] = -self.restitution * y[1];
+        y[1] *= -self.restitution;
         Action::Restart
     }
 }

@@ -35,7 +35,7 @@ pub(crate) enum Ask {
     /// Evaluate the chosen scene.
     Eval(EvalRequest),
     /// Integrate the chosen scene.
-    Simulate(SimulateRequest),
+    Simulate(Box<SimulateRequest>),
     /// Integrate the chosen scene many times.
     Ensemble(EnsembleRequest),
 }

@@ -64,7 +64,7 @@ impl Backend for Remote {
     fn simulate(&mut self, request: &SimulateRequest) -> Result<SimulateResponse, Error> {
         // JSON has no infinity, and what is too large is not worth sending.
         request.validate(&self.info)?;
-        let answer: Answer<SimulateResponse> = self.process.ask(&Ask::Simulate(request.clone()))?;
+        let answer: Answer<SimulateResponse> = self.process.ask(&Ask::Simulate(Box::new(request.clone())))?;
         Ok(answer?)
     }
 

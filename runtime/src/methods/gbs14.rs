@@ -310,7 +310,7 @@ where
         let (tolerances, ends) = (tolerances.map(V::as_slice), ends.map(V::as_slice));
         let (mut c, mut sum) = (0, F64x4::ZERO);
         while n - c >= 4 {
-            sum = sum + squares::<4>(errors, tolerances, ends, c);
+            sum += squares::<4>(errors, tolerances, ends, c);
             c += 4;
         }
         sum = match n - c {
