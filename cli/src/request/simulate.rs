@@ -9,10 +9,10 @@ use serde_json::{Map, Value};
 use super::json::{Fields, Json, by_name, names_in, number};
 use crate::error::{Error, Problem};
 use crate::names;
+use crate::run::direction::Direction;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::method::{MethodName, Steps};
-use crate::run::sensitivity::Direction;
 use crate::run::simulation::{MAX_EVENTS, Sample, SimulateRequest, SimulateResponse, samples_refusal};
 use crate::run::watched::EventRecord;
 

@@ -4,9 +4,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::direction::Direction;
 use super::info::Info;
 use super::method::{MethodName, Steps};
-use super::sensitivity::Direction;
 use super::watched::{EventRecord, Watched};
 use crate::error::Error;
 

@@ -1,8 +1,8 @@
 //! The events that are watched for along a motion: those of its scene, which may change its state or end it, and
 //! sections, which are told only.
 //!
-//! Their functions are evaluated by the interpreter, whoever evaluates the right-hand side: an event is the same wherever
-//! the motion is integrated.
+//! Their functions are evaluated by the interpreter, whoever evaluates the right-hand side: an event is the same
+//! wherever the motion is integrated.
 //!
 //! Does not know: how steps are made, how a request was written.
 
@@ -48,8 +48,8 @@ impl Watched {
         (!executable.events.is_empty()).then_some(watched)
     }
 
-    /// The events of a scene and sections, each an expression of the model's language, with `rising` or `falling` behind
-    /// it where only these crossings are meant; `path` says where they were given. None if there are neither.
+    /// The events of a scene and sections, each an expression of the model's language, with `rising` or `falling`
+    /// behind it where only these crossings are meant; `path` says where they were given. None if there are neither.
     ///
     /// # Errors
     /// [`Error::Request`] for sections that are no such expressions; [`Error::Models`].

@@ -30,8 +30,8 @@ pub enum EventDirection {
 
 /// An event: a change of sign of a function of time and state, and what it does.
 ///
-/// The functions of all events are the components of the output [`OutputPart::Events`], and what one of them sets is its
-/// output [`OutputPart::After`], so that both are written in the state of every formulation as outputs are.
+/// The functions of all events are the components of the output [`OutputPart::Events`], and what one of them sets is
+/// its output [`OutputPart::After`], so that both are written in the state of every formulation as outputs are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
     /// Name.

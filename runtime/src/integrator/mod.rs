@@ -1,8 +1,8 @@
 //! The one driver of all methods: time, state and counts of an integration.
 //!
 //! [`step`] takes one accepted step, [`failure`] says why there is none, [`dense`] interpolates within the last step,
-//! [`sampling`] visits times and events on the way, [`watch`] finds the events of a step, [`crossing`] brackets them with
-//! few steps, [`norms`] measures errors. The module deliberately does not know any method: the integrator reads a
+//! [`sampling`] visits times and events on the way, [`watch`] finds the events of a step, [`crossing`] brackets them
+//! with few steps, [`norms`] measures errors. The module deliberately does not know any method: the integrator reads a
 //! tableau and has the stages, or a series, computed.
 
 mod crossing;
