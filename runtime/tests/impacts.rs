@@ -348,3 +348,37 @@ fn a_state_outside_of_the_domain_is_refused() {
     let error = solver.observe(100.0, [], [Direction::Rising], &mut Kick(f64::NAN));
     assert_eq!(error, Err(Failure::NonFinite { t: 10.0, index: 0 }.into()));
 }
+
+/// Both times at which a ball passes a height, in steps that are as long as the flight: of every kind of dense output.
+#[test]
+fn a_function_that_changes_its_sign_twice_within_a_step_is_seen() {
+    fn passes<M: Method<f64, Ball>>(method: M, options: Options<f64>) {
+        let ball = Ball { restitution: 1.0 };
+        let (height, speed) = (0.3 * G, G);
+        let root = (speed * speed - 2.0 * G * height).sqrt();
+        let expected = [(speed - root) / G, (speed + root) / G];
+        let mut solver = Integrator::new(&ball, method, 0.0, [0.0, speed], options).unwrap();
+        let mut times = Vec::new();
+        let directions = [Direction::Either, Direction::Falling];
+        let told = solver.integrate_with_events(
+            2.1,
+            directions,
+            |_, y| [y[0] - height, y[0] - height],
+            |event| {
+                times.push((event.index, event.t));
+                ControlFlow::Continue(())
+            },
+        );
+        let name = M::TABLEAU.name;
+        assert_eq!(told, Ok(Progress::Reached), "{name}");
+        assert_eq!(times.iter().map(|(index, _)| *index).collect::<Vec<_>>(), [0, 0, 1], "{name}");
+        for ((_, t), expected) in times.iter().zip([expected[0], expected[1], expected[1]]) {
+            assert!((t - expected).abs() < 1e-12, "{name}: {t} instead of {expected}");
+        }
+        assert_eq!(solver.stats().steps, 1, "{name}");
+    }
+    passes(Vern9, Options::fixed(2.1));
+    passes(Dop853, Options::fixed(2.1));
+    passes(Gauss4::fixed_point(), Options::fixed(2.1));
+    passes(Taylor::new(), Options::fixed(2.1));
+}

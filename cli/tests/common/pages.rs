@@ -78,11 +78,29 @@ pub(crate) fn commands(text: &str, program: &str) -> Vec<Vec<String>> {
         if !is_start || !rest.starts_with([' ', '\n']) && !rest.is_empty() {
             return None;
         }
-        let end = rest.find(['|', '<', '>', '#', ')', ';', '}']).unwrap_or(rest.len());
-        let words = rest[..end].split_whitespace();
-        Some(words.map(|word| word.trim_matches(['"', '\'']).to_owned()).collect())
+        Some(words(rest))
     });
     found.collect()
+}
+
+/// Words up to the end of a command; a quoted text is one word.
+fn words(text: &str) -> Vec<String> {
+    let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
+    for c in text.chars() {
+        match quote {
+            Some(open) if c == open => quote = None,
+            Some(_) => word.get_or_insert_default().push(c),
+            None if c == '"' || c == '\'' => {
+                quote = Some(c);
+                word.get_or_insert_default();
+            }
+            None if c.is_whitespace() => words.extend(word.take()),
+            None if ['|', '<', '>', '#', ')', ';', '}'].contains(&c) => break,
+            None => word.get_or_insert_default().push(c),
+        }
+    }
+    words.extend(word);
+    words
 }
 
 /// Calls `check` with every call of a program in the shell blocks of the documentation.

@@ -1,5 +1,5 @@
-//! A bracket of an event within a step whose inside is computed by steps of their own: found by cubics between states
-//! that are known, so that few of these steps are taken.
+//! Cubics between the ends of a step, which cost no evaluation: they see functions that change their sign twice within
+//! it, and give brackets of events where the inside of a step is computed by steps of their own, so that few are taken.
 //!
 //! Does not know directions of events, or what is done where one is found.
 
@@ -15,6 +15,9 @@ use crate::system::{StateVector, System};
 /// Most cubics for one event; each takes the distance to the fourth power where the function is smooth.
 const MAX_CUBICS: usize = 8;
 
+/// Parts of a step at which functions are looked at along the cubic.
+pub(super) const PROBES: [f64; 3] = [0.25, 0.5, 0.75];
+
 /// An end of a bracket.
 struct End<R, V> {
     /// Part of the step.
@@ -26,6 +29,44 @@ struct End<R, V> {
 }
 
 impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
+    /// Whether a function that has the values `before` and `after` at the ends of the last step seems to change its sign
+    /// more than once within it: the cubic between the ends, or the series of the step, is looked at in [`PROBES`].
+    pub(super) fn turns<const K: usize>(
+        &mut self,
+        before: [R; K],
+        after: [R; K],
+        mut functions: impl FnMut(R, &S::State) -> [R; K],
+    ) -> Result<bool, Error> {
+        if K == 0 {
+            return Ok(false);
+        }
+        let (mut signs, mut n_changes) = (before.map(sign), [0; K]);
+        let mut note = |values: [R; K]| {
+            for ((own, n), value) in signs.iter_mut().zip(&mut n_changes).zip(values) {
+                // What is zero or not finite says nothing.
+                if let Some(new) = sign(value) {
+                    *n += u8::from(*own == Some(!new));
+                    *own = Some(new);
+                }
+            }
+        };
+        let (from, length) = (self.t_previous, self.t - self.t_previous);
+        for part in PROBES {
+            let t = from + R::from_f64(part) * length;
+            if const { M::TABLEAU.is_series() } {
+                self.evaluate_dense(t)?;
+            } else {
+                let [first, last] =
+                    [usize::from(!self.current), usize::from(self.current)].map(|k| &self.points[k]);
+                let ends = [(&first.state, &first.slope), (&last.state, &last.slope)];
+                cubic(ends, length, R::from_f64(part), &mut self.work);
+            }
+            note(functions(t, &self.work));
+        }
+        note(after);
+        Ok(n_changes.iter().any(|n| *n > 1))
+    }
+
     /// Parts of the last step, and values there, between which a function changes its sign: at most `resolution` apart
     /// where it is smooth.
     ///
@@ -50,7 +91,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
                 break;
             }
             let along = |x: R| {
-                cubic([&a, &b], (b.x - a.x) * length, x, &mut self.work);
+                let ends = [(&a.state, &a.slope), (&b.state, &b.slope)];
+                cubic(ends, (b.x - a.x) * length, x, &mut self.work);
                 function(from + (a.x + x * (b.x - a.x)) * length, &self.work)
             };
             // Where the cubic leaves the domain of the function, steps alone have to find the place.
@@ -74,14 +116,20 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     }
 }
 
-/// The state at the part `x` of an interval of size `h`.
-fn cubic<R: Real, V: StateVector<R>>([a, b]: [&End<R, V>; 2], h: R, x: R, out: &mut V) {
+/// The state at the part `x` of an interval of size `h`, from states and slopes at its ends.
+fn cubic<R: Real, V: StateVector<R>>([a, b]: [(&V, &V); 2], h: R, x: R, out: &mut V) {
     let rest = R::ONE - x;
-    let states = a.state.as_slice().iter().zip(b.state.as_slice());
-    let slopes = a.slope.as_slice().iter().zip(b.slope.as_slice());
+    let states = a.0.as_slice().iter().zip(b.0.as_slice());
+    let slopes = a.1.as_slice().iter().zip(b.1.as_slice());
     for ((out, (&start, &end)), (&first, &last)) in out.as_mut_slice().iter_mut().zip(states).zip(slopes) {
         let (difference, first, last) = (end - start, h * first, h * last);
         let bend = difference + difference - first - last;
         *out = start + x * (difference + rest * (first - difference + x * bend));
     }
+}
+
+/// Whether a number is positive, rather than negative; none where it is neither.
+fn sign<R: Real>(value: R) -> Option<bool> {
+    let (is_positive, is_negative) = (value.all_gt(R::ZERO), R::ZERO.all_gt(value));
+    (is_positive || is_negative).then_some(is_positive)
 }

@@ -4,6 +4,7 @@
 
 use core::ops::ControlFlow;
 
+use super::crossing::PROBES;
 use super::dense::Dense;
 use super::norms::copy;
 use super::watch::{Ends, Watch, Within, finite_values};
@@ -182,7 +183,9 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// Integrates to `t_end` and tells an observer the states at `times`, the ends of steps and the events, in the
     /// order of time.
     ///
-    /// Events are located as [`integrate_with_events`](Self::integrate_with_events) says. Several at one time are told
+    /// Events are located as [`integrate_with_events`](Self::integrate_with_events) says. A function that changes its
+    /// sign twice within a step is seen where it has the other sign at a quarter, the half or three quarters of the
+    /// step. Several at one time are told
     /// in the order of their functions, each with the state that the one before has left. Where one answers
     /// [`Action::Restart`], the motion goes on from the changed state at the time of the event: the step after it
     /// starts anew, samples at that time have the state before, and what a change of the state does to the sign of a
@@ -214,9 +217,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         loop {
             let progress = self.step_within(t_end, &mut budget)?;
             let after = observer.values(self.t, self.state());
-            let ends = Ends { from: self.t_previous, to: self.t };
-            watch.search(ends, after, &mut LastStep { integrator: &mut *self, observer: &mut *observer })?;
-            match self.tell_events(&mut watch, &mut samples, observer, start)? {
+            match self.tell_step(&mut watch, &mut samples, observer, (start, after))? {
                 Told::Nothing => {}
                 Told::Stop => {
                     return Ok(if self.t == t_end { Progress::Reached } else { Progress::Running });
@@ -237,7 +238,46 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         }
     }
 
-    /// Tells the events of the last step, up to one that stops or changes the motion since `start`.
+    /// Finds and tells the events of the last step, at whose end the functions have the values `after`, up to one that
+    /// stops or changes the motion since `start`: part by part where functions turn within it.
+    fn tell_step<const K: usize>(
+        &mut self,
+        watch: &mut Watch<R, K>,
+        samples: &mut Samples<R, impl Iterator<Item = R>>,
+        observer: &mut impl Observer<R, S::State, K>,
+        (start, after): (R, [R; K]),
+    ) -> Result<Told, Error> {
+        let (begin, end) = (self.t_previous, self.t);
+        let turns = self.turns(watch.before(), after, |t, y| observer.values(t, y))?;
+        let mut ends = Ends { from: begin, to: end };
+        for part in PROBES.into_iter().filter(|_| turns) {
+            ends.to = begin + R::from_f64(part) * (end - begin);
+            self.evaluate_dense(ends.to)?;
+            let values = observer.values(ends.to, &self.work);
+            let told = self.tell_part(watch, samples, observer, (start, ends, values))?;
+            if !matches!(told, Told::Nothing) {
+                return Ok(told);
+            }
+            ends.from = ends.to;
+        }
+        ends.to = end;
+        self.tell_part(watch, samples, observer, (start, ends, after))
+    }
+
+    fn tell_part<const K: usize>(
+        &mut self,
+        watch: &mut Watch<R, K>,
+        samples: &mut Samples<R, impl Iterator<Item = R>>,
+        observer: &mut impl Observer<R, S::State, K>,
+        (start, ends, after): (R, Ends<R>, [R; K]),
+    ) -> Result<Told, Error> {
+        let is_whole = ends.from == self.t_previous && ends.to == self.t;
+        let mut within = LastStep { integrator: &mut *self, observer: &mut *observer, is_whole };
+        watch.search(ends, after, &mut within)?;
+        self.tell_events(watch, samples, observer, start)
+    }
+
+    /// Tells the events found last, up to one that stops or changes the motion since `start`.
     fn tell_events<const K: usize>(
         &mut self,
         watch: &mut Watch<R, K>,
@@ -369,6 +409,8 @@ impl<R: Real, I: Iterator<Item = R>> Samples<R, I> {
 struct LastStep<'i, I, O> {
     integrator: &'i mut I,
     observer: &'i mut O,
+    /// Whether all of it is searched.
+    is_whole: bool,
 }
 
 impl<R, S, M, O, const K: usize> Within<R, K> for LastStep<'_, Integrator<'_, R, S, M>, O>
@@ -389,7 +431,7 @@ where
         (before, after): (f64, f64),
         resolution: f64,
     ) -> Result<[(R, f64); 2], Error> {
-        if const { !M::DENSE_BY_STEPS } {
+        if const { !M::DENSE_BY_STEPS } || !self.is_whole {
             return Ok([(R::ZERO, before), (R::ONE, after)]);
         }
         let mut function = |t: R, y: &S::State| {

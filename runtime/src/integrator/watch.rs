@@ -41,7 +41,7 @@ pub(super) struct Watch<R, const K: usize> {
     limit: u64,
 }
 
-/// The last step: its ends.
+/// The last step, or a part of it: its ends.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ends<R> {
     pub(super) from: R,
@@ -71,8 +71,8 @@ pub(super) trait Within<R, const K: usize> {
     /// Their values at a time.
     fn values(&mut self, t: R) -> Result<[R; K], Error>;
 
-    /// A part of the step, with the values of a function less a level at its ends, in which the function changes its
-    /// sign; between the ends of the step it has these values.
+    /// A part of that, with the values of a function less a level at its ends, in which the function changes its
+    /// sign; at the ends of the whole it has these values.
     fn bracket(
         &mut self,
         of: (usize, R),
@@ -103,7 +103,12 @@ impl<R: Real, const K: usize> Watch<R, K> {
         })
     }
 
-    /// Finds the changes of sign within a step, at whose end the functions have the values `after`.
+    /// Values at the start of the step.
+    pub(super) fn before(&self) -> [R; K] {
+        self.before
+    }
+
+    /// Finds the changes of sign within a step, or a part of one, at whose end the functions have the values `after`.
     pub(super) fn search(
         &mut self,
         ends: Ends<R>,

@@ -27,7 +27,7 @@ impl ModelBuilder {
     /// let mut b = ModelBuilder::new("ball");
     /// let (z, v) = b.coordinate("z", Domain::Real, "");
     /// let g = b.graph();
-    /// let (square, two) = (v.dot(g, &v).unwrap(), Value::number(g, Rational::from_integer(2.into())));
+    /// let (square, two) = (v.mul(g, &v).unwrap(), Value::number(g, Rational::from_integer(2.into())));
     /// let energy = square.div(g, &two).unwrap();
     /// let potential = z.neg(g);
     /// let lagrangian = energy.add(g, &potential).unwrap();
