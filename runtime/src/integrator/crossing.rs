@@ -29,8 +29,9 @@ struct End<R, V> {
 }
 
 impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
-    /// Whether a function that has the values `before` and `after` at the ends of the last step seems to change its sign
-    /// more than once within it: the cubic between the ends, or the series of the step, is looked at in [`PROBES`].
+    /// Whether a function that has the values `before` and `after` at the ends of the last step seems to change its
+    /// sign more than once within it: the cubic between the ends, or the series of the step, is looked at in
+    /// [`PROBES`].
     pub(super) fn turns<const K: usize>(
         &mut self,
         before: [R; K],
