@@ -1,11 +1,13 @@
 //! Fluids that are moved as products of matrices, by the program: beside their equations, of any size, and what is
 //! refused.
 
-use std::io::Write as _;
 use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 
 use serde_json::Value;
+
+#[path = "common/program.rs"]
+mod program;
 
 /// A folder with model files, removed at the end.
 struct Folder(PathBuf);
@@ -22,19 +24,8 @@ impl Folder {
     }
 
     fn run(&self, arguments: &[&str], input: &str) -> Output {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_hamel"))
-            .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
-            .args(arguments)
-            .current_dir(&self.0)
-            .env_remove("CARGO_MANIFEST_DIR")
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        // The program may end before it reads.
-        let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
-        child.wait_with_output().unwrap()
+        let mut command = program::command(arguments);
+        program::output(command.current_dir(&self.0).env_remove("CARGO_MANIFEST_DIR"), input)
     }
 
     fn done(&self, arguments: &[&str], input: &str) -> String {
@@ -169,10 +160,11 @@ fn what_matrices_cannot_do_is_said() {
         let said = folder.refused(&[command, "large.hamel"], "");
         assert!(said.contains("moved as products of matrices") && said.contains("hamel simulate"), "{said}");
     }
-    let cases: [(&[&str], &str); 7] = [
+    let cases: [(&[&str], &str); 8] = [
         (&[], "--step is what a fluid of matrices is moved by"),
         (&["--step", "0.1", "--method", "rk4"], "method rk4: matrices are moved by isospectral alone"),
         (&["--step", "0.1", "--reconstruct"], "--reconstruct is not possible"),
+        (&["--step", "0.1", "--sensitivity", "re_1_0"], "--sensitivity is not possible"),
         (&["--step", "0.1", "--scene", "minimal"], "no scene `minimal`"),
         (&["--step", "0.1", "--via", "compiled"], "--via is not possible"),
         (&["--step", "0.1", "--initial", "re_9_9=1"], "re_9_9"),
@@ -185,6 +177,10 @@ fn what_matrices_cannot_do_is_said() {
     let adaptive = "{\"initial\": {\"re_1_0\": 1}, \"t_final\": 1}";
     let said = folder.refused(&["simulate", "large.hamel", "--json"], adaptive);
     assert!(said.contains("moved in fixed steps: give the step"), "{said}");
+    let differentiated =
+        "{\"initial\": {\"re_1_0\": 1}, \"t_final\": 1, \"step\": 0.1, \"sensitivity\": [\"re_1_0\"]}";
+    let said = folder.refused(&["simulate", "large.hamel", "--json"], differentiated);
+    assert!(said.contains("no derivatives of its motion"), "{said}");
     let said = folder.refused(&["generate", "large.hamel", "--out-dir", "out", "--mod-file", "mod.rs"], "");
     assert!(said.contains("is a fluid of matrices"), "{said}");
     // And what has equations is not moved as matrices.

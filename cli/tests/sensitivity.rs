@@ -1,7 +1,6 @@
 //! Derivatives of motions by parameters and initial values: `simulate --sensitivity` and its JSON field.
 
 use std::path::Path;
-use std::process::Command;
 use std::sync::Arc;
 
 use hamel::cache::Cache;
@@ -12,6 +11,9 @@ use hamel::run::backend::Local;
 use hamel::run::interpreted;
 use hamel_codegen::spec;
 use serde_json::{Value, json};
+
+#[path = "common/program.rs"]
+mod program;
 
 /// `x = x0 cos w t + v0/w sin w t` with `w^2 = k/m`.
 const OSCILLATOR: &str = "model oscillator {
@@ -119,11 +121,7 @@ fn wrong_names_are_told_with_what_there_is() {
 }
 
 fn hamel(arguments: &[&str]) -> (bool, String, String) {
-    let out = Command::new(env!("CARGO_BIN_EXE_hamel"))
-        .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
-        .args(arguments)
-        .output()
-        .unwrap();
+    let out = program::output(&mut program::command(arguments), "");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (out.status.success(), text(&out.stdout), text(&out.stderr))
 }

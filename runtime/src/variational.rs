@@ -20,7 +20,7 @@ use crate::system::{Pivot, StateVector, System};
 ///
 /// Each direction has the system over dual numbers, whose parameters have the derivatives `q_k`: generated scenes are
 /// prepared with such parameters. Derivatives are exact but for rounding, no step being taken, and no scene has to be
-/// generated with its Jacobian; each direction costs a right-hand side of dual numbers, two to three of real ones. The
+/// generated with its Jacobian; each direction costs a right-hand side of dual numbers. The
 /// tolerances of an integration hold for the derivatives as for the state.
 ///
 /// # Shapes

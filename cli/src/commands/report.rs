@@ -112,7 +112,6 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
         samples: 0,
         with_outputs: false,
         watched: bare.watched(),
-        along: Vec::new(),
         ..request.clone()
     };
     let mut bare = Local::new(bare);

@@ -161,6 +161,10 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     if !arguments.section.is_empty() || !arguments.events.is_empty() {
         return Err(Error::unusable("--section", "is not possible: a fluid of matrices has no events"));
     }
+    if !arguments.sensitivity.is_empty() {
+        let reason = "is not possible: a fluid of matrices has no derivatives of its motion";
+        return Err(Error::unusable("--sensitivity", reason));
+    }
     let method = match motion.method {
         method if method == MethodName::default() => MethodName::Isospectral,
         method => method,

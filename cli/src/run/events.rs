@@ -12,7 +12,7 @@ use super::dynamics::VecState;
 use super::info::Info;
 use super::record::Record;
 use super::simulation::stopped_because;
-use super::watched::{EventRecord, MAX_EVENTS, Watched};
+use super::watched::{EventRecord, Watched};
 use crate::error::Error;
 
 /// The events of one motion while it is integrated, with everything that is noted on the way.
@@ -52,8 +52,8 @@ impl<'r, 'a> Watcher<'r, 'a> {
     }
 
     /// The changes of sign that are watched for.
-    pub(super) fn directions(&self) -> [Direction; MAX_EVENTS] {
-        let mut directions = [Direction::Either; MAX_EVENTS];
+    pub(super) fn directions<const K: usize>(&self) -> [Direction; K] {
+        let mut directions = [Direction::Either; K];
         for (direction, event) in directions.iter_mut().zip(self.events) {
             *direction = match event.direction {
                 EventDirection::Rising => Direction::Rising,
@@ -76,7 +76,9 @@ impl<'r, 'a> Watcher<'r, 'a> {
     }
 }
 
-impl Observer<f64, VecState, MAX_EVENTS> for Watcher<'_, '_> {
+/// With `K` zero where nothing is watched, otherwise [`MAX_EVENTS`](super::watched::MAX_EVENTS): nobody pays for events
+/// that there are none of.
+impl<const K: usize> Observer<f64, VecState, K> for Watcher<'_, '_> {
     fn sample(&mut self, t: f64, state: &VecState) {
         if self.error.is_none() {
             let outcome = self.record.sample(t, &state.0);
@@ -90,9 +92,9 @@ impl Observer<f64, VecState, MAX_EVENTS> for Watcher<'_, '_> {
         self.keep(outcome)
     }
 
-    fn values(&mut self, t: f64, state: &VecState) -> [f64; MAX_EVENTS] {
+    fn values(&mut self, t: f64, state: &VecState) -> [f64; K] {
         // What is not watched never changes its sign.
-        let mut values = [1.0; MAX_EVENTS];
+        let mut values = [1.0; K];
         let found = self.interpreter.as_ref().and_then(|interpreter| interpreter.events(t, &state.0));
         for ((out, value), (_, is_watched)) in values.iter_mut().zip(found.unwrap_or_default()).zip(&self.own)
         {

@@ -15,6 +15,7 @@ use super::record::Record;
 use super::sensitivity::Along;
 use super::simulation::{SimulateRequest, SimulateResponse, stopped_because};
 use super::solver::{WithMethod, with_method};
+use super::watched::MAX_EVENTS;
 use crate::error::Error;
 
 /// Integrates a scene. `progress` is told the time reached after every step.
@@ -91,8 +92,14 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
         let record = Record::new(&**dynamics, request)?;
         let mut watcher = Watcher::new(request.watched.as_ref(), &request.params, (record, info, progress))?;
         let times = (0..request.samples).map(|k| request.sample_time(k));
-        let directions = watcher.directions();
-        let reached = solver.observe(request.t_final, times, directions, &mut watcher);
+        let t_final = request.t_final;
+        let reached = match request.watched {
+            None => solver.observe::<0>(t_final, times, [], &mut watcher),
+            Some(_) => {
+                let directions = watcher.directions();
+                solver.observe::<MAX_EVENTS>(t_final, times, directions, &mut watcher)
+            }
+        };
         let Watcher { record, log, ended_by, error, .. } = watcher;
         if let Some(error) = error {
             return Err(error);

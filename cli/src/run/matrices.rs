@@ -62,6 +62,9 @@ pub fn simulate(fluid: &MatrixFluid, request: &SimulateRequest) -> Result<Outcom
         let reason = format!("method {name}: matrices are moved by isospectral alone, leave the method out");
         return Err(options(reason));
     }
+    if !request.along.is_empty() {
+        return Err(options("sensitivity: a fluid of matrices has no derivatives of its motion".into()));
+    }
     let Steps::Fixed { step } = request.steps else {
         let reason = "a fluid of matrices is moved in fixed steps: give the step, and no tolerances";
         return Err(options(reason.into()));
