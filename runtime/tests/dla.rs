@@ -13,7 +13,6 @@ const fn variable(name: &'static str, is_differential: bool) -> ImplicitVariable
 /// Unit mass in a quadratic potential of the given stiffness, with `x' + y z' = 0`.
 struct Contact {
     stiffness: f64,
-
 }
 
 const HARMONIC: Contact = Contact { stiffness: 1.0 };
@@ -161,7 +160,8 @@ fn the_constraint_is_kept_at_the_ends_or_by_the_means() {
     assert!(worst < 1e-14, "{worst:e}");
 
     let largest = |h: f64| {
-        let mut solver = Integrator::new(&HARMONIC, Dla::reflecting(), 0.0, START, Options::fixed(h)).unwrap();
+        let mut solver =
+            Integrator::new(&HARMONIC, Dla::reflecting(), 0.0, START, Options::fixed(h)).unwrap();
         let mut largest: f64 = 0.0;
         while !solver.step_towards(20.0).unwrap().reached() {
             largest = largest.max(constraint(*solver.state()).abs());

@@ -162,7 +162,9 @@ impl<R: Real, Z: SquareStorage<R>> DlaStorage<R, Z> {
                     if storage.rates.as_slice()[place] != start.as_slice()[acceleration]
                         || storage.unknowns.get().contains(&acceleration)
                     {
-                        storage.lacks = Some("accelerations among the variables, as a Lagrangian with `multipliers;` has");
+                        storage.lacks = Some(
+                            "accelerations among the variables, as a Lagrangian with `multipliers;` has",
+                        );
                     }
                     storage.velocities.push(component);
                     storage.unknowns.push(acceleration);
@@ -190,7 +192,8 @@ impl<R: Real, Z: SquareStorage<R>> DlaStorage<R, Z> {
             }
             let is_satisfied = sum.magnitude() <= SATISFIED * size;
             if !is_satisfied {
-                storage.lacks = Some("constraints linear in the velocities, and an initial state that obeys them");
+                storage.lacks =
+                    Some("constraints linear in the velocities, and an initial state that obeys them");
             }
         }
         storage
@@ -210,7 +213,8 @@ impl<R: Real, Z: SquareStorage<R>> DlaStorage<R, Z> {
         let (rows, x) = (self.matrix.as_mut(), self.residuals.as_mut_slice());
         for k in 0..n {
             let size = |row: &Z| row.as_slice()[k].magnitude();
-            let largest = (k + 1..n).fold(k, |best, i| if size(&rows[i]) > size(&rows[best]) { i } else { best });
+            let largest =
+                (k + 1..n).fold(k, |best, i| if size(&rows[i]) > size(&rows[best]) { i } else { best });
             rows.swap(k, largest);
             x.swap(k, largest);
             let (above, below) = rows.split_at_mut(k + 1);
@@ -294,7 +298,8 @@ where
             // The end: coordinates by the velocities there, and the constraint.
             step.system.implicit_rhs(t_end, &storage.end, &mut storage.rates);
             for &k in storage.coordinates.get() {
-                let (middle, rate) = (storage.middle.as_slice()[place(k)], storage.rates.as_slice()[place(k)]);
+                let (middle, rate) =
+                    (storage.middle.as_slice()[place(k)], storage.rates.as_slice()[place(k)]);
                 let end = half.mul_add(rate, middle);
                 let before = core::mem::replace(&mut storage.end.as_mut_slice()[place(k)], end);
                 change.add(1.0, y[k], R::ZERO, end - before);
@@ -323,7 +328,8 @@ where
                             storage.constraint::<S>(&storage.at_end.as_ref()[row], &storage.end)
                         }
                         Restriction::Mean => {
-                            let sum = storage.constraint::<S>(&storage.jacobian.as_ref()[row], &storage.middle);
+                            let sum =
+                                storage.constraint::<S>(&storage.jacobian.as_ref()[row], &storage.middle);
                             sum + sum
                         }
                     }

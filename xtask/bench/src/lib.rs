@@ -7,7 +7,7 @@
 //! Deliberately does not know: the generator, operation counts, how results are shown.
 
 #[cfg(any(feature = "drift", feature = "nonholonomic"))]
-mod body;
+pub mod body;
 #[cfg(feature = "drift")]
 pub mod drift;
 #[cfg(feature = "measure")]
@@ -16,6 +16,7 @@ pub mod expert;
 pub mod fluids;
 /// The systems of the benchmark of nonholonomic integration, one module a scene.
 #[cfg(feature = "measure")]
+#[macro_use]
 #[rustfmt::skip]
 pub mod generated;
 #[cfg(feature = "measure")]

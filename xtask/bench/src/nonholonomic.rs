@@ -185,7 +185,9 @@ where
                 Knob::Step(h) => Options::fixed(h),
                 Knob::Tolerance(tolerance) => Options::adaptive(tolerance, tolerance),
             };
-            let Some(state) = self.advanced(method, self.state(&case.initial), SHORT, options) else { continue };
+            let Some(state) = self.advanced(method, self.state(&case.initial), SHORT, options) else {
+                continue;
+            };
             let error = Self::error(&state, &motion.end);
             let is_resolved = error < RESOLVED;
             if !is_resolved {
@@ -310,7 +312,7 @@ macro_rules! systems {
     };
 }
 
-crate::for_each_system!(systems);
+for_each_system!(systems);
 
 #[cfg(test)]
 mod tests {

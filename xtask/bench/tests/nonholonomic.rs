@@ -38,8 +38,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 impl ByHand {
     /// `A^T (A M^-1 A^T)^-1 x`, divided by `M`.
     fn response(&self, rows: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
-        let over_mass =
-            |row: &[f64]| row.iter().zip(&self.mass).map(|(a, m)| a / m).collect::<Vec<_>>();
+        let over_mass = |row: &[f64]| row.iter().zip(&self.mass).map(|(a, m)| a / m).collect::<Vec<_>>();
         let matrix: Vec<Vec<f64>> =
             rows.iter().map(|a| rows.iter().map(|b| dot(&over_mass(a), b)).collect()).collect();
         let lambda = solved(&matrix, x);
@@ -94,7 +93,13 @@ fn compare<S: Scene<f64, State = [f64; N]>, const N: usize>(by_hand: &ByHand, pa
         for (name, found) in S::INFO.state.iter().zip(found) {
             // Some twenty operations on numbers of size one, whose sums may be ten.
             let error = (found - expected[*name]).abs();
-            assert!(error < 1e-13, "{} {}: {name}: {found} {}", S::INFO.model, S::INFO.scene, expected[*name]);
+            assert!(
+                error < 1e-13,
+                "{} {}: {name}: {found} {}",
+                S::INFO.model,
+                S::INFO.scene,
+                expected[*name]
+            );
         }
     }
 }
@@ -194,7 +199,8 @@ where
     let q = draws(5, n);
     let v = by_hand.allowed(&q, &draws(6, n));
     let start: [f64; N] = std::array::from_fn(|k| if k < n { q[k] } else { v[k - n] });
-    let distance = |a: [f64; N], b: [f64; N]| a.iter().zip(b).fold(0.0, |max: f64, (a, b)| max.max((a - b).abs()));
+    let distance =
+        |a: [f64; N], b: [f64; N]| a.iter().zip(b).fold(0.0, |max: f64, (a, b)| max.max((a - b).abs()));
     let end = moved(&scene, Vern9, start, Options::adaptive(1e-13, 1e-13));
     for method in [Dla::new(), Dla::reflecting()] {
         let error = |h: f64| distance(moved(&scene, method, start, Options::fixed(h)), end);

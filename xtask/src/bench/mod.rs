@@ -198,9 +198,7 @@ impl Bench {
                 rhs::rhs(repository, session, &rhs::Options { chosen, rounds, peers })
             }
             Bench::Formulations { models } => formulations::formulations(repository, session, &models),
-            Bench::Wp { chosen, rounds, peers } => {
-                wp::wp(repository, &wp::Options { chosen, rounds, peers })
-            }
+            Bench::Wp { chosen, rounds, peers } => wp::wp(repository, &wp::Options { chosen, rounds, peers }),
             Bench::Fluids { rounds, target_cpu, peers } => {
                 let target_cpu = or_host(target_cpu);
                 fluids::fluids(repository, fluids::Options { rounds, target_cpu, peers })

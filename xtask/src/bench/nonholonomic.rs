@@ -65,7 +65,8 @@ pub(crate) fn nonholonomic(
     let bar = progress(todo.len() as u64);
     let mut cases = Vec::new();
     for (model, scene) in todo {
-        let name = if scene == DEFAULT_SCENE { model.name.clone() } else { format!("{}_{scene}", model.name) };
+        let name =
+            if scene == DEFAULT_SCENE { model.name.clone() } else { format!("{}_{scene}", model.name) };
         bar.set_message(name.clone());
         let params = roles::all_params(model, scene, &BTreeMap::new());
         let initial = roles::initial_values(model, &params);
@@ -84,8 +85,7 @@ pub(crate) fn nonholonomic(
     let own = [format!("--steps {steps}")];
     let own: Vec<String> =
         own.into_iter().chain(methods.iter().map(|name| format!("--methods {name:?}"))).collect();
-    let report =
-        Report { source: Source::here(chosen.command("nonholonomic", &own)), steps: *steps, cases };
+    let report = Report { source: Source::here(chosen.command("nonholonomic", &own)), steps: *steps, cases };
     if methods.is_empty() {
         chosen.finish(repository, report.text(), |folder| report.write(folder))
     } else {

@@ -137,9 +137,10 @@ impl Case {
             line.push(small(told.map(|row| row.error)));
             line.push(small(run.map(|run| run.energy)));
             line.push(small(run.map(|run| run.trend)));
-            line.push(run.map_or_else(|| "-".to_owned(), |run| {
-                run.constraint.map_or_else(|| "solved".to_owned(), |c| format!("{c:.1e}"))
-            }));
+            line.push(run.map_or_else(
+                || "-".to_owned(),
+                |run| run.constraint.map_or_else(|| "solved".to_owned(), |c| format!("{c:.1e}")),
+            ));
             lines.push(line);
         }
         Table { lines, n_words: 1 }
@@ -154,7 +155,8 @@ impl Case {
         };
         LogLog {
             title: format!("{}: error of the energy over {steps:e} steps", self.name.replace('_', " ")),
-            subtitle: "largest relative error of each run; sizes of steps, or tolerances, along a curve".into(),
+            subtitle: "largest relative error of each run; sizes of steps, or tolerances, along a curve"
+                .into(),
             labels: ["evaluations in a unit of time".into(), "error".into()],
             curves: by_method(&self.rows).into_iter().map(curve).collect(),
         }
@@ -208,7 +210,11 @@ impl Report {
         text += "case,method,knob,value,error_at_8,evals_per_time,us_per_time,t,energy,trend,constraint\n";
         for case in &self.cases {
             for Row { method, knob, value, error, evals, us, run } in &case.rows {
-                let _ = write!(text, "{},\"{method}\",{knob},{value:e},{error:.3e},{evals:.3},{us:.3}", case.name);
+                let _ = write!(
+                    text,
+                    "{},\"{method}\",{knob},{value:e},{error:.3e},{evals:.3},{us:.3}",
+                    case.name
+                );
                 let _ = match run {
                     Some(Run { t, energy, trend, constraint }) => {
                         let constraint = constraint.map_or_else(String::new, |c| format!("{c:.3e}"));
@@ -239,15 +245,23 @@ mod tests {
         ];
         let rows = lines.map(|line| Row::parse(line).unwrap_or_else(|| panic!("{line}"))).to_vec();
         let case = Case { name: "knife_edge".into(), doc: "Knife edge".into(), rows };
-        let report = Report { source: Source::of_test("bench nonholonomic"), steps: 100_000, cases: vec![case] };
+        let report =
+            Report { source: Source::of_test("bench nonholonomic"), steps: 100_000, cases: vec![case] };
         let text = report.text();
         let has = |words: &[&str]| text.lines().any(|l| l.split_whitespace().eq(words.iter().copied()));
         assert!(has(&["dla", "320", "-", "-", "16.00", "1.0e-4", "5.0e-5", "1.0e-7", "2.0e-15"]), "{text}");
-        assert!(has(&["gauss16", "900", "900", "900", "90.00", "1.0e-14", "1.0e-15", "1.0e-17", "solved"]), "{text}");
+        assert!(
+            has(&["gauss16", "900", "900", "900", "90.00", "1.0e-14", "1.0e-15", "1.0e-17", "solved"]),
+            "{text}"
+        );
         assert!(has(&["rk4", "-", "-", "-", "1.00", "1.0e-5", "-", "-", "-"]), "{text}");
         let chart = report.cases[0].chart(report.steps);
         assert_eq!(chart.curves.iter().map(|c| c.points.len()).collect::<Vec<_>>(), [2, 1, 0]);
-        assert!(report.csv().ends_with("knife_edge,\"rk4\",step,6.25e-2,1.000e-5,64.000,1.000,,,,\n"), "{}", report.csv());
+        assert!(
+            report.csv().ends_with("knife_edge,\"rk4\",step,6.25e-2,1.000e-5,64.000,1.000,,,,\n"),
+            "{}",
+            report.csv()
+        );
         assert_eq!(Row::parse("dla;step;0.25"), None);
     }
 }
