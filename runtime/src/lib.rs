@@ -14,7 +14,7 @@
 //! | [`Rk4`] | 4 | 3 | fixed | comparisons, real time |
 //! | [`Gauss4`], [`Gauss6`], [`Gauss8`] | 4, 6, 8 | 3, 4, 5 | fixed | long times: symplectic, symmetric |
 //! | `Gauss16` (feature `lanes`) | 16 | 16 | fixed | the longest times: round-off is a random walk; [`OverScalar`] |
-//! | [`Dla`] | 2 | 3 | fixed | nonholonomic systems with multipliers: reversible, discrete Lagrange-d'Alembert; [`Implicit`] |
+//! | [`Dla`] | 2 | 3 | fixed | nonholonomic systems with multipliers: reversible; [`Implicit`] |
 //! | [`matrices::IsospectralMidpoint`] | 2 | none | fixed | ideal fluids: the spectrum of the vorticity kept |
 //! | [`Projected`] | as within | as within | as within | invariants kept to round-off, elements of groups |
 //!

@@ -16,10 +16,9 @@
 //!                                             `<name>=<value>` joined by commas; for each method a line `round` and
 //!                                             lines `<method>;<step>;<ns>;<steps>;<rms>;<mean>`
 //! hamel-bench nonholonomic <steps> <methods> <model> <params> <initial>
-//!                                             methods joined by semicolons, `<name>=<value>` by commas; for each method
-//!                                             and step a line
-//!                                             `<method>;<knob>;<value>;<error>;<evals>;<ns>;<t>;<energy>;<trend>;<constraint>`
-//!                                             whose last four are `-` for a run that did not reach its end, and the
+//!                                             methods joined by semicolons, `<name>=<value>` by commas; for each
+//!                                             method and step a line `<method>;<knob>;<value>;<error>;<evals>;<ns>`
+//!                                             `;<t>;<energy>;<trend>;<constraint>` whose last four are `-` for a run that did not reach its end, and the
 //!                                             last one where nothing can violate it; then a line `round`
 //! ```
 

@@ -254,7 +254,10 @@ macro_rules! body {
 }
 
 macro_rules! systems {
-    (@of $home:ident $model:ident, $invariants:ident, $taylor:ident $(, $unreduced:ident)?; $case:ident $say:ident) => {{
+    (
+        @of $home:ident $model:ident, $invariants:ident, $taylor:ident $(, $unreduced:ident)?;
+        $case:ident $say:ident
+    ) => {{
         use $home::generated;
         let body = body!(generated::$model, $case);
         let motion = Motion { case: $case, end: body.end(&$case.initial)? };
@@ -300,7 +303,10 @@ macro_rules! systems {
                     systems!(@of crate $model, $invariants, $taylor, $unreduced; case say);
                 })*
                 "chaplygin_ball" => {
-                    systems!(@of hamel_models chaplygin_ball, chaplygin_ball_invariants, chaplygin_ball_taylor; case say);
+                    systems!(
+                        @of hamel_models chaplygin_ball, chaplygin_ball_invariants, chaplygin_ball_taylor;
+                        case say
+                    );
                 }
                 "snakeboard" => {
                     systems!(@of hamel_models snakeboard, snakeboard_invariants, snakeboard_taylor; case say);

@@ -35,8 +35,8 @@ pub(crate) struct Options {
 /// Measures, writes `docs/benchmarks/nonholonomic*` when everything was measured, and returns the tables.
 ///
 /// # Errors
-/// [`Error::UnknownModel`], problems of models, [`Error::Failed`] when the measuring program does not build, run or know
-/// a model or method, [`Error::Io`].
+/// [`Error::UnknownModel`], problems of models, [`Error::Failed`] when the measuring program does not build, run or
+/// know a model or method, [`Error::Io`].
 pub(crate) fn nonholonomic(
     repository: &Repository,
     session: &Session,
