@@ -116,7 +116,7 @@ pub(crate) fn generate(
     if names.is_empty() || !of_systems.is_empty() {
         let folder = repository.root().join(systems::MODULES);
         n_models += systems.len();
-        let bundle = systems::generate(systems)?;
+        let bundle = systems::generate(systems, COMMAND)?;
         bundle.warnings.iter().for_each(show_warnings);
         let stale = stale_files(&folder, bundle.entries.iter())?;
         plans.push(Plan { folder, bundle, stale });

@@ -143,8 +143,8 @@ Examples:
     /// Moves the systems of xtask/bench/models, in each of the cases that their scenes are, and two bodies of the
     /// repository by all methods of the runtime with several sizes of steps or tolerances; the leapfrogs of the
     /// discrete Lagrange-d'Alembert principle are among the methods. Prints what evaluations of the right-hand side a
-    /// unit of time takes to keep the energy, how the energy drifts and the constraint is violated. When neither models nor methods
-    /// are named, docs/benchmarks/nonholonomic.md and nonholonomic.csv are written, with a figure a case.
+    /// unit of time takes to keep the energy, how the energy drifts and the constraint is violated. When neither models
+    /// nor methods are named, docs/benchmarks/nonholonomic.md and nonholonomic.csv are written, with a figure a case.
     ///
     /// The measuring program is built in target/bench, which takes some minutes the first time.
     #[command(after_help = "\

@@ -15,8 +15,6 @@ use hamel::session::Session;
 use hamel_codegen::config::{Bundle, Config};
 use hamel_codegen::spec::{Scene, Want, Wanted};
 
-use super::COMMAND;
-
 /// Folder of the model files.
 pub(crate) const SPECS: &str = "xtask/bench/models";
 /// Folder of the modules.
@@ -67,11 +65,11 @@ fn scene(name: &str, wants: &[Want]) -> Scene {
     }
 }
 
-/// The modules of all systems, with an index that visits them.
+/// The modules of all systems, with an index that visits them; `command` is what writes them.
 ///
 /// # Errors
 /// The problems of all systems together.
-pub(super) fn generate(systems: Vec<Model>) -> Result<Bundle, Error> {
+pub(super) fn generate(systems: Vec<Model>, command: &str) -> Result<Bundle, Error> {
     if systems.is_empty() {
         return Ok(Bundle::default());
     }
@@ -90,7 +88,7 @@ pub(super) fn generate(systems: Vec<Model>) -> Result<Bundle, Error> {
         ];
         models.extend([reduced, unreduced]);
     }
-    let mut bundle = Config::new().command(COMMAND).generate(&models)?;
+    let mut bundle = Config::new().command(command).generate(&models)?;
     // Scenes that every model has, and that nobody measures.
     let is_measured = |scene: &str| [DEFAULT_SCENE, "invariants", "taylor"].contains(&scene);
     let (kept, others) = std::mem::take(&mut bundle.entries).into_iter().partition(|e| is_measured(&e.scene));
@@ -99,7 +97,7 @@ pub(super) fn generate(systems: Vec<Model>) -> Result<Bundle, Error> {
     for entry in &others {
         bundle.files.remove(&format!("{}.rs", entry.module));
     }
-    bundle.add_index(&[], COMMAND)?;
+    bundle.add_index(&[], command)?;
     let dimension = |module: &str| {
         bundle.entries.iter().find(|entry| entry.module == module).map_or(0, |entry| entry.n_state)
     };
