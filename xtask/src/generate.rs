@@ -107,15 +107,15 @@ pub(crate) fn generate(
     let (of_systems, of_models): (Vec<String>, Vec<String>) =
         names.iter().cloned().partition(|name| systems.iter().any(|system| system.name == *name));
     let mut plans = Vec::new();
-    let (mut n_models, mut slowest) = (0, None);
+    let mut derived = Derived::default();
     if names.is_empty() || !of_models.is_empty() {
-        let (plan, n, longest) = of_repository(repository, session, &of_models)?;
+        let plan;
+        (plan, derived) = of_repository(repository, session, &of_models)?;
         plans.push(plan);
-        (n_models, slowest) = (n, longest);
     }
     if names.is_empty() || !of_systems.is_empty() {
         let folder = repository.root().join(systems::MODULES);
-        n_models += systems.len();
+        derived.n_models += systems.len();
         let bundle = systems::generate(systems, COMMAND)?;
         bundle.warnings.iter().for_each(show_warnings);
         let stale = stale_files(&folder, bundle.entries.iter())?;
@@ -145,6 +145,7 @@ pub(crate) fn generate(
         }
         removed.extend(stale);
     }
+    let Derived { n_models, slowest } = derived;
     Ok(Summary { n_models, n_modules, written, removed, seconds: start.elapsed().as_secs_f64(), slowest })
 }
 
@@ -156,13 +157,20 @@ struct Plan {
     stale: Vec<PathBuf>,
 }
 
-/// The modules of `names`, or of all models of the repository, and the index of all; with the number of models that
-/// were derived, and the one that took longest with its seconds.
+/// Which models were derived.
+#[derive(Default)]
+struct Derived {
+    n_models: usize,
+    /// The one that took longest, with its seconds.
+    slowest: Option<(String, f64)>,
+}
+
+/// The modules of `names`, or of all models of the repository, and the index of all.
 fn of_repository(
     repository: &Repository,
     session: &Session,
     names: &[String],
-) -> Result<(Plan, usize, Option<(String, f64)>), Error> {
+) -> Result<(Plan, Derived), Error> {
     let all = session.all()?;
     let known: Vec<String> = all.iter().map(|file| file.name().to_owned()).collect();
     let unknown = names.iter().filter(|name| !known.contains(name));
@@ -206,7 +214,7 @@ fn of_repository(
     bundle.warnings.iter().for_each(show_warnings);
     bundle.add_index(&kept, COMMAND)?;
     let stale = stale_files(&folder, bundle.entries.iter().chain(&kept))?;
-    Ok((Plan { folder, bundle, stale }, models.len(), slowest))
+    Ok((Plan { folder, bundle, stale }, Derived { n_models: models.len(), slowest }))
 }
 
 /// All scenes of the models under a progress bar, and the model that took longest, with its seconds.
