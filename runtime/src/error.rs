@@ -196,6 +196,13 @@ pub enum Error {
         /// The highest order.
         most: usize,
     },
+    /// The equations of the system, or its initial state, have not the form that the method integrates.
+    Form {
+        /// Name of the method.
+        method: &'static str,
+        /// What they would have to be.
+        needs: &'static str,
+    },
     /// Matrices of this size are not available.
     MatrixSize {
         /// The size asked for.
@@ -278,6 +285,7 @@ impl fmt::Display for Error {
                     _ => Ok(()),
                 }
             }
+            Self::Form { method, needs } => write!(f, "method {method} needs {needs}"),
             Self::EventNotFinite { t, index } => {
                 write!(
                     f,

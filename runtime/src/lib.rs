@@ -14,6 +14,7 @@
 //! | [`Rk4`] | 4 | 3 | fixed | comparisons, real time |
 //! | [`Gauss4`], [`Gauss6`], [`Gauss8`] | 4, 6, 8 | 3, 4, 5 | fixed | long times: symplectic, symmetric |
 //! | `Gauss16` (feature `lanes`) | 16 | 16 | fixed | the longest times: round-off is a random walk; [`OverScalar`] |
+//! | [`Dla`] | 2 | 3 | fixed | nonholonomic systems with multipliers: reversible; [`Implicit`] |
 //! | [`matrices::IsospectralMidpoint`] | 2 | none | fixed | ideal fluids: the spectrum of the vorticity kept |
 //! | [`Projected`] | as within | as within | as within | invariants kept to round-off, elements of groups |
 //!
@@ -104,8 +105,9 @@ pub use jet::{Convolutions, Jet, MAX_ORDER};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
-    Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Invariants, Method,
-    Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
+    Constant, Dla, DlaStorage, Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8,
+    Invariants, Method, Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor,
+    Tolerances, Tsit5, Vern9,
 };
 #[cfg(feature = "lanes")]
 pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};

@@ -1,4 +1,5 @@
-//! `generate`: model files to checked-in modules, all or nothing.
+//! `generate`: model files to checked-in modules, all or nothing; those of the repository's models, and of the systems
+//! of a benchmark ([`systems`]).
 //!
 //! Does not know: what is in a generated module, except the name of its model in the first line.
 
@@ -18,10 +19,15 @@ use hamel_codegen::config::{Bundle, Config, Problems, Progress};
 use hamel_codegen::emit::SceneEntry as Entry;
 use indicatif::{ProgressBar, ProgressStyle};
 
+pub(crate) mod systems;
+
 /// Writes the modules again; in the first line of each, with the name of its model.
 const COMMAND: &str = "cargo xtask generate";
 
 /// Write models/src/generated from models/specs, or check that it is up to date
+///
+/// The systems of `bench nonholonomic` are written alike, all of them when one is named: xtask/bench/src/generated from
+/// xtask/bench/models.
 ///
 /// All scenes of the models are parsed, derived and emitted first; when any model has a problem, nothing is
 /// written. Files are written only when they change, and files of scenes that no longer exist are removed.
@@ -84,7 +90,7 @@ pub(crate) struct Summary {
     pub(crate) slowest: Option<(String, f64)>,
 }
 
-/// Generates the modules of `names`, or of all models, and the index of all.
+/// Generates the modules of `names`, or of all models and systems, and the indices of all.
 ///
 /// With `check` nothing is written and every difference is an error.
 ///
@@ -97,6 +103,74 @@ pub(crate) fn generate(
     check: bool,
 ) -> Result<Summary, Error> {
     let start = Instant::now();
+    let systems = systems::systems(repository, session)?;
+    let (of_systems, of_models): (Vec<String>, Vec<String>) =
+        names.iter().cloned().partition(|name| systems.iter().any(|system| system.name == *name));
+    let mut plans = Vec::new();
+    let mut derived = Derived::default();
+    if names.is_empty() || !of_models.is_empty() {
+        let plan;
+        (plan, derived) = of_repository(repository, session, &of_models)?;
+        plans.push(plan);
+    }
+    if names.is_empty() || !of_systems.is_empty() {
+        let folder = repository.root().join(systems::MODULES);
+        derived.n_models += systems.len();
+        let bundle = systems::generate(systems, COMMAND)?;
+        bundle.warnings.iter().for_each(show_warnings);
+        let stale = stale_files(&folder, bundle.entries.iter())?;
+        plans.push(Plan { folder, bundle, stale });
+    }
+    if check {
+        let wrong = |path: &Path| if path.is_file() { "is out of date" } else { "is missing" };
+        let shown = |path: &Path| PathBuf::from(repository.shown(path));
+        let mut files: Vec<(PathBuf, &'static str)> = Vec::new();
+        for Plan { folder, bundle, stale } in &plans {
+            files.extend(bundle.changed(folder).iter().map(|(path, _)| (shown(path), wrong(path))));
+            files.extend(stale.iter().map(|path| (shown(path), "belongs to no scene")));
+        }
+        if !files.is_empty() {
+            let command = [COMMAND].into_iter().chain(names.iter().map(String::as_str));
+            return Err(Error::Stale { files, command: command.collect::<Vec<_>>().join(" ") });
+        }
+    }
+    let (mut written, mut removed, mut n_modules) = (Vec::new(), Vec::new(), 0);
+    for Plan { folder, bundle, stale } in plans {
+        n_modules += bundle.entries.len();
+        if !check {
+            written.extend(bundle.write(&folder)?);
+            for path in &stale {
+                std::fs::remove_file(path).map_err(|e| Error::io(repository.shown(path), e))?;
+            }
+        }
+        removed.extend(stale);
+    }
+    let Derived { n_models, slowest } = derived;
+    Ok(Summary { n_models, n_modules, written, removed, seconds: start.elapsed().as_secs_f64(), slowest })
+}
+
+/// What a folder of modules is to be.
+struct Plan {
+    folder: PathBuf,
+    bundle: Bundle,
+    /// Files that no longer stand for a scene.
+    stale: Vec<PathBuf>,
+}
+
+/// Which models were derived.
+#[derive(Default)]
+struct Derived {
+    n_models: usize,
+    /// The one that took longest, with its seconds.
+    slowest: Option<(String, f64)>,
+}
+
+/// The modules of `names`, or of all models of the repository, and the index of all.
+fn of_repository(
+    repository: &Repository,
+    session: &Session,
+    names: &[String],
+) -> Result<(Plan, Derived), Error> {
     let all = session.all()?;
     let known: Vec<String> = all.iter().map(|file| file.name().to_owned()).collect();
     let unknown = names.iter().filter(|name| !known.contains(name));
@@ -138,35 +212,9 @@ pub(crate) fn generate(
     };
     Error::all_of(errors)?;
     bundle.warnings.iter().for_each(show_warnings);
-    let n_modules = bundle.entries.len();
     bundle.add_index(&kept, COMMAND)?;
     let stale = stale_files(&folder, bundle.entries.iter().chain(&kept))?;
-
-    let mut written = Vec::new();
-    if check {
-        let wrong = |path: &Path| if path.is_file() { "is out of date" } else { "is missing" };
-        let shown = |path: &Path| PathBuf::from(repository.shown(path));
-        let mut files: Vec<(PathBuf, &'static str)> =
-            bundle.changed(&folder).iter().map(|(path, _)| (shown(path), wrong(path))).collect();
-        files.extend(stale.iter().map(|path| (shown(path), "belongs to no scene")));
-        if !files.is_empty() {
-            let command = [COMMAND].into_iter().chain(names.iter().map(String::as_str));
-            return Err(Error::Stale { files, command: command.collect::<Vec<_>>().join(" ") });
-        }
-    } else {
-        written = bundle.write(&folder)?;
-        for path in &stale {
-            std::fs::remove_file(path).map_err(|e| Error::io(repository.shown(path), e))?;
-        }
-    }
-    Ok(Summary {
-        n_models: models.len(),
-        n_modules,
-        written,
-        removed: stale,
-        seconds: start.elapsed().as_secs_f64(),
-        slowest,
-    })
+    Ok((Plan { folder, bundle, stale }, Derived { n_models: models.len(), slowest }))
 }
 
 /// All scenes of the models under a progress bar, and the model that took longest, with its seconds.

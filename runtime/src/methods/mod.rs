@@ -5,12 +5,14 @@
 //! the order conditions next to the printed numbers (Newton's iteration, least correction); `tests` checks all
 //! conditions to the last of these digits.
 
+mod dla;
 mod dop853;
 mod dopri5;
 mod explicit;
 mod gauss;
 #[cfg(feature = "lanes")]
 mod gbs14;
+mod iteration;
 mod projected;
 mod rk4;
 #[cfg(feature = "lanes")]
@@ -21,6 +23,7 @@ mod taylor;
 mod tsit5;
 mod vern9;
 
+pub use dla::{Dla, DlaStorage};
 pub use dop853::Dop853;
 pub use dopri5::Dopri5;
 pub use gauss::{FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Newton};

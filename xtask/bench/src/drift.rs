@@ -14,6 +14,8 @@ use hamel_runtime::{
     Taylor, Vern9,
 };
 
+use crate::body::{Body, Numbers};
+
 /// Runs of each method.
 const RUNS: u32 = 4;
 /// Steps after which errors are told first.
@@ -40,9 +42,6 @@ pub struct Motion {
     pub t_end: f64,
 }
 
-/// Numbers by name.
-pub type Numbers = std::collections::BTreeMap<String, f64>;
-
 /// Errors after some steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Error {
@@ -67,50 +66,11 @@ pub struct Measured {
     pub errors: Vec<Error>,
 }
 
-/// A scene over two scalars, with the energy of a state.
-struct Body<S, W> {
-    scene: S,
-    wide: W,
-}
-
 impl<S, W, const N: usize> Body<S, W>
 where
     S: Scene<f64> + System<f64, State = [f64; N]>,
     W: Scene<DoubleDouble> + System<DoubleDouble, State = [DoubleDouble; N]>,
 {
-    fn new(params: &Numbers) -> Result<Self, String> {
-        let of = |name: &str| params.get(name).copied().ok_or_else(|| format!("no value for {name}"));
-        let values = S::INFO.params.iter().map(|p| of(p.name)).collect::<Result<Vec<f64>, _>>()?;
-        let wide: Vec<DoubleDouble> = values.iter().copied().map(DoubleDouble::from).collect();
-        let scene = S::prepare(&values).map_err(|e| e.to_string())?;
-        Ok(Body { scene, wide: W::prepare(&wide).map_err(|e| e.to_string())? })
-    }
-
-    /// The state of a motion; an attitude that it does not have is none.
-    fn state(&self, initial: &Numbers) -> [f64; N] {
-        let value =
-            |name: &&str| initial.get(*name).copied().unwrap_or(if *name == "qw" { 1.0 } else { 0.0 });
-        let values: Vec<f64> = S::INFO.state.iter().map(value).collect();
-        std::array::from_fn(|k| values[k])
-    }
-
-    fn energy(&self, y: &[f64; N]) -> DoubleDouble {
-        // The scenes have an energy that does not depend on time.
-        self.wide.energy_of(DoubleDouble::ZERO, &y.map(DoubleDouble::from)).unwrap_or(DoubleDouble::ZERO)
-    }
-
-    fn advanced<M: Method<f64, S>>(
-        &self,
-        method: M,
-        start: [f64; N],
-        t: f64,
-        options: Options<f64>,
-    ) -> Option<[f64; N]> {
-        let mut solver = Integrator::new(&self.scene, method, 0.0, start, options).ok()?;
-        solver.integrate_to(t).ok()?;
-        Some(*solver.state())
-    }
-
     /// The longest power of two with which the end of the short motion is met.
     fn step<M: Method<f64, S>>(&self, method: M, start: [f64; N], t: f64, end: &[f64; N]) -> Option<f64> {
         let is_met = |h: f64| {

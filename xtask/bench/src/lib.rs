@@ -6,18 +6,27 @@
 //!
 //! Deliberately does not know: the generator, operation counts, how results are shown.
 
+#[cfg(any(feature = "drift", feature = "nonholonomic"))]
+pub mod body;
 #[cfg(feature = "drift")]
 pub mod drift;
 #[cfg(feature = "measure")]
 pub mod expert;
 #[cfg(feature = "measure")]
 pub mod fluids;
+/// The systems of the benchmark of nonholonomic integration, one module a scene.
+#[cfg(feature = "measure")]
+#[macro_use]
+#[rustfmt::skip]
+pub mod generated;
 #[cfg(feature = "measure")]
 pub mod kernel;
 #[cfg(feature = "measure")]
 pub mod multipliers;
 #[cfg(feature = "measure")]
 pub mod naive;
+#[cfg(feature = "nonholonomic")]
+pub mod nonholonomic;
 #[cfg(feature = "rhs")]
 pub mod ours;
 #[cfg(feature = "integrators")]

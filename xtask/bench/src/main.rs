@@ -15,15 +15,22 @@
 //! hamel-bench drift <steps> <model> <t> <params> <initial>
 //!                                             `<name>=<value>` joined by commas; for each method a line `round` and
 //!                                             lines `<method>;<step>;<ns>;<steps>;<rms>;<mean>`
+//! hamel-bench nonholonomic <steps> <methods> <model> <params> <initial>
+//!                                             methods joined by semicolons, `<name>=<value>` by commas; for each
+//!                                             method and step a line `<method>;<knob>;<value>;<error>;<evals>;<ns>`
+//!                                             `;<t>;<energy>;<trend>;<constraint>` whose last four are `-` for a run that did not reach its end, and the
+//!                                             last one where nothing can violate it; then a line `round`
 //! ```
 
-#[cfg(any(feature = "integrators", feature = "drift"))]
+#[cfg(any(feature = "integrators", feature = "drift", feature = "nonholonomic"))]
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::time::Duration;
 
 #[cfg(feature = "drift")]
 use hamel_bench::drift;
+#[cfg(feature = "nonholonomic")]
+use hamel_bench::nonholonomic;
 #[cfg(feature = "integrators")]
 use hamel_bench::wp;
 use hamel_bench::{Kernel, fluids, kernel, kernels};
@@ -47,7 +54,7 @@ fn number(text: &str) -> Result<u64, String> {
     text.parse().map_err(|e| format!("{text}: {e}"))
 }
 
-#[cfg(any(feature = "integrators", feature = "drift"))]
+#[cfg(any(feature = "integrators", feature = "drift", feature = "nonholonomic"))]
 fn numbers(text: &str) -> Result<BTreeMap<String, f64>, String> {
     let pair = |pair: &str| {
         let (name, value) = pair.split_once('=').ok_or(format!("{pair}: no ="))?;
@@ -101,6 +108,29 @@ fn run(arguments: &[String]) -> Result<(), String> {
                 }
                 println!("round");
             })?;
+        }
+        #[cfg(feature = "nonholonomic")]
+        ["nonholonomic", steps, methods, model, params, initial] => {
+            let (params, initial) = (numbers(params)?, numbers(initial)?);
+            let methods = methods.split(';').filter(|name| !name.is_empty()).map(str::to_owned).collect();
+            let steps = number(steps)?;
+            let case = nonholonomic::Case { model: model.to_owned(), params, initial, steps, methods };
+            nonholonomic::measure(&case, |measured| {
+                let nonholonomic::Measured { method, knob, error, evals, ns, run } = measured;
+                let knob = match knob {
+                    nonholonomic::Knob::Step(h) => format!("step;{h}"),
+                    nonholonomic::Knob::Tolerance(tolerance) => format!("tolerance;{tolerance:e}"),
+                };
+                let run = match run {
+                    Some(nonholonomic::Run { t, energy, trend, constraint }) => {
+                        let constraint = constraint.map_or_else(|| "-".to_owned(), |c| format!("{c:e}"));
+                        format!("{t};{energy:e};{trend:e};{constraint}")
+                    }
+                    None => "-;-;-;-".to_owned(),
+                };
+                println!("{method};{knob};{error:e};{evals};{ns};{run}");
+            })?;
+            println!("round");
         }
         #[cfg(feature = "integrators")]
         ["solvers"] => wp::MODELS.iter().for_each(|model| println!("{model}")),

@@ -7,8 +7,9 @@ use std::process::Command;
 use hamel::Error;
 use hamel::repository::Repository;
 
+use super::chosen::Chosen;
 use super::drift_report::{Report, Row};
-use super::program::{PACKAGE, TargetCpu, build, converse, progress};
+use super::program::{PACKAGE, build, converse, progress};
 use super::source::Source;
 use super::trajectory::Trajectory;
 
@@ -29,22 +30,10 @@ pub(crate) const MODELS: [&str; 10] = [
 /// What to measure, and how.
 #[derive(Clone, Debug)]
 pub(crate) struct Options {
-    /// Names of models; [`MODELS`] when empty.
-    pub(crate) models: Vec<String>,
+    /// [`MODELS`] where none is named.
+    pub(crate) chosen: Chosen,
     /// Steps of the longest runs.
     pub(crate) steps: u64,
-    /// The instruction set.
-    pub(crate) target_cpu: TargetCpu,
-}
-
-impl Options {
-    /// The command that repeats the measurement.
-    fn command(&self) -> String {
-        let mut words = vec!["cargo xtask bench drift".to_owned()];
-        words.extend(self.models.iter().cloned());
-        words.push(format!("--steps {} --target-cpu {}", self.steps, self.target_cpu.name()));
-        words.join(" ")
-    }
 }
 
 /// Methods of one model at most.
@@ -55,30 +44,23 @@ const METHODS: u64 = 8;
 /// # Errors
 /// [`Error::Failed`] when the measuring program does not build, run or know a model, [`Error::Io`].
 pub(crate) fn drift(repository: &Repository, options: &Options) -> Result<String, Error> {
-    let program = build(repository, options.target_cpu, &["--no-default-features", "--features", "drift"])?;
-    let models: Vec<String> =
-        if options.models.is_empty() { MODELS.map(str::to_owned).to_vec() } else { options.models.clone() };
+    let Options { chosen, steps } = options;
+    let program = build(repository, chosen.target_cpu(), &["--no-default-features", "--features", "drift"])?;
+    let models = chosen.or(&MODELS);
     let bar = progress(METHODS * models.len() as u64);
     let mut rows = Vec::new();
     for model in &models {
         bar.set_message(model.clone());
         let Trajectory { t_final, params, initial, .. } = Trajectory::first(repository, model)?;
         let mut command = Command::new(&program);
-        command.args(["drift", &options.steps.to_string(), model]).args([t_final, params, initial]);
+        command.args(["drift", &steps.to_string(), model]).args([t_final, params, initial]);
         converse(command, PACKAGE, &bar, |line| {
             rows.push(Row::parse(model, line)?);
             Some(())
         })?;
     }
     bar.finish_and_clear();
-    let report = Report { source: Source::here(options.command()), rows };
-    let mut text = report.text();
-    if options.models.is_empty() {
-        for path in report.write(&repository.root().join("docs/benchmarks"))? {
-            text.push_str(&format!("wrote {}\n", repository.shown(&path)));
-        }
-    } else {
-        text.push_str("docs/benchmarks is written when no models are named\n");
-    }
-    Ok(text)
+    let source = Source::here(chosen.command("drift", &[format!("--steps {steps}")]));
+    let report = Report { source, rows };
+    chosen.finish(repository, report.text(), |folder| report.write(folder))
 }

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how anything is measured or shown.
 
+mod chosen;
 mod drift;
 mod drift_report;
 mod family;
@@ -10,6 +11,8 @@ mod fluids_report;
 mod formulations;
 mod instructions;
 mod kernel;
+mod nonholonomic;
+mod nonholonomic_report;
 mod peers;
 mod point;
 mod program;
@@ -28,6 +31,7 @@ use hamel::Error;
 use hamel::repository::Repository;
 use hamel::session::Session;
 
+use chosen::Chosen;
 use program::TargetCpu;
 
 /// What is measured.
@@ -50,14 +54,11 @@ Examples:
   cargo xtask bench rhs --target-cpu native --rounds 500 the instructions of this machine, and a longer measurement
   cargo xtask bench rhs --peers                          other generators as well; see tests/peers/README.md")]
     Rhs {
-        /// Names of models; all when none is given
-        models: Vec<String>,
+        #[command(flatten)]
+        chosen: Chosen,
         /// Rounds of measurement, each about 0.4 ms a right-hand side
         #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
         rounds: u32,
-        /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
-        #[arg(long, value_enum)]
-        target_cpu: Option<TargetCpu>,
         /// Generate, compile and measure the same right-hand sides by other tools, too; PYTHON names the interpreter
         #[arg(long)]
         peers: bool,
@@ -88,14 +89,11 @@ Examples:
   cargo xtask bench wp heavy_top             one model; writes nothing
   cargo xtask bench wp --peers               integrators in Python as well; see tests/peers/README.md")]
     Wp {
-        /// Names of models; heavy_top, euler_disk, chaplygin_ball, two_arm_satellite and snakeboard when none is given
-        models: Vec<String>,
+        #[command(flatten)]
+        chosen: Chosen,
         /// Rounds of measurement, each about 0.1 ms a method and tolerance
         #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
         rounds: u32,
-        /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
-        #[arg(long, value_enum)]
-        target_cpu: Option<TargetCpu>,
         /// Measure integrators in Python, too, where they are installed; PYTHON names the interpreter
         #[arg(long)]
         peers: bool,
@@ -133,15 +131,37 @@ Examples:
   cargo xtask bench drift                            ten systems, some minutes; writes docs/benchmarks
   cargo xtask bench drift heavy_top --steps 100000   one of them, shorter; writes nothing")]
     Drift {
-        /// Names of models; ten when none is given
-        models: Vec<String>,
+        #[command(flatten)]
+        chosen: Chosen,
         /// Steps of the longest runs
         #[arg(long, value_name = "N", default_value_t = 10_000_000)]
         #[arg(value_parser = clap::value_parser!(u64).range(10_000..))]
         steps: u64,
-        /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
-        #[arg(long, value_enum)]
-        target_cpu: Option<TargetCpu>,
+    },
+    /// Nonholonomic systems: errors of energy and constraint over many steps against the cost
+    ///
+    /// Moves the systems of xtask/bench/models, in each of the cases that their scenes are, and two bodies of the
+    /// repository by all methods of the runtime with several sizes of steps or tolerances; the leapfrogs of the
+    /// discrete Lagrange-d'Alembert principle are among the methods. Prints what evaluations of the right-hand side a
+    /// unit of time takes to keep the energy, how the energy drifts and the constraint is violated. When neither models
+    /// nor methods are named, docs/benchmarks/nonholonomic.md and nonholonomic.csv are written, with a figure a case.
+    ///
+    /// The measuring program is built in target/bench, which takes some minutes the first time.
+    #[command(after_help = "\
+Examples:
+  cargo xtask bench nonholonomic                                    all of it; writes docs/benchmarks
+  cargo xtask bench nonholonomic contact_oscillator --steps 100000  one system, shorter; writes nothing
+  cargo xtask bench nonholonomic --methods dla --methods gauss8     two methods; writes nothing")]
+    Nonholonomic {
+        #[command(flatten)]
+        chosen: Chosen,
+        /// Steps of each run
+        #[arg(long, value_name = "N", default_value_t = 1_000_000)]
+        #[arg(value_parser = clap::value_parser!(u64).range(100..))]
+        steps: u64,
+        /// Name of a method, as the table has it; all methods when none is given
+        #[arg(long, value_name = "NAME")]
+        methods: Vec<String>,
     },
     /// Growing systems: time of generation and of rustc, lines, and time of one call
     ///
@@ -174,22 +194,19 @@ impl Bench {
     pub(crate) fn run(self, repository: &Repository, session: &Session) -> Result<String, Error> {
         let or_host = |cpu: Option<TargetCpu>| cpu.unwrap_or_else(TargetCpu::of_host);
         match self {
-            Bench::Rhs { models, rounds, target_cpu, peers } => {
-                let target_cpu = or_host(target_cpu);
-                rhs::rhs(repository, session, &rhs::Options { models, rounds, target_cpu, peers })
+            Bench::Rhs { chosen, rounds, peers } => {
+                rhs::rhs(repository, session, &rhs::Options { chosen, rounds, peers })
             }
             Bench::Formulations { models } => formulations::formulations(repository, session, &models),
-            Bench::Wp { models, rounds, target_cpu, peers } => {
-                let target_cpu = or_host(target_cpu);
-                wp::wp(repository, &wp::Options { models, rounds, target_cpu, peers })
-            }
+            Bench::Wp { chosen, rounds, peers } => wp::wp(repository, &wp::Options { chosen, rounds, peers }),
             Bench::Fluids { rounds, target_cpu, peers } => {
                 let target_cpu = or_host(target_cpu);
                 fluids::fluids(repository, fluids::Options { rounds, target_cpu, peers })
             }
-            Bench::Drift { models, steps, target_cpu } => {
-                let target_cpu = or_host(target_cpu);
-                drift::drift(repository, &drift::Options { models, steps, target_cpu })
+            Bench::Drift { chosen, steps } => drift::drift(repository, &drift::Options { chosen, steps }),
+            Bench::Nonholonomic { chosen, steps, methods } => {
+                let options = nonholonomic::Options { chosen, steps, methods };
+                nonholonomic::nonholonomic(repository, session, &options)
             }
             Bench::Scaling { short, rounds, target_cpu } => {
                 let target_cpu = or_host(target_cpu);

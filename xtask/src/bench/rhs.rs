@@ -16,8 +16,9 @@ use hamel::session::{ModelFile, Session};
 use hamel_codegen::program::Counts;
 use indicatif::ProgressBar;
 
+use super::chosen::{self, Chosen};
 use super::kernel::{Kernel, Row};
-use super::program::{PACKAGE, TargetCpu, build, converse, failed, progress};
+use super::program::{PACKAGE, build, converse, failed, progress};
 use super::rhs_report::Report;
 use super::source::Source;
 use super::{instructions, peers};
@@ -25,25 +26,12 @@ use super::{instructions, peers};
 /// What to measure, and how.
 #[derive(Clone, Debug)]
 pub(crate) struct Options {
-    /// Names of models; all when empty.
-    pub(crate) models: Vec<String>,
+    /// All models where none is named.
+    pub(crate) chosen: Chosen,
     /// Rounds; the fastest and the median one are shown.
     pub(crate) rounds: u32,
-    /// The instruction set.
-    pub(crate) target_cpu: TargetCpu,
     /// Whether other code generators are measured, too.
     pub(crate) peers: bool,
-}
-
-impl Options {
-    /// The command that repeats the measurement.
-    fn command(&self) -> String {
-        let mut words = vec!["cargo xtask bench rhs".to_owned()];
-        words.extend(self.models.iter().cloned());
-        words.push(format!("--rounds {} --target-cpu {}", self.rounds, self.target_cpu.name()));
-        words.extend(self.peers.then(|| "--peers".to_owned()));
-        words.join(" ")
-    }
 }
 
 /// Measures, writes `docs/benchmarks` when all models were measured, and returns the table.
@@ -52,18 +40,19 @@ impl Options {
 /// Unknown models and problems of them, [`Error::Failed`] when the measuring program does not build or run,
 /// [`Error::Io`].
 pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options) -> Result<String, Error> {
-    let files = session.find_all(&options.models)?;
-    let program = build(repository, options.target_cpu, &[])?;
+    let Options { chosen, rounds, peers: has_peers } = options;
+    let files = session.find_all(&chosen.models)?;
+    let program = build(repository, chosen.target_cpu(), &[])?;
     let mut kernels = list(&program)?;
     kernels.retain(|k| k.is_copy() || files.iter().any(|file| file.name() == k.model));
     kernels.retain(|k| k.scene != RECONSTRUCTION_SCENE);
     let mut programs = vec![Program { path: program, kernels }];
     let mut notes = Vec::new();
     let mut using = None;
-    if options.peers {
+    if *has_peers {
         let models = files.iter().map(ModelFile::name);
         let models: Vec<&str> = models.filter(|m| peers::PEERS.iter().any(|p| p.model == *m)).collect();
-        match peers::generate(repository, options.target_cpu, &models) {
+        match peers::generate(repository, chosen.target_cpu(), &models) {
             Ok(made) => {
                 programs.push(Program { kernels: list(&made.program)?, path: made.program });
                 notes.extend(made.notes);
@@ -72,7 +61,7 @@ pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options)
             Err(note) => notes.push(note),
         }
     }
-    let mut rows = measure(&programs, options.rounds, &mut notes)?.into_iter();
+    let mut rows = measure(&programs, *rounds, &mut notes)?.into_iter();
     let mut own = rows.next().unwrap_or_default();
     for row in own.iter_mut().filter(|row| row.kernel.kind == "hamel") {
         if let Some(file) = files.iter().find(|file| file.name() == row.kernel.model) {
@@ -80,16 +69,10 @@ pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options)
         }
     }
     let peers = using.zip(rows.next()).map(|(using, rows)| peers::Peers { rows, using });
-    let report = Report { source: Source::here(options.command()), rows: own, peers, notes };
-    let mut text = report.text();
-    if options.models.is_empty() {
-        for path in report.write(&repository.root().join("docs/benchmarks"))? {
-            text.push_str(&format!("wrote {}\n", repository.shown(&path)));
-        }
-    } else {
-        text.push_str("docs/benchmarks is written when all models are measured\n");
-    }
-    Ok(text)
+    let words: Vec<String> =
+        [format!("--rounds {rounds}")].into_iter().chain(chosen::peers(*has_peers)).collect();
+    let report = Report { source: Source::here(chosen.command("rhs", &words)), rows: own, peers, notes };
+    chosen.finish(repository, report.text(), |folder| report.write(folder))
 }
 
 /// A program that measures, and those of its kernels that are wanted.

@@ -65,7 +65,8 @@ pub(super) fn sources(root: &Path) -> Result<Vec<Source>, Error> {
     let names: BTreeSet<&Path> =
         std::str::from_utf8(&listed.stdout).unwrap_or_default().lines().map(Path::new).collect();
     let mut sources = Vec::new();
-    for name in names.into_iter().filter(|name| !name.starts_with("models/src/generated")) {
+    let generated = ["models/src/generated", "xtask/bench/src/generated"];
+    for name in names.into_iter().filter(|name| !generated.iter().any(|folder| name.starts_with(folder))) {
         // A file that was removed is listed until that is committed.
         if let Ok(text) = std::fs::read_to_string(root.join(name)) {
             sources.push(Source { path: name.to_owned(), text });

@@ -10,9 +10,10 @@ mod tableaux;
 #[cfg(feature = "lanes")]
 pub use self::sixteen::{Gauss16, Halves};
 use self::tableaux::{GAUSS4, GAUSS6, GAUSS8};
+use super::iteration::{Change, iterate};
 use super::{Constant, Derivatives, Method, Step, Tableau, c, compensated_advance};
 use crate::error::Error;
-use crate::options::{Options, signed};
+use crate::options::Options;
 use crate::real::Real;
 use crate::system::{StateVector, System};
 
@@ -276,69 +277,6 @@ fn weigh<R: Real, V: StateVector<R>, const STAGES: usize, I>(i: usize, stage: &V
     for (increment, &k) in increment.as_mut_slice().iter_mut().zip(stage.as_slice()) {
         *increment = weight * k;
     }
-}
-
-/// Size of a change of the stage derivatives, and of what it changes: both of the order of a state.
-#[derive(Clone, Copy, Default)]
-struct Change {
-    change: f64,
-    size: f64,
-}
-
-impl Change {
-    #[inline(always)]
-    fn add<R: Real>(&mut self, h: f64, y: R, k: R, difference: R) {
-        let change = h * difference.magnitude();
-        let size = y.magnitude() + h * k.magnitude();
-        // A NaN is kept, since nothing is above it.
-        self.change = if change.is_nan() || change > self.change { change } else { self.change };
-        self.size = if size > self.size { size } else { self.size };
-    }
-}
-
-/// Changes that stop to decrease above this many units of round-off are no round-off.
-const ROUND_OFF: f64 = 1e3;
-
-/// Repeats `sweep` until the stages do not change, or until the changes stop to decrease in round-off.
-///
-/// # Source
-///
-/// Hairer, McLachlan and Razakarivony, Achieving Brouwer's law with implicit Runge-Kutta methods (2008), section 4.
-fn iterate<R: Real, S: System<R>>(
-    method: &'static str,
-    step: &mut Step<'_, R, S>,
-    mut sweep: impl FnMut(&mut Step<'_, R, S>) -> Change,
-) -> Result<(), Error> {
-    const MAX_ITERATIONS: u32 = 100;
-    /// Changes may grow at first.
-    const PATIENCE: u32 = 10;
-    let mut previous = f64::INFINITY;
-    for iterations in 1..=MAX_ITERATIONS {
-        let Change { change, size } = sweep(step);
-        // What is not finite is found, and explained, by the integrator.
-        if change == 0.0 || !change.is_finite() {
-            return Ok(());
-        }
-        if change >= previous {
-            if change <= ROUND_OFF * R::EPSILON * size {
-                return Ok(());
-            }
-            if iterations > PATIENCE {
-                return Err(not_converged(method, step, iterations));
-            }
-        }
-        previous = change;
-    }
-    Err(not_converged(method, step, MAX_ITERATIONS))
-}
-
-#[cold]
-fn not_converged<R: Real, S: System<R>>(
-    method: &'static str,
-    step: &Step<'_, R, S>,
-    iterations: u32,
-) -> Error {
-    Error::NotConverged { method, t: signed(step.t), h: signed(step.h), iterations }
 }
 
 /// The new state from the stages.

@@ -5,8 +5,9 @@
 use core::ops::Range;
 
 use super::tableaux::{GAUSS4, GAUSS6, GAUSS8};
-use super::{Change, Gauss, GaussStorage, Newton, evaluate_stage, finish, iterate, not_converged, weigh};
+use super::{Gauss, GaussStorage, Newton, evaluate_stage, finish, weigh};
 use crate::error::Error;
+use crate::methods::iteration::{Change, iterate, not_converged};
 use crate::methods::{Method, Step, Tableau};
 use crate::options::Options;
 use crate::real::Real;

@@ -2,9 +2,9 @@
 //!
 //! Does not know how steps are chosen, or what the system is beyond its right-hand side.
 
-use super::{ROUND_OFF, not_converged};
 use crate::error::Error;
 use crate::lanes::F64x4;
+use crate::methods::iteration::{ROUND_OFF, not_converged};
 use crate::methods::{Estimate, Method, Step, Tableau, c, two_sum};
 use crate::options::Options;
 use crate::real::Real;
