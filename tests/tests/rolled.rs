@@ -165,7 +165,7 @@ fn taylor_coefficients_through_tables_are_those_of_straight_lines() {
         });
         assert!(!rolled.program.function(&Role::Rate).unwrap().contractions.is_empty(), "{name}");
         let mut random = Random(7);
-        let y: Vec<f64> = rolled.state().iter().map(|_| random.number() - 0.5).collect();
+        let y: Vec<f64> = rolled.state.iter().map(|_| random.number() - 0.5).collect();
         let params = params(&rolled, &[]);
         compare(name, &series(&rolled, &params, 0.0, &y), &series(&straight, &params, 0.0, &y));
     }

@@ -252,8 +252,8 @@ mod tests {
         };
         for level in 1..=LEVELS {
             assert!(light(level) < light(level - 1) && light(-level) < light(1 - level), "{level}");
-            // A fifth of the way from black to white, at most: neither side seems larger.
-            assert!((light(level) - light(-level)).abs() < 51.0, "{level}");
+            // A tenth of the way from black to white, at most: neither side seems larger.
+            assert!((light(level) - light(-level)).abs() < 25.5, "{level}");
         }
     }
 

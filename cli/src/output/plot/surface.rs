@@ -153,7 +153,7 @@ fn circles(n: usize, coefficients: &[f64], z: f64) -> Vec<[f64; 2]> {
         let (mut before, mut value) = (0.0, sectoral);
         for l in m..n {
             if l > m {
-                let (square, below) = (((l * l - m * m) as f64), (((l - 1) * (l - 1) - m * m) as f64));
+                let (square, below) = ((l * l - m * m) as f64, ((l - 1) * (l - 1) - m * m) as f64);
                 let four = |l: usize| (4 * l * l - 1) as f64;
                 let past = if l > m + 1 { (below / four(l - 1)).sqrt() * before } else { 0.0 };
                 (before, value) = (value, (four(l) / square).sqrt() * (z * value - past));
