@@ -181,8 +181,8 @@ fn energy_text(surface: FluidSurface, algebra: &str, omega: &str) -> String {
 /// What to write where an algebra has no table of structure constants; `possible` are those with one.
 pub(super) fn instead_of_a_table(surface: FluidSurface, possible: &str) -> String {
     format!(
-        "tables: {possible}; other sizes, {}, are moved as products of matrices, which ideal fluids alone are: `algebra \
-         fluid = ..; momentum omega in fluid as *; action right; hamiltonian = {}; scene default {{ want matrices; }}`",
+        "tables: {possible}; other sizes, {}, are moved as products of matrices, which ideal fluids alone are: \
+         `algebra fluid = ..; momentum omega in fluid as *; action right; hamiltonian = {}; scene default {{ want matrices; }}`",
         sizes(surface),
         energy_text(surface, "fluid", "omega")
     )
@@ -192,8 +192,8 @@ pub(super) fn instead_of_a_table(surface: FluidSurface, possible: &str) -> Strin
 pub(super) fn refusal(span: Span) -> Diagnostic {
     Diagnostic::new(Some(span), "this fluid is moved as products of matrices and has no equations in components")
         .with_help(
-            "`hamel simulate`, `hamel report` and `hamel generate` take it; equations have zeitlin(N) up to 21 and zeitlin_sphere(N) up to \
-             12, without `want matrices`",
+            "`hamel simulate`, `hamel report` and `hamel generate` take it; equations have zeitlin(N) up to 21 and \
+             zeitlin_sphere(N) up to 12, without `want matrices`",
         )
 }
 

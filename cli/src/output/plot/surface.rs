@@ -8,13 +8,14 @@ use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 /// What functions are on, and which coefficients they have.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Surface {
-    /// The torus `[0, 2 pi)^2`: `f(x) = 2 sum (re_m cos(m.x) - im_m sin(m.x))`, coefficients `re_m`, `im_m` of each wave.
+    /// The torus `[0, 2 pi)^2`: `f(x) = 2 sum (re_m cos(m.x) - im_m sin(m.x))`, coefficients `re_m`, `im_m` of each
+    /// wave.
     Torus {
         /// The waves `m`.
         waves: Vec<(i64, i64)>,
     },
-    /// The sphere: real harmonics of the degrees `1, .., N - 1` whose square has the mean one, without the sign of Condon
-    /// and Shortley, degree by degree, the cosine of an order before its sine.
+    /// The sphere: real harmonics of the degrees `1, .., N - 1` whose square has the mean one, without the sign of
+    /// Condon and Shortley, degree by degree, the cosine of an order before its sine.
     Sphere {
         /// `N`.
         n: usize,
@@ -137,8 +138,8 @@ pub(super) fn mollweide(longitude: f64, latitude: f64) -> [f64; 2] {
 
 /// The coefficients of `cos(m phi)` and `sin(m phi)` on the circle of a height `z`, by orders.
 ///
-/// Holmes and Featherstone 2002, A unified approach to the Clenshaw summation and the recursive computation of very high
-/// degree and order normalised associated Legendre functions: the recurrence along columns.
+/// Holmes and Featherstone 2002, A unified approach to the Clenshaw summation and the recursive computation of very
+/// high degree and order normalised associated Legendre functions: the recurrence along columns.
 fn circles(n: usize, coefficients: &[f64], z: f64) -> Vec<[f64; 2]> {
     let s = (1.0 - z * z).max(0.0).sqrt();
     let mut circles = vec![[0.0; 2]; n];

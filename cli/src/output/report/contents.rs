@@ -116,8 +116,8 @@ pub fn of_matrices(fluid: &MatrixFluid, text: String, module: String) -> Page {
         title: titled(&fluid.doc, &fluid.name),
         doc: fluid.doc.iter().skip(1).cloned().collect(),
         kind: format!(
-            "ideal fluid on the {surface}, {basis} as matrices of size {}; the state below are the modes that the model \
-             names, of {}",
+            "ideal fluid on the {surface}, {basis} as matrices of size {}; the state below are the modes that the \
+             model names, of {}",
             fluid.n,
             fluid.n * fluid.n - 1
         ),

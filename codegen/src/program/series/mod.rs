@@ -29,10 +29,11 @@
 //! the machine's vectors; and `next`, straight-line code, used at every order, which takes the coefficients of order
 //! `k` of the state and the sums `S_k` to the coefficients of order `k` of `f` and of the series that are convolved.
 //! Nothing but these rows is stored, linear operations cost what they cost in the function, and the size of the code
-//! does not grow with the order. What a function leaves to contractions is a part of both functions: the sums over a table
-//! have the Cauchy products of the series of its factors as coefficients, for which the coefficients of all orders of
-//! these factors are stored. A square takes a lane like any other product: halving its sum would break the row. A
-//! quotient takes one lane, so products with a reciprocal become quotients, and the reciprocal itself often drops out.
+//! does not grow with the order. What a function leaves to contractions is a part of both functions: the sums over a
+//! table have the Cauchy products of the series of its factors as coefficients, for which the coefficients of all
+//! orders of these factors are stored. A square takes a lane like any other product: halving its sum would break the
+//! row. A quotient takes one lane, so products with a reciprocal become quotients, and the reciprocal itself often
+//! drops out.
 //!
 //! Deliberately does not know: mechanics, step sizes, Rust.
 //!
