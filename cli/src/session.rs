@@ -195,7 +195,11 @@ impl<'s> ModelFile<'s> {
         Ok(self.model.get_or_init(|| checked))
     }
 
-    fn text(&self) -> Result<Cow<'static, str>, Error> {
+    /// The text of the file.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn text(&self) -> Result<Cow<'static, str>, Error> {
         Ok(match &self.source {
             Source::File(path) => {
                 Cow::Owned(std::fs::read_to_string(path).map_err(|e| Error::io(self.shown(), e))?)

@@ -1,6 +1,7 @@
 //! Fluids that are moved as products of matrices, by the program: beside their equations, of any size, and what is
 //! refused.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::Output;
 
@@ -151,15 +152,55 @@ fn any_size_is_simulated_and_generated() {
     );
 }
 
+/// A figure has a picture for each of six times, a page the same figure; both surfaces.
+#[test]
+fn fluids_are_drawn() {
+    for (algebra, factor, mode) in [("zeitlin(31)", "-1", "re_1_2"), ("zeitlin_sphere(16)", "-1/2", "c_3_2")]
+    {
+        let (name, text) = fluid("drawn", algebra, factor, &[(mode.to_owned(), 0.5)], "");
+        let folder = Folder::new(mode, &[(name.as_str(), text)]);
+        let pictures = |file: &str| {
+            let text = std::fs::read_to_string(folder.0.join(file)).unwrap();
+            let pictures: Vec<String> = text
+                .split("<image ")
+                .skip(1)
+                .map(|rest| rest[..rest.find("/>").unwrap()].to_owned())
+                .collect();
+            assert!(text.contains("Vorticity [1/s]"), "{algebra}");
+            pictures
+        };
+        let options = ["--t-final", "1", "--step", "0.1"];
+        let simulate = ["simulate", "drawn.hamel", "-o", "flow.svg", "--samples", "21"];
+        folder.done(&[&simulate[..], &options].concat(), "");
+        let drawn = pictures("flow.svg");
+        assert_eq!(drawn.len(), 6);
+        assert!(drawn.iter().all(|picture| picture.contains("data:image/png;base64,iVBOR")));
+        // One wave is a steady flow: pictures in other places, which differ where rounding decides a colour.
+        let places: BTreeSet<&str> = drawn.iter().map(|p| &p[..p.find("width").unwrap()]).collect();
+        let sizes = drawn.iter().map(String::len);
+        let (least, most) = (sizes.clone().min().unwrap(), sizes.max().unwrap());
+        assert!(places.len() == 6 && most - least < most / 50, "{algebra}: from {least} to {most} bytes");
+        // Two samples have no times between them.
+        folder.done(&[&simulate[..5], &["2"][..], &options].concat(), "");
+        assert_eq!(pictures("flow.svg").len(), 2);
+        folder.done(&[&["report", "drawn.hamel", "-o", "flow.html"][..], &options].concat(), "");
+        assert_eq!(pictures("flow.html").len(), 6);
+        folder.done(&["report", "drawn.hamel", "-o", "still.html", "--no-run"], "");
+        assert!(!std::fs::read_to_string(folder.0.join("still.html")).unwrap().contains("<image"));
+    }
+}
+
 #[test]
 fn what_matrices_cannot_do_is_said() {
     let modes = [("re_1_0".to_owned(), 0.5)];
     let (name, text) = fluid("large", "zeitlin(127)", "-1", &modes, "");
     let folder = Folder::new("refused", &[(name.as_str(), text)]);
-    for command in ["explain", "report"] {
-        let said = folder.refused(&[command, "large.hamel"], "");
-        assert!(said.contains("moved as products of matrices") && said.contains("hamel simulate"), "{said}");
-    }
+    let said = folder.refused(&["explain", "large.hamel"], "");
+    assert!(said.contains("moved as products of matrices") && said.contains("hamel simulate"), "{said}");
+    let said = folder.refused(&["report", "large.hamel"], "");
+    assert!(said.contains("--step is what a fluid of matrices is moved by"), "{said}");
+    let said = folder.refused(&["report", "zeitlin_euler_3", "--step", "0.1"], "");
+    assert!(said.contains("--step is for fluids of matrices"), "{said}");
     let cases: [(&[&str], &str); 8] = [
         (&[], "--step is what a fluid of matrices is moved by"),
         (&["--step", "0.1", "--method", "rk4"], "method rk4: matrices are moved by isospectral alone"),

@@ -1,4 +1,5 @@
-//! Functions as loops over tables: emitted code against the interpreter bit for bit, and against straight-line code.
+//! Functions as loops over tables: emitted code against the interpreter bit for bit, and against straight-line code;
+//! Taylor coefficients too.
 //!
 //! `loops/module.rs` is the module. Write it again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test loops`.
 
@@ -7,7 +8,7 @@ use hamel_codegen::lower::SearchBudget;
 use hamel_codegen::program::{Factors, Point, Role};
 use hamel_codegen::scene::{self, BuiltScene, Writing};
 use hamel_codegen::spec;
-use hamel_runtime::{DoubleDouble, Real, Scene};
+use hamel_runtime::{DoubleDouble, MAX_ORDER, Real, Scene};
 
 /// The module, as a crate has it.
 mod module {
@@ -30,7 +31,7 @@ const TEXT: &str = "model stirred {
     force sums0_dot = -sums0 + re_1_0*im_1_1;
     output c = re_0_1*re_1_0*re_1_1 + im_0_1*(re_0_1 + 2*im_1_1)*(im_1_0 - mu*sums0);
     output cubed = exp(re_0_1)*im_0_1 + re_1_1^3;
-    scene default { want rhs, energy, outputs, jacobian, jvp, vjp; }
+    scene default { want rhs, energy, outputs, jacobian, jvp, vjp, taylor; }
 }";
 
 fn build(products: usize) -> BuiltScene {
@@ -84,6 +85,58 @@ fn emitted_loops_have_the_bits_of_the_interpreter() {
             assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name}");
         }
     }
+}
+
+#[test]
+fn emitted_taylor_coefficients_have_the_bits_of_the_interpreter() {
+    let (built, params) = (build(1), [0.07, 1.1, 0.4]);
+    let interpreter = built.prepare(&params).unwrap();
+    let compiled = module::Prepared::prepare(&params).unwrap();
+    let jet = built.jet().unwrap();
+    assert!(jet.scalars_change);
+    for (seed, n_orders) in [(0, MAX_ORDER + 1), (1, MAX_ORDER + 3), (2, 9), (3, 2), (4, 1), (5, 0)] {
+        let (y, _) = point(seed);
+        let t = 0.1 * f64::from(seed);
+        let (mut own, mut other) = (vec![[7.0; 10]; n_orders], vec![[7.0; 10]; n_orders]);
+        assert!(compiled.series_of(t, &y, &mut own));
+        let mut rows: Vec<&mut [f64]> = other.iter_mut().map(<[f64; 10]>::as_mut_slice).collect();
+        interpreter.series(&jet, t, &y, &mut rows);
+        let bits =
+            |series: &[[f64; 10]]| series.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
+        assert_eq!(bits(&own), bits(&other), "{n_orders} orders");
+        if n_orders > 1 {
+            let mut rates = [0.0; 10];
+            compiled.rhs(t, &y, &mut rates);
+            assert_eq!((own[0], own[1]), (y, rates));
+        }
+        // What is beyond the highest order is left as it is.
+        assert!(own.iter().skip(MAX_ORDER + 1).flatten().all(|x| *x == 7.0));
+    }
+}
+
+/// The code of Taylor coefficients without its numbers: sizes of arrays and counts in the documentation.
+#[test]
+fn the_code_of_taylor_coefficients_does_not_grow_with_the_number_of_modes() {
+    let code = |n: usize| {
+        let text = format!(
+            "model fluid {{
+                algebra g = zeitlin({n});
+                momentum omega in g as *;
+                action right;
+                hamiltonian = -dot(omega, laplacian(g)^-1*omega);
+                scene default {{ want rhs, taylor; }}
+            }}"
+        );
+        let model = spec::parse("fluid.hamel", &text).unwrap_or_else(|e| panic!("{e}"));
+        let search = SearchBudget { products: 1, ..SearchBudget::default() };
+        let module = scene::build_within(&model, "default", search).unwrap().emit().unwrap();
+        let start = module.find("::Jet<R>").unwrap();
+        let code = &module[start..module[start..].find("\n}\n").unwrap() + start];
+        code.chars().filter(|c| !c.is_ascii_digit()).collect::<String>()
+    };
+    let small = code(3);
+    assert!(small.contains("add_convolutions_to"), "{small}");
+    assert_eq!(small, code(7));
 }
 
 /// Which functions are loops, and what their factors are.

@@ -41,6 +41,22 @@ impl<R: Real, S: Jet<R> + ?Sized> Jet<R> for &S {
     }
 }
 
+/// Writes the coefficients of an order to series whose coefficients lie beside each other, as
+/// [`Products::add_convolutions_to`](crate::Products::add_convolutions_to) reads them; from [`MAX_ORDER`] on nothing
+/// happens.
+///
+/// # Shapes
+///
+/// series: \[n, MAX_ORDER\], coefficients: \[n\].
+#[inline]
+pub fn set_order<R: Real>(series: &mut [[R; MAX_ORDER]], order: u32, coefficients: &[R]) {
+    for (series, coefficient) in series.iter_mut().zip(coefficients) {
+        if let Some(place) = series.get_mut(order as usize) {
+            *place = *coefficient;
+        }
+    }
+}
+
 /// The inner parts of `N` Cauchy products of series, side by side, order after order.
 ///
 /// ```text

@@ -101,7 +101,7 @@ pub use error::{Error, Failure, ParamError};
 pub use events::{Action, Direction, Event, Events, Observer};
 pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
 pub use integrator::{Integrator, Progress, Stats};
-pub use jet::{Convolutions, Jet, MAX_ORDER};
+pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
 pub use methods::{

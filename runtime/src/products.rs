@@ -2,6 +2,7 @@
 //!
 //! The module deliberately does not know what the factors are, nor where a table comes from.
 
+use crate::jet::MAX_ORDER;
 use crate::real::Real;
 
 /// Bytes of a product in a table: its left factor, its right factor and its number, two bytes each.
@@ -61,12 +62,7 @@ impl<'a> Products<'a> {
     /// When a factor or a number has no such place.
     #[inline]
     pub fn add_to<R: Real>(&self, left: &[R], right: &[R], out: &mut [R]) {
-        let mut rest = self.places;
-        let mut start = 0;
-        for (result, end) in out.iter_mut().zip(self.ends) {
-            let n = end.saturating_sub(start) as usize;
-            let (own, after) = rest.split_at((WIDTH * n).min(rest.len()));
-            (rest, start) = (after, *end);
+        self.add_sums_to(out, |own| {
             let mut sums = [R::ZERO; LANES];
             let mut rounds = own.chunks_exact(WIDTH * LANES);
             for round in &mut rounds {
@@ -77,18 +73,113 @@ impl<'a> Products<'a> {
             for (sum, place) in sums.iter_mut().zip(rounds.remainder().chunks_exact(WIDTH)) {
                 *sum = self.plus_product(*sum, place, left, right);
             }
-            let [a, b, c, d] = sums;
+            sums
+        });
+    }
+
+    /// Adds the Taylor coefficients of an order of the sums of products of series to `out`:
+    ///
+    /// ```text
+    /// out_k += sum over the products of k of  number * sum_{m=0}^{order} left_{i,m} right_{j,order-m}
+    /// ```
+    ///
+    /// One pass through the table, whatever the order. The terms of a Cauchy product are shared out in turn among four
+    /// sums, each of which is added to its own of a result, and these are added up as `(0 + 1) + (2 + 3)`: the order of
+    /// operations, and with it every bit, is the same for every caller.
+    ///
+    /// ```
+    /// use hamel_runtime::{MAX_ORDER, Products, set_order};
+    /// // out = 3 x y with x = 1 + 2 h and y = 5 + 7 h: 15 + 51 h + 42 h^2
+    /// static TABLE: Products<'static> = Products::new(&[0; 6], &[1], &[[3.0, 0.0]]);
+    /// let (mut x, mut y) = ([[0.0; MAX_ORDER]], [[0.0; MAX_ORDER]]);
+    /// set_order(&mut x, 0, &[1.0]);
+    /// set_order(&mut x, 1, &[2.0]);
+    /// set_order(&mut y, 0, &[5.0]);
+    /// set_order(&mut y, 1, &[7.0]);
+    /// let mut out = [0.0];
+    /// TABLE.add_convolutions_to(1, &x, &y, &mut out);
+    /// assert_eq!(out, [51.0]);
+    /// ```
+    ///
+    /// # Shapes
+    ///
+    /// left, right: \[as long as the places of factors say, MAX_ORDER\], coefficients from order zero on;
+    /// out: \[n_results\]; order: less than [`MAX_ORDER`], terms beyond are left out.
+    ///
+    /// # Panics
+    ///
+    /// When a factor or a number has no such place.
+    ///
+    /// # Source
+    ///
+    /// Moore, Interval Analysis (1966), chapter 11: the rule for the product of two series.
+    #[inline]
+    pub fn add_convolutions_to<R: Real>(
+        &self,
+        order: u32,
+        left: &[[R; MAX_ORDER]],
+        right: &[[R; MAX_ORDER]],
+        out: &mut [R],
+    ) {
+        let n_terms = (order as usize + 1).min(MAX_ORDER);
+        self.add_sums_to(out, |own| {
+            let mut sums = [R::ZERO; LANES];
+            for place in own.chunks_exact(WIDTH) {
+                let (i, j, number) = self.product::<R>(place);
+                let product = convolution(&left[i][..n_terms], &right[j][..n_terms]);
+                for (sum, part) in sums.iter_mut().zip(product) {
+                    *sum = number.mul_add(part, *sum);
+                }
+            }
+            sums
+        });
+    }
+
+    /// Adds to each result the four sums that its own products make.
+    #[inline]
+    fn add_sums_to<R: Real>(&self, out: &mut [R], sums_of: impl Fn(&[u8]) -> [R; LANES]) {
+        let mut rest = self.places;
+        let mut start = 0;
+        for (result, end) in out.iter_mut().zip(self.ends) {
+            let n = end.saturating_sub(start) as usize;
+            let (own, after) = rest.split_at((WIDTH * n).min(rest.len()));
+            (rest, start) = (after, *end);
+            let [a, b, c, d] = sums_of(own);
             *result += (a + b) + (c + d);
         }
     }
 
-    /// `sum + number * left_i * right_j` of the product at a place.
+    /// Places of the factors of the product at a place of the table, and its number.
     #[inline]
-    fn plus_product<R: Real>(&self, sum: R, place: &[u8], left: &[R], right: &[R]) -> R {
+    fn product<R: Real>(&self, place: &[u8]) -> (usize, usize, R) {
         let at = |k: usize| usize::from(u16::from_le_bytes([place[k], place[k + 1]]));
         let [hi, lo] = self.numbers[at(4)];
-        (R::from_parts(hi, lo) * left[at(0)]).mul_add(right[at(2)], sum)
+        (at(0), at(2), R::from_parts(hi, lo))
     }
+
+    /// `sum + number * left_i * right_j` of the product at a place of the table.
+    #[inline]
+    fn plus_product<R: Real>(&self, sum: R, place: &[u8], left: &[R], right: &[R]) -> R {
+        let (i, j, number) = self.product::<R>(place);
+        (number * left[i]).mul_add(right[j], sum)
+    }
+}
+
+/// `sum_m left_m right_{n-1-m}` in four parts: of every fourth term each. Shapes: left, right: \[n\].
+#[inline]
+fn convolution<R: Real>(left: &[R], right: &[R]) -> [R; LANES] {
+    let mut parts = [R::ZERO; LANES];
+    let (left, left_rest) = left.as_chunks::<LANES>();
+    let (right_rest, right) = right.as_rchunks::<LANES>();
+    for (left, right) in left.iter().zip(right.iter().rev()) {
+        for (k, part) in parts.iter_mut().enumerate() {
+            *part = left[k].mul_add(right[LANES - 1 - k], *part);
+        }
+    }
+    for ((part, left), right) in parts.iter_mut().zip(left_rest).zip(right_rest.iter().rev()) {
+        *part = left.mul_add(*right, *part);
+    }
+    parts
 }
 
 #[cfg(test)]
@@ -153,6 +244,32 @@ mod tests {
         table.add_to(&left, &right, &mut out);
         for (x, expected) in out.iter().zip(direct(&left, &right)) {
             assert!((x.derivative - expected.derivative).abs() < 1e-14, "{x:?} {expected:?}");
+        }
+    }
+
+    /// Against the definition, for every order.
+    #[test]
+    fn coefficients_of_sums_are_those_of_products_of_series() {
+        let places = places();
+        let table = Products::new(&places, &[9, 17], &NUMBERS);
+        let series = |shift: f64| -> [[f64; MAX_ORDER]; 3] {
+            core::array::from_fn(|i| {
+                core::array::from_fn(|m| (shift + 1.7 * i as f64 + 0.9 * (m * m) as f64).sin())
+            })
+        };
+        let (left, right) = (series(0.3), series(1.1));
+        for order in 0..MAX_ORDER {
+            let mut out = [10.0, 20.0];
+            table.add_convolutions_to(order as u32, &left, &right, &mut out);
+            let mut expected = [10.0, 20.0];
+            for m in 0..=order {
+                let (left, right) = (left.map(|x| x[m]), right.map(|x| x[order - m]));
+                expected.iter_mut().zip(direct(&left, &right)).for_each(|(sum, x)| *sum += x);
+            }
+            for (x, expected) in out.iter().zip(expected) {
+                // Sums of at most 288 terms of size one.
+                assert!((x - expected).abs() < 1e-13, "order {order}: {x} {expected}");
+            }
         }
     }
 

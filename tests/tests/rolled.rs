@@ -1,11 +1,13 @@
 //! Fluids of many modes as loops over tables: against straight-line code, against products of matrices, and what stays
-//! constant.
+//! constant. Taylor coefficients through them.
 
 use hamel_codegen::lower::SearchBudget;
-use hamel_codegen::program::Role;
-use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::program::{self, Role};
+use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec;
 use hamel_runtime::matrices::{IsospectralMidpoint, Options, Torus};
+use hamel_runtime::{Integrator, Jet, System, Taylor, Vern9};
+use hamel_tests::models::{model, params};
 use hamel_tests::random::Random;
 
 /// The Euler equations of so many modes, with Casimirs where they are asked for.
@@ -121,13 +123,106 @@ fn loops_agree_with_straight_lines() {
     }
 }
 
+/// Orders of the coefficients that are compared.
+const ORDER: usize = 20;
+
+/// Taylor coefficients of the solution through a state, order by order.
+fn series(built: &BuiltScene, params: &[f64], t: f64, y: &[f64]) -> Vec<Vec<f64>> {
+    let mut out = vec![vec![0.0; y.len()]; ORDER + 1];
+    let mut rows: Vec<&mut [f64]> = out.iter_mut().map(Vec::as_mut_slice).collect();
+    let jet = built.jet().unwrap_or_else(|e| panic!("{e}"));
+    built.prepare(params).unwrap_or_else(|e| panic!("{e}")).series(&jet, t, y, &mut rows);
+    out
+}
+
+/// Differences of two lists of coefficients, each order by its own largest one.
+fn compare(what: &str, rolled: &[Vec<f64>], straight: &[Vec<f64>]) {
+    for (order, (a, b)) in rolled.iter().zip(straight).enumerate() {
+        let scale = largest(b);
+        assert!(scale > 0.0, "{what}: coefficients of order {order} vanish");
+        for (k, (a, b)) in a.iter().zip(b).enumerate() {
+            // Sums of some hundred terms, whose errors pass through the orders before.
+            assert!((a - b).abs() < 1e-13 * scale, "{what}, order {order}, {k}: {a} {b}");
+        }
+    }
+}
+
 #[test]
-fn a_scene_that_wants_taylor_coefficients_has_straight_lines() {
-    let text = fluid(5, "", "rhs, taylor");
-    let built = build(&text, 1);
-    assert!(built.program.functions.iter().all(|f| f.contractions.is_empty()));
-    assert!(built.jet().is_ok());
-    let built = build(&fluid(5, "", "rhs"), 1);
-    let refused = built.jet().unwrap_err().to_string();
-    assert!(refused.contains("tables"), "{refused}");
+fn taylor_coefficients_through_tables_are_those_of_straight_lines() {
+    // Scalars that change with time, and some that do not.
+    let items = "param mu = 0.05; force dh_domega = -2*mu*omega + cos(t)*omega;";
+    let text = fluid(5, items, "rhs, taylor");
+    let (rolled, straight) = (build(&text, 100), build(&text, usize::MAX));
+    assert!(!rolled.program.function(&Role::Rate).unwrap().contractions.is_empty());
+    let modes = random_modes(5, 3);
+    compare("stirred", &series(&rolled, &[0.07], 0.7, &modes), &series(&straight, &[0.07], 0.7, &modes));
+    for name in ["zeitlin_euler_3", "zeitlin_euler_5", "zeitlin_mhd_3", "second_grade_fluid", "camassa_holm"]
+    {
+        let model = model(name);
+        let [rolled, straight] = [1, usize::MAX].map(|products| {
+            let search = SearchBudget { products, ..SearchBudget::default() };
+            scene::build_within(&model, "default", search).unwrap_or_else(|e| panic!("{e}"))
+        });
+        assert!(!rolled.program.function(&Role::Rate).unwrap().contractions.is_empty(), "{name}");
+        let mut random = Random(7);
+        let y: Vec<f64> = rolled.state.iter().map(|_| random.number() - 0.5).collect();
+        let params = params(&rolled, &[]);
+        compare(name, &series(&rolled, &params, 0.0, &y), &series(&straight, &params, 0.0, &y));
+    }
+}
+
+/// The Euler equations of 80 modes, interpreted.
+struct Interpreted<'a> {
+    interpreter: Interpreter<'a>,
+    jet: program::Jet,
+}
+
+impl System<f64> for Interpreted<'_> {
+    type State = [f64; 80];
+
+    fn rhs(&self, t: f64, y: &[f64; 80], dy: &mut [f64; 80]) {
+        self.interpreter.rhs(t, y, dy);
+    }
+}
+
+impl Jet<f64> for Interpreted<'_> {
+    type Workspace = ();
+
+    fn workspace(&self) {}
+
+    fn series(&self, t: f64, y: &[f64; 80], (): &mut (), out: &mut [[f64; 80]]) {
+        let mut rows: Vec<&mut [f64]> = out.iter_mut().map(<[f64; 80]>::as_mut_slice).collect();
+        self.interpreter.series(&self.jet, t, y, &mut rows);
+    }
+}
+
+#[test]
+fn taylor_steps_through_tables_have_their_order_and_agree_with_another_method() {
+    let built = build(&fluid(9, "", "rhs, taylor"), SearchBudget::default().products);
+    let n_products = built.program.function(&Role::Rate).unwrap().contractions[0].n_products;
+    assert!(n_products > 5000, "{n_products}");
+    let system = Interpreted { interpreter: built.prepare(&[]).unwrap(), jet: built.jet().unwrap() };
+    let start: [f64; 80] = random_modes(9, 11).try_into().unwrap();
+    let distance =
+        |a: &[f64; 80], b: &[f64; 80]| a.iter().zip(b).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+
+    let options = hamel_runtime::Options::adaptive(1e-14, 1e-14);
+    let mut exact = Integrator::new(&system, Vern9, 0.0, start, options).unwrap();
+    exact.integrate_to(1.0).unwrap();
+    let mut solver = Integrator::new(&system, Taylor::new(), 0.0, start, options).unwrap();
+    solver.integrate_to(1.0).unwrap();
+    let error = distance(solver.state(), exact.state());
+    assert!(error < 1e-12, "{error:e}");
+    assert!(distance(solver.state(), &start) > 0.1, "the fluid moves");
+
+    for order in [3, 6] {
+        let at = |h: f64| {
+            let options = hamel_runtime::Options::fixed(h);
+            let mut solver = Integrator::new(&system, Taylor::of_order(order), 0.0, start, options).unwrap();
+            solver.integrate_to(1.0).unwrap();
+            distance(solver.state(), exact.state())
+        };
+        let slope = (at(1.0 / 16.0) / at(1.0 / 32.0)).log2();
+        assert!((slope - order as f64).abs() < 0.7, "order {order}: {slope}");
+    }
 }

@@ -8,18 +8,21 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use hamel_codegen::config::write_atomically;
+use hamel_codegen::config::{Bundle, Config, write_atomically};
+use hamel_codegen::spec::MatrixFluid;
 
 use super::options::duration;
 use crate::error::Error;
-use crate::model::{Checked, blocks, roles};
-use crate::output::fields::fields;
-use crate::output::report::contents::contents;
+use crate::model::{self, Checked, blocks, roles};
+use crate::output::fields::{fields, vorticity};
+use crate::output::plot::field;
+use crate::output::report::contents::{self, Page, contents};
 use crate::output::report::{self, Motion, Precision};
 use crate::run::backend::{Backend as _, Local};
 use crate::run::dynamics::Factory;
 use crate::run::forms::Forms;
 use crate::run::interpreted;
+use crate::run::matrices::{self, Outcome};
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::{MAX_EVENTS, SimulateRequest};
 use crate::run::start;
@@ -36,6 +39,7 @@ use crate::session::Session;
 Examples:
   hamel report heavy_top
   hamel report euler_disk --t-final 4 -o disk.html
+  hamel report ./waves.hamel --step 0.02
   hamel report ./my_model.hamel --no-run"
 )]
 pub struct Arguments {
@@ -53,6 +57,9 @@ pub struct Arguments {
     /// Time of the motion, from 0
     #[arg(long, value_name = "T", default_value_t = 10.0, value_parser = duration, conflicts_with = "no_run")]
     pub t_final: f64,
+    /// Size of the steps of a fluid that is moved as products of matrices
+    #[arg(long, value_name = "H", value_parser = duration, conflicts_with = "no_run")]
+    pub step: Option<f64>,
 }
 
 /// Writes one page about a scene and says where.
@@ -64,15 +71,72 @@ pub struct Arguments {
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let clock = Instant::now();
     let file = session.find(&arguments.model)?;
-    let model = file.model()?;
-    let page = contents(model, &arguments.scene)?;
-    let motion = if arguments.no_run { None } else { Some(motion(model, arguments)?) };
+    let (page, motion) = match file.fluid()? {
+        Some(fluid) => of_matrices(&fluid, file.text()?.into_owned(), arguments)?,
+        None => {
+            let model = file.model()?;
+            if arguments.step.is_some() {
+                let reason = "is for fluids of matrices: a motion by equations has steps of its own";
+                return Err(Error::unusable("--step", reason));
+            }
+            let page = contents(model, &arguments.scene)?;
+            (page, if arguments.no_run { None } else { Some(motion(model, arguments)?) })
+        }
+    };
     let text = report::page(&page, motion.as_ref())?;
-    let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.html", model.name)));
+    let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.html", page.model)));
     let shown = path.display().to_string();
     write_atomically(&path, text.as_bytes()).map_err(|e| Error::io(shown.clone(), e))?;
     let (size, seconds) = (text.len() as f64 / 1e3, clock.elapsed().as_secs_f64());
     Ok(format!("wrote {shown} ({size:.0} kB, {seconds:.1} s)"))
+}
+
+/// The page of a fluid of matrices and its motion.
+fn of_matrices(
+    fluid: &MatrixFluid,
+    text: String,
+    arguments: &Arguments,
+) -> Result<(Page, Option<Motion>), Error> {
+    if arguments.scene != model::DEFAULT_SCENE {
+        let (name, known) = (arguments.scene.clone(), vec![model::DEFAULT_SCENE.to_owned()]);
+        return Err(Error::UnknownScene { model: fluid.name.clone(), name, known });
+    }
+    let mut bundle = Bundle::default();
+    Config::new().add_fluids(std::slice::from_ref(fluid), &mut bundle)?;
+    let page = contents::of_matrices(fluid, text, bundle.files.into_values().collect());
+    if arguments.no_run {
+        return Ok((page, None));
+    }
+    let Some(step) = arguments.step else {
+        let reason = "is what a fluid of matrices is moved by: give one, such as --step 0.01, or --no-run";
+        return Err(Error::unusable("--step", reason));
+    };
+    let request = SimulateRequest {
+        params: Vec::new(),
+        initial: matrices::initial(fluid),
+        t_final: arguments.t_final,
+        method: MethodName::Isospectral,
+        steps: Steps::Fixed { step },
+        samples: report::SAMPLES,
+        with_outputs: true,
+        n_group: 0,
+        max_steps: report::MAX_STEPS,
+        max_events: MAX_EVENTS,
+        watched: None,
+        along: Vec::new(),
+    };
+    let pictured: Vec<usize> = field::shown(request.samples).collect();
+    let Outcome { response, fields, .. } = matrices::simulate(fluid, &request, &pictured)?;
+    let motion = Motion {
+        info: matrices::info(fluid),
+        blocks: vec![blocks::of_matrices(fluid)],
+        request,
+        response,
+        precision: Precision::default(),
+        fields: Vec::new(),
+        pictures: vec![vorticity(fluid, fields)],
+    };
+    Ok((page, Some(motion)))
 }
 
 fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> {
@@ -119,5 +183,6 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
         bare.simulate(&SimulateRequest { method, steps, ..bare_request.clone() })
     });
     let (fields, _) = fields(model, &info, &request, &response);
-    Ok(Motion { info, blocks: blocks::blocks(model), request, response, precision, fields })
+    let (blocks, pictures) = (blocks::blocks(model), Vec::new());
+    Ok(Motion { info, blocks, request, response, precision, fields, pictures })
 }

@@ -11,13 +11,12 @@ use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
-use crate::model::blocks::{self, Block};
-use crate::model::spelling::spell;
-use crate::model::units::split_unit;
+use crate::model::blocks;
 use crate::model::{self, Checked, Model, roles};
 use crate::output::crossings::{Crossings, EventTarget};
-use crate::output::fields::fields;
+use crate::output::fields::{fields, vorticity};
 use crate::output::files::{Run, Target};
+use crate::output::plot::field::{self, Field};
 use crate::output::terminal::bold;
 use crate::request::read_request;
 use crate::run::backend::Backend;
@@ -146,7 +145,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
             return Err(Error::unusable("sections", "are not possible: a fluid of matrices has no events"));
         }
         let request = SimulateRequest::parse(&text, &info)?;
-        let Outcome { response, casimirs } = matrices::simulate(fluid, &request)?;
+        let Outcome { response, casimirs, .. } = matrices::simulate(fluid, &request, &[])?;
         let mut answer = response.to_json(&info, 0);
         if let Some(fields) = answer.as_object_mut() {
             let values = casimirs.into_iter().map(|(name, ends)| (name, ends.to_vec().into()));
@@ -201,13 +200,14 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         watched: None,
         along: Vec::new(),
     };
-    let Outcome { response, casimirs } = matrices::simulate(fluid, &request)?;
+    let is_drawn = targets.iter().any(Target::is_figure);
+    let pictured: Vec<usize> = if is_drawn { field::shown(samples).collect() } else { Vec::new() };
+    let Outcome { response, fields, casimirs } = matrices::simulate(fluid, &request, &pictured)?;
     let title = fluid.doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default();
-    let (doc, unit) = split_unit(&fluid.vorticity, 0);
-    let members = info.state.iter().map(|name| (name.clone(), spell(name))).collect();
-    let blocks = [Block { symbol: String::new(), doc, unit, members }];
+    let fields: Vec<Field> = is_drawn.then(|| vorticity(fluid, fields)).into_iter().collect();
+    let blocks = [blocks::of_matrices(fluid)];
     let run =
-        Run { info: &info, title, blocks: &blocks, request: &request, response: &response, fields: &[] };
+        Run { info: &info, title, blocks: &blocks, request: &request, response: &response, fields: &fields };
     for target in &targets {
         target.write(&run)?;
     }

@@ -2,7 +2,7 @@
 //!
 //! Does not know: figures, scenes.
 
-use hamel_codegen::spec::{Domain, ReconstructionKind};
+use hamel_codegen::spec::{Domain, MatrixFluid, ReconstructionKind};
 
 use super::Model;
 use super::spelling::{lower_first, spell};
@@ -19,6 +19,13 @@ pub struct Block {
     pub unit: String,
     /// Names of the members, and how they are spelled for people.
     pub members: Vec<(String, String)>,
+}
+
+/// The modes of a fluid of matrices that the model names.
+pub fn of_matrices(fluid: &MatrixFluid) -> Block {
+    let (doc, unit) = split_unit(&fluid.vorticity, 0);
+    let members = fluid.modes.iter().map(|mode| (mode.name.clone(), spell(&mode.name))).collect();
+    Block { symbol: String::new(), doc, unit, members }
 }
 
 /// Groups the possible state variables of a model: coordinates and their velocities by unit, vectors as they are.

@@ -1,15 +1,17 @@
-//! Functions on the torus that a model shows, over the time of a simulation.
+//! Functions on surfaces that a model shows, over the time of a simulation.
 //!
 //! Does not know: how pictures are drawn, how a simulation was done.
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::spec::ViewShape;
+use hamel_codegen::spec::{FluidSurface, MatrixFluid, ViewShape};
 
+use super::plot::Surface;
 use super::plot::field::Field;
 use crate::model::units::split_unit;
 use crate::model::{Model, roles};
 use crate::run::info::Info;
+use crate::run::matrices;
 use crate::run::simulation::{SimulateRequest, SimulateResponse};
 
 /// The fields of a model at all samples, and the names of those that need more than the scene's state.
@@ -38,13 +40,28 @@ pub fn fields(
                 Some((sample.t, model.views.numbers_at(view, value)?))
             })
             .collect();
-        let (doc, unit) = split_unit(&view.doc, 0);
-        let title = if doc.is_empty() { view.name.clone() } else { doc };
-        let title = if unit.is_empty() { title } else { format!("{title} [{unit}]") };
+        let surface = Surface::Torus { waves: waves.clone() };
         match frames {
-            Some(frames) => fields.push(Field { title, waves: waves.clone(), frames }),
+            Some(frames) => fields.push(titled(&view.doc, &view.name, surface, frames)),
             None => missing.push(view.name.clone()),
         }
     }
     (fields, missing)
+}
+
+/// The vorticity of a fluid that is moved as products of matrices, at the times for which all coefficients are there.
+pub fn vorticity(fluid: &MatrixFluid, frames: Vec<(f64, Vec<f64>)>) -> Field {
+    let surface = match fluid.surface {
+        FluidSurface::Torus => Surface::Torus { waves: matrices::waves(fluid.n) },
+        FluidSurface::Sphere => Surface::Sphere { n: fluid.n },
+    };
+    titled(&fluid.vorticity, "Vorticity", surface, frames)
+}
+
+/// A field with the title that its documentation has, otherwise with its name.
+fn titled(doc: &str, name: &str, surface: Surface, frames: Vec<(f64, Vec<f64>)>) -> Field {
+    let (doc, unit) = split_unit(doc, 0);
+    let title = if doc.is_empty() { name.to_owned() } else { doc };
+    let title = if unit.is_empty() { title } else { format!("{title} [{unit}]") };
+    Field { title, unit, surface, frames }
 }

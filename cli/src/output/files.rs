@@ -46,7 +46,7 @@ pub struct Run<'a> {
     pub request: &'a SimulateRequest,
     /// What came out, with outputs in its samples.
     pub response: &'a SimulateResponse,
-    /// Functions on the torus that the model shows.
+    /// Functions on a surface that the model shows.
     pub fields: &'a [Field],
 }
 
@@ -72,6 +72,11 @@ impl Target {
     /// Where it is written.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Whether the file is a figure.
+    pub fn is_figure(&self) -> bool {
+        self.format == Format::Svg
     }
 
     /// Writes the results.

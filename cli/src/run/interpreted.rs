@@ -183,8 +183,7 @@ struct Interpreted<'a> {
     built: &'a Built,
     params: Vec<f64>,
     interpreter: Interpreter<'a>,
-    /// The recurrence of Taylor coefficients, derived when first asked for; none where the right-hand side runs through
-    /// tables.
+    /// The recurrence of Taylor coefficients, derived when first asked for.
     jet: OnceLock<Option<Jet>>,
     /// The interpreter of the scene with invariants.
     invariants: OnceLock<Option<Interpreter<'a>>>,

@@ -38,21 +38,36 @@ pub fn initial(fluid: &MatrixFluid) -> Vec<f64> {
     fluid.modes.iter().map(|mode| rational_to_f64(&mode.initial)).collect()
 }
 
+/// The waves of a torus, in the order of the coefficients of its fields.
+pub fn waves(n: usize) -> Vec<(i64, i64)> {
+    let largest = (n / 2) as i64;
+    let of_first = |m1: i64| (if m1 == 0 { 1 } else { -largest }..=largest).map(move |m2| (m1, m2));
+    (0..=largest).flat_map(of_first).collect()
+}
+
 /// What came out, and the Casimirs at the start and at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// As of any other simulation; evaluations of the right-hand side are iterations.
     pub response: SimulateResponse,
+    /// Times of the samples that were asked for, and all coefficients of the vorticity: real and imaginary part of each
+    /// of the [`waves`], or those of all harmonics degree by degree.
+    pub fields: Vec<(f64, Vec<f64>)>,
     /// Name, value at the start and at the end.
     pub casimirs: Vec<(String, [f64; 2])>,
 }
 
-/// Integrates a fluid in steps of one size, at most that of the request, such that samples are at steps.
+/// Integrates a fluid in steps of one size, at most that of the request, such that samples are at steps; `pictured` are
+/// the samples, in ascending order, at which all of the vorticity is wanted.
 ///
 /// # Errors
 /// [`Error::Options`] for another method and for tolerances in the place of a step, [`Error::Stopped`] where the
 /// iteration of a step does not converge.
-pub fn simulate(fluid: &MatrixFluid, request: &SimulateRequest) -> Result<Outcome, Error> {
+pub fn simulate(
+    fluid: &MatrixFluid,
+    request: &SimulateRequest,
+    pictured: &[usize],
+) -> Result<Outcome, Error> {
     let info = info(fluid);
     request.validate(&info)?;
     let options = |reason: String| Error::Options { reason };
@@ -73,11 +88,11 @@ pub fn simulate(fluid: &MatrixFluid, request: &SimulateRequest) -> Result<Outcom
     match fluid.surface {
         FluidSurface::Torus => {
             let tables = vec![0.0; Torus::<Vec<f64>>::storage(fluid.n)];
-            run(fluid, &info, &Torus::new(fluid.n, tables).map_err(solver)?, request, step)
+            run((fluid, &info), &Torus::new(fluid.n, tables).map_err(solver)?, request, step, pictured)
         }
         FluidSurface::Sphere => {
             let tables = vec![0.0; Sphere::<Vec<f64>>::storage(fluid.n)];
-            run(fluid, &info, &Sphere::new(fluid.n, tables).map_err(solver)?, request, step)
+            run((fluid, &info), &Sphere::new(fluid.n, tables).map_err(solver)?, request, step, pictured)
         }
     }
 }
@@ -92,6 +107,9 @@ trait Modes: Laplacian {
 
     /// The value of a mode.
     fn value(&self, mode: &FluidMode, vorticity: MatrixRef<'_>) -> f64;
+
+    /// All coefficients, in the order of [`Outcome::fields`].
+    fn all(&self, vorticity: MatrixRef<'_>) -> Vec<f64>;
 }
 
 /// A value as one of two, real and imaginary part or cosine and sine.
@@ -111,6 +129,12 @@ impl Modes for Torus<Vec<f64>> {
         let (m1, m2) = mode.wave;
         self.mode((m1 as isize, m2 as isize), vorticity)[usize::from(mode.is_second)]
     }
+
+    fn all(&self, vorticity: MatrixRef<'_>) -> Vec<f64> {
+        let mut modes = vec![0.0; self.n_modes()];
+        self.modes(vorticity, &mut modes);
+        modes
+    }
 }
 
 impl Modes for Sphere<Vec<f64>> {
@@ -126,14 +150,20 @@ impl Modes for Sphere<Vec<f64>> {
         let (l, m) = mode.wave;
         self.real_mode((l as usize, m as usize), vorticity)[usize::from(mode.is_second)]
     }
+
+    fn all(&self, vorticity: MatrixRef<'_>) -> Vec<f64> {
+        let mut modes = vec![0.0; self.n_modes()];
+        self.modes(vorticity, &mut modes);
+        modes
+    }
 }
 
 fn run<S: Modes>(
-    fluid: &MatrixFluid,
-    info: &Info,
+    (fluid, info): (&MatrixFluid, &Info),
     surface: &S,
     request: &SimulateRequest,
     step: f64,
+    pictured: &[usize],
 ) -> Result<Outcome, Error> {
     let clock = std::time::Instant::now();
     let intervals = request.samples.max(2) - 1;
@@ -167,7 +197,7 @@ fn run<S: Modes>(
     let energy_scale = if initial_energy.abs() >= f64::MIN_POSITIVE { initial_energy.abs() } else { 1.0 };
     let first = casimirs(&mut solver);
     let mut deviation = 0.0_f64;
-    let (mut samples, mut energy_at_steps) = (Vec::new(), Vec::new());
+    let (mut samples, mut energy_at_steps, mut fields) = (Vec::new(), Vec::new(), Vec::new());
     let n_samples = request.samples;
     // So many points are enough for any figure.
     let stride = (n_steps / 4096.0).ceil().max(1.0) as u64;
@@ -190,6 +220,9 @@ fn run<S: Modes>(
         }
         // A single sample is the end.
         if n_samples > 1 || (n_samples == 1 && k == intervals) {
+            if pictured.binary_search(&samples.len()).is_ok() {
+                fields.push((solver.t(), surface.all(solver.vorticity())));
+            }
             samples.push(Sample {
                 t: solver.t(),
                 state: modes(&solver),
@@ -203,6 +236,7 @@ fn run<S: Modes>(
     let last = casimirs(&mut solver);
     let names = fluid.casimirs.iter().map(|c| c.name.clone());
     Ok(Outcome {
+        fields,
         casimirs: names.zip(first.into_iter().zip(last).map(|(a, b)| [a, b])).collect(),
         response: SimulateResponse {
             t: request.t_final,

@@ -118,8 +118,8 @@ fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
     }
     let info = dynamics.info();
     let reason = format!(
-        "method taylor: scene {} of {} was compiled without Taylor series, or runs through tables, which have none: \
-         choose a scene that wants `taylor`, or --via interpreter for one that was compiled",
+        "method taylor: scene {} of {} was compiled without Taylor series: choose a scene that wants `taylor`, or \
+         --via interpreter",
         info.scene, info.model
     );
     Err(Error::Options { reason })

@@ -88,7 +88,7 @@ impl Tensors {
         diagonal.iter().zip(&self.products[order]).map(|(u, p)| u * p).collect()
     }
 
-    /// The diagonal `a + b` of `A B - B A`, where `A` has the diagonal `a` alone and `B` the diagonal `b`; none where
+    /// The diagonal `a + b` of `A B - B A`, where `A` has the diagonal `a` alone and `B` the diagonal `b`; empty where
     /// there is no such diagonal.
     fn commutator(&self, (a, x): (isize, &[BigInt]), (b, y): (isize, &[BigInt])) -> Vec<BigInt> {
         let n = self.n as isize;
@@ -103,10 +103,6 @@ impl Tensors {
             |i: isize| element(a, x, i) * element(b, y, i + a) - element(b, y, i) * element(a, x, i + b);
         rows.map(value).collect()
     }
-}
-
-fn rational(n: BigInt, d: BigInt) -> Rational {
-    Rational::new(n, d)
 }
 
 impl Harmonics {
@@ -124,7 +120,7 @@ impl Harmonics {
     pub(super) fn scale(&self, l: usize) -> Rational {
         match self.normal {
             Normal::Dual => <Rational as Scalar>::one(),
-            Normal::Vorticity => rational(1.into(), (l * (l + 1)).into()),
+            Normal::Vorticity => Rational::new(1.into(), (l * (l + 1)).into()),
         }
     }
 
@@ -158,13 +154,13 @@ impl Harmonics {
     /// The square of the factor `a` of `c_l_m = a (U_lm + U_lm^+)`, and of `c_l_0 = a U_l0`.
     fn factor_square(&self, tensors: &Tensors, l: usize, m: usize) -> Rational {
         let times = if m == 0 { 1 } else { 2 };
-        rational(self.n.into(), &tensors.squares[l][m] * BigInt::from(times))
+        Rational::new(self.n.into(), &tensors.squares[l][m] * BigInt::from(times))
     }
 
     /// The root of a rational number whose prime factors are small.
     fn root(q: &Rational) -> Number {
         // Factorials of 3 N - 2 at most, whose prime factors have roots in the field up to N = 17.
-        Number::sqrt(q).unwrap_or_default()
+        Number::sqrt(q).expect("numbers of harmonics up to N = 17 have roots")
     }
 
     /// Brackets of the basis.
@@ -198,7 +194,7 @@ impl Harmonics {
     pub(super) fn of_functions(&self) -> Vec<Bracket<Number>> {
         let tensors = Tensors::new(self.n);
         let elements = self.elements();
-        let rate = Harmonics::root(&rational((self.n * self.n - 1).into(), 4.into()));
+        let rate = Harmonics::root(&Rational::new((self.n * self.n - 1).into(), 4.into()));
         let squares: Vec<Rational> =
             elements.iter().map(|(l, m, _)| self.factor_square(&tensors, *l, *m)).collect();
         let factors: Vec<Number> = squares.iter().map(Harmonics::root).collect();
@@ -235,7 +231,7 @@ impl Harmonics {
                     for l in (order.max(1)..self.n).filter(|l| (x.0 + y.0 + l) % 2 == 1) {
                         let weights = tensors.diagonals[l][order].iter().zip(&tensors.products[order]);
                         let sum: BigInt = product.iter().zip(weights).map(|(c, (u, p))| c * u * p).sum();
-                        let sum = rational(sum, tensors.squares[l][order].clone());
+                        let sum = Rational::new(sum, tensors.squares[l][order].clone());
                         let at = Harmonics::place(l, order) + usize::from(is_sine);
                         sums[at] += if is_minus { -sum } else { sum };
                     }
@@ -332,7 +328,7 @@ impl Harmonics {
         for (l, m, is_sine) in self.elements() {
             // tr(W^k R)/N, the elements above and below the diagonal being conjugate.
             let factor = Harmonics::root(&self.factor_square(&tensors, l, m));
-            let times = rational(if m == 0 { 1.into() } else { 2.into() }, n.into());
+            let times = Rational::new(if m == 0 { 1.into() } else { 2.into() }, n.into());
             let terms: Vec<_> = (0..n - m)
                 .map(|i| {
                     let u = Rational::from(tensors.diagonals[l][m][i].clone()) * &times;

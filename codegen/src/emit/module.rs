@@ -98,6 +98,29 @@ pub(super) struct Loops {
     pub(super) sums: Vec<String>,
 }
 
+impl Loops {
+    /// Names the variables; none where there are no contractions.
+    pub(super) fn new(function: &Function, scope: &mut Scope) -> Option<Loops> {
+        (!function.contractions.is_empty()).then(|| Loops {
+            scalars: scope.add("scalars"),
+            values: Vec::new(),
+            argument: scope.add("argument"),
+            sums: (0..function.contractions.len()).map(|k| scope.add(&format!("sums{k}"))).collect(),
+        })
+    }
+
+    /// A result of a contraction, counted through all of them.
+    pub(super) fn element(&self, dialect: &impl Dialect, function: &Function, i: u32) -> String {
+        let (k, at) = function.contracted(i);
+        dialect.element(&self.sums[k], at)
+    }
+
+    /// Takes the values of the scalars, which come after the results of the function.
+    pub(super) fn take_values(&mut self, function: &Function, code: &mut Code) {
+        self.values = code.results.split_off(function.results.len());
+    }
+}
+
 /// The function of an output.
 pub(super) struct OutputRoutine<'a> {
     pub(super) text: &'a OutputText,
@@ -337,25 +360,17 @@ impl<'a> Routine<'a> {
         };
         let state = scope.add_all(in_scope.iter().map(String::as_str));
         let argument = scope.add_all(function.argument.iter().map(String::as_str));
-        let mut loops = (!function.contractions.is_empty()).then(|| Loops {
-            scalars: scope.add("scalars"),
-            values: Vec::new(),
-            argument: scope.add("argument"),
-            sums: (0..function.contractions.len()).map(|k| scope.add(&format!("sums{k}"))).collect(),
-        });
+        let mut loops = Loops::new(function, &mut scope);
         let results: Vec<Operand> = function.outputs().collect();
         let instructions = &function.instructions;
         let segments = Segment::sections(program, instructions);
         let name = |operand: Operand| match (operand, &loops) {
-            (Operand::Contracted(i), Some(loops)) => {
-                let (k, at) = function.contracted(i);
-                dialect.element(&loops.sums[k], at)
-            }
+            (Operand::Contracted(i), Some(loops)) => loops.element(dialect, function, i),
             _ => spell(dialect, (&names.fields, &names.slots), (&state, &argument), operand),
         };
         let mut code = Code::new(dialect, program, instructions, &segments, &results, &mut scope, name);
         if let Some(loops) = &mut loops {
-            loops.values = code.results.split_off(function.results.len());
+            loops.take_values(function, &mut code);
         }
         let read = |names: Vec<String>, operand: fn(u32) -> Operand| -> Vec<Option<String>> {
             let names = names.into_iter().zip(0u32..);

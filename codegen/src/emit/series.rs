@@ -4,7 +4,7 @@
 
 use super::body::{Code, Segment};
 use super::dialect::Dialect;
-use super::module::{Module, spell, variables};
+use super::module::{Loops, Module, spell, variables};
 use crate::program::{Function, Jet, Operand};
 
 /// The functions of a recurrence.
@@ -13,9 +13,17 @@ pub(super) struct Series<'a> {
     /// The variable of each input: the coefficients of the state, sums, kept values, the order and its inverse.
     pub(super) inputs: Vec<String>,
     /// Order zero.
-    pub(super) start: Code,
+    pub(super) start: Part<'a>,
     /// Every other order.
-    pub(super) step: Code,
+    pub(super) step: Part<'a>,
+}
+
+/// One function of a recurrence.
+pub(super) struct Part<'a> {
+    pub(super) function: &'a Function,
+    pub(super) code: Code,
+    /// What comes after the straight-line code, where something does.
+    pub(super) loops: Option<Loops>,
 }
 
 /// The variables of the order and of its inverse.
@@ -39,16 +47,25 @@ impl<'a> Series<'a> {
             inputs.push(scope.add(name));
         }
         inputs.extend([ORDER.to_owned(), INVERSE.to_owned()]);
-        let code = |function: &Function| {
-            let results: Vec<Operand> = function.results.iter().map(|(_, o)| *o).collect();
-            let segments = Segment::sections(&jet.program, &function.instructions);
-            let name =
-                |operand: Operand| spell(dialect, (&module.fields, &module.slots), (&inputs, &[]), operand);
+        let part = |k: usize| {
+            let function = &jet.program.functions[k];
             let mut scope = scope.clone();
-            Code::new(dialect, &jet.program, &function.instructions, &segments, &results, &mut scope, name)
+            let mut loops = Loops::new(function, &mut scope);
+            let results: Vec<Operand> = function.outputs().collect();
+            let instructions = &function.instructions;
+            let segments = Segment::sections(&jet.program, instructions);
+            let name = |operand: Operand| match (operand, &loops) {
+                (Operand::Contracted(i), Some(loops)) => loops.element(dialect, function, i),
+                _ => spell(dialect, (&module.fields, &module.slots), (&inputs, &[]), operand),
+            };
+            let mut code =
+                Code::new(dialect, &jet.program, instructions, &segments, &results, &mut scope, name);
+            if let Some(loops) = &mut loops {
+                loops.take_values(function, &mut code);
+            }
+            Part { function, code, loops }
         };
-        let (start, step) =
-            (code(&jet.program.functions[Jet::FIRST]), code(&jet.program.functions[Jet::NEXT]));
+        let (start, step) = (part(Jet::FIRST), part(Jet::NEXT));
         Series { jet, inputs, start, step }
     }
 

@@ -966,13 +966,49 @@ fn malformed_contractions_are_refused() {
     }
 }
 
+/// Products of sums, scalars that change with the state, and numbers in parameters.
 #[test]
-fn loops_have_no_taylor_coefficients() {
+fn taylor_coefficients_of_loops_are_those_of_straight_lines() {
+    use hamel_runtime::{DoubleDouble, Real};
     let mut f = fixture();
     let results = sums_of_products(&mut f);
-    let requests = [request("f", &results[..3])];
-    let program = lower(&mut f.g, &f.inputs, &[], &[], &requests, &ROLLED()).unwrap();
-    assert!(matches!(crate::program::Jet::new(&program, 0), Err(Error::Unsupported { .. })));
-    let straight = f.lower(&results[..3]);
-    assert!(crate::program::Jet::new(&straight, 0).is_ok());
+    // With the sine among them the scalars change, otherwise not.
+    for (rates, scalars_change) in
+        [([results[0], results[1], results[3]], true), ([results[0], results[2], results[3]], false)]
+    {
+        let requests = [request("f", &rates)];
+        let rolled = lower(&mut f.g, &f.inputs, &[], &[], &requests, &ROLLED()).unwrap();
+        assert!(!rolled.functions[0].contractions.is_empty());
+        let straight = f.lower(&rates);
+        let series = |program: &Program| {
+            let jet = crate::program::Jet::new(program, 0).unwrap();
+            let params = PARAMS.map(DoubleDouble::from);
+            let prepared = program.prepare(&params).unwrap();
+            let mut out = vec![vec![DoubleDouble::ZERO; 3]; 13];
+            let mut rows: Vec<&mut [DoubleDouble]> = out.iter_mut().map(Vec::as_mut_slice).collect();
+            let (t, state) = (DoubleDouble::from(TIME), STATE.map(DoubleDouble::from));
+            jet.series(&params, &prepared, t, &state, &mut rows);
+            (jet, out)
+        };
+        let ((jet, loops), (_, lines)) = (series(&rolled), series(&straight));
+        assert_eq!(jet.scalars_change, scalars_change);
+        for (order, (a, b)) in loops.iter().flatten().zip(lines.iter().flatten()).enumerate() {
+            // The straight lines take numbers in closed form from doubles.
+            let off = (*a - *b).magnitude() / (1.0 + b.magnitude());
+            assert!(off < 1e-14, "{}, order {}: {a:?} {b:?}", order % 3, order / 3);
+        }
+    }
+}
+
+#[test]
+fn a_function_of_a_vector_has_no_taylor_coefficients() {
+    let Fixture { mut g, mut inputs, x: [x, y, z], .. } = fixture();
+    let v = g.symbol("v");
+    inputs.arguments = BTreeMap::from([(Role::Output("f".to_owned()), vec![v])]);
+    let v = g.sym(v);
+    let along = [x, y, z].map(|x| g.mul(x, v));
+    let program =
+        lower(&mut g, &inputs, &[], &[], &[request("f", &along)], &SearchBudget::default()).unwrap();
+    let refused = crate::program::Jet::new(&program, 0).unwrap_err();
+    assert_eq!(refused, Error::ShapeMismatch { what: "vector of f".into(), found: 1, expected: 0 });
 }

@@ -121,9 +121,14 @@ impl Prepare {
 impl Function {
     /// Operations of one call.
     pub fn counts(&self) -> Counts {
-        let mut counts = Counts::of(&self.instructions, |_| true);
+        let mut counts = self.straight_counts();
         self.contractions.iter().for_each(|c| counts += Counts::of_contraction(c));
         counts
+    }
+
+    /// Operations of the straight-line code of one call.
+    pub fn straight_counts(&self) -> Counts {
+        Counts::of(&self.instructions, |_| true)
     }
 
     /// Cycles of the longest chain of operations, each on the result of the one before, on current processors; sums of

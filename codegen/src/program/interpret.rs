@@ -65,6 +65,13 @@ struct Memory<'a, R> {
     contracted: Vec<R>,
 }
 
+impl<R> Point<'_, R> {
+    /// A point in the place of the state alone.
+    pub(super) fn of_state(t: R, state: &[R]) -> Point<'_, R> {
+        Point { t, state, argument: &[] }
+    }
+}
+
 impl<R: Real> Memory<'_, R> {
     fn read(&self, operand: Operand) -> R {
         match operand {
@@ -102,26 +109,32 @@ impl<R: Real> Memory<'_, R> {
             self.values.push(value);
         }
     }
+}
 
-    /// Runs the contractions of a function, whose instructions have run.
-    fn contract(&mut self, tables: &[Table], function: &Function) {
-        let scalars: Vec<R> = function.scalars.iter().map(|o| self.read(*o)).collect();
-        for contraction in &function.contractions {
+impl Function {
+    /// The results of earlier contractions that are factors of one, among those of all.
+    pub(super) fn results_of_contraction<'r, R>(&self, k: u32, contracted: &'r [R]) -> &'r [R] {
+        let start = self.start_of_contraction(k as usize);
+        &contracted[start..start + self.contractions[k as usize].n_results]
+    }
+
+    /// The results of all contractions at a point, from the scalars there.
+    fn contract<R: Real>(&self, tables: &[Table], point: Point<'_, R>, scalars: &[R]) -> Vec<R> {
+        let mut contracted = Vec::new();
+        for contraction in &self.contractions {
             let mut sums = vec![R::ZERO; contraction.n_results];
             for Products { table, left, right } in &contraction.terms {
                 let factors = |factors: &Factors| match factors {
-                    Factors::State => self.state,
-                    Factors::Argument => self.argument,
-                    Factors::Scalars => &scalars,
-                    Factors::Contraction(k) => {
-                        let start = function.start_of_contraction(*k as usize);
-                        &self.contracted[start..start + function.contractions[*k as usize].n_results]
-                    }
+                    Factors::State => point.state,
+                    Factors::Argument => point.argument,
+                    Factors::Scalars => scalars,
+                    Factors::Contraction(k) => self.results_of_contraction(*k, &contracted),
                 };
                 tables[*table as usize].products().add_to(factors(left), factors(right), &mut sums);
             }
-            self.contracted.extend(sums);
+            contracted.extend(sums);
         }
+        contracted
     }
 }
 
@@ -205,7 +218,7 @@ impl Program {
         state: &[R],
         out: &mut [R],
     ) {
-        self.run_at(function_idx, params, prepared, Point { t, state, argument: &[] }, out);
+        self.run_at(function_idx, params, prepared, Point::of_state(t, state), out);
     }
 
     /// Calls a function at a point.
@@ -223,6 +236,23 @@ impl Program {
         point: Point<'_, R>,
         out: &mut [R],
     ) {
+        let function = &self.functions[function_idx];
+        let contract = |scalars: &[R]| function.contract(&self.tables, point, scalars);
+        self.run_contracting(function_idx, (params, prepared), point, out, contract);
+    }
+
+    /// Calls a function at a point; `contract` takes its scalars to the results of all of its contractions.
+    ///
+    /// # Panics
+    /// As [`Program::run_at`].
+    pub(super) fn run_contracting<R: Real>(
+        &self,
+        function_idx: usize,
+        (params, prepared): (&[R], &[R]),
+        point: Point<'_, R>,
+        out: &mut [R],
+        contract: impl FnOnce(&[R]) -> Vec<R>,
+    ) {
         let Point { t, state, argument } = point;
         let function = &self.functions[function_idx];
         assert_eq!(params.len(), self.params.len(), "number of parameters");
@@ -234,7 +264,10 @@ impl Program {
         let (values, contracted) = (Vec::new(), Vec::new());
         let mut memory = Memory { constants, params, prepared, t, state, argument, values, contracted };
         memory.run(&function.instructions);
-        memory.contract(&self.tables, function);
+        if !function.contractions.is_empty() {
+            let scalars: Vec<R> = function.scalars.iter().map(|o| memory.read(*o)).collect();
+            memory.contracted = contract(&scalars);
+        }
         for (slot, (_, operand)) in out.iter_mut().zip(&function.results) {
             *slot = memory.read(*operand);
         }

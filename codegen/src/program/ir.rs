@@ -254,13 +254,12 @@ impl Function {
         (k, i)
     }
 
-    /// The contraction whose results are those of the function, all of them in order.
-    pub(crate) fn contraction_of_results(&self) -> Option<usize> {
-        let n = self.results.len();
+    /// The contraction whose results are the first `n` of the function, all of them in order.
+    pub(crate) fn contraction_of_first_results(&self, n: usize) -> Option<usize> {
         let is_whole = |k: &usize| {
             let start = self.start_of_contraction(*k);
             let numbers = (start..start + n).map(|i| Operand::Contracted(i as u32));
-            self.contractions[*k].n_results == n && self.results.iter().map(|(_, o)| *o).eq(numbers)
+            self.contractions[*k].n_results == n && self.results.iter().take(n).map(|(_, o)| *o).eq(numbers)
         };
         (0..self.contractions.len()).find(is_whole)
     }

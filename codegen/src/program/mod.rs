@@ -34,7 +34,7 @@ pub use report::{FallBack, Limit, Report, Search};
 pub use role::Role;
 pub use round_trip::Symbols;
 pub use rounding::Bounded;
-pub use series::Jet;
+pub use series::{Jet, ProductKind};
 pub(crate) use table::Place;
 pub use table::{Contraction, Factors, Products, Table};
 pub use verify::verify;

@@ -365,13 +365,8 @@ pub(super) fn lower_scene(
     let mut sections = equations.sections.clone();
     sections.extend(own_sections);
     let sections = needed_sections(&graph, &sections, &roots);
-    let mut search = plan.search;
-    if plan.taylor {
-        // The recurrence of Taylor coefficients has a rule for every operation, and none for loops.
-        search.products = usize::MAX;
-    }
     let events = events::of_scene(&equations, &plan.name, &state, &outputs)?;
-    let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, &search)?;
+    let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, &plan.search)?;
     let products = derivatives.products;
     let spent = graph.spent();
     let (name, wants_taylor, doc) = (plan.name.clone(), plan.taylor, plan.doc.clone());

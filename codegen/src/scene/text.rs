@@ -67,8 +67,7 @@ impl BuiltScene {
     /// The recurrence of the Taylor coefficients of solutions, whether or not the scene wants it in its module.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] where the right-hand side runs through tables; [`Error::UnknownName`], a bug: every scene
-    /// has a right-hand side.
+    /// [`Error::UnknownName`], a bug: every scene has a right-hand side.
     pub fn jet(&self) -> Result<Jet, Error> {
         interpreter::jet_of(&self.program)
     }

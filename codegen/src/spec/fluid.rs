@@ -6,6 +6,7 @@
 //!
 //! Deliberately does not know: structure constants, equations of motion, how matrices are multiplied.
 
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::{One, ToPrimitive, Zero};
@@ -16,10 +17,14 @@ use super::limits::{MAX_DEPTH, MAX_MATRIX};
 use super::names;
 use super::want::Want;
 use crate::algebra::LieAlgebra;
-use crate::expr::Rational;
+use crate::expr::{Rational, rational_to_f64};
 
 /// Largest power of a Casimir.
 const MAX_POWER: usize = 16;
+
+/// Most binary digits of numerator and denominator of a number, several times those of the longest that can be written:
+/// definitions that square each other double them.
+const MAX_BITS: u64 = 1 << 13;
 
 /// Where a fluid flows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -156,12 +161,39 @@ pub(super) fn requested(file: &File) -> Option<Span> {
     })
 }
 
+/// Sizes for which matrices exist.
+fn sizes(surface: FluidSurface) -> String {
+    match surface {
+        FluidSurface::Torus => format!("odd numbers from 3 to {}", MAX_MATRIX - 1),
+        FluidSurface::Sphere => format!("numbers from 2 to {MAX_MATRIX}"),
+    }
+}
+
+/// The energy of a fluid as a model has it; an algebra without a name is that of the velocities.
+fn energy_text(surface: FluidSurface, algebra: &str, omega: &str) -> String {
+    let factor = match surface {
+        FluidSurface::Torus => "-",
+        FluidSurface::Sphere => "-1/2*",
+    };
+    format!("{factor}dot({omega}, laplacian({algebra})^-1*{omega})")
+}
+
+/// What to write where an algebra has no table of structure constants; `possible` are those with one.
+pub(super) fn instead_of_a_table(surface: FluidSurface, possible: &str) -> String {
+    format!(
+        "tables: {possible}; other sizes, {}, are moved as products of matrices, which ideal fluids alone are: \
+         `algebra fluid = ..; momentum omega in fluid as *; action right; hamiltonian = {}; scene default {{ want matrices; }}`",
+        sizes(surface),
+        energy_text(surface, "fluid", "omega")
+    )
+}
+
 /// That a model is moved as products of matrices, for those who want its equations.
 pub(super) fn refusal(span: Span) -> Diagnostic {
     Diagnostic::new(Some(span), "this fluid is moved as products of matrices and has no equations in components")
         .with_help(
-            "`hamel simulate` and `hamel generate` take it; equations have zeitlin(N) up to 21 and zeitlin_sphere(N) up to \
-             12, without `want matrices`",
+            "`hamel simulate`, `hamel report` and `hamel generate` take it; equations have zeitlin(N) up to 21 and \
+             zeitlin_sphere(N) up to 12, without `want matrices`",
         )
 }
 
@@ -179,7 +211,8 @@ pub(super) fn read(file: &File) -> Result<MatrixFluid, Vec<Diagnostic>> {
         ItemKind::Let { name, value } => Some((name.text.as_str(), value)),
         _ => None,
     });
-    let mut reader = Reader { momenta, lets: lets.collect(), problems: Vec::new() };
+    let (lets, known) = (lets.collect(), RefCell::default());
+    let mut reader = Reader { momenta, lets, known, problems: Vec::new() };
     let fluid = reader.fluid(file);
     if reader.problems.is_empty() { Ok(fluid) } else { Err(reader.problems) }
 }
@@ -187,6 +220,8 @@ pub(super) fn read(file: &File) -> Result<MatrixFluid, Vec<Diagnostic>> {
 struct Reader<'a> {
     momenta: Momenta<'a>,
     lets: BTreeMap<&'a str, &'a Expr>,
+    /// What definitions are; none also while one is being looked at, which is a definition of itself then.
+    known: RefCell<BTreeMap<&'a str, Option<Form>>>,
     problems: Vec<Diagnostic>,
 }
 
@@ -211,31 +246,29 @@ impl<'a> Reader<'a> {
             self.problem(file.name.span, format!("`{}` cannot be used as a name", file.name.text), reason);
         }
         if !exists(surface, n) {
-            let sizes = match surface {
-                FluidSurface::Torus => format!("odd numbers from 3 to {}", MAX_MATRIX - 1),
-                FluidSurface::Sphere => format!("numbers from 2 to {MAX_MATRIX}"),
-            };
-            self.problem(
-                item.span,
-                format!("there are no such matrices of size {n}"),
-                format!("possible: {sizes}"),
-            );
+            let help = format!("possible: {}", sizes(surface));
+            self.problem(item.span, format!("there are no such matrices of size {n}"), help);
         }
         if names.len() != 1 || labels.len() != 1 {
             let help = "write `momentum omega in fluid as *;`";
             self.problem(item.span, "the vorticity is one vector, named after the basis", help);
         }
-        let (mut acts_right, mut has_energy) = (false, false);
+        let (mut acts_right, mut has_energy, mut has_scene) = (false, false, false);
         let mut taken = BTreeSet::new();
+        names.iter().for_each(|name| self.name(name, &mut taken));
         for item in &file.items {
             match &item.kind {
                 ItemKind::Source(text) => fluid.sources.push(text.clone()),
-                ItemKind::Let { .. } => {}
-                ItemKind::AlgebraName { name, .. } if Some(name.text.as_str()) == self.momenta.algebra => {}
+                ItemKind::Let { name, .. } => self.name(name, &mut taken),
+                ItemKind::AlgebraName { name, .. } if Some(name.text.as_str()) == self.momenta.algebra => {
+                    self.name(name, &mut taken);
+                }
                 ItemKind::MomentumIn { .. } if std::ptr::eq(item, self.momenta.item) => {}
-                ItemKind::Action(side) if side.text == "right" => acts_right = true,
+                ItemKind::Action(side) if side.text == "right" => {
+                    self.once(&mut acts_right, "action", item.span);
+                }
                 ItemKind::Hamiltonian(value) => {
-                    has_energy = true;
+                    self.once(&mut has_energy, "hamiltonian", item.span);
                     self.energy(value);
                 }
                 ItemKind::Casimir { name, value } => {
@@ -263,6 +296,7 @@ impl<'a> Reader<'a> {
                             help,
                         );
                     }
+                    self.once(&mut has_scene, "scene", name.span);
                     self.wants(wants, &file.items);
                 }
                 _ => {
@@ -295,6 +329,13 @@ impl<'a> Reader<'a> {
         fluid
     }
 
+    /// An item of which a fluid has one.
+    fn once(&mut self, is_known: &mut bool, what: &str, span: Span) {
+        if std::mem::replace(is_known, true) {
+            self.problem(span, format!("`{what}` is given twice"), "keep one of them");
+        }
+    }
+
     /// A name that nothing else has.
     fn name(&mut self, name: &Name, taken: &mut BTreeSet<String>) {
         if let Some(reason) = names::refusal(&name.text) {
@@ -323,13 +364,12 @@ impl<'a> Reader<'a> {
     }
 
     fn energy_text(&self) -> String {
-        let algebra = self.momenta.algebra.unwrap_or("fluid");
-        let omega = self.momenta.names.first().map_or("omega", |name| name.text.as_str());
-        let factor = match self.momenta.surface {
-            FluidSurface::Torus => "-",
-            FluidSurface::Sphere => "-1/2*",
-        };
-        format!("{factor}dot({omega}, laplacian({algebra})^-1*{omega})")
+        energy_text(self.momenta.surface, self.momenta.algebra.unwrap_or(""), self.vorticity())
+    }
+
+    /// The name of the vorticity.
+    fn vorticity(&self) -> &'a str {
+        self.momenta.names.first().map_or("omega", |name| name.text.as_str())
     }
 
     fn energy(&mut self, value: &Expr) {
@@ -347,10 +387,10 @@ impl<'a> Reader<'a> {
     fn casimir(&mut self, value: &Expr) -> Option<usize> {
         let power = self.power_of_trace(value);
         if power.is_none() {
-            let algebra = self.momenta.algebra.unwrap_or("fluid");
-            let omega = self.momenta.names.first().map_or("omega", |name| name.text.as_str());
+            let algebra = self.momenta.algebra.map_or(String::new(), |name| format!("{name}, "));
+            let omega = self.vorticity();
             let help =
-                format!("write `trace_power({algebra}, {omega}, k)` with a number k from 1 to {MAX_POWER}");
+                format!("write `trace_power({algebra}{omega}, k)` with a number k from 1 to {MAX_POWER}");
             self.problem(value.span, "casimirs of a fluid of matrices are traces of its powers", help);
         }
         power
@@ -375,7 +415,7 @@ impl<'a> Reader<'a> {
 
     /// What an expression is; none for what is no part of the energy of a fluid.
     fn form(&self, expr: &Expr, depth: usize) -> Option<Form> {
-        // Definitions may be of themselves; the depth of the text is bounded by the parser.
+        // Definitions may be of each other; the depth of the text is bounded by the parser.
         if depth > MAX_DEPTH {
             return None;
         }
@@ -385,18 +425,20 @@ impl<'a> Reader<'a> {
             Node::Name(name) if self.momenta.names.first().is_some_and(|own| own.text == *name) => {
                 Some(Form::new(Kind::Vorticity, Rational::one()))
             }
-            Node::Name(name) => form(self.lets.get(name.as_str())?),
+            Node::Name(name) => self.form_of_let(name, depth + 1),
             Node::Neg(inside) => form(inside).map(|f| f.times(-Rational::one())),
             Node::Sum(list) => {
                 let mut sum: Option<Form> = None;
                 for (is_negative, summand) in list {
                     let sign = if *is_negative { -Rational::one() } else { Rational::one() };
                     let next = form(summand)?.times(sign);
-                    sum = Some(match sum {
-                        None => next,
-                        Some(sum) if sum.kind == next.kind => Form::new(sum.kind, sum.factor + next.factor),
+                    sum = match sum {
+                        None => Some(next),
+                        Some(sum) if sum.kind == next.kind => {
+                            Some(Form::new(sum.kind, sum.factor + next.factor).of_bounded_length()?)
+                        }
                         Some(_) => return None,
-                    });
+                    };
                 }
                 sum
             }
@@ -419,6 +461,7 @@ impl<'a> Reader<'a> {
                         }
                         _ => return None,
                     };
+                    product = product.of_bounded_length()?;
                 }
                 Some(product)
             }
@@ -452,6 +495,18 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// What a definition is, looked at once however often it is used.
+    fn form_of_let(&self, name: &str, depth: usize) -> Option<Form> {
+        if let Some(known) = self.known.borrow().get(name) {
+            return known.clone();
+        }
+        let (name, value) = self.lets.get_key_value(name).map(|(name, value)| (*name, *value))?;
+        self.known.borrow_mut().insert(name, None);
+        let form = self.form(value, depth);
+        self.known.borrow_mut().insert(name, form.clone());
+        form
+    }
+
     /// The mode of a name with its value at time zero.
     fn mode(&mut self, name: &Name, value: &Expr) -> Option<FluidMode> {
         let prefix = self.momenta.labels.first().map_or("", |label| label.text.as_str());
@@ -479,6 +534,10 @@ impl<'a> Reader<'a> {
             self.problem(value.span, "an initial value of a fluid of matrices is a number", help);
             return None;
         };
+        if !rational_to_f64(&initial).is_finite() {
+            self.problem(value.span, "the initial value does not fit a double", "give one below 1.7e308");
+            return None;
+        }
         Some(FluidMode { name: name.text.clone(), wave, is_second, initial })
     }
 
@@ -540,5 +599,11 @@ impl Form {
 
     fn times(self, factor: Rational) -> Form {
         Form { factor: self.factor * factor, ..self }
+    }
+
+    /// The same, unless its factor has too many digits.
+    fn of_bounded_length(self) -> Option<Form> {
+        let n_bits = self.factor.numer().bits().max(self.factor.denom().bits());
+        (n_bits <= MAX_BITS).then_some(self)
     }
 }

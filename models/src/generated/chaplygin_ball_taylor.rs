@@ -1171,8 +1171,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         workspace.0.clear();
         workspace.1.clear();
         workspace.2.clear();
+        let last = orders.len();
         for (next, k) in orders.zip(1u32..) {
             *next = coefficient;
+            if k as usize == last {
+                break;
+            }
             let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = coefficient;
             let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7, sum8, sum9, sum10,
             sum11, sum12, sum13, sum14, sum15] = workspace.0.sums();

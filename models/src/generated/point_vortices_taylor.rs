@@ -851,8 +851,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         };
         workspace.0.clear();
         workspace.1.clear();
+        let last = orders.len();
         for (next, k) in orders.zip(1u32..) {
             *next = coefficient;
+            if k as usize == last {
+                break;
+            }
             let [x1, x2, x3, x4, y1, y2, y3, y4] = coefficient;
             let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7, sum8, sum9, sum10,
             sum11, sum12, sum13, sum14, sum15] = workspace.0.sums();

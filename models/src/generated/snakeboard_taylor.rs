@@ -478,8 +478,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             )
         };
         workspace.0.clear();
+        let last = orders.len();
         for (next, k) in orders.zip(1u32..) {
             *next = coefficient;
+            if k as usize == last {
+                break;
+            }
             let order = R::from_f64(f64::from(k));
             let inverse = R::ratio(1.0, f64::from(k));
             let [_, phi, psi_dot, phi_dot, s] = coefficient;

@@ -1326,8 +1326,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         workspace.2.clear();
         workspace.3.clear();
         workspace.4.clear();
+        let last = orders.len();
         for (next, k) in orders.zip(1u32..) {
             *next = coefficient;
+            if k as usize == last {
+                break;
+            }
             let order = R::from_f64(f64::from(k));
             let inverse = R::ratio(1.0, f64::from(k));
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = coefficient;

@@ -1,178 +1,236 @@
-//! Functions on the torus as pictures, side by side at several times.
+//! Functions on the torus and on the sphere as pictures, side by side at several times.
 //!
-//! Does not know: scenes, what the functions are.
+//! Does not know: scenes, what the functions are, how their values are computed.
 
-use std::f64::consts::TAU;
+use std::f64::consts::PI;
 
 use plotters::element::{PathElement, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{Color, RGBColor};
 
-use super::pen::{Area, Drawn, FRAME, INK, LEFT, QUIET, Ticks, WIDTH, at, font, stroke};
+use super::pen::{Area, Drawn, FRAME, INK, Image, LEFT, QUIET, Ticks, WIDTH, at, font, stroke};
+use super::png::png;
+use super::surface::{Grid, Surface, mollweide};
 
-/// A function on the torus `[0, 2 pi)^2` over time, `f(x) = 2 sum (re_m cos(m.x) - im_m sin(m.x))`.
-#[derive(Clone, Debug, Default)]
+/// A function on a surface over time.
+#[derive(Clone, Debug)]
 pub struct Field {
     /// What is shown, with the unit.
     pub title: String,
-    /// The waves `m`.
-    pub waves: Vec<(i64, i64)>,
-    /// Times, and `re_m` and `im_m` for each wave.
+    /// The unit alone; may be empty.
+    pub unit: String,
+    /// Where the function is.
+    pub surface: Surface,
+    /// Times, and the coefficients of the function.
     pub frames: Vec<(f64, Vec<f64>)>,
 }
 
 /// Pictures of a field in a figure.
 pub const PICTURES: usize = 6;
 
-const COLUMNS: usize = 3;
-/// Cells along each side of a picture.
-const CELLS: usize = 48;
-/// Length of a cell.
-const CELL: f64 = 5.0;
-const SIDE: f64 = CELLS as f64 * CELL;
-/// By so much a cell reaches into the next, drawn later, so that no white line is between them on any screen.
-const OVERLAP: f64 = 0.6;
+/// Width of all pictures of a row, with what is between them.
+const ROW: f64 = 748.0;
 /// Room between pictures.
 const BETWEEN: f64 = 14.0;
 /// Room for a picture's time above it.
 const CAPTION: f64 = 20.0;
 /// Room for the title of the field.
 const HEAD: f64 = 34.0;
-/// Colours on each side of zero.
-const LEVELS: i32 = 12;
-const LOW: RGBColor = RGBColor(0, 114, 178);
-const HIGH: RGBColor = RGBColor(213, 94, 0);
+/// Width of the scale of colours.
+const SCALE_WIDTH: f64 = 12.0;
+/// By so much a colour of the scale reaches into the next, drawn later, so that no white line is between them.
+const OVERLAP: f64 = 0.6;
+/// Colours on each side of zero: neighbours differ by less than an eye sees.
+const LEVELS: i32 = 40;
+/// Colours at zero, at six tenths of the largest value and at the largest, on both sides.
+const LOW: [RGBColor; 3] = [WHITE, RGBColor(0, 114, 178), RGBColor(0, 36, 74)];
+const HIGH: [RGBColor; 3] = [WHITE, RGBColor(213, 94, 0), RGBColor(94, 26, 0)];
+const WHITE: RGBColor = RGBColor(255, 255, 255);
+/// Where the middle one of these stands.
+const BEND: f64 = 0.6;
+
+/// A field as it stands in a figure.
+pub(super) struct Pictures<'f> {
+    field: &'f Field,
+    top: f64,
+    shown: Vec<(f64, Grid)>,
+    /// The largest value of all pictures.
+    limit: f64,
+}
 
 impl Field {
-    /// Height on paper.
-    pub(super) fn height(&self) -> f64 {
-        let rows = self.frames.len().min(PICTURES).div_ceil(COLUMNS).max(1) as f64;
-        HEAD + rows * (CAPTION + SIDE) + (rows - 1.0) * BETWEEN
-    }
-
-    /// Values at the centres of `n` by `n` cells; rows have one `x2`, the first row the smallest.
-    fn values(&self, coefficients: &[f64], n: usize) -> Vec<f64> {
-        let angle = |k: usize| TAU * (k as f64 + 0.5) / n as f64;
-        let mut values = vec![0.0; n * n];
-        for ((m1, m2), part) in self.waves.iter().zip(coefficients.chunks_exact(2)) {
-            for (j, row) in values.chunks_exact_mut(n).enumerate() {
-                for (i, value) in row.iter_mut().enumerate() {
-                    let (sin, cos) = (*m1 as f64 * angle(i) + *m2 as f64 * angle(j)).sin_cos();
-                    *value += 2.0 * (part[0] * cos - part[1] * sin);
-                }
-            }
-        }
-        values
-    }
-
     /// The frames nearest to equal distances in time.
     fn shown(&self) -> Vec<&(f64, Vec<f64>)> {
-        let last = self.frames.len().saturating_sub(1);
-        let n = self.frames.len().min(PICTURES);
-        (0..n).map(|k| &self.frames[k * last / (n - 1).max(1)]).collect()
+        shown(self.frames.len()).map(|k| &self.frames[k]).collect()
+    }
+}
+
+/// Which of so many samples a figure shows, in ascending order: both ends, and some between them.
+pub fn shown(n_samples: usize) -> impl Iterator<Item = usize> {
+    let (last, n) = (n_samples.saturating_sub(1), n_samples.min(PICTURES));
+    (0..n).map(move |k| k * last / (n - 1).max(1))
+}
+
+impl<'f> Pictures<'f> {
+    /// The pictures of a field below a height.
+    pub(super) fn new(field: &'f Field, top: f64) -> Pictures<'f> {
+        let grid = |(t, coefficients): &(f64, Vec<f64>)| (*t, field.surface.grid(coefficients));
+        let shown: Vec<(f64, Grid)> = field.shown().into_iter().map(grid).collect();
+        let values = shown.iter().flat_map(|(_, grid)| grid.values.iter().flatten());
+        let limit = values.fold(0.0_f64, |max, x| max.max(x.abs()));
+        let limit = if limit.is_finite() && limit > 0.0 { limit } else { 1.0 };
+        Pictures { field, top, shown, limit }
     }
 
-    pub(super) fn draw<'a>(&self, area: &Area<'a>, top: f64) -> Drawn<'a> {
-        let label = |text: &str, x: f64, y: f64, size: f64, h: HPos, v: VPos, bold: bool| {
-            area.draw(&Text::new(text.to_owned(), at(x, y), font(size, INK, bold, h, v)))
+    /// Pictures of a row.
+    fn n_columns(&self) -> usize {
+        match self.field.surface {
+            Surface::Torus { .. } => 3,
+            Surface::Sphere { .. } => 2,
+        }
+    }
+
+    /// Width and height of a picture.
+    fn size(&self) -> [f64; 2] {
+        let n = self.n_columns() as f64;
+        let width = (ROW - (n - 1.0) * BETWEEN) / n;
+        [width, width / self.field.surface.ratio()]
+    }
+
+    /// Height on paper.
+    pub(super) fn height(&self) -> f64 {
+        let rows = self.shown.len().div_ceil(self.n_columns()).max(1) as f64;
+        HEAD + rows * (CAPTION + self.size()[1]) + (rows - 1.0) * BETWEEN
+    }
+
+    /// The corner of a picture at the top left.
+    fn corner(&self, k: usize) -> [f64; 2] {
+        let (row, column) = ((k / self.n_columns()) as f64, (k % self.n_columns()) as f64);
+        let [width, height] = self.size();
+        let y = self.top + HEAD + CAPTION + row * (CAPTION + height + BETWEEN);
+        [LEFT + column * (width + BETWEEN), y]
+    }
+
+    /// The pictures themselves.
+    pub(super) fn images(&self) -> impl Iterator<Item = Image> + '_ {
+        let mut palette = vec![[255, 255, 255, 0]];
+        palette.extend((-LEVELS..=LEVELS).map(|level| {
+            let RGBColor(r, g, b) = colour(level);
+            [r, g, b, 255]
+        }));
+        let number = |value: &Option<f64>| {
+            let level = value.map(|value| (value / self.limit * f64::from(LEVELS)).round() as i32);
+            level.map_or(0, |level| (level.clamp(-LEVELS, LEVELS) + LEVELS + 1) as u8)
         };
-        label(&self.title, LEFT, top + 14.0, 12.5, HPos::Left, VPos::Bottom, true)?;
-        let shown = self.shown();
-        let pictures: Vec<Vec<f64>> = shown.iter().map(|(_, c)| self.values(c, CELLS)).collect();
-        let limit = pictures.iter().flatten().fold(0.0_f64, |max, x| max.max(x.abs()));
-        let limit = if limit.is_finite() && limit > 0.0 { limit } else { 1.0 };
-        let times = shown.iter().map(|(t, _)| *t);
+        self.shown.iter().enumerate().map(move |(k, (_, grid))| {
+            let pixels: Vec<u8> = grid.values.iter().map(number).collect();
+            Image { corner: self.corner(k), size: self.size(), file: png(grid.width, &palette, &pixels) }
+        })
+    }
+
+    /// What is around the pictures.
+    pub(super) fn draw<'a>(&self, area: &Area<'a>) -> Drawn<'a> {
+        let label = |text: &str, x: f64, y: f64, size: f64, bold: bool| {
+            area.draw(&Text::new(text.to_owned(), at(x, y), font(size, INK, bold, HPos::Left, VPos::Bottom)))
+        };
+        label(&self.field.title, LEFT, self.top + 14.0, 12.5, true)?;
+        let times = self.shown.iter().map(|(t, _)| *t);
         let ticks = Ticks::new(0.0, times.fold(0.0_f64, |max, t| max.max(t.abs())).max(1e-300), 100);
-        for (k, (picture, (t, _))) in pictures.iter().zip(&shown).enumerate() {
-            let (row, column) = ((k / COLUMNS) as f64, (k % COLUMNS) as f64);
-            let x0 = LEFT + column * (SIDE + BETWEEN);
-            let y0 = top + HEAD + CAPTION + row * (CAPTION + SIDE + BETWEEN);
+        for (k, (t, _)) in self.shown.iter().enumerate() {
+            let [x, y] = self.corner(k);
             let time = match ticks.power_label() {
                 Some(power) => format!("t = {} {power} s", ticks.label(*t)),
                 None => format!("t = {} s", ticks.label(*t)),
             };
-            label(&time, x0, y0 - 6.0, 11.0, HPos::Left, VPos::Bottom, false)?;
-            for (j, cells) in picture.chunks_exact(CELLS).enumerate() {
-                // The second coordinate goes up.
-                let y = y0 + (CELLS - 1 - j) as f64 * CELL;
-                let level = |i: usize| (cells[i] / limit * f64::from(LEVELS)).round() as i32;
-                let mut from = 0;
-                for i in 1..=CELLS {
-                    if i < CELLS && level(i) == level(from) {
-                        continue;
-                    }
-                    let (left, right) = (x0 + from as f64 * CELL, x0 + i as f64 * CELL + OVERLAP);
-                    area.draw(&Rectangle::new(
-                        [at(left, y), at(right.min(x0 + SIDE), (y + CELL + OVERLAP).min(y0 + SIDE))],
-                        colour(level(from)).filled(),
-                    ))?;
-                    from = i;
-                }
-            }
-            let (x1, y1) = (x0 + SIDE, y0 + SIDE);
-            let corners = vec![at(x0, y0), at(x1, y0), at(x1, y1), at(x0, y1), at(x0, y0)];
-            area.draw(&PathElement::new(corners, stroke(FRAME, 0.8)))?;
+            label(&time, x, y - 6.0, 11.0, false)?;
+            self.frame(area, [x, y])?;
         }
-        self.legend(area, top + HEAD + CAPTION, limit)
+        self.legend(area)
+    }
+
+    /// The outline of a picture, and on the sphere its meridians and parallels, every 60 and 30 degrees.
+    fn frame<'a>(&self, area: &Area<'a>, [x, y]: [f64; 2]) -> Drawn<'a> {
+        let [width, height] = self.size();
+        if let Surface::Torus { .. } = self.field.surface {
+            let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]];
+            let corners = corners.map(|[a, b]| at(x + a * width, y + b * height));
+            return area.draw(&PathElement::new(corners.to_vec(), stroke(FRAME, 0.8)));
+        }
+        let point = |longitude: f64, latitude: f64| {
+            let [a, b] = mollweide(longitude, latitude);
+            at(x + width * (0.5 + 0.5 * a), y + height * (0.5 - 0.5 * b))
+        };
+        const STEPS: i32 = 60;
+        let along = |from: f64, to: f64| {
+            (0..=STEPS).map(move |k| from + (to - from) * f64::from(k) / f64::from(STEPS))
+        };
+        for k in -2..=2 {
+            let longitude = f64::from(k) * PI / 3.0;
+            let meridian =
+                along(-PI / 2.0, PI / 2.0).map(|latitude| point(longitude, latitude)).collect::<Vec<_>>();
+            area.draw(&PathElement::new(meridian, stroke(FRAME, 0.35)))?;
+            let latitude = f64::from(k) * PI / 6.0;
+            area.draw(&PathElement::new(
+                vec![point(-PI, latitude), point(PI, latitude)],
+                stroke(FRAME, 0.35),
+            ))?;
+        }
+        let east = along(-PI / 2.0, PI / 2.0).map(|latitude| point(PI, latitude));
+        let west = along(PI / 2.0, -PI / 2.0).map(|latitude| point(-PI, latitude));
+        area.draw(&PathElement::new(east.chain(west).collect::<Vec<_>>(), stroke(FRAME, 1.0)))
     }
 
     /// The colours and what they mean.
-    fn legend<'a>(&self, area: &Area<'a>, top: f64, limit: f64) -> Drawn<'a> {
+    fn legend<'a>(&self, area: &Area<'a>) -> Drawn<'a> {
+        let (limit, [_, length]) = (self.limit, self.size());
         let ticks = Ticks::new(-limit, limit, 4);
-        let x = LEFT + COLUMNS as f64 * SIDE + (COLUMNS - 1) as f64 * BETWEEN + 12.0;
+        let [_, top] = self.corner(0);
+        let x = LEFT + ROW + 12.0;
         let n = 2 * LEVELS + 1;
-        let y_of = |value: f64| top + SIDE * (0.5 - 0.5 * value / limit);
+        let y_of = |value: f64| top + length * (0.5 - 0.5 * value / limit);
         for k in 0..n {
-            let y = |k: i32| top + SIDE * f64::from(k) / f64::from(n);
+            let y = |k: i32| top + length * f64::from(k) / f64::from(n);
             area.draw(&Rectangle::new(
-                [at(x, y(k)), at(x + 12.0, (y(k + 1) + OVERLAP).min(top + SIDE))],
+                [at(x, y(k)), at(x + SCALE_WIDTH, (y(k + 1) + OVERLAP).min(top + length))],
                 colour(LEVELS - k).filled(),
             ))?;
         }
         for value in &ticks.values {
             let style = font(11.0, INK, false, HPos::Left, VPos::Center);
+            let end = x + SCALE_WIDTH;
             area.draw(&PathElement::new(
-                vec![at(x + 12.0, y_of(*value)), at(x + 16.0, y_of(*value))],
+                vec![at(end, y_of(*value)), at(end + 4.0, y_of(*value))],
                 stroke(FRAME, 0.8),
             ))?;
-            let room = WIDTH - (x + 19.0);
-            debug_assert!(room > 0.0, "the legend is on the page");
-            area.draw(&Text::new(ticks.label(*value), at(x + 19.0, y_of(*value)), style))?;
+            debug_assert!(end + 7.0 < WIDTH, "the legend is on the page");
+            area.draw(&Text::new(ticks.label(*value), at(end + 7.0, y_of(*value)), style))?;
         }
-        if let Some(power) = ticks.power_label() {
-            let style = font(11.0, QUIET, false, HPos::Left, VPos::Bottom);
-            area.draw(&Text::new(power, at(x, top - 5.0), style))?;
-        }
-        Ok(())
+        let parts = [ticks.power_label().unwrap_or_default(), self.field.unit.clone()];
+        let unit = parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ");
+        let style = font(11.0, QUIET, false, HPos::Left, VPos::Bottom);
+        area.draw(&Text::new(unit, at(x, top - 6.0), style))
     }
 }
 
-/// From blue by white to orange.
+/// From blue by white to orange, darker towards the ends.
 fn colour(level: i32) -> RGBColor {
     let part = (f64::from(level) / f64::from(LEVELS)).clamp(-1.0, 1.0);
-    let RGBColor(r, g, b) = if part < 0.0 { LOW } else { HIGH };
-    let mixed = |c: u8| (255.0 + (f64::from(c) - 255.0) * part.abs()).round() as u8;
-    RGBColor(mixed(r), mixed(g), mixed(b))
+    let [white, middle, end] = if part < 0.0 { LOW } else { HIGH };
+    let size = part.abs();
+    let (from, to, part) =
+        if size < BEND { (white, middle, size / BEND) } else { (middle, end, (size - BEND) / (1.0 - BEND)) };
+    let mixed = |from: u8, to: u8| (f64::from(from) + (f64::from(to) - f64::from(from)) * part).round() as u8;
+    RGBColor(mixed(from.0, to.0), mixed(from.1, to.1), mixed(from.2, to.2))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Field, HIGH, LEVELS, LOW, colour};
+    use super::{Field, HIGH, LEVELS, LOW, Pictures, Surface, colour};
 
     fn wave(frames: usize) -> Field {
         let frames = (0..frames).map(|k| (k as f64, vec![0.5, 0.0])).collect();
-        Field { title: "Vorticity".into(), waves: vec![(1, 0)], frames }
-    }
-
-    #[test]
-    fn a_single_wave_is_a_cosine() {
-        let values = wave(1).values(&[0.5, 0.0], 8);
-        for (k, value) in values.iter().enumerate() {
-            let x = std::f64::consts::TAU * ((k % 8) as f64 + 0.5) / 8.0;
-            assert!((value - x.cos()).abs() < 1e-14);
-        }
-        let sine = wave(1).values(&[0.0, -0.5], 8);
-        assert!(sine[1] > 0.9 && sine[5] < -0.9, "{sine:?}");
+        let surface = Surface::Torus { waves: vec![(1, 0)] };
+        Field { title: "Vorticity [1/s]".into(), unit: "1/s".into(), surface, frames }
     }
 
     #[test]
@@ -185,9 +243,29 @@ mod tests {
     }
 
     #[test]
-    fn colours_meet_in_white() {
-        assert_eq!(colour(LEVELS), HIGH);
-        assert_eq!(colour(-LEVELS), LOW);
+    fn colours_meet_in_white_and_are_as_far_from_it_on_both_sides() {
+        assert_eq!((colour(LEVELS), colour(-LEVELS)), (HIGH[2], LOW[2]));
         assert_eq!(colour(0), plotters::style::WHITE);
+        let light = |level: i32| {
+            let c = colour(level);
+            0.2126 * f64::from(c.0) + 0.7152 * f64::from(c.1) + 0.0722 * f64::from(c.2)
+        };
+        for level in 1..=LEVELS {
+            assert!(light(level) < light(level - 1) && light(-level) < light(1 - level), "{level}");
+            // A tenth of the way from black to white, at most: neither side seems larger.
+            assert!((light(level) - light(-level)).abs() < 25.5, "{level}");
+        }
+    }
+
+    #[test]
+    fn pictures_stand_in_rows_within_their_height() {
+        let field = wave(11);
+        let pictures = Pictures::new(&field, 100.0);
+        let images: Vec<_> = pictures.images().collect();
+        assert_eq!(images.len(), 6);
+        let last = &images[5];
+        assert!((last.corner[1] + last.size[1] - 100.0 - pictures.height()).abs() < 1e-9);
+        assert!(images.iter().all(|image| image.size == [240.0, 240.0]));
+        assert!((pictures.limit - 1.0).abs() < 1e-2, "{}", pictures.limit);
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Does not know: what is drawn.
 
+use super::png::base64;
 use plotters::backend::SVGBackend;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -33,8 +34,27 @@ pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 /// What the drawing backend says.
 pub type DrawError = Box<dyn std::error::Error + Send + Sync>;
 
+/// A picture in a figure.
+pub(super) struct Image {
+    /// The corner at the top left.
+    pub(super) corner: [f64; 2],
+    /// Width and height.
+    pub(super) size: [f64; 2],
+    /// The picture as a PNG file.
+    pub(super) file: Vec<u8>,
+}
+
 /// An SVG file of the figures' width, with what `draw` draws.
 pub(super) fn drawn(height: f64, draw: impl for<'a> Fn(&Area<'a>) -> Drawn<'a>) -> Result<String, DrawError> {
+    drawn_over(height, &[], draw)
+}
+
+/// The same, drawn over pictures.
+pub(super) fn drawn_over(
+    height: f64,
+    images: &[Image],
+    draw: impl for<'a> Fn(&Area<'a>) -> Drawn<'a>,
+) -> Result<String, DrawError> {
     let mut text = String::new();
     {
         let size = (scaled(WIDTH) as u32, scaled(height) as u32);
@@ -45,7 +65,24 @@ pub(super) fn drawn(height: f64, draw: impl for<'a> Fn(&Area<'a>) -> Drawn<'a>) 
     }
     // Shown at the intended size; the view box keeps the fine coordinates.
     let big = format!("width=\"{}\" height=\"{}\"", scaled(WIDTH), scaled(height));
-    Ok(text.replacen(&big, &format!("width=\"{WIDTH}\" height=\"{height}\""), 1))
+    let mut text = text.replacen(&big, &format!("width=\"{WIDTH}\" height=\"{height}\""), 1);
+    // The backend knows no pictures. They stand after the first shape, the background.
+    let place = text.find("/>").map_or(0, |at| at + 2);
+    let images: String = images.iter().map(Image::element).collect();
+    text.insert_str(place, &images);
+    Ok(text)
+}
+
+impl Image {
+    fn element(&self) -> String {
+        let ([x, y], [width, height]) = (self.corner.map(scaled), self.size.map(scaled));
+        let data = base64(&self.file);
+        // Programs that draw SVG know the name of the link with its prefix, old ones alone.
+        format!(
+            "\n<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" preserveAspectRatio=\"none\" \
+             xmlns:xlink=\"http://www.w3.org/1999/xlink\" xlink:href=\"data:image/png;base64,{data}\"/>"
+        )
+    }
 }
 
 pub(super) fn describe<E: std::error::Error + Send + Sync>(

@@ -7,12 +7,12 @@ use hamel_codegen::explain::{Section, SectionKind};
 use hamel_codegen::expr::{Style, rational_to_f64};
 use hamel_codegen::program::Role;
 use hamel_codegen::scene;
-use hamel_codegen::spec;
+use hamel_codegen::spec::{self, FluidMode, FluidSurface, MatrixFluid};
 
 use crate::error::Error;
 use crate::model::spelling::math_ml;
 use crate::model::units::split_unit;
-use crate::model::{Checked, show_warnings};
+use crate::model::{Checked, DEFAULT_SCENE, show_warnings};
 
 /// A parameter or a state variable as a page shows it.
 #[derive(Clone, Debug)]
@@ -96,6 +96,51 @@ pub struct Page {
     pub views: Vec<ViewEntry>,
 }
 
+/// What a page says about a fluid that is moved as products of matrices; `text` is its file.
+pub fn of_matrices(fluid: &MatrixFluid, text: String, module: String) -> Page {
+    let (surface, basis) = match fluid.surface {
+        FluidSurface::Torus => ("torus", "waves"),
+        FluidSurface::Sphere => ("sphere", "spherical harmonics"),
+    };
+    let (doc, unit) = split_unit(&fluid.vorticity, 0);
+    let quantity = |mode: &FluidMode| Quantity {
+        name: mode.name.clone(),
+        math: math_ml(&mode.name),
+        value: None,
+        unit: unit.clone(),
+        doc: doc.clone(),
+    };
+    Page {
+        model: fluid.name.clone(),
+        scene: DEFAULT_SCENE.to_owned(),
+        title: titled(&fluid.doc, &fluid.name),
+        doc: fluid.doc.iter().skip(1).cloned().collect(),
+        kind: format!(
+            "ideal fluid on the {surface}, {basis} as matrices of size {}; the state below are the modes that the \
+             model names, of {}",
+            fluid.n,
+            fluid.n * fluid.n - 1
+        ),
+        sources: fluid.sources.clone(),
+        params: Vec::new(),
+        conditions: Vec::new(),
+        state: fluid.modes.iter().map(quantity).collect(),
+        text,
+        keywords: spec::keywords(),
+        sections: Vec::new(),
+        rhs: String::new(),
+        module,
+        operations: Vec::new(),
+        views: Vec::new(),
+    }
+}
+
+/// The first line of a documentation, otherwise a name.
+fn titled(doc: &[String], name: &str) -> String {
+    let title = doc.first().map(|t| t.trim()).filter(|t| !t.is_empty());
+    title.unwrap_or(name).to_owned()
+}
+
 /// Collects what a page says about a scene.
 ///
 /// # Errors
@@ -135,7 +180,7 @@ pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
     Ok(Page {
         model: model.name.clone(),
         scene: scene_name.to_owned(),
-        title: model.doc.first().filter(|t| !t.trim().is_empty()).unwrap_or(&model.name).trim().to_owned(),
+        title: titled(&model.doc, &model.name),
         doc: model.doc.iter().skip(1).cloned().collect(),
         kind: model.kind().to_string(),
         sources: model.sources.clone(),

@@ -8,7 +8,15 @@
   const last = data.n - 1;
   // Cells along a side; more of them show nothing of so few waves.
   const N = 120;
-  const LOW = [0, 114, 178], HIGH = [213, 94, 0];
+  const WHITE = [255, 255, 255];
+  const LOW = [WHITE, [0, 114, 178], [0, 36, 74]], HIGH = [WHITE, [213, 94, 0], [94, 26, 0]];
+  // The colours of figures: the middle one stands at six tenths.
+  const BEND = 0.6;
+  const channel = (part, c) => {
+    const [white, middle, end] = part < 0 ? LOW : HIGH, size = Math.abs(part);
+    const [from, to, rest] = size < BEND ? [white, middle, size / BEND] : [middle, end, (size - BEND) / (1 - BEND)];
+    return from[c] + (to[c] - from[c]) * rest;
+  };
   const angles = Array.from({ length: N }, (_, k) => (2 * Math.PI * (k + 0.5)) / N);
 
   const valuesAt = (field, frame) => {
@@ -44,8 +52,8 @@
       for (let j = 0; j < N; j++) {
         for (let i = 0; i < N; i++) {
           const part = Math.max(-1, Math.min(1, values[j * N + i] / limit));
-          const colour = part < 0 ? LOW : HIGH, at = 4 * ((N - 1 - j) * N + i);
-          for (let c = 0; c < 3; c++) image.data[at + c] = 255 + (colour[c] - 255) * Math.abs(part);
+          const at = 4 * ((N - 1 - j) * N + i);
+          for (let c = 0; c < 3; c++) image.data[at + c] = channel(part, c);
           image.data[at + 3] = 255;
         }
       }

@@ -15,7 +15,7 @@ use hamel_codegen::spec::Want;
 use super::files::{Run, figure};
 use super::plot::field::Field;
 use super::plot::loglog::{self, Curve, LogLog};
-use super::plot::{self, Figure, Panel};
+use super::plot::{self, Figure, Panel, Surface};
 use crate::error::Error;
 use crate::model::blocks::Block;
 use crate::run::info::Info;
@@ -43,8 +43,10 @@ pub struct Motion {
     pub response: SimulateResponse,
     /// Error against work, by method.
     pub precision: Precision,
-    /// Functions on the torus over time.
+    /// Functions on the torus over time, which the page plays.
     pub fields: Vec<Field>,
+    /// Functions whose pictures stand below the curves.
+    pub pictures: Vec<Field>,
 }
 
 /// Errors at the end of a motion against the evaluations of the right-hand side.
@@ -143,7 +145,9 @@ pub fn page(page: &Page, motion: Option<&Motion>) -> Result<String, Error> {
         );
         sections.push((title, text));
     }
-    sections.push((SectionKind::Counts.title().into(), operations(page)));
+    if !page.operations.is_empty() {
+        sections.push((SectionKind::Counts.title().into(), operations(page)));
+    }
     let mut scripts = String::new();
     if let Some(motion) = motion {
         if !page.views.is_empty() {
@@ -263,9 +267,9 @@ fn operations(page: &Page) -> String {
 }
 
 fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, String)>) -> Result<(), Error> {
-    let Motion { info, blocks, request, response, .. } = motion;
-    // Fields have a section of their own.
-    let run = Run { info, title: &page.title, blocks, request, response, fields: &[] };
+    let Motion { info, blocks, request, response, pictures, .. } = motion;
+    // Fields that are played have a section of their own.
+    let run = Run { info, title: &page.title, blocks, request, response, fields: pictures };
     let mut state = figure(&run);
     let mut conserved =
         Figure { times: state.times.clone(), x_label: state.x_label.clone(), ..Figure::default() };
@@ -384,7 +388,9 @@ fn field_data(motion: &Motion) -> String {
     let list = |numbers: &mut dyn Iterator<Item = String>| numbers.collect::<Vec<String>>().join(",");
     let mut fields = Vec::new();
     for field in &motion.fields {
-        let waves = list(&mut field.waves.iter().map(|(a, b)| format!("[{a},{b}]")));
+        // A page plays functions on the torus alone, which views are.
+        let Surface::Torus { waves } = &field.surface else { continue };
+        let waves = list(&mut waves.iter().map(|(a, b)| format!("[{a},{b}]")));
         let frames = list(
             &mut field
                 .frames

@@ -9,8 +9,9 @@ use super::Writer;
 use super::format::parse;
 use super::tokens::{allow_numbers, doc_attributes, ident, parse_all, size};
 use crate::emit::module::{Loops, Routine};
+use crate::emit::series::Part;
 use crate::error::Error;
-use crate::program::Factors;
+use crate::program::{Factors, Function, Jet, ProductKind, Products};
 
 impl Writer<'_> {
     /// The tables of the program.
@@ -56,45 +57,114 @@ impl Writer<'_> {
 
     /// The contractions of a function, after its straight-line code.
     pub(super) fn loops(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
-        let Some(Loops { scalars, values, argument, sums }) = &routine.loops else {
-            return Ok(TokenStream::new());
+        let Some(loops) = &routine.loops else { return Ok(TokenStream::new()) };
+        let plain = |products: &Products, sums: &Ident| {
+            let [left, right] = [products.left, products.right].map(|f| values_of(loops, &quote! { y }, f));
+            let table = self.table(products);
+            quote! { #table.add_to(#left, #right, &mut #sums); }
         };
-        let (scalars, argument) = (ident(scalars), ident(argument));
-        let sums: Vec<Ident> = sums.iter().map(|name| ident(name)).collect();
+        self.contractions((routine.function, loops), plain, |_, _| TokenStream::new())
+    }
+
+    /// The contractions of a recurrence of Taylor coefficients. `state` has the coefficients of the order, `order` is
+    /// its variable and none for order zero, `stored` are the coefficients of all orders of factors.
+    pub(super) fn loops_of_series(
+        &self,
+        jet: &Jet,
+        part: &Part<'_>,
+        (state, order): (&TokenStream, Option<&TokenStream>),
+        stored: impl Fn(Factors) -> Option<TokenStream>,
+    ) -> Result<TokenStream, Error> {
+        let Some(loops) = &part.loops else { return Ok(TokenStream::new()) };
+        let rt = &self.runtime;
+        let term = |products: &Products, sums: &Ident| {
+            let table = self.table(products);
+            let factors = [products.left, products.right];
+            match (jet.kind(products), order) {
+                (ProductKind::Convolved, Some(order)) => {
+                    let [left, right] = factors.map(&stored);
+                    quote! { #table.add_convolutions_to(#order, &#left, &#right, &mut #sums); }
+                }
+                (ProductKind::Constant, Some(_)) => TokenStream::new(),
+                _ => {
+                    let [left, right] = factors.map(|f| values_of(loops, state, f));
+                    quote! { #table.add_to(#left, #right, &mut #sums); }
+                }
+            }
+        };
+        let zero = quote! { 0 };
+        let order = order.unwrap_or(&zero);
+        let set = |factors: Factors, values: &TokenStream| {
+            let stored = stored(factors);
+            stored.map(|stored| quote! { #rt::set_order(&mut #stored, #order, #values); })
+        };
+        let known = set(Factors::State, state);
+        let contractions = self.contractions((part.function, loops), term, |factors, values| {
+            set(factors, &quote! { &#values }).unwrap_or_default()
+        })?;
+        Ok(quote! { #known #contractions })
+    }
+
+    /// The contractions of a function: `term` adds the products of a table to an array, `after` follows the array of
+    /// each contraction, and that of the scalars.
+    fn contractions(
+        &self,
+        (function, loops): (&Function, &Loops),
+        term: impl Fn(&Products, &Ident) -> TokenStream,
+        after: impl Fn(Factors, &Ident) -> TokenStream,
+    ) -> Result<TokenStream, Error> {
         let mut tokens = TokenStream::new();
-        if !values.is_empty() {
-            let values = parse_all(values)?;
-            tokens.extend(quote! { let #scalars = [#(#values),*]; });
+        if !loops.values.is_empty() {
+            let (scalars, values) = (ident(&loops.scalars), parse_all(&loops.values)?);
+            let after = after(Factors::Scalars, &scalars);
+            tokens.extend(quote! { let #scalars = [#(#values),*]; #after });
         }
-        let factors = |factors: Factors| match factors {
-            Factors::State => quote! { y },
-            Factors::Argument => quote! { #argument },
-            Factors::Scalars => quote! { &#scalars },
-            Factors::Contraction(k) => {
-                let sums = &sums[k as usize];
-                quote! { &#sums }
-            }
-        };
-        for (contraction, sums) in routine.function.contractions.iter().zip(&sums) {
-            let n = size(contraction.n_results);
-            tokens.extend(quote! { let mut #sums = [R::ZERO; #n]; });
-            for products in &contraction.terms {
-                let table = ident(&self.module.tables[products.table as usize]);
-                let (left, right) = (factors(products.left), factors(products.right));
-                tokens.extend(quote! { #table.add_to(#left, #right, &mut #sums); });
-            }
+        for ((contraction, sums), k) in function.contractions.iter().zip(&loops.sums).zip(0u32..) {
+            let (n, sums) = (size(contraction.n_results), ident(sums));
+            let terms = contraction.terms.iter().map(|products| term(products, &sums));
+            let after = after(Factors::Contraction(k), &sums);
+            tokens.extend(quote! { let mut #sums = [R::ZERO; #n]; #(#terms)* #after });
         }
         Ok(tokens)
     }
 
+    /// The constant that is a table.
+    fn table(&self, products: &Products) -> Ident {
+        ident(&self.module.tables[products.table as usize])
+    }
+
     /// The array of a function's results.
     pub(super) fn results(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
-        let whole = routine.loops.as_ref().zip(routine.function.contraction_of_results());
-        if let Some((loops, k)) = whole {
-            let sums = ident(&loops.sums[k]);
-            return Ok(quote! { #sums });
-        }
         let results = parse_all(&routine.code.results)?;
-        Ok(quote! { [#(#results),*] })
+        Ok(array_of_results(routine.function, routine.loops.as_ref(), &results))
     }
+}
+
+/// The array of the first results of a function, which are also given one by one.
+pub(super) fn array_of_results(
+    function: &Function,
+    loops: Option<&Loops>,
+    results: &[TokenStream],
+) -> TokenStream {
+    match loops.zip(function.contraction_of_first_results(results.len())) {
+        Some((loops, k)) => {
+            let sums = ident(&loops.sums[k]);
+            quote! { #sums }
+        }
+        None => quote! { [#(#results),*] },
+    }
+}
+
+/// The values of factors; the state is spelled by the function.
+fn values_of(loops: &Loops, state: &TokenStream, factors: Factors) -> TokenStream {
+    let array = match factors {
+        Factors::State => return state.clone(),
+        Factors::Argument => {
+            let argument = ident(&loops.argument);
+            return quote! { #argument };
+        }
+        Factors::Scalars => ident(&loops.scalars),
+        Factors::Contraction(k) => ident(&loops.sums[k as usize]),
+    };
+    quote! { &#array }
 }

@@ -2,47 +2,57 @@
 //!
 //! Does not know: the rules of the recurrence.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::Writer;
+use super::loops::array_of_results;
 use super::tokens::{
     allow_comments, allow_names, allow_numbers, doc_attributes, ident, parse_all, pattern, size, statements,
 };
 use crate::emit::body::Code;
-use crate::emit::series::{INVERSE, ORDER, Series};
+use crate::emit::series::{INVERSE, ORDER, Part, Series};
 use crate::error::Error;
-use crate::program::{Jet, Literal, Operand};
+use crate::program::{Factors, Literal, Operand, ProductKind};
 
 /// Convolutions in one loop: their sums fill four vector registers of four lanes, which hides the latency of an
 /// addition and leaves room for the factors; with scalars that are vectors themselves they still fit the registers.
 const LANES: usize = 16;
 
 /// Variables of the method, besides the arguments of other functions and what [`Series`] names.
-pub(super) const LOCALS: [&str; 7] = ["y", "workspace", "coefficient", "orders", "k", "next", "derivative"];
+pub(super) const LOCALS: [&str; 8] =
+    ["y", "workspace", "coefficient", "orders", "last", "k", "next", "derivative"];
 
 impl Writer<'_> {
     /// `impl Jet for Prepared`.
     pub(super) fn series(&self, series: &Series<'_>) -> Result<TokenStream, Error> {
         let (jet, rt, n) = (series.jet, &self.runtime, size(series.jet.n_state));
+        let (start, step) = (&series.start.code, &series.step.code);
+        let is_read = |i: usize, code: &Code| code.reads.contains(&Operand::State(i as u32));
         let names = |range: Range<usize>, code: &Code| {
-            let is_read = |i: usize| code.reads.contains(&Operand::State(i as u32));
-            pattern(range.map(|i| is_read(i).then(|| &series.inputs[i])))
+            pattern(range.map(|i| is_read(i, code).then(|| &series.inputs[i])))
         };
         let (sums, kept) = (jet.n_state, jet.n_state + jet.n_lanes);
-        let coefficients = names(0..sums, &series.start);
-        let next_coefficients = names(0..sums, &series.step);
-        let kept_names = names(kept..kept + jet.n_kept, &series.step);
-        let (first, first_results) =
-            (statements(&series.start.statements)?, parse_all(&series.start.results)?);
-        let (next, next_results) = (statements(&series.step.statements)?, parse_all(&series.step.results)?);
-        let (derivative_first, kept_values) = first_results.split_at(jet.n_state);
+        // Loops may be all that reads the state.
+        let state = |code: &Code, value: TokenStream| {
+            let names = names(0..sums, code);
+            (0..sums).any(|i| is_read(i, code)).then(|| quote! { let #names = #value; })
+        };
+        let (coefficients, next_coefficients) =
+            (state(start, quote! { *y }), state(step, quote! { coefficient }));
+        let kept_names = names(kept..kept + jet.n_kept, step);
+        let (first, first_results) = (statements(&start.statements)?, parse_all(&start.results)?);
+        let (next, next_results) = (statements(&step.statements)?, parse_all(&step.results)?);
+        let (_, kept_values) = first_results.split_at(jet.n_state);
 
+        let derivative = |part: &Part<'_>, results: &[TokenStream]| {
+            array_of_results(part.function, part.loops.as_ref(), &results[..jet.n_state])
+        };
         // An array of nothing would have elements of an unknown type: those of linear equations keep nothing.
-        let derivative_first = quote! { [#(#derivative_first),*] };
+        let derivative_first = derivative(&series.start, &first_results);
         let (at_order_zero, value_at_order_zero) = if kept_values.is_empty() {
             (quote! { mut coefficient }, derivative_first)
         } else {
@@ -51,48 +61,67 @@ impl Writer<'_> {
         };
 
         // A panel for every group of convolutions.
-        let (derivative, rows) = next_results.split_at(jet.n_state);
-        let (left, right) = rows.split_at(jet.n_lanes);
-        let mut types = Vec::new();
+        let (left, right) = next_results[jet.n_state..].split_at(jet.n_lanes);
+        let (mut types, mut make) = (Vec::new(), Vec::new());
         let (mut read, mut write_rows, mut clear) =
             (TokenStream::new(), TokenStream::new(), TokenStream::new());
         for (panel, start) in (0..jet.n_lanes).step_by(LANES).enumerate() {
             let end = (start + LANES).min(jet.n_lanes);
             let (index, width) = (size(panel), size(end - start));
             types.push(quote! { #rt::Convolutions<R, #width> });
-            let names = names(sums + start..sums + end, &series.step);
+            make.push(quote! { ::core::default::Default::default() });
+            let names = names(sums + start..sums + end, step);
             let (left, right) = (&left[start..end], &right[start..end]);
             clear.extend(quote! { workspace.#index.clear(); });
             read.extend(quote! { let #names = workspace.#index.sums(); });
             write_rows.extend(quote! { workspace.#index.push([#(#left),*], [#(#right),*]); });
         }
-        let make = types.iter().map(|_| quote! { ::core::default::Default::default() });
+        // Places for the coefficients of all orders of what loops take as factors.
+        let mut stored = BTreeMap::new();
+        for factors in jet.convolved_factors() {
+            let function = series.step.function;
+            let n = size(match factors {
+                Factors::State => jet.n_state,
+                Factors::Scalars => function.scalars.len(),
+                Factors::Contraction(k) => function.contractions[k as usize].n_results,
+                // A vector that does not change is not convolved.
+                Factors::Argument => continue,
+            });
+            let index = size(types.len());
+            stored.insert(factors, quote! { workspace.#index });
+            types.push(quote! { [[R; #rt::MAX_ORDER]; #n] });
+            make.push(quote! { [[R::ZERO; #rt::MAX_ORDER]; #n] });
+        }
+        let stored = |factors: Factors| stored.get(&factors).cloned();
+        let loops_first = self.loops_of_series(jet, &series.start, (&quote! { y }, None), stored)?;
+        let of_order = (&quote! { &coefficient }, Some(&quote! { k }));
+        let loops_next = self.loops_of_series(jet, &series.step, of_order, stored)?;
+        let derivative_next = derivative(&series.step, &next_results);
         let reads = |code: &Code, operand: Operand| code.reads.contains(&operand);
         let (order_name, inverse_name) = (ident(ORDER), ident(INVERSE));
-        let order = reads(&series.step, Operand::State(series.order()))
+        let order = reads(step, Operand::State(series.order()))
             .then(|| quote! { let #order_name = R::from_f64(f64::from(k)); });
-        let inverse = reads(&series.step, Operand::State(series.inverse()))
+        let inverse = reads(step, Operand::State(series.inverse()))
             .then(|| quote! { let #inverse_name = R::ratio(1.0, f64::from(k)); });
-        let time = reads(&series.step, Operand::Time)
-            .then(|| quote! { let t = if k == 1 { R::ONE } else { R::ZERO }; });
-        let unused_time = (!reads(&series.start, Operand::Time)).then(|| quote! { let _ = t; });
+        let time =
+            reads(step, Operand::Time).then(|| quote! { let t = if k == 1 { R::ONE } else { R::ZERO }; });
+        let unused_time = (!reads(start, Operand::Time)).then(|| quote! { let _ = t; });
         // Nothing to keep is an empty array: lints complain of a unit that is bound to a name.
         let (workspace, new_workspace) = match types.is_empty() {
             true => (quote! { [R; 0] }, quote! { [] }),
             false => (quote! { (#(#types,)*) }, quote! { (#(#make,)*) }),
         };
         let unused_workspace = types.is_empty().then(|| quote! { let _ = workspace; });
-        let variables: BTreeSet<&String> =
-            series.start.variables.iter().chain(&series.step.variables).collect();
+        let variables: BTreeSet<&String> = start.variables.iter().chain(&step.variables).collect();
         let allow_locals = allow_names(variables.into_iter().chain(&self.module.state));
         let numbers = allow_numbers(jet.program.constants.iter().filter_map(|c| match c.literal() {
             Literal::Number(x) => Some(x),
             _ => None,
         }));
         let comments = allow_comments();
-        let counts = jet.program.functions[Jet::NEXT].counts();
+        let counts = series.step.function.straight_counts();
         let lanes = jet.n_lanes;
-        let doc = doc_attributes([
+        let mut doc = vec![
             "Writes the Taylor coefficients of the solution, at order zero by the equations and then by their \
              recurrence."
                 .to_owned(),
@@ -100,7 +129,20 @@ impl Writer<'_> {
             "# Operations".to_owned(),
             String::new(),
             format!("At each order k: {counts}, and {lanes} sums of k - 1 products."),
-        ]);
+        ];
+        let terms = || series.step.function.contractions.iter().flat_map(|c| &c.terms);
+        let n_products = |kind: ProductKind| -> usize {
+            let of_kind = terms().filter(|products| jet.kind(products) == kind);
+            of_kind.map(|products| jet.program.tables[products.table as usize].n_products()).sum()
+        };
+        let kinds = [(ProductKind::Convolved, "sums of k + 1 products"), (ProductKind::Scaled, "products")];
+        let counted = kinds.map(|(kind, what)| (n_products(kind), what));
+        let counted: Vec<String> =
+            counted.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
+        if !counted.is_empty() {
+            doc.push(format!("Loops over tables of {}.", counted.join(" and ")));
+        }
+        let doc = doc_attributes(doc);
         Ok(quote! {
             #allow_locals
             #numbers
@@ -119,23 +161,29 @@ impl Writer<'_> {
                         *first = *y;
                     }
                     let #at_order_zero = {
-                        let #coefficients = *y;
+                        #coefficients
                         #unused_time
                         #first
+                        #loops_first
                         #value_at_order_zero
                     };
                     #clear
                     #unused_workspace
+                    let last = orders.len();
                     for (next, k) in orders.zip(1u32..) {
                         *next = coefficient;
+                        if k as usize == last {
+                            break;
+                        }
                         #order
                         #inverse
                         #time
-                        let #next_coefficients = coefficient;
+                        #next_coefficients
                         #read
                         #next
                         #write_rows
-                        let derivative = [#(#derivative),*];
+                        #loops_next
+                        let derivative = #derivative_next;
                         let scale = R::ratio(1.0, f64::from(k + 1));
                         coefficient = derivative.map(|derivative| derivative * scale);
                     }

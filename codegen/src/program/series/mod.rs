@@ -29,8 +29,11 @@
 //! the machine's vectors; and `next`, straight-line code, used at every order, which takes the coefficients of order
 //! `k` of the state and the sums `S_k` to the coefficients of order `k` of `f` and of the series that are convolved.
 //! Nothing but these rows is stored, linear operations cost what they cost in the function, and the size of the code
-//! does not grow with the order. A square takes a lane like any other product: halving its sum would break the row. A
-//! quotient takes one lane, so products with a reciprocal become quotients, and the reciprocal itself often drops out.
+//! does not grow with the order. What a function leaves to contractions is a part of both functions: the sums over a
+//! table have the Cauchy products of the series of its factors as coefficients, for which the coefficients of all
+//! orders of these factors are stored. A square takes a lane like any other product: halving its sum would break the
+//! row. A quotient takes one lane, so products with a reciprocal become quotients, and the reciprocal itself often
+//! drops out.
 //!
 //! Deliberately does not know: mechanics, step sizes, Rust.
 //!
@@ -39,17 +42,17 @@
 //! Moore, Interval Analysis (1966), chapter 11; Jorba and Zou, A software package for the numerical integration of ODEs
 //! by means of high-order Taylor methods (2005), section 2.
 
+mod evaluate;
 mod rules;
 
 use std::collections::{BTreeMap, BTreeSet};
-
-use hamel_runtime::{Convolutions, MAX_ORDER, Real};
 
 use crate::error::Error;
 use crate::expr::Rational;
 use crate::program::edit::drop_dead;
 use crate::program::ir::{Constant, Function, Instruction, Op, Operand, Program, Signs};
 use crate::program::role::Role;
+use crate::program::table::{Factors, Products};
 
 /// The recurrence of the Taylor coefficients of the solutions of one scene's equations.
 ///
@@ -66,6 +69,11 @@ use crate::program::role::Role;
 ///
 /// and the time is 1 at order one and 0 beyond in `next`. `first` has the results `f_0` and `kept`; `next` has `f_k`
 /// and the rows `a_k` and then `b_k` of the convolutions.
+///
+/// Both have the contractions of the right-hand side. Those of `next` are not what [`Program::run`] makes of them: with
+/// factors `x` and `y` that are series, the coefficient of a product is `sum_{m=0}^k x_m y_{k-m}`, and of factors that
+/// [do not change](Jet::changes) the value is the only coefficient. Results of `next` that are contracted are these
+/// coefficients of order `k`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Jet {
     /// Both functions.
@@ -76,6 +84,9 @@ pub struct Jet {
     pub n_lanes: usize,
     /// Number of values at order zero that later orders read.
     pub n_kept: usize,
+    /// Whether the scalars of `next` are coefficients of order `k`; otherwise none of them changes with time, and they
+    /// are values.
+    pub scalars_change: bool,
 }
 
 /// Where the inputs of `next` are while their numbers are not known yet.
@@ -98,8 +109,8 @@ impl Jet {
     /// The recurrence for a function of the program whose results are the derivatives of the state.
     ///
     /// # Errors
-    /// [`Error::ShapeMismatch`] when there are not as many results as components of the state; [`Error::Unsupported`]
-    /// for a function with contractions.
+    /// [`Error::ShapeMismatch`] when there are not as many results as components of the state, or when the function
+    /// takes a vector of its own.
     pub fn new(program: &Program, function_idx: usize) -> Result<Jet, Error> {
         let rhs = &program.functions[function_idx];
         if rhs.results.len() != program.state.len() {
@@ -109,11 +120,11 @@ impl Jet {
                 expected: program.state.len(),
             });
         }
-        if !rhs.contractions.is_empty() {
-            return Err(Error::Unsupported {
-                what: format!("Taylor coefficients of {}, whose sums run over tables", rhs.role),
-                possible: "a method that evaluates the right-hand side, or a scene that wants `taylor`"
-                    .into(),
+        if !rhs.argument.is_empty() {
+            return Err(Error::ShapeMismatch {
+                what: format!("vector of {}", rhs.role),
+                found: rhs.argument.len(),
+                expected: 0,
             });
         }
         let mut builder = Builder::new(program);
@@ -122,52 +133,44 @@ impl Jet {
             builder.values.push(series);
         }
         let derivatives: Vec<Series> = rhs.results.iter().map(|(_, o)| builder.operand(*o)).collect();
-        Ok(builder.finish(&derivatives))
+        Ok(builder.finish(rhs, &derivatives))
     }
 
-    /// Writes the Taylor coefficients of the solution through `(t, y)` to `out`, one state each from order zero on.
-    ///
-    /// Coefficients beyond [`MAX_ORDER`] are left as they are.
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn series<R: Real>(&self, params: &[R], prepared: &[R], t: R, y: &[R], out: &mut [&mut [R]]) {
-        let n = self.n_state;
-        let inputs = self.program.state.len();
-        let mut state = vec![R::ZERO; inputs];
-        state[..n].copy_from_slice(y);
-        let mut results = vec![R::ZERO; n + self.n_kept];
-        self.program.run(Self::FIRST, params, prepared, t, &state, &mut results);
-        state[n + self.n_lanes..inputs - 2].copy_from_slice(&results[n..]);
-        let mut coefficient = results[..n].to_vec();
-        let mut lanes = vec![Convolutions::<R, 1>::default(); self.n_lanes];
-        let mut results = vec![R::ZERO; n + 2 * self.n_lanes];
-        let mut out = out.iter_mut().take(MAX_ORDER + 1);
-        if let Some(first) = out.next() {
-            first.copy_from_slice(y);
-        }
-        for (next, k) in out.zip(1u32..) {
-            next.copy_from_slice(&coefficient);
-            let order = R::from_f64(f64::from(k));
-            let inverse = R::ratio(1.0, f64::from(k));
-            state[..n].copy_from_slice(&coefficient);
-            for (sum, lane) in state[n..].iter_mut().zip(&lanes) {
-                [*sum] = lane.sums();
-            }
-            state[inputs - 2] = order;
-            state[inputs - 1] = inverse;
-            let t = if k == 1 { R::ONE } else { R::ZERO };
-            self.program.run(Self::NEXT, params, prepared, t, &state, &mut results);
-            let (left, right) = results[n..].split_at(self.n_lanes);
-            for ((lane, left), right) in lanes.iter_mut().zip(left).zip(right) {
-                lane.push([*left], [*right]);
-            }
-            let scale = R::ratio(1.0, f64::from(k + 1));
-            for (coefficient, derivative) in coefficient.iter_mut().zip(&results[..n]) {
-                *coefficient = *derivative * scale;
-            }
+    /// Whether factors change with time, so that they have coefficients of higher orders.
+    pub fn changes(&self, factors: Factors) -> bool {
+        match factors {
+            Factors::State | Factors::Contraction(_) => true,
+            Factors::Scalars => self.scalars_change,
+            Factors::Argument => false,
         }
     }
+
+    /// How the sums over a table get their coefficients of an order above zero.
+    pub fn kind(&self, products: &Products) -> ProductKind {
+        match (self.changes(products.left), self.changes(products.right)) {
+            (true, true) => ProductKind::Convolved,
+            (false, false) => ProductKind::Constant,
+            _ => ProductKind::Scaled,
+        }
+    }
+
+    /// The factors whose coefficients of all orders contractions read, each once.
+    pub fn convolved_factors(&self) -> BTreeSet<Factors> {
+        let terms = self.program.functions[Jet::NEXT].contractions.iter().flat_map(|c| &c.terms);
+        let convolved = terms.filter(|products| self.kind(products) == ProductKind::Convolved);
+        convolved.flat_map(|products| [products.left, products.right]).collect()
+    }
+}
+
+/// What becomes of the products of a table at the orders above zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProductKind {
+    /// Both factors change: Cauchy products of their coefficients of all orders.
+    Convolved,
+    /// One factor changes: products of its coefficient of that order with the value of the other one.
+    Scaled,
+    /// No factor changes: nothing.
+    Constant,
 }
 
 /// A series: its value at order zero, an operand of `first`, and its coefficient of order `k > 0`, one of `next`.
@@ -271,11 +274,11 @@ impl<'p> Builder<'p> {
     fn operand(&self, operand: Operand) -> Series {
         match operand {
             Operand::Value(v) => self.values[v as usize],
-            // A vector that a function takes besides the state does not change with time.
+            // `Jet::new` takes no function with a vector of its own.
             Operand::Constant(_) | Operand::Param(_) | Operand::Slot(_) | Operand::Argument(_) => {
                 Series { first: operand, next: None }
             }
-            // `Jet::new` takes no function with contractions.
+            // Contracted values are results alone: the coefficients of both functions have the same numbers.
             Operand::Time | Operand::State(_) | Operand::Contracted(_) => {
                 Series { first: operand, next: Some(operand) }
             }
@@ -367,20 +370,26 @@ impl<'p> Builder<'p> {
     // ---- the two functions ------------------------------------------------------------------------------------------
 
     /// Fuses, drops what nothing needs, and gives the inputs their numbers.
-    fn finish(mut self, derivatives: &[Series]) -> Jet {
+    fn finish(mut self, rhs: &Function, derivatives: &[Series]) -> Jet {
         self.section = (self.program.sections.len() - 1) as u32;
         let zero = self.constant(0);
         let of_order: Vec<Operand> = derivatives.iter().map(|s| s.next.unwrap_or(zero)).collect();
         let rows: Vec<[Operand; 2]> =
             (0..self.lanes.len()).map(|lane| self.lanes[lane].map(|row| self.row(row))).collect();
-        fuse(&mut self.next.instructions, of_order.iter().chain(rows.as_flattened()).copied());
+        let scalars: Vec<Series> = rhs.scalars.iter().map(|o| self.operand(*o)).collect();
+        let scalars_change = scalars.iter().any(|s| s.next.is_some());
+        let scalar_of_order =
+            |s: &Series| if scalars_change { s.next.unwrap_or(zero) } else { self.keep(s.first) };
+        let scalars_of_order: Vec<Operand> = scalars.iter().map(scalar_of_order).collect();
+        let read_by_results = of_order.iter().chain(&scalars_of_order);
+        fuse(&mut self.next.instructions, read_by_results.clone().chain(rows.as_flattened()).copied());
 
         // A convolution is needed when its sum is; its rows are then.
         let instructions = &self.next.instructions;
         let mut live = vec![false; instructions.len()];
         let mut live_sums = BTreeSet::new();
         let mut live_kept = BTreeSet::new();
-        let mut pending = of_order.clone();
+        let mut pending: Vec<Operand> = read_by_results.copied().collect();
         while let Some(operand) = pending.pop() {
             match operand {
                 Operand::Value(v) if !std::mem::replace(&mut live[v as usize], true) => {
@@ -424,19 +433,27 @@ impl<'p> Builder<'p> {
         .collect();
         let inputs = state.iter().cloned().chain(names("sum", n_lanes)).chain(names("kept", n_kept));
         let state = inputs.chain(["order".to_owned(), "inverse".to_owned()]).collect();
-        let functions = vec![
-            without_dead(Role::SeriesStart, self.first.instructions, first_results, |o| o),
-            without_dead(Role::SeriesStep, self.next.instructions, next_results, place),
-        ];
-        let mut program = Program {
-            functions,
-            state,
-            constants: self.constants,
-            tables: Vec::new(),
-            ..self.program.clone()
+        let function = |role, instructions, scalars, results| Function {
+            role,
+            instructions,
+            scalars,
+            results,
+            contractions: rhs.contractions.clone(),
+            ..Function::default()
         };
-        program.functions.truncate(2);
-        Jet { program, n_state, n_lanes, n_kept }
+        let scalars_first = scalars.iter().map(|s| s.first).collect();
+        let functions = vec![
+            without_dead(
+                function(Role::SeriesStart, self.first.instructions, scalars_first, first_results),
+                |o| o,
+            ),
+            without_dead(
+                function(Role::SeriesStep, self.next.instructions, scalars_of_order, next_results),
+                place,
+            ),
+        ];
+        let program = Program { functions, state, constants: self.constants, ..self.program.clone() };
+        Jet { program, n_state, n_lanes, n_kept, scalars_change }
     }
 
     /// The operand of `next` that a row takes at every order.
@@ -487,15 +504,11 @@ fn fuse(instructions: &mut [Instruction], results: impl Iterator<Item = Operand>
 }
 
 /// The function without instructions that no result needs, its inputs renamed.
-fn without_dead(
-    role: Role,
-    mut instructions: Vec<Instruction>,
-    results: Vec<(String, Operand)>,
-    place: impl Fn(Operand) -> Operand,
-) -> Function {
-    let (names, mut outputs): (Vec<String>, Vec<Operand>) = results.into_iter().unzip();
-    drop_dead(&mut instructions, &mut outputs);
-    instructions.iter_mut().for_each(|i| i.op = i.op.map(&place));
-    let results = names.into_iter().zip(outputs.into_iter().map(place)).collect();
-    Function { role, instructions, results, ..Function::default() }
+fn without_dead(mut function: Function, place: impl Fn(Operand) -> Operand) -> Function {
+    let mut outputs: Vec<Operand> = function.outputs().collect();
+    drop_dead(&mut function.instructions, &mut outputs);
+    function.instructions.iter_mut().for_each(|i| i.op = i.op.map(&place));
+    let mut outputs = outputs.into_iter();
+    function.map_outputs(|known| outputs.next().map_or(known, &place));
+    function
 }

@@ -9,6 +9,7 @@ use crate::expr::Number;
 use crate::spec::ast::{AlgebraExpr, AlgebraNode};
 use crate::spec::diagnostic::Span;
 use crate::spec::eval::is_poisoned;
+use crate::spec::fluid::{self, FluidSurface};
 use crate::spec::limits::{MAX_ABELIAN, MAX_DIM, MAX_REPRESENTATION};
 use crate::spec::names;
 
@@ -193,13 +194,30 @@ impl Elaboration<'_> {
             "sp" => LieAlgebra::sp(n),
             "sim" => LieAlgebra::sim(n),
             "galilei" => LieAlgebra::galilei(n),
-            "zeitlin" => return self.algebra_or_report(LieAlgebra::zeitlin(n), span),
-            "zeitlin_sphere" => return self.algebra_or_report(LieAlgebra::zeitlin_sphere(n), span),
+            "zeitlin" => return self.with_table(LieAlgebra::zeitlin(n), FluidSurface::Torus, span),
+            "zeitlin_sphere" => {
+                return self.with_table(LieAlgebra::zeitlin_sphere(n), FluidSurface::Sphere, span);
+            }
             "torus" => return self.algebra_or_report(LieAlgebra::torus(n), span),
             "witt" => return self.algebra_or_report(LieAlgebra::witt(n), span),
             _ => LieAlgebra::heisenberg(n),
         };
         self.algebra_or_report(algebra.map(LieAlgebra::into), span)
+    }
+
+    /// An algebra of functions on a surface, which fluids can do without.
+    fn with_table(
+        &mut self,
+        algebra: Result<LieAlgebra<Number>, Error>,
+        surface: FluidSurface,
+        span: Span,
+    ) -> Option<LieAlgebra<Number>> {
+        let Err(Error::Unsupported { what, possible }) = &algebra else {
+            return self.algebra_or_report(algebra, span);
+        };
+        let help = fluid::instead_of_a_table(surface, possible);
+        self.problem(span, format!("{what} has no table of structure constants"), help);
+        None
     }
 
     fn algebra_or_report(
