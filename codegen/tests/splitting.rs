@@ -166,3 +166,123 @@ fn flows_of_shipped_models_are_exact() {
         verify(&what, &scene);
     }
 }
+
+/// A Hamiltonian model with its flows.
+fn hamiltonian(items: &str) -> Result<BuiltScene, String> {
+    built(&format!("model m {{ {items} scene flows {{ want rhs, splitting; }} }}"), "flows")
+}
+
+#[test]
+fn other_hamiltonians_are_split() {
+    let body = "velocity w in so(3); momentum p of w;";
+    let top = format!("{body} advected g in R^3 by cross(w, g);");
+    let plane = "algebra sl2 { basis h, e, f; [h, e] = 2*e; [h, f] = -2*f; [e, f] = h; }
+                 velocity w in sl2; momentum p of w;";
+    let cases = [
+        ("no squares", format!("{body} hamiltonian = p1*p2 + p3^2/2 + 0.3*p1;"), 4),
+        ("all products", format!("{body} hamiltonian = p1^2 + p2^2 + 2*p3^2 + p1*p2/2 + p2*p3/3;"), 3),
+        ("a linear part along a square", format!("{body} hamiltonian = p1^2/2 + p2^2/3 + 0.4*p2;"), 2),
+        ("any function that commutes", format!("{top} hamiltonian = p1^2 + p2^2/3 + cos(g1)*g2 + g3^3;"), 3),
+        ("a function of one momentum", format!("{body} hamiltonian = exp(p1/2) + p2^2/3;"), 2),
+        ("one piece of two that commute", format!("{top} hamiltonian = p1^2 + p3^2/3 + g3;"), 2),
+        ("the right action", format!("{body} action right; hamiltonian = p1^2 + p2^2/3;"), 2),
+        ("hyperbolic", format!("{plane} hamiltonian = p1^2/3 + p2*p3;"), 3),
+        (
+            "nilpotent",
+            "algebra heis { basis a, b, c; [a, b] = c; } velocity w in heis; momentum p of w;
+             hamiltonian = p1^2/2 + p2^2/2 + p3^2;"
+                .to_owned(),
+            2,
+        ),
+        (
+            "growing",
+            "algebra aff { basis a, b; [a, b] = b; } velocity w in aff; momentum p of w;
+             hamiltonian = p1^2/2 + p2^2/2;"
+                .to_owned(),
+            2,
+        ),
+        (
+            "canonical",
+            "coordinate x in real; momentum p of x_dot; hamiltonian = p^2/2 - cos(x);".to_owned(),
+            2,
+        ),
+        (
+            "two bodies side by side",
+            "velocity w in so(3); velocity v in so(3); momentum p of w; momentum q of v;
+             hamiltonian = p1^2/2 + p2^2/3 + q1^2 + q2^2/5;"
+                .to_owned(),
+            2,
+        ),
+    ];
+    for (what, items, n_flows) in cases {
+        let scene = hamiltonian(&items).unwrap_or_else(|e| panic!("{what}: {e}"));
+        assert_eq!(scene.flows().len(), n_flows, "{what}: {:?}", scene.flows());
+        verify(what, &scene);
+    }
+}
+
+#[test]
+fn what_is_not_split_says_why() {
+    let body = "velocity w in so(3); momentum p of w;";
+    let cases = [
+        (
+            format!("{body} hamiltonian = p1^3*p2 + p3^2;"),
+            "the Hamiltonian is no polynomial of second degree in p1 and p2, which do not commute",
+        ),
+        (
+            format!("{body} hamiltonian = p1^2 + p3^2; force w = -0.1*w;"),
+            "an affine constraint, explicit time or a force acts",
+        ),
+        (
+            // Numbers that grow at two rates in one block.
+            "algebra grows { basis a, b, c; [a, b] = b; [a, c] = b + 2*c; } velocity w in grows; momentum p of w;
+             hamiltonian = p1^2/2 + p2^2/2;"
+                .to_owned(),
+            "the flow of functions of p1 has no closed form",
+        ),
+        (format!("{body} casimir c = dot(p, p); hamiltonian = dot(p, p);"), "nothing moves"),
+        (
+            "coordinate x in real; coordinate y in real; param m = 2 where m > 0;
+             lagrangian = m/2*(1 + x^2)*(x_dot^2 + y_dot^2);"
+                .to_owned(),
+            "is not affine in the state",
+        ),
+    ];
+    for (items, expected) in cases {
+        let error = hamiltonian(&items).err().unwrap_or_else(|| panic!("{expected}: it is split"));
+        assert!(error.contains("there is no splitting into exact flows"), "{error}");
+        assert!(error.contains(expected), "{error}");
+        // At the scene's own word.
+        assert!(error.contains("want rhs, splitting"), "{error}");
+    }
+}
+
+#[test]
+fn a_scene_with_coordinates_of_the_group_is_not_split() {
+    let error = shipped("free_rigid_body", "want reconstruction;").err().expect("a refusal");
+    assert!(error.contains("qw is reconstructed, and no part of the bracket"), "{error}");
+}
+
+#[test]
+fn casimirs_stay_what_they_were() {
+    for (name, items) in
+        [("free_rigid_body", "carry Pi;"), ("heavy_top", "carry Pi;"), ("kirchhoff_body", "carry Pi, P;")]
+    {
+        let scene = shipped(name, &format!("{items} want casimirs;")).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let casimirs = |y: &[f64]| -> Vec<f64> {
+            let outputs = scene.outputs().iter().map(|o| Role::Output(o.name.clone()));
+            outputs.flat_map(|role| Functions::<f64>::of(&scene).call(&role, y, &[])).collect()
+        };
+        let start = state(scene.state.len());
+        let split = Split { functions: Functions::of(&scene), n_flows: scene.flows().len() };
+        let options = Options::fixed(0.05);
+        let mut solver =
+            Integrator::new(&split, hamel_runtime::Splitting4::new(), 0.0, State(start.clone()), options).unwrap();
+        solver.integrate_to(250.0).unwrap();
+        let (before, after) = (casimirs(&start), casimirs(&solver.state().0));
+        assert!(!before.is_empty(), "{name}");
+        assert!(distance(&start, &solver.state().0) > 0.1, "{name}: nothing moves");
+        // 5000 steps of some twenty flows; each adds rounding of second order in its angle, at random.
+        assert!(distance(&before, &after) < 2e-14, "{name}: {before:?} {after:?}");
+    }
+}

@@ -187,7 +187,7 @@ impl Annihilator {
             let diagonal: Vec<ExprId> = (0..n).map(|i| m[i][i]).collect();
             g.sum(&diagonal)
         };
-        // Each pair of eigenvalues adds `2 sigma w^2` to the trace of the square.
+        // Each eigenvalue other than zero adds `sigma w^2` to the trace of the square.
         let squared = product(g, matrix, matrix);
         let whole = trace(g, &squared);
         powers.push(squared);
@@ -205,8 +205,8 @@ impl Annihilator {
             }
             for pairs in (1..=MAX_PAIRS).filter(|q| 2 * q <= degree && degree - 2 * q <= MAX_POWER) {
                 let power = degree - 2 * pairs;
-                for rank in 1..=n / 2 {
-                    let share = Rational::new(1.into(), i64::try_from(2 * rank).ok()?.into());
+                for n_eigenvalues in 1..=n {
+                    let share = Rational::new(1.into(), i64::try_from(n_eigenvalues).ok()?.into());
                     let eigenvalue = g.scale(whole, &share);
                     if !satisfies(g, &powers, power, pairs, eigenvalue) {
                         continue;

@@ -41,7 +41,7 @@ use super::bracket::Bracket;
 use super::chart::Chart;
 use super::equations::{Equations, OutputKind};
 use exponential::{Exponential, product, vanishes};
-use pieces::{Hamiltonian, Piece};
+use pieces::{Frequency, Hamiltonian, Piece};
 use poisson::AffineBracket;
 
 /// States of more components are not looked into.
@@ -122,12 +122,13 @@ impl Splitting {
         if pieces.is_empty() {
             return Err(refused("the Hamiltonian is a Casimir, and nothing moves".into()));
         }
-        let mut pieces = self::ordered(g, &poisson, pieces, equations)?;
         let tau = g.symbol("tau");
         let varying: BTreeSet<SymbolId> = symbols.iter().copied().chain([tau]).collect();
         let mut writer = SectionWriter::new(g, varying, &[]);
+        let pieces = named(g, &mut writer, equations, pieces);
+        let pieces = ordered(g, &poisson, pieces, equations)?;
         let mut flows = Vec::new();
-        for (k, (piece, exponentials)) in pieces.iter_mut().enumerate() {
+        for (k, (piece, exponentials)) in pieces.iter().enumerate() {
             let flow = flow(g, &mut writer, k + 1, (&symbols, tau), piece, exponentials);
             flows.push(flow.ok_or_else(singular)?);
         }
@@ -187,6 +188,26 @@ fn quadratic_casimirs(
         }
     }
     Ok(found)
+}
+
+/// The pieces with names for the coefficients of their forms, and for the weights of squares: what is computed of them
+/// then says that these are numbers.
+fn named(
+    g: &mut Graph,
+    writer: &mut SectionWriter,
+    equations: &Equations,
+    mut pieces: Vec<Piece>,
+) -> Vec<Piece> {
+    writer.begin("linear forms of which the Hamiltonian is a sum of functions");
+    for (k, term) in pieces.iter_mut().flat_map(|piece| &mut piece.terms).enumerate() {
+        for (e, component) in term.form.iter_mut().zip(&equations.state) {
+            *e = writer.define(g, &format!("form{}_{}", k + 1, component.name), *e);
+        }
+        if let Frequency::OfSquare(weight) = &mut term.frequency {
+            *weight = writer.define(g, &format!("weight{}", k + 1), *weight);
+        }
+    }
+    pieces
 }
 
 /// The pieces with the exponentials of their matrices, in the order in which least is computed: a composition applies
@@ -250,8 +271,9 @@ fn flow(
             1 => format!("flow{number}"),
             _ => format!("flow{number}_{}", k + 1),
         };
-        let frequency = writer.define(g, &format!("{stem}_rate"), term.frequency);
-        let s = g.mul(tau, frequency);
+        let rate = term.rate(g, symbols);
+        let named = writer.define(g, &format!("{stem}_rate"), rate);
+        let s = g.mul(tau, named);
         let step = exponential.increment(g, writer, &stem, s, &moved)?;
         for (place, e) in step.iter().enumerate() {
             let sum = g.add(moved[place], *e);
@@ -259,7 +281,7 @@ fn flow(
         }
         steps.push(step);
         let value = g.dot(&term.form, &start[..symbols.len()]);
-        forms.push((value, term.frequency));
+        forms.push((value, rate));
     }
     let increment = (0..symbols.len()).map(|i| {
         let parts: Vec<ExprId> = steps.iter().map(|step| step[i]).collect();
@@ -290,7 +312,8 @@ fn prove(
                 symbols.iter().copied().zip(field.iter().copied()).collect();
             let matrix = poisson.generator(g, &a.form);
             for b in &piece.terms {
-                let change = g.derivative_along(b.frequency, &along);
+                let rate = b.rate(g, symbols);
+                let change = g.derivative_along(rate, &along);
                 if !g.is_zero(change) || !poisson.commute(g, &b.form, &a.form) {
                     return Err(unverified("frequencies and forms are constant along a piece of the motion"));
                 }
@@ -303,8 +326,9 @@ fn prove(
                     return Err(unverified("the flows of a piece of the motion commute"));
                 }
             }
+            let rate = a.rate(g, symbols);
             for (sum, e) in whole.iter_mut().zip(field) {
-                sum.push(g.mul(a.frequency, e));
+                sum.push(g.mul(rate, e));
             }
         }
     }

@@ -13,7 +13,30 @@ pub(super) struct Term {
     /// The coefficients `v` of the form `v . y`, of parameters alone.
     pub(super) form: Vec<ExprId>,
     /// A function of forms of the same piece.
-    pub(super) frequency: ExprId,
+    pub(super) frequency: Frequency,
+}
+
+/// The derivative of a part of the Hamiltonian by the value of a linear form.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Frequency {
+    /// This number times the form: the part is `weight/2 (v . y)^2`.
+    OfSquare(ExprId),
+    /// This function of the forms of the piece.
+    Value(ExprId),
+}
+
+impl Term {
+    /// The derivative of the part of the Hamiltonian by the form.
+    pub(super) fn rate(&self, g: &mut Graph, symbols: &[SymbolId]) -> ExprId {
+        match self.frequency {
+            Frequency::Value(e) => e,
+            Frequency::OfSquare(weight) => {
+                let y: Vec<ExprId> = symbols.iter().map(|s| g.sym(*s)).collect();
+                let value = g.dot(&self.form, &y);
+                g.mul(weight, value)
+            }
+        }
+    }
 }
 
 /// A part of the Hamiltonian, a function `h` of forms that commute: `dh = sum_a frequency_a form_a`.
@@ -159,7 +182,7 @@ impl<'a> Hamiltonian<'a> {
             let mut own = Vec::new();
             for i in set {
                 let frequency = g.subs(self.slopes[*i], &others).ok()?;
-                own.push(Term { form: self.unit(g, *i), frequency });
+                own.push(Term { form: self.unit(g, *i), frequency: Frequency::Value(frequency) });
             }
             terms.push(own);
         }
@@ -193,12 +216,13 @@ impl<'a> Hamiltonian<'a> {
             }
             let unit = self.unit(g, i);
             if let Some(term) = terms.iter_mut().flatten().find(|term| term.form == unit) {
-                term.frequency = g.add(term.frequency, rest[i]);
+                let rate = term.rate(g, self.symbols);
+                term.frequency = Frequency::Value(g.add(rate, rest[i]));
                 rest[i] = g.zero();
             }
         }
         if rest.iter().any(|e| *e != g.zero()) {
-            terms.push(vec![Term { form: rest, frequency: g.one() }]);
+            terms.push(vec![Term { form: rest, frequency: Frequency::Value(g.one()) }]);
         }
     }
 
@@ -228,7 +252,8 @@ impl<'a> Hamiltonian<'a> {
                     for i in &set {
                         let y: Vec<ExprId> = set.iter().map(|j| g.sym(self.symbols[*j])).collect();
                         let row: Vec<ExprId> = set.iter().map(|j| quadratic[*i][*j]).collect();
-                        own.push(Term { form: self.unit(g, *i), frequency: g.dot(&row, &y) });
+                        let frequency = Frequency::Value(g.dot(&row, &y));
+                        own.push(Term { form: self.unit(g, *i), frequency });
                     }
                     terms.push(own);
                     for i in &set {
@@ -258,8 +283,7 @@ impl<'a> Hamiltonian<'a> {
                             quadratic[i][j] = g.cancel_zero(difference);
                         }
                     }
-                    let frequency = self.square(g, weight, &form);
-                    terms.push(vec![Term { form, frequency }]);
+                    terms.push(vec![Term { form, frequency: Frequency::OfSquare(weight) }]);
                 }
                 None => {
                     // Q y_i y_j = Q/4 (y_i + y_j)^2 - Q/4 (y_i - y_j)^2
@@ -270,19 +294,11 @@ impl<'a> Hamiltonian<'a> {
                         let mut form = self.unit(g, i);
                         form[j] = g.int(sign);
                         let weight = g.scale(weight, &Rational::from_integer(sign.into()));
-                        let frequency = self.square(g, weight, &form);
-                        terms.push(vec![Term { form, frequency }]);
+                        terms.push(vec![Term { form, frequency: Frequency::OfSquare(weight) }]);
                     }
                 }
             }
         }
-    }
-
-    /// The derivative of `weight/2 (form . y)^2` by `form . y`.
-    fn square(&self, g: &mut Graph, weight: ExprId, form: &[ExprId]) -> ExprId {
-        let y: Vec<ExprId> = self.symbols.iter().map(|s| g.sym(*s)).collect();
-        let value = g.dot(form, &y);
-        g.mul(weight, value)
     }
 
     /// A largest subset of components that commute with each other; in large sets one that is not part of a larger one.

@@ -2,6 +2,8 @@
 //!
 //! Deliberately does not know: Hamiltonians, how brackets are derived.
 
+use std::collections::BTreeMap;
+
 use crate::expr::{ExprId, Graph, SymbolId};
 
 /// `{y_i, y_j} = sum_k c_ij^k y_k + c_ij^0`, with coefficients that depend on parameters alone.
@@ -30,6 +32,9 @@ impl AffineBracket {
                 }
                 let (mut slopes, offset) = g.affine_parts(entries[i][j], symbols).ok_or((i, j))?;
                 slopes.push(offset);
+                for e in &mut slopes {
+                    *e = as_number(g, *e);
+                }
                 coefficients[j][i] = slopes.iter().map(|e| g.neg(*e)).collect();
                 coefficients[i][j] = slopes;
             }
@@ -61,5 +66,17 @@ impl AffineBracket {
         let field = self.times(g, w);
         let value = g.dot(v, &field);
         g.is_zero(value)
+    }
+}
+
+/// The number that an expression is for all parameters, the expression itself where there is none: momenta that are
+/// written by velocities leave ones that are hard to see.
+fn as_number(g: &mut Graph, e: ExprId) -> ExprId {
+    let symbols = g.free_symbols(e);
+    let values = symbols.into_iter().zip(2..).map(|(symbol, n)| (symbol, g.int(n)));
+    let values: BTreeMap<SymbolId, ExprId> = values.collect();
+    match g.subs(e, &values) {
+        Ok(value) if g.as_rational(value).is_some() && g.fingerprints_agree(e, value) => value,
+        _ => e,
     }
 }
