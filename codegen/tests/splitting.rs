@@ -208,7 +208,7 @@ fn other_hamiltonians_are_split() {
         ),
         (
             "two bodies side by side",
-            "velocity w in so(3); velocity v in so(3); momentum p of w; momentum q of v;
+            "velocity w, v in product(so(3), so(3)); momentum p of w; momentum q of v;
              hamiltonian = p1^2/2 + p2^2/3 + q1^2 + q2^2/5;"
                 .to_owned(),
             2,
