@@ -158,6 +158,7 @@ fn flows_of_shipped_models_are_exact() {
         ("free_rigid_body", "", 2),
         ("heavy_top", "carry Pi;", 4),
         ("kirchhoff_body", "carry Pi, P;", 4),
+        ("zeitlin_euler_3", "", 4),
     ];
     for (name, items, n_flows) in cases {
         let what = format!("{name} {items}");
@@ -268,7 +269,8 @@ fn casimirs_stay_what_they_were() {
     for (name, items) in
         [("free_rigid_body", "carry Pi;"), ("heavy_top", "carry Pi;"), ("kirchhoff_body", "carry Pi, P;")]
     {
-        let scene = shipped(name, &format!("{items} want casimirs;")).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let scene =
+            shipped(name, &format!("{items} want casimirs;")).unwrap_or_else(|e| panic!("{name}: {e}"));
         let casimirs = |y: &[f64]| -> Vec<f64> {
             let outputs = scene.outputs().iter().map(|o| Role::Output(o.name.clone()));
             outputs.flat_map(|role| Functions::<f64>::of(&scene).call(&role, y, &[])).collect()
@@ -277,12 +279,42 @@ fn casimirs_stay_what_they_were() {
         let split = Split { functions: Functions::of(&scene), n_flows: scene.flows().len() };
         let options = Options::fixed(0.05);
         let mut solver =
-            Integrator::new(&split, hamel_runtime::Splitting4::new(), 0.0, State(start.clone()), options).unwrap();
+            Integrator::new(&split, hamel_runtime::Splitting4::new(), 0.0, State(start.clone()), options)
+                .unwrap();
         solver.integrate_to(250.0).unwrap();
         let (before, after) = (casimirs(&start), casimirs(&solver.state().0));
         assert!(!before.is_empty(), "{name}");
         assert!(distance(&start, &solver.state().0) > 0.1, "{name}: nothing moves");
         // 5000 steps of some twenty flows; each adds rounding of second order in its angle, at random.
         assert!(distance(&before, &after) < 2e-14, "{name}: {before:?} {after:?}");
+    }
+}
+
+#[test]
+fn random_quadratic_forms_are_split_on_every_algebra() {
+    let algebras =
+        [("so(3)", 3), ("se(2)", 3), ("se(3)", 6), ("product(so(3), R^1)", 4), ("heis", 3), ("sl2", 3)];
+    // A generator of random numbers by a linear congruence, the high bits alone.
+    let mut seed = 7_u64;
+    let mut number = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        i64::try_from(seed >> 60).expect("four bits") - 7
+    };
+    for (algebra, n) in algebras {
+        for side in ["left", "right"] {
+            let mut terms = Vec::new();
+            for i in 1..=n {
+                terms.push(format!("({})/8*p{i}^2 + ({})/8*p{i}", 2 + number().abs(), number()));
+                terms.extend((1..i).map(|j| format!("({})/16*p{i}*p{j}", number())));
+            }
+            let items = format!(
+                "algebra heis {{ basis a, b, c; [a, b] = c; }}
+                 algebra sl2 {{ basis h, e, f; [h, e] = e; [h, f] = -f; [e, f] = h; }}
+                 velocity w in {algebra}; momentum p of w; action {side}; hamiltonian = {};",
+                terms.join(" + ")
+            );
+            let scene = hamiltonian(&items).unwrap_or_else(|e| panic!("{algebra}: {e}"));
+            verify(&format!("{algebra} {side}: {}", terms.join(" + ")), &scene);
+        }
     }
 }

@@ -8,8 +8,8 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use hamel_runtime::{
-    Differentiable, Dual, ExactFlows, F64x4, Failure, Invariants, Jet, MAX_ORDER, OverScalar, ParamError, Pivot, Real,
-    Scene, SquareStorage, StateVector, System,
+    Differentiable, Dual, ExactFlows, F64x4, Failure, Invariants, Jet, MAX_ORDER, OverScalar, ParamError,
+    Pivot, Real, Scene, SquareStorage, StateVector, System,
 };
 
 use super::info::Info;
@@ -619,8 +619,7 @@ where
     }
 
     fn flows(&self) -> Result<usize, String> {
-        let missing =
-            "was compiled without its exact flows: choose a scene that wants `splitting`, or --via interpreter";
+        let missing = "was compiled without its exact flows: choose a scene that wants `splitting`, or --via interpreter";
         if S::N_FLOWS > 0 { Ok(S::N_FLOWS) } else { Err(missing.to_owned()) }
     }
 

@@ -109,7 +109,14 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<Built, Error> {
 impl Built {
     fn new(model: &Arc<Checked>, stored: Stored, derived: OnceLock<Option<BuiltScene>>) -> Built {
         let Stored { executable, info } = stored;
-        Built { model: Arc::clone(model), executable, info, derived, invariants: OnceLock::new(), splitting: OnceLock::new() }
+        Built {
+            model: Arc::clone(model),
+            executable,
+            info,
+            derived,
+            invariants: OnceLock::new(),
+            splitting: OnceLock::new(),
+        }
     }
 
     /// The scene with its equations; none only by a bug, because it was derived before.
@@ -169,7 +176,9 @@ impl Built {
 /// Why a scene has no exact flows, after its name.
 fn why_unsplit(error: hamel_codegen::error::Error) -> String {
     match error {
-        hamel_codegen::error::Error::NoSplitting { reason } => format!("is not split into exact flows: {reason}"),
+        hamel_codegen::error::Error::NoSplitting { reason } => {
+            format!("is not split into exact flows: {reason}")
+        }
         other => format!("is not split into exact flows: {other}"),
     }
 }

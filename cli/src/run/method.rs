@@ -160,7 +160,10 @@ impl MethodName {
     /// Whether the method is one of its own, and evaluates the right-hand side but neither its derivatives nor a
     /// series, and moves no matrices, which models with equations have none of.
     pub(crate) fn evaluates_rates_alone(self) -> bool {
-        !matches!(self.class(), Class::Newton | Class::Series | Class::Choice | Class::Flows | Class::Matrices)
+        !matches!(
+            self.class(),
+            Class::Newton | Class::Series | Class::Choice | Class::Flows | Class::Matrices
+        )
     }
 }
 

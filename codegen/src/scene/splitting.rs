@@ -50,7 +50,8 @@ pub(super) fn find(g: &mut Graph, equations: &Equations, state: &[StateEquation]
         });
         arguments.insert(role, vec![splitting.tau]);
     }
-    let forms = |flow: &SplitFlow| flow.forms.iter().map(|(form, _)| g.display(*form, Style::Plain)).collect();
+    let forms =
+        |flow: &SplitFlow| flow.forms.iter().map(|(form, _)| g.display(*form, Style::Plain)).collect();
     let flows = splitting.flows.iter().map(forms).collect();
     Ok(Found { flows, requests, arguments, sections: splitting.sections })
 }

@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 
 use crate::emit::{
-    self, EventText, FlowText, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText,
-    SceneEntry, SceneText, StateText,
+    self, EventText, FlowText, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText,
+    ProductText, SceneEntry, SceneText, StateText,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};

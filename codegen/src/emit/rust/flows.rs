@@ -80,8 +80,7 @@ impl Writer<'_> {
         if self.module.flows.is_empty() {
             return TokenStream::new();
         }
-        let (rt, n, n_flows) =
-            (&self.runtime, size(self.module.state.len()), size(self.module.flows.len()));
+        let (rt, n, n_flows) = (&self.runtime, size(self.module.state.len()), size(self.module.flows.len()));
         quote! {
             const N_FLOWS: usize = #n_flows;
 

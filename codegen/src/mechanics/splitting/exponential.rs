@@ -68,7 +68,8 @@ impl Exponential {
         }
         let mut proved = BTreeSet::new();
         for Block { annihilator: Annihilator { power, pairs, kind, .. }, .. } in &blocks {
-            if proved.insert((*power, *pairs, *kind == Kind::Circular)) && !is_flow(g, *power, *pairs, *kind) {
+            if proved.insert((*power, *pairs, *kind == Kind::Circular)) && !is_flow(g, *power, *pairs, *kind)
+            {
                 return None;
             }
         }
@@ -112,7 +113,8 @@ impl Exponential {
             for (k, f) in functions.into_iter().enumerate() {
                 if k > 0 {
                     image = matrix.iter().map(|row| g.dot(row, &image)).collect();
-                    if functions_go_on(k, power + 2 * pairs) {
+                    let has_next = k + 1 < power + 2 * pairs;
+                    if has_next {
                         for (row, e) in image.iter_mut().enumerate() {
                             *e = writer.define(g, &format!("{stem}_{k}_{}", places[row]), *e);
                         }
@@ -128,11 +130,6 @@ impl Exponential {
         }
         Some(increment)
     }
-}
-
-/// Whether a power of the matrix on the vector is used for the next one.
-fn functions_go_on(k: usize, degree: usize) -> bool {
-    k + 1 < degree
 }
 
 /// The sets of indices that a matrix connects; indices with empty rows and columns are left out.

@@ -97,10 +97,8 @@ impl Splitting {
         let name = |i: usize| equations.state[i].name.as_str();
         let matrix: Vec<ExprId> = bracket.matrix(g).into_iter().flatten().collect();
         let matrix = chart.whole(g, &bracket.sections, &matrix)?;
-        let matrix: Vec<Vec<ExprId>> = matrix
-            .chunks(n.max(1))
-            .map(|row| row.iter().map(|e| g.cancel_zero(*e)).collect())
-            .collect();
+        let matrix: Vec<Vec<ExprId>> =
+            matrix.chunks(n.max(1)).map(|row| row.iter().map(|e| g.cancel_zero(*e)).collect()).collect();
         let poisson = AffineBracket::new(g, &symbols, matrix).map_err(|(i, j)| {
             refused(format!("the bracket of {} and {} is not affine in the state", name(i), name(j)))
         })?;
@@ -236,7 +234,8 @@ fn ordered(
         priced.push((price, piece, exponentials));
     }
     priced.sort_by_key(|(price, ..)| std::cmp::Reverse(*price));
-    let mut pieces: Vec<_> = priced.into_iter().map(|(_, piece, exponentials)| (piece, exponentials)).collect();
+    let mut pieces: Vec<_> =
+        priced.into_iter().map(|(_, piece, exponentials)| (piece, exponentials)).collect();
     if pieces.len() > 2 {
         let second = pieces.remove(1);
         pieces.push(second);

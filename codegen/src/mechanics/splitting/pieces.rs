@@ -117,18 +117,7 @@ impl<'a> Hamiltonian<'a> {
         Ok(Hamiltonian { bracket, symbols, slopes, linear, quadratic, curved })
     }
 
-    /// The same less `factor` times a function with the second derivatives `quadratic`.
-    fn less(&self, g: &mut Graph, factor: ExprId, quadratic: &[Vec<ExprId>]) -> Vec<Vec<ExprId>> {
-        let entry = |g: &mut Graph, a: ExprId, b: ExprId| {
-            let product = g.mul(factor, b);
-            let difference = g.sub(a, product);
-            g.cancel_zero(difference)
-        };
-        let rows = self.quadratic.iter().zip(quadratic);
-        rows.map(|(a, b)| a.iter().zip(b).map(|(a, b)| entry(g, *a, *b)).collect()).collect()
-    }
-
-    /// The pieces, as few as are found; and for each Casimir, given by its second derivatives, what times it has been
+    /// The pieces, as few as are found; for each Casimir, given by its second derivatives, what times it has been
     /// left out of the Hamiltonian, which moves nothing.
     pub(super) fn pieces(
         &self,
@@ -145,10 +134,12 @@ impl<'a> Hamiltonian<'a> {
                     continue;
                 }
                 let Ok(factor) = g.div(current[i][i], second[i][i]) else { continue };
-                let before = Hamiltonian { quadratic: current.clone(), ..self.shallow() };
-                let rest = before.less(g, factor, second);
+                let rest = difference(g, &current, factor, second);
                 let Some(pieces) = self.of_quadratic(g, &rest) else { continue };
-                if pieces.len() < best.len() {
+                // What is left may vanish for some parameters, and is not divided by.
+                let terms = pieces.iter().flat_map(|piece| &piece.terms);
+                let divides = terms.flat_map(|term| &term.form).any(|e| g.as_rational(*e).is_none());
+                if pieces.len() < best.len() && !divides {
                     best = pieces;
                     found = Some((factor, rest));
                 }
@@ -159,17 +150,6 @@ impl<'a> Hamiltonian<'a> {
             }
         }
         Some((best, factors))
-    }
-
-    fn shallow(&self) -> Hamiltonian<'a> {
-        Hamiltonian {
-            bracket: self.bracket,
-            symbols: self.symbols,
-            slopes: self.slopes.clone(),
-            linear: self.linear.clone(),
-            quadratic: Vec::new(),
-            curved: self.curved.clone(),
-        }
     }
 
     /// The pieces with another quadratic part.
@@ -267,7 +247,8 @@ impl<'a> Hamiltonian<'a> {
             // The one with the fewest others in its square, of those that do not commute with what is kept.
             let n_links = |i: &usize| links[*i].len();
             let has_square = |i: &&usize| quadratic[**i][**i] != g.zero();
-            let first = set.iter().filter(|i| !kept.contains(i)).filter(has_square).min_by_key(|i| n_links(i));
+            let first =
+                set.iter().filter(|i| !kept.contains(i)).filter(has_square).min_by_key(|i| n_links(i));
             let pivot = first.or_else(|| set.iter().filter(has_square).min_by_key(|i| n_links(i)));
             match pivot.copied() {
                 Some(p) => {
@@ -342,4 +323,14 @@ fn linked(links: &[BTreeSet<usize>]) -> Vec<Vec<usize>> {
         sets.push(members.into_iter().collect());
     }
     sets
+}
+
+/// `a - factor b`, with zeros where entries vanish identically.
+fn difference(g: &mut Graph, a: &[Vec<ExprId>], factor: ExprId, b: &[Vec<ExprId>]) -> Vec<Vec<ExprId>> {
+    let entry = |g: &mut Graph, a: ExprId, b: ExprId| {
+        let product = g.mul(factor, b);
+        let difference = g.sub(a, product);
+        g.cancel_zero(difference)
+    };
+    a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| entry(g, *a, *b)).collect()).collect()
 }
