@@ -7,8 +7,8 @@
 //! ```
 //!
 //! The first table has the largest error of the energy over 1000 units of time, relative to the energy, and the
-//! processor's time that a unit takes (on Linux; the time that passes elsewhere); the second one the largest change of a
-//! Casimir relative to its value after 1e7 steps.
+//! processor's time that a unit takes (on Linux; the time that passes elsewhere); the second one the largest change of
+//! a Casimir relative to its value after 1e7 steps.
 
 use std::time::Instant;
 
