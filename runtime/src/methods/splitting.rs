@@ -228,7 +228,7 @@ mod tests {
                 let mut power = 1.0;
                 loop {
                     let entry = next.entry(word.clone()).or_insert(DoubleDouble::ZERO);
-                    *entry = *entry + value;
+                    *entry += value;
                     if word.len() == length {
                         break;
                     }
