@@ -399,7 +399,7 @@ fn is_flow(g: &mut Graph, power: usize, pairs: usize, kind: Kind) -> bool {
     for k in 0..pairs {
         // (x^2 - e)^q: e^(q-k) (-1)^(q-k) binomial(q, k)
         let binomial = if pairs == 2 && k == 1 { 2 } else { 1 };
-        let sign = if (pairs - k) % 2 == 0 { 1 } else { -1 };
+        let sign = if (pairs - k).is_multiple_of(2) { 1 } else { -1 };
         let Ok(exponent) = i64::try_from(pairs - k) else { return false };
         let e = g.powi(square, exponent);
         modulus[power + 2 * k] = g.scale(e, &Rational::from_integer((sign * binomial).into()));

@@ -113,7 +113,7 @@ impl Splitting {
         })?;
         g.within_budget()?;
         let casimirs = quadratic_casimirs(g, equations, &chart, &poisson, &symbols)?;
-        let second: Vec<Vec<Vec<ExprId>>> = casimirs.iter().map(|(_, second)| second.clone()).collect();
+        let second: Vec<Vec<Vec<ExprId>>> = casimirs.iter().map(|c| c.second.clone()).collect();
         let singular = || refused("the Hamiltonian has no value where the state is zero".into());
         let (pieces, factors) = hamiltonian.pieces(g, &second).ok_or_else(singular)?;
         g.within_budget()?;
@@ -132,7 +132,7 @@ impl Splitting {
         }
         let casimirs = casimirs.into_iter().zip(factors);
         let casimirs = casimirs.filter(|(_, factor)| *factor != g.zero());
-        let casimirs = casimirs.map(|((name, _), factor)| (name, factor)).collect();
+        let casimirs = casimirs.map(|(casimir, factor)| (casimir.name, factor)).collect();
         let splitting = Splitting { tau, flows, casimirs, sections: writer.finish().0 };
         let pieces: Vec<&Piece> = pieces.iter().map(|(piece, _)| piece).collect();
         prove(g, equations, &chart, &poisson, &symbols, &pieces)?;
@@ -160,14 +160,21 @@ fn slopes(
     Ok(slopes)
 }
 
-/// The Casimirs of the bracket among those of the model that are quadratic, with their second derivatives.
+/// A Casimir that is a quadratic form.
+struct QuadraticCasimir {
+    name: String,
+    /// Its second derivatives.
+    second: Vec<Vec<ExprId>>,
+}
+
+/// The Casimirs of the bracket among those of the model that are quadratic.
 fn quadratic_casimirs(
     g: &mut Graph,
     equations: &Equations,
     chart: &Chart,
     poisson: &AffineBracket,
     symbols: &[SymbolId],
-) -> Result<Vec<(String, Vec<Vec<ExprId>>)>, Error> {
+) -> Result<Vec<QuadraticCasimir>, Error> {
     let groups = equations.outputs.iter().filter(|o| o.kind == OutputKind::Group(Want::Casimirs));
     let mut found = Vec::new();
     for (name, e) in groups.flat_map(|o| &o.components) {
@@ -182,7 +189,7 @@ fn quadratic_casimirs(
         }
         let field = poisson.times(g, &gradient);
         if rows.len() == symbols.len() && field.iter().all(|e| g.is_zero(*e)) {
-            found.push((name.clone(), rows));
+            found.push(QuadraticCasimir { name: name.clone(), second: rows });
         }
     }
     Ok(found)
