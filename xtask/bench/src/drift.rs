@@ -10,8 +10,8 @@
 use std::time::Instant;
 
 use hamel_runtime::{
-    DoubleDouble, Gauss8, Gauss16, Gbs14, Integrator, Method, Options, Projected, Real, Scene, Splitting6,
-    System, Taylor, Vern9,
+    DoubleDouble, Gauss8, Gauss16, Gbs14, Integrator, Method, Options, Projected, Real, Scene, System,
+    Taylor, Vern9,
 };
 
 /// Runs of each method.
@@ -174,15 +174,13 @@ where
 }
 
 /// Calls the macro with the models that are measured and their dimension; with their scene that has invariants, its
-/// dimension and the number of these; with the one that has series; and with the one that has exact flows, and the
-/// velocities that its momenta stand for.
+/// dimension and the number of these; and with the one that has series.
 macro_rules! for_each_model {
     ($visit:ident) => {
         $visit! {
-            free_rigid_body 3 (free_rigid_body_invariants 7 5) {free_rigid_body_splitting Omega1 Omega2 Omega3};
-            heavy_top 6 (heavy_top_invariants 6 3) [heavy_top_taylor] {heavy_top_splitting Omega1 Omega2 Omega3};
-            kirchhoff_body 6 (kirchhoff_body_invariants 13 6)
-                {kirchhoff_body_splitting Omega1 Omega2 Omega3 V1 V2 V3};
+            free_rigid_body 3 (free_rigid_body_invariants 7 5);
+            heavy_top 6 (heavy_top_invariants 6 3) [heavy_top_taylor];
+            kirchhoff_body 6 (kirchhoff_body_invariants 13 6);
             two_arm_satellite 7 (two_arm_satellite_invariants 11 5) [two_arm_satellite_taylor];
             zeitlin_euler_3 8;
             euler_disk 5 [euler_disk_taylor];
@@ -207,17 +205,7 @@ macro_rules! models {
         let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(&$motion.params)?;
         $say(body.measure(("taylor", PARTS[0]), Taylor::new(), $motion, $steps / OTHERS));
     }};
-    (@flows $module:ident [$($velocity:ident)*] $motion:ident $steps:ident $say:ident) => {{
-        use hamel_models::generated::$module::{INFO, Prepared};
-        let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(&$motion.params)?;
-        let velocities = [$(stringify!($velocity)),*].map(|name| $motion.initial.get(name).copied().unwrap_or(0.0));
-        let momenta = body.scene.legendre(0.0, &body.state(&$motion.initial), &velocities);
-        let mut own = $motion.clone();
-        own.initial.extend(INFO.state.iter().map(|name| (*name).to_owned()).zip(momenta));
-        $say(body.measure(("splitting6", PARTS[0]), Splitting6::new(), &own, $steps / OTHERS));
-    }};
-    ($($model:ident $n:literal $(($kept:ident $m:literal $k:literal))? $([$series:ident])?
-        $({$flows:ident $($velocity:ident)*})?;)*) => {
+    ($($model:ident $n:literal $(($kept:ident $m:literal $k:literal))? $([$series:ident])?;)*) => {
         /// Measures every method on a motion; the longest runs have `steps` steps, those of the other methods fewer.
         ///
         /// # Errors
@@ -235,7 +223,6 @@ macro_rules! models {
                     say(body.measure(("gauss8", PARTS[0]), Gauss8::fixed_point(), motion, steps / OTHERS));
                     say(body.measure(("gbs14", PARTS[0]), Gbs14, motion, steps / OTHERS));
                     $(models!(@series $series motion steps say);)?
-                    $(models!(@flows $flows [$($velocity)*] motion steps say);)?
                     Ok(())
                 })*
                 other => {

@@ -48,7 +48,7 @@ impl Options {
 }
 
 /// Methods of one model at most.
-const METHODS: u64 = 9;
+const METHODS: u64 = 8;
 
 /// Measures, writes `docs/benchmarks/drift.*` when all models were measured, and returns the table.
 ///
