@@ -259,13 +259,13 @@ fn what_is_not_split_says_why() {
 
 #[test]
 fn a_scene_with_coordinates_of_the_group_is_not_split() {
-    let error = shipped("free_rigid_body", "want reconstruction;").err().expect("a refusal");
+    let error = shipped("free_rigid_body", "want reconstruction;").expect_err("a refusal");
     assert!(error.contains("qw is reconstructed, and no part of the bracket"), "{error}");
 }
 
 #[test]
 fn modes_of_a_fluid_turn_at_several_frequencies_and_are_not_split() {
-    let error = shipped("zeitlin_euler_3", "").err().expect("a refusal");
+    let error = shipped("zeitlin_euler_3", "").expect_err("a refusal");
     assert!(error.contains("the flow of functions of im_0_1 has no closed form"), "{error}");
 }
 
