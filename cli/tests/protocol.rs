@@ -649,6 +649,11 @@ fn splitting_keeps_casimirs_at_long_steps_and_says_what_it_needs() {
     // The energy is nearly kept, and not exactly.
     let drift = number_of(&answer["energy_drift"]);
     assert!(drift > 1e-12 && drift < 1e-3, "{drift:e}");
+    let momenta = [("Omega1", 2.0), ("Omega2", 1.5), ("Omega3", 0.8)];
+    let casimir: f64 =
+        momenta.iter().map(|(name, inertia)| (inertia * number_of(&answer["final"][name])).powi(2)).sum();
+    // 1000 steps of some ten flows, each rounded.
+    assert!((casimir - 18.76).abs() < 1e-12, "{casimir}");
     let unstepped = json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 1, "method": "splitting4"});
     let error = simulate(TOP, &unstepped).unwrap_err().to_string();
     assert!(error.contains("step is missing: splitting4 has no error estimate"), "{error}");
