@@ -352,6 +352,9 @@ fn simulate_takes_defaults_and_all_methods() {
         ("gauss4-newton", Some(1e-3)),
         ("gauss6-newton", Some(0.01)),
         ("gauss8-newton", Some(0.02)),
+        ("splitting2", Some(1e-4)),
+        ("splitting4", Some(5e-3)),
+        ("splitting6", Some(0.02)),
     ];
     for (method, step) in methods {
         let mut request = json!({"initial": initial, "t_final": 2, "method": method});
@@ -634,6 +637,32 @@ fn the_projected_method_keeps_what_is_conserved_and_needs_something_to_keep() {
         let words = format!("method {method}: scene default of damped has no invariant besides components");
         assert!(error.contains(&words), "{error}");
     }
+}
+
+#[test]
+fn splitting_keeps_casimirs_at_long_steps_and_says_what_it_needs() {
+    let request = |method: &str| {
+        let initial = state([1.0, 2.0, 3.0]);
+        json!({"initial": initial, "t_final": 100, "method": method, "step": 0.1})
+    };
+    let answer = simulate(TOP, &request("splitting4")).unwrap();
+    // The energy is nearly kept, and not exactly.
+    let drift = number_of(&answer["energy_drift"]);
+    assert!(drift > 1e-12 && drift < 1e-3, "{drift:e}");
+    let momenta = [("Omega1", 2.0), ("Omega2", 1.5), ("Omega3", 0.8)];
+    let casimir: f64 =
+        momenta.iter().map(|(name, inertia)| (inertia * number_of(&answer["final"][name])).powi(2)).sum();
+    // 1000 steps of some ten flows, each rounded.
+    assert!((casimir - 18.76).abs() < 1e-12, "{casimir}");
+    let unstepped = json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 1, "method": "splitting4"});
+    let error = simulate(TOP, &unstepped).unwrap_err().to_string();
+    assert!(error.contains("step is missing: splitting4 has no error estimate"), "{error}");
+    let damped = "model damped { coordinate q in real; lagrangian = q_dot^2/2; force q_dot = -q_dot; }";
+    let request = json!({"initial": {"q": 1, "q_dot": 1}, "t_final": 1, "method": "splitting2", "step": 0.1});
+    let error = simulate(damped, &request).unwrap_err().to_string();
+    let words = "method splitting2: scene default of damped is not split into exact flows: an affine constraint, explicit \
+                 time or a force acts";
+    assert!(error.contains(words), "{error}");
 }
 
 fn number_of(value: &Value) -> f64 {

@@ -209,6 +209,11 @@ pub enum Error {
         /// Why not.
         reason: String,
     },
+    /// A motion was not split into motions with flows in closed form.
+    NoSplitting {
+        /// What stands in the way.
+        reason: String,
+    },
     /// A scene wants phases that there are not.
     NoPhases {
         /// Why not.
@@ -435,6 +440,12 @@ impl Error {
             Error::NoBracket { reason } => (
                 format!("there is no nonholonomic bracket: {reason}"),
                 "remove `bracket` from what the scene wants".into(),
+            ),
+            Error::NoSplitting { reason } => (
+                format!("there is no splitting into exact flows: {reason}"),
+                "remove `splitting` from what the scene wants; `carry` momenta in the place of velocities, where the state \
+                 has velocities"
+                    .into(),
             ),
             Error::EventSets { event, target, scene, state } => (
                 format!("event `{event}` sets `{target}`, which the state of scene {scene} does not carry"),

@@ -9,6 +9,7 @@ mod displacements;
 mod frame;
 mod implicit;
 mod sections;
+mod splitting;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -67,6 +68,8 @@ pub enum SectionKind {
     Sections,
     /// The nonholonomic bracket, what it is and what it says about the motion.
     Bracket,
+    /// The motion as a sum of motions with flows in closed form, where the scene wants them.
+    Splitting,
     /// Operations of every function.
     Counts,
     /// Coefficients of the connections of the kinetic energy; on request.
@@ -95,6 +98,7 @@ impl SectionKind {
             SectionKind::Findings => "Found exactly",
             SectionKind::Sections => "Momenta along sections",
             SectionKind::Bracket => "Nonholonomic bracket",
+            SectionKind::Splitting => "Exact flows",
             SectionKind::Counts => "Operation counts",
             SectionKind::Coefficients => "Connection coefficients",
         }
@@ -174,6 +178,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.findings(&scene.equations);
     page.along_sections(&scene.equations);
     page.bracket_of(model, scene);
+    page.splitting(scene);
     page.counts(scene);
     std::iter::once(page.head).chain(page.rest).collect()
 }

@@ -368,6 +368,17 @@ pub trait Scene<R: Real>: System<R> + Sized {
     fn invariant_gradients_of(&self, t: R, y: &Self::State, gradients: &mut [Self::State]) {
         let _ = (t, y, gradients);
     }
+
+    /// Number of exact flows whose generators add up to the right-hand side; zero if the scene was generated without
+    /// them.
+    const N_FLOWS: usize = 0;
+
+    /// Writes the increment of one of them, as [`ExactFlows::flow`](crate::ExactFlows::flow).
+    ///
+    /// For drivers that serve any scene.
+    fn flow_of(&self, index: usize, tau: R, y: &Self::State, increment: &mut Self::State) {
+        let _ = (index, tau, y, increment);
+    }
 }
 
 #[cfg(test)]

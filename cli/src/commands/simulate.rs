@@ -229,12 +229,15 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
 fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
     let (file, choice) = (session.find(&scene.model)?, scene.choice());
     let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
-    let (reconstructs, projects) =
-        (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asks_to_project(&text)?);
+    let (reconstructs, asking) =
+        (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asking_method(&text)?);
     let model = || file.model();
     let choice = if reconstructs { choice.reconstructing(model()?, "reconstruct")? } else { choice };
-    let method = if projects { MethodName::Projected } else { MethodName::default() };
-    let choice = if reconstructs || projects { choice.suited_to(&file, method)? } else { choice };
+    let choice = match asking {
+        Some(method) => choice.suited_to(&file, method)?,
+        None => choice,
+    };
+    let projects = asking.is_some_and(MethodName::is_projection);
     let mut backend = choice.open(&file)?;
     let info = backend.info().clone();
     let forms = match SimulateRequest::has_other_names(&text, &info)? {

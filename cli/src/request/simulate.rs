@@ -51,15 +51,17 @@ impl SimulateRequest {
         texts.ok_or_else(|| Error::unusable("sections", "is a list of texts such as [\"x rising\"]"))
     }
 
-    /// Whether a request's method projects onto invariants, which the scene then has to have.
+    /// The method of a request, where it asks a scene for more than the right-hand side: invariants or exact flows.
     ///
     /// # Errors
     /// [`Error::NotJson`].
-    pub fn asks_to_project(text: &str) -> Result<bool, Error> {
-        has_field(text, "method", |value| match value {
-            Json::String(name) => MethodName::from_name(name).is_some_and(MethodName::is_projection),
-            _ => false,
-        })
+    pub fn asking_method(text: &str) -> Result<Option<MethodName>, Error> {
+        let Json::Object(entries) = Json::parse(text)? else { return Ok(None) };
+        let found = entries.into_iter().find_map(|(field, value)| match value {
+            Json::String(name) if field == "method" => MethodName::from_name(&name),
+            _ => None,
+        });
+        Ok(found.filter(|method| method.asks_for().is_some()))
     }
 
     /// Whether `initial` names something that is no state variable, so that the forms of states matter.

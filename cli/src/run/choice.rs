@@ -2,8 +2,6 @@
 //!
 //! Does not know: requests, what is asked of the scene.
 
-use hamel_codegen::spec::Want;
-
 use super::backend::{Backend, Local};
 use super::interpreted;
 use super::method::MethodName;
@@ -70,21 +68,22 @@ impl Choice {
         }
     }
 
-    /// The scene as a method needs it: what was compiled without its invariants is interpreted for a projection onto
-    /// them.
+    /// The scene as a method needs it: what was compiled without the invariants that a projection needs, or without the
+    /// exact flows of a splitting, is interpreted.
     ///
     /// # Errors
     /// Problems of the model.
     pub fn suited_to(&self, file: &ModelFile<'_>, method: MethodName) -> Result<Choice, Error> {
-        if !method.is_projection() || self.via(file) == Via::Interpreter {
+        let Some(needed) = method.asks_for().filter(|_| self.via(file) == Via::Compiled) else {
             return Ok(self.clone());
-        }
-        if model::wants(file.model()?, &self.scene, Want::Invariants) {
+        };
+        if model::wants(file.model()?, &self.scene, needed) {
             return Ok(self.clone());
         }
         eprintln!(
-            "note: scene {} does not want `invariants`, so it is evaluated by the interpreter, which finds them",
-            self.scene
+            "note: scene {} does not want `{}`, so it is evaluated by the interpreter, which finds them",
+            self.scene,
+            needed.name()
         );
         Ok(Choice { via: Some(Via::Interpreter), ..self.clone() })
     }

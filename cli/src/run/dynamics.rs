@@ -8,8 +8,8 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use hamel_runtime::{
-    Differentiable, Dual, F64x4, Failure, Invariants, Jet, MAX_ORDER, OverScalar, ParamError, Pivot, Real,
-    Scene, SquareStorage, StateVector, System,
+    Differentiable, Dual, ExactFlows, F64x4, Failure, Invariants, Jet, MAX_ORDER, OverScalar, ParamError,
+    Pivot, Real, Scene, SquareStorage, StateVector, System,
 };
 
 use super::info::Info;
@@ -55,6 +55,15 @@ pub trait Dynamics {
 
     /// Writes their gradients.
     fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]);
+
+    /// Number of the exact flows whose generators add up to the right-hand side; why there are none otherwise.
+    ///
+    /// # Errors
+    /// The reason, in words that follow the name of the scene.
+    fn flows(&self) -> Result<usize, String>;
+
+    /// Writes what one of the flows adds to a state in the time `tau`.
+    fn flow(&self, index: usize, tau: f64, y: &[f64], increment: &mut [f64]);
 
     /// Says why the right-hand side has no value at a point.
     ///
@@ -413,6 +422,16 @@ impl<const K: usize> Invariants<f64, K> for PreparedScene<'_> {
     }
 }
 
+impl ExactFlows<f64> for PreparedScene<'_> {
+    fn n_flows(&self) -> usize {
+        self.flows().unwrap_or(0)
+    }
+
+    fn flow(&self, index: usize, tau: f64, y: &VecState, increment: &mut VecState) {
+        Dynamics::flow(&**self, index, tau, &y.0, &mut increment.0);
+    }
+}
+
 /// The invariants, and zeros for those beyond their number: these are met wherever the state goes.
 impl<const K: usize> Invariants<f64, K> for dyn Dynamics + '_ {
     fn values(&self, t: f64, y: &VecState) -> [f64; K] {
@@ -597,6 +616,15 @@ where
         let mut rows = vec![[0.0; N]; gradients.len()];
         self.scene.invariant_gradients_of(t, array(y), &mut rows);
         gradients.iter_mut().zip(&rows).for_each(|(gradient, row)| gradient.0.copy_from_slice(row));
+    }
+
+    fn flows(&self) -> Result<usize, String> {
+        let missing = "was compiled without its exact flows: choose a scene that wants `splitting`, or --via interpreter";
+        if S::N_FLOWS > 0 { Ok(S::N_FLOWS) } else { Err(missing.to_owned()) }
+    }
+
+    fn flow(&self, index: usize, tau: f64, y: &[f64], increment: &mut [f64]) {
+        self.scene.flow_of(index, tau, array(y), array_mut(increment));
     }
 
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {

@@ -29,6 +29,8 @@ pub struct Built {
     derived: OnceLock<Option<BuiltScene>>,
     /// The same with its invariants, when first asked for; none if there are none.
     invariants: OnceLock<Option<Executable>>,
+    /// The same with its exact flows, or why there are none.
+    splitting: OnceLock<Result<Executable, String>>,
 }
 
 /// What is kept of a scene.
@@ -107,7 +109,14 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<Built, Error> {
 impl Built {
     fn new(model: &Arc<Checked>, stored: Stored, derived: OnceLock<Option<BuiltScene>>) -> Built {
         let Stored { executable, info } = stored;
-        Built { model: Arc::clone(model), executable, info, derived, invariants: OnceLock::new() }
+        Built {
+            model: Arc::clone(model),
+            executable,
+            info,
+            derived,
+            invariants: OnceLock::new(),
+            splitting: OnceLock::new(),
+        }
     }
 
     /// The scene with its equations; none only by a bug, because it was derived before.
@@ -140,6 +149,18 @@ impl Built {
         self.invariants.get_or_init(find).as_ref()
     }
 
+    /// The scene with its exact flows, or why it has none.
+    fn with_splitting(&self) -> Result<&Executable, String> {
+        let find = || {
+            let found = self.model.cached("splitting", &self.info.scene, || {
+                let scene = self.derived().map(|scene| scene.with_splitting().map_err(why_unsplit));
+                Ok(scene.map(|found| found.map(|scene| scene.executable())))
+            });
+            found.ok().flatten().unwrap_or_else(|| Err("could not be derived again".to_owned()))
+        };
+        self.splitting.get_or_init(find).as_ref().map_err(Clone::clone)
+    }
+
     /// The events of the scene, if it has any.
     pub fn watched(&self) -> Option<Watched> {
         Watched::of(&self.executable)
@@ -149,6 +170,16 @@ impl Built {
     pub fn rhs_counts(&self) -> Counts {
         // Every scene has a right-hand side.
         self.executable.program.function(&Role::Rate).map_or_else(Counts::default, Function::counts)
+    }
+}
+
+/// Why a scene has no exact flows, after its name.
+fn why_unsplit(error: hamel_codegen::error::Error) -> String {
+    match error {
+        hamel_codegen::error::Error::NoSplitting { reason } => {
+            format!("is not split into exact flows: {reason}")
+        }
+        other => format!("is not split into exact flows: {other}"),
     }
 }
 
@@ -163,13 +194,14 @@ impl Factory for Built {
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
         let interpreter = self.executable.prepare(values).map_err(bad_params)?;
-        let (jet, invariants) = (OnceLock::new(), OnceLock::new());
+        let (jet, invariants, splitting) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
         Ok(PreparedScene::new(Interpreted {
             built: self,
             params: values.to_vec(),
             interpreter,
             jet,
             invariants,
+            splitting,
         }))
     }
 
@@ -187,9 +219,16 @@ struct Interpreted<'a> {
     jet: OnceLock<Option<Jet>>,
     /// The interpreter of the scene with invariants.
     invariants: OnceLock<Option<Interpreter<'a>>>,
+    /// The interpreter of the scene with exact flows.
+    splitting: OnceLock<Option<Interpreter<'a>>>,
 }
 
 impl<'a> Interpreted<'a> {
+    fn with_splitting(&self) -> Option<&Interpreter<'a>> {
+        let prepare = || self.built.with_splitting().ok()?.prepare(&self.params).ok();
+        self.splitting.get_or_init(prepare).as_ref()
+    }
+
     fn with_invariants(&self) -> Option<&Interpreter<'a>> {
         let prepare = || self.built.with_invariants()?.prepare(&self.params).ok();
         self.invariants.get_or_init(prepare).as_ref()
@@ -242,6 +281,17 @@ impl Dynamics for Interpreted<'_> {
     fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
         let rows = self.with_invariants().and_then(|i| i.invariant_gradients(t, y)).unwrap_or_default();
         gradients.iter_mut().zip(rows).for_each(|(gradient, row)| gradient.0 = row);
+    }
+
+    fn flows(&self) -> Result<usize, String> {
+        self.built.with_splitting().map(Executable::n_flows)
+    }
+
+    fn flow(&self, index: usize, tau: f64, y: &[f64], increment: &mut [f64]) {
+        let is_there = self.with_splitting().is_some_and(|i| i.flow(index, tau, y, increment));
+        if !is_there {
+            increment.fill(f64::NAN);
+        }
     }
 
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {

@@ -6,6 +6,7 @@
 //! Does not know: how a method works, scenes, requests.
 
 use clap::ValueEnum;
+use hamel_codegen::spec::Want;
 use hamel_runtime::Options;
 use serde::{Deserialize, Serialize};
 
@@ -50,6 +51,12 @@ pub enum MethodName {
     Projected,
     /// Gauss collocation of order 16 with the same projection, fixed steps only.
     Gauss16Projected,
+    /// Strang's composition of exact flows, of second order: keeps all Casimirs, fixed steps only.
+    Splitting2,
+    /// A composition of exact flows of fourth order.
+    Splitting4,
+    /// A composition of exact flows of sixth order.
+    Splitting6,
     /// The isospectral midpoint rule, for fluids that are moved as products of matrices; fixed steps only.
     Isospectral,
 }
@@ -71,12 +78,14 @@ enum Class {
     Projection,
     /// Corrects the steps of a method for fixed steps.
     FixedProjection,
+    /// Composes exact flows, fixed steps only.
+    Flows,
     /// Moves matrices in fixed steps.
     Matrices,
 }
 
 /// Every method in the order of [`MethodName`], with its name in requests and on the command line.
-const METHODS: [(MethodName, &str, Class); 18] = [
+const METHODS: [(MethodName, &str, Class); 21] = [
     (MethodName::Tsit5, "tsit5", Class::Embedded),
     (MethodName::Dop853, "dop853", Class::Embedded),
     (MethodName::Vern9, "vern9", Class::Embedded),
@@ -94,6 +103,9 @@ const METHODS: [(MethodName, &str, Class); 18] = [
     (MethodName::Auto, "auto", Class::Choice),
     (MethodName::Projected, "projected", Class::Projection),
     (MethodName::Gauss16Projected, "gauss16-projected", Class::FixedProjection),
+    (MethodName::Splitting2, "splitting2", Class::Flows),
+    (MethodName::Splitting4, "splitting4", Class::Flows),
+    (MethodName::Splitting6, "splitting6", Class::Flows),
     (MethodName::Isospectral, "isospectral", Class::Matrices),
 ];
 
@@ -119,12 +131,24 @@ impl MethodName {
 
     /// Whether the method takes fixed steps only.
     pub(crate) fn has_fixed_steps(self) -> bool {
-        matches!(self.class(), Class::Fixed | Class::Newton | Class::FixedProjection | Class::Matrices)
+        matches!(
+            self.class(),
+            Class::Fixed | Class::Newton | Class::FixedProjection | Class::Flows | Class::Matrices
+        )
     }
 
     /// Whether the method asks for the invariants of the motion.
     pub(crate) fn is_projection(self) -> bool {
         matches!(self.class(), Class::Projection | Class::FixedProjection)
+    }
+
+    /// What a scene has to want to be compiled for the method, beyond its right-hand side.
+    pub(crate) fn asks_for(self) -> Option<Want> {
+        match self.class() {
+            Class::Projection | Class::FixedProjection => Some(Want::Invariants),
+            Class::Flows => Some(Want::Splitting),
+            _ => None,
+        }
     }
 
     /// Whether the method integrates a motion with its derivatives: it asks a scene for nothing but the right-hand
@@ -136,7 +160,10 @@ impl MethodName {
     /// Whether the method is one of its own, and evaluates the right-hand side but neither its derivatives nor a
     /// series, and moves no matrices, which models with equations have none of.
     pub(crate) fn evaluates_rates_alone(self) -> bool {
-        !matches!(self.class(), Class::Newton | Class::Series | Class::Choice | Class::Matrices)
+        !matches!(
+            self.class(),
+            Class::Newton | Class::Series | Class::Choice | Class::Flows | Class::Matrices
+        )
     }
 }
 

@@ -164,6 +164,12 @@ impl Dynamics for PreparedAlong<'_> {
 
     fn invariant_gradients(&self, _t: f64, _y: &[f64], _gradients: &mut [VecState]) {}
 
+    fn flows(&self) -> Result<usize, String> {
+        Err("has derivatives behind its state, which have no exact flows: choose another method".to_owned())
+    }
+
+    fn flow(&self, _index: usize, _tau: f64, _y: &[f64], _increment: &mut [f64]) {}
+
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
         Dynamics::check(&*self.base, t, self.own(y))
     }

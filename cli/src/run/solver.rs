@@ -3,8 +3,8 @@
 //! Does not know: what is integrated with a method, requests.
 
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, Projected, Rk4, Taylor, Tsit5,
-    Vern9,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, Projected, Rk4, Splitting2,
+    Splitting4, Splitting6, Taylor, Tsit5, Vern9,
 };
 
 use super::auto::{self, Purpose};
@@ -81,6 +81,9 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
             );
             return Err(Error::Options { reason });
         }
+        MethodName::Splitting2 => split(Splitting2::new(), method, dynamics, user)?,
+        MethodName::Splitting4 => split(Splitting4::new(), method, dynamics, user)?,
+        MethodName::Splitting6 => split(Splitting6::new(), method, dynamics, user)?,
         MethodName::Projected => return projected(Vern9, method, dynamics, user),
         MethodName::Gauss16Projected => return projected(Gauss16, method, dynamics, user),
     })
@@ -106,6 +109,26 @@ where
         Some(17..=MAX_INVARIANTS) => user.single(Projected::<_, MAX_INVARIANTS>::new(method)),
         n_invariants => return Err(not_projected(name, dynamics.info(), n_invariants)),
     })
+}
+
+/// Calls `user` with a composition of the exact flows of a scene; `name` is its name.
+///
+/// # Errors
+/// [`Error::Options`] when the scene has none.
+fn split<'a, U: WithMethod<'a>, M>(
+    method: M,
+    name: MethodName,
+    dynamics: &dyn Dynamics,
+    user: U,
+) -> Result<U::Output, Error>
+where
+    M: Method<f64, PreparedScene<'a>> + Sync,
+{
+    if let Err(reason) = dynamics.flows() {
+        let (name, Info { scene, model, .. }) = (name.name(), dynamics.info());
+        return Err(Error::Options { reason: format!("method {name}: scene {scene} of {model} {reason}") });
+    }
+    Ok(user.single(method))
 }
 
 /// Whether a scene has the series that the method `taylor` needs.

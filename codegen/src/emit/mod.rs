@@ -19,7 +19,7 @@ use crate::program::{Jet, Program};
 
 pub use rust::{SceneEntry, emit_include, emit_index, method_text};
 pub use text::{
-    EventText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
+    EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
     ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText, SceneText, StateText, SurfaceText,
 };
 

@@ -8,7 +8,7 @@ use super::body::{Code, Segment, constant};
 use super::dialect::Dialect;
 use super::expression::{Formula, Text, operation};
 use super::names::Scope;
-use super::text::{ImplicitText, MatrixText, OutputText, ProductText, SceneText};
+use super::text::{FlowText, ImplicitText, MatrixText, OutputText, ProductText, SceneText};
 use crate::error::Error;
 use crate::program::{Factors, Function, Operand, Program, Role};
 
@@ -56,6 +56,7 @@ pub(super) struct Module<'a> {
     /// Functions of a vector besides time and state.
     pub(super) products: Vec<ProductRoutine<'a>>,
     pub(super) implicit: Option<ImplicitRoutines<'a>>,
+    pub(super) flows: Vec<FlowRoutine<'a>>,
     /// The pivots, unless there is nothing to check.
     pub(super) pivots: Option<Routine<'a>>,
     pub(super) signature: Option<Routine<'a>>,
@@ -137,6 +138,13 @@ pub(super) struct ProductRoutine<'a> {
     pub(super) routine: Routine<'a>,
 }
 
+/// The function of an exact flow.
+pub(super) struct FlowRoutine<'a> {
+    pub(super) text: &'a FlowText,
+    pub(super) name: String,
+    pub(super) routine: Routine<'a>,
+}
+
 /// The functions of an implicit form.
 pub(super) struct ImplicitRoutines<'a> {
     pub(super) text: &'a ImplicitText,
@@ -209,6 +217,13 @@ impl<'a> Module<'a> {
             let (entries, values) = (functions.add(&format!("{}_nonzeros", text.jacobian)), String::new());
             implicit = Some(ImplicitRoutines { text, right, rhs, jacobian, entries, all, values });
         }
+        let mut flows = Vec::with_capacity(text.flows.len());
+        for flow in &text.flows {
+            let routine = required(&Role::Flow(flow.name.clone()))?;
+            let what = format!("flow {}", flow.name);
+            expect_size(&what, routine.function.results.len(), program.state.len())?;
+            flows.push(FlowRoutine { text: flow, name: functions.add(&flow.name), routine });
+        }
         let mut matrices = BTreeMap::new();
         for matrix in &text.matrices {
             let output = text.outputs.iter().find(|o| o.name == matrix.name);
@@ -263,6 +278,7 @@ impl<'a> Module<'a> {
             outputs,
             products,
             implicit,
+            flows,
             pivots: optional(&Role::Pivots).filter(|pivots| !pivots.function.results.is_empty()),
             signature: optional(&Role::Signature),
             domain: optional(&Role::Domain),
@@ -278,6 +294,7 @@ impl<'a> Module<'a> {
         let outputs = self.outputs.iter().map(|o| &o.routine);
         let products = self.products.iter().map(|p| &p.routine);
         let implicit = self.implicit.iter().flat_map(|i| [&i.right, &i.jacobian]);
+        let flows = self.flows.iter().map(|f| &f.routine);
         let guards = [&self.pivots, &self.signature, &self.domain].into_iter().flatten();
         [&self.rate]
             .into_iter()
@@ -285,6 +302,7 @@ impl<'a> Module<'a> {
             .chain(outputs)
             .chain(products)
             .chain(implicit)
+            .chain(flows)
             .chain(guards)
     }
 

@@ -36,6 +36,8 @@ pub struct SceneText {
     pub products: Vec<ProductText>,
     /// The implicit form, where the scene wants it.
     pub implicit: Option<ImplicitText>,
+    /// The exact flows, the functions [`Role::Flow`] of the program.
+    pub flows: Vec<FlowText>,
     /// Events; their functions are the output `events`, what each sets is an output.
     pub events: Vec<EventText>,
     /// Formula lines of functions, by role.
@@ -217,6 +219,15 @@ pub struct ProductText {
     pub components: Vec<String>,
     /// Meaning.
     pub doc: String,
+}
+
+/// An exact flow of a part of the motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlowText {
+    /// Name of the function, [`Role::Flow`].
+    pub name: String,
+    /// The linear forms of the state that the part of the Hamiltonian is a function of.
+    pub forms: Vec<String>,
 }
 
 /// An implicit form `M z' = f(t, z)`.

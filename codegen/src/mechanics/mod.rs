@@ -31,6 +31,7 @@ mod results;
 mod routh;
 mod sections;
 mod solve;
+mod splitting;
 mod squares;
 mod vertical;
 
@@ -50,5 +51,6 @@ pub use measure::{Density, Factor};
 pub use phases::{Phase, phases};
 pub use routh::Routhian;
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
+pub use splitting::{SplitFlow, Splitting};
 pub(crate) use vertical::unused_stem;
 pub use vertical::{HorizontalEquation, VerticalEquation, VerticalEquations};

@@ -32,6 +32,9 @@ pub enum Role {
     Product(String),
     /// A named function of time and of a vector of variables, which the function takes in the place of the state.
     OfVariables(String),
+    /// What one of the exact flows of the scene, by its name, adds to the state in a time that the function takes
+    /// besides the state.
+    Flow(String),
     /// Order zero of the Taylor coefficients, see [`Jet`](super::Jet).
     SeriesStart,
     /// Every other order of the Taylor coefficients, see [`Jet`](super::Jet).
@@ -47,7 +50,7 @@ impl Role {
             Role::Pivots => "check",
             Role::Signature => "signature",
             Role::Domain => "domain",
-            Role::Output(name) | Role::Product(name) | Role::OfVariables(name) => name,
+            Role::Output(name) | Role::Product(name) | Role::OfVariables(name) | Role::Flow(name) => name,
             Role::SeriesStart => "first",
             Role::SeriesStep => "next",
         }

@@ -18,7 +18,7 @@ use super::built::{BuiltScene, legendre_role};
 use super::dependence::{ignorable, left_out, needs};
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
-use super::{bracket, derivatives, events, implicit, invariants};
+use super::{bracket, derivatives, events, implicit, invariants, splitting};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -181,6 +181,7 @@ pub(super) fn build_derived(
                 place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
             }
             Error::NoPhases { .. } => place_of(Want::Phases.name()),
+            Error::NoSplitting { .. } => place_of(Want::Splitting.name()),
             Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
             Error::Unsupported { .. } if plan.implicit => place_of(Want::Implicit.name()),
             _ => problem.span,
@@ -308,6 +309,21 @@ pub(super) fn lower_scene(
         matrices.push(found.matrix);
         own_sections.extend(found.sections);
     }
+    let mut flows = Vec::new();
+    let mut flow_requests = Vec::new();
+    if plan.splitting {
+        if plan.hamiltonian_time {
+            let reason = "the flows are those in the time of the model".to_owned();
+            return Err(Error::NoSplitting { reason });
+        }
+        let found = splitting::find(&mut graph, &equations, &state);
+        graph.within_budget()?;
+        let found = found?;
+        flows = found.flows;
+        inputs.arguments.extend(found.arguments);
+        own_sections.extend(found.sections);
+        flow_requests.extend(found.requests);
+    }
     let mut implicit_form = None;
     let mut implicit_requests = Vec::new();
     if plan.implicit {
@@ -352,6 +368,7 @@ pub(super) fn lower_scene(
         requests.push(Request { role: legendre_role(), results: legendre.momenta.clone() });
     }
     requests.extend(implicit_requests);
+    requests.extend(flow_requests);
     let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
     let left_out: BTreeSet<SymbolId> =
         system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();
@@ -380,6 +397,7 @@ pub(super) fn lower_scene(
         matrices,
         products,
         implicit: implicit_form,
+        flows,
         events,
         wants_taylor,
         doc,

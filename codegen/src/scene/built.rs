@@ -30,6 +30,7 @@ pub struct BuiltScene {
     pub(super) matrices: Vec<Matrix>,
     pub(super) products: Vec<Product>,
     pub(super) implicit: Option<Implicit>,
+    pub(super) flows: Vec<Vec<String>>,
     pub(super) events: Vec<SceneEvent>,
     /// Whether the emitted module has the Taylor coefficients of solutions.
     pub(super) wants_taylor: bool,
@@ -76,6 +77,12 @@ impl BuiltScene {
     /// The implicit form, where the scene wants it.
     pub fn implicit(&self) -> Option<&Implicit> {
         self.implicit.as_ref()
+    }
+
+    /// The exact flows that the scene has, each by the linear forms of the state that its part of the Hamiltonian is a
+    /// function of; none unless the scene wants them.
+    pub fn flows(&self) -> &[Vec<String>] {
+        &self.flows
     }
 
     /// The events that the scene has, in the order of its output `events`.

@@ -17,6 +17,7 @@ use super::events::SceneEvent;
 use super::implicit;
 use super::invariants::GRADIENTS;
 use super::plan::INVARIANTS;
+use super::splitting::flow_role;
 
 /// What it takes to run a scene: a plain value without equations, which the feature `serde` stores and reads back.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,6 +91,11 @@ impl Executable {
     /// As [`BuiltScene::jet`].
     pub fn jet(&self) -> Result<Jet, Error> {
         jet_of(&self.program)
+    }
+
+    /// Number of exact flows; zero if the scene does not want them.
+    pub fn n_flows(&self) -> usize {
+        self.program.functions.iter().filter(|f| matches!(f.role, Role::Flow(_))).count()
     }
 
     /// Number of invariants of the motion; zero if the scene does not want them.
@@ -321,6 +327,18 @@ impl<'a> Interpreter<'a> {
         let point = Point { t, state: y, argument: vector };
         self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
         Some(out)
+    }
+
+    /// Writes what an exact flow adds to a state in the time `tau`, [`hamel_runtime::ExactFlows::flow`]; false when the
+    /// scene does not have that flow.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn flow(&self, index: usize, tau: f64, y: &[f64], increment: &mut [f64]) -> bool {
+        let Some(k) = self.program.function_idx(&flow_role(index)) else { return false };
+        let point = Point { t: 0.0, state: y, argument: &[tau] };
+        self.program.run_at(k, &self.params, &self.prepared, point, increment);
+        true
     }
 
     /// The right-hand side `f(t, z)` of the implicit form, when the scene wants it.

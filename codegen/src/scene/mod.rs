@@ -24,6 +24,7 @@ mod interpreter;
 mod invariants;
 mod pivots;
 mod plan;
+mod splitting;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -367,6 +368,15 @@ impl BuiltScene {
     /// [`Error::NothingConserved`], and what lowering can find.
     pub fn with_invariants(&self) -> Result<BuiltScene, Error> {
         let plan = Plan { invariants: true, ..self.bare_plan() };
+        lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
+    }
+
+    /// The scene with the same parameters and state that wants the right-hand side and its exact flows.
+    ///
+    /// # Errors
+    /// [`Error::NoSplitting`], and what lowering can find.
+    pub fn with_splitting(&self) -> Result<BuiltScene, Error> {
+        let plan = Plan { splitting: true, ..self.bare_plan() };
         lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
     }
 

@@ -40,6 +40,8 @@ pub(super) struct Plan {
     pub(super) bracket: bool,
     /// The time in which the motion is Hamiltonian, in the place of the model's.
     pub(super) hamiltonian_time: bool,
+    /// Exact flows whose generators add up to the motion.
+    pub(super) splitting: bool,
     pub(super) implicit: bool,
     pub(super) taylor: bool,
     pub(super) reconstructs: bool,
@@ -81,6 +83,7 @@ impl Plan {
             phases: false,
             bracket: false,
             hamiltonian_time: false,
+            splitting: false,
             implicit: false,
             taylor: false,
             reconstructs: false,
@@ -114,6 +117,7 @@ impl Plan {
                     Wanted::Want(Want::Phases) => plan.phases = true,
                     Wanted::Want(Want::Bracket) => plan.bracket = true,
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
+                    Wanted::Want(Want::Splitting) => plan.splitting = true,
                     Wanted::Want(Want::Implicit) => plan.implicit = true,
                     Wanted::Want(want) => match Derivative::of(*want) {
                         Some(derivative) => _ = plan.derivatives.insert(derivative),

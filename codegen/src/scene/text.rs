@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 
 use crate::emit::{
-    self, EventText, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText,
-    SceneEntry, SceneText, StateText,
+    self, EventText, FlowText, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText,
+    ProductText, SceneEntry, SceneText, StateText,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
@@ -20,6 +20,7 @@ use super::events::SceneEvent;
 use super::groups::groups;
 use super::implicit::{self, Implicit};
 use super::interpreter;
+use super::splitting::flow_role;
 
 /// How a scene's module is written down.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -134,6 +135,7 @@ impl BuiltScene {
             matrices: self.matrices.iter().map(matrix_text).collect(),
             products: self.products.iter().map(product_text).chain(self.legendre_text()).collect(),
             implicit: self.implicit().map(implicit_text),
+            flows: self.flows().iter().enumerate().map(flow_text).collect(),
             events: self.events().iter().map(event_text).collect(),
             formulas: BTreeMap::from(formulas),
             conserves_energy: self.equations.facts.energy_is_conserved,
@@ -202,6 +204,10 @@ fn event_text(event: &SceneEvent) -> EventText {
     };
     let sets = (!event.sets.is_empty()).then(|| (event.after(), event.sets.clone()));
     EventText { name: event.name.clone(), directions, stops: event.stops, sets }
+}
+
+fn flow_text((index, forms): (usize, &Vec<String>)) -> FlowText {
+    FlowText { name: flow_role(index).name().to_owned(), forms: forms.clone() }
 }
 
 fn product_text(product: &Product) -> ProductText {

@@ -62,6 +62,8 @@ pub enum Want {
     Bracket,
     /// The time in which the motion is Hamiltonian.
     HamiltonianTime,
+    /// Exact flows whose generators add up to the motion.
+    Splitting,
     /// The equations with a mass matrix, `M z' = f(t, z)`, and their variables at a state.
     Implicit,
     /// Products of matrices in the place of equations, for ideal fluids: a [`MatrixFluid`](super::MatrixFluid).
@@ -70,7 +72,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 28] = [
+    pub const ALL: [Want; 29] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -97,6 +99,7 @@ impl Want {
         Want::Invariants,
         Want::Bracket,
         Want::HamiltonianTime,
+        Want::Splitting,
         Want::Implicit,
         Want::Matrices,
     ];
@@ -130,6 +133,7 @@ impl Want {
             Want::Invariants => "invariants",
             Want::Bracket => "bracket",
             Want::HamiltonianTime => "hamiltonian_time",
+            Want::Splitting => "splitting",
             Want::Implicit => "implicit",
             Want::Matrices => "matrices",
         }
@@ -145,7 +149,7 @@ impl Want {
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Bracket, Casimirs, Circles, Constraint, Events, HamiltonianTime, Implicit, Invariants, Matrices,
-            MomentumEquation, NonholonomicMomentum, Outputs, Phases, Sections, Taylor, Velocities,
+            MomentumEquation, NonholonomicMomentum, Outputs, Phases, Sections, Splitting, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -163,6 +167,7 @@ impl Want {
                 | Invariants
                 | Bracket
                 | HamiltonianTime
+                | Splitting
                 | Implicit
                 | Matrices
         )

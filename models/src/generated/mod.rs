@@ -77,6 +77,8 @@ pub mod free_rigid_body_invariants;
 pub mod free_rigid_body_momenta;
 /// Free rigid body
 pub mod free_rigid_body_reconstruction;
+/// Free rigid body
+pub mod free_rigid_body_splitting;
 /// Guiding centre in a plane field
 pub mod guiding_centre;
 /// Heavy top
@@ -92,6 +94,8 @@ pub mod heavy_top_momenta;
 /// Heavy top
 pub mod heavy_top_reconstruction;
 /// Heavy top
+pub mod heavy_top_splitting;
+/// Heavy top
 pub mod heavy_top_symmetric;
 /// Heavy top
 pub mod heavy_top_taylor;
@@ -103,6 +107,8 @@ pub mod kirchhoff_body_invariants;
 pub mod kirchhoff_body_momenta;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_reconstruction;
+/// Kirchhoff's underwater body
+pub mod kirchhoff_body_splitting;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_uncoupled;
 /// Predator and prey of Lotka and Volterra
@@ -252,6 +258,7 @@ macro_rules! for_each_scene {
             (free_rigid_body_invariants, "free_rigid_body", "invariants", 7)
             (free_rigid_body_momenta, "free_rigid_body", "momenta", 3)
             (free_rigid_body_reconstruction, "free_rigid_body", "reconstruction", 7)
+            (free_rigid_body_splitting, "free_rigid_body", "splitting", 3)
             (guiding_centre, "guiding_centre", "default", 2)
             (heavy_top, "heavy_top", "default", 6)
             (heavy_top_derivatives, "heavy_top", "derivatives", 6)
@@ -259,12 +266,14 @@ macro_rules! for_each_scene {
             (heavy_top_lagrange, "heavy_top", "lagrange", 6)
             (heavy_top_momenta, "heavy_top", "momenta", 6)
             (heavy_top_reconstruction, "heavy_top", "reconstruction", 10)
+            (heavy_top_splitting, "heavy_top", "splitting", 6)
             (heavy_top_symmetric, "heavy_top", "symmetric", 6)
             (heavy_top_taylor, "heavy_top", "taylor", 6)
             (kirchhoff_body, "kirchhoff_body", "default", 6)
             (kirchhoff_body_invariants, "kirchhoff_body", "invariants", 13)
             (kirchhoff_body_momenta, "kirchhoff_body", "momenta", 6)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
+            (kirchhoff_body_splitting, "kirchhoff_body", "splitting", 6)
             (kirchhoff_body_uncoupled, "kirchhoff_body", "uncoupled", 6)
             (lotka_volterra, "lotka_volterra", "default", 2)
             (mobile_robot, "mobile_robot", "default", 4)

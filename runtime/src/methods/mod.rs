@@ -17,6 +17,7 @@ mod projected;
 mod rk4;
 #[cfg(feature = "lanes")]
 mod rows_in_turn;
+mod splitting;
 mod sums;
 mod tableau;
 mod taylor;
@@ -35,6 +36,7 @@ pub use projected::{Invariants, Projected, Projection};
 pub use rk4::Rk4;
 #[cfg(feature = "lanes")]
 pub use rows_in_turn::Turns;
+pub use splitting::{ExactFlows, Splitting, Splitting2, Splitting4, Splitting6};
 pub(crate) use sums::{Derivatives, compensated_advance, square_of_norm, two_sum};
 pub(crate) use tableau::c;
 pub use tableau::{Constant, Estimate, Row, Tableau};

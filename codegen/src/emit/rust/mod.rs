@@ -1,12 +1,13 @@
 //! The Rust back end: a module as items, documented for rustdoc and formatted.
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `matrices`, `implicit`,
-//! `events`, `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of
-//! modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which functions there are and why,
+//! `flows`, `events`, `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the list
+//! of modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which functions there are and why,
 //! the order of their statements.
 
 mod events;
 mod excerpt;
+mod flows;
 mod fluid;
 mod format;
 mod functions;
@@ -53,6 +54,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.differentiable(),
         writer.invariants(),
         writer.implicit(),
+        writer.exact_flows(),
         writer.events()?,
         series.map_or(Ok(TokenStream::new()), |series| writer.series(&series))?,
         writer.groups()?,

@@ -49,7 +49,7 @@ impl Writer<'_> {
         let is_kept = module.text.conserves_energy && module.energy.is_some();
         let conserves_energy = is_kept.then(|| quote! { const CONSERVES_ENERGY: bool = true; });
         let wrong_number = format!("the number of values is {n_params}");
-        let (outputs, invariants) = (self.outputs_of(), self.invariants_of());
+        let (outputs, invariants, flows) = (self.outputs_of(), self.invariants_of(), self.flow_of());
         let fields = self.fields();
         let over = if fields.is_empty() {
             let (_, marked) = phantom();
@@ -120,6 +120,8 @@ impl Writer<'_> {
                 #series
 
                 #invariants
+
+                #flows
             }
         }
     }
