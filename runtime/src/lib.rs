@@ -16,6 +16,7 @@
 //! | `Gauss16` (feature `lanes`) | 16 | 16 | fixed | the longest times: round-off is a random walk; [`OverScalar`] |
 //! | [`matrices::IsospectralMidpoint`] | 2 | none | fixed | ideal fluids: the spectrum of the vorticity kept |
 //! | [`Projected`] | as within | as within | as within | invariants kept to round-off, elements of groups |
+//! | [`OnCircles`] | as within | as within | as within | systems with angles, [`Circles`]: no sine in the stages |
 //!
 //! ```
 //! use hamel_runtime::{Dop853, Integrator, Options, System};
@@ -105,7 +106,8 @@ pub use jet::{Convolutions, Jet, MAX_ORDER};
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
     Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Invariants, Method,
-    Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
+    Newton, OnCircles, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances,
+    Tsit5, Turning, Vern9,
 };
 #[cfg(feature = "lanes")]
 pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};
@@ -117,8 +119,8 @@ pub use options::{Norm, Options, StepSize};
 pub use products::Products;
 pub use real::Real;
 pub use system::{
-    Differentiable, OutputInfo, OverScalar, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage, StateVector,
-    System,
+    Circles, Differentiable, OutputInfo, OverScalar, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage,
+    StateVector, System,
 };
 pub use variational::Variational;
 
