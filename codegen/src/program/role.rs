@@ -32,6 +32,8 @@ pub enum Role {
     Product(String),
     /// A named function of time and of a vector of variables, which the function takes in the place of the state.
     OfVariables(String),
+    /// Cosines and sines of the angles of a right-hand side, see [`Circles`](super::Circles).
+    Points,
     /// Order zero of the Taylor coefficients, see [`Jet`](super::Jet).
     SeriesStart,
     /// Every other order of the Taylor coefficients, see [`Jet`](super::Jet).
@@ -48,6 +50,7 @@ impl Role {
             Role::Signature => "signature",
             Role::Domain => "domain",
             Role::Output(name) | Role::Product(name) | Role::OfVariables(name) => name,
+            Role::Points => "on_circles",
             Role::SeriesStart => "first",
             Role::SeriesStep => "next",
         }
