@@ -106,38 +106,42 @@ fn results_are_the_same_bytes_for_one_two_and_four_threads() {
     assert!(files.iter().all(|file| *file == files[0]));
 }
 
-/// Steps are shared by four trajectories: the table is another one, and as accurate.
+/// Steps are shared by four trajectories: the table is another one, and as accurate. The disk has an angle, which one
+/// lane has as a point of a circle, as `simulate` has.
 #[test]
 fn one_lane_gives_the_bits_of_simulate() {
     let folder = Folder::new("lanes");
-    for lanes in ["1", "4"] {
-        let file = folder.file(&format!("{lanes}.csv"));
-        ensemble("heavy_top", &["--sweep", "Omega3=1..9:5", "--t-final", "2", "--lanes", lanes, "-o", &file]);
-    }
-    let (one, four) = (folder.csv("1.csv"), folder.csv("4.csv"));
-    assert_ne!(one.rows, four.rows);
-    for row in 0..5 {
-        let file = folder.file(&format!("single{row}.json"));
-        let start = format!("Omega3={}", one.cell(row, "Omega3(0)"));
-        let out = run(&[
-            "simulate",
-            "heavy_top",
-            "--via",
-            "interpreter",
-            "--initial",
-            &start,
-            "--t-final",
-            "2",
-            "-o",
-            &file,
-        ]);
-        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-        let answer: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
-        for (name, x) in answer["final"].as_object().unwrap() {
-            let x = x.as_f64().unwrap();
-            assert_eq!(one.number(row, name).to_bits(), x.to_bits(), "{name}");
-            // The tolerances are 1e-10 and the motion lasts some turns.
-            assert!((four.number(row, name) - x).abs() < 1e-7, "{name}");
+    for (model, swept, range) in [("heavy_top", "Omega3", "1..9:5"), ("euler_disk", "theta", "0.7..1.2:5")] {
+        let sweep = format!("{swept}={range}");
+        for lanes in ["1", "4"] {
+            let file = folder.file(&format!("{lanes}.csv"));
+            ensemble(model, &["--sweep", &sweep, "--t-final", "2", "--lanes", lanes, "-o", &file]);
+        }
+        let (one, four) = (folder.csv("1.csv"), folder.csv("4.csv"));
+        assert_ne!(one.rows, four.rows);
+        for row in 0..5 {
+            let file = folder.file(&format!("single_{model}{row}.json"));
+            let start = format!("{swept}={}", one.cell(row, &format!("{swept}(0)")));
+            let out = run(&[
+                "simulate",
+                model,
+                "--via",
+                "interpreter",
+                "--initial",
+                &start,
+                "--t-final",
+                "2",
+                "-o",
+                &file,
+            ]);
+            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+            let answer: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+            for (name, x) in answer["final"].as_object().unwrap() {
+                let x = x.as_f64().unwrap();
+                assert_eq!(one.number(row, name).to_bits(), x.to_bits(), "{name}");
+                // The tolerances are 1e-10 and the motion lasts some turns.
+                assert!((four.number(row, name) - x).abs() < 1e-7, "{name}");
+            }
         }
     }
 }

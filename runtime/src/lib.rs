@@ -17,6 +17,7 @@
 //! | [`Dla`] | 2 | 3 | fixed | nonholonomic systems with multipliers: reversible; [`Implicit`] |
 //! | [`matrices::IsospectralMidpoint`] | 2 | none | fixed | ideal fluids: the spectrum of the vorticity kept |
 //! | [`Projected`] | as within | as within | as within | invariants kept to round-off, elements of groups |
+//! | [`OnCircles`] | as within | as within | as within | systems with angles, [`Circles`]: no sine in the stages |
 //!
 //! ```
 //! use hamel_runtime::{Dop853, Integrator, Options, System};
@@ -106,8 +107,8 @@ pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
     Constant, Dla, DlaStorage, Dop853, Dopri5, Estimate, ExactFlows, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8,
-    Invariants, Method, Newton, Point, Projected, Projection, Rk4, Row, Splitting, Splitting2, Splitting4, Splitting6,
-    Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
+    Invariants, Method, Newton, OnCircles, Point, Projected, Projection, Rk4, Row, Splitting, Splitting2, Splitting4, Splitting6,
+    Start, Step, Tableau, Taylor, Tolerances, Tsit5, Turning, Vern9,
 };
 #[cfg(feature = "lanes")]
 pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};
@@ -119,8 +120,8 @@ pub use options::{Norm, Options, StepSize};
 pub use products::Products;
 pub use real::Real;
 pub use system::{
-    Differentiable, OutputInfo, OverScalar, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage, StateVector,
-    System,
+    Circles, Differentiable, OutputInfo, OverScalar, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage,
+    StateVector, System,
 };
 pub use variational::Variational;
 

@@ -255,6 +255,46 @@ impl<Q: Real, R: Real, S: OverScalar<Q, R> + ?Sized> OverScalar<Q, R> for &S {
     }
 }
 
+/// A system that calls sine and cosine of angles, and can do without: it exists with cosine and sine of each angle
+/// behind its state, too.
+///
+/// ```text
+/// z = (y, cos x_1, sin x_1, cos x_2, ..)        dz/dt = (f(t, y), -x_1' sin x_1, x_1' cos x_1, ..)
+/// ```
+///
+/// The angles `x_k` are components of the state or linear in them. [`OnCircles`](crate::OnCircles) integrates such a
+/// system; generated ones are of this kind where less is calculated that way.
+pub trait Circles<R: Real>: System<R> {
+    /// The system of `z`: its right-hand side takes cosines and sines from the state, whatever the angles in it are.
+    ///
+    /// Where they are those of the angles, the components of `y` have the bits of [`System::rhs`]. Guards are those
+    /// of the system itself, on `y`.
+    type Inside: System<R>;
+
+    /// The system of `z`.
+    fn inside(&self) -> Self::Inside;
+
+    /// The state with cosine and sine of each angle behind it.
+    ///
+    /// # Shapes
+    ///
+    /// result: \[n + 2 K\], n the dimension of the state and K the number of angles.
+    fn on_circles(&self, y: &Self::State) -> <Self::Inside as System<R>>::State;
+}
+
+impl<R: Real, S: Circles<R> + ?Sized> Circles<R> for &S {
+    type Inside = S::Inside;
+
+    fn inside(&self) -> Self::Inside {
+        (**self).inside()
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &Self::State) -> <Self::Inside as System<R>>::State {
+        (**self).on_circles(y)
+    }
+}
+
 /// A parameter of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParamInfo {
@@ -344,6 +384,29 @@ pub trait Scene<R: Real>: System<R> + Sized {
     fn series_of(&self, t: R, y: &Self::State, out: &mut [Self::State]) -> bool {
         let _ = (t, y, out);
         false
+    }
+
+    /// Number of the angles that [`Circles`] carries as points; zero if the scene was generated without.
+    const N_CIRCLES: usize = 0;
+
+    /// Writes the state with cosines and sines behind it, as [`Circles::on_circles`].
+    ///
+    /// For drivers that serve any scene.
+    ///
+    /// # Shapes
+    ///
+    /// z: \[n + 2 [`N_CIRCLES`](Self::N_CIRCLES)\].
+    fn on_circles_of(&self, y: &Self::State, z: &mut [R]) {
+        let _ = (y, z);
+    }
+
+    /// Writes the derivative of such a state, as the right-hand side of [`Circles::Inside`].
+    ///
+    /// # Shapes
+    ///
+    /// z, dz: \[n + 2 [`N_CIRCLES`](Self::N_CIRCLES)\].
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        let _ = (t, z, dz);
     }
 
     /// Number of invariants of the motion that the scene computes; zero if it was generated without them.

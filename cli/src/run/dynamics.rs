@@ -31,6 +31,26 @@ pub trait Dynamics {
         lane_by_lane(y, dy, |k, y, dy| self.rhs(t.lane(k), y, dy));
     }
 
+    /// Number of angles that the scene has as points of circles, too; zero where that does not pay.
+    fn n_circles(&self) -> usize {
+        0
+    }
+
+    /// Writes the state with cosine and sine of each of these angles behind it.
+    fn on_circles(&self, y: &[f64], z: &mut [f64]) {
+        let _ = (y, z);
+    }
+
+    /// Writes the derivative of such a state.
+    fn rhs_on_circles(&self, t: f64, z: &[f64], dz: &mut [f64]) {
+        let _ = (t, z, dz);
+    }
+
+    /// The same on four lanes, of which each has the bits of [`Dynamics::rhs_on_circles`].
+    fn rhs_on_circles_on_lanes(&self, t: F64x4, z: &VecState<F64x4>, dz: &mut VecState<F64x4>) {
+        lane_by_lane(z, dz, |k, z, dz| self.rhs_on_circles(t.lane(k), z, dz));
+    }
+
     /// Energy, when the scene computes it.
     fn energy(&self, t: f64, y: &[f64]) -> Option<f64>;
 
@@ -554,7 +574,7 @@ fn array_mut<R, const N: usize>(dy: &mut [R]) -> &mut [R; N] {
 impl<S, W, D, const N: usize> Dynamics for PreparedTyped<'_, S, W, D>
 where
     S: Scene<f64> + System<f64, State = [f64; N]>,
-    W: System<F64x4, State = [F64x4; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
     D: System<Dual, State = [Dual; N]>,
 {
     fn info(&self) -> &Info {
@@ -567,6 +587,22 @@ where
 
     fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
         self.lanes.rhs(t, array(&y.0), array_mut(&mut dy.0));
+    }
+
+    fn n_circles(&self) -> usize {
+        S::N_CIRCLES
+    }
+
+    fn on_circles(&self, y: &[f64], z: &mut [f64]) {
+        self.scene.on_circles_of(array(y), z);
+    }
+
+    fn rhs_on_circles(&self, t: f64, z: &[f64], dz: &mut [f64]) {
+        self.scene.rhs_on_circles_of(t, z, dz);
+    }
+
+    fn rhs_on_circles_on_lanes(&self, t: F64x4, z: &VecState<F64x4>, dz: &mut VecState<F64x4>) {
+        self.lanes.rhs_on_circles_of(t, &z.0, &mut dz.0);
     }
 
     fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {

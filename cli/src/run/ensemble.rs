@@ -5,7 +5,7 @@
 use std::io::IsTerminal as _;
 
 use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
-use hamel_runtime::{F64x4, Method, Options};
+use hamel_runtime::{F64x4, Method, OnCircles, Options};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rayon::ThreadPool;
 use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, ParallelIterator as _};
@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::auto::Purpose;
 use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
 use super::evaluate::why_stopped;
+use super::inside::Inside;
 use super::method::{MethodName, Steps};
 use super::simulation::{Sample, sample_time};
 use super::solver::{WithMethod, with_method};
@@ -149,6 +150,16 @@ impl<'a> WithMethod<'a> for Job<'a> {
     {
         match self.request.width {
             Width::One => self.run::<f64, M>(method),
+            Width::Four => self.run::<F64x4, M>(method),
+        }
+    }
+
+    fn on_circles<M>(self, method: M) -> Self::Output
+    where
+        M: Method<f64, PreparedScene<'a>> + Method<f64, Inside<'a>> + Method<F64x4, PreparedLanes<'a>> + Sync,
+    {
+        match self.request.width {
+            Width::One => self.single(OnCircles::new(method)),
             Width::Four => self.run::<F64x4, M>(method),
         }
     }

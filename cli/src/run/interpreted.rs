@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::{Counts, Function, Jet, Role, ViolatedCondition};
+use hamel_codegen::program::{Circles, Counts, Function, Jet, Role, ViolatedCondition};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_codegen::spec;
 use hamel_runtime::{Dual, Failure, Pivot};
@@ -194,12 +194,13 @@ impl Factory for Built {
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
         let interpreter = self.executable.prepare(values).map_err(bad_params)?;
-        let (jet, invariants, splitting) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        let (jet, circles, invariants, splitting) = (OnceLock::new(), OnceLock::new(), OnceLock::new(), OnceLock::new());
         Ok(PreparedScene::new(Interpreted {
             built: self,
             params: values.to_vec(),
             interpreter,
             jet,
+            circles,
             invariants,
             splitting,
         }))
@@ -217,6 +218,8 @@ struct Interpreted<'a> {
     interpreter: Interpreter<'a>,
     /// The recurrence of Taylor coefficients, derived when first asked for.
     jet: OnceLock<Option<Jet>>,
+    /// The right-hand side on circles, made when first asked for; none where it does not pay.
+    circles: OnceLock<Option<Circles>>,
     /// The interpreter of the scene with invariants.
     invariants: OnceLock<Option<Interpreter<'a>>>,
     /// The interpreter of the scene with exact flows.
@@ -227,6 +230,10 @@ impl<'a> Interpreted<'a> {
     fn with_splitting(&self) -> Option<&Interpreter<'a>> {
         let prepare = || self.built.with_splitting().ok()?.prepare(&self.params).ok();
         self.splitting.get_or_init(prepare).as_ref()
+    }
+
+    fn circles(&self) -> Option<&Circles> {
+        self.circles.get_or_init(|| self.built.executable.circles()).as_ref()
     }
 
     fn with_invariants(&self) -> Option<&Interpreter<'a>> {
@@ -242,6 +249,22 @@ impl Dynamics for Interpreted<'_> {
 
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         self.interpreter.rhs(t, y, dy);
+    }
+
+    fn n_circles(&self) -> usize {
+        self.circles().map_or(0, |circles| circles.n_angles)
+    }
+
+    fn on_circles(&self, y: &[f64], z: &mut [f64]) {
+        if let Some(circles) = self.circles() {
+            self.interpreter.on_circles(circles, y, z);
+        }
+    }
+
+    fn rhs_on_circles(&self, t: f64, z: &[f64], dz: &mut [f64]) {
+        if let Some(circles) = self.circles() {
+            self.interpreter.rhs_on_circles(circles, t, z, dz);
+        }
     }
 
     fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {

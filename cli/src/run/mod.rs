@@ -14,6 +14,7 @@ pub mod evaluate;
 mod events;
 pub mod forms;
 pub mod info;
+mod inside;
 pub mod integrate;
 pub mod interpreted;
 pub mod matrices;

@@ -3,13 +3,14 @@
 //! Does not know: what is integrated with a method, requests.
 
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, Projected, Rk4, Splitting2,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, OnCircles, Projected, Rk4, Splitting2,
     Splitting4, Splitting6, Taylor, Tsit5, Vern9,
 };
 
 use super::auto::{self, Purpose};
 use super::dynamics::{Dynamics, PreparedLanes, PreparedScene};
 use super::info::Info;
+use super::inside::Inside;
 use super::method::{MethodName, Steps};
 use crate::error::Error;
 
@@ -31,6 +32,15 @@ pub(crate) trait WithMethod<'a>: Sized {
     {
         self.single(method)
     }
+
+    /// With an explicit method for a scene that has angles as points of circles: lanes with a trajectory each have them
+    /// as numbers.
+    fn on_circles<M>(self, method: M) -> Self::Output
+    where
+        M: Method<f64, PreparedScene<'a>> + Method<f64, Inside<'a>> + Method<F64x4, PreparedLanes<'a>> + Sync,
+    {
+        self.single(OnCircles::new(method))
+    }
 }
 
 /// Calls `user` with the method of a name, for a scene with parameters at a state.
@@ -47,9 +57,9 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
 ) -> Result<U::Output, Error> {
     Ok(match method {
         MethodName::Tsit5 => user.explicit(Tsit5),
-        MethodName::Dop853 => user.explicit(Dop853),
-        MethodName::Vern9 => user.explicit(Vern9),
-        MethodName::Gbs14 => user.explicit(Gbs14),
+        MethodName::Dop853 => carried(Dop853, dynamics, user),
+        MethodName::Vern9 => carried(Vern9, dynamics, user),
+        MethodName::Gbs14 => carried(Gbs14, dynamics, user),
         MethodName::Dopri5 => user.explicit(Dopri5),
         MethodName::Rk4 => user.explicit(Rk4),
         MethodName::Gauss4 => user.single(Gauss4::fixed_point()),
@@ -87,6 +97,14 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
         MethodName::Projected => return projected(Vern9, method, dynamics, user),
         MethodName::Gauss16Projected => return projected(Gauss16, method, dynamics, user),
     })
+}
+
+/// Calls `user` with an explicit method of high order, on circles where the scene has angles as points of circles.
+fn carried<'a, U: WithMethod<'a>, M>(method: M, dynamics: &dyn Dynamics, user: U) -> U::Output
+where
+    M: Method<f64, PreparedScene<'a>> + Method<f64, Inside<'a>> + Method<F64x4, PreparedLanes<'a>> + Sync,
+{
+    if dynamics.n_circles() == 0 { user.explicit(method) } else { user.on_circles(method) }
 }
 
 /// Calls `user` with a method around which steps are projected onto the invariants of a scene; `name` is that of both.

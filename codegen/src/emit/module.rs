@@ -10,7 +10,7 @@ use super::expression::{Formula, Text, operation};
 use super::names::Scope;
 use super::text::{FlowText, ImplicitText, MatrixText, OutputText, ProductText, SceneText};
 use crate::error::Error;
-use crate::program::{Factors, Function, Operand, Program, Role};
+use crate::program::{Circles, Factors, Function, Operand, Program, Role};
 
 /// Longer formulas say less than a sentence.
 const MAX_DOC_FORMULA: usize = 90;
@@ -50,6 +50,8 @@ pub(super) struct Module<'a> {
     /// What runs once for a set of parameters.
     pub(super) prepare: Prepare,
     pub(super) rate: Routine<'a>,
+    /// The right-hand side on circles, where it costs less.
+    pub(super) circles: Option<CircleRoutines<'a>>,
     pub(super) energy: Option<Routine<'a>>,
     /// Outputs with the identifiers of their functions.
     pub(super) outputs: Vec<OutputRoutine<'a>>,
@@ -131,6 +133,14 @@ pub(super) struct OutputRoutine<'a> {
     pub(super) routine: Routine<'a>,
 }
 
+/// The right-hand side with angles as points of circles.
+pub(super) struct CircleRoutines<'a> {
+    pub(super) circles: &'a Circles,
+    pub(super) rate: Routine<'a>,
+    /// Cosine and sine of every angle.
+    pub(super) points: Routine<'a>,
+}
+
 /// The function of a product.
 pub(super) struct ProductRoutine<'a> {
     pub(super) text: &'a ProductText,
@@ -174,6 +184,7 @@ impl<'a> Module<'a> {
     pub(super) fn new(
         dialect: &impl Dialect,
         program: &'a Program,
+        circles: Option<&'a Circles>,
         text: &'a SceneText,
     ) -> Result<Module<'a>, Error> {
         expect_size("list of documented parameters", text.params.len(), program.params.len())?;
@@ -192,6 +203,13 @@ impl<'a> Module<'a> {
         let required = |role: &Role| optional(role).ok_or_else(|| missing(program, role));
         let rate = required(&Role::Rate)?;
         expect_size("function rhs", rate.function.results.len(), program.state.len())?;
+        let circles = circles.map(|circles| {
+            let [rate, points] = [Circles::RATE, Circles::POINTS].map(|k| {
+                let function = &circles.program.functions[k];
+                Routine::new(dialect, &circles.program, (&names, &constants), function)
+            });
+            CircleRoutines { circles, rate, points }
+        });
         let energy = optional(&Role::Energy);
         if let Some(energy) = &energy {
             expect_size("function energy", energy.function.results.len(), 1)?;
@@ -274,6 +292,7 @@ impl<'a> Module<'a> {
             formulas: formulas(program),
             prepare: Prepare::new(dialect, program, &constants)?,
             rate,
+            circles,
             energy,
             outputs,
             products,
@@ -295,9 +314,11 @@ impl<'a> Module<'a> {
         let products = self.products.iter().map(|p| &p.routine);
         let implicit = self.implicit.iter().flat_map(|i| [&i.right, &i.jacobian]);
         let flows = self.flows.iter().map(|f| &f.routine);
+        let circles = self.circles.iter().flat_map(|c| [&c.rate, &c.points]);
         let guards = [&self.pivots, &self.signature, &self.domain].into_iter().flatten();
         [&self.rate]
             .into_iter()
+            .chain(circles)
             .chain(&self.energy)
             .chain(outputs)
             .chain(products)

@@ -13,6 +13,13 @@ pub(crate) const ROOT: u32 = 6;
 /// Instructions that an elementary function takes the place of.
 pub(crate) const CALL: u32 = 20;
 
+/// Instructions that a step of an integrator spends on a further component of the state for each evaluation of the
+/// right-hand side.
+///
+/// The tableau of Vern9 has 95 coefficients for 16 evaluations; four components at a time take one instruction each
+/// where the target has vectors of four.
+pub(crate) const STEP_OF_A_COMPONENT: u32 = 6;
+
 /// Cycles from operands to result on current processors. Only their order of magnitude matters: terms and factors that
 /// are known earlier are taken first, so another table changes results in the last bits.
 pub(crate) fn latency(op: &Op) -> u32 {

@@ -4,9 +4,10 @@
 //! became of the search for its form, `counts` and `cost` say what it costs, `verify` checks the rules, `edit` is what
 //! every pass that rewrites a program needs, `interpret` runs a program with the very operations that emitted code
 //! performs, `rounding` bounds their errors, `round_trip` turns it back into expressions, `series` turns a right-hand
-//! side into the recurrence of the Taylor coefficients of its solutions. Does not know: mechanics, how expressions
-//! become programs, Rust.
+//! side into the recurrence of the Taylor coefficients of its solutions, `circles` into one that takes sines and
+//! cosines from the state. Does not know: mechanics, how expressions become programs, Rust.
 
+mod circles;
 pub(crate) mod cost;
 mod counts;
 pub(crate) mod edit;
@@ -23,6 +24,7 @@ mod text;
 mod verify;
 
 pub use crate::expr::Relation;
+pub use circles::Circles;
 pub use counts::Counts;
 pub use interpret::{Point, ViolatedCondition};
 pub(crate) use ir::place_of_two;

@@ -35,6 +35,8 @@ pub enum Role {
     /// What one of the exact flows of the scene, by its name, adds to the state in a time that the function takes
     /// besides the state.
     Flow(String),
+    /// Cosines and sines of the angles of a right-hand side, see [`Circles`](super::Circles).
+    Points,
     /// Order zero of the Taylor coefficients, see [`Jet`](super::Jet).
     SeriesStart,
     /// Every other order of the Taylor coefficients, see [`Jet`](super::Jet).
@@ -51,6 +53,7 @@ impl Role {
             Role::Signature => "signature",
             Role::Domain => "domain",
             Role::Output(name) | Role::Product(name) | Role::OfVariables(name) | Role::Flow(name) => name,
+            Role::Points => "on_circles",
             Role::SeriesStart => "first",
             Role::SeriesStep => "next",
         }

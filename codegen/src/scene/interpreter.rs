@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use hamel_runtime::{Dual, Real};
 
 use crate::error::Error;
-use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
+use crate::program::{Circles, Jet, Point, Program, Role, ViolatedCondition};
 use crate::spec::Want;
 
 use super::bracket::REMAINDER;
@@ -96,6 +96,11 @@ impl Executable {
     /// Number of exact flows; zero if the scene does not want them.
     pub fn n_flows(&self) -> usize {
         self.program.functions.iter().filter(|f| matches!(f.role, Role::Flow(_))).count()
+    }
+
+    /// The right-hand side with angles as points of circles, where it costs less.
+    pub fn circles(&self) -> Option<Circles> {
+        Circles::of(&self.program)
     }
 
     /// Number of invariants of the motion; zero if the scene does not want them.
@@ -232,6 +237,29 @@ impl<'a> Interpreter<'a> {
     /// When a size is wrong.
     pub fn series(&self, jet: &Jet, t: f64, y: &[f64], out: &mut [&mut [f64]]) {
         jet.series(&self.params, &self.prepared, t, y, out);
+    }
+
+    /// The state with cosines and sines of the angles of [`Executable::circles`] behind it.
+    ///
+    /// # Shapes
+    /// y: \[n_state\], z: \[n_state + 2 n_angles\].
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn on_circles(&self, circles: &Circles, y: &[f64], z: &mut [f64]) {
+        let n = circles.n_state;
+        z[..n].copy_from_slice(y);
+        let mut points = vec![0.0; 2 * circles.n_angles];
+        circles.program.run(Circles::POINTS, &self.params, &self.prepared, 0.0, z, &mut points);
+        z[n..].copy_from_slice(&points);
+    }
+
+    /// Derivative of such a state.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn rhs_on_circles(&self, circles: &Circles, t: f64, z: &[f64], dz: &mut [f64]) {
+        circles.program.run(Circles::RATE, &self.params, &self.prepared, t, z, dz);
     }
 
     /// Energy, when the scene wants it.

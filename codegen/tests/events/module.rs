@@ -225,6 +225,49 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         *dy = [theta_dot, dL_dtheta];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [theta, theta_dot, cos_theta, sin_theta]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 3 multiplications, 1 sign change.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
+        let [_, theta_dot, cos_theta, sin_theta] = *y;
+        let _ = t;
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let dL_dtheta = self.k * sin_theta;
+        *dy = [theta_dot, dL_dtheta, -(sin_theta * theta_dot), cos_theta * theta_dot];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 1 elementary function.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 2]) -> [R; 4] {
+        let points = {
+            let [theta, _] = *y;
+            let (t0, t1) = theta.sin_cos();
+            [t1, t0]
+        };
+        let mut z = [R::ZERO; 4];
+        z[..2].copy_from_slice(y);
+        z[2..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -374,6 +417,63 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
             let [v7] = self.after_kicked(t, y);
             *out = [v0, v1, v2, v3, v4, v5, v6, v7];
         }
+    }
+
+    const N_CIRCLES: usize = 1;
+
+    fn on_circles_of(&self, y: &[R; 2], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 4]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (<&[R; 4]>::try_from(z), <&mut [R; 4]>::try_from(dz)) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 4];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 4], convert: impl Fn(R) -> Q) -> [Q; 4] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 2]) -> [R; 4] {
+        self.on_circles(y)
     }
 }
 

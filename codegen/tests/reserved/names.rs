@@ -863,6 +863,204 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [loop, match, y, dy, t1, State, Prepared, Result, Ok, None, workspace, order,
+    ///      coefficient, k, next, sum0, kept0, derivative, async, gen, e0, v0, cos_match,
+    ///      sin_match, cos_y, sin_y, cos_dy, sin_dy, cos_t1, sin_t1, cos_State, sin_State,
+    ///      cos_Prepared, sin_Prepared, cos_Result, sin_Result, cos_Ok, sin_Ok, cos_None,
+    ///      sin_None, cos_workspace, sin_workspace, cos_order, sin_order, cos_coefficient,
+    ///      sin_coefficient, cos_k, sin_k, cos_next, sin_next, cos_sum0, sin_sum0, cos_kept0,
+    ///      sin_kept0, cos_derivative, sin_derivative, cos_async, sin_async, cos_gen, sin_gen,
+    ///      cos_e0, sin_e0, cos_v0, sin_v0, cos_loop, sin_loop]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 22 additions, 89 multiplications (22 fused), 22 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 66], dy: &mut [R; 66]) {
+        let [loop_, match_, y, dy_2, t1, State, Prepared, Result, Ok_, None_, workspace,
+        order, coefficient, k, next, sum0, kept0, derivative, async_, gen_, e0, v0,
+        cos_match, sin_match, cos_y, sin_y, cos_dy, sin_dy, cos_t1, sin_t1, cos_State,
+        sin_State, cos_Prepared, sin_Prepared, cos_Result, sin_Result, cos_Ok, sin_Ok,
+        cos_None, sin_None, cos_workspace, sin_workspace, cos_order, sin_order,
+        cos_coefficient, sin_coefficient, cos_k, sin_k, cos_next, sin_next, cos_sum0,
+        sin_sum0, cos_kept0, sin_kept0, cos_derivative, sin_derivative, cos_async,
+        sin_async, cos_gen, sin_gen, cos_e0, sin_e0, cos_v0, sin_v0, cos_loop, sin_loop,
+        ] = *y;
+        let _ = t;
+        let t0 = sin_match.mul_add(self.type__2 * match_, -(self.type__2 * loop_));
+        let t2 = self.type_ * y.mul_add(sin_y, -match_);
+        let t3 = self.self_ * dy_2.mul_add(sin_dy, -y);
+        let t4 = self.Self_ * t1.mul_add(sin_t1, -dy_2);
+        let t5 = self.crate_ * State.mul_add(sin_State, -t1);
+        let t6 = self.super_ * Prepared.mul_add(sin_Prepared, -State);
+        let t7 = self.R__2 * Result.mul_add(sin_Result, -Prepared);
+        let t8 = self.R_ * Ok_.mul_add(sin_Ok, -Result);
+        let t9 = self.Some_ * None_.mul_add(sin_None, -Ok_);
+        let t10 = self.Err_ * workspace.mul_add(sin_workspace, -None_);
+        let t11 = self.INFO_ * order.mul_add(sin_order, -workspace);
+        let t12 = self.JACOBIAN_PATTERN * coefficient.mul_add(sin_coefficient, -order);
+        let t13 = self.Params * k.mul_add(sin_k, -coefficient);
+        let t14 = self.out * next.mul_add(sin_next, -k);
+        let t15 = self.params * sum0.mul_add(sin_sum0, -next);
+        let t16 = self.value * kept0.mul_add(sin_kept0, -sum0);
+        let t17 = self.condition * derivative.mul_add(sin_derivative, -kept0);
+        let t18 = self.t0 * async_.mul_add(sin_async, -derivative);
+        let t19 = self.c0 * gen_.mul_add(sin_gen, -async_);
+        let t20 = self.f64 * e0.mul_add(sin_e0, -gen_);
+        let t21 = self.core_ * v0.mul_add(sin_v0, -e0);
+        let t22 = self.hamel_runtime * loop_.mul_add(sin_loop, -v0);
+        *dy = [
+            t0,
+            t2,
+            t3,
+            t4,
+            t5,
+            t6,
+            t7,
+            t8,
+            t9,
+            t10,
+            t11,
+            t12,
+            t13,
+            t14,
+            t15,
+            t16,
+            t17,
+            t18,
+            t19,
+            t20,
+            t21,
+            t22,
+            -(sin_match * t2),
+            cos_match * t2,
+            -(sin_y * t3),
+            cos_y * t3,
+            -(sin_dy * t4),
+            cos_dy * t4,
+            -(sin_t1 * t5),
+            cos_t1 * t5,
+            -(sin_State * t6),
+            cos_State * t6,
+            -(sin_Prepared * t7),
+            cos_Prepared * t7,
+            -(sin_Result * t8),
+            cos_Result * t8,
+            -(sin_Ok * t9),
+            cos_Ok * t9,
+            -(sin_None * t10),
+            cos_None * t10,
+            -(sin_workspace * t11),
+            cos_workspace * t11,
+            -(sin_order * t12),
+            cos_order * t12,
+            -(sin_coefficient * t13),
+            cos_coefficient * t13,
+            -(sin_k * t14),
+            cos_k * t14,
+            -(sin_next * t15),
+            cos_next * t15,
+            -(sin_sum0 * t16),
+            cos_sum0 * t16,
+            -(sin_kept0 * t17),
+            cos_kept0 * t17,
+            -(sin_derivative * t18),
+            cos_derivative * t18,
+            -(sin_async * t19),
+            cos_async * t19,
+            -(sin_gen * t20),
+            cos_gen * t20,
+            -(sin_e0 * t21),
+            cos_e0 * t21,
+            -(sin_v0 * t22),
+            cos_v0 * t22,
+            -(sin_loop * t0),
+            cos_loop * t0,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 22 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 22]) -> [R; 66] {
+        let points = {
+            let [loop_, match_, y, dy_2, t1, State, Prepared, Result, Ok_, None_,
+            workspace, order, coefficient, k, next, sum0, kept0, derivative, async_,
+            gen_, e0, v0] = *y;
+            let ([t0, t3], [t2, t4]) = match_.sin_cos_of_two(y);
+            let ([t5, t7], [t6, t8]) = dy_2.sin_cos_of_two(t1);
+            let ([t9, t11], [t10, t12]) = State.sin_cos_of_two(Prepared);
+            let ([t13, t15], [t14, t16]) = Result.sin_cos_of_two(Ok_);
+            let ([t17, t19], [t18, t20]) = None_.sin_cos_of_two(workspace);
+            let ([t21, t23], [t22, t24]) = order.sin_cos_of_two(coefficient);
+            let ([t25, t27], [t26, t28]) = k.sin_cos_of_two(next);
+            let ([t29, t31], [t30, t32]) = sum0.sin_cos_of_two(kept0);
+            let ([t33, t35], [t34, t36]) = derivative.sin_cos_of_two(async_);
+            let ([t37, t39], [t38, t40]) = gen_.sin_cos_of_two(e0);
+            let ([t41, t43], [t42, t44]) = v0.sin_cos_of_two(loop_);
+            [
+                t2,
+                t0,
+                t4,
+                t3,
+                t6,
+                t5,
+                t8,
+                t7,
+                t10,
+                t9,
+                t12,
+                t11,
+                t14,
+                t13,
+                t16,
+                t15,
+                t18,
+                t17,
+                t20,
+                t19,
+                t22,
+                t21,
+                t24,
+                t23,
+                t26,
+                t25,
+                t28,
+                t27,
+                t30,
+                t29,
+                t32,
+                t31,
+                t34,
+                t33,
+                t36,
+                t35,
+                t38,
+                t37,
+                t40,
+                t39,
+                t42,
+                t41,
+                t44,
+                t43,
+            ]
+        };
+        let mut z = [R::ZERO; 66];
+        z[..22].copy_from_slice(y);
+        z[22..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// # Operations
@@ -1768,10 +1966,70 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
         }
     }
 
+    const N_CIRCLES: usize = 22;
+
+    fn on_circles_of(&self, y: &[R; 22], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 66]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (
+            <&[R; 66]>::try_from(z),
+            <&mut [R; 66]>::try_from(dz),
+        ) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+
     fn series_of(&self, t: R, y: &[R; 22], out: &mut [[R; 22]]) -> bool {
         let mut workspace = ::hamel_runtime::Jet::workspace(self);
         ::hamel_runtime::Jet::series(self, t, y, &mut workspace, out);
         true
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 66];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 66], dy: &mut [R; 66]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 66], convert: impl Fn(R) -> Q) -> [Q; 66] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 22]) -> [R; 66] {
+        self.on_circles(y)
     }
 }
 

@@ -1032,6 +1032,449 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw,
+    ///      qx, qy, qz, x, y, cos_beta, sin_beta, cos_alpha, sin_alpha]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 148 additions, 216 multiplications (134 fused), 4 divisions, 2 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 20], dy: &mut [R; 20]) {
+        let [_, _, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3,
+        qw, qx, qy, qz, _, _, cos_beta, sin_beta, cos_alpha, sin_alpha] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [dot_Gamma1, t0, dot_Gamma2, t1, dot_Gamma3, t2] = {
+            let dot_Gamma1 = (-Omega2).mul_add(Gamma3, Omega3 * Gamma2);
+            let dot_Gamma2 = (-Omega3).mul_add(Gamma1, Omega1 * Gamma3);
+            let dot_Gamma3 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
+            [
+                dot_Gamma1,
+                self.c0 * dot_Gamma1,
+                dot_Gamma2,
+                self.c0 * dot_Gamma2,
+                dot_Gamma3,
+                self.c0 * dot_Gamma3,
+            ]
+        };
+        /// velocities v in squares m/2 |v|^2
+        let [t3, t4, t5, t6, t7, v1_1_over_rho, t8, t9, t10, v1_2_over_rho, v1_3_over_rho,
+        ] = {
+            let t3 = sin_beta * sin_alpha;
+            let t4 = alpha_dot + Omega3;
+            let t5 = beta_dot * cos_beta;
+            let t6 = cos_alpha * t5;
+            let t7 = t3.mul_add(t4, -t6);
+            let t8 = sin_alpha * t5;
+            let t9 = sin_beta * cos_alpha;
+            let t10 = t4.mul_add(t9, t8);
+            [
+                t3,
+                t4,
+                t5,
+                t6,
+                t7,
+                Omega2.mul_add(cos_beta, -t0) - t7,
+                t8,
+                t9,
+                t10,
+                (-Omega1).mul_add(cos_beta, -t1) + t10,
+                (-Omega2)
+                    .mul_add(t9, Omega1.mul_add(t3, (-beta_dot).mul_add(sin_beta, -t2))),
+            ]
+        };
+        /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+        let [a1_1_over_rho, a1_2_over_rho, a1_3_over_rho] = {
+            let t11 = cos_beta * t4;
+            [
+                (-Omega3)
+                    .mul_add(
+                        v1_2_over_rho,
+                        (-alpha_dot)
+                            .mul_add(
+                                t10,
+                                (-beta_dot)
+                                    .mul_add(
+                                        beta_dot
+                                            .mul_add(t9, sin_alpha.mul_add(t11, Omega2 * sin_beta)),
+                                        Omega2 * v1_3_over_rho,
+                                    ),
+                            ),
+                    ),
+                Omega3
+                    .mul_add(
+                        v1_1_over_rho,
+                        (-alpha_dot)
+                            .mul_add(
+                                t7,
+                                (-Omega1)
+                                    .mul_add(
+                                        v1_3_over_rho,
+                                        beta_dot
+                                            * (-beta_dot)
+                                                .mul_add(t3, cos_alpha.mul_add(t11, Omega1 * sin_beta)),
+                                    ),
+                            ),
+                    ),
+                (-Omega2)
+                    .mul_add(
+                        (-alpha_dot).mul_add(t3, t6) + v1_1_over_rho,
+                        Omega1
+                            .mul_add(
+                                alpha_dot.mul_add(t9, t8) + v1_2_over_rho,
+                                -(beta_dot * t5),
+                            ),
+                    ),
+            ]
+        };
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
+        let [t13, t14, r_alpha_dot_over_mu_rho2, r_Omega2_over_mu_rho2,
+        r_Omega3_over_mu_rho2, lag_X1_over_rho, r_X1_over_mu_rho] = {
+            let t12 = self.c1 * t9;
+            let t13 = self.c1 * cos_beta;
+            let t14 = Gamma1 * t3;
+            let r_alpha_dot_over_mu_rho2 = t3
+                .mul_add(
+                    a1_1_over_rho,
+                    (-t9).mul_add(a1_2_over_rho, t14.mul_add(self.c1, -(Gamma2 * t12))),
+                );
+            let lag_X1_over_rho = Omega2.mul_add(t2, -(Omega3 * t1));
+            [
+                t13,
+                t14,
+                r_alpha_dot_over_mu_rho2,
+                (-cos_beta)
+                    .mul_add(
+                        a1_1_over_rho,
+                        t9
+                            .mul_add(
+                                a1_3_over_rho,
+                                Gamma3
+                                    .mul_add(
+                                        t12,
+                                        (-Gamma1).mul_add(t13, self.c2 * Omega3 * Omega1),
+                                    ),
+                            ),
+                    ),
+                Omega1.mul_add(self.c3 * Omega2, r_alpha_dot_over_mu_rho2),
+                lag_X1_over_rho,
+                lag_X1_over_rho.mul_add(self.c4, -a1_1_over_rho),
+            ]
+        };
+        /// accelerations of the dependent velocities at udot = 0
+        let [lag_X2_over_rho, lag_X3_over_rho] = [
+            Omega3.mul_add(t0, -(Omega1 * t2)),
+            Omega1.mul_add(t1, -(Omega2 * t0)),
+        ];
+        /// mass matrix A = W^T L_yy Psi
+        let [t16, t17, t18, A_alpha_dot_Omega3_over_mu_rho2,
+        A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2, t25,
+        A_Omega1_Omega1_over_mu_rho2, A_Omega1_Omega2_over_mu_rho2,
+        A_Omega1_Omega3_over_mu_rho2, A_Omega2_Omega2_over_mu_rho2,
+        A_Omega2_Omega3_over_mu_rho2, A_Omega3_Omega3_over_mu_rho2] = {
+            let t15 = self.c52 * cos_beta.mul_add(self.c5, Gamma3);
+            let t16 = t9 * t15;
+            let t17 = t3 * t15;
+            let t18 = sin_beta * sin_beta;
+            let t19 = Gamma2 * t3;
+            let t20 = Gamma1 * t9;
+            let t21 = t19 + t20;
+            let t22 = self.c0 * sin_beta;
+            let t23 = self.c0 * cos_beta;
+            let t24 = Gamma3 * t23;
+            let t26 = cos_beta.mul_add(self.c6, Gamma3);
+            let t27 = self.c7 * Gamma3;
+            let t28 = Gamma2 * Gamma2;
+            let t29 = self.c7 * Gamma1;
+            [
+                t16,
+                t17,
+                t18,
+                t21.mul_add(self.c0, t18),
+                (-sin_alpha).mul_add(t24, (-Gamma2).mul_add(t22, -sin_alpha)),
+                cos_alpha.mul_add(t24, Gamma1.mul_add(t22, cos_alpha)),
+                t23 * (-Gamma1).mul_add(sin_alpha, Gamma2 * cos_alpha),
+                t19
+                    .mul_add(
+                        self.c9,
+                        t26
+                            .mul_add(
+                                t27,
+                                t3
+                                    .mul_add(
+                                        t3,
+                                        cos_beta.mul_add(cos_beta, t28.mul_add(self.c7, self.c8)),
+                                    ),
+                            ),
+                    ),
+                (-self.c54)
+                    .mul_add(
+                        t9.mul_add(t3.mul_add(self.c53, Gamma2), t14),
+                        -(Gamma2 * t29),
+                    ),
+                (-Gamma1).mul_add(t23, (-Gamma3).mul_add(t29, -t16)),
+                t20
+                    .mul_add(
+                        self.c55,
+                        t9
+                            .mul_add(
+                                t9,
+                                t26
+                                    .mul_add(
+                                        t27,
+                                        cos_beta.mul_add(cos_beta, Gamma1.mul_add(t29, self.c10)),
+                                    ),
+                            ),
+                    ),
+                (-Gamma2).mul_add(t27 + t23, -t17),
+                t21
+                    .mul_add(
+                        self.c56,
+                        Gamma1.mul_add(t29, t28.mul_add(self.c7, self.c11)) + t18,
+                    ),
+            ]
+        };
+        /// right side f = W^T (r - L_yy lag)
+        let [n_alpha_dot_over_mu_rho2, n_beta_dot_over_mu_rho2, f_Omega1_over_mu_rho2,
+        f_Omega2_over_mu_rho2, f_Omega3_over_mu_rho2] = {
+            let t30 = (-t9).mul_add(lag_X2_over_rho, t3 * lag_X1_over_rho);
+            let t31 = lag_X3_over_rho + a1_3_over_rho;
+            let t32 = lag_X2_over_rho + a1_2_over_rho;
+            let n_Omega2_over_mu_rho2 = t9
+                .mul_add(
+                    lag_X3_over_rho,
+                    (-cos_beta).mul_add(lag_X1_over_rho, r_Omega2_over_mu_rho2),
+                );
+            let n_Omega3_over_mu_rho2 = t30 + r_Omega3_over_mu_rho2;
+            let n_X1_over_mu_rho = lag_X1_over_rho.mul_add(self.c12, r_X1_over_mu_rho);
+            let t33 = self.c57 * t32;
+            let t34 = self.c0 * Gamma2;
+            [
+                t30 + r_alpha_dot_over_mu_rho2,
+                (-cos_beta)
+                    .mul_add(
+                        cos_alpha
+                            .mul_add(lag_X1_over_rho + a1_1_over_rho, sin_alpha * t32),
+                        sin_beta
+                            .mul_add(
+                                t31,
+                                -(self.c1
+                                    * cos_beta
+                                        .mul_add(
+                                            Gamma1.mul_add(cos_alpha, Gamma2 * sin_alpha),
+                                            -(Gamma3 * sin_beta),
+                                        )),
+                            ),
+                    ),
+                (-Gamma3)
+                    .mul_add(
+                        t3.mul_add(self.c58, -t33),
+                        (-t31)
+                            .mul_add(
+                                t34 + t3,
+                                cos_beta
+                                    .mul_add(
+                                        t32,
+                                        Gamma2.mul_add(t13, self.c13 * Omega3 * Omega2),
+                                    ),
+                            ),
+                    ),
+                self
+                    .c59
+                    .mul_add(
+                        Gamma3.mul_add(n_X1_over_mu_rho, Gamma1 * t31),
+                        n_Omega2_over_mu_rho2,
+                    ),
+                (-n_X1_over_mu_rho)
+                    .mul_add(t34, (-Gamma1).mul_add(t33, n_Omega3_over_mu_rho2)),
+            ]
+        };
+        /// factors of A
+        let [t35, t36, t37, A_l5_1, t38, A_l4_3, A_l5_3, t39, A_l5_4,
+        A_s4_5_5_over_mu_rho2] = {
+            let A_s2_3_3_over_mu_rho2 = (-A_beta_dot_Omega1_over_mu_rho2)
+                .mul_add(A_beta_dot_Omega1_over_mu_rho2, A_Omega1_Omega1_over_mu_rho2);
+            let A_s2_3_4_over_mu_rho2 = (-A_beta_dot_Omega1_over_mu_rho2)
+                .mul_add(A_beta_dot_Omega2_over_mu_rho2, A_Omega1_Omega2_over_mu_rho2);
+            let A_s2_3_5_over_mu_rho2 = A_beta_dot_Omega1_over_mu_rho2
+                .mul_add(t25, A_Omega1_Omega3_over_mu_rho2);
+            let A_s2_4_4_over_mu_rho2 = (-A_beta_dot_Omega2_over_mu_rho2)
+                .mul_add(A_beta_dot_Omega2_over_mu_rho2, A_Omega2_Omega2_over_mu_rho2);
+            let A_s2_4_5_over_mu_rho2 = A_beta_dot_Omega2_over_mu_rho2
+                .mul_add(t25, A_Omega2_Omega3_over_mu_rho2);
+            let A_s2_5_5_over_mu_rho2 = (-t25)
+                .mul_add(t25, A_Omega3_Omega3_over_mu_rho2);
+            let t35 = t18.recip();
+            let t36 = t16 * t35;
+            let t37 = t17 * t35;
+            let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t35;
+            let A_s1_3_3_over_mu_rho2 = (-t16).mul_add(t36, A_s2_3_3_over_mu_rho2);
+            let A_s1_3_4_over_mu_rho2 = (-t17).mul_add(t36, A_s2_3_4_over_mu_rho2);
+            let A_s1_3_5_over_mu_rho2 = A_alpha_dot_Omega3_over_mu_rho2
+                .mul_add(t36, A_s2_3_5_over_mu_rho2);
+            let A_s1_4_4_over_mu_rho2 = (-t17).mul_add(t37, A_s2_4_4_over_mu_rho2);
+            let A_s1_4_5_over_mu_rho2 = A_alpha_dot_Omega3_over_mu_rho2
+                .mul_add(t37, A_s2_4_5_over_mu_rho2);
+            let A_s1_5_5_over_mu_rho2 = (-A_alpha_dot_Omega3_over_mu_rho2)
+                .mul_add(A_l5_1, A_s2_5_5_over_mu_rho2);
+            let t38 = A_s1_3_3_over_mu_rho2.recip();
+            let A_l4_3 = A_s1_3_4_over_mu_rho2 * t38;
+            let A_l5_3 = A_s1_3_5_over_mu_rho2 * t38;
+            let A_s3_4_4_over_mu_rho2 = (-A_s1_3_4_over_mu_rho2)
+                .mul_add(A_l4_3, A_s1_4_4_over_mu_rho2);
+            let A_s3_4_5_over_mu_rho2 = (-A_s1_3_5_over_mu_rho2)
+                .mul_add(A_l4_3, A_s1_4_5_over_mu_rho2);
+            let A_s3_5_5_over_mu_rho2 = (-A_s1_3_5_over_mu_rho2)
+                .mul_add(A_l5_3, A_s1_5_5_over_mu_rho2);
+            let t39 = A_s3_4_4_over_mu_rho2.recip();
+            let A_l5_4 = A_s3_4_5_over_mu_rho2 * t39;
+            [
+                t35,
+                t36,
+                t37,
+                A_l5_1,
+                t38,
+                A_l4_3,
+                A_l5_3,
+                t39,
+                A_l5_4,
+                (-A_s3_4_5_over_mu_rho2).mul_add(A_l5_4, A_s3_5_5_over_mu_rho2),
+            ]
+        };
+        /// substitution through the factors of A
+        let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
+            let z_Omega1_over_mu_rho2 = (-A_beta_dot_Omega1_over_mu_rho2)
+                .mul_add(
+                    n_beta_dot_over_mu_rho2,
+                    n_alpha_dot_over_mu_rho2.mul_add(t36, f_Omega1_over_mu_rho2),
+                );
+            let z_Omega2_over_mu_rho2 = (-A_l4_3)
+                .mul_add(
+                    z_Omega1_over_mu_rho2,
+                    (-A_beta_dot_Omega2_over_mu_rho2)
+                        .mul_add(
+                            n_beta_dot_over_mu_rho2,
+                            n_alpha_dot_over_mu_rho2.mul_add(t37, f_Omega2_over_mu_rho2),
+                        ),
+                );
+            let z_Omega3_over_mu_rho2 = (-A_l5_4)
+                .mul_add(
+                    z_Omega2_over_mu_rho2,
+                    (-A_l5_3)
+                        .mul_add(
+                            z_Omega1_over_mu_rho2,
+                            t25
+                                .mul_add(
+                                    n_beta_dot_over_mu_rho2,
+                                    (-n_alpha_dot_over_mu_rho2)
+                                        .mul_add(A_l5_1, f_Omega3_over_mu_rho2),
+                                ),
+                        ),
+                );
+            let dot_Omega3 = z_Omega3_over_mu_rho2 / A_s4_5_5_over_mu_rho2;
+            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2_over_mu_rho2 * t39);
+            let dot_Omega1 = (-A_l4_3)
+                .mul_add(
+                    dot_Omega2,
+                    (-A_l5_3).mul_add(dot_Omega3, z_Omega1_over_mu_rho2 * t38),
+                );
+            [
+                dot_Omega3,
+                dot_Omega2,
+                dot_Omega1,
+                t36
+                    .mul_add(
+                        dot_Omega1,
+                        t37
+                            .mul_add(
+                                dot_Omega2,
+                                (-A_l5_1)
+                                    .mul_add(dot_Omega3, n_alpha_dot_over_mu_rho2 * t35),
+                            ),
+                    ),
+                (-A_beta_dot_Omega1_over_mu_rho2)
+                    .mul_add(
+                        dot_Omega1,
+                        (-A_beta_dot_Omega2_over_mu_rho2)
+                            .mul_add(
+                                dot_Omega2,
+                                t25.mul_add(dot_Omega3, n_beta_dot_over_mu_rho2),
+                            ),
+                    ),
+            ]
+        };
+        let t40 = R::from_f64(0.5) * Omega1;
+        let t41 = R::from_f64(0.5) * Omega2;
+        let t42 = R::from_f64(0.5) * Omega3;
+        let t43 = qw * qz;
+        let t44 = (-self.c14).mul_add(qz * qz, self.rho);
+        *dy = [
+            alpha_dot,
+            beta_dot,
+            dot_alpha_dot,
+            dot_beta_dot,
+            dot_Omega1,
+            dot_Omega2,
+            dot_Omega3,
+            dot_Gamma1,
+            dot_Gamma2,
+            dot_Gamma3,
+            (-qz).mul_add(t42, (-qy).mul_add(t41, -(qx * t40))),
+            (-qz).mul_add(t41, qw.mul_add(t40, qy * t42)),
+            (-qx).mul_add(t42, qw.mul_add(t41, qz * t40)),
+            (-qy).mul_add(t40, qw.mul_add(t42, qx * t41)),
+            self
+                .c14
+                .mul_add(
+                    (-t2).mul_add(qw.mul_add(qy, qx * qz), -(t1 * qx.mul_add(qy, -t43))),
+                    t0 * self.c14.mul_add(qy * qy, -t44),
+                ),
+            self
+                .c14
+                .mul_add(
+                    (-t2)
+                        .mul_add(
+                            (-qw).mul_add(qx, qy * qz),
+                            -(t0 * qx.mul_add(qy, t43)),
+                        ),
+                    t1 * self.c14.mul_add(qx * qx, -t44),
+                ),
+            -(sin_beta * beta_dot),
+            cos_beta * beta_dot,
+            -(sin_alpha * alpha_dot),
+            cos_alpha * alpha_dot,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 16]) -> [R; 20] {
+        let points = {
+            let [alpha, beta, _, _, _, _, _, _, _, _, _, _, _, _, _, _] = *y;
+            let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
+            [t1, t0, t3, t2]
+        };
+        let mut z = [R::ZERO; 20];
+        z[..16].copy_from_slice(y);
+        z[16..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -2575,5 +3018,65 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
                 v21,
             ];
         }
+    }
+
+    const N_CIRCLES: usize = 2;
+
+    fn on_circles_of(&self, y: &[R; 16], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 20]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (
+            <&[R; 20]>::try_from(z),
+            <&mut [R; 20]>::try_from(dz),
+        ) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 20];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 20], dy: &mut [R; 20]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 20], convert: impl Fn(R) -> Q) -> [Q; 20] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 16]) -> [R; 20] {
+        self.on_circles(y)
     }
 }

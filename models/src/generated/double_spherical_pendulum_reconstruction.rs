@@ -557,6 +557,218 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [theta1, theta2, phi, theta1_dot, theta2_dot, phi_dot, phi1, cos_theta1, sin_theta1,
+    ///      cos_theta2, sin_theta2, cos_phi, sin_phi]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 48 additions, 91 multiplications (46 fused), 4 divisions, 3 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
+        let [_, _, _, theta1_dot, theta2_dot, phi_dot, _, cos_theta1, sin_theta1,
+        cos_theta2, sin_theta2, cos_phi, sin_phi] = *y;
+        let _ = t;
+        /// mass matrix A = W^T L_yy Psi
+        let [t0, t1, t2, t3, A_phi1_dot_phi1_dot_over_m2_l1_l2] = {
+            let t0 = sin_theta2 * sin_phi;
+            let t2 = self.c0 * (sin_theta2 * sin_theta2);
+            let t3 = cos_phi * sin_theta2;
+            [
+                t0,
+                cos_theta1 * t0,
+                t2,
+                t3,
+                t3.mul_add(self.c1, sin_theta1).mul_add(self.c2 * sin_theta1, t2),
+            ]
+        };
+        /// factors of A
+        let [t4, t5, t6, A_l2_4, t7, t8, A_l3_4, t9, t10, A_l1_2, t12, t13, A_l3_1,
+        A_s1_3_3_over_m2_l1_l2] = {
+            let t4 = cos_theta2 * sin_phi;
+            let t5 = sin_theta1 * t4;
+            let t6 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
+            let A_l2_4 = t5 * t6;
+            let t7 = t1 * t6;
+            let t8 = sin_theta1.mul_add(t3, t2);
+            let A_l3_4 = t8 * t6;
+            let A_s4_2_2_over_m2_l1_l2 = (-t5).mul_add(A_l2_4, self.c26);
+            let t9 = cos_theta2 * cos_phi;
+            let A_s4_2_1_over_m2_l1_l2 = t1
+                .mul_add(A_l2_4, cos_theta1.mul_add(t9, sin_theta1 * sin_theta2));
+            let A_s4_1_1_over_m2_l1_l2 = (-t1).mul_add(t7, self.c27);
+            let A_s4_1_3_over_m2_l1_l2 = t7.mul_add(t8, -t1);
+            let A_s4_3_3_over_m2_l1_l2 = (-t8).mul_add(A_l3_4, t2);
+            let t10 = A_s4_2_2_over_m2_l1_l2.recip();
+            let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t10;
+            let t11 = A_l2_4 * t8;
+            let t12 = t11 * t10;
+            let A_s2_1_1_over_m2_l1_l2 = (-A_s4_2_1_over_m2_l1_l2)
+                .mul_add(A_l1_2, A_s4_1_1_over_m2_l1_l2);
+            let A_s2_1_3_over_m2_l1_l2 = A_l1_2.mul_add(t11, A_s4_1_3_over_m2_l1_l2);
+            let A_s2_3_3_over_m2_l1_l2 = (-t11).mul_add(t12, A_s4_3_3_over_m2_l1_l2);
+            let t13 = A_s2_1_1_over_m2_l1_l2.recip();
+            let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t13;
+            [
+                t4,
+                t5,
+                t6,
+                A_l2_4,
+                t7,
+                t8,
+                A_l3_4,
+                t9,
+                t10,
+                A_l1_2,
+                t12,
+                t13,
+                A_l3_1,
+                (-A_s2_1_3_over_m2_l1_l2).mul_add(A_l3_1, A_s2_3_3_over_m2_l1_l2),
+            ]
+        };
+        /// velocities of the momenta pi = W^T dL/dy
+        let phi1_dot = {
+            let q_phi1_dot_over_m2_l1_l2 = (-phi_dot)
+                .mul_add(t8, theta1_dot.mul_add(t1, (-theta2_dot).mul_add(t5, self.c3)));
+            q_phi1_dot_over_m2_l1_l2 * t6
+        };
+        /// velocities v in squares m/2 |v|^2
+        let [t14, v1_1_over_l2, t15, t16, v2_1_over_l2] = {
+            let t14 = self.c4 * theta1_dot;
+            let v1_1_over_l2 = cos_theta1 * t14;
+            let t15 = phi_dot + phi1_dot;
+            let t16 = (-t0).mul_add(t15, theta2_dot * t9);
+            [t14, v1_1_over_l2, t15, t16, v1_1_over_l2 + t16]
+        };
+        /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+        let [t17, a1_3_over_l2, a2_1_over_l2, t18, a2_2_over_l2, a2_3_over_l2] = {
+            let t17 = sin_theta1
+                * self.c28.mul_add(phi1_dot * phi1_dot, theta1_dot * t14);
+            let a1_3_over_l2 = theta1_dot * v1_1_over_l2;
+            let t18 = phi1_dot * v1_1_over_l2;
+            [
+                t17,
+                a1_3_over_l2,
+                (-t15)
+                    .mul_add(
+                        t3.mul_add(t15, theta2_dot * t4),
+                        (-theta2_dot).mul_add(t4.mul_add(t15, theta2_dot * t3), -t17),
+                    ),
+                t18,
+                phi1_dot
+                    .mul_add(
+                        v2_1_over_l2,
+                        (-theta2_dot)
+                            .mul_add(
+                                (-t9).mul_add(t15, theta2_dot * t0),
+                                phi_dot.mul_add(t16, t18),
+                            ),
+                    ),
+                cos_theta2.mul_add(theta2_dot * theta2_dot, a1_3_over_l2),
+            ]
+        };
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
+        let [r_theta1_dot_over_m2_l1_l2, r_theta2_dot_over_m2_l1_l2, t20,
+        r_phi1_dot_over_m2_l1_l2] = {
+            let t19 = self.c29 * sin_theta2;
+            let t20 = t19 * (-sin_phi).mul_add(a2_1_over_l2, cos_phi * a2_2_over_l2);
+            [
+                (-cos_theta1)
+                    .mul_add(
+                        a2_1_over_l2,
+                        self
+                            .c7
+                            .mul_add(
+                                (-cos_theta1).mul_add(t17, sin_theta1 * a1_3_over_l2),
+                                (-sin_theta1).mul_add(a2_3_over_l2, self.c5 * sin_theta1),
+                            ),
+                    ),
+                (-self.c0)
+                    .mul_add(
+                        t4.mul_add(a2_2_over_l2, t9 * a2_1_over_l2),
+                        (-a2_3_over_l2).mul_add(t19, self.c6 * sin_theta2),
+                    ),
+                t20,
+                (-sin_theta1).mul_add(t18.mul_add(self.c8, a2_2_over_l2), -t20),
+            ]
+        };
+        /// substitution through the factors of A
+        let [dot_phi_dot, dot_theta1_dot, dot_theta2_dot] = {
+            let z_theta2_dot_over_m2_l1_l2 = (-A_l2_4)
+                .mul_add(r_phi1_dot_over_m2_l1_l2, r_theta2_dot_over_m2_l1_l2);
+            let z_theta1_dot_over_m2_l1_l2 = (-A_l1_2)
+                .mul_add(
+                    z_theta2_dot_over_m2_l1_l2,
+                    t7.mul_add(r_phi1_dot_over_m2_l1_l2, r_theta1_dot_over_m2_l1_l2),
+                );
+            let z_phi_dot_over_m2_l1_l2 = (-A_l3_1)
+                .mul_add(
+                    z_theta1_dot_over_m2_l1_l2,
+                    t12
+                        .mul_add(
+                            z_theta2_dot_over_m2_l1_l2,
+                            (-A_l3_4).mul_add(r_phi1_dot_over_m2_l1_l2, -t20),
+                        ),
+                );
+            let dot_phi_dot = z_phi_dot_over_m2_l1_l2 / A_s1_3_3_over_m2_l1_l2;
+            let dot_theta1_dot = (-A_l3_1)
+                .mul_add(dot_phi_dot, z_theta1_dot_over_m2_l1_l2 * t13);
+            [
+                dot_phi_dot,
+                dot_theta1_dot,
+                (-A_l1_2)
+                    .mul_add(
+                        dot_theta1_dot,
+                        t12.mul_add(dot_phi_dot, z_theta2_dot_over_m2_l1_l2 * t10),
+                    ),
+            ]
+        };
+        *dy = [
+            theta1_dot,
+            theta2_dot,
+            phi_dot,
+            dot_theta1_dot,
+            dot_theta2_dot,
+            dot_phi_dot,
+            phi1_dot,
+            -(sin_theta1 * theta1_dot),
+            cos_theta1 * theta1_dot,
+            -(sin_theta2 * theta2_dot),
+            cos_theta2 * theta2_dot,
+            -(sin_phi * phi_dot),
+            cos_phi * phi_dot,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 3 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 7]) -> [R; 13] {
+        let points = {
+            let [theta1, theta2, phi, _, _, _, _] = *y;
+            let ([t0, t2], [t1, t3]) = theta1.sin_cos_of_two(theta2);
+            let (t4, t5) = phi.sin_cos();
+            [t1, t0, t3, t2, t5, t4]
+        };
+        let mut z = [R::ZERO; 13];
+        z[..7].copy_from_slice(y);
+        z[7..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -1102,5 +1314,65 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
             let [v4] = self.velocities(t, y);
             *out = [v0, v1, v2, v3, v4];
         }
+    }
+
+    const N_CIRCLES: usize = 3;
+
+    fn on_circles_of(&self, y: &[R; 7], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 13]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (
+            <&[R; 13]>::try_from(z),
+            <&mut [R; 13]>::try_from(dz),
+        ) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 13];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 13], convert: impl Fn(R) -> Q) -> [Q; 13] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 7]) -> [R; 13] {
+        self.on_circles(y)
     }
 }

@@ -357,6 +357,71 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [theta, theta_dot, phi_dot, psi_dot, cos_theta, sin_theta]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 11 additions, 22 multiplications (10 fused), 1 division, 1 sign change.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
+        let [_, theta_dot, phi_dot, psi_dot, cos_theta, sin_theta] = *y;
+        let _ = t;
+        let t0 = phi_dot * sin_theta;
+        let t1 = phi_dot * cos_theta;
+        let t2 = self.c6 * theta_dot / sin_theta * t1.mul_add(self.c5, psi_dot);
+        *dy = [
+            theta_dot,
+            self
+                .c4
+                .mul_add(
+                    t1.mul_add(psi_dot + t1, -(t0 * t0)),
+                    (self.c3 * t0)
+                        .mul_add(
+                            t1.mul_add(self.c0, psi_dot),
+                            cos_theta.mul_add(self.c2, self.c1 * sin_theta),
+                        ),
+                ),
+            (-theta_dot).mul_add(self.c7 * phi_dot, t2),
+            (-cos_theta)
+                .mul_add(
+                    t2,
+                    theta_dot
+                        * t1.mul_add(self.c9, t0.mul_add(self.c8, self.c18 * psi_dot)),
+                ),
+            -(sin_theta * theta_dot),
+            cos_theta * theta_dot,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 1 elementary function.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 4]) -> [R; 6] {
+        let points = {
+            let [theta, _, _, _] = *y;
+            let (t0, t1) = theta.sin_cos();
+            [t1, t0]
+        };
+        let mut z = [R::ZERO; 6];
+        z[..4].copy_from_slice(y);
+        z[4..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -533,5 +598,62 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
 
     fn outputs_of(&self, t: R, y: &[R; 4], out: &mut [R]) {
         let _ = (t, y, out);
+    }
+
+    const N_CIRCLES: usize = 1;
+
+    fn on_circles_of(&self, y: &[R; 4], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 6]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (<&[R; 6]>::try_from(z), <&mut [R; 6]>::try_from(dz)) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 6];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 6], convert: impl Fn(R) -> Q) -> [Q; 6] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 4]) -> [R; 6] {
+        self.on_circles(y)
     }
 }

@@ -276,6 +276,50 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [x, y, cos_x, sin_x, cos_y, sin_y]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 4 additions, 13 multiplications (4 fused), 1 division, 2 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
+        let [x, _, cos_x, sin_x, cos_y, sin_y] = *y;
+        let _ = t;
+        let t0 = cos_x.mul_add(self.b2 * cos_y, x.mul_add(self.b1, self.b0)).recip();
+        let t1 = cos_x.mul_add(self.c0 * sin_y, self.e2) * t0;
+        let t2 = (-cos_y).mul_add(self.c12 * sin_x, self.c1) * t0;
+        *dy = [t1, t2, -(sin_x * t1), cos_x * t1, -(sin_y * t2), cos_y * t2];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 2]) -> [R; 6] {
+        let points = {
+            let [x, y] = *y;
+            let ([t0, t2], [t1, t3]) = x.sin_cos_of_two(y);
+            [t1, t0, t3, t2]
+        };
+        let mut z = [R::ZERO; 6];
+        z[..2].copy_from_slice(y);
+        z[2..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -463,5 +507,62 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
             let [v0, v1] = self.momentum(t, y);
             *out = [v0, v1];
         }
+    }
+
+    const N_CIRCLES: usize = 2;
+
+    fn on_circles_of(&self, y: &[R; 2], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 6]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (<&[R; 6]>::try_from(z), <&mut [R; 6]>::try_from(dz)) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 6];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 6], convert: impl Fn(R) -> Q) -> [Q; 6] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 2]) -> [R; 6] {
+        self.on_circles(y)
     }
 }

@@ -430,6 +430,61 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [psi1, psi2, psi1_dot, psi2_dot, theta, x, y, cos_theta, sin_theta]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 6 additions, 15 multiplications (5 fused), 3 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 9], dy: &mut [R; 9]) {
+        let [_, _, psi1_dot, psi2_dot, _, _, _, cos_theta, sin_theta] = *y;
+        let _ = t;
+        let t0 = self.c2 * psi1_dot;
+        let t1 = psi1_dot * psi1_dot;
+        let t2 = (-psi1_dot).mul_add(self.c19, self.c3 * psi2_dot);
+        let t3 = self.c4 * (psi1_dot + psi2_dot);
+        *dy = [
+            psi1_dot,
+            psi2_dot,
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c1, t0), self.c0 * t1),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c17, t0), self.c18 * t1),
+            t2,
+            -(cos_theta * t3),
+            -(sin_theta * t3),
+            -(sin_theta * t2),
+            cos_theta * t2,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 1 elementary function.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 7]) -> [R; 9] {
+        let points = {
+            let [_, _, _, _, theta, _, _] = *y;
+            let (t0, t1) = theta.sin_cos();
+            [t1, t0]
+        };
+        let mut z = [R::ZERO; 9];
+        z[..7].copy_from_slice(y);
+        z[7..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -619,5 +674,62 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
             let [v10, v11] = self.momentum_equation(t, y);
             *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11];
         }
+    }
+
+    const N_CIRCLES: usize = 1;
+
+    fn on_circles_of(&self, y: &[R; 7], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 9]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (<&[R; 9]>::try_from(z), <&mut [R; 9]>::try_from(dz)) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 9];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 9], dy: &mut [R; 9]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 9], convert: impl Fn(R) -> Q) -> [Q; 9] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 7]) -> [R; 9] {
+        self.on_circles(y)
     }
 }

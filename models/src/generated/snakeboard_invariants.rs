@@ -327,6 +327,60 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         *dy = [psi_dot, phi_dot, t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [psi, phi, psi_dot, phi_dot, s, cos_phi, sin_phi]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 sign change.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
+        let [_, _, psi_dot, phi_dot, s, cos_phi, sin_phi] = *y;
+        let _ = t;
+        /// factors of A
+        let minus_A_s1_3_3_over_m_r2 = self
+            .c0
+            .mul_add(sin_phi * sin_phi, -(cos_phi * cos_phi));
+        let t0 = s * phi_dot * cos_phi / minus_A_s1_3_3_over_m_r2;
+        *dy = [
+            psi_dot,
+            phi_dot,
+            t0,
+            R::ZERO,
+            t0 * (self.c1 * sin_phi),
+            -(sin_phi * phi_dot),
+            cos_phi * phi_dot,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 1 elementary function.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 5]) -> [R; 7] {
+        let points = {
+            let [_, phi, _, _, _] = *y;
+            let (t0, t1) = phi.sin_cos();
+            [t1, t0]
+        };
+        let mut z = [R::ZERO; 7];
+        z[..5].copy_from_slice(y);
+        z[5..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -537,6 +591,20 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
         }
     }
 
+    const N_CIRCLES: usize = 1;
+
+    fn on_circles_of(&self, y: &[R; 5], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 7]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (<&[R; 7]>::try_from(z), <&mut [R; 7]>::try_from(dz)) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+
     const N_INVARIANTS: usize = 2;
 
     fn invariants_of(&self, t: R, y: &[R; 5], values: &mut [R]) {
@@ -549,6 +617,49 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
         if let Ok(gradients) = <&mut [[R; 5]; 2]>::try_from(gradients) {
             ::hamel_runtime::Invariants::gradients(self, t, y, gradients);
         }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 7];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 7], convert: impl Fn(R) -> Q) -> [Q; 7] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 5]) -> [R; 7] {
+        self.on_circles(y)
     }
 }
 

@@ -367,6 +367,69 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [psi, phi, psi_dot, phi_dot, s, theta, x, y, cos_phi, sin_phi, cos_theta, sin_theta]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 1 addition, 15 multiplications (1 fused), 1 division, 4 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 12], dy: &mut [R; 12]) {
+        let [_, _, psi_dot, phi_dot, s, _, _, _, cos_phi, sin_phi, cos_theta, sin_theta,
+        ] = *y;
+        let _ = t;
+        /// factors of A
+        let minus_A_s1_3_3_over_m_r2 = self
+            .c0
+            .mul_add(sin_phi * sin_phi, -(cos_phi * cos_phi));
+        let t0 = s * cos_phi;
+        let t1 = phi_dot * t0 / minus_A_s1_3_3_over_m_r2;
+        let t2 = s * sin_phi;
+        let t3 = self.r * t0;
+        *dy = [
+            psi_dot,
+            phi_dot,
+            t1,
+            R::ZERO,
+            t1 * (self.c1 * sin_phi),
+            t2,
+            -(cos_theta * t3),
+            -(sin_theta * t3),
+            -(sin_phi * phi_dot),
+            cos_phi * phi_dot,
+            -(sin_theta * t2),
+            cos_theta * t2,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 8]) -> [R; 12] {
+        let points = {
+            let [_, phi, _, _, _, theta, _, _] = *y;
+            let ([t0, t2], [t1, t3]) = phi.sin_cos_of_two(theta);
+            [t1, t0, t3, t2]
+        };
+        let mut z = [R::ZERO; 12];
+        z[..8].copy_from_slice(y);
+        z[8..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -622,5 +685,65 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
             let v14 = self.p(t, y);
             *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13, v14];
         }
+    }
+
+    const N_CIRCLES: usize = 2;
+
+    fn on_circles_of(&self, y: &[R; 8], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 12]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (
+            <&[R; 12]>::try_from(z),
+            <&mut [R; 12]>::try_from(dz),
+        ) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 12];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 12], dy: &mut [R; 12]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 12], convert: impl Fn(R) -> Q) -> [Q; 12] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 8]) -> [R; 12] {
+        self.on_circles(y)
     }
 }

@@ -613,6 +613,144 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [alpha, beta, p_a, p_b, Pi1, Pi2, Pi3, cos_alpha, sin_alpha, cos_beta, sin_beta]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 42 additions, 74 multiplications (38 fused), 3 divisions, 2 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
+        let [alpha, beta, p_a, p_b, Pi1, Pi2, Pi3, cos_alpha, sin_alpha, cos_beta,
+        sin_beta] = *y;
+        let _ = t;
+        /// mass matrix A = W^T L_yy Psi
+        let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t2, t3, t4,
+        A_Omega2_Omega2, t6, t8, A_Omega3_Omega3] = {
+            let t0 = cos_beta.mul_add(R::from_f64(2.5), sin_beta);
+            let t1 = sin_alpha * sin_alpha;
+            let t2 = cos_alpha.mul_add(self.c1, self.c0);
+            let t4 = self.c6 + sin_beta;
+            let t5 = t2 * t2;
+            let t6 = self.c8 + cos_beta;
+            let t7 = self.c3 * t6;
+            [
+                cos_alpha.mul_add(self.c0, self.c1),
+                t0.mul_add(self.c2, self.c3),
+                t1.mul_add(self.c48, t0.mul_add(self.c4, self.c5)),
+                t2,
+                sin_alpha * t2,
+                t4,
+                t5.mul_add(self.c7, self.c3.mul_add(t4 * t4, self.I2)),
+                t6,
+                t4 * t7,
+                self.c7.mul_add(t1.mul_add(self.c9, t5), t6.mul_add(t7, self.I3)),
+            ]
+        };
+        /// factors of A
+        let [A_l5_1, A_l3_2, t9, t10, t11, t12, A_s4_5_5] = {
+            let A_l5_1 = self.c7 * A_alpha_dot_Omega3;
+            let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_Omega3_Omega3);
+            let A_l3_2 = self.c10 * A_beta_dot_Omega1;
+            let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
+            let t9 = A_s2_3_3.recip();
+            let t10 = t3 * t9;
+            let A_s3_4_4 = (-t3).mul_add(t10, A_Omega2_Omega2);
+            let t11 = A_s3_4_4.recip();
+            let t12 = t8 * t11;
+            [A_l5_1, A_l3_2, t9, t10, t11, t12, (-t8).mul_add(t12, A_s1_5_5)]
+        };
+        /// velocities of the momenta pi = W^T dL/dy
+        let [Omega3, Omega2, Omega1, beta_dot, alpha_dot] = {
+            let z_Omega1 = (-p_b).mul_add(A_l3_2, Pi1);
+            let z_Omega2 = t10.mul_add(z_Omega1, Pi2);
+            let z_Omega3 = t12.mul_add(z_Omega2, (-p_a).mul_add(A_l5_1, Pi3));
+            let Omega3 = z_Omega3 / A_s4_5_5;
+            let Omega2 = t12.mul_add(Omega3, z_Omega2 * t11);
+            let Omega1 = t10.mul_add(Omega2, z_Omega1 * t9);
+            [
+                Omega3,
+                Omega2,
+                Omega1,
+                (-A_l3_2).mul_add(Omega1, self.c49 * p_b),
+                (-A_l5_1).mul_add(Omega3, self.c50 * p_a),
+            ]
+        };
+        /// momentum equation
+        let [net_alpha_dot, net_beta_dot, net_Omega1, net_Omega2, net_Omega3] = {
+            let t13 = (Omega3 + alpha_dot) * (sin_alpha * Omega3);
+            let t14 = cos_alpha.mul_add(Omega1, sin_alpha * Omega2);
+            let t15 = cos_beta.mul_add(Omega2, sin_beta * Omega3);
+            let t16 = Omega1 + beta_dot;
+            let t17 = (-t16)
+                .mul_add(
+                    sin_beta * cos_beta.mul_add(beta_dot, t6 * Omega1),
+                    t16
+                        .mul_add(
+                            cos_beta * sin_beta.mul_add(beta_dot, t4 * Omega1),
+                            (-t15).mul_add(t6 * Omega3, t4 * Omega2 * t15),
+                        ),
+                );
+            [
+                (-t2)
+                    .mul_add(
+                        Omega2.mul_add(t14, t13),
+                        self
+                            .c51
+                            .mul_add(
+                                cos_alpha.mul_add(t13, sin_alpha * Omega1 * t14),
+                                -(self.ka * alpha),
+                            ),
+                    ),
+                t17.mul_add(self.c52, -(self.kb * beta)),
+                (-Pi3).mul_add(Omega2, Pi2 * Omega3),
+                Pi3.mul_add(Omega1, -(Pi1 * Omega3)),
+                (-Pi2).mul_add(Omega1, Pi1 * Omega2),
+            ]
+        };
+        *dy = [
+            alpha_dot,
+            beta_dot,
+            net_alpha_dot,
+            net_beta_dot,
+            net_Omega1,
+            net_Omega2,
+            net_Omega3,
+            -(sin_alpha * alpha_dot),
+            cos_alpha * alpha_dot,
+            -(sin_beta * beta_dot),
+            cos_beta * beta_dot,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 7]) -> [R; 11] {
+        let points = {
+            let [alpha, beta, _, _, _, _, _] = *y;
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+            [t1, t0, t3, t2]
+        };
+        let mut z = [R::ZERO; 11];
+        z[..7].copy_from_slice(y);
+        z[7..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -1120,5 +1258,65 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
 
     fn outputs_of(&self, t: R, y: &[R; 7], out: &mut [R]) {
         let _ = (t, y, out);
+    }
+
+    const N_CIRCLES: usize = 2;
+
+    fn on_circles_of(&self, y: &[R; 7], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 11]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (
+            <&[R; 11]>::try_from(z),
+            <&mut [R; 11]>::try_from(dz),
+        ) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 11];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 11], convert: impl Fn(R) -> Q) -> [Q; 11] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 7]) -> [R; 11] {
+        self.on_circles(y)
     }
 }

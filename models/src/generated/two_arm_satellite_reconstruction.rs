@@ -695,6 +695,212 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, qw, qx, qy, qz, cos_alpha,
+    ///      sin_alpha, cos_beta, sin_beta]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 65 additions, 99 multiplications (57 fused), 3 divisions, 2 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 15], dy: &mut [R; 15]) {
+        let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, qw, qx, qy, qz,
+        cos_alpha, sin_alpha, cos_beta, sin_beta] = *y;
+        let _ = t;
+        /// velocities v in squares m/2 |v|^2
+        let [t0, t1, v1_1_scaled, t2, t3, t4, v1_2_scaled, v1_3_scaled, t5, t6,
+        v2_1_over_10_lb, t7, v2_2_over_10_lb, t8, v2_3_over_10_lb] = {
+            let t0 = alpha_dot + Omega3;
+            let t1 = self.c0 * sin_alpha;
+            let t2 = self.c0 * alpha_dot;
+            let t3 = cos_alpha * t2;
+            let t4 = cos_alpha.mul_add(self.c0, self.c1);
+            let t5 = self.c2 + sin_beta;
+            let t6 = self.c3 + cos_beta;
+            let t7 = beta_dot * sin_beta;
+            let t8 = beta_dot * cos_beta;
+            [
+                t0,
+                t1,
+                t0 * t1,
+                t2,
+                t3,
+                t4,
+                Omega3.mul_add(t4, t3),
+                (-Omega2).mul_add(t4, Omega1 * t1),
+                t5,
+                t6,
+                (-Omega3).mul_add(t6, Omega2 * t5),
+                t7,
+                Omega1.mul_add(t5, t7),
+                t8,
+                Omega1.mul_add(t6, t8),
+            ]
+        };
+        /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+        let [a1_1_scaled, a1_2_scaled, a1_3_scaled, a2_1_over_10_lb, a2_2_over_10_lb,
+        a2_3_over_10_lb] = {
+            let t9 = sin_alpha * t2;
+            let t10 = beta_dot + Omega1;
+            [
+                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t3)),
+                (-Omega1)
+                    .mul_add(v1_3_scaled, (-Omega3).mul_add(v1_1_scaled, -(t0 * t9))),
+                Omega2.mul_add(t9 + v1_1_scaled, Omega1 * (t3 + v1_2_scaled)),
+                Omega2.mul_add(t8 + v2_3_over_10_lb, Omega3 * (t7 + v2_2_over_10_lb)),
+                (-Omega3)
+                    .mul_add(v2_1_over_10_lb, Omega1.mul_add(v2_3_over_10_lb, t8 * t10)),
+                (-Omega2)
+                    .mul_add(
+                        v2_1_over_10_lb,
+                        (-Omega1).mul_add(v2_2_over_10_lb, -(t7 * t10)),
+                    ),
+            ]
+        };
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
+        let [r_alpha_dot_over_mb_lb2, r_beta_dot_over_mb_lb2, r_Omega1_over_mb_lb2, t12,
+        r_Omega2_over_mb_lb2, r_Omega3_over_mb_lb2] = {
+            let t11 = sin_alpha * a1_1_scaled;
+            let t12 = self.c7 * t4;
+            [
+                (-cos_alpha).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t11)),
+                (-cos_beta)
+                    .mul_add(
+                        a2_3_over_10_lb,
+                        (-sin_beta).mul_add(a2_2_over_10_lb, self.c5 * beta),
+                    ),
+                (-sin_alpha)
+                    .mul_add(
+                        a1_3_scaled,
+                        (-t6)
+                            .mul_add(
+                                a2_3_over_10_lb,
+                                (-t5).mul_add(a2_2_over_10_lb, self.c6 * Omega3 * Omega2),
+                            ),
+                    ),
+                t12,
+                (-t5)
+                    .mul_add(
+                        a2_1_over_10_lb,
+                        a1_3_scaled.mul_add(t12, self.c8 * Omega3 * Omega1),
+                    ),
+                t6
+                    .mul_add(
+                        a2_1_over_10_lb,
+                        (-a1_2_scaled)
+                            .mul_add(t12, Omega1.mul_add(self.c9 * Omega2, -t11)),
+                    ),
+            ]
+        };
+        /// mass matrix A = W^T L_yy Psi
+        let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t14,
+        A_Omega2_Omega2_over_mb_lb2, t15] = {
+            let t13 = cos_beta.mul_add(R::from_f64(2.5), sin_beta);
+            [
+                t13.mul_add(self.c2, R::ONE),
+                sin_alpha.mul_add(t1, t13.mul_add(self.c10, self.c11)),
+                sin_alpha * t4,
+                t4.mul_add(t12, t5.mul_add(t5, self.c12)),
+                t6 * t5,
+            ]
+        };
+        /// factors of A
+        let [A_l5_1, t16, t17, t18, t19, A_s4_5_5_over_mb_lb2] = {
+            let A_s1_5_5_over_mb_lb2 = self
+                .c16
+                .mul_add(
+                    cos_alpha * cos_alpha,
+                    cos_beta.mul_add(cos_beta, cos_beta.mul_add(self.c14, self.c15)),
+                );
+            let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
+                .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
+            let t16 = A_s2_3_3_over_mb_lb2.recip();
+            let t17 = t14 * t16;
+            let A_s3_4_4_over_mb_lb2 = (-t14).mul_add(t17, A_Omega2_Omega2_over_mb_lb2);
+            let t18 = A_s3_4_4_over_mb_lb2.recip();
+            let t19 = t15 * t18;
+            [
+                cos_alpha.mul_add(self.c13, R::ONE),
+                t16,
+                t17,
+                t18,
+                t19,
+                (-t15).mul_add(t19, A_s1_5_5_over_mb_lb2),
+            ]
+        };
+        /// substitution through the factors of A
+        let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
+            let z_Omega1_over_mb_lb2 = (-r_beta_dot_over_mb_lb2)
+                .mul_add(A_beta_dot_Omega1_over_mb_lb2, r_Omega1_over_mb_lb2);
+            let z_Omega2_over_mb_lb2 = t17
+                .mul_add(z_Omega1_over_mb_lb2, r_Omega2_over_mb_lb2);
+            let z_Omega3_over_mb_lb2 = t19
+                .mul_add(
+                    z_Omega2_over_mb_lb2,
+                    (-r_alpha_dot_over_mb_lb2).mul_add(A_l5_1, r_Omega3_over_mb_lb2),
+                );
+            let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+            let dot_Omega2 = t19.mul_add(dot_Omega3, z_Omega2_over_mb_lb2 * t18);
+            let dot_Omega1 = t17.mul_add(dot_Omega2, z_Omega1_over_mb_lb2 * t16);
+            [
+                dot_Omega3,
+                dot_Omega2,
+                dot_Omega1,
+                (-A_beta_dot_Omega1_over_mb_lb2)
+                    .mul_add(dot_Omega1, r_beta_dot_over_mb_lb2),
+                (-A_l5_1).mul_add(dot_Omega3, self.c47 * r_alpha_dot_over_mb_lb2),
+            ]
+        };
+        let t20 = R::from_f64(0.5) * Omega1;
+        let t21 = R::from_f64(0.5) * Omega2;
+        let t22 = R::from_f64(0.5) * Omega3;
+        *dy = [
+            alpha_dot,
+            beta_dot,
+            dot_alpha_dot,
+            dot_beta_dot,
+            dot_Omega1,
+            dot_Omega2,
+            dot_Omega3,
+            (-qz).mul_add(t22, (-qy).mul_add(t21, -(qx * t20))),
+            (-qz).mul_add(t21, qw.mul_add(t20, qy * t22)),
+            (-qx).mul_add(t22, qw.mul_add(t21, qz * t20)),
+            (-qy).mul_add(t20, qw.mul_add(t22, qx * t21)),
+            -(sin_alpha * alpha_dot),
+            cos_alpha * alpha_dot,
+            -(sin_beta * beta_dot),
+            cos_beta * beta_dot,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 11]) -> [R; 15] {
+        let points = {
+            let [alpha, beta, _, _, _, _, _, _, _, _, _] = *y;
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+            [t1, t0, t3, t2]
+        };
+        let mut z = [R::ZERO; 15];
+        z[..11].copy_from_slice(y);
+        z[11..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -1132,5 +1338,65 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
             let [v0, v1, v2, v3, v4] = self.momentum(t, y);
             *out = [v0, v1, v2, v3, v4];
         }
+    }
+
+    const N_CIRCLES: usize = 2;
+
+    fn on_circles_of(&self, y: &[R; 11], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 15]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (
+            <&[R; 15]>::try_from(z),
+            <&mut [R; 15]>::try_from(dz),
+        ) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 15];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 15], dy: &mut [R; 15]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 15], convert: impl Fn(R) -> Q) -> [Q; 15] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 11]) -> [R; 15] {
+        self.on_circles(y)
     }
 }

@@ -778,6 +778,254 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3, cos_alpha, sin_alpha, cos_beta,
+    ///      sin_beta]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 70 additions, 124 multiplications (66 fused), 5 divisions, 2 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
+        let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3, cos_alpha, sin_alpha,
+        cos_beta, sin_beta] = *y;
+        let _ = t;
+        /// mass matrix A = W^T L_yy Psi
+        let [t1, A_alpha_dot_Omega3, t2, t4, A_Omega1_Omega1, t6, t7, t8,
+        A_Omega2_Omega2, t9, A_Omega3_Omega3] = {
+            let t0 = sin_alpha * sin_alpha;
+            let t1 = self.c0 + cos_alpha;
+            let t2 = sin_beta.mul_add(self.c2, self.c3);
+            let t3 = t2 * t2;
+            let t4 = self.c4 + cos_beta;
+            let t5 = t4 * t4;
+            let t6 = self.c1 * sin_alpha;
+            let t8 = self.c1 * t1;
+            [
+                t1,
+                self.c1 * cos_alpha.mul_add(t1, t0),
+                t2,
+                t4,
+                self.c6.mul_add(t5.mul_add(self.c5, t3), t0.mul_add(self.c1, self.I1)),
+                t6,
+                t1 * t6,
+                t8,
+                t3.mul_add(self.c55, t1.mul_add(t8, self.I2)),
+                t2 * t4,
+                t5.mul_add(self.c56, self.c1.mul_add(t1.mul_add(t1, t0), self.I3)),
+            ]
+        };
+        /// factors of A
+        let [t10, t11, t12, t13, A_l2_3, t14, t15, A_l2_4, t17, A_l1_5, A_l2_5, t20, t21,
+        A_s1_2_2] = {
+            let t10 = A_Omega1_Omega1.recip();
+            let t11 = t7 * t10;
+            let t12 = self.c2 * t4;
+            let t13 = cos_beta.mul_add(t12, sin_beta * t2);
+            let A_l2_3 = t13 * t10;
+            let A_s3_4_4 = (-t7).mul_add(t11, A_Omega2_Omega2);
+            let A_s3_2_2 = (-t13).mul_add(A_l2_3, self.c2);
+            let t14 = A_s3_4_4.recip();
+            let t15 = t9 * t14;
+            let t16 = t11 * t13;
+            let A_l2_4 = t16 * t14;
+            let A_s4_5_5 = (-t9).mul_add(t15, A_Omega3_Omega3);
+            let A_s4_2_2 = (-t16).mul_add(A_l2_4, A_s3_2_2);
+            let t17 = A_s4_5_5.recip();
+            let A_l1_5 = A_alpha_dot_Omega3 * t17;
+            let t18 = t15 * t16;
+            let A_l2_5 = t18 * t17;
+            let A_s5_1_1 = (-A_alpha_dot_Omega3).mul_add(A_l1_5, self.c57);
+            let A_s5_2_2 = (-t18).mul_add(A_l2_5, A_s4_2_2);
+            let t19 = A_l1_5 * t18;
+            let t20 = A_s5_1_1.recip();
+            let t21 = t19 * t20;
+            [
+                t10,
+                t11,
+                t12,
+                t13,
+                A_l2_3,
+                t14,
+                t15,
+                A_l2_4,
+                t17,
+                A_l1_5,
+                A_l2_5,
+                t20,
+                t21,
+                (-t19).mul_add(t21, A_s5_2_2),
+            ]
+        };
+        /// velocities of the momenta pi = W^T dL/dy
+        let [Omega3, Omega2, Omega1] = {
+            let q_Omega1 = (-beta_dot).mul_add(t13, Pi1);
+            let q_Omega3 = (-alpha_dot).mul_add(A_alpha_dot_Omega3, Pi3);
+            let c_Omega2 = t11.mul_add(q_Omega1, Pi2);
+            let c_Omega3 = t15.mul_add(c_Omega2, q_Omega3);
+            let Omega3 = c_Omega3 * t17;
+            let Omega2 = t15.mul_add(Omega3, c_Omega2 * t14);
+            [Omega3, Omega2, t11.mul_add(Omega2, q_Omega1 * t10)]
+        };
+        /// velocities v in squares m/2 |v|^2
+        let [t22, v1_1_over_5_la, v1_2_over_5_la, v1_3_over_5_la, v2_1_over_10_lb,
+        v2_2_over_10_lb, v2_3_over_10_lb] = {
+            let t22 = alpha_dot + Omega3;
+            let t23 = self.c58 * t2;
+            [
+                t22,
+                sin_alpha * t22,
+                t1.mul_add(Omega3, alpha_dot * cos_alpha),
+                sin_alpha.mul_add(Omega1, -(t1 * Omega2)),
+                Omega2.mul_add(t23, -(t4 * Omega3)),
+                Omega1.mul_add(t23, beta_dot * sin_beta),
+                t4.mul_add(Omega1, beta_dot * cos_beta),
+            ]
+        };
+        /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+        let [a1_1_over_5_la, a1_2_over_5_la, a1_3_over_5_la, a2_1_over_10_lb,
+        a2_2_over_10_lb, a2_3_over_10_lb] = {
+            let t24 = beta_dot + Omega1;
+            [
+                (-Omega2)
+                    .mul_add(
+                        v1_3_over_5_la,
+                        t22.mul_add(alpha_dot * cos_alpha, Omega3 * v1_2_over_5_la),
+                    ),
+                (-Omega1)
+                    .mul_add(
+                        v1_3_over_5_la,
+                        (-Omega3).mul_add(v1_1_over_5_la, -(alpha_dot * v1_1_over_5_la)),
+                    ),
+                alpha_dot
+                    .mul_add(
+                        cos_alpha.mul_add(Omega1, sin_alpha * Omega2),
+                        Omega1.mul_add(v1_2_over_5_la, Omega2 * v1_1_over_5_la),
+                    ),
+                Omega2
+                    .mul_add(
+                        v2_3_over_10_lb,
+                        Omega3
+                            .mul_add(
+                                v2_2_over_10_lb,
+                                beta_dot * cos_beta.mul_add(Omega2, sin_beta * Omega3),
+                            ),
+                    ),
+                t24
+                    .mul_add(
+                        beta_dot * cos_beta,
+                        Omega1.mul_add(v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)),
+                    ),
+                (-t24)
+                    .mul_add(
+                        beta_dot * sin_beta,
+                        (-Omega1).mul_add(v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)),
+                    ),
+            ]
+        };
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
+        let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
+            let t25 = t6 * a1_1_over_5_la;
+            [
+                (-a1_2_over_5_la)
+                    .mul_add(self.c59 * cos_alpha, (-alpha).mul_add(self.ka, -t25)),
+                (-self.c60)
+                    .mul_add(
+                        cos_beta.mul_add(a2_3_over_10_lb, sin_beta * a2_2_over_10_lb),
+                        -(self.kb * beta),
+                    ),
+                (-t6)
+                    .mul_add(
+                        a1_3_over_5_la,
+                        (-t12)
+                            .mul_add(
+                                a2_3_over_10_lb,
+                                (-t2).mul_add(a2_2_over_10_lb, self.c7 * Omega3 * Omega2),
+                            ),
+                    ),
+                (-t2)
+                    .mul_add(
+                        a2_1_over_10_lb,
+                        t8.mul_add(a1_3_over_5_la, Omega1 * (self.c8 * Omega3)),
+                    ),
+                (-t8)
+                    .mul_add(
+                        a1_2_over_5_la,
+                        t12
+                            .mul_add(
+                                a2_1_over_10_lb,
+                                Omega1.mul_add(self.c9 * Omega2, -t25),
+                            ),
+                    ),
+            ]
+        };
+        /// substitution through the factors of A
+        let [dot_beta_dot, dot_alpha_dot] = {
+            let z_Omega2 = t11.mul_add(r_Omega1, r_Omega2);
+            let z_Omega3 = t15.mul_add(z_Omega2, r_Omega3);
+            let z_alpha_dot = (-A_l1_5).mul_add(z_Omega3, r_alpha_dot);
+            let z_beta_dot = t21
+                .mul_add(
+                    z_alpha_dot,
+                    (-A_l2_5)
+                        .mul_add(
+                            z_Omega3,
+                            (-A_l2_4)
+                                .mul_add(z_Omega2, (-A_l2_3).mul_add(r_Omega1, r_beta_dot)),
+                        ),
+                );
+            let dot_beta_dot = z_beta_dot / A_s1_2_2;
+            [dot_beta_dot, t21.mul_add(dot_beta_dot, z_alpha_dot * t20)]
+        };
+        /// momentum equation
+        let [net_Omega1, net_Omega2, net_Omega3] = [
+            (-Pi3).mul_add(Omega2, Pi2 * Omega3),
+            Pi3.mul_add(Omega1, -(Pi1 * Omega3)),
+            (-Pi2).mul_add(Omega1, Pi1 * Omega2),
+        ];
+        *dy = [
+            alpha_dot,
+            beta_dot,
+            dot_alpha_dot,
+            dot_beta_dot,
+            net_Omega1,
+            net_Omega2,
+            net_Omega3,
+            -(sin_alpha * alpha_dot),
+            cos_alpha * alpha_dot,
+            -(sin_beta * beta_dot),
+            cos_beta * beta_dot,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 7]) -> [R; 11] {
+        let points = {
+            let [alpha, beta, _, _, _, _, _] = *y;
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+            [t1, t0, t3, t2]
+        };
+        let mut z = [R::ZERO; 11];
+        z[..7].copy_from_slice(y);
+        z[7..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -1557,5 +1805,65 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
             let [v6, v7, v8] = self.velocities(t, y);
             *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8];
         }
+    }
+
+    const N_CIRCLES: usize = 2;
+
+    fn on_circles_of(&self, y: &[R; 7], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 11]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (
+            <&[R; 11]>::try_from(z),
+            <&mut [R; 11]>::try_from(dz),
+        ) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 11];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 11], convert: impl Fn(R) -> Q) -> [Q; 11] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 7]) -> [R; 11] {
+        self.on_circles(y)
     }
 }

@@ -13,6 +13,7 @@ mod gauss;
 #[cfg(feature = "lanes")]
 mod gbs14;
 mod iteration;
+mod on_circles;
 mod projected;
 mod rk4;
 #[cfg(feature = "lanes")]
@@ -32,6 +33,7 @@ pub use gauss::{FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Newton};
 pub use gauss::{Gauss16, Halves};
 #[cfg(feature = "lanes")]
 pub use gbs14::{Gbs14, Rows};
+pub use on_circles::{OnCircles, Turning};
 pub use projected::{Invariants, Projected, Projection};
 pub use rk4::Rk4;
 #[cfg(feature = "lanes")]

@@ -13,8 +13,8 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Integrator, Jet, Method, Options,
-    OverScalar, Real, Scene, Stats, System, Taylor, Tsit5, Vern9,
+    Circles, Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Integrator, Jet, Method,
+    OnCircles, Options, OverScalar, Real, Scene, Stats, System, Taylor, Tsit5, Vern9,
 };
 
 use crate::kernel;
@@ -126,7 +126,7 @@ fn adaptive(tolerance: f64) -> Options<f64> {
     Options::adaptive(tolerance, tolerance).with_max_steps(MAX_STEPS)
 }
 
-/// A method of the runtime; the name is that of its tableau but for case.
+/// A method of the runtime.
 fn runge_kutta<S, M, const N: usize>(name: &'static str, scene: &Rc<S>, span: Span<N>, method: M) -> Solver
 where
     S: System<f64, State = [f64; N]> + 'static,
@@ -164,6 +164,22 @@ fn of_runtime<S: OverScalar<F64x4, State = [f64; N]> + 'static, const N: usize>(
         runge_kutta("gauss8", scene, span, Gauss8::fixed_point()),
         runge_kutta("gauss16", scene, span, Gauss16),
     ]
+}
+
+/// The fastest of them with the angles of the scene as points of circles within the steps.
+fn on_circles<S, const N: usize>(scene: &Rc<S>, span: Span<N>) -> Vec<Solver>
+where
+    S: Circles<f64, Inside: OverScalar<F64x4>> + OverScalar<F64x4, State = [f64; N]> + 'static,
+{
+    vec![
+        runge_kutta("vern9 on circles", scene, span, OnCircles::new(Vern9)),
+        runge_kutta("gbs14 on circles", scene, span, OnCircles::new(Gbs14)),
+    ]
+}
+
+/// Scenes without angles in their right-hand sides have none of these.
+fn as_numbers<S, const N: usize>(_scene: &Rc<S>, _span: Span<N>) -> Vec<Solver> {
+    Vec::new()
 }
 
 /// Lanes of the rows `.. in 8 lanes`.
@@ -283,22 +299,22 @@ mod others {
     }
 }
 
-/// Calls the macro with the models that are measured, the module of their scene with Taylor series, and their
-/// dimension.
+/// Calls the macro with the models that are measured, the module of their scene with Taylor series, their dimension,
+/// and what becomes of their angles.
 macro_rules! for_each_model {
     ($visit:ident) => {
         $visit! {
-            heavy_top heavy_top_taylor 6,
-            euler_disk euler_disk_taylor 5,
-            chaplygin_ball chaplygin_ball_taylor 6,
-            two_arm_satellite two_arm_satellite_taylor 7,
-            snakeboard snakeboard_taylor 5,
+            heavy_top heavy_top_taylor 6 as_numbers,
+            euler_disk euler_disk_taylor 5 on_circles,
+            chaplygin_ball chaplygin_ball_taylor 6 as_numbers,
+            two_arm_satellite two_arm_satellite_taylor 7 on_circles,
+            snakeboard snakeboard_taylor 5 on_circles,
         }
     };
 }
 
 macro_rules! models {
-    ($($model:ident $taylor:ident $n:literal,)*) => {
+    ($($model:ident $taylor:ident $n:literal $angles:ident,)*) => {
         /// Names of the models that can be measured.
         pub const MODELS: &[&str] = &[$(stringify!($model)),*];
 
@@ -318,6 +334,7 @@ macro_rules! models {
                     let scene = <$model::Prepared<f64> as Scene<f64>>::prepare(&params).map_err(prepare)?;
                     let scene = Rc::new(scene);
                     let mut solvers = of_runtime(&scene, span);
+                    solvers.extend($angles(&scene, span));
                     let series = <$taylor::Prepared<f64> as Scene<f64>>::prepare(&params);
                     solvers.push(taylor(series.map_err(prepare)?, span));
                     let lanes: Vec<F64x8> = params.iter().map(|x| F64x8::from_f64(*x)).collect();

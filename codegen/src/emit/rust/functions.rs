@@ -19,6 +19,7 @@ impl Writer<'_> {
     pub(super) fn functions(&self) -> Result<TokenStream, Error> {
         let (module, rt) = (self.module, &self.runtime);
         let mut methods = self.rate()?;
+        methods.extend(self.circle_functions()?);
         if let Some(energy) = &module.energy {
             let doc = self.function_doc(energy.function, "Energy.", &[]);
             methods.extend(self.scalar("energy", doc, energy)?);

@@ -1,10 +1,11 @@
 //! The Rust back end: a module as items, documented for rustdoc and formatted.
 //!
-//! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `matrices`, `implicit`,
-//! `flows`, `events`, `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the list
-//! of modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which functions there are and why,
-//! the order of their statements.
+//! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `circles`, `matrices`,
+//! `implicit`, `flows`, `events`, `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the
+//! list of modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which functions there are
+//! and why, the order of their statements.
 
+mod circles;
 mod events;
 mod excerpt;
 mod flows;
@@ -35,11 +36,12 @@ use super::module::Module;
 use super::series::Series;
 use super::text::SceneText;
 use crate::error::Error;
-use crate::program::{Jet, Program};
+use crate::program::{Circles, Jet, Program};
 
 /// The module of a scene as text.
 pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Result<String, Error> {
-    let module = Module::new(&Rust, program, text)?;
+    let circles = Circles::of(program);
+    let module = Module::new(&Rust, program, circles.as_ref(), text)?;
     let series = jet.map(|jet| Series::new(&Rust, &module, jet, &series::LOCALS));
     let writer = Writer { module: &module, runtime: format::runtime_path(&text.runtime)? };
     let items = [
@@ -51,6 +53,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.prepared()?,
         writer.functions()?,
         writer.traits(series.is_some()),
+        writer.circles(),
         writer.differentiable(),
         writer.invariants(),
         writer.implicit(),

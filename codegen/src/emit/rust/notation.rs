@@ -87,6 +87,8 @@ impl Dialect for Rust {
         &[
             "new",
             "rhs",
+            "on_circles",
+            "rhs_on_circles",
             "energy",
             "pivots",
             "check",

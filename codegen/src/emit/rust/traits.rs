@@ -57,6 +57,7 @@ impl Writer<'_> {
         } else {
             quote! { Prepared { #(#fields: convert(self.#fields)),* } }
         };
+        let circles = self.circles_of();
         let series = has_series.then(|| {
             quote! {
                 fn series_of(#arguments, out: &mut [[R; #n]]) -> bool {
@@ -116,6 +117,8 @@ impl Writer<'_> {
                 fn outputs_of(#arguments, out: &mut [R]) {
                     #outputs
                 }
+
+                #circles
 
                 #series
 
