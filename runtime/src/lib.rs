@@ -73,6 +73,7 @@ compile_error!(
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod adjoint;
 mod controller;
 mod double_double;
 mod dual;
@@ -94,6 +95,7 @@ mod real;
 mod system;
 mod variational;
 
+pub use adjoint::{Adjoint, AdjointStats, Checkpoint, DiscreteAdjoint};
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
@@ -104,8 +106,9 @@ pub use jet::{Convolutions, Jet, MAX_ORDER};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
-    Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Invariants, Method,
-    Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
+    Constant, Dop853, Dopri5, Estimate, ExplicitMethod, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8,
+    Invariants, Method, Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor,
+    Tolerances, Tsit5, Vern9,
 };
 #[cfg(feature = "lanes")]
 pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};

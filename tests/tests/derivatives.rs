@@ -168,6 +168,13 @@ fn check_against_duals(built: &BuiltScene, at: &At, random: &mut Random) -> f64 
     };
     let expected = (0..n).map(|j| weighted(slopes(program, at, (&fixed, 0.0, &unit(n, j))))).collect();
     compare("vjp", call(&Derivative::Vjp.role(), &w), expected);
+    let expected: Vec<Tracked> =
+        (0..n_params).map(|j| weighted(slopes(program, at, (&unit(n_params, j), 0.0, &still)))).collect();
+    let found = call(&Derivative::SensitivityVjp.role(), &w);
+    assert_eq!(found.len(), n_params, "{label}");
+    for (j, (found, expected)) in found.into_iter().zip(expected).enumerate() {
+        worst = worst.max(agree(&format!("{label}: sensitivity_vjp[{j}]"), found, expected));
+    }
     worst
 }
 
@@ -267,9 +274,12 @@ fn derivatives_and_patterns_are_exact_where_the_whole_expression_can_be_differen
                 equal(&mut exact, product.name(), found, expected);
             }
         }
-        for (j, found) in exact.results(&Derivative::Vjp.role()).into_iter().enumerate() {
-            let expected = exact.combination(&by_state[j], &inputs.arguments[&Derivative::Vjp.role()]);
-            equal(&mut exact, "vjp", found, expected);
+        for (product, columns) in [(Derivative::Vjp, &by_state), (Derivative::SensitivityVjp, &by_params)] {
+            let w = &inputs.arguments[&product.role()];
+            for (j, found) in exact.results(&product.role()).into_iter().enumerate() {
+                let expected = exact.combination(&columns[j], w);
+                equal(&mut exact, product.name(), found, expected);
+            }
         }
     }
 }
@@ -504,6 +514,10 @@ fn compiled_derivatives_equal_the_interpreter_bit_for_bit() {
     let (interpreter, y) = (built.prepare(&at.params).unwrap(), at.state.as_slice().try_into().unwrap());
     let product = compiled.sensitivity_jvp(at.t, &y, v.as_slice().try_into().unwrap());
     let expected = interpreter.product(Derivative::SensitivityJvp, at.t, &y, &v).unwrap();
+    assert_eq!(bits(&product), bits(&expected));
+    let w: [f64; 6] = Random(10).vector(6).try_into().unwrap();
+    let product = compiled.sensitivity_vjp(at.t, &y, &w);
+    let expected = interpreter.product(Derivative::SensitivityVjp, at.t, &y, &w).unwrap();
     assert_eq!(bits(&product), bits(&expected));
     let dense = compiled.sensitivity(at.t, &y);
     let entries = compiled.sensitivity_nonzeros(at.t, &y);

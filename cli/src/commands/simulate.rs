@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use clap::Args;
 use hamel_codegen::spec::{MatrixFluid, Want};
 
-use super::options::{MotionOptions, SceneOptions, assignments};
+use super::options::{EndOptions, MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
 use crate::model::blocks::{self, Block};
 use crate::model::spelling::spell;
@@ -80,9 +80,12 @@ pub struct Arguments {
     /// Which scene, and who evaluates it.
     #[command(flatten)]
     pub scene: SceneOptions,
-    /// From where to where, and how.
+    /// From where, and how.
     #[command(flatten)]
     pub motion: MotionOptions,
+    /// To where.
+    #[command(flatten)]
+    pub end: EndOptions,
     /// Integrate position and attitude (the coordinates of the group) as well; --initial takes them then
     #[arg(long)]
     pub reconstruct: bool,
@@ -190,7 +193,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     let request = SimulateRequest {
         params: Vec::new(),
         initial,
-        t_final: motion.t_final,
+        t_final: arguments.end.t_final,
         method,
         steps,
         samples,
@@ -374,7 +377,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let request = SimulateRequest {
         params,
         initial,
-        t_final: motion.t_final,
+        t_final: arguments.end.t_final,
         method,
         steps,
         samples,

@@ -40,6 +40,8 @@ pub enum Want {
     Sensitivity,
     /// Its product with a direction of the parameters.
     SensitivityJvp,
+    /// The product of its transpose with a covector.
+    SensitivityVjp,
     /// The coordinates of the group as part of the state.
     Reconstruction,
     /// All casimirs of the model.
@@ -70,7 +72,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 28] = [
+    pub const ALL: [Want; 29] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -86,6 +88,7 @@ impl Want {
         Want::TimeDerivative,
         Want::Sensitivity,
         Want::SensitivityJvp,
+        Want::SensitivityVjp,
         Want::Reconstruction,
         Want::Casimirs,
         Want::Circles,
@@ -119,6 +122,7 @@ impl Want {
             Want::TimeDerivative => "time_derivative",
             Want::Sensitivity => "sensitivity",
             Want::SensitivityJvp => "sensitivity_jvp",
+            Want::SensitivityVjp => "sensitivity_vjp",
             Want::Reconstruction => "reconstruction",
             Want::Casimirs => "casimirs",
             Want::Circles => "circles",

@@ -51,6 +51,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.functions()?,
         writer.traits(series.is_some()),
         writer.differentiable(),
+        writer.adjoint(),
         writer.invariants(),
         writer.implicit(),
         writer.events()?,
