@@ -424,7 +424,7 @@ mod tests {
         let mut solver = Integrator::new(&system, method, 0.0, START, options).unwrap();
         let mut times = vec![0.0];
         while solver.t() < 3.0 {
-            solver.step_towards(3.0).unwrap();
+            let _ = solver.step_towards(3.0).unwrap();
             times.push(solver.t());
         }
         let mut gradient = [0.0; 5];
@@ -436,7 +436,7 @@ mod tests {
             let half = Dual::constant(0.5);
             let mut sum = half * start[0] * start[0];
             for t in &times[1..] {
-                solver.step_towards(Dual::constant(3.0)).unwrap();
+                let _ = solver.step_towards(Dual::constant(3.0)).unwrap();
                 // The steps are the same.
                 assert_eq!(solver.t().value, *t);
                 sum += half * solver.state()[0] * solver.state()[0];
