@@ -528,6 +528,42 @@ fn compiled_derivatives_equal_the_interpreter_bit_for_bit() {
     assert!(n_zeros >= dense.as_flattened().len() - top::SENSITIVITY_PATTERN.len());
 }
 
+/// The gradient of a component at the end by the initial state and all parameters of a generated scene, in reverse mode
+/// and by dual numbers along the same steps.
+#[test]
+fn reverse_mode_has_the_gradient_of_dual_numbers() {
+    use hamel_models::generated::heavy_top_derivatives::Prepared;
+    use hamel_runtime::{Checkpoint, DiscreteAdjoint, Vern9};
+    const N: usize = 6;
+    const N_PARAMS: usize = 9;
+    let params: Vec<f64> = <Prepared as Scene<f64>>::INFO.params.iter().map(|p| p.default).collect();
+    let start = [0.4, -0.3, 2.0, 0.0, 0.6, 0.8];
+    let times: [f64; 26] = std::array::from_fn(|k| 0.04 * k as f64);
+    let top = <Prepared as Scene<f64>>::prepare(&params).unwrap();
+    let mut checkpoints = vec![Checkpoint::new(&start); 4];
+    let last = times.len() - 1;
+    let covector = |k: usize, _: &[f64; N], c: &mut [f64; N]| c[4] += if k == last { 1.0 } else { 0.0 };
+    let (mut by_start, mut by_params) = ([0.0; N], [0.0; N_PARAMS]);
+    let gradient = (&mut by_start, &mut by_params[..]);
+    DiscreteAdjoint::new(&top, Vern9, &times).gradient(&start, &mut checkpoints, covector, gradient).unwrap();
+    let found: Vec<f64> = by_start.into_iter().chain(by_params).collect();
+    let dual = |along: usize| -> f64 {
+        let seed = |x: f64, at: usize| Dual::new(x, f64::from(u8::from(at == along)));
+        let values: Vec<Dual> = params.iter().enumerate().map(|(k, p)| seed(*p, N + k)).collect();
+        let top = <Prepared<Dual> as Scene<Dual>>::prepare(&values).unwrap();
+        let start = std::array::from_fn(|k| seed(start[k], k));
+        let options = Options::fixed(Dual::constant(0.04));
+        let mut solver = Integrator::new(&top, Vern9, Dual::constant(0.0), start, options).unwrap();
+        solver.integrate_to(Dual::constant(times[last])).unwrap();
+        solver.state()[4].derivative
+    };
+    let size = found.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
+    for (along, found) in found.iter().enumerate() {
+        // Rounding of four hundred stages of some fifty operations.
+        assert!((found - dual(along)).abs() <= 1e-12 * size, "{along}: {found} and {}", dual(along));
+    }
+}
+
 mod variational {
     use super::*;
     use hamel_models::generated::heavy_top_derivatives::Prepared;

@@ -30,12 +30,12 @@ use crate::session::Session;
 ///
 /// The table (CSV) has a line of names, then a line for each time; cells may be empty. Its columns are components of
 /// the state, `energy` and outputs, by the names that files of `simulate` have. The motion nearest to them in the sense
-/// of least squares is found by the method of Levenberg and Marquardt with exact derivatives, from the start that --set,
-/// --initial and the model's defaults give. Steps of the search out of what the model allows are shortened.
+/// of least squares is found by the method of Levenberg and Marquardt with exact derivatives, from the start that
+/// --set, --initial and the model's defaults give. Steps of the search out of what the model allows are shortened.
 ///
 /// Standard errors and correlations are those of the linearised problem at the minimum. With --sigma they follow from
-/// the given errors of the data, otherwise from what is left of the data; columns of different units then count by their
-/// numbers, so that --sigma is better for them.
+/// the given errors of the data, otherwise from what is left of the data; columns of different units then count by
+/// their numbers, so that --sigma is better for them.
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,
@@ -56,7 +56,8 @@ pub struct Arguments {
     /// Parameters and components of the initial state to be found
     #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', required = true)]
     pub free: Vec<String>,
-    /// What to compare, each with the header of its column where that is another one [default: all columns but the time]
+    /// What to compare, each with the header of its column where that is another one [default: all columns but the
+    /// time]
     #[arg(long, value_name = "NAME[=HEADER]", num_args = 1.., value_delimiter = ',')]
     pub columns: Vec<String>,
     /// Header of the column with the times
@@ -337,8 +338,8 @@ fn json(info: &Info, request: &FitRequest, response: &FitResponse) -> Value {
             (column.name.clone(), object(&[("values", (*n).into()), ("rms", number(*rms))]))
         });
     object(&[
-        ("params", by_name(info.param_names().into_iter(), &response.params)),
-        ("initial", by_name(info.state_names().into_iter(), &response.initial)),
+        ("params", by_name(info.param_names(), &response.params)),
+        ("initial", by_name(info.state_names(), &response.initial)),
         ("estimates", Value::Object(estimates.collect())),
         ("correlation", Value::Object(correlation.collect())),
         ("columns", Value::Object(columns.collect())),
