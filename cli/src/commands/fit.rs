@@ -105,12 +105,8 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let info = backend.info().clone();
     has_state(&info)?;
     let mut problems = Vec::new();
-    let set = assignments(&motion.set, "--set", "parameter", &info.param_names(), &mut problems);
     let forms = Forms::of(model, &info)?;
-    let given = assignments(&motion.initial, "--initial", "state", &forms.known(), &mut problems);
-    if let Err(reason) = forms.form_of(given.keys().map(String::as_str)) {
-        problems.push(Problem::Unusable { path: "--initial".into(), reason });
-    }
+    let [set, given] = motion.given(&info, &forms, &mut problems);
     let free = free(model, &info, &arguments.free).unwrap_or_else(|found| {
         problems.extend(found);
         Vec::new()

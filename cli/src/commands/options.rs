@@ -8,6 +8,8 @@ use clap::Args;
 
 use crate::error::Problem;
 use crate::run::choice::{Choice, Via};
+use crate::run::forms::Forms;
+use crate::run::info::Info;
 use crate::run::method::MethodName;
 
 /// Which scene of which model, and who evaluates it.
@@ -64,6 +66,23 @@ pub struct MotionOptions {
     /// Largest number of steps, rejected ones included [default: 50000000, with fixed steps 1000000000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub max_steps: Option<u64>,
+}
+
+impl MotionOptions {
+    /// Parameters and components of the initial state that were given, by name; of a state in one of its forms.
+    pub(crate) fn given(
+        &self,
+        info: &Info,
+        forms: &Forms,
+        problems: &mut Vec<Problem>,
+    ) -> [BTreeMap<String, f64>; 2] {
+        let set = assignments(&self.set, "--set", "parameter", &info.param_names(), problems);
+        let given = assignments(&self.initial, "--initial", "state", &forms.known(), problems);
+        if let Err(reason) = forms.form_of(given.keys().map(String::as_str)) {
+            problems.push(Problem::Unusable { path: "--initial".into(), reason });
+        }
+        [set, given]
+    }
 }
 
 pub(crate) fn assignment(text: &str) -> Result<(String, f64), String> {

@@ -345,12 +345,8 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     has_state(&info)?;
     let n_group = if arguments.reconstruct { n_group(&info, model)? } else { 0 };
     let mut problems = Vec::new();
-    let set = assignments(&motion.set, "--set", "parameter", &info.param_names(), &mut problems);
     let forms = Forms::of(model, &info)?;
-    let given = assignments(&motion.initial, "--initial", "state", &forms.known(), &mut problems);
-    if let Err(reason) = forms.form_of(given.keys().map(String::as_str)) {
-        problems.push(Problem::Unusable { path: "--initial".into(), reason });
-    }
+    let [set, given] = motion.given(&info, &forms, &mut problems);
     let along = Direction::named(&info, &arguments.sensitivity, "--sensitivity").unwrap_or_else(|found| {
         problems.extend(found);
         Vec::new()

@@ -341,15 +341,20 @@ fn curves(
 ) -> Result<Vec<Vec<f64>>, Error> {
     let dynamics = prepare(factory, &response.params)?;
     let states = states(&dynamics, request, &response.initial, &response.curve_times)?;
-    let curve = |column: &Column| -> Vec<f64> {
-        let value = |(t, y): (&f64, &Vec<f64>)| match column.quantity {
-            Quantity::State(i) => y[i],
-            Quantity::Energy => dynamics.energy(*t, y).unwrap_or(f64::NAN),
-            Quantity::Output(i) => dynamics.outputs(*t, y)[i],
+    let curve = |column: &Column| -> Result<Vec<f64>, Error> {
+        let value = |(t, y): (&f64, &Vec<f64>)| {
+            let value = match column.quantity {
+                Quantity::State(i) => Some(y[i]),
+                Quantity::Energy => dynamics.energy(*t, y),
+                Quantity::Output(i) => dynamics.outputs(*t, y).get(i).copied(),
+            };
+            let reason = || format!("{} is not finite", column.name);
+            let is_finite = |x: &f64| x.is_finite();
+            value.filter(is_finite).ok_or_else(|| stopped_because(dynamics.info(), *t, y, reason()))
         };
         response.curve_times.iter().zip(&states).map(value).collect()
     };
-    Ok(request.columns.iter().map(curve).collect())
+    request.columns.iter().map(curve).collect()
 }
 
 /// The states of a motion at times.
