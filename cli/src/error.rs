@@ -139,6 +139,20 @@ pub enum Error {
         /// Why.
         reason: String,
     },
+    /// A fit that ended at no minimum.
+    NotFitted {
+        /// Why, and what to change.
+        reason: String,
+        /// The best values, by name.
+        reached: Vec<(String, f64)>,
+    },
+    /// Unknowns of a fit that the data do not determine.
+    Unidentifiable {
+        /// A change of the unknowns along which nothing changes that was measured, by name, the largest one.
+        along: Vec<(String, f64)>,
+        /// The values at which this was found, by name.
+        reached: Vec<(String, f64)>,
+    },
     /// Several errors of independent work.
     Several {
         /// The errors.
@@ -250,6 +264,7 @@ impl Error {
         match self {
             Error::Stopped { .. }
             | Error::NoneArrived { .. }
+            | Error::NotFitted { .. }
             | Error::NoFolder { .. }
             | Error::Stale { .. }
             | Error::NotCompiled { .. }
@@ -460,6 +475,31 @@ impl fmt::Display for Error {
             Error::Stopped { t, state, reason } => {
                 write!(f, "integration stopped at t = {t:?}: {reason}\n  state reached: ")?;
                 values(f, state)
+            }
+            Error::NotFitted { reason, reached } => {
+                write!(f, "{reason}\n  the best values: ")?;
+                values(f, reached)
+            }
+            Error::Unidentifiable { along, reached } => {
+                match &along[..] {
+                    [(name, _)] => write!(
+                        f,
+                        "{name} changes nothing that was measured: leave it out of --free, or add columns that depend on it"
+                    )?,
+                    _ => {
+                        let names = names::list(along.iter().map(|(name, _)| name.as_str()));
+                        write!(f, "the data determine combinations of {names} only: the change ")?;
+                        for (k, (name, x)) in along.iter().enumerate() {
+                            write!(f, "{}d{name} = {x:.4}", if k == 0 { "" } else { ", " })?;
+                        }
+                        f.write_str(
+                            " alters nothing that was measured; leave one of them out of --free, or add columns that tell \
+                             them apart",
+                        )?;
+                    }
+                }
+                f.write_str("\n  found at ")?;
+                values(f, reached)
             }
             Error::Stale { files, command } => {
                 f.write_str("generated files are not what the models say:")?;

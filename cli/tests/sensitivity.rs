@@ -23,11 +23,21 @@ const OSCILLATOR: &str = "model oscillator {
     lagrangian = m*x_dot^2/2 - k*x^2/2;
 }";
 
-/// A ball that bounces.
+/// A ball that bounces on a floor whose height depends on a parameter, loses some of its velocity, and is caught in
+/// another scene.
 const BALL: &str = "model ball {
+    param e = 0.7;
+    param a = 0.1;
     coordinate z in real;
     lagrangian = z_dot^2/2 - z;
-    event impact = z falling { then z_dot = -z_dot; }
+    event impact = z - a falling { then z_dot = -e*z_dot; }
+}";
+/// The same ball, which is caught.
+const CAUGHT: &str = "model caught {
+    param a = 0.1;
+    coordinate z in real;
+    lagrangian = z_dot^2/2 - z;
+    event floor = z - a falling { stop; }
 }";
 
 fn simulate(text: &str, request: &Value) -> Result<Value, Error> {
@@ -133,11 +143,48 @@ fn file(name: &str, text: &str) -> String {
     path.to_str().unwrap().to_owned()
 }
 
+/// The derivative of the component `component` by `by` in the file that a simulation wrote.
+fn at_end(model: &str, arguments: &[&str], by: &str, component: &str) -> f64 {
+    let json = file("events.json", "");
+    let arguments =
+        [&["simulate", model, "--initial", "z=1.1", "z_dot=0"], arguments, &["-o", &json]].concat();
+    let (is_fine, _, message) = hamel(&arguments);
+    assert!(is_fine, "{message}");
+    let answer: Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
+    at(&answer, by, component)
+}
+
+/// From the height `h` above the floor the ball falls for `t1 = sqrt(2 h)`, and has risen `e t1 s - s^2/2` after `s`.
 #[test]
-fn derivatives_are_not_carried_through_events() {
+fn derivatives_go_through_events_that_change_the_state() {
     let model = file("ball.hamel", BALL);
-    let (is_fine, _, message) = hamel(&["simulate", &model, "--initial", "z=1", "--sensitivity", "z"]);
-    assert!(!is_fine && message.contains("events"), "{message}");
+    let (h, e, t_final) = (1.0_f64, 0.7_f64, 2.0_f64);
+    let t1 = (2.0 * h).sqrt();
+    let s = t_final - t1;
+    // By the height, which moves t1 by 1/t1; the place of the floor moves height and floor.
+    let by_h = [(e * s - e * t1 + s) / t1, (e + 1.0) / t1];
+    let expected = [("z", by_h), ("e", [t1 * s, t1]), ("a", [1.0 - by_h[0], -by_h[1]])];
+    let arguments = ["--t-final", "2", "--sensitivity", "z,e,a", "--rtol", "1e-12"];
+    for (by, expected) in expected {
+        for (component, expected) in ["z", "z_dot"].iter().zip(expected) {
+            let found = at_end(&model, &arguments, by, component);
+            assert!((found - expected).abs() < 1e-9, "{component} by {by}: {found} {expected}");
+        }
+    }
+}
+
+/// The last state is where the event is: at the floor, with the velocity `-sqrt(2 h)`.
+#[test]
+fn the_last_state_of_a_motion_that_an_event_ends_moves_along_the_event() {
+    let model = file("caught.hamel", CAUGHT);
+    let arguments = ["--sensitivity", "z,a"];
+    let slope = 1.0 / 2.0_f64.sqrt();
+    for (by, component, expected) in
+        [("z", "z", 0.0), ("z", "z_dot", -slope), ("a", "z", 1.0), ("a", "z_dot", slope)]
+    {
+        let found = at_end(&model, &arguments, by, component);
+        assert!((found - expected).abs() < 1e-9, "{component} by {by}: {found} {expected}");
+    }
 }
 
 #[test]

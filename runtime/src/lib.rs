@@ -75,6 +75,7 @@ compile_error!(
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod adjoint;
 mod controller;
 mod double_double;
 mod dual;
@@ -96,6 +97,7 @@ mod real;
 mod system;
 mod variational;
 
+pub use adjoint::{Adjoint, AdjointStats, Checkpoint, DiscreteAdjoint};
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
@@ -106,7 +108,7 @@ pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
-    Constant, Dla, DlaStorage, Dop853, Dopri5, Estimate, ExactFlows, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8,
+    Constant, Dla, DlaStorage, Dop853, Dopri5, Estimate, ExactFlows, ExplicitMethod, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8,
     Invariants, Method, Newton, OnCircles, Point, Projected, Projection, Rk4, Row, Splitting, Splitting2, Splitting4, Splitting6,
     Start, Step, Tableau, Taylor, Tolerances, Tsit5, Turning, Vern9,
 };

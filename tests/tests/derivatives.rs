@@ -168,6 +168,13 @@ fn check_against_duals(built: &BuiltScene, at: &At, random: &mut Random) -> f64 
     };
     let expected = (0..n).map(|j| weighted(slopes(program, at, (&fixed, 0.0, &unit(n, j))))).collect();
     compare("vjp", call(&Derivative::Vjp.role(), &w), expected);
+    let expected: Vec<Tracked> =
+        (0..n_params).map(|j| weighted(slopes(program, at, (&unit(n_params, j), 0.0, &still)))).collect();
+    let found = call(&Derivative::SensitivityVjp.role(), &w);
+    assert_eq!(found.len(), n_params, "{label}");
+    for (j, (found, expected)) in found.into_iter().zip(expected).enumerate() {
+        worst = worst.max(agree(&format!("{label}: sensitivity_vjp[{j}]"), found, expected));
+    }
     worst
 }
 
@@ -267,9 +274,12 @@ fn derivatives_and_patterns_are_exact_where_the_whole_expression_can_be_differen
                 equal(&mut exact, product.name(), found, expected);
             }
         }
-        for (j, found) in exact.results(&Derivative::Vjp.role()).into_iter().enumerate() {
-            let expected = exact.combination(&by_state[j], &inputs.arguments[&Derivative::Vjp.role()]);
-            equal(&mut exact, "vjp", found, expected);
+        for (product, columns) in [(Derivative::Vjp, &by_state), (Derivative::SensitivityVjp, &by_params)] {
+            let w = &inputs.arguments[&product.role()];
+            for (j, found) in exact.results(&product.role()).into_iter().enumerate() {
+                let expected = exact.combination(&columns[j], w);
+                equal(&mut exact, product.name(), found, expected);
+            }
         }
     }
 }
@@ -505,6 +515,10 @@ fn compiled_derivatives_equal_the_interpreter_bit_for_bit() {
     let product = compiled.sensitivity_jvp(at.t, &y, v.as_slice().try_into().unwrap());
     let expected = interpreter.product(Derivative::SensitivityJvp, at.t, &y, &v).unwrap();
     assert_eq!(bits(&product), bits(&expected));
+    let w: [f64; 6] = Random(10).vector(6).try_into().unwrap();
+    let product = compiled.sensitivity_vjp(at.t, &y, &w);
+    let expected = interpreter.product(Derivative::SensitivityVjp, at.t, &y, &w).unwrap();
+    assert_eq!(bits(&product), bits(&expected));
     let dense = compiled.sensitivity(at.t, &y);
     let entries = compiled.sensitivity_nonzeros(at.t, &y);
     for ((i, j), entry) in top::SENSITIVITY_PATTERN.into_iter().zip(entries) {
@@ -512,6 +526,42 @@ fn compiled_derivatives_equal_the_interpreter_bit_for_bit() {
     }
     let n_zeros = dense.as_flattened().iter().filter(|x| **x == 0.0).count();
     assert!(n_zeros >= dense.as_flattened().len() - top::SENSITIVITY_PATTERN.len());
+}
+
+/// The gradient of a component at the end by the initial state and all parameters of a generated scene, in reverse mode
+/// and by dual numbers along the same steps.
+#[test]
+fn reverse_mode_has_the_gradient_of_dual_numbers() {
+    use hamel_models::generated::heavy_top_derivatives::Prepared;
+    use hamel_runtime::{Checkpoint, DiscreteAdjoint, Vern9};
+    const N: usize = 6;
+    const N_PARAMS: usize = 9;
+    let params: Vec<f64> = <Prepared as Scene<f64>>::INFO.params.iter().map(|p| p.default).collect();
+    let start = [0.4, -0.3, 2.0, 0.0, 0.6, 0.8];
+    let times: [f64; 26] = std::array::from_fn(|k| 0.04 * k as f64);
+    let top = <Prepared as Scene<f64>>::prepare(&params).unwrap();
+    let mut checkpoints = vec![Checkpoint::new(&start); 4];
+    let last = times.len() - 1;
+    let covector = |k: usize, _: &[f64; N], c: &mut [f64; N]| c[4] += if k == last { 1.0 } else { 0.0 };
+    let (mut by_start, mut by_params) = ([0.0; N], [0.0; N_PARAMS]);
+    let gradient = (&mut by_start, &mut by_params[..]);
+    DiscreteAdjoint::new(&top, Vern9, &times).gradient(&start, &mut checkpoints, covector, gradient).unwrap();
+    let found: Vec<f64> = by_start.into_iter().chain(by_params).collect();
+    let dual = |along: usize| -> f64 {
+        let seed = |x: f64, at: usize| Dual::new(x, f64::from(u8::from(at == along)));
+        let values: Vec<Dual> = params.iter().enumerate().map(|(k, p)| seed(*p, N + k)).collect();
+        let top = <Prepared<Dual> as Scene<Dual>>::prepare(&values).unwrap();
+        let start = std::array::from_fn(|k| seed(start[k], k));
+        let options = Options::fixed(Dual::constant(0.04));
+        let mut solver = Integrator::new(&top, Vern9, Dual::constant(0.0), start, options).unwrap();
+        solver.integrate_to(Dual::constant(times[last])).unwrap();
+        solver.state()[4].derivative
+    };
+    let size = found.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
+    for (along, found) in found.iter().enumerate() {
+        // Rounding of four hundred stages of some fifty operations.
+        assert!((found - dual(along)).abs() <= 1e-12 * size, "{along}: {found} and {}", dual(along));
+    }
 }
 
 mod variational {

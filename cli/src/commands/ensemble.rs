@@ -10,10 +10,11 @@ use std::time::Instant;
 use clap::Args;
 use rayon::iter::{IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _};
 
-use super::options::{MotionOptions, SceneOptions, assignments};
+use super::options::{EndOptions, MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
-use crate::output::table::{Table, Target};
-use crate::request::variation::{self, Spread, Sweep};
+use crate::output::table::{self, Target};
+use crate::request::table::Table;
+use crate::request::variation::{Spread, Sweep};
 use crate::run::admissible;
 use crate::run::backend::Local;
 use crate::run::dynamics::Factory as _;
@@ -70,9 +71,12 @@ pub struct Arguments {
     /// File (CSV) of parameters and components of initial states: a line of names, then a line for each trajectory
     #[arg(long, value_name = "FILE")]
     pub table: Option<PathBuf>,
-    /// From where to where, and how.
+    /// From where, and how.
     #[command(flatten)]
     pub motion: MotionOptions,
+    /// To where.
+    #[command(flatten)]
+    pub end: EndOptions,
     /// Number of samples of each trajectory at equal distances, both ends included; a single one is the end
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub samples: usize,
@@ -136,7 +140,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     for part in sound.chunks(at_once) {
         let request = EnsembleRequest {
             members: part.iter().map(|member| (*member).clone()).collect(),
-            t_final: motion.t_final,
+            t_final: arguments.end.t_final,
             method: motion.method,
             steps,
             samples: arguments.samples,
@@ -155,8 +159,9 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             Err(error) => Member::failed(error),
         })
         .collect();
-    let times = (0..arguments.samples).map(|k| sample_time(motion.t_final, arguments.samples, k)).collect();
-    let table = Table { info: &info, input_names: plan.names(), inputs, times, results };
+    let times =
+        (0..arguments.samples).map(|k| sample_time(arguments.end.t_final, arguments.samples, k)).collect();
+    let table = table::Table { info: &info, input_names: plan.names(), inputs, times, results };
     for target in &targets {
         target.write(&table)?;
     }
@@ -170,7 +175,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
 }
 
 /// For people: how many, how many stopped, and why the first did.
-fn summary(table: &Table<'_>, targets: &[Target], seconds: f64) -> String {
+fn summary(table: &table::Table<'_>, targets: &[Target], seconds: f64) -> String {
     let results = &table.results;
     let stopped: Vec<(usize, &str)> =
         results.iter().enumerate().filter_map(|(k, r)| Some((k, r.error.as_deref()?))).collect();
@@ -214,7 +219,7 @@ impl<'a> Plan<'a> {
             return Err(Error::unusable("--samples", "is 0, but the end is a sample: give at least 1"));
         }
         let (mut names, mut points) = match &arguments.table {
-            Some(path) => variation::read_table(path)?,
+            Some(path) => Table::read(path)?.full()?,
             None => (Vec::new(), vec![Vec::new()]),
         };
         let zeros = |names: &mut dyn Iterator<Item = &String>| {

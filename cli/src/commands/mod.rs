@@ -6,6 +6,7 @@ pub mod completions;
 pub mod ensemble;
 pub mod eval;
 pub mod explain;
+pub mod fit;
 pub mod generate;
 pub mod list;
 pub mod man;
@@ -47,6 +48,8 @@ pub enum Command {
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Ensemble(ensemble::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
+    Fit(fit::Arguments),
+    #[allow(missing_docs, reason = "help is that of the arguments")]
     Report(report::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Completions(completions::Arguments),
@@ -67,6 +70,7 @@ impl Command {
             Command::Eval(arguments) => eval::run(session, arguments),
             Command::Simulate(arguments) => simulate::run(session, arguments),
             Command::Ensemble(arguments) => ensemble::run(session, arguments),
+            Command::Fit(arguments) => fit::run(session, arguments),
             Command::Report(arguments) => report::run(session, arguments),
             Command::Completions(arguments) => Ok(completions::run(program, arguments)),
             Command::Man(arguments) => man::run(program, arguments),

@@ -8,6 +8,8 @@ use clap::Args;
 
 use crate::error::Problem;
 use crate::run::choice::{Choice, Via};
+use crate::run::forms::Forms;
+use crate::run::info::Info;
 use crate::run::method::MethodName;
 
 /// Which scene of which model, and who evaluates it.
@@ -31,7 +33,15 @@ impl SceneOptions {
     }
 }
 
-/// From where to where, and how.
+/// To where.
+#[derive(Clone, Debug, Default, Args)]
+pub struct EndOptions {
+    /// Time to integrate to, from 0; negative for backward
+    #[arg(long, value_name = "T", default_value_t = 10.0, allow_negative_numbers = true, value_parser = finite)]
+    pub t_final: f64,
+}
+
+/// From where, and how.
 #[derive(Clone, Debug, Default, Args)]
 pub struct MotionOptions {
     /// Parameters that differ from the model's defaults
@@ -40,9 +50,6 @@ pub struct MotionOptions {
     /// Components of the initial state; the others keep their default
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     pub initial: Vec<(String, f64)>,
-    /// Time to integrate to, from 0; negative for backward
-    #[arg(long, value_name = "T", default_value_t = 10.0, allow_negative_numbers = true, value_parser = finite)]
-    pub t_final: f64,
     /// Integration method
     #[arg(long, value_enum, default_value_t)]
     pub method: MethodName,
@@ -61,14 +68,31 @@ pub struct MotionOptions {
     pub max_steps: Option<u64>,
 }
 
-fn assignment(text: &str) -> Result<(String, f64), String> {
+impl MotionOptions {
+    /// Parameters and components of the initial state that were given, by name; of a state in one of its forms.
+    pub(crate) fn given(
+        &self,
+        info: &Info,
+        forms: &Forms,
+        problems: &mut Vec<Problem>,
+    ) -> [BTreeMap<String, f64>; 2] {
+        let set = assignments(&self.set, "--set", "parameter", &info.param_names(), problems);
+        let given = assignments(&self.initial, "--initial", "state", &forms.known(), problems);
+        if let Err(reason) = forms.form_of(given.keys().map(String::as_str)) {
+            problems.push(Problem::Unusable { path: "--initial".into(), reason });
+        }
+        [set, given]
+    }
+}
+
+pub(crate) fn assignment(text: &str) -> Result<(String, f64), String> {
     let Some((name, value)) = text.split_once('=') else {
         return Err("write it as name=value, such as m=1.5".into());
     };
     Ok((name.trim().to_owned(), finite(value)?))
 }
 
-fn finite(text: &str) -> Result<f64, String> {
+pub(crate) fn finite(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
         _ => Err(format!("{text:?} is not a finite number")),

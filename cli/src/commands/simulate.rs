@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use clap::Args;
 use hamel_codegen::spec::{MatrixFluid, Want};
 
-use super::options::{MotionOptions, SceneOptions, assignments};
+use super::options::{EndOptions, MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
 use crate::model::blocks;
 use crate::model::{self, Checked, Model, roles};
@@ -79,9 +79,12 @@ pub struct Arguments {
     /// Which scene, and who evaluates it.
     #[command(flatten)]
     pub scene: SceneOptions,
-    /// From where to where, and how.
+    /// From where, and how.
     #[command(flatten)]
     pub motion: MotionOptions,
+    /// To where.
+    #[command(flatten)]
+    pub end: EndOptions,
     /// Integrate position and attitude (the coordinates of the group) as well; --initial takes them then
     #[arg(long)]
     pub reconstruct: bool,
@@ -189,7 +192,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     let request = SimulateRequest {
         params: Vec::new(),
         initial,
-        t_final: motion.t_final,
+        t_final: arguments.end.t_final,
         method,
         steps,
         samples,
@@ -345,12 +348,8 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     has_state(&info)?;
     let n_group = if arguments.reconstruct { n_group(&info, model)? } else { 0 };
     let mut problems = Vec::new();
-    let set = assignments(&motion.set, "--set", "parameter", &info.param_names(), &mut problems);
     let forms = Forms::of(model, &info)?;
-    let given = assignments(&motion.initial, "--initial", "state", &forms.known(), &mut problems);
-    if let Err(reason) = forms.form_of(given.keys().map(String::as_str)) {
-        problems.push(Problem::Unusable { path: "--initial".into(), reason });
-    }
+    let [set, given] = motion.given(&info, &forms, &mut problems);
     let along = Direction::named(&info, &arguments.sensitivity, "--sensitivity").unwrap_or_else(|found| {
         problems.extend(found);
         Vec::new()
@@ -377,7 +376,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let request = SimulateRequest {
         params,
         initial,
-        t_final: motion.t_final,
+        t_final: arguments.end.t_final,
         method,
         steps,
         samples,

@@ -148,13 +148,13 @@ pub fn figure(run: &Run<'_>) -> Figure {
         }
         for (k, chunk) in lines.chunks(MAX_LINES).enumerate() {
             let heading = heading(block, chunk.iter().map(|(name, _)| name.as_str()).collect(), k);
-            panels.push(Panel { title: heading, lines: chunk.to_vec(), times: None });
+            panels.push(Panel { title: heading, lines: chunk.to_vec(), ..Panel::default() });
         }
     }
     let rest: Vec<usize> = (0..shown.len()).filter(|&k| !shown[k]).collect();
     for chunk in rest.chunks(MAX_LINES) {
         let lines = chunk.iter().map(|&k| (info.state[k].clone(), column(k))).collect();
-        panels.push(Panel { title: "State".into(), lines, times: None });
+        panels.push(Panel { title: "State".into(), lines, ..Panel::default() });
     }
     for (k, (by, _)) in response.along.iter().enumerate() {
         let column = |at: usize| {
@@ -164,7 +164,7 @@ pub fn figure(run: &Run<'_>) -> Figure {
         let all: Vec<usize> = (0..info.state.len()).collect();
         for chunk in all.chunks(MAX_LINES) {
             let lines = chunk.iter().map(|at| column(*at)).collect();
-            panels.push(Panel { title: format!("Derivative by {by}"), lines, times: None });
+            panels.push(Panel { title: format!("Derivative by {by}"), lines, ..Panel::default() });
         }
     }
     if let Some(initial) = response.initial_energy {
@@ -184,6 +184,7 @@ pub fn figure(run: &Run<'_>) -> Figure {
             ),
             lines: vec![(String::new(), values)],
             times: Some(times),
+            ..Panel::default()
         });
     }
     let scene = if info.scene == crate::model::DEFAULT_SCENE {

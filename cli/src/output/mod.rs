@@ -5,6 +5,7 @@
 pub(crate) mod crossings;
 pub mod fields;
 pub mod files;
+pub mod fitted;
 pub(crate) mod formulations;
 pub mod plot;
 pub mod report;

@@ -5,6 +5,7 @@
 mod eval;
 pub mod json;
 mod simulate;
+pub(crate) mod table;
 pub mod variation;
 
 use std::io::{IsTerminal as _, Read as _};

@@ -1,10 +1,8 @@
-//! Values that vary from trajectory to trajectory: grids, draws, tables.
+//! Values that vary from trajectory to trajectory: grids and draws.
 //!
 //! Does not know: which names a scene has.
 
-use std::path::Path;
-
-use crate::error::{Error, Problem};
+use super::table::number;
 
 /// An interval, along which a quantity or its logarithm is uniform.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,13 +48,6 @@ impl Interval {
             from + x * (to - from)
         };
         value.clamp(from, to)
-    }
-}
-
-fn number(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(x) if x.is_finite() => Ok(x),
-        _ => Err(format!("{text:?} is not a finite number")),
     }
 }
 
@@ -164,49 +155,9 @@ fn scramble(x: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Reads a file of numbers, separated by commas, under a line of names: names, then lines.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Request`] with every bad cell.
-pub(crate) fn read_table(path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), Error> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path.display().to_string(), e))?;
-    parse_table(path, &text)
-}
-
-fn parse_table(path: &Path, text: &str) -> Result<(Vec<String>, Vec<Vec<f64>>), Error> {
-    const MAX_PROBLEMS: usize = 20;
-    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let cells = |line: &str| line.split(',').map(|cell| cell.trim().to_owned()).collect::<Vec<String>>();
-    let names = lines.next().map(|(_, line)| cells(line.trim_start_matches('\u{feff}'))).unwrap_or_default();
-    let mut problems = Vec::new();
-    let mut rows = Vec::new();
-    for (at, line) in lines {
-        let cells = cells(line);
-        let mut complain = |reason: String| {
-            problems.push(Problem::Unusable { path: format!("{}:{}", path.display(), at + 1), reason });
-        };
-        if cells.len() != names.len() {
-            let (found, wanted) = (cells.len(), names.len());
-            complain(format!("has {found} values for {wanted} names: give one for each"));
-        }
-        let mut row = Vec::with_capacity(names.len());
-        for cell in &cells {
-            match number(cell) {
-                Ok(x) => row.push(x),
-                Err(reason) => complain(reason),
-            }
-        }
-        rows.push(row);
-    }
-    problems.truncate(MAX_PROBLEMS);
-    if problems.is_empty() { Ok((names, rows)) } else { Err(Error::Request { problems }) }
-}
-
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
-    use super::{Spread, Sweep, parse_table};
+    use super::{Spread, Sweep};
 
     fn draws(text: &str, center: f64, seed: u64) -> Vec<f64> {
         let spread = Spread::parse(text).unwrap();
@@ -265,16 +216,5 @@ mod tests {
             assert!(Spread::parse(text).is_err(), "{text}");
         }
         assert!(Spread::parse("m=-2..-1").is_ok());
-    }
-
-    #[test]
-    fn tables_name_every_bad_cell() {
-        let path = Path::new("starts.csv");
-        let (names, rows) = parse_table(path, "\u{feff}m, Omega1\n1,2\n\n3.5,-4e-1\n").unwrap();
-        assert_eq!((names, rows), (vec!["m".into(), "Omega1".into()], vec![vec![1.0, 2.0], vec![3.5, -0.4]]));
-        let message = parse_table(path, "m,l\n1\nx,2\n1,nan\n").unwrap_err().to_string();
-        for line in ["starts.csv:2 has 1 values for 2 names", "starts.csv:3 \"x\"", "starts.csv:4 \"nan\""] {
-            assert!(message.contains(line), "{message}");
-        }
     }
 }

@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::dynamics::Factory;
 use super::ensemble::{EnsembleRequest, Member, integrate};
 use super::evaluate::{EvalRequest, EvalResponse, eval};
+use super::fit::{FitRequest, FitResponse, fit};
 use super::info::Info;
 use super::integrate::simulate;
 use super::simulation::{SimulateRequest, SimulateResponse};
@@ -31,6 +32,12 @@ pub trait Backend {
     /// # Errors
     /// As [`simulate`].
     fn simulate(&mut self, request: &SimulateRequest) -> Result<SimulateResponse, Error>;
+
+    /// Parameters and initial values whose motion is nearest to what was measured.
+    ///
+    /// # Errors
+    /// As [`fit`].
+    fn fit(&mut self, request: &FitRequest) -> Result<FitResponse, Error>;
 
     /// Solutions from many initial states, in their order.
     ///
@@ -65,9 +72,35 @@ impl<F: Factory> Backend for Local<F> {
         simulate_with_bar(&self.factory, request)
     }
 
+    fn fit(&mut self, request: &FitRequest) -> Result<FitResponse, Error> {
+        fit_with_bar(&self.factory, request)
+    }
+
     fn ensemble(&mut self, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
         integrate(&self.factory, request)
     }
+}
+
+/// Fits a scene under a line that tells how far the search is, on a terminal only.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_with_bar(factory: &dyn Factory, request: &FitRequest) -> Result<FitResponse, Error> {
+    if !std::io::stderr().is_terminal() {
+        return fit(factory, request, &mut |_, _| {});
+    }
+    let bar = ProgressBar::new_spinner();
+    let template = "  {spinner} motion {pos}, sum of squares {msg}  {elapsed}";
+    // The template is a constant that indicatif accepts.
+    bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
+    let result = fit(factory, request, &mut |n, sum| {
+        bar.set_position(n as u64);
+        if sum.is_finite() {
+            bar.set_message(format!("{sum:.6e}"));
+        }
+    });
+    bar.finish_and_clear();
+    result
 }
 
 /// Integrates a scene under a progress bar, which appears on a terminal only, and only when it takes long.

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how derivatives are computed.
 
+use hamel_runtime::Dual;
 use serde::{Deserialize, Serialize};
 
 use super::info::Info;
@@ -45,6 +46,15 @@ impl Direction {
             }
         }
         if problems.is_empty() { Ok(directions) } else { Err(problems) }
+    }
+
+    /// Parameters with their derivatives along the direction.
+    pub(super) fn params(self, values: &[f64]) -> Vec<Dual> {
+        let mut duals: Vec<Dual> = values.iter().copied().map(Dual::constant).collect();
+        if let Direction::Param(k) = self {
+            duals[k] = Dual::variable(values[k]);
+        }
+        duals
     }
 
     /// The name that it has in a scene.

@@ -153,8 +153,24 @@ impl<'a> Deref for PreparedScene<'a> {
 /// The same on four lanes.
 pub type PreparedLanes<'a> = Box<dyn LaneDynamics + 'a>;
 
-/// A right-hand side with parameters over dual numbers, `(t, y, dy)`.
-pub type DualRates<'a> = Box<dyn Fn(Dual, &[Dual], &mut [Dual]) + 'a>;
+/// A scene with parameter values over dual numbers: everything that it computes has its derivative along a direction of
+/// parameters and state.
+///
+/// # Shapes
+/// As [`Dynamics`].
+pub trait DualDynamics {
+    /// As [`Dynamics::rhs`].
+    fn rhs(&self, t: Dual, y: &[Dual], dy: &mut [Dual]);
+
+    /// As [`Dynamics::energy`].
+    fn energy(&self, t: Dual, y: &[Dual]) -> Option<Dual>;
+
+    /// As [`Dynamics::outputs`].
+    fn outputs(&self, t: Dual, y: &[Dual]) -> Vec<Dual>;
+}
+
+/// The same, whoever evaluates it.
+pub type PreparedDuals<'a> = Box<dyn DualDynamics + 'a>;
 
 /// A scene whose parameters are still to be given; threads may share it.
 pub trait Factory: Sync {
@@ -176,11 +192,11 @@ pub trait Factory: Sync {
         Ok(Box::new(SideBySide(lanes.collect::<Result<_, _>>()?)))
     }
 
-    /// Fixes the parameters of the right-hand side, with their derivatives along a direction.
+    /// Fixes the parameters, with their derivatives along a direction.
     ///
     /// # Errors
     /// As [`Factory::prepare`].
-    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams>;
+    fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams>;
 }
 
 impl<F: Factory + ?Sized> Factory for &F {
@@ -196,7 +212,7 @@ impl<F: Factory + ?Sized> Factory for &F {
         (**self).prepare_lanes(values)
     }
 
-    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
+    fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {
         (**self).prepare_duals(values)
     }
 }
@@ -548,9 +564,27 @@ where
         Ok(Box::new(Prepared(W::prepare(values)?)))
     }
 
-    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
-        let scene = D::prepare(values)?;
-        Ok(Box::new(move |t, y, dy| scene.rhs(t, array(y), array_mut(dy))))
+    fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {
+        struct Prepared<D>(D);
+        impl<D, const N: usize> DualDynamics for Prepared<D>
+        where
+            D: Scene<Dual> + System<Dual, State = [Dual; N]>,
+        {
+            fn rhs(&self, t: Dual, y: &[Dual], dy: &mut [Dual]) {
+                self.0.rhs(t, array(y), array_mut(dy));
+            }
+
+            fn energy(&self, t: Dual, y: &[Dual]) -> Option<Dual> {
+                self.0.energy_of(t, array(y))
+            }
+
+            fn outputs(&self, t: Dual, y: &[Dual]) -> Vec<Dual> {
+                let mut out = vec![Dual::ZERO; D::INFO.n_outputs()];
+                self.0.outputs_of(t, array(y), &mut out);
+                out
+            }
+        }
+        Ok(Box::new(Prepared(D::prepare(values)?)))
     }
 }
 

@@ -8,19 +8,23 @@ use hamel_codegen::scene::{Interpreter, SceneEvent};
 use hamel_codegen::spec::EventDirection;
 use hamel_runtime::{Action, Direction, Observer};
 
-use super::dynamics::VecState;
-use super::info::Info;
+use super::dynamics::{Dynamics, VecState};
 use super::record::Record;
-use super::simulation::stopped_because;
+use super::saltation::Saltation;
+use super::simulation::{SimulateRequest, stopped_because};
 use super::watched::{EventRecord, Watched};
 use crate::error::Error;
 
 /// The events of one motion while it is integrated, with everything that is noted on the way.
 pub(super) struct Watcher<'r, 'a> {
     pub(super) record: Record<'r>,
-    info: &'r Info,
+    dynamics: &'r dyn Dynamics,
+    /// Number of components of the state without derivatives behind it.
+    n_own: usize,
     /// With the parameters of the motion; none where nothing is watched.
     interpreter: Option<Interpreter<'a>>,
+    /// None where there are no derivatives, or nothing is watched.
+    saltation: Option<Saltation<'a>>,
     events: &'a [SceneEvent],
     /// Whether each of them is the scene's own, and whether it is watched.
     own: Vec<(bool, bool)>,
@@ -33,22 +37,39 @@ pub(super) struct Watcher<'r, 'a> {
 }
 
 impl<'r, 'a> Watcher<'r, 'a> {
-    /// Watches for events with parameters of the scene.
+    /// Watches for the events that a request asks for, in the state with derivatives behind it if it asks for some.
     pub(super) fn new(
-        watched: Option<&'a Watched>,
-        params: &[f64],
-        (record, info, progress): (Record<'r>, &'r Info, &'r mut dyn FnMut(f64)),
+        dynamics: &'r dyn Dynamics,
+        request: &'a SimulateRequest,
+        (record, progress): (Record<'r>, &'r mut dyn FnMut(f64)),
     ) -> Result<Watcher<'r, 'a>, Error> {
-        let (mut interpreter, mut own, mut events) = (None, Vec::new(), &[][..]);
-        if let Some(Watched { executable, n_sections, has_own }) = watched {
-            let prepared = executable.prepare(params);
-            interpreter = Some(prepared.map_err(|bad| Error::Options { reason: bad.condition })?);
+        let (params, along) = (&request.params, &request.along);
+        let (mut interpreter, mut saltation, mut own, mut events) = (None, None, Vec::new(), &[][..]);
+        if let Some(Watched { executable, n_sections, has_own }) = &request.watched {
+            let refused = |reason| Error::Options { reason };
+            interpreter = Some(executable.prepare(params).map_err(|bad| refused(bad.condition))?);
+            if !along.is_empty() {
+                saltation = Some(Saltation::new(executable, params, along).map_err(refused)?);
+            }
             events = &executable.events;
             let n_own = events.len() - n_sections;
             own = (0..events.len()).map(|k| (k < n_own, k >= n_own || *has_own)).collect();
         }
         let (log, ended_by, error) = (Vec::new(), None, None);
-        Ok(Watcher { record, info, interpreter, events, own, progress, log, ended_by, error })
+        let n_own = request.initial.len() / (along.len() + 1);
+        Ok(Watcher {
+            record,
+            dynamics,
+            n_own,
+            interpreter,
+            saltation,
+            events,
+            own,
+            progress,
+            log,
+            ended_by,
+            error,
+        })
     }
 
     /// The changes of sign that are watched for.
@@ -62,6 +83,34 @@ impl<'r, 'a> Watcher<'r, 'a> {
             };
         }
         directions
+    }
+
+    /// Changes a state, with its derivatives if it has some, as an event does.
+    fn change(&mut self, index: usize, t: f64, z: &mut [f64]) -> Result<(), Error> {
+        let (event, n) = (&self.events[index], self.n_own);
+        let before = z[..n].to_vec();
+        let stopped = |reason: String| {
+            let reason = format!("event {} {reason}", event.name);
+            Err(stopped_because(self.dynamics.info(), t, &before, reason))
+        };
+        match (&self.saltation, &self.interpreter) {
+            (Some(saltation), _) => {
+                let rates = |z: &[f64]| {
+                    let mut dz = vec![0.0; z.len()];
+                    self.dynamics.rhs(t, z, &mut dz);
+                    dz
+                };
+                if let Err(reason) = saltation.pass((index, event), t, z, &rates) {
+                    return stopped(reason);
+                }
+            }
+            (None, Some(interpreter)) => interpreter.apply(event, t, z),
+            (None, None) => {}
+        }
+        match self.record.restart(t, &before, &z[..n])? {
+            Some(reason) => stopped(reason),
+            None => Ok(()),
+        }
     }
 
     fn keep(&mut self, outcome: Result<(), Error>) -> ControlFlow<()> {
@@ -95,7 +144,8 @@ impl<const K: usize> Observer<f64, VecState, K> for Watcher<'_, '_> {
     fn values(&mut self, t: f64, state: &VecState) -> [f64; K] {
         // What is not watched never changes its sign.
         let mut values = [1.0; K];
-        let found = self.interpreter.as_ref().and_then(|interpreter| interpreter.events(t, &state.0));
+        let own = &state.0[..self.n_own];
+        let found = self.interpreter.as_ref().and_then(|interpreter| interpreter.events(t, own));
         for ((out, value), (_, is_watched)) in values.iter_mut().zip(found.unwrap_or_default()).zip(&self.own)
         {
             if *is_watched {
@@ -107,23 +157,15 @@ impl<const K: usize> Observer<f64, VecState, K> for Watcher<'_, '_> {
 
     fn event(&mut self, index: usize, t: f64, state: &mut VecState) -> Action {
         let (event, (is_own, _)) = (&self.events[index], self.own[index]);
-        self.log.push(EventRecord { name: event.name.clone(), t, state: state.0.clone() });
+        let state_there = state.0[..self.n_own].to_vec();
+        self.log.push(EventRecord { name: event.name.clone(), t, state: state_there });
         if !is_own {
             return Action::Continue;
         }
-        if !event.sets.is_empty()
-            && let Some(interpreter) = &self.interpreter
-        {
-            let before = state.0.clone();
-            interpreter.apply(event, t, &mut state.0);
-            let outcome = match self.record.restart(t, &before, &state.0) {
-                Ok(Some(reason)) => {
-                    let reason = format!("event {} {reason}", event.name);
-                    Err(stopped_because(self.info, t, &before, reason))
-                }
-                Ok(None) => Ok(()),
-                Err(error) => Err(error),
-            };
+        // The last state is at another time for other parameters, whether the event sets something or not.
+        let changes = !event.sets.is_empty() || (event.stops && self.saltation.is_some());
+        if changes {
+            let outcome = self.change(index, t, &mut state.0);
             if self.keep(outcome).is_break() {
                 return Action::Stop;
             }
@@ -131,11 +173,11 @@ impl<const K: usize> Observer<f64, VecState, K> for Watcher<'_, '_> {
         if event.stops {
             self.ended_by = Some(event.name.clone());
         }
-        match (event.sets.is_empty(), event.stops) {
-            (true, false) => Action::Continue,
-            (true, true) => Action::Stop,
-            (false, false) => Action::Restart,
-            (false, true) => Action::ChangeAndStop,
+        match (changes, event.stops) {
+            (false, false) => Action::Continue,
+            (false, true) => Action::Stop,
+            (true, false) => Action::Restart,
+            (true, true) => Action::ChangeAndStop,
         }
     }
 }

@@ -35,8 +35,9 @@ pub fn simulate(
     if request.along.is_empty() {
         return motion(&dynamics, request, progress);
     }
-    let along = Along::new(factory, request)?;
-    let extended = along.request(request);
+    let along = Along::new(factory, &request.along, request.method, "sensitivity")?;
+    let initial = along.initial(&request.initial);
+    let extended = SimulateRequest { initial, ..request.clone() };
     extended.validate(along.info())?;
     let mut response = motion(&prepare(&along, &request.params)?, &extended, progress)?;
     along.separate(&mut response);
@@ -90,7 +91,7 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
         let initial = VecState(request.initial.clone());
         let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(start)?;
         let record = Record::new(&**dynamics, request)?;
-        let mut watcher = Watcher::new(request.watched.as_ref(), &request.params, (record, info, progress))?;
+        let mut watcher = Watcher::new(&**dynamics, request, (record, progress))?;
         let times = (0..request.samples).map(|k| request.sample_time(k));
         let t_final = request.t_final;
         let reached = match request.watched {

@@ -12,7 +12,7 @@ use hamel_codegen::spec;
 use hamel_runtime::{Dual, Failure, Pivot};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, DualRates, Dynamics, Factory, PreparedScene, VecState};
+use super::dynamics::{BadParams, DualDynamics, Dynamics, Factory, PreparedDuals, PreparedScene, VecState};
 use super::info::{Info, OutputEntry, ParamEntry};
 use super::watched::Watched;
 use crate::cache::Cache;
@@ -206,9 +206,22 @@ impl Factory for Built {
         }))
     }
 
-    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
-        let rates = self.executable.prepare_rates(values).map_err(bad_params)?;
-        Ok(Box::new(move |t, y, dy| rates.rhs(t, y, dy)))
+    fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {
+        Ok(Box::new(self.executable.prepare_over(values).map_err(bad_params)?))
+    }
+}
+
+impl DualDynamics for Interpreter<'_, Dual> {
+    fn rhs(&self, t: Dual, y: &[Dual], dy: &mut [Dual]) {
+        self.rhs(t, y, dy);
+    }
+
+    fn energy(&self, t: Dual, y: &[Dual]) -> Option<Dual> {
+        self.energy(t, y)
+    }
+
+    fn outputs(&self, t: Dual, y: &[Dual]) -> Vec<Dual> {
+        self.outputs(t, y)
     }
 }
 

@@ -9,10 +9,11 @@ use std::io::{BufRead, Write};
 
 use serde::{Deserialize, Serialize};
 
-use super::backend::simulate_with_bar;
+use super::backend::{fit_with_bar, simulate_with_bar};
 use super::dynamics::Factory;
 use super::ensemble::{EnsembleRequest, integrate};
 use super::evaluate::{EvalRequest, eval};
+use super::fit::FitRequest;
 use super::info::Info;
 use super::simulation::SimulateRequest;
 use crate::error::{Error, WireError};
@@ -36,6 +37,8 @@ pub(crate) enum Ask {
     Eval(EvalRequest),
     /// Integrate the chosen scene.
     Simulate(Box<SimulateRequest>),
+    /// Fit the chosen scene to a table.
+    Fit(Box<FitRequest>),
     /// Integrate the chosen scene many times.
     Ensemble(EnsembleRequest),
 }
@@ -99,6 +102,10 @@ fn serve_on(
             }
             Ask::Simulate(request) => {
                 let answer = chosen.ok_or_else(not_open).and_then(|f| simulate_with_bar(f, &request));
+                say(serde_json::to_string(&answer.map_err(|e| WireError::from(&e))))?;
+            }
+            Ask::Fit(request) => {
+                let answer = chosen.ok_or_else(not_open).and_then(|f| fit_with_bar(f, &request));
                 say(serde_json::to_string(&answer.map_err(|e| WireError::from(&e))))?;
             }
             Ask::Ensemble(request) => {

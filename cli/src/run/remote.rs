@@ -12,6 +12,7 @@ use super::backend::Backend;
 use super::cargo;
 use super::ensemble::{EnsembleRequest, Member};
 use super::evaluate::{EvalRequest, EvalResponse};
+use super::fit::{FitRequest, FitResponse};
 use super::info::Info;
 use super::protocol::{Answer, Ask, Hello, Opened, PACKAGE};
 use super::simulation::{SimulateRequest, SimulateResponse};
@@ -65,6 +66,11 @@ impl Backend for Remote {
         // JSON has no infinity, and what is too large is not worth sending.
         request.validate(&self.info)?;
         let answer: Answer<SimulateResponse> = self.process.ask(&Ask::Simulate(Box::new(request.clone())))?;
+        Ok(answer?)
+    }
+
+    fn fit(&mut self, request: &FitRequest) -> Result<FitResponse, Error> {
+        let answer: Answer<FitResponse> = self.process.ask(&Ask::Fit(Box::new(request.clone())))?;
         Ok(answer?)
     }
 

@@ -5,10 +5,10 @@
 use hamel_runtime::{Dual, Failure, Pivot, Real, System, Variational};
 
 use super::direction::Direction;
-use super::dynamics::{BadParams, DualRates, Dynamics, Factory, PreparedScene, VecState};
+use super::dynamics::{BadParams, Dynamics, Factory, PreparedDuals, PreparedScene, VecState};
 use super::info::Info;
 use super::method::MethodName;
-use super::simulation::{SimulateRequest, SimulateResponse};
+use super::simulation::SimulateResponse;
 use crate::error::Error;
 use crate::names;
 
@@ -20,46 +20,45 @@ pub(super) struct Along<'f> {
 }
 
 impl<'f> Along<'f> {
-    /// The scene with the derivatives that a request asks for.
+    /// The scene with the derivatives of its motion along directions.
     ///
     /// # Errors
-    /// [`Error::Options`] for methods that need more than the right-hand side, and where events are watched.
-    pub(super) fn new(factory: &'f dyn Factory, request: &'f SimulateRequest) -> Result<Along<'f>, Error> {
-        let method = request.method;
+    /// [`Error::Options`] for methods that need more than the right-hand side; `asked_by` names what wants derivatives.
+    pub(super) fn new(
+        factory: &'f dyn Factory,
+        directions: &'f [Direction],
+        method: MethodName,
+        asked_by: &str,
+    ) -> Result<Along<'f>, Error> {
         if !method.carries_derivatives() {
             let fit = MethodName::all().filter(|method| method.carries_derivatives());
             let fit: Vec<&str> = fit.map(MethodName::name).collect();
             let reason = format!(
-                "sensitivity: method {} needs more of a scene than its right-hand side, which is all that has \
+                "{asked_by}: method {} needs more of a scene than its right-hand side, which is all that has \
                  derivatives; choose one of {}",
                 method.name(),
                 names::list(fit)
             );
             return Err(Error::Options { reason });
         }
-        if request.watched.is_some() {
-            let reason = "sensitivity: derivatives are not carried through events and sections: leave out either, or \
-                          choose a scene without events";
-            return Err(Error::Options { reason: reason.into() });
-        }
         let base = factory.info();
         let mut state = base.state.clone();
-        for direction in &request.along {
+        for direction in directions {
             let by = direction.name(base);
             state.extend(base.state.iter().map(|name| format!("d_{name}_d_{by}")));
         }
         let info = Info { state, ..base.clone() };
-        Ok(Along { factory, directions: &request.along, info })
+        Ok(Along { factory, directions, info })
     }
 
-    /// The same request for this scene.
-    pub(super) fn request(&self, request: &SimulateRequest) -> SimulateRequest {
-        let n = request.initial.len();
-        let mut initial = request.initial.clone();
+    /// An initial state with its derivatives.
+    pub(super) fn initial(&self, initial: &[f64]) -> Vec<f64> {
+        let mut extended = initial.to_vec();
         for direction in self.directions {
-            initial.extend((0..n).map(|k| f64::from(u8::from(*direction == Direction::Initial(k)))));
+            extended
+                .extend((0..initial.len()).map(|k| f64::from(u8::from(*direction == Direction::Initial(k)))));
         }
-        SimulateRequest { initial, along: Vec::new(), ..request.clone() }
+        extended
     }
 
     /// Takes the derivatives apart from the state in what came out.
@@ -81,30 +80,27 @@ impl Factory for Along<'_> {
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
         let base = self.factory.prepare(values)?;
-        let rates = self.directions.iter().map(|direction| {
-            let mut duals: Vec<Dual> = values.iter().copied().map(Dual::constant).collect();
-            if let Direction::Param(k) = direction {
-                duals[*k] = Dual::variable(values[*k]);
-            }
-            self.prepare_duals(&duals).map(OnDuals)
-        });
+        let rates = self
+            .directions
+            .iter()
+            .map(|direction| self.prepare_duals(&direction.params(values)).map(OnDuals));
         let rates = rates.collect::<Result<_, _>>()?;
         Ok(PreparedScene::new(PreparedAlong { info: &self.info, base, rates }))
     }
 
-    fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
+    fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {
         self.factory.prepare_duals(values)
     }
 }
 
 /// The right-hand side over dual numbers as a system.
-struct OnDuals<'a>(DualRates<'a>);
+struct OnDuals<'a>(PreparedDuals<'a>);
 
 impl System<Dual> for OnDuals<'_> {
     type State = VecState<Dual>;
 
     fn rhs(&self, t: Dual, y: &VecState<Dual>, dy: &mut VecState<Dual>) {
-        (self.0)(t, &y.0, &mut dy.0);
+        self.0.rhs(t, &y.0, &mut dy.0);
     }
 }
 

@@ -21,6 +21,10 @@ const INVARIANTS: &str = "invariants";
 const GRADIENTS: &str = "invariant_gradients";
 /// The matrix of the derivatives of the right-hand side by the state.
 const JACOBIAN: &str = "jacobian";
+/// The product of the transposed Jacobian with a covector.
+const STATE_PULL_BACK: &str = "vjp";
+/// The same of the derivatives by the parameters.
+const PARAMS_PULL_BACK: &str = "sensitivity_vjp";
 /// The output with the functions of events.
 const EVENTS: &str = "events";
 
@@ -330,6 +334,18 @@ impl<'a> Module<'a> {
     /// The function that computes the derivatives of the right-hand side by the state.
     pub(super) fn jacobian(&self) -> Option<&str> {
         self.matrix_function(JACOBIAN)
+    }
+
+    /// The functions of the products of the transposed derivatives by state and parameters with a covector; none unless
+    /// the scene has both.
+    pub(super) fn pull_backs(&self) -> Option<[&str; 2]> {
+        let function = |name: &str| {
+            self.products
+                .iter()
+                .find(|product| product.text.name == name)
+                .map(|product| product.name.as_str())
+        };
+        Some([function(STATE_PULL_BACK)?, function(PARAMS_PULL_BACK)?])
     }
 
     /// Number of the invariants, and the functions of their values and gradients.

@@ -26,17 +26,20 @@ pub enum Derivative {
     Sensitivity,
     /// Its product with a direction of the parameters.
     SensitivityJvp,
+    /// The product of its transpose with a covector.
+    SensitivityVjp,
 }
 
 impl Derivative {
     /// All of them, in the order in which they are emitted.
-    pub const ALL: [Derivative; 6] = [
+    pub const ALL: [Derivative; 7] = [
         Derivative::Jacobian,
         Derivative::Jvp,
         Derivative::Vjp,
         Derivative::TimeDerivative,
         Derivative::Sensitivity,
         Derivative::SensitivityJvp,
+        Derivative::SensitivityVjp,
     ];
 
     /// What a scene wants that has it.
@@ -48,6 +51,7 @@ impl Derivative {
             Derivative::TimeDerivative => Want::TimeDerivative,
             Derivative::Sensitivity => Want::Sensitivity,
             Derivative::SensitivityJvp => Want::SensitivityJvp,
+            Derivative::SensitivityVjp => Want::SensitivityVjp,
         }
     }
 
@@ -71,7 +75,9 @@ impl Derivative {
         let name = self.name().to_owned();
         match self {
             Derivative::Jacobian | Derivative::Sensitivity | Derivative::TimeDerivative => Role::Output(name),
-            Derivative::Jvp | Derivative::Vjp | Derivative::SensitivityJvp => Role::Product(name),
+            Derivative::Jvp | Derivative::Vjp | Derivative::SensitivityJvp | Derivative::SensitivityVjp => {
+                Role::Product(name)
+            }
         }
     }
 
@@ -94,6 +100,9 @@ impl Derivative {
             }
             Derivative::SensitivityJvp => {
                 "product of the derivatives `df_i/dp_j` by the parameters and a direction `v` of the parameters, in their order"
+            }
+            Derivative::SensitivityVjp => {
+                "product of the transposed derivatives `df_i/dp_j` by the parameters and a covector `w`, a weight for each rate"
             }
         }
     }
@@ -169,6 +178,7 @@ pub(super) fn differentiate(
             Derivative::Jvp => pass.forward(*derivative, &inputs.state),
             Derivative::SensitivityJvp => pass.forward(*derivative, &inputs.params),
             Derivative::Vjp => pass.reverse(*derivative, &inputs.state),
+            Derivative::SensitivityVjp => pass.reverse(*derivative, &inputs.params),
             Derivative::TimeDerivative => {
                 let (names, column) = pass.entries(&[inputs.time]);
                 let components = names.into_iter().zip(column).map(|((_, _, name), e)| (name, e)).collect();

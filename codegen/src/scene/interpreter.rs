@@ -72,17 +72,15 @@ impl Executable {
         Interpreter::new(&self.program, Cow::Borrowed(&self.patterns), params)
     }
 
-    /// Prepares the right-hand side alone, over any scalar.
+    /// The same over any scalar: with dual numbers for the parameters, everything has its derivatives along them.
     ///
     /// # Errors
     /// The condition that the parameters violate.
     ///
     /// # Panics
     /// When the number of parameters is wrong.
-    pub fn prepare_rates<R: Real>(&self, params: &[R]) -> Result<Rates<'_, R>, ViolatedCondition> {
-        let prepared = self.program.prepare(params)?;
-        let function = self.program.function_idx(&Role::Rate);
-        Ok(Rates { program: &self.program, function, params: params.to_vec(), prepared })
+    pub fn prepare_over<R: Real>(&self, params: &[R]) -> Result<Interpreter<'_, R>, ViolatedCondition> {
+        Interpreter::new(&self.program, Cow::Borrowed(&self.patterns), params)
     }
 
     /// The recurrence of the Taylor coefficients of solutions.
@@ -149,56 +147,34 @@ impl BuiltScene {
     }
 }
 
-/// The right-hand side of a program with prepared parameters over some scalar.
+/// A scene's program with prepared parameters, run operation by operation.
 #[derive(Clone, Debug)]
-pub struct Rates<'a, R> {
+pub struct Interpreter<'a, R = f64> {
     program: &'a Program,
-    /// None where the scene has no state.
-    function: Option<usize>,
+    patterns: Cow<'a, [Pattern]>,
     params: Vec<R>,
     prepared: Vec<R>,
 }
 
-impl<R: Real> Rates<'_, R> {
-    /// Writes the derivative `f(t, y)` to `dy`.
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn rhs(&self, t: R, y: &[R], dy: &mut [R]) {
-        if let Some(k) = self.function {
-            self.program.run(k, &self.params, &self.prepared, t, y, dy);
-        }
-    }
-}
-
-/// A scene's program with prepared parameters, run operation by operation.
-#[derive(Clone, Debug)]
-pub struct Interpreter<'a> {
-    program: &'a Program,
-    patterns: Cow<'a, [Pattern]>,
-    params: Vec<f64>,
-    prepared: Vec<f64>,
-}
-
-impl<'a> Interpreter<'a> {
+impl<'a, R: Real> Interpreter<'a, R> {
     fn new(
         program: &'a Program,
         patterns: Cow<'a, [Pattern]>,
-        params: &[f64],
-    ) -> Result<Interpreter<'a>, ViolatedCondition> {
+        params: &[R],
+    ) -> Result<Interpreter<'a, R>, ViolatedCondition> {
         let prepared = program.prepare(params)?;
         Ok(Interpreter { program, patterns, params: params.to_vec(), prepared })
     }
 
     /// The values of a function; none if the program does not have it.
-    fn values(&self, role: &Role, t: f64, y: &[f64]) -> Option<Vec<f64>> {
+    fn values(&self, role: &Role, t: R, y: &[R]) -> Option<Vec<R>> {
         let k = self.program.function_idx(role)?;
-        let mut out = vec![0.0; self.program.functions[k].results.len()];
+        let mut out = vec![R::ZERO; self.program.functions[k].results.len()];
         self.program.run(k, &self.params, &self.prepared, t, y, &mut out);
         Some(out)
     }
 
-    fn call(&self, role: &Role, t: f64, y: &[f64], out: &mut [f64]) -> bool {
+    fn call(&self, role: &Role, t: R, y: &[R], out: &mut [R]) -> bool {
         let Some(k) = self.program.function_idx(role) else { return false };
         self.program.run(k, &self.params, &self.prepared, t, y, out);
         true
@@ -208,10 +184,48 @@ impl<'a> Interpreter<'a> {
     ///
     /// # Panics
     /// When a size is wrong.
-    pub fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
+    pub fn rhs(&self, t: R, y: &[R], dy: &mut [R]) {
         self.call(&Role::Rate, t, y, dy);
     }
 
+    /// Energy, when the scene wants it.
+    pub fn energy(&self, t: R, y: &[R]) -> Option<R> {
+        let values = self.values(&Role::Energy, t, y)?;
+        values.first().copied()
+    }
+
+    /// All outputs, concatenated.
+    pub fn outputs(&self, t: R, y: &[R]) -> Vec<R> {
+        let mut all = Vec::new();
+        for (k, function) in self.program.functions.iter().enumerate() {
+            if let Role::Output(_) = function.role {
+                let start = all.len();
+                all.resize(start + function.results.len(), R::ZERO);
+                self.program.run(k, &self.params, &self.prepared, t, y, &mut all[start..]);
+            }
+        }
+        all
+    }
+
+    /// The functions whose changes of sign are the events of the scene, when it wants them.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn events(&self, t: R, y: &[R]) -> Option<Vec<R>> {
+        self.values(&Role::Output(Want::Events.name().to_owned()), t, y)
+    }
+
+    /// Changes a state as an event of the scene does: everything that it sets takes its value at the state before.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn apply(&self, event: &SceneEvent, t: R, y: &mut [R]) {
+        let Some(after) = self.values(&Role::Output(event.after()), t, y) else { return };
+        event.sets.iter().zip(after).for_each(|(place, value)| y[*place] = value);
+    }
+}
+
+impl Interpreter<'_> {
     /// Derivatives of [`rhs`](Interpreter::rhs) by the components of the state: row `i` has those of component `i`.
     ///
     /// By dual numbers, so that the scene need not want the Jacobian.
@@ -262,25 +276,6 @@ impl<'a> Interpreter<'a> {
         circles.program.run(Circles::RATE, &self.params, &self.prepared, t, z, dz);
     }
 
-    /// Energy, when the scene wants it.
-    pub fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {
-        let values = self.values(&Role::Energy, t, y)?;
-        values.first().copied()
-    }
-
-    /// All outputs, concatenated.
-    pub fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
-        let mut all = Vec::new();
-        for (k, function) in self.program.functions.iter().enumerate() {
-            if let Role::Output(_) = function.role {
-                let start = all.len();
-                all.resize(start + function.results.len(), 0.0);
-                self.program.run(k, &self.params, &self.prepared, t, y, &mut all[start..]);
-            }
-        }
-        all
-    }
-
     /// A derivative that is a matrix, row by row, when the scene wants it.
     ///
     /// # Panics
@@ -303,23 +298,6 @@ impl<'a> Interpreter<'a> {
     /// When the size of `y` is wrong.
     pub fn invariant_gradients(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
         self.matrix_named(GRADIENTS, t, y)
-    }
-
-    /// The functions whose changes of sign are the events of the scene, when it wants them.
-    ///
-    /// # Panics
-    /// When the size of `y` is wrong.
-    pub fn events(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
-        self.values(&Role::Output(Want::Events.name().to_owned()), t, y)
-    }
-
-    /// Changes a state as an event of the scene does: everything that it sets takes its value at the state before.
-    ///
-    /// # Panics
-    /// When the size of `y` is wrong.
-    pub fn apply(&self, event: &SceneEvent, t: f64, y: &mut [f64]) {
-        let Some(after) = self.values(&Role::Output(event.after()), t, y) else { return };
-        event.sets.iter().zip(after).for_each(|(place, value)| y[*place] = value);
     }
 
     /// The matrix `Pi` of the nonholonomic bracket, `y' = Pi dE + R`, when the scene wants it.

@@ -48,7 +48,7 @@ pub use derivatives::{Derivative, Matrix, Product};
 pub use events::SceneEvent;
 pub use formulations::{Candidate, Formulations, LeftOut, Progress};
 pub use implicit::Implicit;
-pub use interpreter::{Executable, Interpreter, Rates};
+pub use interpreter::{Executable, Interpreter};
 pub use plan::{DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
 pub use text::Writing;
 

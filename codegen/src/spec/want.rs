@@ -40,6 +40,8 @@ pub enum Want {
     Sensitivity,
     /// Its product with a direction of the parameters.
     SensitivityJvp,
+    /// The product of its transpose with a covector.
+    SensitivityVjp,
     /// The coordinates of the group as part of the state.
     Reconstruction,
     /// All casimirs of the model.
@@ -88,6 +90,7 @@ impl Want {
         Want::TimeDerivative,
         Want::Sensitivity,
         Want::SensitivityJvp,
+        Want::SensitivityVjp,
         Want::Reconstruction,
         Want::Casimirs,
         Want::Circles,
@@ -122,6 +125,7 @@ impl Want {
             Want::TimeDerivative => "time_derivative",
             Want::Sensitivity => "sensitivity",
             Want::SensitivityJvp => "sensitivity_jvp",
+            Want::SensitivityVjp => "sensitivity_vjp",
             Want::Reconstruction => "reconstruction",
             Want::Casimirs => "casimirs",
             Want::Circles => "circles",

@@ -226,6 +226,16 @@ pub struct Prepared<R = f64> {
     c21: R,
     /// A longer expression in the parameters.
     c22: R,
+    /// A longer expression in the parameters.
+    c23: R,
+    /// A longer expression in the parameters.
+    c24: R,
+    /// A longer expression in the parameters.
+    c25: R,
+    /// A longer expression in the parameters.
+    c26: R,
+    /// A longer expression in the parameters.
+    c27: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -239,7 +249,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 18 additions, 51 multiplications, 30 divisions, 11 sign changes.
+    /// 21 additions, 60 multiplications, 36 divisions, 12 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b } = *params;
         for (value, condition, meaning) in [
@@ -266,24 +276,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t6 = m * m;
         let t7 = t6 * t2;
         let A_s1_2_2 = (t5 + t7) / A_omega_omega;
-        let t8 = t0 * (A_l2_1 * A_l2_1);
-        let t9 = t0 / A_omega_omega + t8 / A_s1_2_2;
-        let t10 = R::from_f64(2.0) * m;
-        let t11 = t10 * a;
-        let t12 = t0 / (A_omega_omega * A_omega_omega);
+        let t8 = A_l2_1 * A_l2_1;
+        let t9 = t0 * t8;
+        let t10 = t0 / A_omega_omega + t9 / A_s1_2_2;
+        let t11 = R::from_f64(2.0) * m;
+        let t12 = t11 * a;
+        let t13 = t0 / (A_omega_omega * A_omega_omega);
         let d_A_l2_1_d_J = -(A_l2_1 / A_omega_omega);
-        let t13 = m * t2;
-        let t14 = J + t13;
-        let t15 = t14 + m * t3;
-        let d_A_s1_2_2_d_J = t6 * t3 / (t15 * t15);
-        let t16 = A_s1_2_2 * A_s1_2_2;
-        let t17 = t0 * d_A_l2_1_d_J / A_s1_2_2 - t4 * d_A_s1_2_2_d_J / t16;
-        let t18 = J * a;
-        let t19 = t14 * t14;
-        let t20 = J - t13;
-        let d_A_s1_2_2_d_b = -(t10 * b * A_s1_2_2 / A_omega_omega);
-        let t21 = A_omega_omega * A_s1_2_2;
-        let t22 = t4 / t21 + t4 * (m / A_omega_omega - A_s1_2_2 / A_omega_omega) / t16;
+        let t14 = m * t2;
+        let t15 = J + t14;
+        let t16 = t15 + m * t3;
+        let d_A_s1_2_2_d_J = t6 * t3 / (t16 * t16);
+        let t17 = A_s1_2_2 * A_s1_2_2;
+        let t18 = t0 * d_A_l2_1_d_J / A_s1_2_2 - t4 * d_A_s1_2_2_d_J / t17;
+        let t19 = J * a;
+        let t20 = t15 * t15;
+        let t21 = J - t14;
+        let d_A_s1_2_2_d_b = -(t11 * b * A_s1_2_2 / A_omega_omega);
+        let t22 = A_omega_omega * A_s1_2_2;
+        let t23 = t4 / t22 + t4 * (m / A_omega_omega - A_s1_2_2 / A_omega_omega) / t17;
+        let t24 = t9 / t22;
+        let t25 = t6 * a;
+        let t26 = A_omega_omega * t17;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -298,31 +312,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             c0: t4 / A_s1_2_2,
-            c1: -t9,
+            c1: -t10,
             c2: t0 / A_s1_2_2,
             c3: R::from_f64(-2.0) * b,
             c4: R::from_f64(0.5) * A_omega_omega,
             c5: R::from_f64(0.5) * m,
-            c6: -t9,
-            c7: -(t11 * A_l2_1 / A_s1_2_2),
-            c8: t11 / A_s1_2_2,
-            c9: t18 * b / t19,
-            c10: t1 * t20 / t19,
-            c11: t17,
-            c12: -(t18 / t19),
-            c13: -(m * t20 / t19),
-            c14: -(t0 * t3 / t19),
-            c15: t12 - A_l2_1 * t17 - t4 * d_A_l2_1_d_J / A_s1_2_2,
-            c16: t18 * t3 / t19,
+            c6: -t10,
+            c7: -(t12 * A_l2_1 / A_s1_2_2),
+            c8: t12 / A_s1_2_2,
+            c9: t19 * b / t20,
+            c10: t1 * t21 / t20,
+            c11: t18,
+            c12: -(t19 / t20),
+            c13: -(m * t21 / t20),
+            c14: -(t0 * t3 / t20),
+            c15: t13 - A_l2_1 * t18 - t4 * d_A_l2_1_d_J / A_s1_2_2,
+            c16: t19 * t3 / t20,
             c17: (t5 * t3
                 - (t7 * t3 - t6 * (t2 * t2) - R::from_f64(2.0) * J * m * t2 - J * J))
-                / t19,
-            c18: -(t0 * d_A_s1_2_2_d_b / t16),
-            c19: t0 / t14,
+                / t20,
+            c18: -(t0 * d_A_s1_2_2_d_b / t17),
+            c19: t0 / t15,
             A_l2_1,
-            c20: t12 + A_l2_1 * t22 + t8 / t21,
-            c21: -t22,
-            c22: R::from_f64(-2.0) * t6 * a * b / t21,
+            c20: t13 + A_l2_1 * t23 + t24,
+            c21: -t23,
+            c22: R::from_f64(-2.0) * t6 * a * b / t22,
+            c23: t13 + t24 + t25 * t8 / t26,
+            c24: -(t9 / t17),
+            c25: t25 * A_l2_1 / t26,
+            c26: R::from_f64(2.0) * (t6 * m) * t2 * A_l2_1 / t26 - m * A_l2_1 / A_s1_2_2,
+            c27: t25 / t22,
         })
     }
 }
@@ -540,6 +559,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ),
         ]
     }
+
+    /// Product of the transposed derivatives `df_i/dp_j` by the parameters and a covector `w`, a weight for each rate.
+    ///
+    /// # Operations
+    ///
+    /// 8 additions, 17 multiplications (8 fused).
+    #[inline]
+    #[must_use]
+    pub fn sensitivity_vjp(&self, t: R, y: &[R; 2], w: &[R; 2]) -> [R; 4] {
+        let [w_dot_omega, w_dot_v1] = *w;
+        let [omega, v1] = *y;
+        let _ = t;
+        let t0 = omega * w_dot_omega;
+        let t1 = omega * (-v1).mul_add(w_dot_v1, t0);
+        let t2 = v1 * t0;
+        let t3 = w_dot_v1 * (omega * omega);
+        [
+            t1.mul_add(self.c25, t3.mul_add(self.c24, self.c23 * t2)),
+            t1.mul_add(self.c9, t2.mul_add(self.c12, self.c16 * t3)),
+            t1.mul_add(self.c26, t2.mul_add(self.c13, self.c17 * t3)),
+            t1.mul_add(self.c27, self.c7 * t3),
+        ]
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -583,6 +625,11 @@ impl<
             c20: convert(self.c20),
             c21: convert(self.c21),
             c22: convert(self.c22),
+            c23: convert(self.c23),
+            c24: convert(self.c24),
+            c25: convert(self.c25),
+            c26: convert(self.c26),
+            c27: convert(self.c27),
         }
     }
 
@@ -625,6 +672,25 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Differentiable<R> for Prepared<R
     fn jacobian(&self, t: R, y: &[R; 2], jacobian: &mut [[R; 2]]) {
         for (row, values) in jacobian.iter_mut().zip(self.jacobian(t, y)) {
             *row = values;
+        }
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Adjoint<R> for Prepared<R> {
+    const N_PARAMS: usize = 4;
+
+    #[inline]
+    fn pull_back(
+        &self,
+        t: R,
+        y: &[R; 2],
+        w: &[R; 2],
+        by_state: &mut [R; 2],
+        by_params: &mut [R],
+    ) {
+        *by_state = self.vjp(t, y, w);
+        for (sum, term) in by_params.iter_mut().zip(self.sensitivity_vjp(t, y, w)) {
+            *sum += term;
         }
     }
 }

@@ -13,6 +13,8 @@ macro_rules! explicit_method {
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         pub struct $name;
 
+        impl<R: crate::real::Real, S: crate::system::System<R>> super::ExplicitMethod<R, S> for $name {}
+
         impl<R: crate::real::Real, S: crate::system::System<R>> super::Method<R, S> for $name {
             const TABLEAU: &'static Tableau = &$tableau;
 
@@ -52,6 +54,10 @@ macro_rules! explicit_method {
     };
 }
 pub(super) use explicit_method;
+
+/// A method that is its tableau: every stage is an evaluation of the right-hand side at what the rows before say, and
+/// the end of a step is the sum of the weights, so that a step is differentiated by the tableau alone.
+pub trait ExplicitMethod<R: Real, S: System<R>>: Method<R, S> {}
 
 /// Computes all stages but the first, and the new state.
 ///

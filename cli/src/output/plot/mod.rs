@@ -60,6 +60,8 @@ pub struct Panel {
     pub lines: Vec<(String, Vec<f64>)>,
     /// Times of the values when they are others than the figure's.
     pub times: Option<Vec<f64>>,
+    /// Points beside the lines, each in the colour of the line at its place: times and values.
+    pub points: Vec<Vec<[f64; 2]>>,
 }
 
 const RIGHT: f64 = 96.0;
@@ -116,7 +118,9 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure, pictures: &[Pictures<'_>]) -> Draw
     for (k, panel) in figure.panels.iter().enumerate() {
         let top = TOP + k as f64 * (PANEL + GAP);
         let bottom = top + PANEL;
-        let (low, high) = range_of(panel.lines.iter().flat_map(|(_, y)| y.iter().copied()), 0.06);
+        let of_points = panel.points.iter().flatten().map(|point| point[1]);
+        let all = panel.lines.iter().flat_map(|(_, y)| y.iter().copied()).chain(of_points);
+        let (low, high) = range_of(all, 0.06);
         let y_of = |y: f64| bottom - (y - low) / (high - low) * PANEL;
         let y_ticks = Ticks::new(low, high, 5);
 
@@ -134,6 +138,13 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure, pictures: &[Pictures<'_>]) -> Draw
         label(&panel.title, LEFT, top - 7.0, font(12.5, INK, true, HPos::Left, VPos::Bottom))?;
         if let Some(power) = y_ticks.power_label() {
             label(&power, LEFT - 7.0, top - 7.0, font(11.0, INK, false, HPos::Right, VPos::Bottom))?;
+        }
+
+        for (points, colour) in panel.points.iter().zip(COLOURS.into_iter().cycle()) {
+            let style = ShapeStyle { filled: false, ..stroke(colour, 0.9) };
+            for [t, y] in points {
+                area.draw(&Circle::new(at(x_of(*t), y_of(*y)), scaled(2.2), style))?;
+            }
         }
 
         let legend_height = panel.lines.len() as f64 * LINE_HEIGHT;

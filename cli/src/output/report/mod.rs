@@ -284,7 +284,7 @@ fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, Str
         conserved.panels.push(Panel {
             title: "Largest residual of the constraint".into(),
             lines,
-            times: None,
+            ..Panel::default()
         });
     }
     if let Some(range) = info.output_range(Want::Casimirs.name()).filter(|r| !r.is_empty()) {
@@ -298,7 +298,7 @@ fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, Str
         let lines: Vec<_> = range.zip(names.unwrap_or_default()).map(line).collect();
         for chunk in lines.chunks(plot::MAX_LINES) {
             let title = "Drift of the conserved quantities, relative to their values at the start".to_owned();
-            conserved.panels.push(Panel { title, lines: chunk.to_vec(), times: None });
+            conserved.panels.push(Panel { title, lines: chunk.to_vec(), ..Panel::default() });
         }
     }
     let start: Vec<String> =

@@ -1,4 +1,4 @@
-//! Matrices from their entries, and the traits of the runtime that ask for matrices.
+//! Matrices from their entries, and the traits of the runtime that ask for matrices or products with them.
 //!
 //! Does not know: which derivatives a scene wants, or how their entries are computed.
 
@@ -101,6 +101,27 @@ impl Writer<'_> {
                 fn jacobian(#arguments, jacobian: &mut [[R; #n]]) {
                     for (row, values) in jacobian.iter_mut().zip(self.#jacobian(t, y)) {
                         *row = values;
+                    }
+                }
+            }
+        }
+    }
+
+    /// What gradients in reverse mode ask for.
+    pub(super) fn adjoint(&self) -> TokenStream {
+        let Some([by_state, by_params]) = self.module.pull_backs() else { return TokenStream::new() };
+        let (by_state, by_params) = (ident(by_state), ident(by_params));
+        let (rt, arguments) = (&self.runtime, self.arguments());
+        let (n, n_params) = (size(self.module.state.len()), size(self.module.params.len()));
+        quote! {
+            impl<R: #rt::Real> #rt::Adjoint<R> for Prepared<R> {
+                const N_PARAMS: usize = #n_params;
+
+                #[inline]
+                fn pull_back(#arguments, w: &[R; #n], by_state: &mut [R; #n], by_params: &mut [R]) {
+                    *by_state = self.#by_state(t, y, w);
+                    for (sum, term) in by_params.iter_mut().zip(self.#by_params(t, y, w)) {
+                        *sum += term;
                     }
                 }
             }

@@ -55,6 +55,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.traits(series.is_some()),
         writer.circles(),
         writer.differentiable(),
+        writer.adjoint(),
         writer.invariants(),
         writer.implicit(),
         writer.exact_flows(),

@@ -174,7 +174,8 @@ fn builder_and_file_give_one_heavy_top() {
     let (c1, c2) = (gamma.dot(g, &gamma).unwrap(), momentum.dot(g, &gamma).unwrap());
     b.lagrangian(&lagrangian).casimir("C1", &c1, "").casimir("C2", &c2, "");
     b.scene("lagrange", &[("chi1", &[q("0")]), ("chi2", &[q("0")])], &["energy", "momentum"], "");
-    let derivatives = ["jacobian", "jvp", "vjp", "time_derivative", "sensitivity", "sensitivity_jvp"];
+    let derivatives =
+        ["jacobian", "jvp", "vjp", "time_derivative", "sensitivity", "sensitivity_jvp", "sensitivity_vjp"];
     b.scene("derivatives", &[], &[&["energy"], derivatives.as_slice()].concat(), "");
     b.scene("taylor", &[], &["rhs", "energy", "taylor"], "");
     b.scene("invariants", &[], &["rhs", "energy", "invariants"], "");

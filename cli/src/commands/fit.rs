@@ -1,0 +1,406 @@
+//! `fit`: parameters and initial values from a table of measured motions.
+//!
+//! Does not know: how a fit is done, how files are written.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::{Map, Value};
+
+use super::options::{MotionOptions, SceneOptions, assignment, assignments, finite};
+use crate::error::{Error, Problem};
+use crate::model::{self, Checked, blocks};
+use crate::output::fitted::{Fitted, Target};
+use crate::output::terminal::bold;
+use crate::request::json::{by_name, number};
+use crate::request::table::Table;
+use crate::run::direction::Direction;
+use crate::run::fit::{Column, FitRequest, FitResponse, Quantity, keeps_constraints};
+use crate::run::forms::Forms;
+use crate::run::info::Info;
+use crate::run::integrate::has_state;
+use crate::run::interpreted;
+use crate::run::method::Steps;
+use crate::run::start::Starts;
+use crate::session::Session;
+
+/// Fit parameters and initial values of a model to a table of measured values
+///
+/// The table (CSV) has a line of names, then a line for each time; cells may be empty. Its columns are components of
+/// the state, `energy` and outputs, by the names that files of `simulate` have. The motion nearest to them in the sense
+/// of least squares is found by the method of Levenberg and Marquardt with exact derivatives, from the start that
+/// --set, --initial and the model's defaults give. Steps of the search out of what the model allows are shortened.
+///
+/// Standard errors and correlations are those of the linearised problem at the minimum. With --sigma they follow from
+/// the given errors of the data, otherwise from what is left of the data; columns of different units then count by
+/// their numbers, so that --sigma is better for them.
+#[derive(Clone, Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  hamel fit heavy_top --data top.csv --free l,Omega3
+  hamel fit heavy_top --data top.csv --free I1,l --set m=1.2 --initial Omega3=5 --sigma Omega1=0.01 Gamma3=0.002 \\
+    -o top.svg
+  hamel fit ./my_model.hamel --data log.csv --time seconds --t0 2.5 --columns x=position,x_dot --free k,x --json"
+)]
+pub struct Arguments {
+    /// Which scene, and who evaluates it.
+    #[command(flatten)]
+    pub scene: SceneOptions,
+    /// File (CSV) with the measured values: a line of names, then a line for each time
+    #[arg(long, value_name = "FILE")]
+    pub data: PathBuf,
+    /// Parameters and components of the initial state to be found
+    #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', required = true)]
+    pub free: Vec<String>,
+    /// What to compare, each with the header of its column where that is another one [default: all columns but the
+    /// time]
+    #[arg(long, value_name = "NAME[=HEADER]", num_args = 1.., value_delimiter = ',')]
+    pub columns: Vec<String>,
+    /// Header of the column with the times
+    #[arg(long, value_name = "HEADER", default_value = "t")]
+    pub time: String,
+    /// Time of the table at which the motion starts from its initial state; no value may be earlier
+    #[arg(long, value_name = "T", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
+    pub t0: f64,
+    /// Standard deviations of the errors of all columns
+    #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
+    pub sigma: Vec<(String, f64)>,
+    /// From where, and how.
+    #[command(flatten)]
+    pub motion: MotionOptions,
+    /// Figure (.svg) with the values and the fitted motion
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Points of the curves in figures: smooth curves, small files.
+const CURVE: usize = 1001;
+
+/// Fits; a summary for people, or JSON.
+///
+/// # Errors
+/// Everything that can be wrong with names, the table, the motion and the fit.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let target = arguments.output.as_deref().map(Target::new).transpose()?;
+    let (file, choice) = (session.find(&arguments.scene.model)?, arguments.scene.choice());
+    let model = file.model()?;
+    let motion = &arguments.motion;
+    let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
+        .map_err(|reason| Error::unusable("--step", reason))?;
+    // Has the events and residuals of the scene, whoever evaluates it.
+    let built = interpreted::build(model, &choice.scene)?;
+    if built.watched().is_some_and(|watched| watched.acts()) {
+        let reason = "has events that change the state or end the motion, through which derivatives are not carried: \
+                      choose a scene without `events`";
+        return Err(Error::unusable("--scene", reason));
+    }
+    let mut backend = choice.open(&file)?;
+    let info = backend.info().clone();
+    has_state(&info)?;
+    let mut problems = Vec::new();
+    let forms = Forms::of(model, &info)?;
+    let [set, given] = motion.given(&info, &forms, &mut problems);
+    let free = free(model, &info, &arguments.free).unwrap_or_else(|found| {
+        problems.extend(found);
+        Vec::new()
+    });
+    if !problems.is_empty() {
+        return Err(Error::Request { problems });
+    }
+    let data = Data::read(&info, arguments, free.len())?;
+    let starts = Starts::new(model, &info, forms)?;
+    let (params, initial) = starts.choose(&mut *backend, &set, &given)?;
+    let residuals = built.with_residuals();
+    keeps_constraints(residuals.as_ref().unwrap_or(&built), &free, &params, &initial)?;
+    let request = FitRequest {
+        params,
+        initial,
+        free,
+        columns: data.columns,
+        times: data.times,
+        values: data.values,
+        method: motion.method,
+        steps,
+        max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
+        n_curve: if target.is_some() { CURVE } else { 0 },
+    };
+    let response = backend.fit(&request)?;
+    let title = model::title(model);
+    if let Some(target) = &target {
+        let blocks = blocks::blocks(model);
+        target.write(&Fitted {
+            info: &info,
+            title: &title,
+            blocks: &blocks,
+            request: &request,
+            response: &response,
+        })?;
+    }
+    if arguments.json {
+        return Ok(json(&info, &request, &response).to_string());
+    }
+    let mut text = summary(&info, &title, arguments, &request, &response);
+    if let Some(target) = &target {
+        let _ = write!(text, "\nwrote {}", target.path().display());
+    }
+    Ok(text)
+}
+
+/// What is to be found, by name.
+fn free(model: &Checked, info: &Info, names: &[String]) -> Result<Vec<Direction>, Vec<Problem>> {
+    let scene = model.scenes.iter().find(|own| own.name == info.scene);
+    let fixed: BTreeSet<&str> =
+        scene.into_iter().flat_map(|s| &s.fixed).map(|(name, _)| name.as_str()).collect();
+    let (fixed, others): (Vec<&String>, Vec<&String>) =
+        names.iter().partition(|name| fixed.contains(name.as_str()));
+    let told = fixed.into_iter().map(|name| Problem::Unusable {
+        path: "--free".into(),
+        reason: format!(
+            "has {name}, which scene {} fixes: choose another scene, or leave it out",
+            info.scene
+        ),
+    });
+    let mut problems: Vec<Problem> = told.collect();
+    let others: Vec<String> = others.into_iter().cloned().collect();
+    match Direction::named(info, &others, "--free") {
+        Ok(directions) if problems.is_empty() => Ok(directions),
+        Ok(_) => Err(problems),
+        Err(found) => {
+            problems.extend(found);
+            Err(problems)
+        }
+    }
+}
+
+/// What was measured.
+struct Data {
+    columns: Vec<Column>,
+    times: Vec<f64>,
+    values: Vec<Vec<Option<f64>>>,
+}
+
+impl Data {
+    fn read(info: &Info, arguments: &Arguments, n_free: usize) -> Result<Data, Error> {
+        let table = Table::read(&arguments.data)?;
+        let file = arguments.data.display().to_string();
+        let mut problems = Vec::new();
+        let time = place(&table, &arguments.time, "--time", &mut problems);
+        let mut columns = Vec::new();
+        let mut places = Vec::new();
+        for (name, header) in chosen(&table, arguments) {
+            let quantity = Quantity::named(info, name);
+            if quantity.is_none() {
+                problems.push(Problem::UnknownName {
+                    path: format!("scene {} of {}", info.scene, info.model),
+                    kind: "variable",
+                    name: name.to_owned(),
+                    known: Quantity::all(info).into_iter().map(|(name, _)| name).collect(),
+                });
+            }
+            if columns.iter().any(|column: &Column| column.name == name) {
+                problems.push(Problem::Repeated { path: "--columns".into(), name: name.to_owned() });
+            }
+            let place = place(&table, header, "--columns", &mut problems);
+            if let (Some(quantity), Some(place)) = (quantity, place) {
+                columns.push(Column { name: name.to_owned(), quantity, sigma: None });
+                places.push(place);
+            }
+        }
+        if arguments.columns.is_empty() && !problems.is_empty() {
+            let reason = "leaves out what is no variable of the scene, and says which header stands for which: \
+                          --columns NAME=HEADER,..";
+            problems.push(Problem::Unusable { path: "--columns".into(), reason: reason.into() });
+        }
+        let Some(time) = time.filter(|_| problems.is_empty()) else {
+            return Err(Error::Request { problems });
+        };
+        sigmas(&mut columns, &arguments.sigma, &mut problems);
+        let mut data = Data { columns, times: Vec::new(), values: Vec::new() };
+        let mut last = None;
+        for (row, cells) in table.rows().enumerate() {
+            let mut complain = |reason| problems.push(table.problem_in_row(row, reason));
+            let Some(t) = cells[time] else {
+                complain(format!("has no time: fill in its column {}", arguments.time));
+                continue;
+            };
+            if t < arguments.t0 {
+                complain(format!(
+                    "is at {t:?}, before the motion starts at {:?}: give an earlier --t0",
+                    arguments.t0
+                ));
+            } else if last.is_some_and(|last| t <= last) {
+                complain(format!(
+                    "is at {t:?}, but the line before is not earlier: sort the lines by their times"
+                ));
+            }
+            last = Some(t);
+            let values: Vec<Option<f64>> = places.iter().map(|place| cells[*place]).collect();
+            if values.iter().any(Option::is_some) {
+                data.times.push(t - arguments.t0);
+                data.values.push(values);
+            }
+        }
+        for (at, column) in data.columns.iter().enumerate() {
+            if data.values.iter().all(|row| row[at].is_none()) {
+                let reason = format!("has no value of {}: leave it out with --columns", column.name);
+                problems.push(Problem::Unusable { path: file.clone(), reason });
+            }
+        }
+        let n = data.values.iter().flatten().flatten().count();
+        if n <= n_free && problems.is_empty() {
+            let reason = format!(
+                "has {n} values of the chosen columns for {n_free} unknowns: give more values than unknowns, or fit less"
+            );
+            problems.push(Problem::Unusable { path: file, reason });
+        }
+        const MAX_PROBLEMS: usize = 20;
+        problems.truncate(MAX_PROBLEMS);
+        if problems.is_empty() { Ok(data) } else { Err(Error::Request { problems }) }
+    }
+}
+
+/// Names of what is compared, and the headers of their columns.
+fn chosen<'a>(table: &'a Table, arguments: &'a Arguments) -> Vec<(&'a str, &'a str)> {
+    if arguments.columns.is_empty() {
+        let others = table.names.iter().filter(|name| **name != arguments.time);
+        return others.map(|name| (name.as_str(), name.as_str())).collect();
+    }
+    let split = |text: &'a String| match text.split_once('=') {
+        Some((name, header)) => (name.trim(), header.trim()),
+        None => (text.trim(), text.trim()),
+    };
+    arguments.columns.iter().map(split).collect()
+}
+
+/// The column of a header, which has to be there once.
+fn place(table: &Table, header: &str, path: &str, problems: &mut Vec<Problem>) -> Option<usize> {
+    let mut all = table.names.iter().enumerate().filter(|(_, name)| *name == header);
+    match (all.next(), all.next()) {
+        (Some((place, _)), None) => return Some(place),
+        (Some(_), Some(_)) => {
+            let reason =
+                format!("asks for the column {header}, of which the table has several: rename all but one");
+            problems.push(Problem::Unusable { path: path.into(), reason });
+        }
+        (None, _) => problems.push(Problem::UnknownName {
+            path: "the table".into(),
+            kind: "column",
+            name: header.to_owned(),
+            known: table.names.clone(),
+        }),
+    }
+    None
+}
+
+/// Gives each column its standard deviation: all of them, or none.
+fn sigmas(columns: &mut [Column], given: &[(String, f64)], problems: &mut Vec<Problem>) {
+    let names: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
+    let known: Vec<&str> = names.iter().map(String::as_str).collect();
+    let values = assignments(given, "--sigma", "column", &known, problems);
+    for (name, value) in values.iter().filter(|(_, value)| **value <= 0.0) {
+        let reason = format!("gives {name} the standard deviation {value:?}: give a positive one");
+        problems.push(Problem::Unusable { path: "--sigma".into(), reason });
+    }
+    let absent: Vec<String> = names.iter().filter(|name| !values.contains_key(*name)).cloned().collect();
+    if !given.is_empty() && !absent.is_empty() {
+        problems.push(Problem::MissingNames { path: "--sigma".into(), absent, known: names });
+        return;
+    }
+    columns.iter_mut().for_each(|column| column.sigma = values.get(&column.name).copied());
+}
+
+/// `{"params", "initial", "estimates", "correlation", "columns", "sum_of_squares", "degrees_of_freedom",
+/// "evaluations"}`; the first two are those of a request to simulate.
+fn json(info: &Info, request: &FitRequest, response: &FitResponse) -> Value {
+    let names = || response.estimates.iter().map(|estimate| estimate.name.as_str());
+    let object = |entries: &[(&str, Value)]| -> Value {
+        entries.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect::<Map<_, _>>().into()
+    };
+    let estimates = response.estimates.iter().map(|estimate| {
+        let value = object(&[("value", number(estimate.value)), ("error", number(estimate.deviation))]);
+        (estimate.name.clone(), value)
+    });
+    let correlation =
+        names().zip(&response.correlation).map(|(name, row)| (name.to_owned(), by_name(names(), row)));
+    let columns =
+        request.columns.iter().zip(response.rms.iter().zip(&response.n_values)).map(|(column, (rms, n))| {
+            (column.name.clone(), object(&[("values", (*n).into()), ("rms", number(*rms))]))
+        });
+    object(&[
+        ("params", by_name(info.param_names(), &response.params)),
+        ("initial", by_name(info.state_names(), &response.initial)),
+        ("estimates", Value::Object(estimates.collect())),
+        ("correlation", Value::Object(correlation.collect())),
+        ("columns", Value::Object(columns.collect())),
+        ("sum_of_squares", number(response.sum_of_squares)),
+        ("degrees_of_freedom", response.degrees_of_freedom().into()),
+        ("evaluations", response.n_evaluations.into()),
+    ])
+}
+
+fn summary(
+    info: &Info,
+    title: &str,
+    arguments: &Arguments,
+    request: &FitRequest,
+    response: &FitResponse,
+) -> String {
+    let mut text = format!("{}  {title}", bold(&info.model));
+    if info.scene != model::DEFAULT_SCENE {
+        let _ = write!(text, ", scene {}", info.scene);
+    }
+    let n_values: usize = response.n_values.iter().sum();
+    let _ = write!(
+        text,
+        "\n  {n_values} values of {}, {} unknowns, {} motions",
+        arguments.data.display(),
+        response.estimates.len(),
+        response.n_evaluations
+    );
+    let of_estimates = response.estimates.iter().map(|estimate| &estimate.name);
+    let of_columns = request.columns.iter().map(|column| &column.name);
+    let width = of_estimates.chain(of_columns).map(|name| name.chars().count()).max().unwrap_or(0).max(6);
+    let _ = write!(text, "\n\n  {:width$}  {:>24}  {:>14}", "", "value", "standard error");
+    for estimate in &response.estimates {
+        let (value, deviation) = (format!("{:?}", estimate.value), format!("{:.2e}", estimate.deviation));
+        let _ = write!(text, "\n  {:width$}  {value:>24}  {deviation:>14}", estimate.name);
+    }
+    if response.estimates.len() > 1 {
+        text.push_str("\n\n  correlations");
+        for (k, (estimate, row)) in response.estimates.iter().zip(&response.correlation).enumerate() {
+            let _ = write!(text, "\n  {:width$}", estimate.name);
+            row[..=k].iter().for_each(|x| {
+                let _ = write!(text, "  {x:>6.3}");
+            });
+        }
+    }
+    let _ = write!(text, "\n\n  {:width$}  {:>24}  {:>14}", "", "values", "rms left");
+    for (column, (rms, n)) in request.columns.iter().zip(response.rms.iter().zip(&response.n_values)) {
+        let _ = write!(text, "\n  {:width$}  {n:>24}  {:>14}", column.name, format!("{rms:.3e}"));
+    }
+    let n_free = response.degrees_of_freedom();
+    if request.columns.iter().all(|column| column.sigma.is_some()) {
+        let ratio = response.sum_of_squares / n_free as f64;
+        let _ = write!(
+            text,
+            "\n  sum of squares over {n_free} degrees of freedom: {ratio:.3}, which is about 1 where \
+                              model and --sigma are right"
+        );
+    }
+    let by_name = |is_wanted: fn(&Direction) -> bool, option: &str| {
+        let both = request.free.iter().zip(&response.estimates).filter(|(direction, _)| is_wanted(direction));
+        let each: Vec<String> = both.map(|(_, e)| format!(" {}={:?}", e.name, e.value)).collect();
+        if each.is_empty() { String::new() } else { format!(" {option}{}", each.concat()) }
+    };
+    let params = by_name(|direction| matches!(direction, Direction::Param(_)), "--set");
+    let initial = by_name(|direction| matches!(direction, Direction::Initial(_)), "--initial");
+    let _ = write!(text, "\n\n  for simulate:{params}{initial}");
+    text
+}

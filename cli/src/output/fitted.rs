@@ -1,0 +1,97 @@
+//! A fit as a figure: measured values and the fitted motion, a panel for each column.
+//!
+//! Does not know: how the fit was done.
+
+use std::path::{Path, PathBuf};
+
+use hamel_codegen::config::write_atomically;
+
+use super::plot::{Figure, Panel, svg};
+use crate::error::Error;
+use crate::model::blocks::Block;
+use crate::run::fit::{Column, FitRequest, FitResponse, Quantity};
+use crate::run::info::Info;
+
+/// Everything that is shown of a fit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fitted<'a> {
+    /// Names and meanings of the scene.
+    pub(crate) info: &'a Info,
+    /// Title of the model.
+    pub(crate) title: &'a str,
+    /// Groups of state variables, which have their units.
+    pub(crate) blocks: &'a [Block],
+    /// What was asked.
+    pub(crate) request: &'a FitRequest,
+    /// What came out, with curves.
+    pub(crate) response: &'a FitResponse,
+}
+
+/// A figure to write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Target {
+    path: PathBuf,
+}
+
+impl Target {
+    /// The file at a path.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for an extension other than .svg.
+    pub fn new(path: &Path) -> Result<Target, Error> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        if extension != "svg" {
+            let reason = "is no figure: let the name end in .svg";
+            return Err(Error::unusable(path.display().to_string(), reason));
+        }
+        Ok(Target { path: path.to_owned() })
+    }
+
+    /// Where it is written.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn write(&self, fitted: &Fitted<'_>) -> Result<(), Error> {
+        let fail = |e| Error::io(self.path.display().to_string(), e);
+        let text = svg(&figure(fitted)).map_err(|e| fail(std::io::Error::other(e.to_string())))?;
+        write_atomically(&self.path, text.as_bytes()).map_err(fail)
+    }
+}
+
+fn figure(fitted: &Fitted<'_>) -> Figure {
+    let Fitted { info, title, request, response, .. } = *fitted;
+    let panel = |(at, (column, curve)): (usize, (&Column, &Vec<f64>))| {
+        let values = request.times.iter().zip(&request.values);
+        let points = values.filter_map(|(t, row)| Some([*t, row[at]?])).collect();
+        Panel {
+            title: heading(fitted, column),
+            lines: vec![("fitted".to_owned(), curve.clone())],
+            points: vec![points],
+            ..Panel::default()
+        }
+    };
+    let told =
+        response.estimates.iter().map(|e| format!("{} = {:.6} ± {:.1e}", e.name, e.value, e.deviation));
+    Figure {
+        title: if title.is_empty() { info.model.clone() } else { title.to_owned() },
+        subtitle: told.collect::<Vec<String>>().join(", "),
+        x_label: "t [s]".into(),
+        times: response.curve_times.clone(),
+        panels: request.columns.iter().zip(&response.curves).enumerate().map(panel).collect(),
+        ..Figure::default()
+    }
+}
+
+/// Name and unit of a column.
+fn heading(fitted: &Fitted<'_>, column: &Column) -> String {
+    let Quantity::State(at) = column.quantity else { return column.name.clone() };
+    let name = &fitted.info.state[at];
+    let members =
+        fitted.blocks.iter().flat_map(|block| block.members.iter().map(move |member| (block, member)));
+    match members.into_iter().find(|(_, (own, _))| own == name) {
+        Some((block, (_, spelled))) if !block.unit.is_empty() => format!("{spelled} [{}]", block.unit),
+        Some((_, (_, spelled))) => spelled.clone(),
+        None => name.clone(),
+    }
+}

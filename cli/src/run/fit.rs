@@ -1,0 +1,443 @@
+//! Parameters and initial values of a scene from measured motions, by least squares with exact derivatives.
+//!
+//! Does not know: whether the scene is compiled or interpreted, tables, how a request was written.
+
+use hamel_codegen::spec::Want;
+use hamel_runtime::{Dual, Integrator, Method};
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use super::admissible;
+use super::auto::Purpose;
+use super::direction::Direction;
+use super::dynamics::{Factory, PreparedDuals, PreparedScene, VecState};
+use super::evaluate::{describe, prepare, why_stopped};
+use super::info::Info;
+use super::integrate::has_state;
+use super::least_squares::{End, Linearised, minimise, precision};
+use super::method::{MethodName, Steps};
+use super::sensitivity::Along;
+use super::simulation::stopped_because;
+use super::solver::{WithMethod, with_method};
+use crate::error::Error;
+use crate::names;
+
+/// A number of a scene along its motion that can be measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Quantity {
+    /// A component of the state, by its place.
+    State(usize),
+    /// The energy.
+    Energy,
+    /// A component of the outputs, by its place among all of them.
+    Output(usize),
+}
+
+impl Quantity {
+    /// What a scene has, by the names that its tables have: components of the state, `energy`, `group.component`.
+    pub fn all(info: &Info) -> Vec<(String, Quantity)> {
+        let mut all: Vec<(String, Quantity)> =
+            info.state.iter().enumerate().map(|(k, name)| (name.clone(), Quantity::State(k))).collect();
+        if info.has_energy {
+            all.push((Want::Energy.name().to_owned(), Quantity::Energy));
+        }
+        let outputs = info.outputs.iter().flat_map(|group| {
+            group.components.iter().map(move |component| format!("{}.{component}", group.name))
+        });
+        all.extend(outputs.enumerate().map(|(k, name)| (name, Quantity::Output(k))));
+        all
+    }
+
+    /// The quantity of a name; outputs also by the name of the component, where no other one has it.
+    pub fn named(info: &Info, name: &str) -> Option<Quantity> {
+        let all = Quantity::all(info);
+        if let Some((_, quantity)) = all.iter().find(|(own, _)| own == name) {
+            return Some(*quantity);
+        }
+        let mut alike =
+            all.iter().filter(|(own, _)| own.rsplit_once('.').is_some_and(|(_, own)| own == name));
+        match (alike.next(), alike.next()) {
+            (Some((_, quantity)), None) => Some(*quantity),
+            _ => None,
+        }
+    }
+}
+
+/// What is measured, and how well.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub quantity: Quantity,
+    /// Standard deviation of its errors; known for all columns or for none.
+    pub sigma: Option<f64>,
+}
+
+/// What to fit to what, in the order of [`Info`]; the motion starts at time zero.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitRequest {
+    /// Parameters; of the free ones, where the search starts.
+    pub params: Vec<f64>,
+    /// The same of the initial state.
+    pub initial: Vec<f64>,
+    /// Parameters and components of the initial state to be found.
+    pub free: Vec<Direction>,
+    /// What was measured.
+    pub columns: Vec<Column>,
+    /// Times from zero on, increasing.
+    pub times: Vec<f64>,
+    /// For each time a value of each column, where there is one.
+    pub values: Vec<Vec<Option<f64>>>,
+    /// The method of integration.
+    pub method: MethodName,
+    /// How it chooses steps.
+    pub steps: Steps,
+    /// Largest number of steps of one motion.
+    pub max_steps: u64,
+    /// Number of points of the fitted curves.
+    pub n_curve: usize,
+}
+
+/// A number that was fitted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// What it is called.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Its standard deviation to first order.
+    pub deviation: f64,
+}
+
+/// What was fitted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitResponse {
+    /// All parameters.
+    pub params: Vec<f64>,
+    /// The initial state.
+    pub initial: Vec<f64>,
+    /// What was free.
+    pub estimates: Vec<Estimate>,
+    /// Correlations of the estimates, row by row.
+    pub correlation: Vec<Vec<f64>>,
+    /// Root of the mean square of what is left of each column, in its own unit.
+    pub rms: Vec<f64>,
+    /// Number of values of each column.
+    pub n_values: Vec<usize>,
+    /// Sum of squares of what is left, in units of the standard deviations where they are known.
+    pub sum_of_squares: f64,
+    /// Motions that were integrated.
+    pub n_evaluations: usize,
+    /// Times of the curves.
+    pub curve_times: Vec<f64>,
+    /// The fitted motion at these times, a curve for each column.
+    pub curves: Vec<Vec<f64>>,
+}
+
+impl FitResponse {
+    /// Values beyond those that determine the estimates.
+    pub fn degrees_of_freedom(&self) -> usize {
+        self.n_values.iter().sum::<usize>() - self.estimates.len()
+    }
+}
+
+/// Finds the parameters and initial values whose motion is nearest to what was measured.
+///
+/// ```text
+/// minimum of sum_c sum_k ((g_c(t_k, y(t_k); p) - d_ck) / sigma_c)^2
+/// ```
+///
+/// with the derivatives of `y` and of the outputs `g_c` by dual numbers. Steps to values that the model does not allow,
+/// or from which no motion reaches the last time, are shortened. Standard deviations come from the derivatives at the
+/// minimum, `(J^T J)^-1`, times the mean square of what is left where no `sigma` is known. `progress` is told how many
+/// motions were integrated, and the sum of squares of the last.
+///
+/// # Errors
+/// [`Error::NoState`]; [`Error::Options`] for a method without derivatives; what is wrong with the start, as for a
+/// simulation; [`Error::Unidentifiable`] and [`Error::NotFitted`].
+pub fn fit(
+    factory: &dyn Factory,
+    request: &FitRequest,
+    progress: &mut dyn FnMut(usize, f64),
+) -> Result<FitResponse, Error> {
+    has_state(factory.info())?;
+    let along = Along::new(factory, &request.free, request.method, "fit")?;
+    let (mut refused, mut n) = (None, 0);
+    let mut evaluate = |x: &[f64]| {
+        n += 1;
+        let at = linearised(factory, &along, request, x);
+        progress(n, at.as_ref().map_or(f64::NAN, |at| at.residuals.norm_squared()));
+        at
+    };
+    let found = minimise(&start(request), &mut refused, &mut evaluate)?;
+    let info = factory.info();
+    let free = || request.free.iter().map(|direction| direction.name(info).to_owned());
+    let by_name = || free().zip(found.x.iter().copied()).collect();
+    let not_fitted = |reason: String| Error::NotFitted { reason, reached: by_name() };
+    match found.end {
+        End::Minimum => {}
+        End::Edge => {
+            let why = refused.map(|error| error.to_string()).unwrap_or_default();
+            return Err(not_fitted(format!(
+                "the search ended where smaller residuals need values that are not possible ({why}); start elsewhere, \
+                 or fit less"
+            )));
+        }
+        End::Patience => {
+            let reason = format!(
+                "{} motions were not enough to find a minimum: start nearer to it with --set and --initial",
+                found.n_evaluations
+            );
+            return Err(not_fitted(reason));
+        }
+    }
+    let undetermined = |along: Vec<f64>| {
+        let along = free().zip(along).filter(|(_, x)| x.abs() > 1e-6).collect();
+        Error::Unidentifiable { along, reached: by_name() }
+    };
+    let known = precision(&found.at.jacobian).map_err(undetermined)?;
+    let mut response = FitResponse {
+        params: Vec::new(),
+        initial: Vec::new(),
+        estimates: Vec::new(),
+        correlation: known.correlation,
+        rms: Vec::new(),
+        n_values: Vec::new(),
+        sum_of_squares: found.at.residuals.norm_squared(),
+        n_evaluations: found.n_evaluations,
+        curve_times: Vec::new(),
+        curves: Vec::new(),
+    };
+    (response.params, response.initial) = values(request, &found.x);
+    for (c, column) in request.columns.iter().enumerate() {
+        let cells = cells(request).zip(found.at.residuals.iter()).filter(|((_, at, _), _)| *at == c);
+        let sum: f64 = cells.clone().map(|(_, r)| (r * column.sigma.unwrap_or(1.0)).powi(2)).sum();
+        let n = cells.count();
+        response.rms.push((sum / n.max(1) as f64).sqrt());
+        response.n_values.push(n);
+    }
+    let estimates = free().zip(&found.x).zip(&known.deviations);
+    response.estimates = estimates
+        .map(|((name, value), deviation)| Estimate { name, value: *value, deviation: *deviation })
+        .collect();
+    if request.columns.iter().any(|column| column.sigma.is_none()) {
+        let scale = (response.sum_of_squares / response.degrees_of_freedom() as f64).sqrt();
+        response.estimates.iter_mut().for_each(|estimate| estimate.deviation *= scale);
+    }
+    if request.n_curve > 1 {
+        let end = request.times.last().copied().unwrap_or_default();
+        response.curve_times =
+            (0..request.n_curve).map(|k| end * (k as f64 / (request.n_curve - 1) as f64)).collect();
+        response.curves = curves(factory, request, &response)?;
+    }
+    Ok(response)
+}
+
+/// Values of the unknowns where the search starts.
+fn start(request: &FitRequest) -> Vec<f64> {
+    let value = |direction: &Direction| match direction {
+        Direction::Param(k) => request.params[*k],
+        Direction::Initial(k) => request.initial[*k],
+    };
+    request.free.iter().map(value).collect()
+}
+
+/// Parameters and initial state with values of the unknowns.
+fn values(request: &FitRequest, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (mut params, mut initial) = (request.params.clone(), request.initial.clone());
+    for (direction, x) in request.free.iter().zip(x) {
+        match direction {
+            Direction::Param(k) => params[*k] = *x,
+            Direction::Initial(k) => initial[*k] = *x,
+        }
+    }
+    (params, initial)
+}
+
+/// Row, column and value of everything that was measured, in the order of the residuals.
+fn cells(request: &FitRequest) -> impl Iterator<Item = (usize, usize, f64)> + Clone {
+    let row = |(k, row)| {
+        let row: &Vec<Option<f64>> = row;
+        row.iter().enumerate().filter_map(move |(c, cell)| Some((k, c, (*cell)?)))
+    };
+    request.values.iter().enumerate().flat_map(row)
+}
+
+/// Residuals and their derivatives with values of the unknowns.
+fn linearised(
+    factory: &dyn Factory,
+    along: &Along<'_>,
+    request: &FitRequest,
+    x: &[f64],
+) -> Result<Linearised, Error> {
+    let (params, initial) = values(request, x);
+    let base = prepare(factory, &params)?;
+    admissible::check(&*base, &initial, 0)?;
+    let states = states(&prepare(along, &params)?, request, &along.initial(&initial), &request.times)?;
+    let n = initial.len();
+    let needs_outputs = request.columns.iter().any(|column| !matches!(column.quantity, Quantity::State(_)));
+    let duals: Vec<PreparedDuals<'_>> = if needs_outputs {
+        let prepared = request.free.iter().map(|direction| factory.prepare_duals(&direction.params(&params)));
+        // The same values were allowed above.
+        prepared
+            .collect::<Result<_, _>>()
+            .map_err(|bad| super::evaluate::refused(factory.info(), &params, bad))?
+    } else {
+        Vec::new()
+    };
+    let (n_cells, n_free) = (cells(request).count(), x.len());
+    let (mut residuals, mut jacobian) = (DVector::zeros(n_cells), DMatrix::zeros(n_cells, n_free));
+    let mut measured = Measured { row: usize::MAX, energy: Vec::new(), outputs: Vec::new() };
+    for (at, (k, c, cell)) in cells(request).enumerate() {
+        let (column, t, z) = (&request.columns[c], request.times[k], &states[k]);
+        let scale = column.sigma.unwrap_or(1.0).recip();
+        if measured.row != k {
+            measured = Measured::new(&duals, k, t, (z, n));
+        }
+        for j in 0..n_free {
+            let value = match column.quantity {
+                Quantity::State(i) => Dual::new(z[i], z[(j + 1) * n + i]),
+                Quantity::Energy => measured.energy[j],
+                Quantity::Output(i) => measured.outputs[j][i],
+            };
+            residuals[at] = (value.value - cell) * scale;
+            jacobian[(at, j)] = value.derivative * scale;
+            if !(residuals[at].is_finite() && jacobian[(at, j)].is_finite()) {
+                let reason = format!("{} or its derivative is not finite", column.name);
+                return Err(stopped_because(factory.info(), t, &z[..n], reason));
+            }
+        }
+    }
+    Ok(Linearised { residuals, jacobian })
+}
+
+/// Energy and outputs at a row of the table, along each direction.
+struct Measured {
+    row: usize,
+    energy: Vec<Dual>,
+    outputs: Vec<Vec<Dual>>,
+}
+
+impl Measured {
+    fn new(duals: &[PreparedDuals<'_>], row: usize, t: f64, (z, n): (&[f64], usize)) -> Measured {
+        let (mut energy, mut outputs) = (Vec::new(), Vec::new());
+        for (j, scene) in duals.iter().enumerate() {
+            let tangent = &z[(j + 1) * n..];
+            let y: Vec<Dual> = z[..n].iter().zip(tangent).map(|(y, s)| Dual::new(*y, *s)).collect();
+            let t = Dual::constant(t);
+            energy.extend(scene.energy(t, &y));
+            outputs.push(scene.outputs(t, &y));
+        }
+        Measured { row, energy, outputs }
+    }
+}
+
+/// The fitted motion, a curve for each column.
+fn curves(
+    factory: &dyn Factory,
+    request: &FitRequest,
+    response: &FitResponse,
+) -> Result<Vec<Vec<f64>>, Error> {
+    let dynamics = prepare(factory, &response.params)?;
+    let states = states(&dynamics, request, &response.initial, &response.curve_times)?;
+    let curve = |column: &Column| -> Result<Vec<f64>, Error> {
+        let value = |(t, y): (&f64, &Vec<f64>)| {
+            let value = match column.quantity {
+                Quantity::State(i) => Some(y[i]),
+                Quantity::Energy => dynamics.energy(*t, y),
+                Quantity::Output(i) => dynamics.outputs(*t, y).get(i).copied(),
+            };
+            let reason = || format!("{} is not finite", column.name);
+            let is_finite = |x: &f64| x.is_finite();
+            value.filter(is_finite).ok_or_else(|| stopped_because(dynamics.info(), *t, y, reason()))
+        };
+        response.curve_times.iter().zip(&states).map(value).collect()
+    };
+    request.columns.iter().map(curve).collect()
+}
+
+/// The states of a motion at times.
+fn states(
+    dynamics: &PreparedScene<'_>,
+    request: &FitRequest,
+    initial: &[f64],
+    times: &[f64],
+) -> Result<Vec<Vec<f64>>, Error> {
+    let run = Run { dynamics, request, initial, times };
+    with_method(request.method, request.steps, Purpose::Samples, &**dynamics, initial, run)?
+}
+
+/// A motion that waits for its method.
+struct Run<'r, 'a> {
+    dynamics: &'r PreparedScene<'a>,
+    request: &'r FitRequest,
+    initial: &'r [f64],
+    times: &'r [f64],
+}
+
+impl<'a> WithMethod<'a> for Run<'_, 'a> {
+    type Output = Result<Vec<Vec<f64>>, Error>;
+
+    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
+        let Run { dynamics, request, initial, times } = self;
+        let info = dynamics.info();
+        let end = times.last().copied().unwrap_or_default();
+        let options = request.steps.options(end, request.max_steps)?;
+        let initial = VecState(initial.to_vec());
+        let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(|e| match e {
+            hamel_runtime::Error::Failure(failure) => {
+                Error::State { path: "initial".into(), reason: describe(info, failure) }
+            }
+            other => Error::Options { reason: other.to_string() },
+        })?;
+        let mut states = Vec::with_capacity(times.len());
+        let reached = solver.sample(end, times.iter().copied(), |_, y: &VecState| states.push(y.0.clone()));
+        match reached {
+            Ok(()) => Ok(states),
+            Err(error) => {
+                Err(stopped_because(info, solver.t(), &solver.state().0, why_stopped(info, &error)))
+            }
+        }
+    }
+}
+
+/// Whether the initial state keeps the constraints of a scene while what is free changes; `factory` is that of a scene
+/// that has the residuals of its constraints.
+///
+/// # Errors
+/// [`Error::Request`] with what moves the state off which constraint.
+pub(crate) fn keeps_constraints(
+    factory: &dyn Factory,
+    free: &[Direction],
+    params: &[f64],
+    initial: &[f64],
+) -> Result<(), Error> {
+    /// Derivatives of residuals are numbers such as one, or the rounding errors of zero.
+    const ROUNDING: f64 = 1e-9;
+    let info = factory.info();
+    let Some(range) = info.output_range(Want::Constraint.name()) else { return Ok(()) };
+    for direction in free {
+        let scene = factory.prepare_duals(&direction.params(params));
+        let scene = scene.map_err(|bad| super::evaluate::refused(info, params, bad))?;
+        let mut y: Vec<Dual> = initial.iter().copied().map(Dual::constant).collect();
+        if let Direction::Initial(k) = direction {
+            y[*k] = Dual::variable(initial[*k]);
+        }
+        let outputs = scene.outputs(Dual::constant(0.0), &y);
+        if let Some(at) = range.clone().find(|at| outputs[*at].derivative.abs() > ROUNDING) {
+            let all = Quantity::all(info);
+            let residual = all.iter().find(|(_, quantity)| *quantity == Quantity::Output(at));
+            let others: Vec<&str> = info.param_names().into_iter().chain(info.state_names()).collect();
+            let reason = format!(
+                "has {}, which moves the initial state off its constraint {}: fit others of {}, or choose a scene that \
+                 solves the constraint",
+                direction.name(info),
+                residual.map(|(name, _)| name.as_str()).unwrap_or_default(),
+                names::list(others)
+            );
+            return Err(Error::unusable("--free", reason));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,332 @@
+//! `fit`: what it finds, how well it says that it knows it, and what each mistake is told.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+#[path = "common/program.rs"]
+mod program;
+
+/// `x = x0 cos w t + v0/w sin w t` with `w^2 = k/m`; the height of the end of an arm of length `l` besides.
+const OSCILLATOR: &str = "model oscillator {
+    param k = 4 where k > 0;
+    param m = 1 where m > 0;
+    param l = 2;
+    coordinate x in real;
+    lagrangian = m*x_dot^2/2 - k*x^2/2;
+    output end = l*cos(x);
+    scene stiff { fix k = 9; want energy, outputs; }
+}";
+
+/// A ball that bounces.
+const BALL: &str = "model ball {
+    coordinate z in real;
+    lagrangian = z_dot^2/2 - z;
+    event impact = z falling { then z_dot = -z_dot; }
+}";
+
+/// Two points with a constraint that both velocities are kept for.
+const PAIR: &str = "model pair {
+    param r = 2;
+    coordinate x in real;
+    coordinate y in real;
+    constraint x_dot = r*y_dot;
+    lagrangian = (x_dot^2 + y_dot^2 - x^2 - y^2)/2;
+    multipliers;
+}";
+
+/// A file in a folder of the tests.
+fn file(name: &str, text: &str) -> String {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("fit_{name}"));
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// Exit status, standard output and standard error.
+fn hamel(arguments: &[&str]) -> (Option<i32>, String, String) {
+    let out = program::output(&mut program::command(arguments), "");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (out.status.code(), text(&out.stdout), text(&out.stderr))
+}
+
+fn fit_json(arguments: &[&str]) -> Value {
+    let (code, answer, message) = hamel(&[&["fit"], arguments, &["--json"]].concat());
+    assert_eq!(code, Some(0), "{arguments:?}: {message}");
+    serde_json::from_str(&answer).unwrap_or_else(|e| panic!("{e}: {answer}"))
+}
+
+fn refused(arguments: &[&str], code: i32, words: &[&str]) {
+    let (found, _, message) = hamel(&[&["fit"], arguments].concat());
+    assert_eq!(found, Some(code), "{arguments:?}: {message}");
+    for word in words {
+        assert!(message.contains(word), "{arguments:?}: no {word:?} in {message}");
+    }
+}
+
+fn estimate(answer: &Value, name: &str, field: &str) -> f64 {
+    answer["estimates"][name][field].as_f64().unwrap_or_else(|| panic!("{name}: {answer}"))
+}
+
+/// Errors of measurements: normal with standard deviation one, always the same for a seed.
+///
+/// # Source
+/// Steele, Lea and Flood, Fast splittable pseudorandom number generators (2014), figure 17; Box and Muller, A note on
+/// the generation of random normal deviates (1958).
+struct Noise(u64);
+
+impl Noise {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (((z ^ (z >> 31)) >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
+    }
+
+    fn next(&mut self) -> f64 {
+        let (x, angle) = (self.unit(), std::f64::consts::TAU * self.unit());
+        (-2.0 * x.ln()).sqrt() * angle.cos()
+    }
+}
+
+/// Times from `t0` to `t0 + 3` and the exact place of the oscillator with `k`, `m = 1`, `x0 = 0.3`, `v0 = -0.5`.
+fn motion(k: f64, n: usize) -> Vec<(f64, f64)> {
+    let w = k.sqrt();
+    let times = (0..n).map(|i| 3.0 * i as f64 / (n - 1) as f64);
+    times.map(|t| (t, 0.3 * (w * t).cos() - 0.5 / w * (w * t).sin())).collect()
+}
+
+const START: [&str; 3] = ["--initial", "x=0.3", "x_dot=-0.5"];
+
+#[test]
+fn exact_data_give_back_what_they_were_made_of() {
+    let model = file("exact.hamel", OSCILLATOR);
+    let mut text = "t,x\n".to_owned();
+    motion(5.3, 40).iter().for_each(|(t, x)| writeln!(text, "{t:?},{x:?}").unwrap());
+    let data = file("exact.csv", &text);
+    let arguments =
+        [&[&*model, "--data", &data, "--free", "k,x_dot", "--initial", "x=0.3", "x_dot=0"][..]].concat();
+    let answer = fit_json(&arguments);
+    // Of the tolerances of the integration, 1e-10.
+    assert!((estimate(&answer, "k", "value") - 5.3).abs() < 1e-8, "{answer}");
+    assert!((estimate(&answer, "x_dot", "value") + 0.5).abs() < 1e-8, "{answer}");
+    assert!(answer["columns"]["x"]["rms"].as_f64().unwrap() < 1e-9, "{answer}");
+    assert_eq!(answer["degrees_of_freedom"], 38);
+    // The answer is a request to simulate, all parameters and the whole state.
+    assert_eq!(answer["params"]["m"], 1.0);
+    assert_eq!(answer["initial"]["x"], 0.3);
+    // For people, what was found can be given back.
+    let (_, summary, _) = hamel(&[&["fit"], &arguments[..]].concat());
+    assert!(
+        summary.contains("for simulate: --set k=5.3") || summary.contains("for simulate: --set k=5.29"),
+        "{summary}"
+    );
+}
+
+/// With the initial values alone free, the problem is linear: `dx/dx0 = cos w t`, `dx/dv0 = sin w t / w`.
+#[test]
+fn errors_and_correlations_are_those_of_the_linear_problem() {
+    let model = file("linear.hamel", OSCILLATOR);
+    let (mut noise, sigma, mut text) = (Noise(5), 0.02, "t,x\n".to_owned());
+    for (t, x) in motion(4.0, 60) {
+        writeln!(text, "{t:?},{:?}", x + sigma * noise.next()).unwrap();
+    }
+    let data = file("linear.csv", &text);
+    let known = fit_json(&[&model, "--data", &data, "--free", "x,x_dot", "--sigma", "x=0.02"]);
+    let unknown = fit_json(&[&model, "--data", &data, "--free", "x,x_dot"]);
+    let columns: Vec<[f64; 2]> =
+        motion(4.0, 60).iter().map(|(t, _)| [(2.0 * t).cos(), (2.0 * t).sin() / 2.0]).collect();
+    let sum = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
+    let (a, b, c) = (sum(0, 0), sum(0, 1), sum(1, 1));
+    let determinant = a * c - b * b;
+    let expected =
+        [("x", sigma * (c / determinant).sqrt(), 0.3), ("x_dot", sigma * (a / determinant).sqrt(), -0.5)];
+    for (name, error, exact) in expected {
+        assert!((estimate(&known, name, "error") / error - 1.0).abs() < 1e-7, "{name}: {known} {error}");
+        // Five standard deviations, of data that never change.
+        assert!((estimate(&known, name, "value") - exact).abs() < 5.0 * error, "{name}: {known}");
+        assert_eq!(estimate(&known, name, "error") > 0.0, estimate(&unknown, name, "error") > 0.0);
+    }
+    let correlation = known["correlation"]["x"]["x_dot"].as_f64().unwrap();
+    assert!((correlation + b / (a * c).sqrt()).abs() < 1e-7, "{correlation}");
+    // Without known errors, what is left stands for them.
+    let ratio = estimate(&unknown, "x", "error") / estimate(&known, "x", "error");
+    let rms = unknown["columns"]["x"]["rms"].as_f64().unwrap();
+    assert!((ratio - rms * (60.0_f64 / 58.0).sqrt() / sigma).abs() < 1e-6, "{ratio} {rms}");
+    assert!((0.7..1.4).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn columns_have_other_names_and_gaps_and_the_motion_starts_when_told() {
+    let model = file("columns.hamel", OSCILLATOR);
+    let mut text = "seconds, position ,room,x_dot\n".to_owned();
+    let w = 5.3_f64.sqrt();
+    for (k, (t, x)) in motion(5.3, 40).into_iter().enumerate() {
+        let v = -0.3 * w * (w * t).sin() - 0.5 * (w * t).cos();
+        let x = if k % 3 == 0 { String::new() } else { format!("{x:?}") };
+        let v = if k % 4 == 0 { format!("{v:?}") } else { String::new() };
+        writeln!(text, "{:?},{x},20,{v}", t + 7.5).unwrap();
+    }
+    let data = file("columns.csv", &text);
+    let options = ["--time", "seconds", "--t0", "7.5", "--columns", "x=position,x_dot", "--free", "k"];
+    let answer = fit_json(&[&[&*model, "--data", &data][..], &options, &START].concat());
+    assert!((estimate(&answer, "k", "value") - 5.3).abs() < 1e-8, "{answer}");
+    assert_eq!(
+        (&answer["columns"]["x"]["values"], &answer["columns"]["x_dot"]["values"]),
+        (&26.into(), &10.into())
+    );
+}
+
+/// The output depends on the state and on a parameter of its own, the energy on both parameters.
+#[test]
+fn outputs_and_the_energy_are_fitted_with_their_own_derivatives() {
+    let model = file("outputs.hamel", OSCILLATOR);
+    let (k, l) = (5.3_f64, 1.7);
+    let mut text = "t,end,energy\n".to_owned();
+    for (t, x) in motion(k, 40) {
+        writeln!(text, "{t:?},{:?},{:?}", l * x.cos(), 0.125 + k * 0.09 / 2.0).unwrap();
+    }
+    let data = file("outputs.csv", &text);
+    let arguments = [&[&*model, "--data", &data, "--free", "k", "l"][..], &START].concat();
+    let answer = fit_json(&arguments);
+    assert!((estimate(&answer, "k", "value") - k).abs() < 1e-8, "{answer}");
+    assert!((estimate(&answer, "l", "value") - l).abs() < 1e-8, "{answer}");
+}
+
+#[test]
+fn what_the_data_do_not_determine_is_named() {
+    let model = file("unknown.hamel", OSCILLATOR);
+    let mut text = "t,x\n".to_owned();
+    motion(5.3, 40).iter().for_each(|(t, x)| writeln!(text, "{t:?},{x:?}").unwrap());
+    let data = file("unknown.csv", &text);
+    let with = |free| [&[&*model, "--data", &data, "--free", free][..], &START].concat();
+    // k/m alone matters: dk = k/m dm.
+    refused(&with("m,k"), 2, &["combinations of m, k", "dk = 1", "found at m = "]);
+    refused(&with("k,l"), 2, &["l changes nothing"]);
+}
+
+#[test]
+fn steps_out_of_the_domain_are_shortened_and_an_edge_is_no_minimum() {
+    let model = file("edge.hamel", OSCILLATOR);
+    let mut text = "t,x\n".to_owned();
+    motion(0.05, 40).iter().for_each(|(t, x)| writeln!(text, "{t:?},{x:?}").unwrap());
+    let data = file("edge.csv", &text);
+    // Newton's first step from here is to negative stiffness, which has no motion.
+    let with = |data| [&[&*model, "--data", data, "--free", "k", "--set", "k=1.5"][..], &START].concat();
+    let answer = fit_json(&with(&data));
+    assert!((estimate(&answer, "k", "value") - 0.05).abs() < 1e-8, "{answer}");
+    // x0 cosh + v0 sinh: a repelling spring.
+    let mut text = "t,x\n".to_owned();
+    for (t, _) in motion(1.0, 40) {
+        writeln!(text, "{t:?},{:?}", 0.3 * t.cosh() - 0.5 * t.sinh()).unwrap();
+    }
+    let data = file("repelling.csv", &text);
+    refused(&with(&data), 1, &["k > 0 does not hold", "the best values: k = "]);
+    refused(
+        &[&[&*model, "--data", &data, "--free", "m", "--set", "k=-1"][..], &START].concat(),
+        2,
+        &["k > 0"],
+    );
+}
+
+#[test]
+fn mistakes_are_told_with_what_to_change() {
+    let model = file("mistakes.hamel", OSCILLATOR);
+    let data = file("mistakes.csv", "t,x,temperature\n0,0.3,20\n1,0.1,20\n2,0.2,20\n");
+    let base = [&*model, "--data", &data, "--free"];
+    let with = |more: &[&'static str]| [&base[..], more].concat();
+    refused(
+        &with(&["k"]),
+        2,
+        &["no variable `temperature`", "variables: x, x_dot, energy", "--columns NAME=HEADER"],
+    );
+    refused(&with(&["kk", "--columns", "x"]), 2, &["`kk`", "did you mean `k`"]);
+    refused(&with(&["k", "--scene", "stiff", "--columns", "x"]), 2, &["k, which scene stiff fixes"]);
+    refused(&with(&["k,m,l", "--columns", "x"]), 2, &["has 3 values", "3 unknowns"]);
+    refused(&with(&["k", "--columns", "x=y"]), 2, &["the table has no column `y`"]);
+    refused(&with(&["k", "--columns", "x,x"]), 2, &["`x` twice"]);
+    refused(&with(&["k", "--time", "seconds"]), 2, &["the table has no column `seconds`"]);
+    refused(&with(&["k", "--columns", "x", "--t0", "0.5"]), 2, &["mistakes.csv:2", "earlier --t0"]);
+    refused(&with(&["k", "--columns", "x", "--sigma", "x=0"]), 2, &["--sigma", "positive"]);
+    refused(&with(&["k", "--columns", "x,x_dot=temperature", "--sigma", "x=1"]), 2, &["--sigma lacks x_dot"]);
+    refused(&with(&["k", "--columns", "x", "--method", "taylor"]), 2, &["fit: method taylor"]);
+    refused(&with(&["k", "--columns", "x", "-o", "out.png"]), 2, &["out.png", ".svg"]);
+    let unsorted = file("unsorted.csv", "t,x\n0,0.3\n2,0.1\n1,0.2\n,0.2\n");
+    let arguments = [&*model, "--data", &unsorted, "--free", "k"];
+    refused(&arguments, 2, &["unsorted.csv:4 is at 1.0", "unsorted.csv:5 has no time"]);
+    refused(&[&*model, "--data", "nowhere.csv", "--free", "k"], 1, &["nowhere.csv"]);
+}
+
+#[test]
+fn events_and_broken_constraints_are_refused() {
+    let data = file("refused.csv", "t,x,y\n0,0.3,0.1\n1,0.1,\n2,0.2,\n");
+    let ball = file("ball.hamel", BALL);
+    refused(&[&ball, "--data", &data, "--free", "z", "--columns", "z=x"], 2, &["--scene", "events"]);
+    let pair = file("pair.hamel", PAIR);
+    refused(&[&pair, "--data", &data, "--free", "r"], 2, &["--free", "r", "off its constraint"]);
+    // Positions are free of the constraint.
+    let (code, _, message) = hamel(&["fit", &pair, "--data", &data, "--free", "x"]);
+    assert_eq!(code, Some(0), "{message}");
+}
+
+#[test]
+fn figures_show_the_values_and_the_curve() {
+    let model = file("figure.hamel", OSCILLATOR);
+    let mut text = "t,x,x_dot\n".to_owned();
+    motion(5.3, 11).iter().for_each(|(t, x)| writeln!(text, "{t:?},{x:?},").unwrap());
+    text.push_str("3.5,,0.1\n");
+    let (data, svg) = (file("figure.csv", &text), file("figure.svg", ""));
+    let arguments = [&["fit", &*model, "--data", &data, "--free", "k", "-o", &svg][..], &START].concat();
+    let (code, summary, message) = hamel(&arguments);
+    assert_eq!(code, Some(0), "{message}");
+    assert!(summary.contains(&format!("wrote {svg}")), "{summary}");
+    let figure = std::fs::read_to_string(&svg).unwrap();
+    assert_eq!(figure.matches("<circle").count(), 12, "{figure}");
+    assert!(figure.contains("fitted") && figure.contains("k = "));
+}
+
+fn book() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("docs/book/data/top.csv")
+}
+
+/// The table of the book: a top whose mass centre is at 0.41 m and that starts with 2.3 rad/s about its third axis,
+/// measured with errors of 0.02 rad/s and 0.005. The vertical direction was measured every other time.
+#[test]
+fn the_table_of_the_book_is_a_simulation_with_errors() {
+    let out = file("book.csv", "");
+    let motion =
+        ["--set", "l=0.41", "--initial", "Omega3=2.3", "--t-final", "3", "--samples", "61", "-o", &out];
+    let (code, _, message) =
+        hamel(&[&["simulate", "heavy_top", "--via", "interpreter"][..], &motion].concat());
+    assert_eq!(code, Some(0), "{message}");
+    let exact = std::fs::read_to_string(&out).unwrap();
+    let mut lines = exact.lines().map(|line| line.split(',').collect::<Vec<&str>>());
+    let names = lines.next().unwrap();
+    let place = |name: &str| names.iter().position(|own| *own == name).unwrap();
+    let places = ["t", "Omega1", "Gamma3"].map(place);
+    let (mut noise, mut text) = (Noise(1), "t,Omega1,Gamma3\n".to_owned());
+    for (k, cells) in lines.enumerate() {
+        let [t, omega, gamma] = places.map(|place| cells[place].parse::<f64>().unwrap());
+        let errors = [0.02, 0.005].map(|sigma| sigma * noise.next());
+        let gamma = if k % 2 == 0 { format!("{:.4}", gamma + errors[1]) } else { String::new() };
+        writeln!(text, "{t:.2},{:.4},{gamma}", omega + errors[0]).unwrap();
+    }
+    if std::env::var_os("UPDATE_EXPECT").is_some() {
+        std::fs::write(book(), &text).unwrap();
+    }
+    let kept =
+        std::fs::read_to_string(book()).unwrap_or_else(|e| panic!("{e}: UPDATE_EXPECT=1 writes the table"));
+    assert_eq!(text, kept);
+    let sigma = ["--sigma", "Omega1=0.02", "Gamma3=0.005", "--free", "l,Omega3"];
+    let data = book();
+    let arguments =
+        [&["heavy_top", "--via", "interpreter", "--data", data.to_str().unwrap()][..], &sigma].concat();
+    let answer = fit_json(&arguments);
+    for (name, exact) in [("l", 0.41), ("Omega3", 2.3)] {
+        let (value, error) = (estimate(&answer, name, "value"), estimate(&answer, name, "error"));
+        // Four standard deviations, of data that never change.
+        assert!((value - exact).abs() < 4.0 * error && error < 0.01 * exact, "{name}: {answer}");
+    }
+    let ratio = answer["sum_of_squares"].as_f64().unwrap() / answer["degrees_of_freedom"].as_f64().unwrap();
+    assert!((0.75..1.3).contains(&ratio), "{answer}");
+}
