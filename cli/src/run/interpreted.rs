@@ -1,4 +1,5 @@
-//! A scene of a model, derived and lowered in this process, evaluated operation by operation.
+//! A scene of a model, derived and lowered in this process, evaluated operation by operation or as machine code of the
+//! same operations.
 //!
 //! Does not know: commands, files, JSON.
 
@@ -6,24 +7,29 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::{Counts, Function, Jet, Role, ViolatedCondition};
+use hamel_codegen::program::{Counts, Function, Jet, Point, Role, ViolatedCondition};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_codegen::spec;
-use hamel_runtime::{Dual, Failure, Pivot};
+use hamel_jit::Compiled;
+use hamel_runtime::{Dual, F64x4, Failure, Pivot};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, DualRates, Dynamics, Factory, PreparedScene, VecState};
+use super::dynamics::{
+    BadParams, DualRates, Dynamics, Factory, PreparedLanes, PreparedScene, SideBySide, VecState, lane_by_lane,
+};
 use super::info::{Info, OutputEntry, ParamEntry};
 use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{Checked, Model};
 
-/// A scene that the interpreter evaluates.
+/// A scene that this process evaluates.
 #[derive(Debug)]
 pub struct Built {
     model: Arc<Checked>,
     executable: Executable,
+    /// Its machine code; none where the scene is interpreted.
+    compiled: Option<Compiled>,
     info: Info,
     /// The scene with its equations, when something else is to be derived from them.
     derived: OnceLock<Option<BuiltScene>>,
@@ -107,7 +113,19 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<Built, Error> {
 impl Built {
     fn new(model: &Arc<Checked>, stored: Stored, derived: OnceLock<Option<BuiltScene>>) -> Built {
         let Stored { executable, info } = stored;
-        Built { model: Arc::clone(model), executable, info, derived, invariants: OnceLock::new() }
+        let compiled = None;
+        Built { model: Arc::clone(model), executable, compiled, info, derived, invariants: OnceLock::new() }
+    }
+
+    /// The same scene as machine code, whose functions are compiled when they are first called; interpreted still where
+    /// there is no compiler for this machine.
+    #[must_use]
+    pub fn in_memory(self) -> Built {
+        let compiled = Compiled::new(&self.executable.program);
+        if let Err(reason) = &compiled {
+            eprintln!("note: {reason}; the scene is interpreted");
+        }
+        Built { compiled: compiled.ok(), ..self }
     }
 
     /// The scene with its equations; none only by a bug, because it was derived before.
@@ -152,6 +170,46 @@ impl Built {
     }
 }
 
+impl Built {
+    fn interpreted(&self, values: &[f64]) -> Result<Interpreted<'_>, BadParams> {
+        let interpreter = match &self.compiled {
+            Some(compiled) => self.executable.prepare_on(compiled, values),
+            None => self.executable.prepare(values),
+        };
+        Ok(Interpreted {
+            built: self,
+            params: values.to_vec(),
+            interpreter: interpreter.map_err(bad_params)?,
+            jet: OnceLock::new(),
+            invariants: OnceLock::new(),
+            lanes: OnceLock::new(),
+        })
+    }
+
+    /// The right-hand side on lanes with parameters of their own; none where the scene is interpreted.
+    fn lane_rates(&self, params: &[F64x4]) -> Option<LaneRates<'_>> {
+        let compiled = self.compiled.as_ref()?;
+        let function = self.executable.program.function_idx(&Role::Rate)?;
+        let prepared = self.executable.program.prepare(params).ok()?;
+        Some(LaneRates { compiled, function, params: params.to_vec(), prepared })
+    }
+}
+
+/// The machine code of a right-hand side on lanes.
+struct LaneRates<'a> {
+    compiled: &'a Compiled,
+    function: usize,
+    params: Vec<F64x4>,
+    prepared: Vec<F64x4>,
+}
+
+impl LaneRates<'_> {
+    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        let point = Point { t, state: &y.0, argument: &[] };
+        self.compiled.run_on_lanes(self.function, &self.params, &self.prepared, point, &mut dy.0);
+    }
+}
+
 fn bad_params(bad: ViolatedCondition) -> BadParams {
     BadParams { condition: bad.condition, meaning: bad.meaning }
 }
@@ -162,15 +220,13 @@ impl Factory for Built {
     }
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
-        let interpreter = self.executable.prepare(values).map_err(bad_params)?;
-        let (jet, invariants) = (OnceLock::new(), OnceLock::new());
-        Ok(PreparedScene::new(Interpreted {
-            built: self,
-            params: values.to_vec(),
-            interpreter,
-            jet,
-            invariants,
-        }))
+        Ok(PreparedScene::new(self.interpreted(values)?))
+    }
+
+    fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
+        let lanes = SideBySide::new(self, values)?;
+        let Some(rates) = self.lane_rates(values) else { return Ok(Box::new(lanes)) };
+        Ok(Box::new(lanes.with_rates(move |t, y, dy| rates.rhs(t, y, dy))))
     }
 
     fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
@@ -188,6 +244,8 @@ struct Interpreted<'a> {
     jet: OnceLock<Option<Jet>>,
     /// The interpreter of the scene with invariants.
     invariants: OnceLock<Option<Interpreter<'a>>>,
+    /// The right-hand side with the same parameters on every lane, when first asked for; none where it is interpreted.
+    lanes: OnceLock<Option<LaneRates<'a>>>,
 }
 
 impl<'a> Interpreted<'a> {
@@ -204,6 +262,17 @@ impl Dynamics for Interpreted<'_> {
 
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         self.interpreter.rhs(t, y, dy);
+    }
+
+    fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        let on_lanes = || {
+            let params: Vec<F64x4> = self.params.iter().copied().map(F64x4::splat).collect();
+            self.built.lane_rates(&params)
+        };
+        match self.lanes.get_or_init(on_lanes) {
+            Some(rates) => rates.rhs(t, y, dy),
+            None => lane_by_lane(y, dy, |k, y, dy| self.rhs(t.lane(k), y, dy)),
+        }
     }
 
     fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {

@@ -7,7 +7,7 @@ use std::fmt;
 use hamel_runtime::Real;
 
 use super::ir::{Constant, Function, Instruction, Literal, Op, Operand, Program};
-use super::table::{Factors, Products, Table};
+use super::table::{Factors, Products};
 use crate::expr::Func;
 use crate::expr::Relation;
 
@@ -42,6 +42,47 @@ impl Constant {
     }
 }
 
+/// Whoever evaluates the functions of a program on `f64`: the [`Program`] itself, operation by operation, or machine code
+/// of the same operations. All have the same bits.
+pub trait Run: fmt::Debug + Sync {
+    /// What is run.
+    fn program(&self) -> &Program;
+
+    /// Calls a function at a point.
+    ///
+    /// # Shapes
+    /// params: \[n_params\], prepared: what [`Program::prepare`] returned, state: \[n_state\], argument: \[n_argument\],
+    /// out: \[n_results\].
+    ///
+    /// # Panics
+    /// When the function does not exist or a size is wrong.
+    fn run_at(
+        &self,
+        function_idx: usize,
+        params: &[f64],
+        prepared: &[f64],
+        point: Point<'_, f64>,
+        out: &mut [f64],
+    );
+}
+
+impl Run for Program {
+    fn program(&self) -> &Program {
+        self
+    }
+
+    fn run_at(
+        &self,
+        function_idx: usize,
+        params: &[f64],
+        prepared: &[f64],
+        point: Point<'_, f64>,
+        out: &mut [f64],
+    ) {
+        Program::run_at(self, function_idx, params, prepared, point, out);
+    }
+}
+
 /// Where a function is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Point<'a, R> {
@@ -61,8 +102,6 @@ struct Memory<'a, R> {
     state: &'a [R],
     argument: &'a [R],
     values: Vec<R>,
-    /// Results of contractions.
-    contracted: Vec<R>,
 }
 
 impl<R: Real> Memory<'_, R> {
@@ -75,7 +114,8 @@ impl<R: Real> Memory<'_, R> {
             Operand::Time => self.t,
             Operand::State(i) => self.state[i as usize],
             Operand::Argument(i) => self.argument[i as usize],
-            Operand::Contracted(i) => self.contracted[i as usize],
+            // In results alone, which `Program::run_tables` fills in.
+            Operand::Contracted(_) => R::ZERO,
         }
     }
 
@@ -100,27 +140,6 @@ impl<R: Real> Memory<'_, R> {
                 }
             };
             self.values.push(value);
-        }
-    }
-
-    /// Runs the contractions of a function, whose instructions have run.
-    fn contract(&mut self, tables: &[Table], function: &Function) {
-        let scalars: Vec<R> = function.scalars.iter().map(|o| self.read(*o)).collect();
-        for contraction in &function.contractions {
-            let mut sums = vec![R::ZERO; contraction.n_results];
-            for Products { table, left, right } in &contraction.terms {
-                let factors = |factors: &Factors| match factors {
-                    Factors::State => self.state,
-                    Factors::Argument => self.argument,
-                    Factors::Scalars => &scalars,
-                    Factors::Contraction(k) => {
-                        let start = function.start_of_contraction(*k as usize);
-                        &self.contracted[start..start + function.contractions[*k as usize].n_results]
-                    }
-                };
-                tables[*table as usize].products().add_to(factors(left), factors(right), &mut sums);
-            }
-            self.contracted.extend(sums);
         }
     }
 }
@@ -169,7 +188,6 @@ impl Program {
             state: &[],
             argument: &[],
             values: Vec::new(),
-            contracted: Vec::new(),
         };
         memory.run(&self.prepare.instructions);
         for condition in &self.prepare.conditions {
@@ -231,12 +249,51 @@ impl Program {
         assert_eq!(argument.len(), function.argument.len(), "dimension of the argument");
         assert_eq!(out.len(), function.results.len(), "number of results");
         let constants = self.constants.iter().map(Constant::value).collect();
-        let (values, contracted) = (Vec::new(), Vec::new());
-        let mut memory = Memory { constants, params, prepared, t, state, argument, values, contracted };
+        let mut memory = Memory { constants, params, prepared, t, state, argument, values: Vec::new() };
         memory.run(&function.instructions);
-        memory.contract(&self.tables, function);
         for (slot, (_, operand)) in out.iter_mut().zip(&function.results) {
             *slot = memory.read(*operand);
+        }
+        let scalars: Vec<R> = function.scalars.iter().map(|o| memory.read(*o)).collect();
+        self.run_tables(function, point, &scalars, out);
+    }
+
+    /// Runs through the tables of a function whose straight-line code has run, and writes the results that are
+    /// contractions.
+    ///
+    /// # Shapes
+    /// scalars: those of the function, `[n_scalars]`; out: `[n_results]`.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn run_tables<R: Real>(
+        &self,
+        function: &Function,
+        point: Point<'_, R>,
+        scalars: &[R],
+        out: &mut [R],
+    ) {
+        let mut contracted: Vec<R> = Vec::new();
+        for contraction in &function.contractions {
+            let mut sums = vec![R::ZERO; contraction.n_results];
+            for Products { table, left, right } in &contraction.terms {
+                let factors = |factors: &Factors| match factors {
+                    Factors::State => point.state,
+                    Factors::Argument => point.argument,
+                    Factors::Scalars => scalars,
+                    Factors::Contraction(k) => {
+                        let start = function.start_of_contraction(*k as usize);
+                        &contracted[start..start + function.contractions[*k as usize].n_results]
+                    }
+                };
+                self.tables[*table as usize].products().add_to(factors(left), factors(right), &mut sums);
+            }
+            contracted.extend(sums);
+        }
+        for (slot, (_, operand)) in out.iter_mut().zip(&function.results) {
+            if let Operand::Contracted(i) = operand {
+                *slot = contracted[*i as usize];
+            }
         }
     }
 }

@@ -24,7 +24,7 @@ mod verify;
 
 pub use crate::expr::Relation;
 pub use counts::Counts;
-pub use interpret::{Point, ViolatedCondition};
+pub use interpret::{Point, Run, ViolatedCondition};
 pub(crate) use ir::place_of_two;
 pub use ir::{
     Condition, Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program, Signs, Slot,

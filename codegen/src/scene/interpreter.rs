@@ -1,13 +1,14 @@
-//! What it takes to run a scene, and its program with prepared parameters, run operation by operation.
+//! What it takes to run a scene, and its program with prepared parameters: run operation by operation, or by another
+//! [`Run`].
 //!
-//! Does not know: how the program was made.
+//! Does not know: how the program was made, which other ways there are to run one.
 
 use std::borrow::Cow;
 
 use hamel_runtime::{Dual, Real};
 
 use crate::error::Error;
-use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
+use crate::program::{Jet, Point, Program, Role, Run, ViolatedCondition};
 use crate::spec::Want;
 
 use super::bracket::REMAINDER;
@@ -68,7 +69,23 @@ impl Executable {
     /// # Panics
     /// When the number of parameters is wrong.
     pub fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
-        Interpreter::new(&self.program, Cow::Borrowed(&self.patterns), params)
+        self.prepare_on(&self.program, params)
+    }
+
+    /// Checks parameters and prepares them for another way to run the program.
+    ///
+    /// # Errors
+    /// The condition that the parameters violate.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong, or `run` runs another program.
+    pub fn prepare_on<'a>(
+        &'a self,
+        run: &'a dyn Run,
+        params: &[f64],
+    ) -> Result<Interpreter<'a>, ViolatedCondition> {
+        assert_eq!(run.program().functions.len(), self.program.functions.len(), "number of functions");
+        Interpreter::new(run, Cow::Borrowed(&self.patterns), params)
     }
 
     /// Prepares the right-hand side alone, over any scalar.
@@ -160,9 +177,10 @@ impl<R: Real> Rates<'_, R> {
     }
 }
 
-/// A scene's program with prepared parameters, run operation by operation.
+/// A scene's program with prepared parameters, run operation by operation unless another way was asked for.
 #[derive(Clone, Debug)]
 pub struct Interpreter<'a> {
+    run: &'a dyn Run,
     program: &'a Program,
     patterns: Cow<'a, [Pattern]>,
     params: Vec<f64>,
@@ -171,25 +189,40 @@ pub struct Interpreter<'a> {
 
 impl<'a> Interpreter<'a> {
     fn new(
-        program: &'a Program,
+        run: &'a dyn Run,
         patterns: Cow<'a, [Pattern]>,
         params: &[f64],
     ) -> Result<Interpreter<'a>, ViolatedCondition> {
+        let program = run.program();
         let prepared = program.prepare(params)?;
-        Ok(Interpreter { program, patterns, params: params.to_vec(), prepared })
+        Ok(Interpreter { run, program, patterns, params: params.to_vec(), prepared })
+    }
+
+    /// Calls a function of the program at a state.
+    fn run(&self, function_idx: usize, t: f64, state: &[f64], out: &mut [f64]) {
+        self.run_at(function_idx, Point { t, state, argument: &[] }, out);
+    }
+
+    fn run_at(&self, function_idx: usize, point: Point<'_, f64>, out: &mut [f64]) {
+        self.run.run_at(function_idx, &self.params, &self.prepared, point, out);
+    }
+
+    /// What the parameters were prepared to.
+    pub fn prepared(&self) -> &[f64] {
+        &self.prepared
     }
 
     /// The values of a function; none if the program does not have it.
     fn values(&self, role: &Role, t: f64, y: &[f64]) -> Option<Vec<f64>> {
         let k = self.program.function_idx(role)?;
         let mut out = vec![0.0; self.program.functions[k].results.len()];
-        self.program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        self.run(k, t, y, &mut out);
         Some(out)
     }
 
     fn call(&self, role: &Role, t: f64, y: &[f64], out: &mut [f64]) -> bool {
         let Some(k) = self.program.function_idx(role) else { return false };
-        self.program.run(k, &self.params, &self.prepared, t, y, out);
+        self.run(k, t, y, out);
         true
     }
 
@@ -241,7 +274,7 @@ impl<'a> Interpreter<'a> {
             if let Role::Output(_) = function.role {
                 let start = all.len();
                 all.resize(start + function.results.len(), 0.0);
-                self.program.run(k, &self.params, &self.prepared, t, y, &mut all[start..]);
+                self.run(k, t, y, &mut all[start..]);
             }
         }
         all
@@ -319,7 +352,7 @@ impl<'a> Interpreter<'a> {
         let k = self.program.function_idx(&derivative.role())?;
         let mut out = vec![0.0; self.program.functions[k].results.len()];
         let point = Point { t, state: y, argument: vector };
-        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        self.run_at(k, point, &mut out);
         Some(out)
     }
 
@@ -347,7 +380,7 @@ impl<'a> Interpreter<'a> {
         // Such a function reads no state.
         let state = vec![0.0; self.program.state.len()];
         let point = Point { t, state: &state, argument: z };
-        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        self.run_at(k, point, &mut out);
         Some(out)
     }
 
@@ -360,7 +393,7 @@ impl<'a> Interpreter<'a> {
         let k = self.program.function_idx(&legendre_role())?;
         let mut out = vec![0.0; self.program.functions[k].results.len()];
         let point = Point { t, state: y, argument: velocities };
-        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        self.run_at(k, point, &mut out);
         Some(out)
     }
 
@@ -374,7 +407,7 @@ impl<'a> Interpreter<'a> {
         let Some(k) = program.function_idx(&Role::Pivots) else { return Vec::new() };
         let results = &program.functions[k].results;
         let mut out = vec![0.0; results.len()];
-        program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        self.run(k, t, y, &mut out);
         let (values, scales) = out.split_at(out.len() / 2);
         let names = results.iter().map(|(name, _)| name.as_str());
         names.zip(values).zip(scales).map(|((name, value), scale)| (name, *value, *scale)).collect()
@@ -421,7 +454,7 @@ impl<'a> Interpreter<'a> {
         let Some(k) = self.program.function_idx(role) else { return Ok(()) };
         let results = &self.program.functions[k].results;
         let mut out = vec![0.0; results.len()];
-        self.program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        self.run(k, t, y, &mut out);
         broken(&out).map_or(Ok(()), |k| Err(results[k].0.clone()))
     }
 }
