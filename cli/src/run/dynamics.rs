@@ -143,7 +143,7 @@ pub trait Factory: Sync {
     /// # Errors
     /// As [`Factory::prepare`], for any lane.
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
-        Ok(Box::new(SideBySide::new(self, values)?))
+        SideBySide::boxed(self, values)
     }
 
     /// Fixes the parameters of the right-hand side, with their derivatives along a direction.
@@ -171,29 +171,17 @@ impl<F: Factory + ?Sized> Factory for &F {
     }
 }
 
-/// A right-hand side on lanes, `(t, y, dy)`.
-type LaneFunction<'a> = Box<dyn Fn(F64x4, &VecState<F64x4>, &mut VecState<F64x4>) + 'a>;
-
 /// Lanes of which each has dynamics of its own.
-pub(super) struct SideBySide<'a> {
-    lanes: Vec<PreparedScene<'a>>,
-    /// The right-hand side on all lanes at once, where there is one.
-    rates: Option<LaneFunction<'a>>,
-}
+pub(super) struct SideBySide<'a>(Vec<PreparedScene<'a>>);
 
 impl<'a> SideBySide<'a> {
     /// Prepares one lane after the other.
-    pub(super) fn new<F: Factory + ?Sized>(factory: &'a F, values: &[F64x4]) -> Result<Self, BadParams> {
+    pub(super) fn boxed<F: Factory + ?Sized>(
+        factory: &'a F,
+        values: &[F64x4],
+    ) -> Result<PreparedLanes<'a>, BadParams> {
         let lanes = (0..F64x4::LANES).map(|k| factory.prepare(&lane(values, k)));
-        Ok(SideBySide { lanes: lanes.collect::<Result<_, _>>()?, rates: None })
-    }
-
-    /// The same with a right-hand side on all lanes at once, whose bits are those of the lanes.
-    pub(super) fn with_rates(
-        self,
-        rates: impl Fn(F64x4, &VecState<F64x4>, &mut VecState<F64x4>) + 'a,
-    ) -> SideBySide<'a> {
-        SideBySide { rates: Some(Box::new(rates)), ..self }
+        Ok(Box::new(SideBySide(lanes.collect::<Result<_, _>>()?)))
     }
 }
 
@@ -219,30 +207,27 @@ pub(super) fn lane_by_lane(
 
 impl LaneDynamics for SideBySide<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
-        match &self.rates {
-            Some(rates) => rates(t, y, dy),
-            None => lane_by_lane(y, dy, |k, y, dy| Dynamics::rhs(&*self.lanes[k], t.lane(k), y, dy)),
-        }
+        lane_by_lane(y, dy, |k, y, dy| Dynamics::rhs(&*self.0[k], t.lane(k), y, dy));
     }
 
     fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        let lanes = self.lanes.iter().enumerate();
+        let lanes = self.0.iter().enumerate();
         lanes.into_iter().try_for_each(|(k, d)| System::check(d, t.lane(k), &VecState(lane(&y.0, k))))
     }
 
     fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        let lanes = self.lanes.iter().enumerate();
+        let lanes = self.0.iter().enumerate();
         lanes.into_iter().try_for_each(|(k, d)| System::domain(d, t.lane(k), &VecState(lane(&y.0, k))))
     }
 
     fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
-        F64x4::new(std::array::from_fn(|k| Dynamics::signature(&*self.lanes[k], t.lane(k), &lane(&y.0, k))))
+        F64x4::new(std::array::from_fn(|k| Dynamics::signature(&*self.0[k], t.lane(k), &lane(&y.0, k))))
     }
 
     fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
         let of_lane = |k: usize| {
             let mut pivots = Vec::new();
-            Dynamics::pivots(&*self.lanes[k], t.lane(k), &lane(&y.0, k), &mut |pivot| pivots.push(pivot));
+            Dynamics::pivots(&*self.0[k], t.lane(k), &lane(&y.0, k), &mut |pivot| pivots.push(pivot));
             pivots
         };
         let lanes: [Vec<Pivot<f64>>; F64x4::LANES] = std::array::from_fn(of_lane);

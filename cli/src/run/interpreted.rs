@@ -7,15 +7,16 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::{Counts, Function, Jet, Point, Role, ViolatedCondition};
+use hamel_codegen::program::{Counts, Function, Jet, Point, Role, Run as _, ViolatedCondition};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_codegen::spec;
 use hamel_jit::Compiled;
-use hamel_runtime::{Dual, F64x4, Failure, Pivot};
+use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real as _};
 use serde::{Deserialize, Serialize};
 
 use super::dynamics::{
-    BadParams, DualRates, Dynamics, Factory, PreparedLanes, PreparedScene, SideBySide, VecState, lane_by_lane,
+    BadParams, DualRates, Dynamics, Factory, LaneDynamics, PreparedLanes, PreparedScene, SideBySide, VecState,
+    lane_by_lane,
 };
 use super::info::{Info, OutputEntry, ParamEntry};
 use super::watched::Watched;
@@ -186,27 +187,84 @@ impl Built {
         })
     }
 
-    /// The right-hand side on lanes with parameters of their own; none where the scene is interpreted.
-    fn lane_rates(&self, params: &[F64x4]) -> Option<LaneRates<'_>> {
-        let compiled = self.compiled.as_ref()?;
-        let function = self.executable.program.function_idx(&Role::Rate)?;
-        let prepared = self.executable.program.prepare(params).ok()?;
-        Some(LaneRates { compiled, function, params: params.to_vec(), prepared })
-    }
 }
 
-/// The machine code of a right-hand side on lanes.
-struct LaneRates<'a> {
+/// The machine code of a scene on lanes with parameters of their own.
+struct OnLanes<'a> {
     compiled: &'a Compiled,
-    function: usize,
     params: Vec<F64x4>,
     prepared: Vec<F64x4>,
 }
 
-impl LaneRates<'_> {
+impl<'a> OnLanes<'a> {
+    fn new(compiled: &'a Compiled, params: &[F64x4]) -> Result<OnLanes<'a>, BadParams> {
+        let prepared = compiled.program().prepare(params).map_err(bad_params)?;
+        Ok(OnLanes { compiled, params: params.to_vec(), prepared })
+    }
+
+    fn call(&self, function_idx: usize, t: F64x4, state: &[F64x4], out: &mut [F64x4]) {
+        let point = Point { t, state, argument: &[] };
+        self.compiled.run_on_lanes(function_idx, &self.params, &self.prepared, point, out);
+    }
+
+    /// The function in a role and its values; none where the scene does not have it.
+    fn values(&self, role: &Role, t: F64x4, y: &VecState<F64x4>) -> Option<(&'a Function, Vec<F64x4>)> {
+        let k = self.compiled.program().function_idx(role)?;
+        let function = &self.compiled.program().functions[k];
+        let mut out = vec![F64x4::ZERO; function.results.len()];
+        self.call(k, t, &y.0, &mut out);
+        Some((function, out))
+    }
+
+    /// Calls `visit` with all pivots until it fails.
+    fn visit_pivots(
+        &self,
+        t: F64x4,
+        y: &VecState<F64x4>,
+        mut visit: impl FnMut(&str, Pivot<F64x4>) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let Some((function, out)) = self.values(&Role::Pivots, t, y) else { return Ok(()) };
+        let (values, scales) = out.split_at(out.len() / 2);
+        let pivots = function.results.iter().zip(values).zip(scales);
+        pivots.into_iter().try_for_each(|(((name, _), value), scale)| {
+            visit(name, Pivot { name: "", value: *value, scale: *scale })
+        })
+    }
+}
+
+impl LaneDynamics for OnLanes<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
-        let point = Point { t, state: &y.0, argument: &[] };
-        self.compiled.run_on_lanes(self.function, &self.params, &self.prepared, point, &mut dy.0);
+        if let Some(k) = self.compiled.program().function_idx(&Role::Rate) {
+            self.call(k, t, &y.0, &mut dy.0);
+        }
+    }
+
+    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        self.visit_pivots(t, y, |name, pivot| {
+            let verified = pivot.verify(t);
+            verified.or_else(|_| Pivot { name: interned(name.to_owned()), ..pivot }.verify(t))
+        })
+    }
+
+    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        let Some((function, out)) = self.values(&Role::Domain, t, y) else { return Ok(()) };
+        let broken = out.iter().position(|value| !value.all_gt(F64x4::ZERO));
+        broken.map_or(Ok(()), |k| {
+            let condition = interned(function.results[k].0.clone());
+            Err(Failure::OutsideDomain { t: t.lane(0), condition })
+        })
+    }
+
+    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+        self.values(&Role::Signature, t, y).map_or(F64x4::ZERO, |(_, out)| out[0])
+    }
+
+    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+        // Visiting does not fail.
+        let _ = self.visit_pivots(t, y, |name, pivot| {
+            visit(Pivot { name: interned(name.to_owned()), ..pivot });
+            Ok(())
+        });
     }
 }
 
@@ -224,9 +282,10 @@ impl Factory for Built {
     }
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
-        let lanes = SideBySide::new(self, values)?;
-        let Some(rates) = self.lane_rates(values) else { return Ok(Box::new(lanes)) };
-        Ok(Box::new(lanes.with_rates(move |t, y, dy| rates.rhs(t, y, dy))))
+        match &self.compiled {
+            Some(compiled) => Ok(Box::new(OnLanes::new(compiled, values)?)),
+            None => SideBySide::boxed(self, values),
+        }
     }
 
     fn prepare_duals(&self, values: &[Dual]) -> Result<DualRates<'_>, BadParams> {
@@ -244,8 +303,8 @@ struct Interpreted<'a> {
     jet: OnceLock<Option<Jet>>,
     /// The interpreter of the scene with invariants.
     invariants: OnceLock<Option<Interpreter<'a>>>,
-    /// The right-hand side with the same parameters on every lane, when first asked for; none where it is interpreted.
-    lanes: OnceLock<Option<LaneRates<'a>>>,
+    /// The same parameters on every lane, when first asked for; none where it is interpreted.
+    lanes: OnceLock<Option<OnLanes<'a>>>,
 }
 
 impl<'a> Interpreted<'a> {
@@ -267,7 +326,7 @@ impl Dynamics for Interpreted<'_> {
     fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
         let on_lanes = || {
             let params: Vec<F64x4> = self.params.iter().copied().map(F64x4::splat).collect();
-            self.built.lane_rates(&params)
+            OnLanes::new(self.built.compiled.as_ref()?, &params).ok()
         };
         match self.lanes.get_or_init(on_lanes) {
             Some(rates) => rates.rhs(t, y, dy),
