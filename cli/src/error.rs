@@ -165,6 +165,16 @@ pub enum Error {
         /// The command that repairs it.
         command: String,
     },
+    /// Model files that are not in the form of `hamel fmt`.
+    NotInForm {
+        /// The files.
+        files: Vec<PathBuf>,
+    },
+    /// Errors of models that were told already.
+    Found {
+        /// How many.
+        n_errors: usize,
+    },
     /// Compiled scenes that cannot be had.
     NotCompiled {
         /// What was wanted.
@@ -267,6 +277,7 @@ impl Error {
             | Error::NotFitted { .. }
             | Error::NoFolder { .. }
             | Error::Stale { .. }
+            | Error::NotInForm { .. }
             | Error::NotCompiled { .. }
             | Error::Io { .. }
             | Error::Failed { .. } => 1,
@@ -508,6 +519,17 @@ impl fmt::Display for Error {
                 }
                 write!(f, "\n  run: {command}")
             }
+            Error::NotInForm { files } => {
+                f.write_str("not in form:")?;
+                let mut command = "hamel fmt".to_owned();
+                for file in files {
+                    write!(f, "\n  {}", file.display())?;
+                    command.push_str(&format!(" {}", file.display()));
+                }
+                write!(f, "\n  run: {command}")
+            }
+            Error::Found { n_errors: 1 } => f.write_str("1 error in the models"),
+            Error::Found { n_errors } => write!(f, "{n_errors} errors in the models"),
             Error::NotCompiled { what, reason } => write!(
                 f,
                 "{what} is not available compiled: {reason}\n  run `cargo xtask generate`, or use --via interpreter"

@@ -185,12 +185,24 @@ impl<'s> ModelFile<'s> {
         if let Some(model) = self.model.get() {
             return Ok(model);
         }
+        let model = self.checked()?;
+        model::show_warnings(&model.warnings);
+        Ok(model)
+    }
+
+    /// The model; warnings about it are left to the caller, and told to nobody afterwards.
+    ///
+    /// # Errors
+    /// As [`ModelFile::model`].
+    pub fn checked(&self) -> Result<&Arc<Checked>, Error> {
+        if let Some(model) = self.model.get() {
+            return Ok(model);
+        }
         let (shown, text) = (self.shown(), self.text()?);
         let model = self.session.parse(&shown, &text)?;
         if self.repository.is_some() && model.name != self.name {
             return Err(Error::Misnamed { file: shown, model: model.name });
         }
-        model::show_warnings(&model.warnings);
         let checked = Arc::new(Checked::new(model, self.session.cache.clone()));
         Ok(self.model.get_or_init(|| checked))
     }

@@ -9,6 +9,13 @@ pub(crate) mod trig;
 
 pub use trig::{cos, sin, sin_cos, sin_cos_of_two};
 
+/// The kernel of sine and cosine and how [`mul_add`] rounds, for compilers that write the very same operations.
+#[doc(hidden)]
+pub mod kernel {
+    pub use super::FUSED;
+    pub use super::trig::{Angle, BOUND, reduced};
+}
+
 macro_rules! unary {
     ($float:ty; $($(#[$attribute:meta])* $name:ident = $std:ident | $libm:path;)*) => {$(
         $(#[$attribute])*
@@ -86,8 +93,7 @@ binary! { f64;
 }
 
 /// Whether [`mul_add`] rounds once.
-pub(crate) const FUSED: bool =
-    cfg!(all(feature = "std", any(target_feature = "fma", target_arch = "aarch64")));
+pub const FUSED: bool = cfg!(all(feature = "std", any(target_feature = "fma", target_arch = "aarch64")));
 
 macro_rules! fused {
     ($float:ty) => {

@@ -1,7 +1,9 @@
-//! Compiled scenes against the interpreter, bit for bit, and generation against itself.
+//! Compiled scenes, by rustc and in memory, against the interpreter, bit for bit, and generation against itself.
 
+use hamel_codegen::program::{Point, Run};
 use hamel_codegen::scene::{self, BuiltScene};
-use hamel_runtime::{Failure, Scene, StateVector};
+use hamel_jit::Compiled;
+use hamel_runtime::{F64x4, Failure, Scene, StateVector};
 use hamel_tests::models::{build, model, names};
 use hamel_tests::random::Random;
 
@@ -65,6 +67,59 @@ fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
     compared
 }
 
+/// Every function of a scene compiled in memory, on numbers and on lanes, to the last bit. Points are everywhere, so that
+/// there are NaN among the values, and angles beyond the kernel of sine and cosine.
+fn compare_in_memory(built: &BuiltScene) -> usize {
+    let (label, program) = (&built.name, &built.program);
+    let compiled = Compiled::new(program).unwrap_or_else(|e| panic!("{label}: {e}"));
+    compiled.compile(true).unwrap_or_else(|e| panic!("{label}: {e}"));
+    let params: Vec<f64> =
+        built.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
+    let mut random = Random(20_261_123);
+    let mut compared = 0;
+    for (k, function) in program.functions.iter().enumerate() {
+        for round in 0..12 {
+            let mut scale = || if round % 4 == 3 { 4e6 * random.number() } else { 4.0 * random.number() };
+            let mut numbers =
+                |n: usize| -> Vec<[f64; 4]> { (0..n).map(|_| [(); 4].map(|()| scale())).collect() };
+            let (t, state, argument) =
+                (numbers(1)[0], numbers(program.state.len()), numbers(function.argument.len()));
+            let mut expected = vec![[0.0; 4]; function.results.len()];
+            for lane in 0..4 {
+                let of = |vector: &[[f64; 4]]| vector.iter().map(|x| x[lane]).collect::<Vec<f64>>();
+                let (state, argument) = (of(&state), of(&argument));
+                let point = Point { t: t[lane], state: &state, argument: &argument };
+                let mut out = [vec![0.0; expected.len()], vec![0.0; expected.len()]];
+                program.run_at(k, &params, &prepared, point, &mut out[0]);
+                Run::run_at(&compiled, k, &params, &prepared, point, &mut out[1]);
+                for (at, expected) in expected.iter_mut().enumerate() {
+                    let (a, b) = (out[0][at], out[1][at]);
+                    assert!(
+                        a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan(),
+                        "{label} {function:?}: {a} {b}"
+                    );
+                    expected[lane] = a;
+                }
+            }
+            let splat = |values: &[f64]| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>();
+            let wide = |vector: &[[f64; 4]]| vector.iter().copied().map(F64x4::new).collect::<Vec<F64x4>>();
+            let (state, argument) = (wide(&state), wide(&argument));
+            let point = Point { t: F64x4::new(t), state: &state, argument: &argument };
+            let mut out = splat(&vec![0.0; expected.len()]);
+            compiled.run_at(k, &splat(&params), &splat(&prepared), point, &mut out);
+            for (a, b) in expected.iter().flatten().zip(out.iter().flat_map(|x| x.to_array())) {
+                assert!(
+                    a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan(),
+                    "{label} {function:?}: {a} {b}"
+                );
+                compared += usize::from(a.is_finite());
+            }
+        }
+    }
+    compared
+}
+
 macro_rules! compare_all {
     ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
         /// Names of all scenes, and how many numbers were compared for each.
@@ -72,7 +127,10 @@ macro_rules! compare_all {
             vec![$((
                 $model,
                 $scene,
-                compare::<hamel_models::generated::$module::Prepared>(&build($model, $scene), [0.0; $n]),
+                {
+                    let built = build($model, $scene);
+                    compare_in_memory(&built) + compare::<hamel_models::generated::$module::Prepared>(&built, [0.0; $n])
+                },
             )),*]
         }
     };

@@ -2,11 +2,13 @@
 //!
 //! Does not know: how anything is computed or drawn.
 
+pub mod check;
 pub mod completions;
 pub mod ensemble;
 pub mod eval;
 pub mod explain;
 pub mod fit;
+pub mod fmt;
 pub mod generate;
 pub mod list;
 pub mod man;
@@ -52,6 +54,10 @@ pub enum Command {
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Report(report::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
+    Check(check::Arguments),
+    #[allow(missing_docs, reason = "help is that of the arguments")]
+    Fmt(fmt::Arguments),
+    #[allow(missing_docs, reason = "help is that of the arguments")]
     Completions(completions::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Man(man::Arguments),
@@ -72,6 +78,8 @@ impl Command {
             Command::Ensemble(arguments) => ensemble::run(session, arguments),
             Command::Fit(arguments) => fit::run(session, arguments),
             Command::Report(arguments) => report::run(session, arguments),
+            Command::Check(arguments) => check::run(session, arguments),
+            Command::Fmt(arguments) => fmt::run(arguments),
             Command::Completions(arguments) => Ok(completions::run(program, arguments)),
             Command::Man(arguments) => man::run(program, arguments),
         }

@@ -68,12 +68,7 @@ pub fn run(session: &Session, program: &Program, arguments: &Arguments) -> Resul
     file.write_all(text.as_bytes()).map_err(fail)?;
     let program = program.name;
     let is_of_repository = specs.is_some() && path.parent() == specs.as_deref();
-    // A model of the repository is compiled only after `generate`; any other one is interpreted anyway.
-    let (argument, via) = if is_of_repository {
-        (name.clone(), " --via interpreter")
-    } else {
-        (path.display().to_string(), "")
-    };
+    let argument = if is_of_repository { name.clone() } else { path.display().to_string() };
     let last = match is_of_repository {
         true => "  cargo xtask generate".to_owned(),
         false => format!(
@@ -84,7 +79,7 @@ pub fn run(session: &Session, program: &Program, arguments: &Arguments) -> Resul
     let lines = [
         format!("{shown} is a model to start from. Look at it, change it, and try:"),
         format!("  {program} explain {argument}"),
-        format!("  {program} simulate {argument}{via} --reconstruct -o {name}.svg"),
+        format!("  {program} simulate {argument} --reconstruct -o {name}.svg"),
         last,
     ];
     Ok(lines.join("\n"))

@@ -20,8 +20,8 @@ pub struct SceneOptions {
     /// Name of the scene
     #[arg(long, default_value = "default")]
     pub scene: String,
-    /// Who evaluates: the compiled module, or the interpreter of the generator [default: compiled for the models of
-    /// hamel's repository inside it, otherwise interpreter]
+    /// Who evaluates: machine code made in memory, the module that rustc compiled (models of hamel's repository, inside
+    /// it), or the interpreter; all have the same bits [default: jit]
     #[arg(long, value_enum)]
     pub via: Option<Via>,
 }

@@ -142,7 +142,7 @@ fn of_matrices(
 fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> {
     let params = roles::all_params(model, &arguments.scene, &BTreeMap::new());
     let (roles, preferred) = (roles::roles(model, &params), roles::initial_values(model, &params));
-    let full = interpreted::build_pictured(model, &arguments.scene)?;
+    let full = interpreted::build_pictured(model, &arguments.scene)?.in_memory();
     let watched = full.watched();
     let mut full = Local::new(full);
     let info = full.info().clone();
@@ -166,7 +166,7 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
     };
     let response = full.simulate(&request)?;
     // Accuracy is compared without outputs and without the coordinates of the group.
-    let bare = interpreted::build(model, &arguments.scene)?;
+    let bare = interpreted::build(model, &arguments.scene)?.in_memory();
     let start = Factory::info(&bare).state.iter().map(|name| {
         let at = info.state.iter().position(|s| s == name);
         at.map_or(0.0, |at| request.initial[at])

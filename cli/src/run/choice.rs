@@ -1,4 +1,5 @@
-//! Which scene of a model is run, and who evaluates it: the compiled module or the interpreter.
+//! Which scene of a model is run, and who evaluates it: machine code made in memory, the compiled module, or the
+//! interpreter.
 //!
 //! Does not know: requests, what is asked of the scene.
 
@@ -13,7 +14,10 @@ use crate::session::ModelFile;
 /// Who evaluates a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Via {
-    /// The generated and compiled module of a model of hamel's repository, in another process.
+    /// Machine code of the lowered program, made in this process.
+    Jit,
+    /// The generated module of a model of hamel's repository, compiled by rustc, in another process.
+    #[value(alias = "rustc")]
     Compiled,
     /// The lowered program, operation by operation, in this process.
     Interpreter,
@@ -24,7 +28,7 @@ pub enum Via {
 pub struct Choice {
     /// Name of the scene.
     pub scene: String,
-    /// Who evaluates it; the compiled module where there can be one unless it is given.
+    /// Who evaluates it; machine code made in this process unless it is given.
     pub via: Option<Via>,
 }
 
@@ -59,12 +63,12 @@ impl Choice {
         Ok(Choice { scene: model::RECONSTRUCTION_SCENE.to_owned(), ..self.clone() })
     }
 
-    /// Who evaluates the scene: only a model of the repository was ever compiled.
+    /// Who evaluates the scene: rustc compiles models of the repository alone.
     pub fn via(&self, file: &ModelFile<'_>) -> Via {
         match self.via {
             Some(Via::Interpreter) => Via::Interpreter,
-            _ if file.repository().is_some() => Via::Compiled,
-            _ => Via::Interpreter,
+            Some(Via::Compiled) if file.repository().is_some() => Via::Compiled,
+            Some(Via::Compiled | Via::Jit) | None => Via::Jit,
         }
     }
 
@@ -81,11 +85,11 @@ impl Choice {
             return Ok(self.clone());
         }
         eprintln!(
-            "note: scene {} does not want `{}`, so it is evaluated by the interpreter, which finds them",
+            "note: scene {} does not want `{}`, so it is compiled in memory, with those that are found",
             self.scene,
             needed.name()
         );
-        Ok(Choice { via: Some(Via::Interpreter), ..self.clone() })
+        Ok(Choice { via: Some(Via::Jit), ..self.clone() })
     }
 
     /// The scene, ready to answer.
@@ -93,20 +97,18 @@ impl Choice {
     /// # Errors
     /// Unknown names, problems of the model, [`Error::NotCompiled`].
     pub fn open(&self, file: &ModelFile<'_>) -> Result<Box<dyn Backend>, Error> {
-        match (self.via(file), file.repository()) {
-            (Via::Compiled, Some(repository)) => {
-                Ok(Box::new(Remote::open(repository, file.name(), &self.scene)?))
-            }
-            _ => {
-                if self.via == Some(Via::Compiled) {
-                    eprintln!(
-                        "note: {} is evaluated by the interpreter: compiled are the models of hamel's repository, for \
-                         programs started inside it",
-                        file.shown()
-                    );
-                }
-                Ok(Box::new(Local::new(interpreted::build(file.model()?, &self.scene)?)))
-            }
+        let via = self.via(file);
+        if let (Via::Compiled, Some(repository)) = (via, file.repository()) {
+            return Ok(Box::new(Remote::open(repository, file.name(), &self.scene)?));
         }
+        if self.via == Some(Via::Compiled) {
+            eprintln!(
+                "note: {} is compiled in memory: rustc compiles the models of hamel's repository, for programs started \
+                 inside it",
+                file.shown()
+            );
+        }
+        let built = interpreted::build(file.model()?, &self.scene)?;
+        Ok(Box::new(Local::new(if via == Via::Jit { built.in_memory() } else { built })))
     }
 }

@@ -188,8 +188,7 @@ pub trait Factory: Sync {
     /// # Errors
     /// As [`Factory::prepare`], for any lane.
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
-        let lanes = (0..F64x4::LANES).map(|k| self.prepare(&lane(values, k)));
-        Ok(Box::new(SideBySide(lanes.collect::<Result<_, _>>()?)))
+        SideBySide::boxed(self, values)
     }
 
     /// Fixes the parameters, with their derivatives along a direction.
@@ -218,14 +217,29 @@ impl<F: Factory + ?Sized> Factory for &F {
 }
 
 /// Lanes of which each has dynamics of its own.
-struct SideBySide<'a>(Vec<PreparedScene<'a>>);
+pub(super) struct SideBySide<'a>(Vec<PreparedScene<'a>>);
+
+impl<'a> SideBySide<'a> {
+    /// Prepares one lane after the other.
+    pub(super) fn boxed<F: Factory + ?Sized>(
+        factory: &'a F,
+        values: &[F64x4],
+    ) -> Result<PreparedLanes<'a>, BadParams> {
+        let lanes = (0..F64x4::LANES).map(|k| factory.prepare(&lane(values, k)));
+        Ok(Box::new(SideBySide(lanes.collect::<Result<_, _>>()?)))
+    }
+}
 
 fn lane(values: &[F64x4], k: usize) -> Vec<f64> {
     values.iter().map(|x| x.lane(k)).collect()
 }
 
 /// Calls `rhs(k, y, dy)` for the lanes one after the other.
-fn lane_by_lane(y: &VecState<F64x4>, dy: &mut VecState<F64x4>, rhs: impl Fn(usize, &[f64], &mut [f64])) {
+pub(super) fn lane_by_lane(
+    y: &VecState<F64x4>,
+    dy: &mut VecState<F64x4>,
+    rhs: impl Fn(usize, &[f64], &mut [f64]),
+) {
     let mut lanes = [const { Vec::new() }; F64x4::LANES];
     for (k, out) in lanes.iter_mut().enumerate() {
         out.resize(y.0.len(), 0.0);

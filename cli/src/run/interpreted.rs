@@ -1,36 +1,106 @@
-//! A scene of a model, derived and lowered in this process, evaluated operation by operation.
+//! A scene of a model, derived and lowered in this process, evaluated operation by operation or as machine code of the
+//! same operations.
 //!
 //! Does not know: commands, files, JSON.
 
 use std::collections::BTreeSet;
+use std::ops::Deref;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::{Circles, Counts, Function, Jet, Role, ViolatedCondition};
+use hamel_codegen::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_codegen::spec;
-use hamel_runtime::{Dual, Failure, Pivot};
+use hamel_jit::Compiled;
+use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, DualDynamics, Dynamics, Factory, PreparedDuals, PreparedScene, VecState};
+use super::dynamics::{
+    BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PreparedDuals, PreparedLanes, PreparedScene,
+    SideBySide, VecState, lane_by_lane,
+};
 use super::info::{Info, OutputEntry, ParamEntry};
 use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{Checked, Model};
 
-/// A scene that the interpreter evaluates.
+/// A program with what runs it: its machine code, or nothing where it is interpreted.
+#[derive(Debug)]
+struct Runnable {
+    executable: Executable,
+    compiled: Option<Compiled>,
+}
+
+impl Deref for Runnable {
+    type Target = Executable;
+
+    fn deref(&self) -> &Executable {
+        &self.executable
+    }
+}
+
+/// The machine code of a program; none, with a note, where there is no compiler for this machine.
+fn compiled(program: &Program) -> Option<Compiled> {
+    let compiled = Compiled::new(program);
+    if let Err(reason) = &compiled {
+        eprintln!("note: {reason}; the scene is interpreted");
+    }
+    compiled.ok()
+}
+
+impl Runnable {
+    fn new(executable: Executable, in_memory: bool) -> Runnable {
+        let compiled = in_memory.then(|| compiled(&executable.program)).flatten();
+        Runnable { executable, compiled }
+    }
+
+    fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
+        match &self.compiled {
+            Some(compiled) => self.executable.prepare_on(compiled, params),
+            None => self.executable.prepare(params),
+        }
+    }
+
+    /// On lanes with parameters of their own; none where the program is interpreted.
+    fn prepare_lanes(&self, params: &[F64x4]) -> Option<Result<OnLanes<'_>, ViolatedCondition>> {
+        let compiled = self.compiled.as_ref()?;
+        Some(self.executable.prepare_on(compiled, params).map(OnLanes))
+    }
+}
+
+/// The right-hand side on circles, with what runs it.
+#[derive(Debug)]
+struct RunnableCircles {
+    circles: Circles,
+    compiled: Option<Compiled>,
+}
+
+impl RunnableCircles {
+    fn run(&self) -> &dyn Run<f64> {
+        match &self.compiled {
+            Some(compiled) => compiled,
+            None => &self.circles.program,
+        }
+    }
+}
+
+/// A scene that this process evaluates.
 #[derive(Debug)]
 pub struct Built {
     model: Arc<Checked>,
-    executable: Executable,
+    executable: Runnable,
+    /// Whether what is derived later is compiled, too.
+    is_in_memory: bool,
     info: Info,
     /// The scene with its equations, when something else is to be derived from them.
     derived: OnceLock<Option<BuiltScene>>,
+    /// The right-hand side on circles, made when first asked for; none where it does not pay.
+    circles: OnceLock<Option<RunnableCircles>>,
     /// The same with its invariants, when first asked for; none if there are none.
-    invariants: OnceLock<Option<Executable>>,
+    invariants: OnceLock<Option<Runnable>>,
     /// The same with its exact flows, or why there are none.
-    splitting: OnceLock<Result<Executable, String>>,
+    splitting: OnceLock<Result<Runnable, String>>,
 }
 
 /// What is kept of a scene.
@@ -111,12 +181,40 @@ impl Built {
         let Stored { executable, info } = stored;
         Built {
             model: Arc::clone(model),
-            executable,
+            executable: Runnable::new(executable, false),
+            is_in_memory: false,
             info,
             derived,
+            circles: OnceLock::new(),
             invariants: OnceLock::new(),
             splitting: OnceLock::new(),
         }
+    }
+
+    /// The same scene as machine code, whose functions are compiled when they are first called; interpreted still where
+    /// there is no compiler for this machine.
+    #[must_use]
+    pub fn in_memory(self) -> Built {
+        let Built { model, executable: Runnable { executable, .. }, info, derived, .. } = self;
+        Built {
+            model,
+            executable: Runnable::new(executable, true),
+            is_in_memory: true,
+            info,
+            derived,
+            circles: OnceLock::new(),
+            invariants: OnceLock::new(),
+            splitting: OnceLock::new(),
+        }
+    }
+
+    fn circles(&self) -> Option<&RunnableCircles> {
+        let make = || {
+            let circles = self.executable.circles()?;
+            let compiled = self.is_in_memory.then(|| compiled(&circles.program)).flatten();
+            Some(RunnableCircles { circles, compiled })
+        };
+        self.circles.get_or_init(make).as_ref()
     }
 
     /// The scene with its equations; none only by a bug, because it was derived before.
@@ -138,25 +236,28 @@ impl Built {
         stored.ok().flatten().map(|stored| Built::new(&self.model, stored, OnceLock::new()))
     }
 
-    fn with_invariants(&self) -> Option<&Executable> {
+    fn with_invariants(&self) -> Option<&Runnable> {
         let find = || {
             let found = self.model.cached("invariants", &self.info.scene, || {
                 let scene = self.derived().and_then(|scene| scene.with_invariants().ok());
                 Ok(scene.map(|scene| scene.executable()))
             });
-            found.ok().flatten()
+            let found: Option<Executable> = found.ok().flatten();
+            found.map(|executable| Runnable::new(executable, self.is_in_memory))
         };
         self.invariants.get_or_init(find).as_ref()
     }
 
     /// The scene with its exact flows, or why it has none.
-    fn with_splitting(&self) -> Result<&Executable, String> {
+    fn with_splitting(&self) -> Result<&Runnable, String> {
         let find = || {
             let found = self.model.cached("splitting", &self.info.scene, || {
                 let scene = self.derived().map(|scene| scene.with_splitting().map_err(why_unsplit));
                 Ok(scene.map(|found| found.map(|scene| scene.executable())))
             });
-            found.ok().flatten().unwrap_or_else(|| Err("could not be derived again".to_owned()))
+            let found: Result<Executable, String> =
+                found.ok().flatten().unwrap_or_else(|| Err("could not be derived again".to_owned()));
+            found.map(|executable| Runnable::new(executable, self.is_in_memory))
         };
         self.splitting.get_or_init(find).as_ref().map_err(Clone::clone)
     }
@@ -194,16 +295,22 @@ impl Factory for Built {
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
         let interpreter = self.executable.prepare(values).map_err(bad_params)?;
-        let (jet, circles, invariants, splitting) = (OnceLock::new(), OnceLock::new(), OnceLock::new(), OnceLock::new());
         Ok(PreparedScene::new(Interpreted {
             built: self,
             params: values.to_vec(),
             interpreter,
-            jet,
-            circles,
-            invariants,
-            splitting,
+            jet: OnceLock::new(),
+            invariants: OnceLock::new(),
+            splitting: OnceLock::new(),
+            lanes: OnceLock::new(),
         }))
+    }
+
+    fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
+        match self.executable.prepare_lanes(values) {
+            Some(lanes) => Ok(Box::new(lanes.map_err(bad_params)?)),
+            None => SideBySide::boxed(self, values),
+        }
     }
 
     fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {
@@ -225,28 +332,68 @@ impl DualDynamics for Interpreter<'_, Dual> {
     }
 }
 
+/// The machine code of a scene on lanes.
+struct OnLanes<'a>(Interpreter<'a, F64x4>);
+
+impl LaneDynamics for OnLanes<'_> {
+    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        self.0.rhs(t, &y.0, &mut dy.0);
+    }
+
+    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        check(&self.0, t, &y.0)
+    }
+
+    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        domain(&self.0, t, &y.0)
+    }
+
+    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+        self.0.signature(t, &y.0)
+    }
+
+    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+        pivots(&self.0, t, &y.0, visit);
+    }
+}
+
+fn check<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R]) -> Result<(), Failure> {
+    interpreter.pivots(t, y).into_iter().try_for_each(|(name, value, scale)| {
+        let verified = Pivot { name: "", value, scale }.verify(t);
+        verified.or_else(|_| Pivot { name: interned(name.to_owned()), value, scale }.verify(t))
+    })
+}
+
+fn domain<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R]) -> Result<(), Failure> {
+    let seconds = if R::ZERO.all_gt(t) { -t.magnitude() } else { t.magnitude() };
+    let outside = |condition| Failure::OutsideDomain { t: seconds, condition: interned(condition) };
+    interpreter.domain(t, y).map_err(outside)
+}
+
+fn pivots<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R], visit: &mut dyn FnMut(Pivot<R>)) {
+    for (name, value, scale) in interpreter.pivots(t, y) {
+        visit(Pivot { name: interned(name.to_owned()), value, scale });
+    }
+}
+
 struct Interpreted<'a> {
     built: &'a Built,
     params: Vec<f64>,
     interpreter: Interpreter<'a>,
     /// The recurrence of Taylor coefficients, derived when first asked for.
     jet: OnceLock<Option<Jet>>,
-    /// The right-hand side on circles, made when first asked for; none where it does not pay.
-    circles: OnceLock<Option<Circles>>,
     /// The interpreter of the scene with invariants.
     invariants: OnceLock<Option<Interpreter<'a>>>,
     /// The interpreter of the scene with exact flows.
     splitting: OnceLock<Option<Interpreter<'a>>>,
+    /// The same parameters on every lane, when first asked for; none where the scene is interpreted.
+    lanes: OnceLock<Option<OnLanes<'a>>>,
 }
 
 impl<'a> Interpreted<'a> {
     fn with_splitting(&self) -> Option<&Interpreter<'a>> {
         let prepare = || self.built.with_splitting().ok()?.prepare(&self.params).ok();
         self.splitting.get_or_init(prepare).as_ref()
-    }
-
-    fn circles(&self) -> Option<&Circles> {
-        self.circles.get_or_init(|| self.built.executable.circles()).as_ref()
     }
 
     fn with_invariants(&self) -> Option<&Interpreter<'a>> {
@@ -265,18 +412,29 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn n_circles(&self) -> usize {
-        self.circles().map_or(0, |circles| circles.n_angles)
+        self.built.circles().map_or(0, |found| found.circles.n_angles)
     }
 
     fn on_circles(&self, y: &[f64], z: &mut [f64]) {
-        if let Some(circles) = self.circles() {
-            self.interpreter.on_circles(circles, y, z);
+        if let Some(found) = self.built.circles() {
+            self.interpreter.on_circles_by(found.run(), &found.circles, y, z);
         }
     }
 
     fn rhs_on_circles(&self, t: f64, z: &[f64], dz: &mut [f64]) {
-        if let Some(circles) = self.circles() {
-            self.interpreter.rhs_on_circles(circles, t, z, dz);
+        if let Some(found) = self.built.circles() {
+            self.interpreter.rhs_on_circles_by(found.run(), t, z, dz);
+        }
+    }
+
+    fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        let on_lanes = || {
+            let params: Vec<F64x4> = self.params.iter().copied().map(F64x4::splat).collect();
+            self.built.executable.prepare_lanes(&params)?.ok()
+        };
+        match self.lanes.get_or_init(on_lanes) {
+            Some(lanes) => lanes.rhs(t, y, dy),
+            None => lane_by_lane(y, dy, |k, y, dy| self.rhs(t.lane(k), y, dy)),
         }
     }
 
@@ -305,7 +463,7 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn n_invariants(&self) -> Option<usize> {
-        Some(self.built.with_invariants().map_or(0, Executable::n_invariants))
+        Some(self.built.with_invariants().map_or(0, |found| found.n_invariants()))
     }
 
     fn invariants(&self, t: f64, y: &[f64], values: &mut [f64]) {
@@ -320,7 +478,7 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn flows(&self) -> Result<usize, String> {
-        self.built.with_splitting().map(Executable::n_flows)
+        self.built.with_splitting().map(|found| found.n_flows())
     }
 
     fn flow(&self, index: usize, tau: f64, y: &[f64], increment: &mut [f64]) {
@@ -331,15 +489,11 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
-        self.interpreter.pivots(t, y).into_iter().try_for_each(|(name, value, scale)| {
-            let verified = Pivot { name: "", value, scale }.verify(t);
-            verified.or_else(|_| Pivot { name: interned(name.to_owned()), value, scale }.verify(t))
-        })
+        check(&self.interpreter, t, y)
     }
 
     fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
-        let outside = |condition| Failure::OutsideDomain { t, condition: interned(condition) };
-        self.interpreter.domain(t, y).map_err(outside)
+        domain(&self.interpreter, t, y)
     }
 
     fn signature(&self, t: f64, y: &[f64]) -> f64 {
@@ -347,9 +501,7 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>)) {
-        for (name, value, scale) in self.interpreter.pivots(t, y) {
-            visit(Pivot { name: interned(name.to_owned()), value, scale });
-        }
+        pivots(&self.interpreter, t, y, visit);
     }
 }
 

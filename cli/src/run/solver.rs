@@ -3,8 +3,8 @@
 //! Does not know: what is integrated with a method, requests.
 
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, OnCircles, Projected, Rk4, Splitting2,
-    Splitting4, Splitting6, Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, OnCircles, Projected, Rk4,
+    Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
 };
 
 use super::auto::{self, Purpose};

@@ -42,6 +42,33 @@ impl Constant {
     }
 }
 
+/// Whoever evaluates the functions of a program: the [`Program`] itself, operation by operation, or machine code of the
+/// same operations. All have the same bits.
+pub trait Run<R>: fmt::Debug + Sync {
+    /// What is run.
+    fn program(&self) -> &Program;
+
+    /// Calls a function at a point.
+    ///
+    /// # Shapes
+    /// params: \[n_params\], prepared: what [`Program::prepare`] returned, state: \[n_state\], argument: \[n_argument\],
+    /// out: \[n_results\].
+    ///
+    /// # Panics
+    /// When the function does not exist or a size is wrong.
+    fn run_at(&self, function_idx: usize, params: &[R], prepared: &[R], point: Point<'_, R>, out: &mut [R]);
+}
+
+impl<R: Real> Run<R> for Program {
+    fn program(&self) -> &Program {
+        self
+    }
+
+    fn run_at(&self, function_idx: usize, params: &[R], prepared: &[R], point: Point<'_, R>, out: &mut [R]) {
+        Program::run_at(self, function_idx, params, prepared, point, out);
+    }
+}
+
 /// Where a function is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Point<'a, R> {
@@ -239,6 +266,29 @@ impl Program {
         let function = &self.functions[function_idx];
         let contract = |scalars: &[R]| function.contract(&self.tables, point, scalars);
         self.run_contracting(function_idx, (params, prepared), point, out, contract);
+    }
+
+    /// Runs through the tables of a function whose straight-line code has run, and writes the results that are
+    /// contractions.
+    ///
+    /// # Shapes
+    /// scalars: those of the function, \[n_scalars\]; out: \[n_results\].
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn run_tables<R: Real>(
+        &self,
+        function: &Function,
+        point: Point<'_, R>,
+        scalars: &[R],
+        out: &mut [R],
+    ) {
+        let contracted = function.contract(&self.tables, point, scalars);
+        for (slot, (_, operand)) in out.iter_mut().zip(&function.results) {
+            if let Operand::Contracted(i) = operand {
+                *slot = contracted[*i as usize];
+            }
+        }
     }
 
     /// Calls a function at a point; `contract` takes its scalars to the results of all of its contractions.

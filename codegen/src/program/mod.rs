@@ -26,7 +26,7 @@ mod verify;
 pub use crate::expr::Relation;
 pub use circles::Circles;
 pub use counts::Counts;
-pub use interpret::{Point, ViolatedCondition};
+pub use interpret::{Point, Run, ViolatedCondition};
 pub(crate) use ir::place_of_two;
 pub use ir::{
     Condition, Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program, Signs, Slot,
@@ -39,5 +39,4 @@ pub use rounding::Bounded;
 pub use series::{Jet, ProductKind};
 pub(crate) use table::Place;
 pub use table::{Contraction, Factors, Products, Table};
-pub use verify::verify;
-pub(crate) use verify::verify_rules;
+pub use verify::{verify, verify_rules};

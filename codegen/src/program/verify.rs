@@ -58,7 +58,7 @@ pub fn verify(program: &Program) -> Result<(), Error> {
 ///
 /// # Errors
 /// [`Error::Program`] with the first rule that is broken; [`Error::OutOfRange`].
-pub(crate) fn verify_rules(program: &Program) -> Result<(), Error> {
+pub fn verify_rules(program: &Program) -> Result<(), Error> {
     let fail = |reason: String| Err(Error::Program { reason });
     for constant in &program.constants {
         let value = constant.to_f64();

@@ -1,13 +1,14 @@
-//! What it takes to run a scene, and its program with prepared parameters, run operation by operation.
+//! What it takes to run a scene, and its program with prepared parameters: run operation by operation, or by another
+//! [`Run`].
 //!
-//! Does not know: how the program was made.
+//! Does not know: how the program was made, which other ways there are to run one.
 
 use std::borrow::Cow;
 
 use hamel_runtime::{Dual, Real};
 
 use crate::error::Error;
-use crate::program::{Circles, Jet, Point, Program, Role, ViolatedCondition};
+use crate::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCondition};
 use crate::spec::Want;
 
 use super::bracket::REMAINDER;
@@ -69,7 +70,7 @@ impl Executable {
     /// # Panics
     /// When the number of parameters is wrong.
     pub fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
-        Interpreter::new(&self.program, Cow::Borrowed(&self.patterns), params)
+        self.prepare_over(params)
     }
 
     /// The same over any scalar: with dual numbers for the parameters, everything has its derivatives along them.
@@ -80,7 +81,23 @@ impl Executable {
     /// # Panics
     /// When the number of parameters is wrong.
     pub fn prepare_over<R: Real>(&self, params: &[R]) -> Result<Interpreter<'_, R>, ViolatedCondition> {
-        Interpreter::new(&self.program, Cow::Borrowed(&self.patterns), params)
+        self.prepare_on(&self.program, params)
+    }
+
+    /// Checks parameters and prepares them for another way to run the program.
+    ///
+    /// # Errors
+    /// The condition that the parameters violate.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong, or `run` runs another program.
+    pub fn prepare_on<'a, R: Real>(
+        &'a self,
+        run: &'a dyn Run<R>,
+        params: &[R],
+    ) -> Result<Interpreter<'a, R>, ViolatedCondition> {
+        assert_eq!(run.program().functions.len(), self.program.functions.len(), "number of functions");
+        Interpreter::new(run, Cow::Borrowed(&self.patterns), params)
     }
 
     /// The recurrence of the Taylor coefficients of solutions.
@@ -147,9 +164,10 @@ impl BuiltScene {
     }
 }
 
-/// A scene's program with prepared parameters, run operation by operation.
+/// A scene's program with prepared parameters, run operation by operation unless another way was asked for.
 #[derive(Clone, Debug)]
 pub struct Interpreter<'a, R = f64> {
+    run: &'a dyn Run<R>,
     program: &'a Program,
     patterns: Cow<'a, [Pattern]>,
     params: Vec<R>,
@@ -158,25 +176,35 @@ pub struct Interpreter<'a, R = f64> {
 
 impl<'a, R: Real> Interpreter<'a, R> {
     fn new(
-        program: &'a Program,
+        run: &'a dyn Run<R>,
         patterns: Cow<'a, [Pattern]>,
         params: &[R],
     ) -> Result<Interpreter<'a, R>, ViolatedCondition> {
+        let program = run.program();
         let prepared = program.prepare(params)?;
-        Ok(Interpreter { program, patterns, params: params.to_vec(), prepared })
+        Ok(Interpreter { run, program, patterns, params: params.to_vec(), prepared })
+    }
+
+    /// Calls a function of the program at a state.
+    fn run(&self, function_idx: usize, t: R, state: &[R], out: &mut [R]) {
+        self.run_at(function_idx, Point { t, state, argument: &[] }, out);
+    }
+
+    fn run_at(&self, function_idx: usize, point: Point<'_, R>, out: &mut [R]) {
+        self.run.run_at(function_idx, &self.params, &self.prepared, point, out);
     }
 
     /// The values of a function; none if the program does not have it.
     fn values(&self, role: &Role, t: R, y: &[R]) -> Option<Vec<R>> {
         let k = self.program.function_idx(role)?;
         let mut out = vec![R::ZERO; self.program.functions[k].results.len()];
-        self.program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        self.run(k, t, y, &mut out);
         Some(out)
     }
 
     fn call(&self, role: &Role, t: R, y: &[R], out: &mut [R]) -> bool {
         let Some(k) = self.program.function_idx(role) else { return false };
-        self.program.run(k, &self.params, &self.prepared, t, y, out);
+        self.run(k, t, y, out);
         true
     }
 
@@ -201,7 +229,7 @@ impl<'a, R: Real> Interpreter<'a, R> {
             if let Role::Output(_) = function.role {
                 let start = all.len();
                 all.resize(start + function.results.len(), R::ZERO);
-                self.program.run(k, &self.params, &self.prepared, t, y, &mut all[start..]);
+                self.run(k, t, y, &mut all[start..]);
             }
         }
         all
@@ -222,6 +250,67 @@ impl<'a, R: Real> Interpreter<'a, R> {
     pub fn apply(&self, event: &SceneEvent, t: R, y: &mut [R]) {
         let Some(after) = self.values(&Role::Output(event.after()), t, y) else { return };
         event.sets.iter().zip(after).for_each(|(place, value)| y[*place] = value);
+    }
+
+    /// Everything that the right-hand side divides by and that may vanish or overflow: names, values, and scales of
+    /// their rounding errors, as [`hamel_runtime::Pivot`] has them.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn pivots(&self, t: R, y: &[R]) -> Vec<(&'a str, R, R)> {
+        let program = self.program;
+        let Some(k) = program.function_idx(&Role::Pivots) else { return Vec::new() };
+        let results = &program.functions[k].results;
+        let mut out = vec![R::ZERO; results.len()];
+        self.run(k, t, y, &mut out);
+        let (values, scales) = out.split_at(out.len() / 2);
+        let names = results.iter().map(|(name, _)| name.as_str());
+        names.zip(values).zip(scales).map(|((name, value), scale)| (name, *value, *scale)).collect()
+    }
+
+    /// Why the right-hand side cannot be evaluated here.
+    ///
+    /// # Errors
+    /// The name of the pivot that is not finite, that vanishes, or that rounding errors of its terms could hide.
+    pub fn check(&self, t: R, y: &[R]) -> Result<(), String> {
+        let lost = |(_, value, scale): &(&str, R, R)| {
+            hamel_runtime::Pivot { name: "", value: *value, scale: *scale }.verify(t).is_err()
+        };
+        self.pivots(t, y).into_iter().find(lost).map_or(Ok(()), |(name, ..)| Err(name.to_owned()))
+    }
+
+    /// The number that stays the same along a motion while no matrix becomes singular; zero if none can.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn signature(&self, t: R, y: &[R]) -> R {
+        let mut out = [R::ZERO];
+        self.call(&Role::Signature, t, y, &mut out);
+        out[0]
+    }
+
+    /// Whether the coordinates lie in their domain.
+    ///
+    /// # Errors
+    /// The first condition that does not hold, such as `theta > 0`.
+    pub fn domain(&self, t: R, y: &[R]) -> Result<(), String> {
+        let is_inside = |value: &R| value.all_gt(R::ZERO);
+        self.guard(&Role::Domain, t, y, |out| out.iter().position(|value| !is_inside(value)))
+    }
+
+    /// The name of the result of a function that does not hold.
+    fn guard(
+        &self,
+        role: &Role,
+        t: R,
+        y: &[R],
+        broken: impl Fn(&[R]) -> Option<usize>,
+    ) -> Result<(), String> {
+        let Some(k) = self.program.function_idx(role) else { return Ok(()) };
+        let results = &self.program.functions[k].results;
+        let mut out = vec![R::ZERO; results.len()];
+        self.run(k, t, y, &mut out);
+        broken(&out).map_or(Ok(()), |k| Err(results[k].0.clone()))
     }
 }
 
@@ -261,10 +350,19 @@ impl Interpreter<'_> {
     /// # Panics
     /// When a size is wrong.
     pub fn on_circles(&self, circles: &Circles, y: &[f64], z: &mut [f64]) {
+        self.on_circles_by(&circles.program, circles, y, z);
+    }
+
+    /// The same, where `run` runs the program of the circles.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn on_circles_by(&self, run: &dyn Run<f64>, circles: &Circles, y: &[f64], z: &mut [f64]) {
         let n = circles.n_state;
         z[..n].copy_from_slice(y);
         let mut points = vec![0.0; 2 * circles.n_angles];
-        circles.program.run(Circles::POINTS, &self.params, &self.prepared, 0.0, z, &mut points);
+        let point = Point { t: 0.0, state: z, argument: &[] };
+        run.run_at(Circles::POINTS, &self.params, &self.prepared, point, &mut points);
         z[n..].copy_from_slice(&points);
     }
 
@@ -273,7 +371,16 @@ impl Interpreter<'_> {
     /// # Panics
     /// When a size is wrong.
     pub fn rhs_on_circles(&self, circles: &Circles, t: f64, z: &[f64], dz: &mut [f64]) {
-        circles.program.run(Circles::RATE, &self.params, &self.prepared, t, z, dz);
+        self.rhs_on_circles_by(&circles.program, t, z, dz);
+    }
+
+    /// The same, where `run` runs the program of the circles.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn rhs_on_circles_by(&self, run: &dyn Run<f64>, t: f64, z: &[f64], dz: &mut [f64]) {
+        let point = Point { t, state: z, argument: &[] };
+        run.run_at(Circles::RATE, &self.params, &self.prepared, point, dz);
     }
 
     /// A derivative that is a matrix, row by row, when the scene wants it.
@@ -331,7 +438,7 @@ impl Interpreter<'_> {
         let k = self.program.function_idx(&derivative.role())?;
         let mut out = vec![0.0; self.program.functions[k].results.len()];
         let point = Point { t, state: y, argument: vector };
-        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        self.run_at(k, point, &mut out);
         Some(out)
     }
 
@@ -371,7 +478,7 @@ impl Interpreter<'_> {
         // Such a function reads no state.
         let state = vec![0.0; self.program.state.len()];
         let point = Point { t, state: &state, argument: z };
-        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        self.run_at(k, point, &mut out);
         Some(out)
     }
 
@@ -384,68 +491,7 @@ impl Interpreter<'_> {
         let k = self.program.function_idx(&legendre_role())?;
         let mut out = vec![0.0; self.program.functions[k].results.len()];
         let point = Point { t, state: y, argument: velocities };
-        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        self.run_at(k, point, &mut out);
         Some(out)
-    }
-
-    /// Everything that the right-hand side divides by and that may vanish or overflow: names, values, and scales of
-    /// their rounding errors, as [`hamel_runtime::Pivot`] has them.
-    ///
-    /// # Panics
-    /// When the size of `y` is wrong.
-    pub fn pivots(&self, t: f64, y: &[f64]) -> Vec<(&str, f64, f64)> {
-        let program = self.program;
-        let Some(k) = program.function_idx(&Role::Pivots) else { return Vec::new() };
-        let results = &program.functions[k].results;
-        let mut out = vec![0.0; results.len()];
-        program.run(k, &self.params, &self.prepared, t, y, &mut out);
-        let (values, scales) = out.split_at(out.len() / 2);
-        let names = results.iter().map(|(name, _)| name.as_str());
-        names.zip(values).zip(scales).map(|((name, value), scale)| (name, *value, *scale)).collect()
-    }
-
-    /// Why the right-hand side cannot be evaluated here.
-    ///
-    /// # Errors
-    /// The name of the pivot that is not finite, that vanishes, or that rounding errors of its terms could hide.
-    pub fn check(&self, t: f64, y: &[f64]) -> Result<(), String> {
-        let lost = |(_, value, scale): &(&str, f64, f64)| {
-            hamel_runtime::Pivot { name: "", value: *value, scale: *scale }.verify(t).is_err()
-        };
-        self.pivots(t, y).into_iter().find(lost).map_or(Ok(()), |(name, ..)| Err(name.to_owned()))
-    }
-
-    /// The number that stays the same along a motion while no matrix becomes singular; zero if none can.
-    ///
-    /// # Panics
-    /// When the size of `y` is wrong.
-    pub fn signature(&self, t: f64, y: &[f64]) -> f64 {
-        let mut out = [0.0];
-        self.call(&Role::Signature, t, y, &mut out);
-        out[0]
-    }
-
-    /// Whether the coordinates lie in their domain.
-    ///
-    /// # Errors
-    /// The first condition that does not hold, such as `theta > 0`.
-    pub fn domain(&self, t: f64, y: &[f64]) -> Result<(), String> {
-        let is_inside = |value: &f64| *value > 0.0;
-        self.guard(&Role::Domain, t, y, |out| out.iter().position(|value| !is_inside(value)))
-    }
-
-    /// The name of the result of a function that does not hold.
-    fn guard(
-        &self,
-        role: &Role,
-        t: f64,
-        y: &[f64],
-        broken: impl Fn(&[f64]) -> Option<usize>,
-    ) -> Result<(), String> {
-        let Some(k) = self.program.function_idx(role) else { return Ok(()) };
-        let results = &self.program.functions[k].results;
-        let mut out = vec![0.0; results.len()];
-        self.program.run(k, &self.params, &self.prepared, t, y, &mut out);
-        broken(&out).map_or(Ok(()), |k| Err(results[k].0.clone()))
     }
 }

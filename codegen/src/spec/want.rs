@@ -74,7 +74,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 29] = [
+    pub const ALL: [Want; 30] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,

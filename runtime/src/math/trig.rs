@@ -13,7 +13,7 @@
 use core::ops::{Add, Mul, Neg, Sub};
 
 /// The largest angle that is reduced here, `2^18 pi/2` rounded down: `n` times a part of `pi/2` with 35 bits is exact.
-pub(crate) const BOUND: f64 = 411_774.0;
+pub const BOUND: f64 = 411_774.0;
 
 /// `1.5 * 2^52`: added to a number below `2^51`, it leaves the nearest integer in the lowest bits.
 const SHIFTER: f64 = 6_755_399_441_055_744.0;
@@ -37,7 +37,7 @@ const COEFFICIENTS: [[f64; 2]; 6] = [
 ];
 
 /// What the kernel does with a number, or with several at once.
-pub(crate) trait Angle:
+pub trait Angle:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {
     /// `x` on every lane.
@@ -50,7 +50,7 @@ pub(crate) trait Angle:
 
 /// Sine and cosine of `x`, where no lane is beyond [`BOUND`].
 #[inline]
-pub(crate) fn reduced<A: Angle>(x: A) -> (A, A) {
+pub fn reduced<A: Angle>(x: A) -> (A, A) {
     let turns = x.mul_add(A::splat(core::f64::consts::FRAC_2_PI), A::splat(SHIFTER));
     let n = turns - A::splat(SHIFTER);
     // x - n pi/2 = r - l. The products with the first two parts and the first difference are exact; the

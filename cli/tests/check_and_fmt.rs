@@ -1,0 +1,96 @@
+//! `check` and `fmt`: what is wrong with model files, and their form.
+
+#[path = "common/program.rs"]
+mod program;
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+/// An empty folder for a test.
+fn scratch(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// Status, output and messages of a call in a folder.
+fn try_run(folder: &Path, arguments: &[&str], input: &str) -> (i32, String, String) {
+    let out = program::output(program::command(arguments).current_dir(folder), input);
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (out.status.code().unwrap(), text(out.stdout), text(out.stderr))
+}
+
+const GOOD: &str = "/// Rod\nmodel rod {\n    param l = 2 where l > 0;\n    coordinate x in real;\n    lagrangian = l*x_dot^2/2;\n}\n";
+
+#[test]
+fn check_tells_problems_with_their_places_as_json() {
+    let folder = scratch("check");
+    std::fs::write(folder.join("good.hamel"), GOOD).unwrap();
+    std::fs::write(folder.join("bad.hamel"), GOOD.replace("l*x_dot", "k*x_dot")).unwrap();
+    std::fs::write(folder.join("odd.hamel"), GOOD.replace("coordinate", "param unused = 1;\n    coordinate"))
+        .unwrap();
+
+    let (status, out, _) = try_run(&folder, &["check", "good.hamel", "odd.hamel", "--json"], "");
+    let found: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((status, &found["errors"], &found["warnings"]), (0, &0.into(), &1.into()));
+    assert_eq!(found["problems"][0]["severity"], "warning");
+
+    let (status, out, err) = try_run(&folder, &["check", "good.hamel", "bad.hamel", "--json"], "");
+    let found: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(status, 2);
+    assert_eq!(err.trim(), "error: 1 error in the models");
+    let problem = &found["problems"][0];
+    assert_eq!((&problem["file"], &problem["severity"]), (&"bad.hamel".into(), &"error".into()));
+    assert_eq!(
+        (&problem["place"]["start"]["line"], &problem["place"]["start"]["column"]),
+        (&5.into(), &18.into())
+    );
+    assert_eq!(problem["place"]["end"]["column"], 19);
+    assert!(problem["message"].as_str().unwrap().contains('k'), "{problem}");
+
+    let (status, out, err) = try_run(&folder, &["check", "bad.hamel", "missing.hamel"], "");
+    assert!(status != 0 && out.is_empty(), "{out}");
+    assert!(err.contains("bad.hamel:5:18") && err.contains("missing.hamel"), "{err}");
+}
+
+#[test]
+fn check_derives_where_asked() {
+    let folder = scratch("check_derive");
+    let text = "model free {\n    coordinate x in real;\n    coordinate y in real;\n    lagrangian = (x_dot + y_dot)^2/2 + x;\n}\n";
+    std::fs::write(folder.join("free.hamel"), text).unwrap();
+    let (status, out, err) = try_run(&folder, &["check", "free.hamel"], "");
+    assert_eq!((status, out.trim()), (0, "1 model, 0 warnings"), "{err}");
+    let (status, _, err) = try_run(&folder, &["check", "free.hamel", "--derive"], "");
+    assert!(status == 2 && err.contains("error"), "{err}");
+}
+
+#[test]
+fn fmt_writes_what_changed_and_nothing_where_anything_is_wrong() {
+    let folder = scratch("fmt");
+    let untidy = GOOD.replace("    ", "\t").replace(" = ", "=");
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    write("good.hamel", GOOD);
+    write("untidy.hamel", &untidy);
+    write("bad.hamel", "model rod { param = ; }");
+
+    let (status, _, err) = try_run(&folder, &["fmt", "good.hamel", "untidy.hamel", "bad.hamel"], "");
+    assert!(status == 2 && err.contains("bad.hamel:1"), "{err}");
+    assert_eq!(read("untidy.hamel"), untidy, "left as it was");
+
+    let (status, _, err) = try_run(&folder, &["fmt", "--check", "good.hamel", "untidy.hamel"], "");
+    assert_eq!(
+        (status, err.trim()),
+        (1, "error: not in form:\n  untidy.hamel\n  run: hamel fmt untidy.hamel")
+    );
+    assert_eq!(read("untidy.hamel"), untidy, "left as it was");
+
+    let (status, out, _) = try_run(&folder, &["fmt", "good.hamel", "untidy.hamel"], "");
+    assert_eq!((status, out.trim()), (0, "1 of 2 changed"));
+    assert_eq!(read("untidy.hamel"), GOOD);
+
+    let (status, out, _) = try_run(&folder, &["fmt", "-"], &untidy);
+    assert_eq!((status, out.as_str()), (0, GOOD));
+}

@@ -1,0 +1,302 @@
+//! Model files in one form: indentation, blanks and blank lines, and nothing else.
+//!
+//! Lines stay lines, comments stay where they are, and every token stays what it is: a formatted text has the tokens of
+//! the text before. Deliberately does not know: items, names, what an expression means.
+
+use super::diagnostic::{Diagnostics, Origin};
+use super::parser;
+
+/// Columns of a level of indentation.
+const INDENT: usize = 4;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// A name, a keyword, a number or a text.
+    Word,
+    /// Brackets, operators and the like.
+    Mark,
+    /// To the end of the line.
+    LineComment,
+    /// Between `/*` and `*/`.
+    BlockComment,
+}
+
+/// A piece of text with what precedes it.
+#[derive(Clone, Copy, Debug)]
+struct Token<'t> {
+    kind: Kind,
+    text: &'t str,
+    /// Line breaks before it.
+    n_breaks: usize,
+    /// Whether there are blanks before it on its line.
+    has_blanks: bool,
+    /// The blanks before it on its line.
+    blanks: &'t str,
+}
+
+impl Token<'_> {
+    fn is(&self, mark: &str) -> bool {
+        self.kind == Kind::Mark && self.text == mark
+    }
+
+    fn is_comment(&self) -> bool {
+        matches!(self.kind, Kind::LineComment | Kind::BlockComment)
+    }
+
+    fn opens(&self) -> bool {
+        self.kind == Kind::Mark && matches!(self.text, "(" | "[" | "{")
+    }
+
+    fn closes(&self) -> bool {
+        self.kind == Kind::Mark && matches!(self.text, ")" | "]" | "}")
+    }
+
+    /// Whether an operand ends with it.
+    fn ends_operand(&self) -> bool {
+        self.kind == Kind::Word || self.is(")") || self.is("]")
+    }
+
+    /// Whether an operand may begin with it.
+    fn begins_operand(&self) -> bool {
+        self.kind == Kind::Word || self.is("(") || self.is("[") || self.is("-") || self.is("+")
+    }
+}
+
+/// The length of the token at the beginning of a text that does not begin with a blank, and its kind.
+fn measure(text: &str) -> (Kind, usize) {
+    let bytes = text.as_bytes();
+    let at = |k: usize| bytes.get(k).copied().unwrap_or(0);
+    let is_word = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_' || byte >= 0x80;
+    match (at(0), at(1)) {
+        (b'/', b'/') => (Kind::LineComment, text.find('\n').unwrap_or(text.len())),
+        (b'/', b'*') => {
+            let (mut depth, mut end) = (1_usize, 2);
+            while depth > 0 && end < bytes.len() {
+                let step = match (at(end), at(end + 1)) {
+                    (b'/', b'*') => (depth + 1, 2),
+                    (b'*', b'/') => (depth - 1, 2),
+                    _ => (depth, 1),
+                };
+                (depth, end) = (step.0, end + step.1);
+            }
+            (Kind::BlockComment, end.min(text.len()))
+        }
+        (b'"', _) => {
+            let mut end = 1;
+            while end < bytes.len() && at(end) != b'"' {
+                end += if at(end) == b'\\' { 2 } else { 1 };
+            }
+            (Kind::Word, (end + 1).min(text.len()))
+        }
+        (first, _) if first.is_ascii_digit() => {
+            let mut end = 0;
+            loop {
+                let is_part = match at(end) {
+                    b'.' => at(end + 1).is_ascii_digit(),
+                    b'+' | b'-' => {
+                        matches!(at(end.wrapping_sub(1)), b'e' | b'E') && at(end + 1).is_ascii_digit()
+                    }
+                    byte => is_word(byte),
+                };
+                if !is_part {
+                    return (Kind::Word, end.max(1));
+                }
+                end += 1;
+            }
+        }
+        (first, _) if is_word(first) => {
+            let end = bytes.iter().position(|byte| !is_word(*byte)).unwrap_or(text.len());
+            (Kind::Word, end)
+        }
+        (b'=' | b'!' | b'<' | b'>', b'=') | (b'.', b'.') | (b'-', b'>') | (b'&', b'&') | (b'|', b'|') => {
+            (Kind::Mark, 2)
+        }
+        _ => (Kind::Mark, 1),
+    }
+}
+
+fn tokens(text: &str) -> Vec<Token<'_>> {
+    let mut tokens = Vec::new();
+    let mut rest = text;
+    loop {
+        let trimmed = rest.trim_start();
+        let gap = &rest[..rest.len() - trimmed.len()];
+        if trimmed.is_empty() {
+            return tokens;
+        }
+        let (kind, length) = measure(trimmed);
+        let (token, after) = trimmed.split_at(length);
+        let blanks = gap.rsplit('\n').next().unwrap_or_default();
+        tokens.push(Token {
+            kind,
+            text: if kind == Kind::LineComment { token.trim_end() } else { token },
+            n_breaks: gap.matches('\n').count(),
+            has_blanks: !blanks.is_empty(),
+            blanks,
+        });
+        rest = after;
+    }
+}
+
+/// What stands between two tokens of a line; `before` is in front of the first.
+fn between<'t>(
+    before: Option<&Token<'_>>,
+    a: &Token<'_>,
+    b: &Token<'t>,
+    after: Option<&Token<'_>>,
+) -> &'t str {
+    // What is kept as it is: none, or one blank.
+    let kept = if b.has_blanks { " " } else { "" };
+    let one_if = |condition: bool| if condition { " " } else { "" };
+    if b.is_comment() {
+        // Columns of comments stay columns.
+        return if b.has_blanks { b.blanks } else { " " };
+    }
+    if a.kind == Kind::BlockComment {
+        return " ";
+    }
+    if a.is("{") || b.is("}") {
+        return one_if(!(a.is("{") && b.is("}")));
+    }
+    if b.is("{") {
+        return " ";
+    }
+    if a.is("(") || a.is("[") || [")", "]", ",", ";", ":"].iter().any(|mark| b.is(mark)) {
+        return "";
+    }
+    if [",", ";", ":", "}"].iter().any(|mark| a.is(mark)) {
+        return " ";
+    }
+    let is_relation =
+        |t: &Token<'_>| ["=", "==", "!=", "<", ">", "<=", ">=", "->", "&&", "||"].iter().any(|r| t.is(r));
+    if is_relation(a) || is_relation(b) {
+        return " ";
+    }
+    let is_sum = |t: &Token<'_>| t.is("+") || t.is("-");
+    let is_product = |t: &Token<'_>| t.is("*") || t.is("/") || t.is("^");
+    // An operator between two operands has blanks on both sides where it has one on either, or on neither.
+    let operator = |left: &Token<'_>, operator: &Token<'_>, right: Option<&Token<'_>>| {
+        let right_blanks = right.is_some_and(|r| r.has_blanks && r.n_breaks == 0);
+        let is_binary = left.ends_operand() && right.is_some_and(Token::begins_operand);
+        is_binary.then(|| match is_sum(operator) {
+            true => operator.has_blanks || right_blanks,
+            false => operator.has_blanks && right_blanks,
+        })
+    };
+    if is_sum(b) || is_product(b) {
+        return operator(a, b, after).map_or(kept, one_if);
+    }
+    if is_sum(a) || is_product(a) {
+        let is_binary = before.is_some_and(Token::ends_operand);
+        return match before.filter(|_| is_binary).and_then(|left| operator(left, a, Some(b))) {
+            Some(apart) => one_if(apart),
+            // A sign.
+            None if is_sum(a) => "",
+            None => kept,
+        };
+    }
+    if (a.kind == Kind::Word || a.closes()) && b.kind == Kind::Word { " " } else { kept }
+}
+
+/// The text of a model file in its form; lines stay lines.
+///
+/// Indentation is four columns a level. A line has one blank where tokens are apart, none at its end; there is at most
+/// one empty line, none after `{` and before `}`. The form of a form is itself.
+///
+/// ```
+/// use hamel_codegen::spec;
+///
+/// let text = "model rod{ param  l=2;\ncoordinate x in real;lagrangian = l*x_dot ^ 2/2; // free\n}";
+/// let formatted = spec::format("rod.hamel", text)?;
+/// assert_eq!(
+///     formatted,
+///     "model rod { param l = 2;\n    coordinate x in real; lagrangian = l*x_dot^2/2; // free\n}\n"
+/// );
+/// # Ok::<(), spec::Diagnostics>(())
+/// ```
+///
+/// # Errors
+/// Every problem of a text that is no model by its syntax; what names mean is not looked at.
+pub fn format(file: &str, text: &str) -> Result<String, Diagnostics> {
+    let outcome = parser::parse_file(text);
+    if !outcome.problems.is_empty() {
+        let origin = Origin { file: file.to_owned(), text: text.to_owned() };
+        return Err(Diagnostics::new(Some(origin), outcome.problems));
+    }
+    let tokens = tokens(text);
+    let mut out = String::with_capacity(text.len() + text.len() / 8);
+    // Lines of the brackets that are open.
+    let mut open: Vec<usize> = Vec::new();
+    // Whether an open bracket is not a brace, for each.
+    let mut rounds: Vec<bool> = Vec::new();
+    let mut line = 0;
+    // The last token that is no comment.
+    let mut last: Option<usize> = None;
+    for (k, token) in tokens.iter().enumerate() {
+        let previous = k.checked_sub(1).map(|k| &tokens[k]);
+        let after_comment = previous.is_some_and(|p| p.kind == Kind::LineComment);
+        match previous {
+            Some(a) if token.n_breaks == 0 && !after_comment => {
+                let before = k.checked_sub(2).map(|k| &tokens[k]);
+                out.push_str(between(before, a, token, tokens.get(k + 1)));
+            }
+            Some(a) => {
+                line += 1;
+                let is_apart = token.n_breaks > 1 && !a.is("{") && !token.is("}");
+                out.push_str(if is_apart { "\n\n" } else { "\n" });
+                let n_closed = tokens[k..].iter().take_while(|t| t.closes()).count().min(open.len());
+                let mut lines = open[..open.len() - n_closed].to_vec();
+                lines.dedup();
+                let is_finished = last.is_none_or(|k| [";", "{", "}"].iter().any(|mark| tokens[k].is(mark)));
+                let continues = !is_finished && n_closed == 0 && !rounds.last().is_some_and(|round| *round);
+                out.push_str(&" ".repeat(INDENT * (lines.len() + usize::from(continues))));
+            }
+            None => {}
+        }
+        out.push_str(token.text);
+        line += token.text.matches('\n').count();
+        if token.opens() {
+            open.push(line);
+            rounds.push(token.text != "{");
+        } else if token.closes() {
+            open.pop();
+            rounds.pop();
+        }
+        if !token.is_comment() {
+            last = Some(k);
+        }
+    }
+    out.push('\n');
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{format, tokens};
+
+    fn words(text: &str) -> Vec<&str> {
+        tokens(text).iter().map(|t| t.text).collect()
+    }
+
+    #[test]
+    fn a_form_has_the_tokens_of_the_text_and_is_its_own_form() {
+        let text = "/// Rod\n\n\n\nmodel rod{param l=2 where l>0,l<3;/* a\n   b */ param k:symmetric(2)=[\n1,- 2,\n\
+                    3\n]; // end\n\n\nlet y=x^( -1)-1e-3*l -(x)\n+2;coordinate x:vector(2)in(0,1);\n\nscene s{want rhs;\n\
+                    fix l=1;}\nmomentum w in fluid as w_*;\n\n}\n\n";
+        let once = format("rod.hamel", text).unwrap();
+        assert_eq!(words(&once), words(text));
+        assert_eq!(format("rod.hamel", &once).unwrap(), once);
+        assert_eq!(
+            once,
+            "/// Rod\n\nmodel rod { param l = 2 where l > 0, l < 3; /* a\n   b */ param k: symmetric(2) = [\n        1, -2,\n\
+             \x20       3\n    ]; // end\n\n    let y = x^(-1) - 1e-3*l - (x)\n        + 2; coordinate x: vector(2) in(0, 1);\n\n\
+             \x20   scene s { want rhs;\n        fix l = 1; }\n    momentum w in fluid as w_*;\n}\n"
+        );
+    }
+
+    #[test]
+    fn a_text_that_is_no_model_is_not_formatted() {
+        let problems = format("rod.hamel", "model rod { param l = ; }").unwrap_err();
+        assert!(problems.iter().count() == 1, "{problems}");
+    }
+}

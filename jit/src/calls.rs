@@ -1,0 +1,104 @@
+//! Elementary functions of the runtime that compiled code calls.
+//!
+//! Deliberately does not know: Cranelift.
+
+use hamel_codegen::expr::Func;
+use hamel_runtime::math;
+
+/// A function of the runtime on one number, or two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Call {
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Exp,
+    Ln,
+    Sinh,
+    Cosh,
+    Tanh,
+    Abs,
+    Atan2,
+}
+
+macro_rules! foreign {
+    ($($name:ident)*) => {$(
+        extern "C" fn $name(x: f64) -> f64 {
+            math::$name(x)
+        }
+    )*};
+}
+
+foreign! { sin cos tan asin acos atan exp ln sinh cosh tanh abs }
+
+extern "C" fn atan2(y: f64, x: f64) -> f64 {
+    math::atan2(y, x)
+}
+
+impl Call {
+    pub(crate) const ALL: [Call; 13] = [
+        Call::Sin,
+        Call::Cos,
+        Call::Tan,
+        Call::Asin,
+        Call::Acos,
+        Call::Atan,
+        Call::Exp,
+        Call::Ln,
+        Call::Sinh,
+        Call::Cosh,
+        Call::Tanh,
+        Call::Abs,
+        Call::Atan2,
+    ];
+
+    /// The function of a program's operation.
+    pub(crate) fn of(function: Func) -> Call {
+        match function {
+            Func::Sin => Call::Sin,
+            Func::Cos => Call::Cos,
+            Func::Tan => Call::Tan,
+            Func::Asin => Call::Asin,
+            Func::Acos => Call::Acos,
+            Func::Atan => Call::Atan,
+            Func::Exp => Call::Exp,
+            Func::Ln => Call::Ln,
+            Func::Sinh => Call::Sinh,
+            Func::Cosh => Call::Cosh,
+            Func::Tanh => Call::Tanh,
+            Func::Abs => Call::Abs,
+        }
+    }
+
+    /// Number of arguments.
+    pub(crate) fn n_arguments(self) -> usize {
+        if self == Call::Atan2 { 2 } else { 1 }
+    }
+
+    /// The name by which code finds it.
+    pub(crate) fn symbol(self) -> String {
+        format!("hamel_{self:?}")
+    }
+
+    /// Where it is.
+    pub(crate) fn address(self) -> *const u8 {
+        let unary: extern "C" fn(f64) -> f64 = match self {
+            Call::Atan2 => return atan2 as *const u8,
+            Call::Sin => sin,
+            Call::Cos => cos,
+            Call::Tan => tan,
+            Call::Asin => asin,
+            Call::Acos => acos,
+            Call::Atan => atan,
+            Call::Exp => exp,
+            Call::Ln => ln,
+            Call::Sinh => sinh,
+            Call::Cosh => cosh,
+            Call::Tanh => tanh,
+            Call::Abs => abs,
+        };
+        unary as *const u8
+    }
+}

@@ -1,0 +1,243 @@
+//! One compiled function in executable memory.
+//!
+//! The only file with unsafe code: a function of machine code is called through a pointer, which no type can vouch for.
+//! What makes it sound: [`Code`] is made by [`Code::compile`] alone, from a function whose places the program's verifier
+//! has checked; the sizes of all vectors are kept beside the code and compared in every call; code reads and writes
+//! nothing but those vectors and its own constants; it lives as long as its memory.
+//!
+//! Deliberately does not know: which operations a function is made of.
+
+use std::fmt;
+use std::mem::ManuallyDrop;
+
+use cranelift_codegen::ir::{self, AbiParam, types};
+use cranelift_codegen::isa::OwnedTargetIsa;
+use cranelift_codegen::settings::{self, Configurable as _};
+use cranelift_frontend::FunctionBuilderContext;
+use cranelift_jit::{JITBuilder, JITModule};
+use cranelift_module::{FuncId, Linkage, Module, default_libcall_names};
+use hamel_codegen::program::{Function, Program};
+use hamel_runtime::F64x4;
+
+use crate::calls::Call;
+use crate::error::Error;
+use crate::translate::{Imports, LANES, N_POINTERS, Twice, Width, translate};
+
+/// Pointers in the order of [`Pointer`](crate::translate::Pointer).
+type Entry =
+    extern "C" fn(*const f64, *mut f64, *const f64, *const f64, *const f64, *const f64, *const f64, *mut f64);
+
+const _: () = assert!(N_POINTERS == 8, "as many as `Entry` takes");
+const _: () = assert!(F64x4::LANES == LANES && size_of::<F64x4>() == LANES * size_of::<f64>());
+
+/// What a function reads and writes.
+#[derive(Debug)]
+pub(crate) struct Vectors<'a, R> {
+    pub(crate) params: &'a [R],
+    pub(crate) prepared: &'a [R],
+    pub(crate) t: R,
+    pub(crate) state: &'a [R],
+    pub(crate) argument: &'a [R],
+    pub(crate) out: &'a mut [R],
+    pub(crate) scalars: &'a mut [R],
+}
+
+/// Numbers of components.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Sizes {
+    params: usize,
+    prepared: usize,
+    state: usize,
+    argument: usize,
+    out: usize,
+    scalars: usize,
+}
+
+impl Sizes {
+    fn of(program: &Program, function: &Function) -> Sizes {
+        Sizes {
+            params: program.params.len(),
+            prepared: program.prepare.slots.len(),
+            state: program.state.len(),
+            argument: function.argument.len(),
+            out: function.results.len(),
+            scalars: function.scalars.len(),
+        }
+    }
+
+    fn of_vectors<R>(vectors: &Vectors<'_, R>) -> Sizes {
+        Sizes {
+            params: vectors.params.len(),
+            prepared: vectors.prepared.len(),
+            state: vectors.state.len(),
+            argument: vectors.argument.len(),
+            out: vectors.out.len(),
+            scalars: vectors.scalars.len(),
+        }
+    }
+}
+
+/// A function as machine code.
+pub(crate) struct Code {
+    entry: Entry,
+    constants: Vec<Twice>,
+    sizes: Sizes,
+    width: Width,
+    /// Owns the memory of the code; nothing else uses it once the code is there.
+    module: ManuallyDrop<JITModule>,
+}
+
+impl fmt::Debug for Code {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Code").field("sizes", &self.sizes).field("width", &self.width).finish_non_exhaustive()
+    }
+}
+
+// SAFETY: after `compile` the module is neither read nor written until `drop`, which has it alone; machine code, the
+// constants and the sizes are only read.
+#[allow(unsafe_code)]
+unsafe impl Send for Code {}
+// SAFETY: as above.
+#[allow(unsafe_code)]
+unsafe impl Sync for Code {}
+
+impl Drop for Code {
+    fn drop(&mut self) {
+        // SAFETY: the module is taken once, here, and no call is under way, since calls borrow `self`.
+        #[allow(unsafe_code)]
+        unsafe {
+            ManuallyDrop::take(&mut self.module).free_memory();
+        }
+    }
+}
+
+/// The machine that this program runs on.
+pub(crate) fn host() -> Result<OwnedTargetIsa, Error> {
+    let mut flags = settings::builder();
+    for (name, value) in [
+        // Programs come from a search for few operations in a good order. What Cranelift could do to them takes ten
+        // times as long as to write them down, and makes nothing shorter.
+        ("opt_level", "none"),
+        ("is_pic", "false"),
+        ("unwind_info", "false"),
+        ("enable_verifier", if cfg!(debug_assertions) { "true" } else { "false" }),
+    ] {
+        flags.set(name, value).map_err(Error::cranelift)?;
+    }
+    let machine = cranelift_native::builder().map_err(|reason| Error::UnknownMachine { reason })?;
+    machine.finish(settings::Flags::new(flags)).map_err(Error::cranelift)
+}
+
+struct Imported<'a> {
+    module: &'a mut JITModule,
+    ids: Vec<(Call, FuncId)>,
+    known: Vec<(Call, ir::FuncRef)>,
+}
+
+impl Imports for Imported<'_> {
+    fn import(&mut self, call: Call, function: &mut ir::Function) -> ir::FuncRef {
+        if let Some((_, found)) = self.known.iter().find(|(known, _)| *known == call) {
+            return *found;
+        }
+        // All were declared before.
+        let (_, id) = self.ids.iter().find(|(known, _)| *known == call).expect("a declared function");
+        let found = self.module.declare_func_in_func(*id, function);
+        self.known.push((call, found));
+        found
+    }
+}
+
+impl Code {
+    /// Compiles a function of a verified program.
+    pub(crate) fn compile(
+        isa: &OwnedTargetIsa,
+        program: &Program,
+        function: &Function,
+        width: Width,
+    ) -> Result<Code, Error> {
+        let mut builder = JITBuilder::with_isa(isa.clone(), default_libcall_names());
+        for call in Call::ALL {
+            builder.symbol(call.symbol(), call.address());
+        }
+        let mut module = JITModule::new(builder);
+        let mut ids = Vec::new();
+        for call in Call::ALL {
+            let mut signature = module.make_signature();
+            signature.params.extend(vec![AbiParam::new(types::F64); call.n_arguments()]);
+            signature.returns.push(AbiParam::new(types::F64));
+            let declared = module.declare_function(&call.symbol(), Linkage::Import, &signature);
+            ids.push((call, declared.map_err(Error::cranelift)?));
+        }
+        let mut context = module.make_context();
+        let pointer = module.target_config().pointer_type();
+        let mut builders = FunctionBuilderContext::new();
+        let mut imports = Imported { module: &mut module, ids, known: Vec::new() };
+        let into = (&mut context.func, &mut builders);
+        let constants = translate(function, &program.constants, width, into, pointer, &mut imports);
+        let name = function.role.name();
+        let declared = module.declare_function(name, Linkage::Local, &context.func.signature);
+        let id = declared.map_err(Error::cranelift)?;
+        module.define_function(id, &mut context).map_err(Error::cranelift)?;
+        module.finalize_definitions().map_err(Error::cranelift)?;
+        let address = module.get_finalized_function(id);
+        // SAFETY: the code at this address is of a function with the eight pointers that `translate` gives it, in the
+        // calling convention of the machine, which is that of `extern "C"`.
+        #[allow(unsafe_code)]
+        let entry = unsafe { std::mem::transmute::<*const u8, Entry>(address) };
+        Ok(Code {
+            entry,
+            constants: constants.values,
+            sizes: Sizes::of(program, function),
+            width,
+            module: ManuallyDrop::new(module),
+        })
+    }
+
+    fn check<R>(&self, width: Width, vectors: &Vectors<'_, R>) {
+        assert_eq!(self.width, width, "width of the code");
+        assert_eq!(Sizes::of_vectors(vectors), self.sizes, "numbers of components");
+    }
+
+    /// Calls the function on numbers.
+    ///
+    /// # Panics
+    /// When a size is wrong, or the code is for pairs.
+    pub(crate) fn call(&self, vectors: Vectors<'_, f64>) {
+        self.check(Width::One, &vectors);
+        let Vectors { params, prepared, t, state, argument, out, scalars } = vectors;
+        (self.entry)(
+            state.as_ptr(),
+            out.as_mut_ptr(),
+            prepared.as_ptr(),
+            self.constants.as_ptr().cast(),
+            params.as_ptr(),
+            &raw const t,
+            argument.as_ptr(),
+            scalars.as_mut_ptr(),
+        );
+    }
+
+    /// Calls the function on four lanes, two and two.
+    ///
+    /// # Panics
+    /// When a size is wrong, or the code is for single numbers.
+    pub(crate) fn call_on_lanes(&self, vectors: Vectors<'_, F64x4>) {
+        self.check(Width::Pair, &vectors);
+        let Vectors { params, prepared, t, state, argument, out, scalars } = vectors;
+        for lane in [0, 2] {
+            // Vectors without components have no lanes to go to; nothing is read there or written.
+            let at = |vector: *const F64x4| vector.cast::<f64>().wrapping_add(lane);
+            let at_mut = |vector: *mut F64x4| vector.cast::<f64>().wrapping_add(lane);
+            (self.entry)(
+                at(state.as_ptr()),
+                at_mut(out.as_mut_ptr()),
+                at(prepared.as_ptr()),
+                self.constants.as_ptr().cast(),
+                at(params.as_ptr()),
+                at(&raw const t),
+                at(argument.as_ptr()),
+                at_mut(scalars.as_mut_ptr()),
+            );
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Programs of hamel compiled in memory, by Cranelift.
+//!
+//! A program that `hamel-codegen` lowered runs operation by operation in its interpreter, at the speed of the processor
+//! once it has been emitted as Rust and compiled. This crate is the third way: machine code of the very same operations
+//! in the same order, with the runtime's own sine and cosine, there in milliseconds. Results have the bits of the
+//! interpreter.
+//!
+//! ```
+//! use hamel_codegen::program::{Point, Role, Run as _};
+//! use hamel_codegen::{scene, spec};
+//!
+//! let text = "
+//!     model pendulum {
+//!         param l = 2;
+//!         coordinate theta in angle;
+//!         let speed = l*theta_dot;
+//!         lagrangian = speed^2/2 + l*cos(theta);
+//!     }
+//! ";
+//! let model = spec::parse("pendulum.hamel", text)?;
+//! let built = scene::build(&model, "default")?;
+//! let compiled = hamel_jit::Compiled::new(&built.program)?;
+//! let prepared = built.program.prepare(&[2.0_f64])?;
+//! let rates = built.program.function_idx(&Role::Rate).ok_or("a scene without rates")?;
+//! let mut dy = [0.0; 2];
+//! let point = Point { t: 0.0, state: &[0.3, 0.0], argument: &[] };
+//! compiled.run_at(rates, &[2.0], &prepared, point, &mut dy);
+//! assert!((dy[1] + 0.3_f64.sin() / 2.0).abs() < 1e-15);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Deliberately does not know: models, scenes, what a function is for.
+
+mod calls;
+mod code;
+mod error;
+mod kernel;
+mod translate;
+
+use std::sync::OnceLock;
+
+use cranelift_codegen::isa::OwnedTargetIsa;
+use hamel_codegen::program::{Point, Program, Run, verify_rules};
+use hamel_runtime::{F64x4, Real};
+
+pub use error::Error;
+
+use code::{Code, Vectors};
+use translate::Width;
+
+/// A program whose functions are compiled when they are first called.
+///
+/// A function that Cranelift refuses is interpreted: with the same bits, later.
+pub struct Compiled {
+    program: Program,
+    isa: OwnedTargetIsa,
+    /// For each function: on one number, on two side by side.
+    functions: Vec<[OnceLock<Result<Code, Error>>; 2]>,
+}
+
+impl std::fmt::Debug for Compiled {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Compiled").field("functions", &self.functions).finish_non_exhaustive()
+    }
+}
+
+impl Compiled {
+    /// Takes a program to be compiled.
+    ///
+    /// # Errors
+    /// [`Error::Program`] when the program breaks a rule of programs, [`Error::UnknownMachine`].
+    pub fn new(program: &Program) -> Result<Compiled, Error> {
+        verify_rules(program).map_err(|broken| Error::Program { reason: broken.to_string() })?;
+        let functions = program.functions.iter().map(|_| Default::default()).collect();
+        Ok(Compiled { program: program.clone(), isa: code::host()?, functions })
+    }
+
+    /// Compiles all functions now, on single numbers and, where `on_lanes`, on lanes.
+    ///
+    /// # Errors
+    /// Of the first function that Cranelift refuses.
+    pub fn compile(&self, on_lanes: bool) -> Result<(), Error> {
+        let widths = if on_lanes { [Width::One, Width::Pair].as_slice() } else { &[Width::One] };
+        (0..self.functions.len()).try_for_each(|k| widths.iter().try_for_each(|w| self.code(k, *w).map(drop)))
+    }
+
+    fn code(&self, function_idx: usize, width: Width) -> Result<&Code, Error> {
+        let compile =
+            || Code::compile(&self.isa, &self.program, &self.program.functions[function_idx], width);
+        let code = &self.functions[function_idx][width as usize];
+        code.get_or_init(compile).as_ref().map_err(Error::clone)
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "those of `run_at`, and how code of a width is called")]
+    fn call<R: Real>(
+        &self,
+        function_idx: usize,
+        width: Width,
+        params: &[R],
+        prepared: &[R],
+        point: Point<'_, R>,
+        out: &mut [R],
+        call: impl FnOnce(&Code, Vectors<'_, R>),
+    ) {
+        let Ok(code) = self.code(function_idx, width) else {
+            return self.program.run_at(function_idx, params, prepared, point, out);
+        };
+        let function = &self.program.functions[function_idx];
+        let Point { t, state, argument } = point;
+        if function.contractions.is_empty() {
+            return call(code, Vectors { params, prepared, t, state, argument, out, scalars: &mut [] });
+        }
+        let mut scalars = vec![R::ZERO; function.scalars.len()];
+        call(code, Vectors { params, prepared, t, state, argument, out, scalars: &mut scalars });
+        self.program.run_tables(function, point, &scalars, out);
+    }
+}
+
+impl Run<f64> for Compiled {
+    fn program(&self) -> &Program {
+        &self.program
+    }
+
+    fn run_at(
+        &self,
+        function_idx: usize,
+        params: &[f64],
+        prepared: &[f64],
+        point: Point<'_, f64>,
+        out: &mut [f64],
+    ) {
+        self.call(function_idx, Width::One, params, prepared, point, out, Code::call);
+    }
+}
+
+/// Four lanes, each of which has the bits of the same call on its numbers.
+impl Run<F64x4> for Compiled {
+    fn program(&self) -> &Program {
+        &self.program
+    }
+
+    fn run_at(
+        &self,
+        function_idx: usize,
+        params: &[F64x4],
+        prepared: &[F64x4],
+        point: Point<'_, F64x4>,
+        out: &mut [F64x4],
+    ) {
+        self.call(function_idx, Width::Pair, params, prepared, point, out, Code::call_on_lanes);
+    }
+}

@@ -1,0 +1,124 @@
+//! Models with every operation of a program, compiled in memory, against the interpreter.
+
+use hamel_codegen::lower::SearchBudget;
+use hamel_codegen::program::{Op, Point, Run};
+use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::spec;
+use hamel_jit::{Compiled, Error};
+use hamel_runtime::F64x4;
+
+/// The default scene, with tables from a number of products on.
+fn built(text: &str, products: usize) -> BuiltScene {
+    let model = spec::parse("test.hamel", text).unwrap_or_else(|e| panic!("{e}"));
+    let search = SearchBudget { products, ..SearchBudget::default() };
+    scene::build_within(&model, "default", search).unwrap_or_else(|e| panic!("{e}"))
+}
+
+const FUNCTIONS: &str = "
+    model functions {
+        param a = 3/2;
+        coordinate x in real;
+        coordinate theta in angle;
+        lagrangian = x_dot^2/2 + (2 + cos(theta)*sin(3*x))*theta_dot^2/2 - exp(x/9)*ln(x^2 + 2);
+        output all = [tan(x), asin(x/40), acos(x/40), atan(x), exp(x/7), ln(x^2 + 1), sinh(x/5), cosh(x/5), tanh(x),
+            abs(x), atan2(x, theta_dot), (x^2 + 1)^(1/3), sqrt(x^2 + a), a^(1/3)*x, 1/(x^2 + a),
+            sin(theta)*cos(x*theta) + sin(x), -x, t - x*theta];
+    }
+";
+
+fn bits(x: f64) -> u64 {
+    if x.is_nan() { f64::NAN.to_bits() } else { x.to_bits() }
+}
+
+#[test]
+fn every_operation_has_the_bits_of_the_interpreter_on_numbers_and_on_lanes() {
+    let scene = built(FUNCTIONS, usize::MAX);
+    let program = &scene.program;
+    let is_power = |op: &Op| matches!(op, Op::Power(..));
+    assert!(program.functions.iter().flat_map(|f| &f.instructions).any(|i| is_power(&i.op)), "a power");
+    let compiled = Compiled::new(program).unwrap();
+    let params = [1.5];
+    let prepared = program.prepare(&params).unwrap();
+    let special = [0.0, -0.0, 0.7, -2.9, 35.0, 1e-310, 411_774.5, -3e17, f64::INFINITY, f64::NAN];
+    let mut compared = 0;
+    for (k, function) in program.functions.iter().enumerate() {
+        for round in 0..special.len() * 7 {
+            let number =
+                |place: usize, lane: usize| special[(round * (place + 1) + 3 * lane + place) % special.len()];
+            let lanes = |place: usize| F64x4::new(std::array::from_fn(|lane| number(place, lane)));
+            let state: Vec<F64x4> = (0..program.state.len()).map(|i| lanes(i + 1)).collect();
+            let point = Point { t: lanes(0), state: &state, argument: &[] };
+            let mut on_lanes = vec![F64x4::splat(0.0); function.results.len()];
+            let splat = |values: &[f64]| values.iter().copied().map(F64x4::splat).collect::<Vec<_>>();
+            compiled.run_at(k, &splat(&params), &splat(&prepared), point, &mut on_lanes);
+            for lane in 0..F64x4::LANES {
+                let state: Vec<f64> = state.iter().map(|x| x.lane(lane)).collect();
+                let point = Point { t: number(0, lane), state: &state, argument: &[] };
+                let (mut interpreted, mut own) =
+                    (vec![0.0; function.results.len()], vec![0.0; function.results.len()]);
+                program.run_at(k, &params, &prepared, point, &mut interpreted);
+                Run::run_at(&compiled, k, &params, &prepared, point, &mut own);
+                for (at, expected) in interpreted.iter().enumerate() {
+                    let name = &function.results[at].0;
+                    assert_eq!(
+                        bits(own[at]),
+                        bits(*expected),
+                        "{name} at {state:?}: {} and {expected}",
+                        own[at]
+                    );
+                    let lane = on_lanes[at].lane(lane);
+                    assert_eq!(
+                        bits(lane),
+                        bits(*expected),
+                        "{name} on a lane at {state:?}: {lane} and {expected}"
+                    );
+                    compared += usize::from(expected.is_finite());
+                }
+            }
+        }
+    }
+    assert!(compared > 1000, "{compared} numbers");
+}
+
+#[test]
+fn functions_that_run_through_tables_are_compiled_up_to_the_tables() {
+    let scene = built(
+        "model fluid {
+            algebra fluid = zeitlin(3);
+            momentum omega in fluid as *;
+            action right;
+            hamiltonian = -dot(omega, laplacian(fluid)^-1*omega);
+        }",
+        1,
+    );
+    let program = &scene.program;
+    assert!(program.functions.iter().any(|f| !f.contractions.is_empty()), "tables");
+    let compiled = Compiled::new(program).unwrap();
+    let prepared = program.prepare::<f64>(&[]).unwrap();
+    let state: Vec<f64> = (0..program.state.len()).map(|i| (1.3 * i as f64).sin()).collect();
+    for (k, function) in program.functions.iter().enumerate() {
+        let point = Point { t: 0.5, state: &state, argument: &[] };
+        let (mut interpreted, mut own) =
+            (vec![0.0; function.results.len()], vec![0.0; function.results.len()]);
+        program.run_at(k, &[], &prepared, point, &mut interpreted);
+        Run::run_at(&compiled, k, &[], &prepared, point, &mut own);
+        assert_eq!(own, interpreted, "{}", function.role);
+    }
+}
+
+#[test]
+fn programs_that_break_the_rules_are_not_compiled() {
+    let mut program = built(FUNCTIONS, usize::MAX).program;
+    program.functions[0].instructions.truncate(1);
+    assert!(matches!(Compiled::new(&program), Err(Error::Program { .. })));
+}
+
+#[test]
+#[should_panic(expected = "numbers of components")]
+fn vectors_of_other_sizes_are_refused() {
+    let scene = built(FUNCTIONS, usize::MAX);
+    let compiled = Compiled::new(&scene.program).unwrap();
+    let prepared = scene.program.prepare(&[1.5]).unwrap();
+    let point = Point { t: 0.0, state: &[0.1; 3], argument: &[] };
+    Run::run_at(&compiled, 0, &[1.5], &prepared, point, &mut [0.0; 4]);
+}
