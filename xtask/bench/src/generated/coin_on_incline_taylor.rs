@@ -257,6 +257,57 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         *dy = [t1 * t2, t0 * t2, phi_dot, theta_dot, R::ZERO, self.c0 * t1];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [x, y, phi, theta, phi_dot, theta_dot, cos_phi, sin_phi]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 6 multiplications, 1 sign change.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
+        let [_, _, _, _, phi_dot, theta_dot, cos_phi, sin_phi] = *y;
+        let _ = t;
+        let t0 = self.R_ * theta_dot;
+        *dy = [
+            cos_phi * t0,
+            sin_phi * t0,
+            phi_dot,
+            theta_dot,
+            R::ZERO,
+            self.c0 * cos_phi,
+            -(sin_phi * phi_dot),
+            cos_phi * phi_dot,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 1 elementary function.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 6]) -> [R; 8] {
+        let points = {
+            let [_, _, phi, _, _, _] = *y;
+            let (t0, t1) = phi.sin_cos();
+            [t1, t0]
+        };
+        let mut z = [R::ZERO; 8];
+        z[..6].copy_from_slice(y);
+        z[6..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -332,10 +383,67 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
         let _ = (t, y, out);
     }
 
+    const N_CIRCLES: usize = 1;
+
+    fn on_circles_of(&self, y: &[R; 6], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 8]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (<&[R; 8]>::try_from(z), <&mut [R; 8]>::try_from(dz)) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+
     fn series_of(&self, t: R, y: &[R; 6], out: &mut [[R; 6]]) -> bool {
         let mut workspace = ::hamel_runtime::Jet::workspace(self);
         ::hamel_runtime::Jet::series(self, t, y, &mut workspace, out);
         true
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 8];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 8], convert: impl Fn(R) -> Q) -> [Q; 8] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 6]) -> [R; 8] {
+        self.on_circles(y)
     }
 }
 
@@ -374,8 +482,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             ([t1 * t2, t0 * t2, phi_dot, theta_dot, R::ZERO, self.c0 * t1], [t0, t1, t2])
         };
         workspace.0.clear();
+        let last = orders.len();
         for (next, k) in orders.zip(1u32..) {
             *next = coefficient;
+            if k as usize == last {
+                break;
+            }
             let order = R::from_f64(f64::from(k));
             let inverse = R::ratio(1.0, f64::from(k));
             let [_, _, phi, _, phi_dot, theta_dot] = coefficient;

@@ -453,8 +453,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             )
         };
         workspace.0.clear();
+        let last = orders.len();
         for (next, k) in orders.zip(1u32..) {
             *next = coefficient;
+            if k as usize == last {
+                break;
+            }
             let [x, y_2, z, y_dot, z_dot] = coefficient;
             let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7, sum8] = workspace
                 .0

@@ -238,6 +238,58 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         *dy = [x_dot, y_dot, phi_dot, (-t0).mul_add(t2, self.g), t1 * t2, R::ZERO];
     }
 
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// ```text
+    /// Lagrange-d'Alembert equations `W^a_b E_a = 0`, `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations
+    /// ```
+    ///
+    /// # State
+    ///
+    /// ```text
+    /// y = [x, y, phi, x_dot, y_dot, phi_dot, cos_phi, sin_phi]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 3 additions, 8 multiplications (3 fused), 1 sign change.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
+        let [_, _, _, x_dot, y_dot, phi_dot, cos_phi, sin_phi] = *y;
+        let _ = t;
+        let t0 = phi_dot
+            .mul_add(y_dot.mul_add(sin_phi, x_dot * cos_phi), self.g * sin_phi);
+        *dy = [
+            x_dot,
+            y_dot,
+            phi_dot,
+            (-sin_phi).mul_add(t0, self.g),
+            cos_phi * t0,
+            R::ZERO,
+            -(sin_phi * phi_dot),
+            cos_phi * phi_dot,
+        ];
+    }
+
+    /// The state with cosine and sine of the angles of [`rhs`](Self::rhs) behind it.
+    ///
+    /// # Operations
+    ///
+    /// 1 elementary function.
+    #[inline]
+    #[must_use]
+    pub fn on_circles(&self, y: &[R; 6]) -> [R; 8] {
+        let points = {
+            let [_, _, phi, _, _, _] = *y;
+            let (t0, t1) = phi.sin_cos();
+            [t1, t0]
+        };
+        let mut z = [R::ZERO; 8];
+        z[..6].copy_from_slice(y);
+        z[6..].copy_from_slice(&points);
+        z
+    }
+
     /// Energy.
     ///
     /// ```text
@@ -364,6 +416,20 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
         }
     }
 
+    const N_CIRCLES: usize = 1;
+
+    fn on_circles_of(&self, y: &[R; 6], z: &mut [R]) {
+        if let Ok(z) = <&mut [R; 8]>::try_from(z) {
+            *z = self.on_circles(y);
+        }
+    }
+
+    fn rhs_on_circles_of(&self, t: R, z: &[R], dz: &mut [R]) {
+        if let (Ok(z), Ok(dz)) = (<&[R; 8]>::try_from(z), <&mut [R; 8]>::try_from(dz)) {
+            self.rhs_on_circles(t, z, dz);
+        }
+    }
+
     const N_INVARIANTS: usize = 1;
 
     fn invariants_of(&self, t: R, y: &[R; 6], values: &mut [R]) {
@@ -376,6 +442,49 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
         if let Ok(gradients) = <&mut [[R; 6]; 1]>::try_from(gradients) {
             ::hamel_runtime::Invariants::gradients(self, t, y, gradients);
         }
+    }
+}
+
+/// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
+///
+/// See [`Prepared::rhs_on_circles`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub struct Inside<R = f64>(Prepared<R>);
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Inside<R> {
+    type State = [R; 8];
+
+    #[inline]
+    fn rhs(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
+        self.0.rhs_on_circles(t, y, dy);
+    }
+}
+
+impl<
+    Q: ::hamel_runtime::Real,
+    R: ::hamel_runtime::Real,
+> ::hamel_runtime::OverScalar<Q, R> for Inside<R> {
+    type Over = Inside<Q>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Inside<Q> {
+        Inside(::hamel_runtime::OverScalar::over(&self.0, convert))
+    }
+
+    fn state_over(state: &[R; 8], convert: impl Fn(R) -> Q) -> [Q; 8] {
+        state.map(convert)
+    }
+}
+
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
+    type Inside = Inside<R>;
+
+    fn inside(&self) -> Inside<R> {
+        Inside(*self)
+    }
+
+    #[inline]
+    fn on_circles(&self, y: &[R; 6]) -> [R; 8] {
+        self.on_circles(y)
     }
 }
 
