@@ -174,26 +174,19 @@ fn between<'t>(
     }
     let is_sum = |t: &Token<'_>| t.is("+") || t.is("-");
     let is_product = |t: &Token<'_>| t.is("*") || t.is("/") || t.is("^");
-    // An operator between two operands has blanks on both sides where it has one on either, or on neither.
-    let operator = |left: &Token<'_>, operator: &Token<'_>, right: Option<&Token<'_>>| {
-        let right_blanks = right.is_some_and(|r| r.has_blanks && r.n_breaks == 0);
-        let is_binary = left.ends_operand() && right.is_some_and(Token::begins_operand);
-        is_binary.then(|| match is_sum(operator) {
-            true => operator.has_blanks || right_blanks,
-            false => operator.has_blanks && right_blanks,
-        })
+    // With a blank behind it, it stands between two operands, and gets one in front as well; otherwise it may be a sign.
+    let is_apart = |left: Option<&Token<'_>>, right: Option<&Token<'_>>| {
+        let is_binary = left.is_some_and(Token::ends_operand) && right.is_some_and(Token::begins_operand);
+        is_binary && right.is_some_and(|r| r.has_blanks && r.n_breaks == 0)
     };
-    if is_sum(b) || is_product(b) {
-        return operator(a, b, after).map_or(kept, one_if);
+    if is_sum(b) {
+        return if is_apart(Some(a), after) { " " } else { kept };
     }
-    if is_sum(a) || is_product(a) {
-        let is_binary = before.is_some_and(Token::ends_operand);
-        return match before.filter(|_| is_binary).and_then(|left| operator(left, a, Some(b))) {
-            Some(apart) => one_if(apart),
-            // A sign.
-            None if is_sum(a) => "",
-            None => kept,
-        };
+    if is_sum(a) {
+        return one_if(is_apart(before, Some(b)));
+    }
+    if is_product(a) || is_product(b) {
+        return kept;
     }
     if (a.kind == Kind::Word || a.closes()) && b.kind == Kind::Word { " " } else { kept }
 }
@@ -206,11 +199,11 @@ fn between<'t>(
 /// ```
 /// use hamel_codegen::spec;
 ///
-/// let text = "model rod{ param  l=2;\ncoordinate x in real;lagrangian = l*x_dot ^ 2/2; // free\n}";
+/// let text = "model rod{ param  l=2;\ncoordinate x in real;lagrangian = l*x_dot^2 /2; // free\n}";
 /// let formatted = spec::format("rod.hamel", text)?;
 /// assert_eq!(
 ///     formatted,
-///     "model rod { param l = 2;\n    coordinate x in real; lagrangian = l*x_dot^2/2; // free\n}\n"
+///     "model rod { param l = 2;\n    coordinate x in real; lagrangian = l*x_dot^2 /2; // free\n}\n"
 /// );
 /// # Ok::<(), spec::Diagnostics>(())
 /// ```
@@ -244,7 +237,9 @@ pub fn format(file: &str, text: &str) -> Result<String, Diagnostics> {
                 line += 1;
                 let is_apart = token.n_breaks > 1 && !a.is("{") && !token.is("}");
                 out.push_str(if is_apart { "\n\n" } else { "\n" });
-                let n_closed = tokens[k..].iter().take_while(|t| t.closes()).count().min(open.len());
+                let on_line =
+                    tokens[k..].iter().take(1).chain(tokens[k + 1..].iter().take_while(|t| t.n_breaks == 0));
+                let n_closed = on_line.take_while(|t| t.closes()).count().min(open.len());
                 let mut lines = open[..open.len() - n_closed].to_vec();
                 lines.dedup();
                 let is_finished = last.is_none_or(|k| [";", "{", "}"].iter().any(|mark| tokens[k].is(mark)));
@@ -281,17 +276,35 @@ mod tests {
     #[test]
     fn a_form_has_the_tokens_of_the_text_and_is_its_own_form() {
         let text = "/// Rod\n\n\n\nmodel rod{param l=2 where l>0,l<3;/* a\n   b */ param k:symmetric(2)=[\n1,- 2,\n\
-                    3\n]; // end\n\n\nlet y=x^( -1)-1e-3*l -(x)\n+2;coordinate x:vector(2)in(0,1);\n\nscene s{want rhs;\n\
-                    fix l=1;}\nmomentum w in fluid as w_*;\n\n}\n\n";
+                    3\n]; // end\n\n\nlet y=x^( -1)- 1e-3*l -(x)\n+2;coordinate x:vector(2)in(0,1);\n\nscene s{want rhs;\n\
+                    fix l=1;}\nscene t {\n\twant rhs;\n\t}\nadvected a  in fluid as a_* by ad;\n\
+                    view b=ball(l) around -l*x at [x , -1, 0];\n\n}\n\n";
         let once = format("rod.hamel", text).unwrap();
         assert_eq!(words(&once), words(text));
         assert_eq!(format("rod.hamel", &once).unwrap(), once);
-        assert_eq!(
-            once,
-            "/// Rod\n\nmodel rod { param l = 2 where l > 0, l < 3; /* a\n   b */ param k: symmetric(2) = [\n        1, -2,\n\
-             \x20       3\n    ]; // end\n\n    let y = x^(-1) - 1e-3*l - (x)\n        + 2; coordinate x: vector(2) in(0, 1);\n\n\
-             \x20   scene s { want rhs;\n        fix l = 1; }\n    momentum w in fluid as w_*;\n}\n"
-        );
+        let lines = [
+            "/// Rod",
+            "",
+            "model rod { param l = 2 where l > 0, l < 3; /* a",
+            "   b */ param k: symmetric(2) = [",
+            "        1, -2,",
+            "        3",
+            "    ]; // end",
+            "",
+            "    let y = x^(-1) - 1e-3*l -(x)",
+            "        +2; coordinate x: vector(2) in(0, 1);",
+            "",
+            "    scene s { want rhs;",
+            "        fix l = 1; }",
+            "    scene t {",
+            "        want rhs;",
+            "    }",
+            "    advected a in fluid as a_* by ad;",
+            "    view b = ball(l) around -l*x at [x, -1, 0];",
+            "}",
+            "",
+        ];
+        assert_eq!(once, lines.join("\n"));
     }
 
     #[test]
