@@ -94,3 +94,19 @@ fn fmt_writes_what_changed_and_nothing_where_anything_is_wrong() {
     let (status, out, _) = try_run(&folder, &["fmt", "-"], &untidy);
     assert_eq!((status, out.as_str()), (0, GOOD));
 }
+
+/// The models of the repository are in form, and what is in form stays as it is.
+#[test]
+fn models_of_the_repository_are_in_form() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let mut files = vec![root.join("cli/src/commands/starter.hamel")];
+    for folder in ["models/specs", "xtask/bench/models", "docs/book", "tests/downstream/models"] {
+        let listing = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
+        files.extend(listing.filter(|path| path.extension().is_some_and(|e| e == "hamel")));
+    }
+    assert!(files.len() > 40, "{files:?}");
+    let files: Vec<&str> = files.iter().map(|path| path.to_str().unwrap()).collect();
+    let (status, out, err) = try_run(root, &[&["fmt", "--check"], files.as_slice()].concat(), "");
+    assert_eq!(status, 0, "{err}");
+    assert_eq!(out.trim(), format!("{} in form", files.len()));
+}

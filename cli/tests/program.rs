@@ -67,7 +67,7 @@ fn bad_input_has_status_two_and_a_hint() {
 }
 
 #[test]
-fn a_file_of_ones_own_is_interpreted() {
+fn a_file_of_ones_own_is_compiled_in_memory() {
     let folder = Folder::new("own");
     let path = folder.file("mine.hamel");
     std::fs::write(&path, "model mine { coordinate x in real; lagrangian = 1/2*x_dot^2 - 2*x^2; }").unwrap();
@@ -76,8 +76,9 @@ fn a_file_of_ones_own_is_interpreted() {
     assert!(out.status.success(), "{}", text(&out.stderr));
     assert_eq!(text(&out.stderr), "");
     let asked = hamel(&["eval", &path, "--via", "compiled"], request);
-    assert!(text(&asked.stderr).contains("evaluated by the interpreter"));
+    assert!(text(&asked.stderr).contains("is compiled in memory"));
     assert_eq!(asked.stdout, out.stdout);
+    assert_eq!(hamel(&["eval", &path, "--via", "interpreter"], request).stdout, out.stdout);
     let answer: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
     assert_eq!(answer["derivatives"], serde_json::json!([[3.0, -4.0]]));
     std::fs::write(&path, "model mine { coordinate x in real; lagrangian = 1/2*x_dt^2; }").unwrap();

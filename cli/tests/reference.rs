@@ -1,4 +1,5 @@
-//! The machine interface of the interpreter against reference values: it carries full precision.
+//! The machine interface of the interpreter, and of scenes compiled in memory, against reference values: it carries full
+//! precision.
 
 mod common;
 
@@ -9,8 +10,9 @@ fn values_are_those_of_the_reference() {
     let models = models();
     assert!(models.len() >= 20, "{models:?}");
     for model in models {
-        let n_points = check_points(&model, "interpreter");
-        assert!(n_points > 0, "{model}");
+        for via in ["jit", "interpreter"] {
+            assert!(check_points(&model, via) > 0, "{model}");
+        }
     }
 }
 
@@ -18,7 +20,7 @@ fn values_are_those_of_the_reference() {
 fn motions_are_those_of_the_reference_with_the_group() {
     let mut n_with_group = 0;
     for model in models() {
-        let Compared { motions, of_group, reconstructions } = check_motions(&model, "interpreter");
+        let Compared { motions, of_group, reconstructions } = check_motions(&model, "jit");
         assert!(motions > 0, "{model}");
         // A file has the group's coordinates under the model's names, or none: those of fluids.
         assert_eq!(reconstructions, of_group, "{model}");

@@ -65,15 +65,16 @@ impl Sizes {
         }
     }
 
-    fn of_vectors<R>(vectors: &Vectors<'_, R>) -> Sizes {
-        Sizes {
-            params: vectors.params.len(),
-            prepared: vectors.prepared.len(),
-            state: vectors.state.len(),
-            argument: vectors.argument.len(),
-            out: vectors.out.len(),
-            scalars: vectors.scalars.len(),
-        }
+    /// Whether vectors have these sizes.
+    #[inline]
+    fn are_of<R>(&self, vectors: &Vectors<'_, R>) -> bool {
+        let Vectors { params, prepared, t: _, state, argument, out, scalars } = vectors;
+        self.params == params.len()
+            && self.prepared == prepared.len()
+            && self.state == state.len()
+            && self.argument == argument.len()
+            && self.out == out.len()
+            && self.scalars == scalars.len()
     }
 }
 
@@ -83,6 +84,7 @@ pub(crate) struct Code {
     constants: Vec<Twice>,
     sizes: Sizes,
     width: Width,
+    has_tables: bool,
     /// Owns the memory of the code; nothing else uses it once the code is there.
     module: ManuallyDrop<JITModule>,
 }
@@ -189,21 +191,29 @@ impl Code {
             constants: constants.values,
             sizes: Sizes::of(program, function),
             width,
+            has_tables: !function.contractions.is_empty(),
             module: ManuallyDrop::new(module),
         })
     }
 
+    /// Whether tables are to be run through after the code.
+    #[inline]
+    pub(crate) fn has_tables(&self) -> bool {
+        self.has_tables
+    }
+
+    #[inline]
     fn check<R>(&self, width: Width, vectors: &Vectors<'_, R>) {
-        assert_eq!(self.width, width, "width of the code");
-        assert_eq!(Sizes::of_vectors(vectors), self.sizes, "numbers of components");
+        assert!(self.width == width && self.sizes.are_of(vectors), "numbers of components, or the width of the code");
     }
 
     /// Calls the function on numbers.
     ///
     /// # Panics
     /// When a size is wrong, or the code is for pairs.
-    pub(crate) fn call(&self, vectors: Vectors<'_, f64>) {
-        self.check(Width::One, &vectors);
+    #[inline]
+    pub(crate) fn call(&self, vectors: &mut Vectors<'_, f64>) {
+        self.check(Width::One, vectors);
         let Vectors { params, prepared, t, state, argument, out, scalars } = vectors;
         (self.entry)(
             state.as_ptr(),
@@ -211,7 +221,7 @@ impl Code {
             prepared.as_ptr(),
             self.constants.as_ptr().cast(),
             params.as_ptr(),
-            &raw const t,
+            &raw const *t,
             argument.as_ptr(),
             scalars.as_mut_ptr(),
         );
@@ -221,8 +231,9 @@ impl Code {
     ///
     /// # Panics
     /// When a size is wrong, or the code is for single numbers.
-    pub(crate) fn call_on_lanes(&self, vectors: Vectors<'_, F64x4>) {
-        self.check(Width::Pair, &vectors);
+    #[inline]
+    pub(crate) fn call_on_lanes(&self, vectors: &mut Vectors<'_, F64x4>) {
+        self.check(Width::Pair, vectors);
         let Vectors { params, prepared, t, state, argument, out, scalars } = vectors;
         for lane in [0, 2] {
             // Vectors without components have no lanes to go to; nothing is read there or written.
@@ -234,7 +245,7 @@ impl Code {
                 at(prepared.as_ptr()),
                 self.constants.as_ptr().cast(),
                 at(params.as_ptr()),
-                at(&raw const t),
+                at(&raw const *t),
                 at(argument.as_ptr()),
                 at_mut(scalars.as_mut_ptr()),
             );

@@ -91,6 +91,7 @@ impl Compiled {
         code.get_or_init(compile).as_ref().map_err(Error::clone)
     }
 
+    #[inline]
     #[expect(clippy::too_many_arguments, reason = "those of `run_at`, and how code of a width is called")]
     fn call<R: Real>(
         &self,
@@ -100,18 +101,22 @@ impl Compiled {
         prepared: &[R],
         point: Point<'_, R>,
         out: &mut [R],
-        call: impl FnOnce(&Code, Vectors<'_, R>),
+        call: impl FnOnce(&Code, &mut Vectors<'_, R>),
     ) {
-        let Ok(code) = self.code(function_idx, width) else {
+        let code = match self.functions[function_idx][width as usize].get() {
+            Some(code) => code.as_ref().ok(),
+            None => self.code(function_idx, width).ok(),
+        };
+        let Some(code) = code else {
             return self.program.run_at(function_idx, params, prepared, point, out);
         };
-        let function = &self.program.functions[function_idx];
         let Point { t, state, argument } = point;
-        if function.contractions.is_empty() {
-            return call(code, Vectors { params, prepared, t, state, argument, out, scalars: &mut [] });
+        if !code.has_tables() {
+            return call(code, &mut Vectors { params, prepared, t, state, argument, out, scalars: &mut [] });
         }
+        let function = &self.program.functions[function_idx];
         let mut scalars = vec![R::ZERO; function.scalars.len()];
-        call(code, Vectors { params, prepared, t, state, argument, out, scalars: &mut scalars });
+        call(code, &mut Vectors { params, prepared, t, state, argument, out, scalars: &mut scalars });
         self.program.run_tables(function, point, &scalars, out);
     }
 }

@@ -114,7 +114,7 @@ fn module_of_a_pendulum() {
         *dy = [omega, (-R::from_f64(0.5)).mul_add(p.tanh(), self.c0 * theta.sin())];
     }
 ";
-    let found = between(&emitted, "pub fn rhs", "    /// Output");
+    let found = between(&emitted, "pub fn rhs(", "\n\n");
     assert_eq!(found.trim_end(), rhs.trim_end());
     let new = between(&emitted, "let Params", "\n}");
     assert!(new.contains("if !I.all_gt(R::ZERO) {"), "{new}");

@@ -184,6 +184,8 @@ fn builder_and_file_give_one_heavy_top() {
         [("chi1", &zero), ("chi2", &zero), ("chi3", &one), ("I1", &inertia), ("I2", &inertia)];
     b.scene("symmetric", &fixed, &["rhs", "energy"], "");
     b.scene("momenta", &[], &["rhs", "energy", "casimirs"], "").scene_carries("momenta", &["Pi"]);
+    let wants = ["rhs", "energy", "casimirs", "invariants", "splitting"];
+    b.scene("splitting", &[], &wants, "").scene_carries("splitting", &["Pi"]);
     let built = b.build().unwrap();
 
     let names = |m: &Model| m.params.iter().map(|p| (p.name.clone(), p.default.clone())).collect::<Vec<_>>();
