@@ -1,5 +1,5 @@
-//! The machine interface of the interpreter, and of scenes compiled in memory, against reference values: it carries full
-//! precision.
+//! The machine interface of the interpreter, and of scenes compiled in memory, against reference values: it carries
+//! full precision.
 
 mod common;
 

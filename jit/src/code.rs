@@ -1,9 +1,9 @@
 //! One compiled function in executable memory.
 //!
 //! The only file with unsafe code: a function of machine code is called through a pointer, which no type can vouch for.
-//! What makes it sound: [`Code`] is made by [`Code::compile`] alone, from a function whose places the program's verifier
-//! has checked; the sizes of all vectors are kept beside the code and compared in every call; code reads and writes
-//! nothing but those vectors and its own constants; it lives as long as its memory.
+//! What makes it sound: [`Code`] is made by [`Code::compile`] alone, from a function whose places the program's
+//! verifier has checked; the sizes of all vectors are kept beside the code and compared in every call; code reads and
+//! writes nothing but those vectors and its own constants; it lives as long as its memory.
 //!
 //! Deliberately does not know: which operations a function is made of.
 
@@ -204,7 +204,10 @@ impl Code {
 
     #[inline]
     fn check<R>(&self, width: Width, vectors: &Vectors<'_, R>) {
-        assert!(self.width == width && self.sizes.are_of(vectors), "numbers of components, or the width of the code");
+        assert!(
+            self.width == width && self.sizes.are_of(vectors),
+            "numbers of components, or the width of the code"
+        );
     }
 
     /// Calls the function on numbers.

@@ -1,5 +1,5 @@
-//! Functions of a program as functions of Cranelift: the same operations in the same order, on one number or on two side
-//! by side.
+//! Functions of a program as functions of Cranelift: the same operations in the same order, on one number or on two
+//! side by side.
 //!
 //! Deliberately does not know: how code is made runnable, tables of products (the caller runs through them).
 

@@ -67,8 +67,8 @@ fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
     compared
 }
 
-/// Every function of a scene compiled in memory, on numbers and on lanes, to the last bit. Points are everywhere, so that
-/// there are NaN among the values, and angles beyond the kernel of sine and cosine.
+/// Every function of a scene compiled in memory, on numbers and on lanes, to the last bit. Points are everywhere, so
+/// that there are NaN among the values, and angles beyond the kernel of sine and cosine.
 fn compare_in_memory(built: &BuiltScene) -> usize {
     let (label, program) = (&built.name, &built.program);
     let compiled = Compiled::new(program).unwrap_or_else(|e| panic!("{label}: {e}"));

@@ -29,6 +29,7 @@ mod sensitivity;
 pub mod simulation;
 mod solver;
 pub mod start;
+pub mod typed;
 pub mod watched;
 
 pub use record::energy_scale;

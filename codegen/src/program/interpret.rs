@@ -51,8 +51,8 @@ pub trait Run<R>: fmt::Debug + Sync {
     /// Calls a function at a point.
     ///
     /// # Shapes
-    /// params: \[n_params\], prepared: what [`Program::prepare`] returned, state: \[n_state\], argument: \[n_argument\],
-    /// out: \[n_results\].
+    /// params: \[n_params\], prepared: what [`Program::prepare`] returned, state: \[n_state\], argument:
+    /// \[n_argument\], out: \[n_results\].
     ///
     /// # Panics
     /// When the function does not exist or a size is wrong.

@@ -174,7 +174,8 @@ fn between<'t>(
     }
     let is_sum = |t: &Token<'_>| t.is("+") || t.is("-");
     let is_product = |t: &Token<'_>| t.is("*") || t.is("/") || t.is("^");
-    // With a blank behind it, it stands between two operands, and gets one in front as well; otherwise it may be a sign.
+    // With a blank behind it, it stands between two operands, and gets one in front as well; otherwise it may be a
+    // sign.
     let is_apart = |left: Option<&Token<'_>>, right: Option<&Token<'_>>| {
         let is_binary = left.is_some_and(Token::ends_operand) && right.is_some_and(Token::begins_operand);
         is_binary && right.is_some_and(|r| r.has_blanks && r.n_breaks == 0)

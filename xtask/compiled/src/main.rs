@@ -3,7 +3,8 @@
 
 use std::process::ExitCode;
 
-use hamel::run::dynamics::{Factory, Typed};
+use hamel::run::dynamics::Factory;
+use hamel::run::typed::Typed;
 use hamel_models::generated;
 use hamel_runtime::{Dual, F64x4};
 

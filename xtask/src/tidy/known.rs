@@ -11,7 +11,7 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
         &["completions", "man", "mod", "new"],
         "three commands are about the program whose arguments the top defines",
     ),
-    ("codegen/src/emit/rust", &["mod", "series"], "the top has what all items of a module share"),
+    ("codegen/src/emit/rust", &["loops", "mod", "series"], "the top has what all items of a module share"),
     (
         "codegen/src/lower",
         &["check", "classes", "form", "mod", "pivots", "roll", "source", "values"],

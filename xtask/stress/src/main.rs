@@ -4,7 +4,8 @@ use std::process::ExitCode;
 
 use clap::Parser as _;
 use hamel::Error;
-use hamel::run::dynamics::{Factory, Typed as Plain};
+use hamel::run::dynamics::Factory;
+use hamel::run::typed::Typed as Plain;
 use hamel_measure::both::Both;
 use hamel_models::generated;
 use hamel_runtime::{Dual, F64x4};
