@@ -92,7 +92,6 @@ impl Compiled {
     }
 
     #[inline]
-    #[expect(clippy::too_many_arguments, reason = "those of `run_at`, and how code of a width is called")]
     fn call<R: Real>(
         &self,
         function_idx: usize,

@@ -195,7 +195,8 @@ mod tests {
     #[test]
     fn harmonics_are_those_of_the_model_language() {
         let n = 4;
-        let functions: [(usize, fn([f64; 3]) -> f64); 6] = [
+        type Harmonic = fn([f64; 3]) -> f64;
+        let functions: [(usize, Harmonic); 6] = [
             (0, |[_, _, z]| 3.0_f64.sqrt() * z),
             (1, |[x, _, _]| 3.0_f64.sqrt() * x),
             (7, |[x, y, _]| 15.0_f64.sqrt() * x * y),
