@@ -532,7 +532,7 @@ impl fmt::Display for Error {
             Error::Found { n_errors } => write!(f, "{n_errors} errors in the models"),
             Error::NotCompiled { what, reason } => write!(
                 f,
-                "{what} is not available compiled: {reason}\n  run `cargo xtask generate`, or use --via interpreter"
+                "{what} is not available compiled: {reason}\n  run `cargo xtask generate`, or use --via jit"
             ),
             Error::Io { doing, source } => write!(f, "{doing}: {source}"),
             Error::Failed { step, status } => write!(f, "{step} failed: {status}"),

@@ -33,7 +33,7 @@ use crate::session::Session;
     after_help = "\
 Examples:
   echo '{\"states\": [{\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}]}' | hamel eval free_rigid_body
-  hamel eval heavy_top --scene lagrange --via interpreter < request.json"
+  hamel eval heavy_top --scene lagrange < request.json"
 )]
 pub struct Arguments {
     /// Which scene, and who evaluates it.

@@ -21,7 +21,7 @@ pub struct SceneOptions {
     #[arg(long, default_value = "default")]
     pub scene: String,
     /// Who evaluates: machine code made in memory, the module that rustc compiled (models of hamel's repository, inside
-    /// it), or the interpreter; all have the same bits [default: jit]
+    /// it), or the interpreter; values have the same bits [default: jit]
     #[arg(long, value_enum)]
     pub via: Option<Via>,
 }

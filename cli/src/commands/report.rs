@@ -31,7 +31,7 @@ use crate::session::Session;
 /// Write one HTML page about a model: definition, equations, operations, code, a motion and how accurate it is
 ///
 /// The page loads nothing and opens from disk. A model that says what to draw (`view`) gets a figure in space that
-/// plays the motion. Everything is computed by the interpreter.
+/// plays the motion. Everything is computed by code that is made in memory.
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,
@@ -64,7 +64,7 @@ pub struct Arguments {
 
 /// Writes one page about a scene and says where.
 ///
-/// The motion is that of the scene with every coordinate and output, by the interpreter, so that nothing is compiled.
+/// The motion is that of the scene with every coordinate and output, compiled in memory, so that cargo builds nothing.
 ///
 /// # Errors
 /// Unknown names, problems of the model, a motion that cannot be integrated, and files.

@@ -160,7 +160,7 @@ fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
     let info = dynamics.info();
     let reason = format!(
         "method taylor: scene {} of {} was compiled without Taylor series: choose a scene that wants `taylor`, or \
-         --via interpreter",
+         --via jit",
         info.scene, info.model
     );
     Err(Error::Options { reason })
@@ -168,12 +168,16 @@ fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
 
 fn not_projected(method: MethodName, info: &Info, n_invariants: Option<usize>) -> Error {
     let reason = match n_invariants {
-        None => "was compiled without its invariants: choose a scene that wants `invariants`, or --via interpreter"
+        None => "was compiled without its invariants: choose a scene that wants `invariants`, or --via jit"
             .to_owned(),
-        Some(0) => "has no invariant besides components of its state: choose another method, or claim one that you \
+        Some(0) => {
+            "has no invariant besides components of its state: choose another method, or claim one that you \
                     know with `casimir name = ..;`"
-            .to_owned(),
-        Some(n) => format!("has {n} invariants, but at most {MAX_INVARIANTS} can be kept: choose another method"),
+                .to_owned()
+        }
+        Some(n) => {
+            format!("has {n} invariants, but at most {MAX_INVARIANTS} can be kept: choose another method")
+        }
     };
     let (method, Info { scene, model, .. }) = (method.name(), info);
     Error::Options { reason: format!("method {method}: scene {scene} of {model} {reason}") }
