@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::expr::ExprId;
 use crate::reduction::SolvedConstraint;
 
+use super::chain::Kane;
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
 use super::solve::{Factorisation, Pivot};
@@ -14,6 +15,13 @@ use super::solve::{Factorisation, Pivot};
 impl Derivation<'_> {
     /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
     pub(super) fn solve_reduced(&mut self, solved: &SolvedConstraint) -> Result<Motion, Error> {
+        if let Some(chain) = self.chain.take() {
+            let Kane { mass_matrix, force, columns, lag } = self.kane(&chain, solved)?;
+            self.chain = Some(chain);
+            let psi: Vec<Vec<ExprId>> =
+                (0..lag.len()).map(|alpha| columns.iter().map(|column| column[alpha]).collect()).collect();
+            return self.solve_assembled(solved, (mass_matrix, force), (&psi, &lag));
+        }
         let m = self.y.len();
         let k = solved.unknowns.len();
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
@@ -25,7 +33,6 @@ impl Derivation<'_> {
             lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
         }
         let mass_matrix = self.mass_matrix(solved)?;
-        let symmetric_form = solved.virtual_displacements == solved.psi;
         let displacements = self.displacements(solved)?;
         let mut force = Vec::new();
         self.writer.begin("right side f = W^T (r - L_yy lag)");
@@ -47,6 +54,20 @@ impl Derivation<'_> {
             let sum = self.g.sum(&terms);
             force.push(self.define(&format!("f_{}", unknowns[b]), sum));
         }
+        self.solve_assembled(solved, (mass_matrix, force), (&solved.psi, &lag))
+    }
+
+    /// `udot` of `A udot = f`, and `ydot = Psi udot + lag`.
+    fn solve_assembled(
+        &mut self,
+        solved: &SolvedConstraint,
+        (mass_matrix, force): (Vec<Vec<ExprId>>, Vec<ExprId>),
+        (psi, lag): (&[Vec<ExprId>], &[ExprId]),
+    ) -> Result<Motion, Error> {
+        let m = self.y.len();
+        let k = solved.unknowns.len();
+        let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
+        let symmetric_form = solved.virtual_displacements == solved.psi;
         let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
         let names = inertias(&unknowns);
         let (udot, mut pivots) = match self.factors.take() {
@@ -65,7 +86,7 @@ impl Derivation<'_> {
         for alpha in 0..m {
             let mut terms = vec![lag[alpha]];
             for a in 0..k {
-                terms.push(self.g.mul(solved.psi[alpha][a], udot[a]));
+                terms.push(self.g.mul(psi[alpha][a], udot[a]));
             }
             let sum = self.g.sum(&terms);
             acceleration[alpha] = self.define(&format!("dot_{}", self.names[alpha]), sum);

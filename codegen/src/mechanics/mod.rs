@@ -7,6 +7,7 @@
 
 mod bracket;
 mod chart;
+mod chain;
 mod coefficients;
 mod constrained;
 mod derive;

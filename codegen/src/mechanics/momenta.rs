@@ -28,9 +28,10 @@ impl Derivation<'_> {
             self.momentum[alpha] = self.define(&name, value);
         }
         self.hessian()?;
-        let (squares, l) = match system.formulation.squares {
-            true => take_squares(&mut self.g, system),
-            false => (Vec::new(), system.lagrangian),
+        let (squares, l) = match (&self.chain, system.formulation.squares) {
+            (Some(chain), _) => (chain.squares.clone(), chain.rest),
+            (None, true) => take_squares(&mut self.g, system),
+            (None, false) => (Vec::new(), system.lagrangian),
         };
         let inertia_forces = self.inertia_forces(&squares)?;
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
@@ -56,6 +57,10 @@ impl Derivation<'_> {
         }
         for (alpha, p) in raw.iter().enumerate() {
             let value = self.drive_of(alpha, *p, &momentum, &slopes)?;
+            if self.chain.is_some() {
+                let rest = self.define(&format!("rest_r_{}", self.names[alpha]), value);
+                self.rest_drive.push(rest);
+            }
             let value = self.g.sub(value, inertia_forces[alpha]);
             let name = format!("r_{}", self.names[alpha]);
             let named = self.define(&name, value);

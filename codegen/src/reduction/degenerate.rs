@@ -333,7 +333,7 @@ impl Search<'_> {
         let text = format!("{} = 0", g.display(condition, Style::Plain));
         let name = format!("equation{}", self.found.steps.len() + 1);
         let before = self.form.dependent.clone();
-        self.form.rows.push(ConstraintRow { name, text, one_form, offset });
+        self.form.rows.push(ConstraintRow { name, text, one_form, offset, written: None });
         self.solve_rows(g)?;
         let new = self.form.dependent.iter().find(|k| !before.contains(k));
         let solved_for = new.map(|k| self.names[*k].clone()).unwrap_or_default();

@@ -75,6 +75,7 @@ fn chosen(model: &Model, formulation: &Formulation) -> Model {
         multipliers,
         circles: _,
         squares: _,
+        chains: _,
         momenta: _,
         stages,
         chain,

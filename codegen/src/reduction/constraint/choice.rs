@@ -170,7 +170,9 @@ fn constraint_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRo
         let (name, text) = (c.name.clone(), c.text.clone());
         let (one_form, source) = match (&c.kind, parts) {
             (_, Some((one_form, offset))) => {
-                let row = ConstraintRow { name: name.clone(), text: text.clone(), one_form, offset };
+                let written = Some(c.residual);
+                let (name, text) = (name.clone(), text.clone());
+                let row = ConstraintRow { name, text, one_form, offset, written };
                 let on_frame = row.one_form[..frame.len()].to_vec();
                 linear.push(row);
                 (on_frame, AccelerationSource::Differentiated(c.residual))
@@ -202,6 +204,7 @@ fn displacement_rows(model: &Model) -> Vec<ConstraintRow> {
             text: v.text.clone(),
             one_form: v.one_form.clone(),
             offset,
+            written: None,
         })
         .collect()
 }
@@ -214,7 +217,7 @@ pub(in crate::reduction) fn annihilator(model: &mut Model) -> Vec<ConstraintRow>
         let (linear, general) = constraint_rows(model);
         let offset = model.graph.zero();
         rows = match linear.len() == general.len() {
-            true => linear.into_iter().map(|row| ConstraintRow { offset, ..row }).collect(),
+            true => linear.into_iter().map(|row| ConstraintRow { offset, written: None, ..row }).collect(),
             false => general
                 .into_iter()
                 .map(|AccelerationRow { name, text, one_form, .. }| ConstraintRow {
@@ -222,6 +225,7 @@ pub(in crate::reduction) fn annihilator(model: &mut Model) -> Vec<ConstraintRow>
                     text,
                     one_form,
                     offset,
+                    written: None,
                 })
                 .collect(),
         };

@@ -28,6 +28,8 @@ pub struct ConstraintRow {
     pub one_form: Vec<ExprId>,
     /// `b_A`.
     pub offset: ExprId,
+    /// What vanishes, as written in the model; none where the velocities are others than those of the model.
+    pub written: Option<ExprId>,
 }
 
 /// Constraint in the solved form `y = Psi u + psi0`, with virtual displacements spanned by the columns of `W`.
@@ -146,8 +148,8 @@ impl KinematicConstraint {
                     pivots,
                 } = solved;
                 for (k, row) in rows.iter_mut().enumerate() {
-                    let ConstraintRow { name: _, text: _, one_form, offset } = row;
-                    list.extend(one_form.iter_mut().chain([offset]).map(|e| (Part::Constraint(k), e)));
+                    let ConstraintRow { name: _, text: _, one_form, offset, written } = row;
+                    list.extend(one_form.iter_mut().chain([offset]).chain(written).map(|e| (Part::Constraint(k), e)));
                 }
                 let parts = psi.iter_mut().flatten().chain(psi0).chain(pivots.iter_mut().map(|(_, e)| e));
                 list.extend(parts.map(|e| (Part::SolvedConstraint, e)));

@@ -96,6 +96,7 @@ fn determining(
             text: name.clone(),
             one_form: form.clone(),
             offset,
+            written: None,
         })
         .collect();
     let params = setting.params();
@@ -138,7 +139,8 @@ pub(super) fn solved_again(
             let displacements: Vec<ConstraintRow> = displacements
                 .map(|(name, form)| {
                     let one_form = frame.one_form(g, form);
-                    ConstraintRow { name: name.clone(), text: name.clone(), one_form, offset }
+                    let (name, text) = (name.clone(), name.clone());
+                    ConstraintRow { name, text, one_form, offset, written: None }
                 })
                 .collect();
             let general = rows.iter().map(|row| acceleration_row(g, row, eta)).collect();
@@ -202,7 +204,7 @@ pub(super) fn keeps_momenta(
 fn row_in(g: &mut Graph, frame: &Frame, row: ConstraintRow) -> ConstraintRow {
     let (on_frame, on_quasi) = row.one_form.split_at(frame.matrix.len());
     let one_form = [frame.one_form(g, on_frame).as_slice(), on_quasi].concat();
-    ConstraintRow { one_form, ..row }
+    ConstraintRow { one_form, written: None, ..row }
 }
 
 /// A linear row as the time derivative of a constraint.

@@ -1,0 +1,483 @@
+//! Kane's form of the equations along the recursions that a model is written in: `A = sum m V^T V`,
+//! `f = .. - sum m V^T a`, with partial velocities `V` and accelerations `a` pushed forward part by part.
+//!
+//! Velocities of bodies of a chain are sums over the bodies before them. What several of them share is one part, and a
+//! constraint that has one velocity left which no other constraint determines is solved for it in its place of the
+//! chain, so that everything takes a number of operations for each body. Deliberately does not know: whether that is
+//! cheaper than multiplying out, what the squares belong to.
+//!
+//! # Source
+//! Kane and Levinson 1985, Dynamics, sections 2.14 and 4.11; forward mode as Griewank and Walther 2008, section 3.1.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use num_traits::Zero;
+
+use crate::error::Error;
+use crate::expr::{ExprId, Graph, Node, Rational, SymbolId, Vanishing, sign_of};
+use crate::reduction::{KinematicConstraint, ReducedSystem, SolvedConstraint};
+
+use super::derive::Derivation;
+use super::squares::{Square, take_squares};
+
+/// What is computed in one place of a chain.
+#[derive(Clone, Debug)]
+enum Step {
+    /// A part: its symbol and its value.
+    Part(SymbolId, ExprId),
+    /// The velocity of that position from `coefficient y + rest = 0`.
+    Solved { alpha: usize, coefficient: ExprId, rest: ExprId },
+}
+
+/// The squares of velocities of a Lagrangian as a chain of parts.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    pub(super) squares: Vec<Square>,
+    /// The Lagrangian without them.
+    pub(super) rest: ExprId,
+    /// The components of the squares, by parts and velocities of the frame.
+    components: Vec<Vec<ExprId>>,
+    steps: Vec<Step>,
+    /// Parts that constraints keep at zero.
+    vanishing: BTreeSet<SymbolId>,
+    /// Parts and dependent velocities by their values.
+    values: BTreeMap<SymbolId, ExprId>,
+}
+
+/// Rates of change along one direction, or along the motion at `udot = 0`.
+pub(super) struct Tangent {
+    /// Of the velocities of the frame.
+    pub(super) velocities: Vec<ExprId>,
+    /// Of the components of the squares.
+    pub(super) components: Vec<Vec<ExprId>>,
+}
+
+/// Sums that share terms, as sums of each other.
+struct Parts<'a> {
+    g: &'a mut Graph,
+    /// Terms of sums and the symbols that stand for them.
+    sums: Vec<(BTreeMap<ExprId, Rational>, SymbolId)>,
+    list: Vec<(SymbolId, ExprId)>,
+}
+
+impl Parts<'_> {
+    /// `e` with every sum of it that depends on `velocities` as a part.
+    fn read(&mut self, roots: &[ExprId], velocities: &BTreeSet<SymbolId>) -> Vec<ExprId> {
+        let mut image: HashMap<ExprId, ExprId> = HashMap::new();
+        let mut moving: BTreeSet<ExprId> = BTreeSet::new();
+        for e in self.g.reachable(roots) {
+            let node = self.g.node(e).clone();
+            let mut moves = matches!(node, Node::Symbol(s) if velocities.contains(&s));
+            node.for_each_operand(|operand| moves |= moving.contains(&operand));
+            if moves {
+                moving.insert(e);
+            }
+            let new = match node {
+                _ if !moves => e,
+                Node::Constant(_) | Node::Pi | Node::Symbol(_) => e,
+                Node::Sum { constant, terms } => self.sum(&constant, &terms, &image),
+                Node::Product { coefficient, factors } => {
+                    let factors: Vec<_> = factors.iter().map(|(b, q)| (image[b], q.clone())).collect();
+                    let product = self.g.power_product(&factors).unwrap_or(e);
+                    self.g.scale(product, &coefficient)
+                }
+                Node::Function(f, a) => self.g.func(f, image[&a]),
+                Node::Atan2(y, x) => self.g.atan2(image[&y], image[&x]),
+            };
+            image.insert(e, new);
+        }
+        roots.iter().map(|e| image[e]).collect()
+    }
+
+    /// A sum by the sums before it that leave the fewest of its terms.
+    fn sum(
+        &mut self,
+        constant: &Rational,
+        terms: &[(ExprId, Rational)],
+        image: &HashMap<ExprId, ExprId>,
+    ) -> ExprId {
+        let all: BTreeMap<ExprId, Rational> = terms.iter().cloned().collect();
+        let mut left = all.clone();
+        let mut summands: Vec<(ExprId, Rational)> = Vec::new();
+        loop {
+            let mut best: Option<(usize, BTreeMap<ExprId, Rational>, SymbolId, Rational)> = None;
+            for (other, symbol) in &self.sums {
+                let ratios: BTreeSet<Rational> =
+                    other.iter().filter_map(|(e, q)| Some(left.get(e)? / q)).collect();
+                for ratio in ratios {
+                    let remainder = without(&left, other, &ratio);
+                    let n = remainder.len();
+                    if n + 1 < left.len() && best.as_ref().is_none_or(|(least, ..)| n < *least) {
+                        best = Some((n, remainder, *symbol, ratio));
+                    }
+                }
+            }
+            let Some((_, remainder, symbol, ratio)) = best else { break };
+            summands.push((self.g.sym(symbol), ratio));
+            left = remainder;
+        }
+        summands.extend(left.into_iter().map(|(e, q)| (image[&e], q)));
+        summands.push((self.g.one(), constant.clone()));
+        let value = self.g.linear_combination(&summands);
+        if self.g.is_trivial(value) {
+            return value;
+        }
+        let symbol = self.g.define(&format!("part{}", self.list.len() + 1), value);
+        self.list.push((symbol, value));
+        if constant.is_zero() {
+            self.sums.push((all, symbol));
+        }
+        self.g.sym(symbol)
+    }
+}
+
+/// `terms - ratio other`.
+fn without(
+    terms: &BTreeMap<ExprId, Rational>,
+    other: &BTreeMap<ExprId, Rational>,
+    ratio: &Rational,
+) -> BTreeMap<ExprId, Rational> {
+    let mut left = terms.clone();
+    for (e, q) in other {
+        let entry = left.entry(*e).or_insert_with(Rational::zero);
+        *entry -= q * ratio;
+        if entry.is_zero() {
+            left.remove(e);
+        }
+    }
+    left
+}
+
+impl Chain {
+    /// The chain of a system; none where a constraint has to be solved together with others, or displacements are not
+    /// those of the motion.
+    fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Chain> {
+        let KinematicConstraint::Solved(solved) = &system.constraint else { return None };
+        if !system.momenta.is_empty() || solved.virtual_displacements != solved.psi {
+            return None;
+        }
+        let rows: Vec<ExprId> = solved.rows.iter().map(|row| row.written).collect::<Option<_>>()?;
+        let (squares, rest) = take_squares(g, system);
+        if squares.is_empty() {
+            return None;
+        }
+        let velocities: BTreeSet<SymbolId> =
+            system.velocities.iter().copied().chain(solved.unknowns.iter().map(|u| u.symbol)).collect();
+        let sizes: Vec<usize> = squares.iter().map(|s| s.components.len()).collect();
+        let mut roots: Vec<ExprId> =
+            squares.iter().flat_map(|s| s.components.iter().map(|c| c.value)).collect();
+        let n_components = roots.len();
+        roots.extend(&rows);
+        let mut parts = Parts { g, sums: Vec::new(), list: Vec::new() };
+        let roots = parts.read(&roots, &velocities);
+        let list = parts.list;
+        let mut values = roots[..n_components].iter().copied();
+        let components = sizes.iter().map(|n| values.by_ref().take(*n).collect()).collect();
+        let (steps, vanishing) = steps(g, system, solved, list, &roots[n_components..])?;
+        Some(Chain { squares, rest, components, steps, vanishing, values: BTreeMap::new() })
+    }
+}
+
+/// The parts and the solved constraints in an order in which each has what it needs, and the parts that vanish.
+fn steps(
+    g: &mut Graph,
+    system: &ReducedSystem,
+    solved: &SolvedConstraint,
+    parts: Vec<(SymbolId, ExprId)>,
+    rows: &[ExprId],
+) -> Option<(Vec<Step>, BTreeSet<SymbolId>)> {
+    let position: BTreeMap<SymbolId, usize> =
+        solved.dependent.iter().map(|alpha| (system.velocities[*alpha], *alpha)).collect();
+    let params: BTreeSet<SymbolId> = system.params.iter().map(|p| p.symbol).collect();
+    // The dependent velocities behind every part.
+    let mut behind: BTreeMap<SymbolId, BTreeSet<SymbolId>> = BTreeMap::new();
+    let dependents = |g: &Graph, e: ExprId, behind: &BTreeMap<SymbolId, BTreeSet<SymbolId>>| {
+        let mut all = BTreeSet::new();
+        for s in g.free_symbols(e) {
+            match behind.get(&s) {
+                Some(of_part) => all.extend(of_part.iter().copied()),
+                None => all.extend(position.contains_key(&s).then_some(s)),
+            }
+        }
+        all
+    };
+    for (symbol, value) in &parts {
+        let own = dependents(g, *value, &behind);
+        behind.insert(*symbol, own);
+    }
+    let mut open: Vec<(ExprId, BTreeSet<SymbolId>)> =
+        rows.iter().map(|row| (*row, dependents(g, *row, &behind))).collect();
+    let mut known: BTreeSet<SymbolId> = BTreeSet::new();
+    let mut vanishing: BTreeSet<SymbolId> = BTreeSet::new();
+    let mut pending: Vec<Step> = Vec::new();
+    while !open.is_empty() {
+        let next = open.iter().position(|(_, of)| of.difference(&known).count() == 1)?;
+        let (row, of) = open.remove(next);
+        let velocity = *of.difference(&known).next()?;
+        let mut inlined: BTreeMap<SymbolId, ExprId> = BTreeMap::new();
+        for (symbol, value) in &parts {
+            if behind[symbol].contains(&velocity) && !vanishing.contains(symbol) {
+                let value = g.subs(*value, &inlined).ok()?;
+                inlined.insert(*symbol, value);
+            }
+        }
+        let equation = g.subs(row, &inlined).ok()?;
+        let coefficient = g.diff(equation, velocity);
+        let is_safe = g.free_symbols(coefficient).is_subset(&params)
+            && g.vanishing(coefficient) == Vanishing::NonZero
+            && sign_of(g, coefficient, &system.signs).is_definite();
+        if !is_safe {
+            return None;
+        }
+        let zero = g.zero();
+        let rest = g.subs(equation, &BTreeMap::from([(velocity, zero)])).ok()?;
+        pending.push(Step::Solved { alpha: position[&velocity], coefficient, rest });
+        known.insert(velocity);
+        let (_, stem) = g.split_coefficient(row);
+        if let Node::Symbol(s) = g.node(stem)
+            && behind.contains_key(s)
+        {
+            vanishing.insert(*s);
+        }
+    }
+    if known.len() != position.len() {
+        return None;
+    }
+    let is_kept = |(symbol, _): &(SymbolId, ExprId)| !vanishing.contains(symbol);
+    pending.extend(parts.into_iter().filter(is_kept).map(|(symbol, value)| Step::Part(symbol, value)));
+    let mut awaited: BTreeSet<SymbolId> = position.keys().copied().collect();
+    awaited.extend(pending.iter().filter_map(|step| match step {
+        Step::Part(symbol, _) => Some(*symbol),
+        Step::Solved { .. } => None,
+    }));
+    let mut ordered = Vec::with_capacity(pending.len());
+    while !pending.is_empty() {
+        let mut later = Vec::new();
+        let n = ordered.len();
+        for step in pending {
+            let (made, from) = match &step {
+                Step::Part(symbol, value) => (*symbol, *value),
+                Step::Solved { alpha, rest, .. } => (system.velocities[*alpha], *rest),
+            };
+            if g.depends_on(from, &awaited) {
+                later.push(step);
+            } else {
+                awaited.remove(&made);
+                ordered.push(step);
+            }
+        }
+        if ordered.len() == n {
+            return None;
+        }
+        pending = later;
+    }
+    Some((ordered, vanishing))
+}
+
+impl Derivation<'_> {
+    /// The dependent velocities along the chain, if the system is to be derived along one.
+    pub(super) fn velocities_along_chain(&mut self) -> Result<(), Error> {
+        if !self.system.formulation.chains {
+            return Ok(());
+        }
+        let Some(mut chain) = Chain::new(&mut self.g, self.system) else { return Ok(()) };
+        self.writer.begin("velocities along the chain");
+        let zero = self.g.zero();
+        chain.values = chain.vanishing.iter().map(|s| (*s, zero)).collect();
+        for step in chain.steps.clone() {
+            match step {
+                Step::Part(symbol, value) => {
+                    let value = self.on_chain(&chain, value)?;
+                    let name = self.g.name(symbol).to_owned();
+                    let named = self.define(&name, value);
+                    chain.values.insert(symbol, named);
+                }
+                Step::Solved { alpha, coefficient, rest } => {
+                    let rest = self.on_chain(&chain, rest)?;
+                    let value = self.solved_for(rest, coefficient);
+                    let name = self.names[alpha].clone();
+                    let named = self.define(&name, value);
+                    let velocity = self.system.velocities[alpha];
+                    chain.values.insert(velocity, named);
+                    self.replacement.insert(velocity, named);
+                    self.y[alpha] = named;
+                }
+            }
+        }
+        self.chain = Some(chain);
+        Ok(())
+    }
+
+    /// An expression in parts and raw velocities by their values.
+    fn on_chain(&mut self, chain: &Chain, e: ExprId) -> Result<ExprId, Error> {
+        let value = self.g.subs(e, &chain.values);
+        value.map_err(|_| Error::DivisionByZero { place: "the velocities of a chain".into() })
+    }
+
+    /// `-rest / coefficient`.
+    fn solved_for(&mut self, rest: ExprId, coefficient: ExprId) -> ExprId {
+        let inverse = self.g.powi(coefficient, -1);
+        let quotient = self.g.mul(rest, inverse);
+        self.g.neg(quotient)
+    }
+
+    /// Pushes rates of change of the inputs forward along the chain; values get names that begin with `prefix`.
+    pub(super) fn along_chain(
+        &mut self,
+        chain: &Chain,
+        prefix: &str,
+        inputs: BTreeMap<SymbolId, ExprId>,
+    ) -> Result<Tangent, Error> {
+        let mut rates = inputs;
+        for step in &chain.steps {
+            let (symbol, name, value, coefficient) = match step {
+                Step::Part(symbol, value) => (*symbol, self.g.name(*symbol).to_owned(), *value, None),
+                Step::Solved { alpha, coefficient, rest } => {
+                    (self.system.velocities[*alpha], self.names[*alpha].clone(), *rest, Some(*coefficient))
+                }
+            };
+            let rate = self.g.derivative_along(value, &rates);
+            let mut rate = self.on_chain(chain, rate)?;
+            if let Some(coefficient) = coefficient {
+                rate = self.solved_for(rate, coefficient);
+            }
+            let named = self.define(&format!("{prefix}{name}"), rate);
+            if named != self.g.zero() {
+                rates.insert(symbol, named);
+            }
+        }
+        let zero = self.g.zero();
+        let velocities = self.system.velocities.iter();
+        let velocities = velocities.map(|s| rates.get(s).copied().unwrap_or(zero)).collect();
+        let mut components = Vec::with_capacity(chain.components.len());
+        for (k, square) in chain.components.iter().enumerate() {
+            let mut of_square = Vec::with_capacity(square.len());
+            for (i, e) in square.iter().enumerate() {
+                let rate = self.g.derivative_along(*e, &rates);
+                let rate = self.on_chain(chain, rate)?;
+                of_square.push(self.define(&format!("{prefix}v{}_{}", k + 1, i + 1), rate));
+            }
+            components.push(of_square);
+        }
+        Ok(Tangent { velocities, components })
+    }
+
+    /// Partial velocities along the unknowns, and the accelerations at `udot = 0`, relative to the frames of the
+    /// squares in `components`.
+    fn tangents(
+        &mut self,
+        chain: &Chain,
+        solved: &SolvedConstraint,
+    ) -> Result<(Vec<Tangent>, Tangent), Error> {
+        self.writer.begin("partial velocities along the chain");
+        let one = self.g.one();
+        let mut partial = Vec::with_capacity(solved.unknowns.len());
+        for unknown in &solved.unknowns {
+            let direction = BTreeMap::from([(unknown.symbol, one)]);
+            partial.push(self.along_chain(chain, &format!("d_{}_", unknown.name), direction)?);
+        }
+        self.writer.begin("accelerations along the chain at udot = 0");
+        let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
+        let moving = base.chain([(self.system.time, one)]).filter(|(_, rate)| *rate != self.g.zero());
+        let moving: BTreeMap<SymbolId, ExprId> = moving.collect();
+        let mut drift = self.along_chain(chain, "lag_", moving)?;
+        for (k, square) in chain.squares.iter().enumerate() {
+            let mut v = Vec::new();
+            for e in &chain.components[k] {
+                let value = self.on_chain(chain, *e)?;
+                v.push(self.g.cancel_zero(value));
+            }
+            let turned = square.turned(&mut self.g, &self.y, &v);
+            for (i, turned) in turned.into_iter().enumerate() {
+                let value = self.g.add(drift.components[k][i], turned);
+                drift.components[k][i] = self.define(&format!("a{}_{}", k + 1, i + 1), value);
+            }
+        }
+        Ok((partial, drift))
+    }
+
+    /// `A`, `f`, `Psi` by unknown and velocity, and the accelerations of the velocities at `udot = 0`.
+    pub(super) fn kane(&mut self, chain: &Chain, solved: &SolvedConstraint) -> Result<Kane, Error> {
+        let (partial, drift) = self.tangents(chain, solved)?;
+        let m = self.y.len();
+        let mut rest_hessian = Vec::with_capacity(m);
+        for y in &self.system.velocities {
+            let p = self.g.diff(chain.rest, *y);
+            let row: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.diff(p, *s)).collect();
+            let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<Vec<_>, _>>()?;
+            rest_hessian.push(row);
+        }
+        let columns: Vec<Vec<ExprId>> = (partial.iter().zip(&solved.unknowns))
+            .map(|(tangent, unknown)| {
+                let mut column = tangent.velocities.clone();
+                if let Some(alpha) = unknown.frame_idx {
+                    column[alpha] = self.g.one();
+                }
+                column
+            })
+            .collect();
+        self.writer.begin("mass matrix A = sum m V^T V along the chain");
+        let k = solved.unknowns.len();
+        let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
+        for b in 0..k {
+            for a in 0..=b {
+                let mut terms = self.weighed(chain, &partial[a].components, &partial[b].components);
+                for (alpha, row) in rest_hessian.iter().enumerate() {
+                    for (beta, h) in row.iter().enumerate() {
+                        if *h != self.g.zero() {
+                            terms.push(self.g.product(&[columns[b][alpha], *h, columns[a][beta]]));
+                        }
+                    }
+                }
+                let sum = self.g.sum(&terms);
+                let name = format!("A_{}_{}", solved.unknowns[b].name, solved.unknowns[a].name);
+                mass_matrix[b][a] = self.define(&name, sum);
+                mass_matrix[a][b] = mass_matrix[b][a];
+            }
+        }
+        self.writer.begin("right side f = V^T (r - m a) along the chain");
+        let mut net = Vec::with_capacity(m);
+        for (alpha, row) in rest_hessian.iter().enumerate() {
+            let mut terms = vec![self.rest_drive[alpha]];
+            for (h, lag) in row.iter().zip(&drift.velocities) {
+                let product = self.g.mul(*h, *lag);
+                terms.push(self.g.neg(product));
+            }
+            let sum = self.g.sum(&terms);
+            net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
+        }
+        let mut force = Vec::with_capacity(k);
+        for b in 0..k {
+            let inertia = self.weighed(chain, &partial[b].components, &drift.components);
+            let mut terms: Vec<ExprId> = inertia.into_iter().map(|e| self.g.neg(e)).collect();
+            terms.extend((columns[b].iter().zip(&net)).map(|(w, n)| self.g.mul(*w, *n)));
+            let sum = self.g.sum(&terms);
+            force.push(self.define(&format!("f_{}", solved.unknowns[b].name), sum));
+        }
+        Ok(Kane { mass_matrix, force, columns, lag: drift.velocities })
+    }
+
+    /// Sums over the squares of `weight u . v`, one for each weight.
+    fn weighed(&mut self, chain: &Chain, u: &[Vec<ExprId>], v: &[Vec<ExprId>]) -> Vec<ExprId> {
+        let mut by_weight: BTreeMap<ExprId, Vec<ExprId>> = BTreeMap::new();
+        for ((square, u), v) in chain.squares.iter().zip(u).zip(v) {
+            let products = u.iter().zip(v).map(|(u, v)| self.g.mul(*u, *v));
+            by_weight.entry(square.weight).or_default().extend(products);
+        }
+        let sums = by_weight.into_iter().map(|(weight, products)| {
+            let sum = self.g.sum(&products);
+            self.g.mul(weight, sum)
+        });
+        sums.collect()
+    }
+}
+
+/// The equations `A udot = f` of a chain.
+pub(super) struct Kane {
+    pub(super) mass_matrix: Vec<Vec<ExprId>>,
+    pub(super) force: Vec<ExprId>,
+    /// `Psi`, by unknown and velocity.
+    pub(super) columns: Vec<Vec<ExprId>>,
+    /// `ydot` at `udot = 0`.
+    pub(super) lag: Vec<ExprId>,
+}
