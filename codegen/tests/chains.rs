@@ -23,7 +23,7 @@ fn measure() {
             let start = std::time::Instant::now();
             let model = spec::parse("m.hamel", &text).unwrap_or_else(|e| panic!("{e}"));
             let parsed = start.elapsed();
-            let formulation = Formulation { chains, ..Formulation::of(&model) };
+            let formulation = Formulation { chains: Some(chains), ..Formulation::of(&model) };
             let system = hamel_codegen::reduction::reduce(&model, &formulation).unwrap();
             let reduced = start.elapsed();
             let _ = hamel_codegen::mechanics::derive(&system).unwrap();

@@ -18,7 +18,7 @@ use crate::expr::{ExprId, Graph, Node, Rational, SymbolId, Vanishing, sign_of};
 use crate::reduction::{KinematicConstraint, ReducedSystem, SolvedConstraint};
 
 use super::derive::Derivation;
-use super::squares::{Square, take_squares};
+use super::squares::{Square, squared_velocities, take_squares};
 
 /// What is computed in one place of a chain.
 #[derive(Clone, Debug)]
@@ -42,6 +42,31 @@ pub(super) struct Chain {
     vanishing: BTreeSet<SymbolId>,
     /// Parts and dependent velocities by their values.
     values: BTreeMap<SymbolId, ExprId>,
+}
+
+/// Parts on parts from which on a system is tried as a chain: three bodies. With fewer there is nothing to share that a
+/// search for common sums does not find.
+const MIN_DEPTH: usize = 3;
+
+/// Whether the squares of velocities in the Lagrangian are written as sums of each other, over several bodies.
+pub(crate) fn is_chain(system: &ReducedSystem) -> bool {
+    let mut g = system.graph.clone();
+    let velocities: BTreeSet<SymbolId> = velocities_of(system);
+    let roots = squared_velocities(&mut g, system);
+    let mut parts = Parts { g: &mut g, sums: Vec::new(), list: Vec::new() };
+    parts.read(&roots, &velocities);
+    let list = parts.list;
+    let mut depths: BTreeMap<SymbolId, usize> = BTreeMap::new();
+    for (symbol, value) in list {
+        let below = g.free_symbols(value).iter().filter_map(|s| depths.get(s)).max().copied();
+        depths.insert(symbol, below.unwrap_or(0) + 1);
+    }
+    depths.values().any(|depth| *depth >= MIN_DEPTH)
+}
+
+/// Velocities of the frame and quasi-velocities.
+fn velocities_of(system: &ReducedSystem) -> BTreeSet<SymbolId> {
+    system.velocities.iter().copied().chain(system.unknowns.iter().map(|u| u.symbol)).collect()
 }
 
 /// Rates of change along one direction, or along the motion at `udot = 0`.
@@ -161,8 +186,7 @@ impl Chain {
         if squares.is_empty() {
             return None;
         }
-        let velocities: BTreeSet<SymbolId> =
-            system.velocities.iter().copied().chain(solved.unknowns.iter().map(|u| u.symbol)).collect();
+        let velocities = velocities_of(system);
         let sizes: Vec<usize> = squares.iter().map(|s| s.components.len()).collect();
         let mut roots: Vec<ExprId> =
             squares.iter().flat_map(|s| s.components.iter().map(|c| c.value)).collect();
@@ -277,7 +301,7 @@ fn steps(
 impl Derivation<'_> {
     /// The dependent velocities along the chain, if the system is to be derived along one.
     pub(super) fn velocities_along_chain(&mut self) -> Result<(), Error> {
-        if !self.system.formulation.chains {
+        if self.system.formulation.chains != Some(true) {
             return Ok(());
         }
         let Some(mut chain) = Chain::new(&mut self.g, self.system) else { return Ok(()) };

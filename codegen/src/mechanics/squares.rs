@@ -131,6 +131,19 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square
     (squares, rest)
 }
 
+/// The velocities whose squares the Lagrangian is written in, whatever frames they belong to.
+pub(super) fn squared_velocities(g: &mut Graph, system: &ReducedSystem) -> Vec<ExprId> {
+    let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
+    let varying: BTreeSet<SymbolId> =
+        velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
+    let mut found = Vec::new();
+    for (term, q) in g.summands(system.lagrangian) {
+        let components = squared(g, term, &q, &varying).map(|(_, v)| v);
+        found.extend(components.into_iter().flatten().filter(|v| g.depends_on(*v, &velocities)));
+    }
+    found
+}
+
 /// The square that the first of these is part of, with their positions: of three, of two, or alone.
 fn vector(g: &mut Graph, singles: &[Single]) -> Option<(Square, Vec<usize>)> {
     let first = singles.first()?;

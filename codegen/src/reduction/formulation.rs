@@ -78,8 +78,9 @@ pub struct Formulation {
     /// Whether squares of velocities in the Lagrangian are differentiated in the frame that turns with their
     /// components.
     pub squares: bool,
-    /// Whether squares of velocities are computed along the recursions that the model is written in.
-    pub chains: bool,
+    /// Whether squares of velocities are computed along the recursions that the model is written in; none where that is
+    /// done if it costs less.
+    pub chains: Option<bool>,
     /// Velocities for which the state carries a momentum, or a parameter is the momentum (Routh); none
     /// [by the velocity](CarriedBy::Velocity).
     pub momenta: Vec<Carried>,
@@ -102,7 +103,7 @@ impl Formulation {
                 || model.hamiltonian.is_some() && !model.constraints.is_empty(),
             circles: Vec::new(),
             squares: true,
-            chains: false,
+            chains: None,
             momenta: carried_by_momenta(model, &[]),
             stages: StageUse::of(model.stages.is_some(), &[], &model.carries),
             chain: None,

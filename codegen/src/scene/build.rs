@@ -6,18 +6,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Stage, SymbolId, needed_sections};
+use crate::expr::{Budget, ExprId, Graph, Stage, SymbolId, needed_sections};
 use crate::lower::{self, Inputs, ParamCondition, Request};
-use crate::mechanics::{Equations, Output, OutputKind, Phase, StateEquation, derive, phases};
+use crate::mechanics::{Equations, Output, OutputKind, Phase, StateEquation, derive, is_chain, phases};
 use crate::parallel::side_by_side;
 use crate::program::Role;
-use crate::reduction::{Formulation, reduce};
+use crate::reduction::{Formulation, ReducedSystem, reduce};
 use crate::spec::{self, Diagnostics, Model, Want, Wanted};
 
 use super::built::{BuiltScene, legendre_role};
 use super::dependence::{ignorable, left_out, needs};
 use super::pivots::sorted_pivots;
-use super::plan::{Drops, Outputs, Plan};
+use super::plan::{DEFAULT, Drops, Outputs, Plan};
 use super::{bracket, derivatives, events, implicit, invariants, splitting};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
@@ -56,7 +56,50 @@ impl<'m> Derivations<'m> {
     fn derived(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
         let model = self.model;
         let system = reduce(model, formulation)?;
+        if formulation.squares && formulation.chains.is_none() && is_chain(&system) {
+            if let Some(found) = cheaper_along_chain(model, &system) {
+                return Ok(found);
+            }
+        }
         derive(&system).map(Arc::new).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
+    }
+}
+
+/// What multiplied-out equations may take, as a multiple of what those along a chain took: where they take more, they do
+/// not cost less.
+const EXPANDED: u64 = 3;
+
+/// The equations of a chain, along it or multiplied out, whichever right-hand side costs less; none where those along
+/// the chain cannot be derived.
+fn cheaper_along_chain(model: &Model, system: &ReducedSystem) -> Option<Arc<Equations>> {
+    let cost = |equations: &Arc<Equations>, formulation: &Formulation| {
+        let plan = Plan::bare(DEFAULT.to_owned(), formulation.clone());
+        let built = build_derived(model, Arc::clone(equations), &plan).ok()?;
+        let rate = built.program.function(&Role::Rate)?;
+        Some((rate.counts().cost(), built.spent))
+    };
+    let written = |chains: bool, budget: Budget| {
+        let formulation = Formulation { chains: Some(chains), ..system.formulation.clone() };
+        let mut system = ReducedSystem { formulation: formulation.clone(), ..system.clone() };
+        let own = system.graph.budget();
+        system.graph.set_budget(budget);
+        let derived = Arc::new(derive(&system).ok()?);
+        let (cost, spent) = cost(&derived, &formulation)?;
+        let mut equations = Arc::unwrap_or_clone(derived);
+        equations.system.graph.set_budget(own);
+        Some((cost, spent, Arc::new(equations)))
+    };
+    let own = system.graph.budget();
+    let (along, spent, chained) = written(true, own)?;
+    let least = |own: u64, spent: u64| own.min(spent.saturating_mul(EXPANDED));
+    let budget = Budget {
+        expressions: least(own.expressions, spent.expressions),
+        bytes: least(own.bytes, spent.bytes),
+        work: least(own.work, spent.work),
+    };
+    match written(false, budget) {
+        Some((expanded, _, equations)) if expanded <= along => Some(equations),
+        _ => Some(chained),
     }
 }
 
