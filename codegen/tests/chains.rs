@@ -1,39 +1,149 @@
-//! Chains of bodies.
+//! Chains of bodies: what their right-hand sides cost, and that they are those of the equations multiplied out.
+//!
+//! `CHAINS="snake:10 arm:6:expanded" cargo test -p hamel-codegen --test chains measured -- --nocapture` prints what
+//! others take; with `TABLE=1`, by section.
+
 #[path = "chains/families.rs"]
 mod families;
+
+use std::time::Instant;
+
+use families::{planar_arm, planar_pendulum, wheeled_snake};
+use hamel_codegen::expr::rational_to_f64;
+use hamel_codegen::mechanics::{derive, is_chain, same_motion};
 use hamel_codegen::program::Role;
-use hamel_codegen::reduction::Formulation;
-use hamel_codegen::{scene, spec};
+use hamel_codegen::reduction::{Formulation, reduce};
+use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::spec::{self, Model};
+
+fn parsed(text: &str) -> Model {
+    spec::parse("chain.hamel", text).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+/// The right-hand side along the chain, multiplied out, or as it costs less.
+fn built(model: &Model, chains: Option<bool>) -> BuiltScene {
+    let formulation = Formulation { chains, ..Formulation::of(model) };
+    scene::build_in(model, "bare", &formulation).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+/// Operations of the right-hand side and its cost.
+fn counted(scene: &BuiltScene) -> (usize, u64) {
+    let counts = scene.program.function(&Role::Rate).expect("rates").counts();
+    (counts.total(), counts.cost())
+}
+
+/// Numbers between minus and plus one that no equation knows.
+fn numbers(n: usize, seed: u32) -> Vec<f64> {
+    let mut state = seed;
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 8) / f64::from(1_u32 << 23) - 1.0
+    };
+    (0..n).map(|_| next()).collect()
+}
+
+fn rates(scene: &BuiltScene, state: &[f64]) -> Vec<f64> {
+    let params: Vec<f64> = scene.params().iter().map(|p| rational_to_f64(&p.default)).collect();
+    let interpreter = scene.prepare(&params).expect("defaults keep the conditions");
+    let mut rates = vec![0.0; state.len()];
+    interpreter.rhs(0.0, state, &mut rates);
+    rates
+}
+
+/// Both forms lose a few digits in the mass matrix's factors, of condition numbers below 1e4 here.
+const TOLERANCE: f64 = 1e-10;
 
 #[test]
-fn measure() {
+fn along_the_chain_bodies_move_as_multiplied_out() {
+    for text in [wheeled_snake(4), planar_arm(4), planar_pendulum(4)] {
+        let model = parsed(&text);
+        let [along, expanded] = [true, false].map(|chains| built(&model, Some(chains)));
+        assert_eq!(along.state_names(), expanded.state_names());
+        for seed in 1..=5 {
+            let state = numbers(along.state.len(), seed);
+            let (a, b) = (rates(&along, &state), rates(&expanded, &state));
+            let size = b.iter().fold(0.0_f64, |size, rate| size.max(rate.abs()));
+            assert!(size > 0.1, "{}: nothing moves", model.name);
+            for (a, b) in a.iter().zip(&b) {
+                assert!((a - b).abs() <= TOLERANCE * size, "{}: {a} and {b}", model.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn along_the_chain_is_proved_to_be_the_same_motion() {
+    let model = parsed(&wheeled_snake(3));
+    let [along, expanded] = [true, false].map(|chains| {
+        let formulation = Formulation { chains: Some(chains), ..Formulation::of(&model) };
+        derive(&reduce(&model, &formulation).expect("reduces")).expect("derives")
+    });
+    assert_ne!(along.sections, expanded.sections, "not derived along the chain");
+    same_motion(&along, &expanded).expect("the same motion");
+}
+
+#[test]
+fn operations_are_linear_in_the_links_of_a_snake() {
+    for n in [4, 6] {
+        let model = parsed(&wheeled_snake(n));
+        let (operations, _) = counted(&built(&model, Some(true)));
+        assert!(operations <= 70 * n, "{n} links: {operations} operations");
+    }
+}
+
+#[test]
+fn whichever_costs_less_is_taken() {
+    for (text, most) in [(wheeled_snake(4), 240), (planar_pendulum(4), 140), (planar_arm(4), 250)] {
+        let model = parsed(&text);
+        let costs = [None, Some(true), Some(false)].map(|chains| counted(&built(&model, chains)));
+        let [(operations, cost), (_, along), (_, expanded)] = costs;
+        assert_eq!(cost, along.min(expanded), "{}", model.name);
+        assert!(operations <= most, "{}: {operations} operations", model.name);
+    }
+}
+
+#[test]
+fn two_bodies_are_no_chain() {
+    let is_chain = |text: &str| {
+        let model = parsed(text);
+        is_chain(&reduce(&model, &Formulation::of(&model)).expect("reduces"))
+    };
+    assert!(!is_chain(&planar_pendulum(2)) && !is_chain(&wheeled_snake(2)));
+    assert!(is_chain(&wheeled_snake(3)) && is_chain(&planar_arm(4)));
+}
+
+#[test]
+fn measured() {
     let Ok(list) = std::env::var("CHAINS") else { return };
     for item in list.split_whitespace() {
-        let parts: Vec<&str> = item.split(':').collect();
-        let n: usize = parts[1].parse().unwrap();
-        let text = match parts[0] {
-            "snake" => families::wheeled_snake(n),
-            "arm" => families::planar_arm(n),
-            _ => families::planar_pendulum(n),
+        let words: Vec<&str> = item.split(':').collect();
+        let n: usize = words.get(1).and_then(|n| n.parse().ok()).expect("family:n");
+        let text = match words[0] {
+            "snake" => wheeled_snake(n),
+            "arm" => planar_arm(n),
+            "pendulum" => planar_pendulum(n),
+            other => panic!("no family {other}"),
         };
-        for chains in [true, false] {
-            if !chains && parts.get(2).is_some() {
-                continue;
-            }
-            let start = std::time::Instant::now();
-            let model = spec::parse("m.hamel", &text).unwrap_or_else(|e| panic!("{e}"));
-            let parsed = start.elapsed();
-            let formulation = Formulation { chains: Some(chains), ..Formulation::of(&model) };
-            let system = hamel_codegen::reduction::reduce(&model, &formulation).unwrap();
-            let reduced = start.elapsed();
-            let _ = hamel_codegen::mechanics::derive(&system).unwrap();
-            let derived = start.elapsed();
-            let built = scene::build_in(&model, "bare", &formulation).unwrap_or_else(|e| panic!("{e}"));
-            let c = built.program.function(&Role::Rate).unwrap().counts();
-            println!("{item} chains {chains}: {} / {} all {} cost {} in {parsed:?} {reduced:?} {derived:?} {:?}", c.add, c.mul, c.total(), c.cost(), start.elapsed());
-            if std::env::var("TABLE").is_ok() {
-                println!("{}", built.operation_columns());
-            }
+        let chains = match words.get(2) {
+            None => Some(true),
+            Some(&"expanded") => Some(false),
+            Some(_) => None,
+        };
+        let start = Instant::now();
+        let model = parsed(&text);
+        let scene = built(&model, chains);
+        let counts = scene.program.function(&Role::Rate).expect("rates").counts();
+        println!(
+            "{item}: {} additions, {} multiplications, {} in all, cost {}, {:.1} s, {} MB",
+            counts.add,
+            counts.mul,
+            counts.total(),
+            counts.cost(),
+            start.elapsed().as_secs_f64(),
+            scene.spent().bytes >> 20
+        );
+        if std::env::var("TABLE").is_ok() {
+            println!("{}", scene.operation_columns());
         }
     }
 }

@@ -11,7 +11,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
-use num_traits::Zero;
+use num_traits::{One, Zero};
 
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Node, Rational, SymbolId, Vanishing, sign_of};
@@ -42,6 +42,8 @@ pub(super) struct Chain {
     vanishing: BTreeSet<SymbolId>,
     /// Parts and dependent velocities by their values.
     values: BTreeMap<SymbolId, ExprId>,
+    /// Along which partial velocities are taken.
+    directions: Directions,
 }
 
 /// Parts on parts from which on a system is tried as a chain: three bodies. With fewer there is nothing to share that a
@@ -49,7 +51,7 @@ pub(super) struct Chain {
 const MIN_DEPTH: usize = 3;
 
 /// Whether the squares of velocities in the Lagrangian are written as sums of each other, over several bodies.
-pub(crate) fn is_chain(system: &ReducedSystem) -> bool {
+pub fn is_chain(system: &ReducedSystem) -> bool {
     let mut g = system.graph.clone();
     let velocities: BTreeSet<SymbolId> = velocities_of(system);
     let roots = squared_velocities(&mut g, system);
@@ -198,8 +200,79 @@ impl Chain {
         let mut values = roots[..n_components].iter().copied();
         let components = sizes.iter().map(|n| values.by_ref().take(*n).collect()).collect();
         let (steps, vanishing) = steps(g, system, solved, list, &roots[n_components..])?;
-        Some(Chain { squares, rest, components, steps, vanishing, values: BTreeMap::new() })
+        let directions = directions(g, solved, &steps);
+        Some(Chain { squares, rest, components, steps, vanishing, values: BTreeMap::new(), directions })
     }
+}
+
+/// Rates `w = T u` with `u = B w`, along which partial velocities are taken.
+///
+/// # Shapes
+/// `[k][k]`, for `k` unknowns.
+#[derive(Clone, Debug)]
+pub(super) struct Directions {
+    /// `T`.
+    pub(super) rates: Vec<Vec<Rational>>,
+    /// `B`.
+    pub(super) inverse: Vec<Vec<Rational>>,
+}
+
+/// Directions along which few bodies' frames turn: those of the rates `w` that parts without coordinates are, each in
+/// the place of an unknown. Without such parts they are those of the unknowns.
+///
+/// # Source
+/// Kane and Levinson 1985, Dynamics, section 2.12 (generalised speeds).
+fn directions(g: &mut Graph, solved: &SolvedConstraint, steps: &[Step]) -> Directions {
+    let k = solved.unknowns.len();
+    let zeros = vec![Rational::zero(); k];
+    let symbols: Vec<SymbolId> = solved.unknowns.iter().map(|u| u.symbol).collect();
+    // Parts by the unknowns, and the unknowns by the rates.
+    let mut parts: BTreeMap<SymbolId, Vec<Rational>> = BTreeMap::new();
+    let mut by_rates: Vec<Option<Vec<Rational>>> = vec![None; k];
+    let mut rates: Vec<Vec<Rational>> = (0..k).map(|a| unit(k, a)).collect();
+    for step in steps {
+        let Step::Part(symbol, value) = step else { continue };
+        let mut row = zeros.clone();
+        let mut is_rate = true;
+        for (term, q) in g.summands(*value) {
+            let (of_term, stem) = g.split_coefficient(term);
+            let weight = of_term * q;
+            match g.node(stem) {
+                Node::Symbol(s) if parts.contains_key(s) => {
+                    row.iter_mut().zip(&parts[s]).for_each(|(entry, own)| *entry += own * &weight);
+                }
+                Node::Symbol(s) => match symbols.iter().position(|own| own == s) {
+                    Some(a) => row[a] += weight,
+                    None => is_rate = false,
+                },
+                _ => is_rate = false,
+            }
+        }
+        if !is_rate {
+            continue;
+        }
+        // The rate in place of its last unknown, where all others are known by rates before.
+        if let Some(last) = row.iter().rposition(|q| !q.is_zero())
+            && by_rates[last].is_none()
+        {
+            let inverse = row[last].recip();
+            let mut own = zeros.clone();
+            own[last].clone_from(&inverse);
+            for (a, q) in row.iter().enumerate().take(last).filter(|(_, q)| !q.is_zero()) {
+                let earlier = by_rates[a].get_or_insert_with(|| unit(k, a));
+                own.iter_mut().zip(&*earlier).for_each(|(entry, e)| *entry -= e * q * &inverse);
+            }
+            by_rates[last] = Some(own);
+            rates[last].clone_from(&row);
+        }
+        parts.insert(*symbol, row);
+    }
+    let inverse = by_rates.into_iter().enumerate().map(|(a, row)| row.unwrap_or_else(|| unit(k, a)));
+    Directions { rates, inverse: inverse.collect() }
+}
+
+fn unit(k: usize, a: usize) -> Vec<Rational> {
+    (0..k).map(|b| if b == a { Rational::one() } else { Rational::zero() }).collect()
 }
 
 /// The parts and the solved constraints in an order in which each has what it needs, and the parts that vanish.
@@ -371,6 +444,7 @@ impl Derivation<'_> {
             }
         }
         let zero = self.g.zero();
+        // Independent velocities of the frame are among the inputs.
         let velocities = self.system.velocities.iter();
         let velocities = velocities.map(|s| rates.get(s).copied().unwrap_or(zero)).collect();
         let mut components = Vec::with_capacity(chain.components.len());
@@ -396,9 +470,14 @@ impl Derivation<'_> {
         self.writer.begin("partial velocities along the chain");
         let one = self.g.one();
         let mut partial = Vec::with_capacity(solved.unknowns.len());
-        for unknown in &solved.unknowns {
-            let direction = BTreeMap::from([(unknown.symbol, one)]);
-            partial.push(self.along_chain(chain, &format!("d_{}_", unknown.name), direction)?);
+        for (b, along) in solved.unknowns.iter().enumerate() {
+            let mut direction = BTreeMap::new();
+            for (unknown, row) in solved.unknowns.iter().zip(&chain.directions.inverse) {
+                if !row[b].is_zero() {
+                    direction.insert(unknown.symbol, self.g.rational(row[b].clone()));
+                }
+            }
+            partial.push(self.along_chain(chain, &format!("d_{}_", along.name), direction)?);
         }
         self.writer.begin("accelerations along the chain at udot = 0");
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
@@ -420,7 +499,7 @@ impl Derivation<'_> {
         Ok((partial, drift))
     }
 
-    /// `A`, `f`, `Psi` by unknown and velocity, and the accelerations of the velocities at `udot = 0`.
+    /// The equations along the chain, in the directions of its rates.
     pub(super) fn kane(&mut self, chain: &Chain, solved: &SolvedConstraint) -> Result<Kane, Error> {
         let (partial, drift) = self.tangents(chain, solved)?;
         let m = self.y.len();
@@ -431,17 +510,8 @@ impl Derivation<'_> {
             let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<Vec<_>, _>>()?;
             rest_hessian.push(row);
         }
-        let columns: Vec<Vec<ExprId>> = (partial.iter().zip(&solved.unknowns))
-            .map(|(tangent, unknown)| {
-                let mut column = tangent.velocities.clone();
-                if let Some(alpha) = unknown.frame_idx {
-                    column[alpha] = self.g.one();
-                }
-                column
-            })
-            .collect();
-        self.writer.begin("mass matrix A = sum m V^T V along the chain");
         let k = solved.unknowns.len();
+        self.writer.begin("mass matrix A = sum m V^T V along the chain");
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
         for b in 0..k {
             for a in 0..=b {
@@ -449,7 +519,8 @@ impl Derivation<'_> {
                 for (alpha, row) in rest_hessian.iter().enumerate() {
                     for (beta, h) in row.iter().enumerate() {
                         if *h != self.g.zero() {
-                            terms.push(self.g.product(&[columns[b][alpha], *h, columns[a][beta]]));
+                            let (u, v) = (partial[b].velocities[alpha], partial[a].velocities[beta]);
+                            terms.push(self.g.product(&[u, *h, v]));
                         }
                     }
                 }
@@ -470,15 +541,15 @@ impl Derivation<'_> {
             let sum = self.g.sum(&terms);
             net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
         }
-        let mut force = Vec::with_capacity(k);
-        for b in 0..k {
-            let inertia = self.weighed(chain, &partial[b].components, &drift.components);
-            let mut terms: Vec<ExprId> = inertia.into_iter().map(|e| self.g.neg(e)).collect();
-            terms.extend((columns[b].iter().zip(&net)).map(|(w, n)| self.g.mul(*w, *n)));
+        let mut force = vec![self.g.zero(); k];
+        let mut known: Vec<(BTreeSet<ExprId>, ExprId)> = Vec::new();
+        for b in (0..k).rev() {
+            let mut terms = self.inertia_along(chain, &partial[b].components, &drift.components, &mut known);
+            terms.extend((partial[b].velocities.iter().zip(&net)).map(|(w, n)| self.g.mul(*w, *n)));
             let sum = self.g.sum(&terms);
-            force.push(self.define(&format!("f_{}", solved.unknowns[b].name), sum));
+            force[b] = self.define(&format!("f_{}", solved.unknowns[b].name), sum);
         }
-        Ok(Kane { mass_matrix, force, columns, lag: drift.velocities })
+        Ok(Kane { mass_matrix, force, directions: chain.directions.clone(), partial, lag: drift.velocities })
     }
 
     /// Sums over the squares of `weight u . v`, one for each weight.
@@ -494,14 +565,55 @@ impl Derivation<'_> {
         });
         sums.collect()
     }
+
+    /// `-weight u . a` of all squares, gathered by the partial velocities, which many bodies have in common; sums of
+    /// `weight a` that are `known` from other directions are used in further ones.
+    fn inertia_along(
+        &mut self,
+        chain: &Chain,
+        u: &[Vec<ExprId>],
+        a: &[Vec<ExprId>],
+        known: &mut Vec<(BTreeSet<ExprId>, ExprId)>,
+    ) -> Vec<ExprId> {
+        let mut by_velocity: BTreeMap<ExprId, BTreeSet<ExprId>> = BTreeMap::new();
+        for ((square, u), a) in chain.squares.iter().zip(u).zip(a) {
+            for (u, a) in u.iter().zip(a) {
+                let force = self.g.mul(square.weight, *a);
+                if *u != self.g.zero() && force != self.g.zero() {
+                    by_velocity.entry(*u).or_default().insert(force);
+                }
+            }
+        }
+        let mut terms = Vec::with_capacity(by_velocity.len());
+        for (velocity, forces) in by_velocity {
+            let mut left = forces.clone();
+            let mut summands = Vec::new();
+            while let Some((inner, sum)) =
+                known.iter().filter(|(inner, _)| inner.is_subset(&left)).max_by_key(|(inner, _)| inner.len())
+            {
+                summands.push(*sum);
+                left = left.difference(inner).copied().collect();
+            }
+            summands.extend(left);
+            let sum = self.g.sum(&summands);
+            let sum = self.define(&format!("ma{}", known.len() + 1), sum);
+            if forces.len() > 1 {
+                known.push((forces, sum));
+            }
+            let product = self.g.mul(velocity, sum);
+            terms.push(self.g.neg(product));
+        }
+        terms
+    }
 }
 
-/// The equations `A udot = f` of a chain.
+/// The equations `A wdot = f` along the directions of a chain, `u = B w`.
 pub(super) struct Kane {
     pub(super) mass_matrix: Vec<Vec<ExprId>>,
     pub(super) force: Vec<ExprId>,
-    /// `Psi`, by unknown and velocity.
-    pub(super) columns: Vec<Vec<ExprId>>,
+    pub(super) directions: Directions,
+    /// Partial velocities along the rates, `[k]`.
+    pub(super) partial: Vec<Tangent>,
     /// `ydot` at `udot = 0`.
     pub(super) lag: Vec<ExprId>,
 }

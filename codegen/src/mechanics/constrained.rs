@@ -4,10 +4,10 @@
 //! Does not know: how the constraint was solved, how a matrix is factored.
 
 use crate::error::Error;
-use crate::expr::ExprId;
+use crate::expr::{ExprId, Rational};
 use crate::reduction::SolvedConstraint;
 
-use super::chain::Kane;
+use super::chain::{Directions, Kane};
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
 use super::solve::{Factorisation, Pivot};
@@ -16,11 +16,9 @@ impl Derivation<'_> {
     /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
     pub(super) fn solve_reduced(&mut self, solved: &SolvedConstraint) -> Result<Motion, Error> {
         if let Some(chain) = self.chain.take() {
-            let Kane { mass_matrix, force, columns, lag } = self.kane(&chain, solved)?;
+            let kane = self.kane(&chain, solved)?;
             self.chain = Some(chain);
-            let psi: Vec<Vec<ExprId>> =
-                (0..lag.len()).map(|alpha| columns.iter().map(|column| column[alpha]).collect()).collect();
-            return self.solve_assembled(solved, (mass_matrix, force), (&psi, &lag));
+            return self.solve_along_chain(solved, kane);
         }
         let m = self.y.len();
         let k = solved.unknowns.len();
@@ -54,52 +52,96 @@ impl Derivation<'_> {
             let sum = self.g.sum(&terms);
             force.push(self.define(&format!("f_{}", unknowns[b]), sum));
         }
-        self.solve_assembled(solved, (mass_matrix, force), (&solved.psi, &lag))
+        let (udot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
+        let system = LinearSystem { mass_matrix, force, unknowns };
+        self.motion_of(solved, system, (udot.clone(), udot, pivots), (&solved.psi, &lag))
     }
 
-    /// `udot` of `A udot = f`, and `ydot = Psi udot + lag`.
+    /// `udot = B wdot` of `A wdot = f` along the rates of a chain.
+    fn solve_along_chain(&mut self, solved: &SolvedConstraint, kane: Kane) -> Result<Motion, Error> {
+        let Kane { mass_matrix, force, directions: Directions { rates, inverse }, partial, lag } = kane;
+        let (wdot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
+        let psi: Vec<Vec<ExprId>> =
+            (0..lag.len()).map(|alpha| partial.iter().map(|p| p.velocities[alpha]).collect()).collect();
+        let udot = inverse.iter().map(|row| self.combined(row, &wdot)).collect();
+        let columns: Vec<Vec<Rational>> =
+            (0..rates.len()).map(|a| rates.iter().map(|row| row[a].clone()).collect()).collect();
+        // T^T A T and T^T f, for those who ask for them.
+        let half: Vec<Vec<ExprId>> = (mass_matrix.iter())
+            .map(|row| columns.iter().map(|column| self.combined(column, row)).collect())
+            .collect();
+        let rows = columns.iter().map(|column| {
+            (0..columns.len())
+                .map(|b| {
+                    let of_column: Vec<ExprId> = half.iter().map(|row| row[b]).collect();
+                    self.combined(column, &of_column)
+                })
+                .collect()
+        });
+        let mass_matrix: Vec<Vec<ExprId>> = rows.collect();
+        let force = columns.iter().map(|column| self.combined(column, &force)).collect();
+        let unknowns = solved.unknowns.iter().map(|u| u.name.clone()).collect();
+        let system = LinearSystem { mass_matrix, force, unknowns };
+        self.motion_of(solved, system, (wdot, udot, pivots), (&psi, &lag))
+    }
+
+    fn combined(&mut self, weights: &[Rational], values: &[ExprId]) -> ExprId {
+        let terms: Vec<(ExprId, Rational)> = values.iter().copied().zip(weights.iter().cloned()).collect();
+        self.g.linear_combination(&terms)
+    }
+
+    /// `A udot = f`, and the pivots.
     fn solve_assembled(
         &mut self,
         solved: &SolvedConstraint,
-        (mass_matrix, force): (Vec<Vec<ExprId>>, Vec<ExprId>),
-        (psi, lag): (&[Vec<ExprId>], &[ExprId]),
-    ) -> Result<Motion, Error> {
-        let m = self.y.len();
-        let k = solved.unknowns.len();
+        mass_matrix: &[Vec<ExprId>],
+        force: &[ExprId],
+    ) -> Result<(Vec<ExprId>, Vec<Pivot>), Error> {
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
         let symmetric_form = solved.virtual_displacements == solved.psi;
         let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
         let names = inertias(&unknowns);
         let (udot, mut pivots) = match self.factors.take() {
             None => {
-                self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, (&names, symmetric_form))?
+                self.solve_linear("A", mass_matrix, force, &unknowns, &labels, (&names, symmetric_form))?
             }
             Some(factors) => {
                 self.writer.begin("substitution through the factors of A");
-                let udot = factors.solve(&mut self.g, &mut self.writer, &labels, &force);
+                let udot = factors.solve(&mut self.g, &mut self.writer, &labels, force);
                 (udot, factors.pivots(&names, symmetric_form))
             }
         };
         pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot::of_coefficients(name, *expr)));
+        Ok((udot, pivots))
+    }
+
+    /// Everything that follows from rates `wdot` and `udot`, with `ydot = Psi wdot + lag`.
+    fn motion_of(
+        &mut self,
+        solved: &SolvedConstraint,
+        system: LinearSystem,
+        (wdot, unknown_rates, pivots): (Vec<ExprId>, Vec<ExprId>, Vec<Pivot>),
+        (psi, lag): (&[Vec<ExprId>], &[ExprId]),
+    ) -> Result<Motion, Error> {
+        let m = self.y.len();
         self.writer.begin("accelerations ydot = Psi udot + lag");
         let mut acceleration = vec![self.g.zero(); m];
         for alpha in 0..m {
             let mut terms = vec![lag[alpha]];
-            for a in 0..k {
-                terms.push(self.g.mul(psi[alpha][a], udot[a]));
+            for (psi, rate) in psi[alpha].iter().zip(&wdot) {
+                terms.push(self.g.mul(*psi, *rate));
             }
             let sum = self.g.sum(&terms);
             acceleration[alpha] = self.define(&format!("dot_{}", self.names[alpha]), sum);
         }
         let multipliers = self.multipliers_of(solved, &acceleration)?;
         let reactions = solved.reactions.one_forms.clone();
-        let unknown_rates = udot;
         Ok(Motion {
             acceleration,
             unknown_rates,
             multipliers,
             reactions,
-            system: Some(LinearSystem { mass_matrix, force, unknowns }),
+            system: Some(system),
             pivots,
             momentum_rates: Vec::new(),
         })

@@ -37,7 +37,7 @@ mod squares;
 mod vertical;
 
 pub use bracket::Bracket;
-pub(crate) use chain::is_chain;
+pub use chain::is_chain;
 pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use derive::derive;
 pub use dirac::DiracStructure;
