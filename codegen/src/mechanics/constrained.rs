@@ -7,18 +7,18 @@ use crate::error::Error;
 use crate::expr::{ExprId, Rational};
 use crate::reduction::SolvedConstraint;
 
-use super::chain::{Directions, Kane};
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
+use super::recursion::{Directions, Kane};
 use super::solve::{Factorisation, Pivot};
 
 impl Derivation<'_> {
     /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
     pub(super) fn solve_reduced(&mut self, solved: &SolvedConstraint) -> Result<Motion, Error> {
-        if let Some(chain) = self.chain.take() {
-            let kane = self.kane(&chain, solved)?;
-            self.chain = Some(chain);
-            return self.solve_along_chain(solved, kane);
+        if let Some(recursion) = self.recursion.take() {
+            let kane = self.kane(&recursion, solved)?;
+            self.recursion = Some(recursion);
+            return self.solve_along_rates(solved, kane);
         }
         let m = self.y.len();
         let k = solved.unknowns.len();
@@ -57,8 +57,8 @@ impl Derivation<'_> {
         self.motion_of(solved, system, (udot.clone(), udot, pivots), (&solved.psi, &lag))
     }
 
-    /// `udot = B wdot` of `A wdot = f` along the rates of a chain.
-    fn solve_along_chain(&mut self, solved: &SolvedConstraint, kane: Kane) -> Result<Motion, Error> {
+    /// `udot = B wdot` of `A wdot = f` along the rates of a recursion.
+    fn solve_along_rates(&mut self, solved: &SolvedConstraint, kane: Kane) -> Result<Motion, Error> {
         let Kane { mass_matrix, force, directions: Directions { rates, inverse }, partial, lag } = kane;
         let (wdot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
         let psi: Vec<Vec<ExprId>> =

@@ -9,8 +9,8 @@ use crate::error::Error;
 use crate::expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
 use crate::reduction::{KinematicConstraint, ReducedSystem};
 
-use super::chain::Chain;
 use super::equations::{Equations, LinearSystem};
+use super::recursion::Recursion;
 use super::solve::{Factorisation, Pivot};
 
 /// Derives `W^alpha_b E_alpha = 0` with
@@ -69,10 +69,10 @@ pub(super) struct Derivation<'a> {
     /// `(N^gamma_alpha - C^gamma_{alpha beta} y^beta) p_gamma + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
     /// everything in `-E_alpha` except the Hessian times `ydot`.
     pub(super) drive: Vec<ExprId>,
-    /// That of the Lagrangian without squares of velocities, where there is a [`Chain`].
+    /// That of the Lagrangian without squares of velocities, where there is a [`Recursion`].
     pub(super) rest_drive: Vec<ExprId>,
-    /// The chain along which the equations are derived.
-    pub(super) chain: Option<Chain>,
+    /// The recursions along which the equations are derived.
+    pub(super) recursion: Option<Recursion>,
     /// `A = W^T L_yy Psi`, once it is made.
     pub(super) mass_matrix: Option<Vec<Vec<ExprId>>>,
     /// Factors of `A` (of `L_yy` in the multiplier form), where velocities follow from momenta.
@@ -141,7 +141,7 @@ impl<'a> Derivation<'a> {
             hessian: Vec::new(),
             drive: Vec::new(),
             rest_drive: Vec::new(),
-            chain: None,
+            recursion: None,
             mass_matrix: None,
             factors: None,
             n_known: 0,
@@ -158,8 +158,8 @@ impl<'a> Derivation<'a> {
     /// `y = Psi u + psi0` for the dependent velocities.
     fn velocities(&mut self) -> Result<(), Error> {
         let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
-        self.velocities_along_chain()?;
-        if self.chain.is_some() {
+        self.velocities_by_recursion()?;
+        if self.recursion.is_some() {
             return Ok(());
         }
         self.writer.begin("velocities y = Psi u + psi0");

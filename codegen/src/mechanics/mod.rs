@@ -7,7 +7,6 @@
 
 mod bracket;
 mod chart;
-mod chain;
 mod coefficients;
 mod constrained;
 mod derive;
@@ -28,6 +27,7 @@ mod multipliers;
 mod origin;
 mod phases;
 mod rates;
+mod recursion;
 mod results;
 mod routh;
 mod sections;
@@ -37,7 +37,6 @@ mod squares;
 mod vertical;
 
 pub use bracket::Bracket;
-pub use chain::is_chain;
 pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use derive::derive;
 pub use dirac::DiracStructure;
@@ -51,6 +50,7 @@ pub use hamiltonization::{BracketFacts, Jacobi};
 pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};
 pub use measure::{Density, Factor};
 pub use phases::{Phase, phases};
+pub use recursion::is_recursive;
 pub use routh::Routhian;
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub use splitting::{SplitFlow, Splitting};

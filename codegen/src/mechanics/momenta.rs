@@ -28,8 +28,8 @@ impl Derivation<'_> {
             self.momentum[alpha] = self.define(&name, value);
         }
         self.hessian()?;
-        let (squares, l) = match (&self.chain, system.formulation.squares) {
-            (Some(chain), _) => (chain.squares.clone(), chain.rest),
+        let (squares, l) = match (&self.recursion, system.formulation.squares) {
+            (Some(recursion), _) => (recursion.squares.clone(), recursion.rest),
             (None, true) => take_squares(&mut self.g, system),
             (None, false) => (Vec::new(), system.lagrangian),
         };
@@ -57,7 +57,7 @@ impl Derivation<'_> {
         }
         for (alpha, p) in raw.iter().enumerate() {
             let value = self.drive_of(alpha, *p, &momentum, &slopes)?;
-            if self.chain.is_some() {
+            if self.recursion.is_some() {
                 let rest = self.define(&format!("rest_r_{}", self.names[alpha]), value);
                 self.rest_drive.push(rest);
             }

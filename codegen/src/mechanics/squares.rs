@@ -133,6 +133,9 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square
 
 /// The velocities whose squares the Lagrangian is written in, whatever frames they belong to.
 pub(super) fn squared_velocities(g: &mut Graph, system: &ReducedSystem) -> Vec<ExprId> {
+    if system.algebroid.rank() > MAX_RANK {
+        return Vec::new();
+    }
     let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
     let varying: BTreeSet<SymbolId> =
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();

@@ -80,7 +80,7 @@ pub struct Formulation {
     pub squares: bool,
     /// Whether squares of velocities are computed along the recursions that the model is written in; none where that is
     /// done if it costs less.
-    pub chains: Option<bool>,
+    pub recursive: Option<bool>,
     /// Velocities for which the state carries a momentum, or a parameter is the momentum (Routh); none
     /// [by the velocity](CarriedBy::Velocity).
     pub momenta: Vec<Carried>,
@@ -103,7 +103,7 @@ impl Formulation {
                 || model.hamiltonian.is_some() && !model.constraints.is_empty(),
             circles: Vec::new(),
             squares: true,
-            chains: None,
+            recursive: None,
             momenta: carried_by_momenta(model, &[]),
             stages: StageUse::of(model.stages.is_some(), &[], &model.carries),
             chain: None,

@@ -75,7 +75,7 @@ fn chosen(model: &Model, formulation: &Formulation) -> Model {
         multipliers,
         circles: _,
         squares: _,
-        chains: _,
+        recursive: _,
         momenta: _,
         stages,
         chain,

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Stage, SymbolId, needed_sections};
 use crate::lower::{self, Inputs, ParamCondition, Request};
-use crate::mechanics::{Equations, Output, OutputKind, Phase, StateEquation, derive, is_chain, phases};
+use crate::mechanics::{Equations, Output, OutputKind, Phase, StateEquation, derive, is_recursive, phases};
 use crate::parallel::side_by_side;
 use crate::program::Role;
 use crate::reduction::{Formulation, ReducedSystem, reduce};
@@ -56,8 +56,8 @@ impl<'m> Derivations<'m> {
     fn derived(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
         let model = self.model;
         let system = reduce(model, formulation)?;
-        if formulation.squares && formulation.chains.is_none() && is_chain(&system) {
-            if let Some(found) = cheaper_along_chain(model, &system) {
+        if formulation.squares && formulation.recursive.is_none() && is_recursive(&system) {
+            if let Some(found) = cheaper_by_recursion(model, &system) {
                 return Ok(found);
             }
         }
@@ -65,21 +65,21 @@ impl<'m> Derivations<'m> {
     }
 }
 
-/// What multiplied-out equations may take, as a multiple of what those along a chain took: where they take more, they do
+/// What multiplied-out equations may take, as a multiple of what those by recursion took: where they take more, they do
 /// not cost less.
 const EXPANDED: u64 = 3;
 
-/// The equations of a chain, along it or multiplied out, whichever right-hand side costs less; none where those along
-/// the chain cannot be derived.
-fn cheaper_along_chain(model: &Model, system: &ReducedSystem) -> Option<Arc<Equations>> {
+/// The equations by recursion or multiplied out, whichever right-hand side costs less; none where those by recursion
+/// cannot be derived.
+fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Arc<Equations>> {
     let cost = |equations: &Arc<Equations>, formulation: &Formulation| {
         let plan = Plan::bare(DEFAULT.to_owned(), formulation.clone());
         let built = build_derived(model, Arc::clone(equations), &plan).ok()?;
         let rate = built.program.function(&Role::Rate)?;
         Some((rate.counts().cost(), built.spent))
     };
-    let written = |chains: bool, budget: Budget| {
-        let formulation = Formulation { chains: Some(chains), ..system.formulation.clone() };
+    let written = |recursive: bool, budget: Budget| {
+        let formulation = Formulation { recursive: Some(recursive), ..system.formulation.clone() };
         let mut system = ReducedSystem { formulation: formulation.clone(), ..system.clone() };
         let own = system.graph.budget();
         system.graph.set_budget(budget);
@@ -90,7 +90,7 @@ fn cheaper_along_chain(model: &Model, system: &ReducedSystem) -> Option<Arc<Equa
         Some((cost, spent, Arc::new(equations)))
     };
     let own = system.graph.budget();
-    let (along, spent, chained) = written(true, own)?;
+    let (cost_by_recursion, spent, by_recursion) = written(true, own)?;
     let least = |own: u64, spent: u64| own.min(spent.saturating_mul(EXPANDED));
     let budget = Budget {
         expressions: least(own.expressions, spent.expressions),
@@ -98,8 +98,8 @@ fn cheaper_along_chain(model: &Model, system: &ReducedSystem) -> Option<Arc<Equa
         work: least(own.work, spent.work),
     };
     match written(false, budget) {
-        Some((expanded, _, equations)) if expanded <= along => Some(equations),
-        _ => Some(chained),
+        Some((expanded, _, equations)) if expanded <= cost_by_recursion => Some(equations),
+        _ => Some(by_recursion),
     }
 }
 

@@ -149,7 +149,9 @@ impl KinematicConstraint {
                 } = solved;
                 for (k, row) in rows.iter_mut().enumerate() {
                     let ConstraintRow { name: _, text: _, one_form, offset, written } = row;
-                    list.extend(one_form.iter_mut().chain([offset]).chain(written).map(|e| (Part::Constraint(k), e)));
+                    list.extend(
+                        one_form.iter_mut().chain([offset]).chain(written).map(|e| (Part::Constraint(k), e)),
+                    );
                 }
                 let parts = psi.iter_mut().flatten().chain(psi0).chain(pivots.iter_mut().map(|(_, e)| e));
                 list.extend(parts.map(|e| (Part::SolvedConstraint, e)));

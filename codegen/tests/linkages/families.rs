@@ -1,4 +1,4 @@
-//! Writes models of chains of bodies as text, by the number of bodies.
+//! Writes models of linkages as text, by the number of bodies.
 //!
 //! Deliberately does not know: equations, what is measured of the models.
 
@@ -32,11 +32,9 @@ pub(crate) fn wheeled_snake(n: usize) -> String {
         let next = k + 1;
         let _ = writeln!(items, "    let w{next} = w{k} + a{k}_dot;");
         let _ = writeln!(items, "    let x{next} = cos(a{k})*x{k} + sin(a{k})*(y{k} - l*w{k});");
-        let _ =
-            writeln!(items, "    let y{next} = -sin(a{k})*x{k} + cos(a{k})*(y{k} - l*w{k}) - l*w{next};");
+        let _ = writeln!(items, "    let y{next} = -sin(a{k})*x{k} + cos(a{k})*(y{k} - l*w{k}) - l*w{next};");
     }
-    let energies: Vec<String> =
-        (1..=n).map(|k| format!("m/2*(x{k}^2 + y{k}^2) + J/2*w{k}^2")).collect();
+    let energies: Vec<String> = (1..=n).map(|k| format!("m/2*(x{k}^2 + y{k}^2) + J/2*w{k}^2")).collect();
     let constraints = listed(n, |k| format!("    constraint wheel{k}: y{k} = 0;\n"));
     model("wheeled_snake", n, &items, &energies, &constraints)
 }
@@ -46,7 +44,8 @@ pub(crate) fn planar_arm(n: usize) -> String {
     let mut items = String::from("    param g = 9.81;\n");
     for k in 1..=n {
         let mass = 1.0 + 0.1 * k as f64;
-        let _ = writeln!(items, "    param m{k} = {mass} where m{k} > 0;\n    param J{k} = 0.1 where J{k} > 0;");
+        let _ =
+            writeln!(items, "    param m{k} = {mass} where m{k} > 0;\n    param J{k} = 0.1 where J{k} > 0;");
         let _ = writeln!(items, "    param c{k} = 0.2;");
         if k < n {
             let _ = writeln!(items, "    param l{k} = 0.5 where l{k} > 0;");
@@ -82,7 +81,8 @@ pub(crate) fn planar_pendulum(n: usize) -> String {
     let mut items = String::from("    param g = 9.81;\n");
     for k in 1..=n {
         let mass = 1.0 + 0.1 * k as f64;
-        let _ = writeln!(items, "    param m{k} = {mass} where m{k} > 0;\n    param l{k} = 0.5 where l{k} > 0;");
+        let _ =
+            writeln!(items, "    param m{k} = {mass} where m{k} > 0;\n    param l{k} = 0.5 where l{k} > 0;");
     }
     items += &listed(n, |k| format!("    coordinate q{k} in angle;\n"));
     items += "    let u0 = 0;\n    let v0 = 0;\n    let h0 = 0;\n";
@@ -92,7 +92,6 @@ pub(crate) fn planar_pendulum(n: usize) -> String {
         let _ = writeln!(items, "    let v{k} = v{before} + l{k}*cos(q{k})*q{k}_dot;");
         let _ = writeln!(items, "    let h{k} = h{before} + l{k}*sin(q{k});");
     }
-    let energies: Vec<String> =
-        (1..=n).map(|k| format!("m{k}/2*(u{k}^2 + v{k}^2) - m{k}*g*h{k}")).collect();
+    let energies: Vec<String> = (1..=n).map(|k| format!("m{k}/2*(u{k}^2 + v{k}^2) - m{k}*g*h{k}")).collect();
     model("planar_pendulum", n, &items, &energies, "")
 }

@@ -1,9 +1,9 @@
 //! Kane's form of the equations along the recursions that a model is written in: `A = sum m V^T V`,
 //! `f = .. - sum m V^T a`, with partial velocities `V` and accelerations `a` pushed forward part by part.
 //!
-//! Velocities of bodies of a chain are sums over the bodies before them. What several of them share is one part, and a
+//! Velocities of linked bodies are sums over the bodies before them. What several of them share is one part, and a
 //! constraint that has one velocity left which no other constraint determines is solved for it in its place of the
-//! chain, so that everything takes a number of operations for each body. Deliberately does not know: whether that is
+//! order, so that everything takes a number of operations for each body. Deliberately does not know: whether that is
 //! cheaper than multiplying out, what the squares belong to.
 //!
 //! # Source
@@ -20,7 +20,7 @@ use crate::reduction::{KinematicConstraint, ReducedSystem, SolvedConstraint};
 use super::derive::Derivation;
 use super::squares::{Square, squared_velocities, take_squares};
 
-/// What is computed in one place of a chain.
+/// What is computed in one place of a recursion.
 #[derive(Clone, Debug)]
 enum Step {
     /// A part: its symbol and its value.
@@ -29,9 +29,9 @@ enum Step {
     Solved { alpha: usize, coefficient: ExprId, rest: ExprId },
 }
 
-/// The squares of velocities of a Lagrangian as a chain of parts.
+/// The squares of velocities of a Lagrangian by parts, each by those before it.
 #[derive(Clone, Debug)]
-pub(super) struct Chain {
+pub(super) struct Recursion {
     pub(super) squares: Vec<Square>,
     /// The Lagrangian without them.
     pub(super) rest: ExprId,
@@ -46,12 +46,18 @@ pub(super) struct Chain {
     directions: Directions,
 }
 
-/// Parts on parts from which on a system is tried as a chain: three bodies. With fewer there is nothing to share that a
+/// Parts on parts from which on recursion is tried: three bodies. With fewer there is nothing to share that a
 /// search for common sums does not find.
 const MIN_DEPTH: usize = 3;
 
+/// Sums that are tried as parts of a further one, the latest first.
+const MAX_SUMS: usize = 100;
+
 /// Whether the squares of velocities in the Lagrangian are written as sums of each other, over several bodies.
-pub fn is_chain(system: &ReducedSystem) -> bool {
+pub fn is_recursive(system: &ReducedSystem) -> bool {
+    if eliminated(system).is_none() {
+        return false;
+    }
     let mut g = system.graph.clone();
     let velocities: BTreeSet<SymbolId> = velocities_of(system);
     let roots = squared_velocities(&mut g, system);
@@ -64,6 +70,15 @@ pub fn is_chain(system: &ReducedSystem) -> bool {
         depths.insert(symbol, below.unwrap_or(0) + 1);
     }
     depths.values().any(|depth| *depth >= MIN_DEPTH)
+}
+
+/// The constraint of a system that recursion can carry: solved, with the displacements of the motion, its rows as
+/// written.
+fn eliminated(system: &ReducedSystem) -> Option<&SolvedConstraint> {
+    let KinematicConstraint::Solved(solved) = &system.constraint else { return None };
+    let has_rows = solved.rows.iter().all(|row| row.written.is_some());
+    let is_own = solved.virtual_displacements == solved.psi;
+    (has_rows && is_own && system.momenta.is_empty()).then_some(solved)
 }
 
 /// Velocities of the frame and quasi-velocities.
@@ -128,7 +143,8 @@ impl Parts<'_> {
         let mut summands: Vec<(ExprId, Rational)> = Vec::new();
         loop {
             let mut best: Option<(usize, BTreeMap<ExprId, Rational>, SymbolId, Rational)> = None;
-            for (other, symbol) in &self.sums {
+            self.g.charge(self.sums.len().min(MAX_SUMS) * left.len());
+            for (other, symbol) in self.sums.iter().rev().take(MAX_SUMS) {
                 let ratios: BTreeSet<Rational> =
                     other.iter().filter_map(|(e, q)| Some(left.get(e)? / q)).collect();
                 for ratio in ratios {
@@ -175,14 +191,11 @@ fn without(
     left
 }
 
-impl Chain {
-    /// The chain of a system; none where a constraint has to be solved together with others, or displacements are not
+impl Recursion {
+    /// The recursion of a system; none where a constraint has to be solved together with others, or displacements are not
     /// those of the motion.
-    fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Chain> {
-        let KinematicConstraint::Solved(solved) = &system.constraint else { return None };
-        if !system.momenta.is_empty() || solved.virtual_displacements != solved.psi {
-            return None;
-        }
+    fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Recursion> {
+        let solved = eliminated(system)?;
         let rows: Vec<ExprId> = solved.rows.iter().map(|row| row.written).collect::<Option<_>>()?;
         let (squares, rest) = take_squares(g, system);
         if squares.is_empty() {
@@ -201,7 +214,7 @@ impl Chain {
         let components = sizes.iter().map(|n| values.by_ref().take(*n).collect()).collect();
         let (steps, vanishing) = steps(g, system, solved, list, &roots[n_components..])?;
         let directions = directions(g, solved, &steps);
-        Some(Chain { squares, rest, components, steps, vanishing, values: BTreeMap::new(), directions })
+        Some(Recursion { squares, rest, components, steps, vanishing, values: BTreeMap::new(), directions })
     }
 }
 
@@ -372,43 +385,43 @@ fn steps(
 }
 
 impl Derivation<'_> {
-    /// The dependent velocities along the chain, if the system is to be derived along one.
-    pub(super) fn velocities_along_chain(&mut self) -> Result<(), Error> {
-        if self.system.formulation.chains != Some(true) {
+    /// The dependent velocities by recursion, if the system is to be derived along one.
+    pub(super) fn velocities_by_recursion(&mut self) -> Result<(), Error> {
+        if self.system.formulation.recursive != Some(true) {
             return Ok(());
         }
-        let Some(mut chain) = Chain::new(&mut self.g, self.system) else { return Ok(()) };
-        self.writer.begin("velocities along the chain");
+        let Some(mut recursion) = Recursion::new(&mut self.g, self.system) else { return Ok(()) };
+        self.writer.begin("velocities by recursion");
         let zero = self.g.zero();
-        chain.values = chain.vanishing.iter().map(|s| (*s, zero)).collect();
-        for step in chain.steps.clone() {
+        recursion.values = recursion.vanishing.iter().map(|s| (*s, zero)).collect();
+        for step in recursion.steps.clone() {
             match step {
                 Step::Part(symbol, value) => {
-                    let value = self.on_chain(&chain, value)?;
+                    let value = self.in_recursion(&recursion, value)?;
                     let name = self.g.name(symbol).to_owned();
                     let named = self.define(&name, value);
-                    chain.values.insert(symbol, named);
+                    recursion.values.insert(symbol, named);
                 }
                 Step::Solved { alpha, coefficient, rest } => {
-                    let rest = self.on_chain(&chain, rest)?;
+                    let rest = self.in_recursion(&recursion, rest)?;
                     let value = self.solved_for(rest, coefficient);
                     let name = self.names[alpha].clone();
                     let named = self.define(&name, value);
                     let velocity = self.system.velocities[alpha];
-                    chain.values.insert(velocity, named);
+                    recursion.values.insert(velocity, named);
                     self.replacement.insert(velocity, named);
                     self.y[alpha] = named;
                 }
             }
         }
-        self.chain = Some(chain);
+        self.recursion = Some(recursion);
         Ok(())
     }
 
     /// An expression in parts and raw velocities by their values.
-    fn on_chain(&mut self, chain: &Chain, e: ExprId) -> Result<ExprId, Error> {
-        let value = self.g.subs(e, &chain.values);
-        value.map_err(|_| Error::DivisionByZero { place: "the velocities of a chain".into() })
+    fn in_recursion(&mut self, recursion: &Recursion, e: ExprId) -> Result<ExprId, Error> {
+        let value = self.g.subs(e, &recursion.values);
+        value.map_err(|_| Error::DivisionByZero { place: "the velocities of linked bodies".into() })
     }
 
     /// `-rest / coefficient`.
@@ -418,15 +431,15 @@ impl Derivation<'_> {
         self.g.neg(quotient)
     }
 
-    /// Pushes rates of change of the inputs forward along the chain; values get names that begin with `prefix`.
-    pub(super) fn along_chain(
+    /// Pushes rates of change of the inputs forward; values get names that begin with `prefix`.
+    pub(super) fn by_recursion(
         &mut self,
-        chain: &Chain,
+        recursion: &Recursion,
         prefix: &str,
         inputs: BTreeMap<SymbolId, ExprId>,
     ) -> Result<Tangent, Error> {
         let mut rates = inputs;
-        for step in &chain.steps {
+        for step in &recursion.steps {
             let (symbol, name, value, coefficient) = match step {
                 Step::Part(symbol, value) => (*symbol, self.g.name(*symbol).to_owned(), *value, None),
                 Step::Solved { alpha, coefficient, rest } => {
@@ -434,7 +447,7 @@ impl Derivation<'_> {
                 }
             };
             let rate = self.g.derivative_along(value, &rates);
-            let mut rate = self.on_chain(chain, rate)?;
+            let mut rate = self.in_recursion(recursion, rate)?;
             if let Some(coefficient) = coefficient {
                 rate = self.solved_for(rate, coefficient);
             }
@@ -447,12 +460,12 @@ impl Derivation<'_> {
         // Independent velocities of the frame are among the inputs.
         let velocities = self.system.velocities.iter();
         let velocities = velocities.map(|s| rates.get(s).copied().unwrap_or(zero)).collect();
-        let mut components = Vec::with_capacity(chain.components.len());
-        for (k, square) in chain.components.iter().enumerate() {
+        let mut components = Vec::with_capacity(recursion.components.len());
+        for (k, square) in recursion.components.iter().enumerate() {
             let mut of_square = Vec::with_capacity(square.len());
             for (i, e) in square.iter().enumerate() {
                 let rate = self.g.derivative_along(*e, &rates);
-                let rate = self.on_chain(chain, rate)?;
+                let rate = self.in_recursion(recursion, rate)?;
                 of_square.push(self.define(&format!("{prefix}v{}_{}", k + 1, i + 1), rate));
             }
             components.push(of_square);
@@ -464,30 +477,30 @@ impl Derivation<'_> {
     /// squares in `components`.
     fn tangents(
         &mut self,
-        chain: &Chain,
+        recursion: &Recursion,
         solved: &SolvedConstraint,
     ) -> Result<(Vec<Tangent>, Tangent), Error> {
-        self.writer.begin("partial velocities along the chain");
+        self.writer.begin("partial velocities by recursion");
         let one = self.g.one();
         let mut partial = Vec::with_capacity(solved.unknowns.len());
         for (b, along) in solved.unknowns.iter().enumerate() {
             let mut direction = BTreeMap::new();
-            for (unknown, row) in solved.unknowns.iter().zip(&chain.directions.inverse) {
+            for (unknown, row) in solved.unknowns.iter().zip(&recursion.directions.inverse) {
                 if !row[b].is_zero() {
                     direction.insert(unknown.symbol, self.g.rational(row[b].clone()));
                 }
             }
-            partial.push(self.along_chain(chain, &format!("d_{}_", along.name), direction)?);
+            partial.push(self.by_recursion(recursion, &format!("d_{}_", along.name), direction)?);
         }
-        self.writer.begin("accelerations along the chain at udot = 0");
+        self.writer.begin("accelerations of the recursion at udot = 0");
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
         let moving = base.chain([(self.system.time, one)]).filter(|(_, rate)| *rate != self.g.zero());
         let moving: BTreeMap<SymbolId, ExprId> = moving.collect();
-        let mut drift = self.along_chain(chain, "lag_", moving)?;
-        for (k, square) in chain.squares.iter().enumerate() {
+        let mut drift = self.by_recursion(recursion, "lag_", moving)?;
+        for (k, square) in recursion.squares.iter().enumerate() {
             let mut v = Vec::new();
-            for e in &chain.components[k] {
-                let value = self.on_chain(chain, *e)?;
+            for e in &recursion.components[k] {
+                let value = self.in_recursion(recursion, *e)?;
                 v.push(self.g.cancel_zero(value));
             }
             let turned = square.turned(&mut self.g, &self.y, &v);
@@ -499,23 +512,23 @@ impl Derivation<'_> {
         Ok((partial, drift))
     }
 
-    /// The equations along the chain, in the directions of its rates.
-    pub(super) fn kane(&mut self, chain: &Chain, solved: &SolvedConstraint) -> Result<Kane, Error> {
-        let (partial, drift) = self.tangents(chain, solved)?;
+    /// The equations along the directions of the recursion.
+    pub(super) fn kane(&mut self, recursion: &Recursion, solved: &SolvedConstraint) -> Result<Kane, Error> {
+        let (partial, drift) = self.tangents(recursion, solved)?;
         let m = self.y.len();
         let mut rest_hessian = Vec::with_capacity(m);
         for y in &self.system.velocities {
-            let p = self.g.diff(chain.rest, *y);
+            let p = self.g.diff(recursion.rest, *y);
             let row: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.diff(p, *s)).collect();
             let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<Vec<_>, _>>()?;
             rest_hessian.push(row);
         }
         let k = solved.unknowns.len();
-        self.writer.begin("mass matrix A = sum m V^T V along the chain");
+        self.writer.begin("mass matrix A = sum m V^T V");
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
         for b in 0..k {
             for a in 0..=b {
-                let mut terms = self.weighed(chain, &partial[a].components, &partial[b].components);
+                let mut terms = self.weighed(recursion, &partial[a].components, &partial[b].components);
                 for (alpha, row) in rest_hessian.iter().enumerate() {
                     for (beta, h) in row.iter().enumerate() {
                         if *h != self.g.zero() {
@@ -530,7 +543,7 @@ impl Derivation<'_> {
                 mass_matrix[a][b] = mass_matrix[b][a];
             }
         }
-        self.writer.begin("right side f = V^T (r - m a) along the chain");
+        self.writer.begin("right side f = V^T (r - m a)");
         let mut net = Vec::with_capacity(m);
         for (alpha, row) in rest_hessian.iter().enumerate() {
             let mut terms = vec![self.rest_drive[alpha]];
@@ -542,20 +555,27 @@ impl Derivation<'_> {
             net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
         }
         let mut force = vec![self.g.zero(); k];
-        let mut known: Vec<(BTreeSet<ExprId>, ExprId)> = Vec::new();
+        let mut known: Vec<(BTreeMap<ExprId, Rational>, ExprId)> = Vec::new();
         for b in (0..k).rev() {
-            let mut terms = self.inertia_along(chain, &partial[b].components, &drift.components, &mut known);
+            let mut terms =
+                self.inertia_along(recursion, &partial[b].components, &drift.components, &mut known);
             terms.extend((partial[b].velocities.iter().zip(&net)).map(|(w, n)| self.g.mul(*w, *n)));
             let sum = self.g.sum(&terms);
             force[b] = self.define(&format!("f_{}", solved.unknowns[b].name), sum);
         }
-        Ok(Kane { mass_matrix, force, directions: chain.directions.clone(), partial, lag: drift.velocities })
+        Ok(Kane {
+            mass_matrix,
+            force,
+            directions: recursion.directions.clone(),
+            partial,
+            lag: drift.velocities,
+        })
     }
 
     /// Sums over the squares of `weight u . v`, one for each weight.
-    fn weighed(&mut self, chain: &Chain, u: &[Vec<ExprId>], v: &[Vec<ExprId>]) -> Vec<ExprId> {
+    fn weighed(&mut self, recursion: &Recursion, u: &[Vec<ExprId>], v: &[Vec<ExprId>]) -> Vec<ExprId> {
         let mut by_weight: BTreeMap<ExprId, Vec<ExprId>> = BTreeMap::new();
-        for ((square, u), v) in chain.squares.iter().zip(u).zip(v) {
+        for ((square, u), v) in recursion.squares.iter().zip(u).zip(v) {
             let products = u.iter().zip(v).map(|(u, v)| self.g.mul(*u, *v));
             by_weight.entry(square.weight).or_default().extend(products);
         }
@@ -570,17 +590,18 @@ impl Derivation<'_> {
     /// `weight a` that are `known` from other directions are used in further ones.
     fn inertia_along(
         &mut self,
-        chain: &Chain,
+        recursion: &Recursion,
         u: &[Vec<ExprId>],
         a: &[Vec<ExprId>],
-        known: &mut Vec<(BTreeSet<ExprId>, ExprId)>,
+        known: &mut Vec<(BTreeMap<ExprId, Rational>, ExprId)>,
     ) -> Vec<ExprId> {
-        let mut by_velocity: BTreeMap<ExprId, BTreeSet<ExprId>> = BTreeMap::new();
-        for ((square, u), a) in chain.squares.iter().zip(u).zip(a) {
+        let mut by_velocity: BTreeMap<ExprId, BTreeMap<ExprId, Rational>> = BTreeMap::new();
+        for ((square, u), a) in recursion.squares.iter().zip(u).zip(a) {
             for (u, a) in u.iter().zip(a) {
                 let force = self.g.mul(square.weight, *a);
                 if *u != self.g.zero() && force != self.g.zero() {
-                    by_velocity.entry(*u).or_default().insert(force);
+                    let forces = by_velocity.entry(*u).or_default();
+                    *forces.entry(force).or_insert_with(Rational::zero) += Rational::one();
                 }
             }
         }
@@ -588,14 +609,17 @@ impl Derivation<'_> {
         for (velocity, forces) in by_velocity {
             let mut left = forces.clone();
             let mut summands = Vec::new();
+            let is_part = |inner: &BTreeMap<ExprId, Rational>, left: &BTreeMap<ExprId, Rational>| {
+                inner.iter().all(|(force, n)| left.get(force) == Some(n))
+            };
             while let Some((inner, sum)) =
-                known.iter().filter(|(inner, _)| inner.is_subset(&left)).max_by_key(|(inner, _)| inner.len())
+                known.iter().filter(|(inner, _)| is_part(inner, &left)).max_by_key(|(inner, _)| inner.len())
             {
-                summands.push(*sum);
-                left = left.difference(inner).copied().collect();
+                summands.push((*sum, Rational::one()));
+                left.retain(|force, _| !inner.contains_key(force));
             }
             summands.extend(left);
-            let sum = self.g.sum(&summands);
+            let sum = self.g.linear_combination(&summands);
             let sum = self.define(&format!("ma{}", known.len() + 1), sum);
             if forces.len() > 1 {
                 known.push((forces, sum));
@@ -607,7 +631,7 @@ impl Derivation<'_> {
     }
 }
 
-/// The equations `A wdot = f` along the directions of a chain, `u = B w`.
+/// The equations `A wdot = f` along directions, `u = B w`.
 pub(super) struct Kane {
     pub(super) mass_matrix: Vec<Vec<ExprId>>,
     pub(super) force: Vec<ExprId>,

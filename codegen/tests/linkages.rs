@@ -1,28 +1,28 @@
-//! Chains of bodies: what their right-hand sides cost, and that they are those of the equations multiplied out.
+//! Linkages of bodies: what their right-hand sides cost, and that they are those of the equations multiplied out.
 //!
-//! `CHAINS="snake:10 arm:6:expanded" cargo test -p hamel-codegen --test chains measured -- --nocapture` prints what
+//! `LINKAGES="snake:10 arm:6:expanded" cargo test -p hamel-codegen --test linkages measured -- --nocapture` prints what
 //! others take; with `TABLE=1`, by section.
 
-#[path = "chains/families.rs"]
+#[path = "linkages/families.rs"]
 mod families;
 
 use std::time::Instant;
 
 use families::{planar_arm, planar_pendulum, wheeled_snake};
 use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::mechanics::{derive, is_chain, same_motion};
+use hamel_codegen::mechanics::{derive, is_recursive, same_motion};
 use hamel_codegen::program::Role;
 use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec::{self, Model};
 
 fn parsed(text: &str) -> Model {
-    spec::parse("chain.hamel", text).unwrap_or_else(|problems| panic!("{problems}"))
+    spec::parse("linkage.hamel", text).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
-/// The right-hand side along the chain, multiplied out, or as it costs less.
-fn built(model: &Model, chains: Option<bool>) -> BuiltScene {
-    let formulation = Formulation { chains, ..Formulation::of(model) };
+/// The right-hand side by recursion, multiplied out, or as it costs less.
+fn built(model: &Model, recursive: Option<bool>) -> BuiltScene {
+    let formulation = Formulation { recursive, ..Formulation::of(model) };
     scene::build_in(model, "bare", &formulation).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
@@ -54,14 +54,14 @@ fn rates(scene: &BuiltScene, state: &[f64]) -> Vec<f64> {
 const TOLERANCE: f64 = 1e-10;
 
 #[test]
-fn along_the_chain_bodies_move_as_multiplied_out() {
+fn by_recursion_bodies_move_as_multiplied_out() {
     for text in [wheeled_snake(4), planar_arm(4), planar_pendulum(4)] {
         let model = parsed(&text);
-        let [along, expanded] = [true, false].map(|chains| built(&model, Some(chains)));
-        assert_eq!(along.state_names(), expanded.state_names());
+        let [recursive, expanded] = [true, false].map(|recursive| built(&model, Some(recursive)));
+        assert_eq!(recursive.state_names(), expanded.state_names());
         for seed in 1..=5 {
-            let state = numbers(along.state.len(), seed);
-            let (a, b) = (rates(&along, &state), rates(&expanded, &state));
+            let state = numbers(recursive.state.len(), seed);
+            let (a, b) = (rates(&recursive, &state), rates(&expanded, &state));
             let size = b.iter().fold(0.0_f64, |size, rate| size.max(rate.abs()));
             assert!(size > 0.1, "{}: nothing moves", model.name);
             for (a, b) in a.iter().zip(&b) {
@@ -72,14 +72,14 @@ fn along_the_chain_bodies_move_as_multiplied_out() {
 }
 
 #[test]
-fn along_the_chain_is_proved_to_be_the_same_motion() {
+fn recursion_is_proved_to_be_the_same_motion() {
     let model = parsed(&wheeled_snake(3));
-    let [along, expanded] = [true, false].map(|chains| {
-        let formulation = Formulation { chains: Some(chains), ..Formulation::of(&model) };
+    let [recursive, expanded] = [true, false].map(|recursive| {
+        let formulation = Formulation { recursive: Some(recursive), ..Formulation::of(&model) };
         derive(&reduce(&model, &formulation).expect("reduces")).expect("derives")
     });
-    assert_ne!(along.sections, expanded.sections, "not derived along the chain");
-    same_motion(&along, &expanded).expect("the same motion");
+    assert_ne!(recursive.sections, expanded.sections, "not derived by recursion");
+    same_motion(&recursive, &expanded).expect("the same motion");
 }
 
 #[test]
@@ -95,26 +95,26 @@ fn operations_are_linear_in_the_links_of_a_snake() {
 fn whichever_costs_less_is_taken() {
     for (text, most) in [(wheeled_snake(4), 240), (planar_pendulum(4), 140), (planar_arm(4), 250)] {
         let model = parsed(&text);
-        let costs = [None, Some(true), Some(false)].map(|chains| counted(&built(&model, chains)));
-        let [(operations, cost), (_, along), (_, expanded)] = costs;
-        assert_eq!(cost, along.min(expanded), "{}", model.name);
+        let costs = [None, Some(true), Some(false)].map(|recursive| counted(&built(&model, recursive)));
+        let [(operations, cost), (_, recursive), (_, expanded)] = costs;
+        assert_eq!(cost, recursive.min(expanded), "{}", model.name);
         assert!(operations <= most, "{}: {operations} operations", model.name);
     }
 }
 
 #[test]
-fn two_bodies_are_no_chain() {
-    let is_chain = |text: &str| {
+fn two_bodies_are_no_recursion() {
+    let is_recursive = |text: &str| {
         let model = parsed(text);
-        is_chain(&reduce(&model, &Formulation::of(&model)).expect("reduces"))
+        is_recursive(&reduce(&model, &Formulation::of(&model)).expect("reduces"))
     };
-    assert!(!is_chain(&planar_pendulum(2)) && !is_chain(&wheeled_snake(2)));
-    assert!(is_chain(&wheeled_snake(3)) && is_chain(&planar_arm(4)));
+    assert!(!is_recursive(&planar_pendulum(2)) && !is_recursive(&wheeled_snake(2)));
+    assert!(is_recursive(&wheeled_snake(3)) && is_recursive(&planar_arm(4)));
 }
 
 #[test]
 fn measured() {
-    let Ok(list) = std::env::var("CHAINS") else { return };
+    let Ok(list) = std::env::var("LINKAGES") else { return };
     for item in list.split_whitespace() {
         let words: Vec<&str> = item.split(':').collect();
         let n: usize = words.get(1).and_then(|n| n.parse().ok()).expect("family:n");
@@ -124,14 +124,14 @@ fn measured() {
             "pendulum" => planar_pendulum(n),
             other => panic!("no family {other}"),
         };
-        let chains = match words.get(2) {
+        let recursive = match words.get(2) {
             None => Some(true),
             Some(&"expanded") => Some(false),
             Some(_) => None,
         };
         let start = Instant::now();
         let model = parsed(&text);
-        let scene = built(&model, chains);
+        let scene = built(&model, recursive);
         let counts = scene.program.function(&Role::Rate).expect("rates").counts();
         println!(
             "{item}: {} additions, {} multiplications, {} in all, cost {}, {:.1} s, {} MB",
