@@ -141,6 +141,14 @@ impl Derivation<'_> {
 
     /// `de/dx^i xdot^i + de/dt` at fixed velocities, for an expression in the raw velocity symbols.
     pub(super) fn drift(&mut self, e: ExprId) -> Result<ExprId, Error> {
+        if self.recursion.is_some() {
+            // In one pass over what the bodies share, and not from a slope for each coordinate.
+            let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
+            let moving = base.chain([(self.system.time, self.g.one())]);
+            let moving = moving.filter(|(_, rate)| *rate != self.g.zero()).collect();
+            let rate = self.g.derivative_along(e, &moving);
+            return self.replace(rate);
+        }
         let mut terms = Vec::new();
         for (i, x) in self.system.algebroid.base().iter().enumerate() {
             let slope = self.g.diff(e, *x);

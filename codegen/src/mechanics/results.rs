@@ -90,7 +90,7 @@ impl Derivation<'_> {
     /// Rates of large expressions are made part by part, in one pass, and not from a slope for each variable.
     pub(super) fn rate_of(&mut self, e: ExprId, motion: &Motion) -> Result<ExprId, Error> {
         let system = self.system;
-        if self.g.reachable(&[e]).len() > MAX_PARTS {
+        if self.recursion.is_some() || self.g.reachable(&[e]).len() > MAX_PARTS {
             let rates = self.rates_of_variables(motion);
             let rate = self.g.derivative_along(e, &rates);
             return self.replace(rate);
