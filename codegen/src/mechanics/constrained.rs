@@ -9,7 +9,8 @@ use crate::reduction::SolvedConstraint;
 
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
-use super::recursion::{Directions, Kane};
+use super::kane::Kane;
+use super::recursion::Directions;
 use super::solve::{Factorisation, Pivot};
 
 impl Derivation<'_> {

@@ -20,6 +20,7 @@ mod hamilton;
 mod hamiltonization;
 mod implicit;
 mod integrable;
+mod kane;
 mod legendre;
 mod measure;
 mod momenta;

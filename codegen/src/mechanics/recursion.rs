@@ -1,28 +1,25 @@
-//! Kane's form of the equations along the recursions that a model is written in: `A = sum m V^T V`,
-//! `f = .. - sum m V^T a`, with partial velocities `V` and accelerations `a` pushed forward part by part.
+//! Reads the squares of velocities of linked bodies as parts, each by those before it.
 //!
 //! Velocities of linked bodies are sums over the bodies before them. What several of them share is one part, and a
 //! constraint that has one velocity left which no other constraint determines is solved for it in its place of the
 //! order, so that everything takes a number of operations for each body. Deliberately does not know: whether that is
-//! cheaper than multiplying out, what the squares belong to.
+//! cheaper than multiplying out, equations.
 //!
 //! # Source
-//! Kane and Levinson 1985, Dynamics, sections 2.14 and 4.11; forward mode as Griewank and Walther 2008, section 3.1.
+//! Kane and Levinson 1985, Dynamics, section 2.13 (motion constraints).
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use num_traits::{One, Zero};
 
-use crate::error::Error;
 use crate::expr::{ExprId, Graph, Node, Rational, SymbolId, Vanishing, sign_of};
 use crate::reduction::{KinematicConstraint, ReducedSystem, SolvedConstraint};
 
-use super::derive::Derivation;
 use super::squares::{Square, squared_velocities, take_squares};
 
 /// What is computed in one place of a recursion.
 #[derive(Clone, Debug)]
-enum Step {
+pub(super) enum Step {
     /// A part: its symbol and its value.
     Part(SymbolId, ExprId),
     /// The velocity of that position from `coefficient y + rest = 0`.
@@ -36,14 +33,14 @@ pub(super) struct Recursion {
     /// The Lagrangian without them.
     pub(super) rest: ExprId,
     /// The components of the squares, by parts and velocities of the frame.
-    components: Vec<Vec<ExprId>>,
-    steps: Vec<Step>,
+    pub(super) components: Vec<Vec<ExprId>>,
+    pub(super) steps: Vec<Step>,
     /// Parts that constraints keep at zero.
-    vanishing: BTreeSet<SymbolId>,
+    pub(super) vanishing: BTreeSet<SymbolId>,
     /// Parts and dependent velocities by their values.
-    values: BTreeMap<SymbolId, ExprId>,
+    pub(super) values: BTreeMap<SymbolId, ExprId>,
     /// Along which partial velocities are taken.
-    directions: Directions,
+    pub(super) directions: Directions,
 }
 
 /// Parts on parts from which on recursion is tried: three bodies. With fewer there is nothing to share that a
@@ -84,14 +81,6 @@ fn eliminated(system: &ReducedSystem) -> Option<&SolvedConstraint> {
 /// Velocities of the frame and quasi-velocities.
 fn velocities_of(system: &ReducedSystem) -> BTreeSet<SymbolId> {
     system.velocities.iter().copied().chain(system.unknowns.iter().map(|u| u.symbol)).collect()
-}
-
-/// Rates of change along one direction, or along the motion at `udot = 0`.
-pub(super) struct Tangent {
-    /// Of the velocities of the frame.
-    pub(super) velocities: Vec<ExprId>,
-    /// Of the components of the squares.
-    pub(super) components: Vec<Vec<ExprId>>,
 }
 
 /// Sums that share terms, as sums of each other.
@@ -194,7 +183,7 @@ fn without(
 impl Recursion {
     /// The recursion of a system; none where a constraint has to be solved together with others, or displacements are not
     /// those of the motion.
-    fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Recursion> {
+    pub(super) fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Recursion> {
         let solved = eliminated(system)?;
         let rows: Vec<ExprId> = solved.rows.iter().map(|row| row.written).collect::<Option<_>>()?;
         let (squares, rest) = take_squares(g, system);
@@ -382,262 +371,4 @@ fn steps(
         pending = later;
     }
     Some((ordered, vanishing))
-}
-
-impl Derivation<'_> {
-    /// The dependent velocities by recursion, if the system is to be derived along one.
-    pub(super) fn velocities_by_recursion(&mut self) -> Result<(), Error> {
-        if self.system.formulation.recursive != Some(true) {
-            return Ok(());
-        }
-        let Some(mut recursion) = Recursion::new(&mut self.g, self.system) else { return Ok(()) };
-        self.writer.begin("velocities by recursion");
-        let zero = self.g.zero();
-        recursion.values = recursion.vanishing.iter().map(|s| (*s, zero)).collect();
-        for step in recursion.steps.clone() {
-            match step {
-                Step::Part(symbol, value) => {
-                    let value = self.in_recursion(&recursion, value)?;
-                    let name = self.g.name(symbol).to_owned();
-                    let named = self.define(&name, value);
-                    recursion.values.insert(symbol, named);
-                }
-                Step::Solved { alpha, coefficient, rest } => {
-                    let rest = self.in_recursion(&recursion, rest)?;
-                    let value = self.solved_for(rest, coefficient);
-                    let name = self.names[alpha].clone();
-                    let named = self.define(&name, value);
-                    let velocity = self.system.velocities[alpha];
-                    recursion.values.insert(velocity, named);
-                    self.replacement.insert(velocity, named);
-                    self.y[alpha] = named;
-                }
-            }
-        }
-        self.recursion = Some(recursion);
-        Ok(())
-    }
-
-    /// An expression in parts and raw velocities by their values.
-    fn in_recursion(&mut self, recursion: &Recursion, e: ExprId) -> Result<ExprId, Error> {
-        let value = self.g.subs(e, &recursion.values);
-        value.map_err(|_| Error::DivisionByZero { place: "the velocities of linked bodies".into() })
-    }
-
-    /// `-rest / coefficient`.
-    fn solved_for(&mut self, rest: ExprId, coefficient: ExprId) -> ExprId {
-        let inverse = self.g.powi(coefficient, -1);
-        let quotient = self.g.mul(rest, inverse);
-        self.g.neg(quotient)
-    }
-
-    /// Pushes rates of change of the inputs forward; values get names that begin with `prefix`.
-    pub(super) fn by_recursion(
-        &mut self,
-        recursion: &Recursion,
-        prefix: &str,
-        inputs: BTreeMap<SymbolId, ExprId>,
-    ) -> Result<Tangent, Error> {
-        let mut rates = inputs;
-        for step in &recursion.steps {
-            let (symbol, name, value, coefficient) = match step {
-                Step::Part(symbol, value) => (*symbol, self.g.name(*symbol).to_owned(), *value, None),
-                Step::Solved { alpha, coefficient, rest } => {
-                    (self.system.velocities[*alpha], self.names[*alpha].clone(), *rest, Some(*coefficient))
-                }
-            };
-            let rate = self.g.derivative_along(value, &rates);
-            let mut rate = self.in_recursion(recursion, rate)?;
-            if let Some(coefficient) = coefficient {
-                rate = self.solved_for(rate, coefficient);
-            }
-            let named = self.define(&format!("{prefix}{name}"), rate);
-            if named != self.g.zero() {
-                rates.insert(symbol, named);
-            }
-        }
-        let zero = self.g.zero();
-        // Independent velocities of the frame are among the inputs.
-        let velocities = self.system.velocities.iter();
-        let velocities = velocities.map(|s| rates.get(s).copied().unwrap_or(zero)).collect();
-        let mut components = Vec::with_capacity(recursion.components.len());
-        for (k, square) in recursion.components.iter().enumerate() {
-            let mut of_square = Vec::with_capacity(square.len());
-            for (i, e) in square.iter().enumerate() {
-                let rate = self.g.derivative_along(*e, &rates);
-                let rate = self.in_recursion(recursion, rate)?;
-                of_square.push(self.define(&format!("{prefix}v{}_{}", k + 1, i + 1), rate));
-            }
-            components.push(of_square);
-        }
-        Ok(Tangent { velocities, components })
-    }
-
-    /// Partial velocities along the unknowns, and the accelerations at `udot = 0`, relative to the frames of the
-    /// squares in `components`.
-    fn tangents(
-        &mut self,
-        recursion: &Recursion,
-        solved: &SolvedConstraint,
-    ) -> Result<(Vec<Tangent>, Tangent), Error> {
-        self.writer.begin("partial velocities by recursion");
-        let one = self.g.one();
-        let mut partial = Vec::with_capacity(solved.unknowns.len());
-        for (b, along) in solved.unknowns.iter().enumerate() {
-            let mut direction = BTreeMap::new();
-            for (unknown, row) in solved.unknowns.iter().zip(&recursion.directions.inverse) {
-                if !row[b].is_zero() {
-                    direction.insert(unknown.symbol, self.g.rational(row[b].clone()));
-                }
-            }
-            partial.push(self.by_recursion(recursion, &format!("d_{}_", along.name), direction)?);
-        }
-        self.writer.begin("accelerations of the recursion at udot = 0");
-        let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
-        let moving = base.chain([(self.system.time, one)]).filter(|(_, rate)| *rate != self.g.zero());
-        let moving: BTreeMap<SymbolId, ExprId> = moving.collect();
-        let mut drift = self.by_recursion(recursion, "lag_", moving)?;
-        for (k, square) in recursion.squares.iter().enumerate() {
-            let mut v = Vec::new();
-            for e in &recursion.components[k] {
-                let value = self.in_recursion(recursion, *e)?;
-                v.push(self.g.cancel_zero(value));
-            }
-            let turned = square.turned(&mut self.g, &self.y, &v);
-            for (i, turned) in turned.into_iter().enumerate() {
-                let value = self.g.add(drift.components[k][i], turned);
-                drift.components[k][i] = self.define(&format!("a{}_{}", k + 1, i + 1), value);
-            }
-        }
-        Ok((partial, drift))
-    }
-
-    /// The equations along the directions of the recursion.
-    pub(super) fn kane(&mut self, recursion: &Recursion, solved: &SolvedConstraint) -> Result<Kane, Error> {
-        let (partial, drift) = self.tangents(recursion, solved)?;
-        let m = self.y.len();
-        let mut rest_hessian = Vec::with_capacity(m);
-        for y in &self.system.velocities {
-            let p = self.g.diff(recursion.rest, *y);
-            let row: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.diff(p, *s)).collect();
-            let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<Vec<_>, _>>()?;
-            rest_hessian.push(row);
-        }
-        let k = solved.unknowns.len();
-        self.writer.begin("mass matrix A = sum m V^T V");
-        let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
-        for b in 0..k {
-            for a in 0..=b {
-                let mut terms = self.weighed(recursion, &partial[a].components, &partial[b].components);
-                for (alpha, row) in rest_hessian.iter().enumerate() {
-                    for (beta, h) in row.iter().enumerate() {
-                        if *h != self.g.zero() {
-                            let (u, v) = (partial[b].velocities[alpha], partial[a].velocities[beta]);
-                            terms.push(self.g.product(&[u, *h, v]));
-                        }
-                    }
-                }
-                let sum = self.g.sum(&terms);
-                let name = format!("A_{}_{}", solved.unknowns[b].name, solved.unknowns[a].name);
-                mass_matrix[b][a] = self.define(&name, sum);
-                mass_matrix[a][b] = mass_matrix[b][a];
-            }
-        }
-        self.writer.begin("right side f = V^T (r - m a)");
-        let mut net = Vec::with_capacity(m);
-        for (alpha, row) in rest_hessian.iter().enumerate() {
-            let mut terms = vec![self.rest_drive[alpha]];
-            for (h, lag) in row.iter().zip(&drift.velocities) {
-                let product = self.g.mul(*h, *lag);
-                terms.push(self.g.neg(product));
-            }
-            let sum = self.g.sum(&terms);
-            net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
-        }
-        let mut force = vec![self.g.zero(); k];
-        let mut known: Vec<(BTreeMap<ExprId, Rational>, ExprId)> = Vec::new();
-        for b in (0..k).rev() {
-            let mut terms =
-                self.inertia_along(recursion, &partial[b].components, &drift.components, &mut known);
-            terms.extend((partial[b].velocities.iter().zip(&net)).map(|(w, n)| self.g.mul(*w, *n)));
-            let sum = self.g.sum(&terms);
-            force[b] = self.define(&format!("f_{}", solved.unknowns[b].name), sum);
-        }
-        Ok(Kane {
-            mass_matrix,
-            force,
-            directions: recursion.directions.clone(),
-            partial,
-            lag: drift.velocities,
-        })
-    }
-
-    /// Sums over the squares of `weight u . v`, one for each weight.
-    fn weighed(&mut self, recursion: &Recursion, u: &[Vec<ExprId>], v: &[Vec<ExprId>]) -> Vec<ExprId> {
-        let mut by_weight: BTreeMap<ExprId, Vec<ExprId>> = BTreeMap::new();
-        for ((square, u), v) in recursion.squares.iter().zip(u).zip(v) {
-            let products = u.iter().zip(v).map(|(u, v)| self.g.mul(*u, *v));
-            by_weight.entry(square.weight).or_default().extend(products);
-        }
-        let sums = by_weight.into_iter().map(|(weight, products)| {
-            let sum = self.g.sum(&products);
-            self.g.mul(weight, sum)
-        });
-        sums.collect()
-    }
-
-    /// `-weight u . a` of all squares, gathered by the partial velocities, which many bodies have in common; sums of
-    /// `weight a` that are `known` from other directions are used in further ones.
-    fn inertia_along(
-        &mut self,
-        recursion: &Recursion,
-        u: &[Vec<ExprId>],
-        a: &[Vec<ExprId>],
-        known: &mut Vec<(BTreeMap<ExprId, Rational>, ExprId)>,
-    ) -> Vec<ExprId> {
-        let mut by_velocity: BTreeMap<ExprId, BTreeMap<ExprId, Rational>> = BTreeMap::new();
-        for ((square, u), a) in recursion.squares.iter().zip(u).zip(a) {
-            for (u, a) in u.iter().zip(a) {
-                let force = self.g.mul(square.weight, *a);
-                if *u != self.g.zero() && force != self.g.zero() {
-                    let forces = by_velocity.entry(*u).or_default();
-                    *forces.entry(force).or_insert_with(Rational::zero) += Rational::one();
-                }
-            }
-        }
-        let mut terms = Vec::with_capacity(by_velocity.len());
-        for (velocity, forces) in by_velocity {
-            let mut left = forces.clone();
-            let mut summands = Vec::new();
-            let is_part = |inner: &BTreeMap<ExprId, Rational>, left: &BTreeMap<ExprId, Rational>| {
-                inner.iter().all(|(force, n)| left.get(force) == Some(n))
-            };
-            while let Some((inner, sum)) =
-                known.iter().filter(|(inner, _)| is_part(inner, &left)).max_by_key(|(inner, _)| inner.len())
-            {
-                summands.push((*sum, Rational::one()));
-                left.retain(|force, _| !inner.contains_key(force));
-            }
-            summands.extend(left);
-            let sum = self.g.linear_combination(&summands);
-            let sum = self.define(&format!("ma{}", known.len() + 1), sum);
-            if forces.len() > 1 {
-                known.push((forces, sum));
-            }
-            let product = self.g.mul(velocity, sum);
-            terms.push(self.g.neg(product));
-        }
-        terms
-    }
-}
-
-/// The equations `A wdot = f` along directions, `u = B w`.
-pub(super) struct Kane {
-    pub(super) mass_matrix: Vec<Vec<ExprId>>,
-    pub(super) force: Vec<ExprId>,
-    pub(super) directions: Directions,
-    /// Partial velocities along the rates, `[k]`.
-    pub(super) partial: Vec<Tangent>,
-    /// `ydot` at `udot = 0`.
-    pub(super) lag: Vec<ExprId>,
 }

@@ -56,10 +56,11 @@ impl<'m> Derivations<'m> {
     fn derived(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
         let model = self.model;
         let system = reduce(model, formulation)?;
-        if formulation.squares && formulation.recursive.is_none() && is_recursive(&system) {
-            if let Some(found) = cheaper_by_recursion(model, &system) {
-                return Ok(found);
-            }
+        let is_open = formulation.squares && formulation.recursive.is_none();
+        let found =
+            if is_open && is_recursive(&system) { cheaper_by_recursion(model, &system) } else { None };
+        if let Some(found) = found {
+            return Ok(found);
         }
         derive(&system).map(Arc::new).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
     }
