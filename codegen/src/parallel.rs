@@ -7,9 +7,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Does independent work on all cores; the results are in the order of `items`.
 pub(crate) fn side_by_side<T: Sync, U: Send>(items: &[T], work: impl Fn(&T) -> U + Sync) -> Vec<U> {
+    let n_workers = std::thread::available_parallelism().map_or(1, usize::from).min(items.len());
+    if n_workers < 2 {
+        // Nothing is gained by a thread, and WebAssembly has none.
+        return items.iter().map(work).collect();
+    }
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, U)>> = Mutex::new(Vec::new());
-    let n_workers = std::thread::available_parallelism().map_or(1, usize::from).min(items.len());
     std::thread::scope(|scope| {
         for _ in 0..n_workers {
             scope.spawn(|| {

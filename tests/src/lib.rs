@@ -40,6 +40,8 @@ mod docs {
     pub struct Derivatives;
     #[doc = include_str!("../../docs/book/no-std.md")]
     pub struct NoStd;
+    #[doc = include_str!("../../docs/book/site.md")]
+    pub struct Site;
     #[doc = include_str!("../../docs/book/theory.md")]
     pub struct Theory;
     #[doc = include_str!("../../docs/book/accuracy.md")]

@@ -6,6 +6,7 @@
 mod bench;
 mod generate;
 mod package;
+mod site;
 mod stress;
 mod test;
 mod tidy;
@@ -80,6 +81,7 @@ Examples:
         wrap: bool,
     },
     // Help is that of the arguments.
+    Site(site::Arguments),
     Stress(stress::Arguments),
 }
 
@@ -105,6 +107,7 @@ fn run(Cli { task, budget, no_cache }: Cli) -> Result<String, Error> {
         Task::Test => test::test(&repository),
         Task::Package { no_verify } => package::package(&repository, !no_verify),
         Task::Tidy { wrap } => tidy::tidy(&repository, wrap),
+        Task::Site(arguments) => site::run(&repository, &session, &arguments),
         Task::Stress(arguments) => stress::stress(&repository, &session, &arguments),
     }
 }

@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 
 use clap::Args;
 use hamel_codegen::spec::Kind;
+use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use serde_json::{Map, Value};
 
 use crate::error::Error;
@@ -49,12 +50,9 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let mut listed = Vec::new();
     let mut errors = Vec::new();
     // Every scene is derived and lowered, which takes a second for the largest models.
-    let described: Vec<_> = std::thread::scope(|scope| {
-        let started: Vec<_> = files.iter().map(|file| scope.spawn(|| describe(file))).collect();
-        started.into_iter().map(|thread| thread.join()).collect()
-    });
+    let described: Vec<_> = files.par_iter().map(describe).collect();
     for outcome in described {
-        match outcome.unwrap_or_else(|panic| std::panic::resume_unwind(panic)) {
+        match outcome {
             Ok(entry) => listed.push(entry),
             Err(error) => errors.push(error),
         }

@@ -4,9 +4,9 @@
 //! Does not know: requests, what is asked of the scene.
 
 use super::backend::{Backend, Local};
-use super::interpreted;
 use super::method::MethodName;
 use super::remote::Remote;
+use super::{interpreted, machine};
 use crate::error::{Error, Problem};
 use crate::model::{self, Checked};
 use crate::session::ModelFile;
@@ -68,6 +68,7 @@ impl Choice {
         match self.via {
             Some(Via::Interpreter) => Via::Interpreter,
             Some(Via::Compiled) if file.repository().is_some() => Via::Compiled,
+            None if !machine::IS_THERE => Via::Interpreter,
             Some(Via::Compiled | Via::Jit) | None => Via::Jit,
         }
     }

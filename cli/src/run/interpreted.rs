@@ -11,7 +11,6 @@ use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_codegen::spec;
-use hamel_jit::Compiled;
 use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +19,7 @@ use super::dynamics::{
     SideBySide, VecState, lane_by_lane,
 };
 use super::info::{Info, OutputEntry, ParamEntry};
+use super::machine::{self, Compiled};
 use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
@@ -195,6 +195,9 @@ impl Built {
     /// there is no compiler for this machine.
     #[must_use]
     pub fn in_memory(self) -> Built {
+        if !machine::IS_THERE {
+            return self;
+        }
         let Built { model, executable: Runnable { executable, .. }, info, derived, .. } = self;
         Built {
             model,

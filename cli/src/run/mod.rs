@@ -19,6 +19,7 @@ mod inside;
 pub mod integrate;
 pub mod interpreted;
 mod least_squares;
+mod machine;
 pub mod matrices;
 pub mod method;
 pub mod protocol;

@@ -82,7 +82,9 @@ pub(super) fn unique(entries: &[SceneEntry]) -> Result<(), Problem> {
 /// Those of the file system; the file is as it was then.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("file");
-    let temporary = path.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
+    // WebAssembly has one process, and no number for it.
+    let process = if cfg!(target_family = "wasm") { 0 } else { std::process::id() };
+    let temporary = path.with_file_name(format!(".{name}.{process}.tmp"));
     let moved = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
     if moved.is_err() {
         let _ = std::fs::remove_file(&temporary);
