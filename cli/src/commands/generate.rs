@@ -1,23 +1,24 @@
-//! `generate`: Rust modules of models, to be checked in.
+//! `generate`: models as Rust modules or as C, to be checked in.
 //!
 //! Does not know: how a scene becomes text.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use hamel_codegen::Config;
+use hamel_codegen::config::Language;
 
 use crate::error::Error;
 use crate::model::{Model, show_warnings};
 use crate::session::Session;
 
-/// Write the scenes of models as Rust modules, or check that they are up to date
+/// Write the scenes of models as Rust modules or as C, or check that they are up to date
 ///
 /// Every scene goes into a file of its own, called like the model, with the name of the scene unless that is the
 /// default. All scenes are parsed, derived and emitted first; when any model has a problem, nothing is written. Files
-/// are written only when they change. The modules need the crate hamel-runtime. A build script does the same without
-/// files to check in.
+/// are written only when they change. Rust modules need the crate hamel-runtime; C is C99, a header and a source, and
+/// needs sqrt and fma of math.h. A build script does the same without files to check in.
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,
@@ -26,6 +27,7 @@ Examples:
   hamel generate my_model.hamel --out-dir src/generated
   hamel generate arm.hamel leg.hamel --out-dir src/generated --mod-file mod.rs
   hamel generate heavy_top --scene default --out-dir src
+  hamel generate heavy_top --language c --out-dir src               heavy_top.h and heavy_top.c
   hamel generate my_model.hamel --out-dir src/generated --check     fail when something would be written"
 )]
 pub struct Arguments {
@@ -35,15 +37,44 @@ pub struct Arguments {
     /// Folder to write to
     #[arg(long, value_name = "FOLDER")]
     pub out_dir: PathBuf,
+    /// Language of the files
+    #[arg(long, value_enum, value_name = "LANGUAGE", default_value_t = Target::Rust)]
+    pub language: Target,
     /// Scene to generate, of every model; may be repeated [default: all of each model]
     #[arg(long, value_name = "NAME")]
     pub scene: Vec<String>,
-    /// Write one more file, with a module for each scene
+    /// Write one more file, with a module for each scene (Rust)
     #[arg(long, value_name = "FILE")]
     pub mod_file: Option<String>,
     /// Write nothing; fail and name the files that are not up to date
     #[arg(long)]
     pub check: bool,
+}
+
+/// What a scene is written as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// A module for the crate hamel-runtime
+    Rust,
+    /// A header and a source of C99
+    C,
+}
+
+impl Target {
+    fn language(self) -> Language {
+        match self {
+            Target::Rust => Language::Rust,
+            Target::C => Language::C,
+        }
+    }
+
+    /// As the command line has it.
+    fn word(self) -> &'static str {
+        match self {
+            Target::Rust => "rust",
+            Target::C => "c",
+        }
+    }
 }
 
 impl Arguments {
@@ -52,6 +83,9 @@ impl Arguments {
         let mut words = vec!["hamel generate".to_owned()];
         words.extend(self.models.iter().cloned());
         words.push(format!("--out-dir {}", self.out_dir.display()));
+        if self.language != Target::Rust {
+            words.push(format!("--language {}", self.language.word()));
+        }
         words.extend(self.scene.iter().map(|scene| format!("--scene {scene}")));
         words.extend(self.mod_file.iter().map(|file| format!("--mod-file {file}")));
         words.join(" ")
@@ -84,8 +118,18 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             format!("are of scenes, and {} is a fluid of matrices: generate it by itself", fluid.name);
         return Err(Error::unusable("--scene and --mod-file", reason));
     }
+    if arguments.language != Target::Rust {
+        if let Some(fluid) = fluids.first() {
+            let reason = "is a fluid of matrices, which hamel-runtime moves: generate it as Rust";
+            return Err(Error::unusable(&fluid.name, reason));
+        }
+        if arguments.mod_file.is_some() {
+            let reason = "is a file of Rust: leave it out, C has a header for each scene";
+            return Err(Error::unusable("--mod-file", reason));
+        }
+    }
     let mut config = Config::new();
-    config.out_dir(&arguments.out_dir);
+    config.out_dir(&arguments.out_dir).language(arguments.language.language());
     for model in models.iter().filter(|_| !arguments.scene.is_empty()) {
         config.scenes(&model.name, arguments.scene.iter());
     }

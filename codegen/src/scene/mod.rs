@@ -43,14 +43,14 @@ use dependence::{ignorable, left_out, needs};
 use plan::{Drops, Outputs, Plan};
 
 pub use built::BuiltScene;
-pub use defaults::warnings;
+pub use defaults::{initial_state, warnings};
 pub use derivatives::{Derivative, Matrix, Product};
 pub use events::SceneEvent;
 pub use formulations::{Candidate, Formulations, LeftOut, Progress};
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
-pub use text::Writing;
+pub use text::{Language, Writing};
 
 /// The scenes of a model; what several of them share is derived once.
 ///
