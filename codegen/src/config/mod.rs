@@ -328,7 +328,7 @@ impl Config {
         // What is kept is one file a scene.
         let cache = cache.filter(|_| self.writing.language == Language::Rust);
         let kept = cache.and_then(|cache| cache.of(model, &self.writing, &self.budget.unwrap_or_default()));
-        let mut scenes = Scenes::new(model);
+        let mut scenes = Scenes::new(model).with_derivatives(self.writing.language.derivatives());
         let names = match (self.scenes.get(&model.name), &kept) {
             (Some(chosen), _) => chosen.clone(),
             (None, None) => scenes.names(),
@@ -368,9 +368,16 @@ impl Config {
     fn texts_of(&self, model: &Model, scene: &BuiltScene) -> Result<Vec<(String, String)>, Error> {
         Ok(match self.writing.language {
             Language::Rust => vec![(format!("{}.rs", scene.module_name()), scene.emit_as(&self.writing)?)],
-            Language::C => {
+            Language::C | Language::Cpp | Language::Casadi => {
                 let c = scene.emit_c(&self.writing, scene::initial_state(model, scene))?;
-                vec![(format!("{}.h", c.prefix), c.header), (format!("{}.c", c.prefix), c.source)]
+                let file = |ending: &str| format!("{}{ending}", c.prefix);
+                let mut files = vec![(file(".h"), c.header), (file(".c"), c.source)];
+                match self.writing.language {
+                    Language::Cpp => files.push((file(".hpp"), c.cpp)),
+                    Language::Casadi => files.push((file("_casadi.c"), c.casadi)),
+                    Language::Rust | Language::C => {}
+                }
+                files
             }
         })
     }

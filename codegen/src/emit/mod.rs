@@ -18,7 +18,7 @@ pub mod text;
 use crate::error::Error;
 use crate::program::{Jet, Program};
 
-pub use c::CModule;
+pub use c::{CModule, Fmu};
 pub use rust::{SceneEntry, emit_include, emit_index, method_text};
 pub use text::{
     EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
@@ -54,6 +54,14 @@ pub fn emit_scene(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Res
 /// [`Error::ShapeMismatch`] and [`Error::UnknownName`] as [`emit_scene`].
 pub fn emit_c(program: &Program, text: &SceneText) -> Result<CModule, Error> {
     c::emit(program, text)
+}
+
+/// Emits a scene as C99, with what an FMU of FMI 3.0 has besides.
+///
+/// # Errors
+/// As [`emit_c`]; [`Error::Emission`] for a text without an initial state.
+pub fn emit_fmu(program: &Program, text: &SceneText) -> Result<(CModule, Fmu), Error> {
+    c::emit_fmu(program, text)
 }
 
 /// Emits the module of a fluid that is moved as products of matrices.

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use crate::emit::{
-    self, CModule, EventText, FlowText, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText,
+    self, CModule, EventText, Fmu, FlowText, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText,
     ProductText, SceneEntry, SceneText, StateText,
 };
 use crate::error::Error;
@@ -15,7 +15,7 @@ use crate::spec::{EventDirection, Want};
 
 use super::built::BuiltScene;
 use super::built::legendre_role;
-use super::derivatives::{Matrix, Product};
+use super::derivatives::{Derivative, Matrix, Product};
 use super::events::SceneEvent;
 use super::groups::groups;
 use super::implicit::{self, Implicit};
@@ -44,6 +44,21 @@ pub enum Language {
     Rust,
     /// A header and a source of C99, which need nothing but a few functions of `math.h`: `<module>.h`, `<module>.c`.
     C,
+    /// The same with a header for C++17, `<module>.hpp`.
+    Cpp,
+    /// The same as C with `<module>_casadi.c`, which has the right-hand side and its Jacobian as CasADi calls functions
+    /// of other sources; scenes have the derivatives that this takes, whether they want them or not.
+    Casadi,
+}
+
+impl Language {
+    /// Derivatives of the right-hand side that every scene has in that language.
+    pub fn derivatives(self) -> &'static [Derivative] {
+        match self {
+            Language::Rust | Language::C | Language::Cpp => &[],
+            Language::Casadi => &[Derivative::Jacobian, Derivative::TimeDerivative, Derivative::Sensitivity],
+        }
+    }
 }
 
 impl BuiltScene {
@@ -79,6 +94,16 @@ impl BuiltScene {
         self.within_bytes()?;
         let text = SceneText { initial, ..self.text(writing) };
         emit::emit_c(&self.program, &text)
+    }
+
+    /// The scene as C99, with what an FMU of FMI 3.0 has besides, which begins at `initial`.
+    ///
+    /// # Errors
+    /// [`Error::OverBudget`]; [`Error::Emission`] without an initial state.
+    pub fn emit_fmu(&self, writing: &Writing, initial: Option<Vec<f64>>) -> Result<(CModule, Fmu), Error> {
+        self.within_bytes()?;
+        let text = SceneText { initial, ..self.text(writing) };
+        emit::emit_fmu(&self.program, &text)
     }
 
     /// Refuses to write down what would take more memory than the budget has.

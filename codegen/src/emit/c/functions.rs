@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use super::Writer;
+use super::{Takes, Writer};
 use super::text::{elements, length, statements};
 use crate::emit::module::{IMPLICIT_JACOBIAN, OutputRoutine, Routine};
 use crate::emit::text::MatrixText;
@@ -57,6 +57,7 @@ impl Writer<'_> {
         let body = self.body(&module.rate, Arguments::Point) + &self.results(&module.rate, "dy");
         let doc = self.doc("Writes the derivative of the state to dy.", &module.rate, &module.program.state);
         self.function(&doc, &format!("void {}({arguments}, double dy[{n}])", self.name("rhs")), &body);
+        self.call("The derivative of the state.", "rhs", Takes::Point, Some(module.state.len()));
         if let Some(energy) = &module.energy {
             self.scalar("energy", "Energy.", energy);
         }
@@ -72,6 +73,8 @@ impl Writer<'_> {
             let name = self.name(&product.name);
             let signature = format!("void {name}({arguments}, const double vector[{n}], double out[{k}])");
             self.function(&doc, &signature, &body);
+            let (n, k) = (routine.argument.len(), routine.function.results.len());
+            self.call(&product.text.doc, &product.name, Takes::PointAndVector(n), Some(k));
         }
         for flow in &module.flows {
             let body = self.body(&flow.routine, Arguments::Flow) + &self.results(&flow.routine, "out");
@@ -84,6 +87,7 @@ impl Writer<'_> {
             let signature =
                 format!("void {name}(const {prepared} *p, double value, const double y[{n}], double out[{n}])");
             self.function(&doc, &signature, &body);
+            self.call(&title, &flow.name, Takes::Flow, Some(module.state.len()));
         }
         if let Some(signature) = &module.signature {
             let title = "A number that stays the same along a motion while no matrix that is solved with becomes \
@@ -101,6 +105,7 @@ impl Writer<'_> {
         let doc = self.doc(title, routine, &[]);
         let signature = format!("double {}({})", self.name(name), self.arguments());
         self.function(&doc, &signature, &body);
+        self.call(title, name, Takes::Point, None);
     }
 
     fn output(&mut self, output: &OutputRoutine<'_>) {
@@ -112,9 +117,10 @@ impl Writer<'_> {
         }
         let body = self.body(routine, Arguments::Point) + &self.results(routine, "out");
         let doc = self.doc(&meaning, routine, &text.components);
-        let k = length(routine.function.results.len());
-        let signature = format!("void {}({}, double out[{k}])", self.name(name), self.arguments());
+        let k = routine.function.results.len();
+        let signature = format!("void {}({}, double out[{}])", self.name(name), self.arguments(), length(k));
         self.function(&doc, &signature, &body);
+        self.call(&meaning, name, Takes::Point, Some(k));
     }
 
     /// All outputs side by side, with their names.
@@ -143,6 +149,7 @@ impl Writer<'_> {
         let doc = ["All outputs side by side.".to_owned()];
         let signature = format!("void {}({}, double out[{n}])", self.name("outputs"), self.arguments());
         self.function(&doc, &signature, &body);
+        self.call(&doc[0], "outputs", Takes::Point, Some(names.len()));
     }
 
     /// The patterns of matrices, and each of them with its zeros.
@@ -220,6 +227,9 @@ impl Writer<'_> {
         };
         let signature = format!("void {}({arguments}, double out[{size}])", self.name(all));
         self.function(&doc, &signature, &body);
+        let n_variables = self.module.implicit.as_ref().map_or(0, |implicit| implicit.text.variables.len());
+        let takes = if point == "y" { Takes::Point } else { Takes::Variables(n_variables) };
+        self.call(&doc[0], all, takes, Some(n_rows * n_columns));
         Ok(())
     }
 
@@ -256,6 +266,7 @@ impl Writer<'_> {
             let doc = self.doc(title, routine, &[]);
             let k = length(routine.function.results.len());
             self.function(&doc, &format!("void {}({arguments}, double out[{k}])", self.name(name)), &body);
+            self.call(title, name, Takes::Variables(n), Some(routine.function.results.len()));
         }
         let pattern = Pattern {
             name: IMPLICIT_JACOBIAN,
