@@ -200,3 +200,65 @@ fn every_scene_in_c_equals_the_interpreter_bit_for_bit() {
         println!("{compiler}: {} scenes, {compared} numbers, {finite} finite", cases.len());
     }
 }
+
+/// The blocks of a language in the chapter of the book, one after the other.
+fn book(language: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/book/c.md");
+    let page = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let blocks = page.split(&format!("```{language}\n")).skip(1);
+    blocks.filter_map(|block| block.split("```").next()).collect()
+}
+
+/// A program with these statements; what is included stands before it.
+fn program_of(blocks: &str, after: &str) -> String {
+    let (includes, statements): (Vec<&str>, Vec<&str>) = blocks.lines().partition(|line| line.starts_with('#'));
+    let (includes, statements) = (includes.join("\n"), statements.join("\n    "));
+    format!("#include <stdio.h>\n{includes}\nint main(void) {{\n    {statements}\n{after}}}\n")
+}
+
+#[test]
+fn the_blocks_of_the_book_compile_and_run() {
+    let Some(compiler) = compilers().into_iter().next() else {
+        println!("skipped: no C compiler; install gcc or clang");
+        return;
+    };
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("c_book");
+    std::fs::create_dir_all(&folder).expect("a folder for tests");
+    let built = build("heavy_top", scene::DEFAULT);
+    let initial = scene::initial_state(&model("heavy_top"), &built);
+    let c = built.emit_c(&Writing::default(), initial).unwrap_or_else(|e| panic!("{e}"));
+    let print = "    printf(\"%.17g\\n\", dy[2]);\n    return 0;\n";
+    let in_c = program_of(&book("c"), &format!("    (void)energy, (void)spin;\n{print}"));
+    let in_cpp = program_of(&book("cpp"), print);
+    let files = [
+        ("heavy_top.h", &c.header),
+        ("heavy_top.c", &c.source),
+        ("heavy_top.hpp", &c.cpp),
+        ("book.c", &in_c),
+        ("book.cpp", &in_cpp),
+    ];
+    for (name, text) in files {
+        std::fs::write(folder.join(name), text).expect("a file for tests");
+    }
+    let run = |command: &mut Command| {
+        let output = command.current_dir(&folder).output().expect("a program starts");
+        assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).trim().to_owned()
+    };
+    let strict = ["-Wall", "-Wextra", "-Werror", "-ffp-contract=off"];
+    run(Command::new(compiler).args(strict).args(["-std=c99", "-c", "heavy_top.c", "-o", "heavy_top.o"]));
+    run(Command::new(compiler).args(strict).args(["-std=c99", "book.c", "heavy_top.o", "-o", "book_c", "-lm"]));
+    let found = run(&mut Command::new(folder.join("book_c")));
+    // I3 Omega3' = (I1 - I2) Omega1 Omega2 + m g l (Gamma1 chi2 - Gamma2 chi1) = 0.048 at the initial state.
+    let value: f64 = found.parse().unwrap_or_else(|e| panic!("{found}: {e}"));
+    assert!((value - 0.08).abs() < 1e-15, "{value}");
+    let cpp = if compiler == "gcc" { "g++" } else { "clang++" };
+    if Command::new(cpp).arg("--version").output().is_err() {
+        println!("skipped: no C++ compiler; install {cpp}");
+        return;
+    }
+    run(Command::new(cpp).args(strict).args(["-std=c++17", "book.cpp", "heavy_top.o", "-o", "book_cpp", "-lm"]));
+    let in_cpp: f64 = run(&mut Command::new(folder.join("book_cpp"))).parse().expect("a number");
+    // The state is the same, the mass is not.
+    assert_eq!(in_cpp, value);
+}
