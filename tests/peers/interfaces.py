@@ -144,6 +144,31 @@ def check_derivatives(path, description, start):
     fmu.freeInstance()
 
 
+BALL = """model ball {
+    param g = 9.81;
+    coordinate z in real;
+    lagrangian = 1/2*z_dot^2 - g*z;
+    event impact = z falling { then z_dot = -z_dot/2; }
+    initial z = 1;
+    initial z_dot = 0;
+}"""
+
+
+def check_events(hamel, folder):
+    """A ball that falls from height 1 hits the ground at t = sqrt(2/g), and half of that later is at height 1/4."""
+    import fmpy
+
+    (folder / "ball.hamel").write_text(BALL)
+    path = folder / "ball.fmu"
+    subprocess.run([hamel, "generate", folder / "ball.hamel", "--language", "fmu", "-o", path], check=True,
+                   stdout=subprocess.DEVNULL)
+    stop = 1.5 * np.sqrt(2 / 9.81)
+    for kind in ("ModelExchange", "CoSimulation"):
+        found = fmpy.simulate_fmu(str(path), fmi_type=kind, stop_time=stop, relative_tolerance=1e-10,
+                                  output_interval=stop / 10, output=["z"], solver="CVode")
+        close(f"{kind} ball", found["z"][-1], 0.25, MOTION)
+
+
 def main():
     hamel = sys.argv[1] if len(sys.argv) > 1 else "hamel"
     with tempfile.TemporaryDirectory() as folder:
@@ -152,6 +177,7 @@ def main():
             check_casadi(hamel, model, folder)
             check_fmu(hamel, model, folder)
         check_book(folder)
+        check_events(hamel, folder)
     print("all as the reference data say")
 
 

@@ -1,6 +1,6 @@
 //! Every scene as C, compiled by the C compilers of this machine, against the interpreter, bit for bit.
 //!
-//! Deliberately does not know: how C is written. Without a compiler the test says so and passes; `.ci/run` asks for one.
+//! Deliberately does not know: how C is written. Without a compiler the tests say so and pass; `.ci/run` asks for one.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -143,26 +143,22 @@ fn compile(compiler: &str, folder: &Path, cases: &[Case]) -> PathBuf {
     program
 }
 
-#[test]
-fn every_scene_in_c_equals_the_interpreter_bit_for_bit() {
+/// Writes scenes as C to a folder of this name, compiles them with every compiler and compares.
+fn compare(name: &str, scenes: Vec<(BuiltScene, Option<Vec<f64>>)>) {
     let compilers = compilers();
     if compilers.is_empty() {
         println!("skipped: no C compiler; install gcc or clang");
         return;
     }
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("c");
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).expect("a folder for tests");
     let mut cases = Vec::new();
-    for name in names() {
-        for scene in scene::names(&model(&name)) {
-            let built = build(&name, &scene);
-            let initial = scene::initial_state(&model(&name), &built);
-            let c = built.emit_c(&Writing::default(), initial).unwrap_or_else(|e| panic!("{name}: {e}"));
-            for (extension, text) in [("h", &c.header), ("c", &c.source)] {
-                std::fs::write(folder.join(format!("{}.{extension}", c.prefix)), text).expect("a file for tests");
-            }
-            cases.push(case(built, c.prefix));
+    for (built, initial) in scenes {
+        let c = built.emit_c(&Writing::default(), initial).unwrap_or_else(|e| panic!("{}: {e}", built.name));
+        for (extension, text) in [("h", &c.header), ("c", &c.source)] {
+            std::fs::write(folder.join(format!("{}.{extension}", c.prefix)), text).expect("a file for tests");
         }
+        cases.push(case(built, c.prefix));
     }
     let mut text = HEAD.to_owned();
     cases.iter().for_each(|case| text.push_str(&driver(case)));
@@ -171,34 +167,71 @@ fn every_scene_in_c_equals_the_interpreter_bit_for_bit() {
     std::fs::write(folder.join("driver.c"), text).expect("a file for tests");
     for compiler in compilers {
         let program = compile(compiler, &folder, &cases);
-        let child = Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
-        let mut child = child.expect("the program starts");
-        let mut stdin = child.stdin.take().expect("a pipe");
-        let bytes: Vec<u8> = cases.iter().flat_map(|c| &c.input).flat_map(|x| x.to_le_bytes()).collect();
-        let writer = std::thread::spawn(move || stdin.write_all(&bytes));
-        let output = child.wait_with_output().expect("the program ends");
-        writer.join().expect("the thread ends").expect("the program reads everything");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
-        let (found, _) = output.stdout.as_chunks::<8>();
-        let mut found = found.iter().map(|bytes| f64::from_le_bytes(*bytes));
-        let (mut compared, mut finite) = (0, 0);
-        for case in &cases {
-            for (k, expected) in case.expected.iter().enumerate() {
-                let value = found.next().unwrap_or_else(|| panic!("{}: no number {k}", case.prefix));
-                assert!(
-                    value.to_bits() == expected.to_bits() || value.is_nan() && expected.is_nan(),
-                    "{compiler}, {}, number {k} of {}: {value}, interpreted {expected}",
-                    case.prefix,
-                    case.expected.len()
-                );
-                compared += 1;
-                finite += usize::from(value.is_finite());
-            }
-        }
-        assert!(found.next().is_none(), "{compiler}: more numbers than expected");
-        assert!(2 * finite > compared, "{compiler}: {finite} of {compared} numbers are finite");
-        println!("{compiler}: {} scenes, {compared} numbers, {finite} finite", cases.len());
+        compare_with(compiler, &program, &cases);
     }
+}
+
+/// Gives a program its numbers, and compares what comes out.
+fn compare_with(compiler: &str, program: &Path, cases: &[Case]) {
+    let child = Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+    let mut child = child.expect("the program starts");
+    let mut stdin = child.stdin.take().expect("a pipe");
+    let bytes: Vec<u8> = cases.iter().flat_map(|c| &c.input).flat_map(|x| x.to_le_bytes()).collect();
+    let writer = std::thread::spawn(move || stdin.write_all(&bytes));
+    let output = child.wait_with_output().expect("the program ends");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    writer.join().expect("the thread ends").expect("the program reads everything");
+    let (found, _) = output.stdout.as_chunks::<8>();
+    let mut found = found.iter().map(|bytes| f64::from_le_bytes(*bytes));
+    let (mut compared, mut finite) = (0, 0);
+    for case in cases {
+        for (k, expected) in case.expected.iter().enumerate() {
+            let value = found.next().unwrap_or_else(|| panic!("{}: no number {k}", case.prefix));
+            assert!(
+                value.to_bits() == expected.to_bits() || value.is_nan() && expected.is_nan(),
+                "{compiler}, {}, number {k} of {}: {value}, interpreted {expected}",
+                case.prefix,
+                case.expected.len()
+            );
+            compared += 1;
+            finite += usize::from(value.is_finite());
+        }
+    }
+    assert!(found.next().is_none(), "{compiler}: more numbers than expected");
+    assert!(2 * finite > compared, "{compiler}: {finite} of {compared} numbers are finite");
+    println!("{compiler}: {} scenes, {compared} numbers, {finite} finite", cases.len());
+}
+
+#[test]
+fn every_scene_in_c_equals_the_interpreter_bit_for_bit() {
+    let mut scenes = Vec::new();
+    for name in names() {
+        let model = model(&name);
+        for scene in scene::names(&model) {
+            let built = build(&name, &scene);
+            let initial = scene::initial_state(&model, &built);
+            scenes.push((built, initial));
+        }
+    }
+    compare("c", scenes);
+}
+
+#[test]
+fn names_that_c_takes_are_renamed() {
+    // Words of C and C++, macros and functions of math.h, and variables that functions have themselves.
+    let text = "model words {
+        /// Closes */ and opens /* comments, asks \"what??/\".
+        param double = 2 where double > 0;
+        param M_PI = 3; param p = 5; param fabs = 7; param linux = 2;
+        coordinate y in real; coordinate register in real; coordinate t0 in (0, 4); coordinate template in angle;
+        lagrangian = 1/2*double*(y_dot^2 + register_dot^2 + t0_dot^2 + template_dot^2)
+            - M_PI*(y*register + sqrt(double + t0^2)) - linux*cos(template)*sin(p*y) - fabs*exp(sin(t0));
+        output class = y*register; output prepare = y + t0; output message = t0*template;
+        scene derivatives { want rhs, energy, outputs, jacobian, jvp, vjp, sensitivity, time_derivative; }
+    }";
+    let model = hamel_codegen::spec::parse("words", text).unwrap_or_else(|e| panic!("{e}"));
+    let build = |scene| scene::build(&model, scene).unwrap_or_else(|e| panic!("{e}"));
+    compare("c_words", ["default", "derivatives"].map(|scene| (build(scene), None)).into());
 }
 
 /// The blocks of a language in the chapter of the book, one after the other.
@@ -211,7 +244,8 @@ fn book(language: &str) -> String {
 
 /// A program with these statements; what is included stands before it.
 fn program_of(blocks: &str, after: &str) -> String {
-    let (includes, statements): (Vec<&str>, Vec<&str>) = blocks.lines().partition(|line| line.starts_with('#'));
+    let (includes, statements): (Vec<&str>, Vec<&str>) =
+        blocks.lines().partition(|line| line.starts_with('#'));
     let (includes, statements) = (includes.join("\n"), statements.join("\n    "));
     format!("#include <stdio.h>\n{includes}\nint main(void) {{\n    {statements}\n{after}}}\n")
 }
@@ -247,7 +281,14 @@ fn the_blocks_of_the_book_compile_and_run() {
     };
     let strict = ["-Wall", "-Wextra", "-Werror", "-ffp-contract=off"];
     run(Command::new(compiler).args(strict).args(["-std=c99", "-c", "heavy_top.c", "-o", "heavy_top.o"]));
-    run(Command::new(compiler).args(strict).args(["-std=c99", "book.c", "heavy_top.o", "-o", "book_c", "-lm"]));
+    run(Command::new(compiler).args(strict).args([
+        "-std=c99",
+        "book.c",
+        "heavy_top.o",
+        "-o",
+        "book_c",
+        "-lm",
+    ]));
     let found = run(&mut Command::new(folder.join("book_c")));
     // I3 Omega3' = (I1 - I2) Omega1 Omega2 + m g l (Gamma1 chi2 - Gamma2 chi1) = 0.048 at the initial state.
     let value: f64 = found.parse().unwrap_or_else(|e| panic!("{found}: {e}"));
@@ -257,7 +298,14 @@ fn the_blocks_of_the_book_compile_and_run() {
         println!("skipped: no C++ compiler; install {cpp}");
         return;
     }
-    run(Command::new(cpp).args(strict).args(["-std=c++17", "book.cpp", "heavy_top.o", "-o", "book_cpp", "-lm"]));
+    run(Command::new(cpp).args(strict).args([
+        "-std=c++17",
+        "book.cpp",
+        "heavy_top.o",
+        "-o",
+        "book_cpp",
+        "-lm",
+    ]));
     let in_cpp: f64 = run(&mut Command::new(folder.join("book_cpp"))).parse().expect("a number");
     // The state is the same, the mass is not.
     assert_eq!(in_cpp, value);

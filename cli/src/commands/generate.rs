@@ -206,11 +206,13 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
             (Some(_), true) => vec![scene::DEFAULT.to_owned()],
             (None, true) => scenes.names(),
         };
-        for built in scenes.build_all(&names).map_err(|problems| Error::Models { problems: vec![problems] })? {
+        for built in
+            scenes.build_all(&names).map_err(|problems| Error::Models { problems: vec![problems] })?
+        {
             let initial = scene::initial_state(model, &built);
-            let (c, fmu) = built
-                .emit_fmu(&Writing::default(), initial)
-                .map_err(|e| Error::unusable(format!("scene {} of {}", built.name, model.name), e.to_string()))?;
+            let (c, fmu) = built.emit_fmu(&Writing::default(), initial).map_err(|e| {
+                Error::unusable(format!("scene {} of {}", built.name, model.name), e.to_string())
+            })?;
             let bytes = archive(&c, &fmu)?;
             let path = match (&arguments.output, &arguments.out_dir) {
                 (Some(file), _) => file.clone(),

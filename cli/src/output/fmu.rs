@@ -53,7 +53,9 @@ fn platform() -> Result<(String, &'static str), Error> {
     let architecture = match std::env::consts::ARCH {
         known @ ("x86_64" | "aarch64") => known,
         other => {
-            let reason = format!("is not made on {other}: use an x86_64 or aarch64 machine, or the files of --language c");
+            let reason = format!(
+                "is not made on {other}: use an x86_64 or aarch64 machine, or the files of --language c"
+            );
             return Err(Error::unusable("an FMU", reason));
         }
     };

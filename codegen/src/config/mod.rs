@@ -347,8 +347,9 @@ impl Config {
         let missing: Vec<String> = missing.map(|(name, _)| name.clone()).collect();
         let built = scenes.build_all(&missing).map_err(Problem::Model)?;
         let emitted = side_by_side(&built, |scene| {
-            let texts =
-                self.texts_of(model, scene).map_err(|source| Problems::from(emission(&model.name, source)))?;
+            let texts = self
+                .texts_of(model, scene)
+                .map_err(|source| Problems::from(emission(&model.name, source)))?;
             let entry = scene.entry();
             if let (Some(kept), [(_, text)]) = (&kept, texts.as_slice())
                 && scene::warnings(model, std::slice::from_ref(scene)).is_empty()

@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 
 use crate::emit::{
-    self, CModule, EventText, Fmu, FlowText, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText,
-    ProductText, SceneEntry, SceneText, StateText,
+    self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, MatrixText, OutputText,
+    ParamText, ProductText, SceneEntry, SceneText, StateText,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};

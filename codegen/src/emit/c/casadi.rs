@@ -7,8 +7,8 @@
 
 use std::fmt::Write as _;
 
-use super::Writer;
 use super::text::length;
+use super::writer::Writer;
 
 /// A matrix by its columns, as CasADi keeps one: its shape, and row and place in the row order of each entry.
 struct Columns {
@@ -50,7 +50,8 @@ impl Writer<'_> {
     pub(super) fn casadi(&self) -> String {
         let (module, prefix) = (self.module, &self.prefix);
         let (n, n_params) = (module.state.len(), module.params.len());
-        let inputs = [("t", Columns::dense(1, 1)), ("y", Columns::dense(n, 1)), ("p", Columns::dense(n_params, 1))];
+        let inputs =
+            [("t", Columns::dense(1, 1)), ("y", Columns::dense(n, 1)), ("p", Columns::dense(n_params, 1))];
         let outputs = [("dy", Columns::dense(n, 1))];
         let take = format!(
             "    const double t = arg[0] ? arg[0][0] : 0.0;\n    double y[{n_y}] = {{0.0}}, values[{n_p}] = {{0.0}};\n    \
@@ -62,7 +63,9 @@ impl Writer<'_> {
             n_y = length(n),
             n_p = length(n_params),
         );
-        let body = format!("{take}    if (res[0]) {{\n        {prefix}_rhs(&prepared, t, y, res[0]);\n    }}\n    return 0;\n");
+        let body = format!(
+            "{take}    if (res[0]) {{\n        {prefix}_rhs(&prepared, t, y, res[0]);\n    }}\n    return 0;\n"
+        );
         let mut functions = function(&format!("{prefix}_ode"), &inputs, &outputs, &body);
         let matrix = |name: &str| {
             let found = module.outputs.iter().find_map(|o| {
@@ -78,8 +81,13 @@ impl Writer<'_> {
             let mut body = take;
             let is_scalar = module.outputs.iter().any(|o| o.text.name == "time_derivative" && o.is_scalar());
             let _ = match is_scalar {
-                true => writeln!(body, "    if (res[0]) {{\n        res[0][0] = {by_time}(&prepared, t, y);\n    }}"),
-                false => writeln!(body, "    if (res[0]) {{\n        {by_time}(&prepared, t, y, res[0]);\n    }}"),
+                true => writeln!(
+                    body,
+                    "    if (res[0]) {{\n        res[0][0] = {by_time}(&prepared, t, y);\n    }}"
+                ),
+                false => {
+                    writeln!(body, "    if (res[0]) {{\n        {by_time}(&prepared, t, y, res[0]);\n    }}")
+                }
             };
             for (k, name, columns) in [(1, &by_state, &of_state), (2, &by_params, &of_params)] {
                 let _ = write!(
@@ -113,8 +121,11 @@ fn function(name: &str, inputs: &[(&str, Columns)], outputs: &[(&str, Columns)],
          {body}}}\n\n"
     );
     for (which, list) in [("in", inputs), ("out", outputs)] {
-        let names: String =
-            list.iter().enumerate().map(|(k, (name, _))| format!("    case {k}:\n        return \"{name}\";\n")).collect();
+        let names: String = list
+            .iter()
+            .enumerate()
+            .map(|(k, (name, _))| format!("    case {k}:\n        return \"{name}\";\n"))
+            .collect();
         let mut sparsities = String::new();
         for (k, (_, columns)) in list.iter().enumerate() {
             let _ = write!(

@@ -6,9 +6,9 @@ use std::fmt::Write as _;
 
 use super::notation::C;
 use super::text::{length, plain};
-use super::{Call, Takes, Writer};
-use crate::emit::names::{Scope, legal};
+use super::writer::{Call, Takes, Writer};
 use crate::emit::dialect::Dialect as _;
+use crate::emit::names::{Scope, legal};
 
 impl Writer<'_> {
     /// The header for C++.

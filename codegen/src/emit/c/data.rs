@@ -4,12 +4,12 @@
 
 use std::fmt::Write as _;
 
-use super::Writer;
 use super::notation::number;
 use super::text::{elements, length, plain, statements, string, strings};
+use super::writer::Writer;
+use crate::emit::expression::Binding;
 use crate::expr::rational_to_f64;
 use crate::program::Relation;
-use crate::emit::expression::Binding;
 
 impl Writer<'_> {
     /// Sizes, and the structures of parameters and of what depends on them alone.
@@ -35,7 +35,11 @@ impl Writer<'_> {
         let mut components = String::new();
         for (k, (name, text)) in module.state.iter().zip(&module.text.state).enumerate() {
             let upper = &self.upper;
-            let _ = writeln!(components, "    {upper}_AT_{name} = {k}, /**< {} */", plain(&described(&text.name, &text.doc)));
+            let _ = writeln!(
+                components,
+                "    {upper}_AT_{name} = {k}, /**< {} */",
+                plain(&described(&text.name, &text.doc))
+            );
         }
         if !components.is_empty() {
             let _ = write!(
@@ -47,7 +51,11 @@ impl Writer<'_> {
         let mut fields = String::new();
         for (name, p) in module.params.iter().zip(&module.text.params) {
             let doc = plain(&described(&p.name, &p.doc));
-            let _ = writeln!(fields, "    double {name}; /**< {doc} Default: {:?}. */", rational_to_f64(&p.default));
+            let _ = writeln!(
+                fields,
+                "    double {name}; /**< {doc} Default: {:?}. */",
+                rational_to_f64(&p.default)
+            );
         }
         self.structure("Parameters.", "params", &fields);
         let mut fields = String::new();
@@ -59,7 +67,11 @@ impl Writer<'_> {
             let formula = formula.as_deref().unwrap_or("a longer expression in the parameters");
             let _ = writeln!(fields, "    double {name}; /**< {} */", plain(formula));
         }
-        self.structure("What depends on parameters alone; made by the function prepare.", "prepared", &fields);
+        self.structure(
+            "What depends on parameters alone; made by the function prepare.",
+            "prepared",
+            &fields,
+        );
     }
 
     /// A structure, with a field that nothing reads where it would have none.
@@ -107,7 +119,8 @@ impl Writer<'_> {
             &elements(&defaults),
         );
         let (from, to) = (self.name("params_from_array"), self.name("params_to_array"));
-        let nothing = |body: String, unused: &str| if body.is_empty() { format!("    {unused}\n") } else { body };
+        let nothing =
+            |body: String, unused: &str| if body.is_empty() { format!("    {unused}\n") } else { body };
         let lines = fields().enumerate().map(|(k, name)| format!("    params->{name} = values[{k}];\n"));
         let body = nothing(lines.collect(), "(void)values;\n    params->unused = 0.0;");
         let doc = ["The parameters from their values in order.".to_owned()];
@@ -121,7 +134,11 @@ impl Writer<'_> {
             "    {params} params;\n    {from}({}, &params);\n    return params;\n",
             self.name("param_defaults")
         );
-        self.function(&["The parameters as published.".to_owned()], &format!("{params} {default}(void)"), &body);
+        self.function(
+            &["The parameters as published.".to_owned()],
+            &format!("{params} {default}(void)"),
+            &body,
+        );
         if let Some(initial) = &module.text.initial {
             let values: Vec<String> = initial.iter().map(|x| number(*x)).collect();
             let lines: String =
@@ -174,7 +191,8 @@ impl Writer<'_> {
         let doc = [
             "Checks the parameters and computes what depends on them alone.".to_owned(),
             String::new(),
-            "Returns 0, or the code of the first of these that does not hold, with nothing written:".to_owned(),
+            "Returns 0, or the code of the first of these that does not hold, with nothing written:"
+                .to_owned(),
             format!("every parameter is finite{}.", conditions.concat()),
         ];
         let (name, params, prepared) = (self.name("prepare"), self.name("params"), self.name("prepared"));

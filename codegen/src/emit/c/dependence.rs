@@ -49,7 +49,9 @@ fn of_input(operand: Operand, slots: &[Inputs]) -> Inputs {
     match operand {
         Operand::Param(_) | Operand::Time | Operand::State(_) => Inputs::from([operand]),
         Operand::Slot(k) => slots[k as usize].clone(),
-        Operand::Value(_) | Operand::Constant(_) | Operand::Argument(_) | Operand::Contracted(_) => Inputs::new(),
+        Operand::Value(_) | Operand::Constant(_) | Operand::Argument(_) | Operand::Contracted(_) => {
+            Inputs::new()
+        }
     }
 }
 

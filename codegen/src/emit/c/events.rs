@@ -4,8 +4,8 @@
 
 use std::fmt::Write as _;
 
-use super::Writer;
 use super::text::{elements, length};
+use super::writer::Writer;
 use crate::error::Error;
 
 impl Writer<'_> {
@@ -21,7 +21,10 @@ impl Writer<'_> {
         };
         self.constant("Number of events.", "N_EVENTS", events.len());
         let names: Vec<String> = events.iter().map(|event| event.name.clone()).collect();
-        let doc = format!("Names of the events; {} computes the functions whose zeros they are.", self.name(values));
+        let doc = format!(
+            "Names of the events; {} computes the functions whose zeros they are.",
+            self.name(values)
+        );
         self.array_of_names(&doc, "event_names", &names);
         let directions: Vec<String> = events
             .iter()

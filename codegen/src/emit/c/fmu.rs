@@ -9,7 +9,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use super::dependence::{self, Inputs};
-use super::{Writer, kernel, trace};
+use super::writer::Writer;
+use super::{kernel, trace};
 use crate::emit::module::OutputRoutine;
 use crate::error::Error;
 use crate::expr::rational_to_f64;
@@ -43,9 +44,10 @@ impl Writer<'_> {
     /// [`Error::Emission`] without an initial state.
     pub(super) fn fmu(&self) -> Result<Fmu, Error> {
         if self.module.text.initial.is_none() {
-            let reason = "an FMU has initial values of its states: give one of each component of the state, such as \
+            let reason =
+                "an FMU has initial values of its states: give one of each component of the state, such as \
                           `initial x = 1;`, in the model"
-                .to_owned();
+                    .to_owned();
             return Err(Error::Emission { model: self.module.text.model.clone(), reason });
         }
         let body = self.fmu_functions()?;
@@ -68,7 +70,11 @@ impl Writer<'_> {
                  </BuildConfiguration>\n</fmiBuildDescription>\n",
             prefix = self.prefix
         );
-        Ok(Fmu { description: description.replace("\"TOKEN\"", &format!("\"{token}\"")), build_description, source })
+        Ok(Fmu {
+            description: description.replace("\"TOKEN\"", &format!("\"{token}\"")),
+            build_description,
+            source,
+        })
     }
 
     /// Outputs that are variables: neither matrices nor parts of events.
@@ -78,7 +84,9 @@ impl Writer<'_> {
             events.iter().filter_map(|e| e.sets.as_ref()).map(|(output, _)| output.as_str()).collect();
         let functions = self.module.event_functions();
         self.module.outputs.iter().filter(move |o| {
-            o.matrix.is_none() && Some(o.name.as_str()) != functions && !of_events.contains(o.text.name.as_str())
+            o.matrix.is_none()
+                && Some(o.name.as_str()) != functions
+                && !of_events.contains(o.text.name.as_str())
         })
     }
 
@@ -124,7 +132,11 @@ impl Writer<'_> {
             }
         };
         let unread = |body: &str| {
-            if body.is_empty() { "    (void)p, (void)t, (void)y, (void)out;\n".to_owned() } else { body.to_owned() }
+            if body.is_empty() {
+                "    (void)p, (void)t, (void)y, (void)out;\n".to_owned()
+            } else {
+                body.to_owned()
+            }
         };
         let wanted = [
             ("rates", vec![(Role::Rate, n)]),
@@ -211,7 +223,9 @@ impl Writer<'_> {
         let first_output = reference;
         if let Some(energy) = &module.energy {
             add("energy", calculated("output", description("Energy")));
-            inputs.extend(dependence::of_results(program, energy.function).into_iter().map(|of| (reference, of)));
+            inputs.extend(
+                dependence::of_results(program, energy.function).into_iter().map(|of| (reference, of)),
+            );
             reference += 1;
         }
         for output in self.shown_outputs() {
@@ -256,7 +270,9 @@ impl Writer<'_> {
         let rates = 1 + n..1 + 2 * n;
         let outputs = first_output..first_event;
         let own = |at: usize| {
-            format!("    <Output valueReference=\"{at}\" dependencies=\"{at}\" dependenciesKind=\"constant\"/>\n")
+            format!(
+                "    <Output valueReference=\"{at}\" dependencies=\"{at}\" dependenciesKind=\"constant\"/>\n"
+            )
         };
         let mut model_structure: String = states.map(own).collect();
         model_structure.extend(outputs.clone().map(|at| structure("Output", at, false)));

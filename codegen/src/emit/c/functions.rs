@@ -4,8 +4,8 @@
 
 use std::fmt::Write as _;
 
-use super::{Takes, Writer};
 use super::text::{elements, length, statements};
+use super::writer::{Takes, Writer};
 use crate::emit::module::{IMPLICIT_JACOBIAN, OutputRoutine, Routine};
 use crate::emit::text::MatrixText;
 use crate::error::Error;
@@ -84,8 +84,9 @@ impl Writer<'_> {
             );
             let doc = self.doc(&title, &flow.routine, &[]);
             let (name, prepared) = (self.name(&flow.name), self.name("prepared"));
-            let signature =
-                format!("void {name}(const {prepared} *p, double value, const double y[{n}], double out[{n}])");
+            let signature = format!(
+                "void {name}(const {prepared} *p, double value, const double y[{n}], double out[{n}])"
+            );
             self.function(&doc, &signature, &body);
             self.call(&title, &flow.name, Takes::Flow, Some(module.state.len()));
         }
@@ -110,8 +111,11 @@ impl Writer<'_> {
 
     fn output(&mut self, output: &OutputRoutine<'_>) {
         let OutputRoutine { text, name, routine, .. } = output;
-        let meaning =
-            if text.doc.trim().is_empty() { format!("Output {}.", text.name) } else { text.doc.trim().to_owned() };
+        let meaning = if text.doc.trim().is_empty() {
+            format!("Output {}.", text.name)
+        } else {
+            text.doc.trim().to_owned()
+        };
         if output.is_scalar() {
             return self.scalar(name, &meaning, routine);
         }
@@ -179,7 +183,11 @@ impl Writer<'_> {
         }
         let n = places.len();
         let upper = name.to_ascii_uppercase();
-        self.constant(&format!("Number of entries of {name} that do not vanish."), &format!("{upper}_NONZEROS"), n);
+        self.constant(
+            &format!("Number of entries of {name} that do not vanish."),
+            &format!("{upper}_NONZEROS"),
+            n,
+        );
         let columns_of = |of: fn(&(usize, usize)) -> usize| -> Vec<String> {
             places.iter().map(|place| of(place).to_string()).collect()
         };
@@ -207,7 +215,8 @@ impl Writer<'_> {
             );
         }
         let size = length(n_rows * n_columns);
-        let mut body = format!("    double entries[{}];\n    {entries}(p, t, {point}, entries);\n", length(n));
+        let mut body =
+            format!("    double entries[{}];\n    {entries}(p, t, {point}, entries);\n", length(n));
         let _ = write!(body, "    for (int k = 0; k < {size}; k++) {{\n        out[k] = 0.0;\n    }}\n");
         if n > 0 {
             let _ = write!(
@@ -260,7 +269,11 @@ impl Writer<'_> {
         let arguments = self.variables();
         for (name, routine, title) in [
             (&implicit.rhs, &implicit.right, "Right-hand side f(t, z) of the implicit form M z' = f(t, z)."),
-            (&implicit.entries, &implicit.jacobian, "Entries df_i/dz_j that do not vanish identically, row by row."),
+            (
+                &implicit.entries,
+                &implicit.jacobian,
+                "Entries df_i/dz_j that do not vanish identically, row by row.",
+            ),
         ] {
             let body = self.body(routine, Arguments::Variables) + &self.results(routine, "out");
             let doc = self.doc(title, routine, &[]);
@@ -297,7 +310,8 @@ impl Writer<'_> {
     /// The statements before the results.
     pub(super) fn body(&self, routine: &Routine<'_>, arguments: Arguments) -> String {
         let mut body = String::new();
-        let reads_fields = routine.code.reads.iter().any(|o| matches!(o, Operand::Param(_) | Operand::Slot(_)));
+        let reads_fields =
+            routine.code.reads.iter().any(|o| matches!(o, Operand::Param(_) | Operand::Slot(_)));
         let reads_state = routine.code.reads_state() || routine.contracts_state();
         let reads_vector = routine.code.reads_argument() || routine.contracts_argument();
         let unread = match arguments {

@@ -4,8 +4,8 @@
 
 use std::fmt::Write as _;
 
-use super::Writer;
 use super::functions::Arguments;
+use super::writer::Writer;
 
 impl Writer<'_> {
     /// What is divided by, and the function that finds the first of it that cannot be divided by.
@@ -16,7 +16,11 @@ impl Writer<'_> {
         self.constant("Number of pivots.", "N_PIVOTS", n);
         let Some(routine) = module.pivots.as_ref().filter(|_| n > 0) else {
             let doc = ["Returns 0: nothing is divided by that may vanish.".to_owned()];
-            return self.function(&doc, &signature, "    (void)p;\n    (void)t;\n    (void)y;\n    return 0;\n");
+            return self.function(
+                &doc,
+                &signature,
+                "    (void)p;\n    (void)t;\n    (void)y;\n    return 0;\n",
+            );
         };
         let names: Vec<String> = routine.function.results[..n].iter().map(|(name, _)| name.clone()).collect();
         self.array_of_names("What the right-hand side divides by that may vanish.", "pivot_names", &names);
@@ -29,7 +33,11 @@ impl Writer<'_> {
         }
         let pivots = self.name("pivots");
         let doc = ["The pivots, each with the scale of its rounding errors.".to_owned()];
-        self.function(&doc, &format!("void {pivots}({arguments}, double out[{n}], double scales[{n}])"), &body);
+        self.function(
+            &doc,
+            &format!("void {pivots}({arguments}, double out[{n}], double scales[{n}])"),
+            &body,
+        );
         let first = self.messages.len();
         for name in &names {
             self.code(format!("pivot {name} vanishes: the equations are singular there"));
@@ -52,7 +60,11 @@ impl Writer<'_> {
         let signature = format!("int {}({})", self.name("domain"), self.arguments());
         let Some(routine) = &module.domain else {
             let doc = ["Returns 0: the coordinates have no domain.".to_owned()];
-            return self.function(&doc, &signature, "    (void)p;\n    (void)t;\n    (void)y;\n    return 0;\n");
+            return self.function(
+                &doc,
+                &signature,
+                "    (void)p;\n    (void)t;\n    (void)y;\n    return 0;\n",
+            );
         };
         let mut body = self.body(routine, Arguments::Point);
         for ((condition, _), value) in routine.function.results.iter().zip(&routine.code.results) {
@@ -60,8 +72,9 @@ impl Writer<'_> {
             let _ = write!(body, "    if (!({} > 0.0)) {{\n        return {code};\n    }}\n", value.text);
         }
         body.push_str("    return 0;\n");
-        let doc = ["Returns 0, or the code of the first condition of the coordinates' domain that does not hold."
-            .to_owned()];
+        let doc =
+            ["Returns 0, or the code of the first condition of the coordinates' domain that does not hold."
+                .to_owned()];
         self.function(&doc, &signature, &body);
     }
 }

@@ -4,10 +4,10 @@
 
 use std::fmt::Write as _;
 
-use super::Writer;
 use super::kernel::ADD_PRODUCTS;
 use super::notation::number;
 use super::text::{elements, length};
+use super::writer::Writer;
 use crate::emit::module::{Loops, Routine};
 use crate::program::Factors;
 
@@ -53,7 +53,8 @@ impl Writer<'_> {
             for products in &contraction.terms {
                 let table = &self.module.tables[products.table as usize];
                 let [left, right] = [products.left, products.right].map(|factors| values_of(loops, factors));
-                let n = self.module.program.tables[products.table as usize].ends.len().min(contraction.n_results);
+                let n =
+                    self.module.program.tables[products.table as usize].ends.len().min(contraction.n_results);
                 let _ = writeln!(
                     text,
                     "    {ADD_PRODUCTS}({table}, {table}_ends, {n}, {table}_numbers, {left}, {right}, {sums});"

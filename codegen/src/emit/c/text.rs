@@ -16,7 +16,8 @@ pub(super) fn comment(lines: &[String]) -> String {
     match lines.as_slice() {
         [line] => format!("/** {line} */\n"),
         lines => {
-            let lines: String = lines.iter().map(|line| format!(" * {line}").trim_end().to_owned() + "\n").collect();
+            let lines: String =
+                lines.iter().map(|line| format!(" * {line}").trim_end().to_owned() + "\n").collect();
             format!("/**\n{lines} */\n")
         }
     }
