@@ -1,9 +1,9 @@
 //! A [`Program`] as the text of a documented module.
 //!
 //! [`text`] is what the documentation says; `module` names everything and writes down the code of every function with
-//! `body` and `expression`, `series` that of Taylor coefficients; `dialect` is what they ask of a target language. `rust`
-//! and `c` are the back ends, each the only module that knows its language. Deliberately does not know: mechanics,
-//! expressions. Everything the documentation says comes in as text.
+//! `body` and `expression`, `series` that of Taylor coefficients; `dialect` is what they ask of a target language.
+//! `rust` and `c` are the back ends, each the only module that knows its language. Deliberately does not know:
+//! mechanics, expressions. Everything the documentation says comes in as text.
 
 mod body;
 mod c;

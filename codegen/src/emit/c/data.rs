@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use super::notation::number;
+use super::literal::number;
 use super::text::{elements, length, plain, statements, string, strings};
 use super::writer::Writer;
 use crate::emit::expression::Binding;

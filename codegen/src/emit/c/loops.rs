@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 
 use super::kernel::ADD_PRODUCTS;
-use super::notation::number;
+use super::literal::number;
 use super::text::{elements, length};
 use super::writer::Writer;
 use crate::emit::module::{Loops, Routine};

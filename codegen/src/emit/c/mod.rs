@@ -1,11 +1,11 @@
 //! The C back end: a header and a source of C99 for one scene, and what others want besides.
 //!
-//! `notation` spells expressions, `text` has small pieces, `kernel` what expressions call, `writer` what all items
-//! share. `data` writes structures, names and numbers, `functions` what is computed at a point, `loops` sums over
-//! tables, `guards` what says where the equations end, `events` what events do; `cpp` the header for C++, `casadi` the
-//! source for CasADi, `fmu` what an FMU has besides, with `trace` (derivatives along a direction) and `dependence`
-//! (which inputs a result has). Deliberately does not know: which functions there are and why, the order of their
-//! statements.
+//! `notation` spells expressions, `literal` numbers, `text` has small pieces, `kernel` what expressions call, `writer`
+//! what all items share. `data` writes structures, names and numbers, `functions` what is computed at a point, `loops`
+//! sums over tables, `guards` what says where the equations end, `events` what events do; `cpp` the header for C++,
+//! `casadi` the source for CasADi, `fmu` what an FMU has besides, with `trace` (derivatives along a direction) and
+//! `dependence` (which inputs a result has). Deliberately does not know: which functions there are and why, the order
+//! of their statements.
 
 mod casadi;
 mod cpp;
@@ -16,6 +16,7 @@ mod fmu;
 mod functions;
 mod guards;
 mod kernel;
+mod literal;
 mod loops;
 mod notation;
 mod text;

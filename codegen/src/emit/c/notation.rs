@@ -5,6 +5,7 @@
 use super::super::dialect::Dialect;
 use super::super::expression::{Binding, Notation, Text};
 use super::kernel;
+use super::literal::number;
 use crate::expr::Func;
 use crate::program::{Literal, Signs};
 
@@ -19,12 +20,6 @@ impl C {
         let texts: Vec<&str> = arguments.iter().map(|a| a.text.as_str()).collect();
         Text { text: format!("{name}({})", texts.join(", ")), binding: Binding::Atom, depth }
     }
-}
-
-/// A number as C reads it back, bit for bit.
-pub(super) fn number(x: f64) -> String {
-    // A minus sign is an operator in C.
-    if x.is_sign_negative() { format!("({x:?})") } else { format!("{x:?}") }
 }
 
 impl Notation for C {

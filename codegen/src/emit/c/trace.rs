@@ -10,7 +10,7 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssi
 use hamel_runtime::{Dual, Real};
 
 use super::kernel;
-use super::notation::number;
+use super::literal::number;
 use crate::error::Error;
 use crate::program::{Point, Program, Role};
 
