@@ -68,11 +68,10 @@ impl Writer<'_> {
         );
         let mut functions = function(&format!("{prefix}_ode"), &inputs, &outputs, &body);
         let matrix = |name: &str| {
-            let found = module.outputs.iter().find_map(|o| {
+            module.outputs.iter().find_map(|o| {
                 let (matrix, _) = o.matrix.as_ref().filter(|(matrix, _)| matrix.name == name)?;
                 Some((format!("{prefix}_{}", o.name), Columns::of(matrix.shape, &matrix.pattern)))
-            });
-            found
+            })
         };
         let by_time = module.output("time_derivative").map(|name| format!("{prefix}_{name}"));
         if let (Some((by_state, of_state)), Some((by_params, of_params)), Some(by_time)) =
