@@ -70,7 +70,7 @@ fn case(built: BuiltScene, prefix: String) -> Case {
         input.push(t);
         input.extend(&state);
         input.extend(&vector);
-        let mut run = |k: usize, function: &Function| {
+        let run = |k: usize, function: &Function| {
             let argument = &vector[..function.argument.len()];
             let mut out = vec![0.0; function.results.len()];
             program.run_at(k, &params, &prepared, Point { t, state: &state, argument }, &mut out);
