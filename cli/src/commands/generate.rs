@@ -1,23 +1,26 @@
-//! `generate`: Rust modules of models, to be checked in.
+//! `generate`: models as Rust modules or as C, to be checked in.
 //!
 //! Does not know: how a scene becomes text.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use hamel_codegen::Config;
+use hamel_codegen::config::{Language, write_atomically};
+use hamel_codegen::scene::{self, Scenes, Writing};
 
 use crate::error::Error;
 use crate::model::{Model, show_warnings};
+use crate::output::fmu::archive;
 use crate::session::Session;
 
-/// Write the scenes of models as Rust modules, or check that they are up to date
+/// Write the scenes of models as Rust modules or as C, or check that they are up to date
 ///
 /// Every scene goes into a file of its own, called like the model, with the name of the scene unless that is the
 /// default. All scenes are parsed, derived and emitted first; when any model has a problem, nothing is written. Files
-/// are written only when they change. The modules need the crate hamel-runtime. A build script does the same without
-/// files to check in.
+/// are written only when they change. Rust modules need the crate hamel-runtime; C is C99, a header and a source, and
+/// needs sqrt and fma of math.h. A build script does the same without files to check in.
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,
@@ -26,6 +29,8 @@ Examples:
   hamel generate my_model.hamel --out-dir src/generated
   hamel generate arm.hamel leg.hamel --out-dir src/generated --mod-file mod.rs
   hamel generate heavy_top --scene default --out-dir src
+  hamel generate heavy_top --language c --out-dir src               heavy_top.h and heavy_top.c
+  hamel generate heavy_top --language fmu -o heavy_top.fmu          an FMU of FMI 3.0
   hamel generate my_model.hamel --out-dir src/generated --check     fail when something would be written"
 )]
 pub struct Arguments {
@@ -33,12 +38,18 @@ pub struct Arguments {
     #[arg(required = true, value_name = "MODEL")]
     pub models: Vec<String>,
     /// Folder to write to
-    #[arg(long, value_name = "FOLDER")]
-    pub out_dir: PathBuf,
+    #[arg(long, value_name = "FOLDER", required_unless_present = "output")]
+    pub out_dir: Option<PathBuf>,
+    /// The FMU of one scene, the default one unless --scene names another, in the place of a folder
+    #[arg(short, long, value_name = "FILE", conflicts_with_all = ["out_dir", "mod_file", "check"])]
+    pub output: Option<PathBuf>,
+    /// Language of the files
+    #[arg(long, value_enum, value_name = "LANGUAGE", default_value_t = Target::Rust)]
+    pub language: Target,
     /// Scene to generate, of every model; may be repeated [default: all of each model]
     #[arg(long, value_name = "NAME")]
     pub scene: Vec<String>,
-    /// Write one more file, with a module for each scene
+    /// Write one more file, with a module for each scene (Rust)
     #[arg(long, value_name = "FILE")]
     pub mod_file: Option<String>,
     /// Write nothing; fail and name the files that are not up to date
@@ -46,12 +57,54 @@ pub struct Arguments {
     pub check: bool,
 }
 
+/// What a scene is written as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// A module for the crate hamel-runtime
+    Rust,
+    /// A header and a source of C99
+    C,
+    /// The same with a header for C++17
+    Cpp,
+    /// The same as C with the right-hand side and its Jacobian for `casadi.external`
+    Casadi,
+    /// An FMU of FMI 3.0 for model exchange and co-simulation, by the C compiler of this machine
+    Fmu,
+}
+
+impl Target {
+    /// The language of files that are texts.
+    fn language(self) -> Language {
+        match self {
+            Target::Rust => Language::Rust,
+            // An archive around C.
+            Target::C | Target::Fmu => Language::C,
+            Target::Cpp => Language::Cpp,
+            Target::Casadi => Language::Casadi,
+        }
+    }
+
+    /// As the command line has it.
+    fn word(self) -> &'static str {
+        match self {
+            Target::Rust => "rust",
+            Target::C => "c",
+            Target::Cpp => "cpp",
+            Target::Casadi => "casadi",
+            Target::Fmu => "fmu",
+        }
+    }
+}
+
 impl Arguments {
     /// The command that writes the files.
     fn command(&self) -> String {
         let mut words = vec!["hamel generate".to_owned()];
         words.extend(self.models.iter().cloned());
-        words.push(format!("--out-dir {}", self.out_dir.display()));
+        words.extend(self.out_dir.iter().map(|folder| format!("--out-dir {}", folder.display())));
+        if self.language != Target::Rust {
+            words.push(format!("--language {}", self.language.word()));
+        }
         words.extend(self.scene.iter().map(|scene| format!("--scene {scene}")));
         words.extend(self.mod_file.iter().map(|file| format!("--mod-file {file}")));
         words.join(" ")
@@ -84,8 +137,21 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             format!("are of scenes, and {} is a fluid of matrices: generate it by itself", fluid.name);
         return Err(Error::unusable("--scene and --mod-file", reason));
     }
+    if arguments.language != Target::Rust {
+        if let Some(fluid) = fluids.first() {
+            let reason = "is a fluid of matrices, which hamel-runtime moves: generate it as Rust";
+            return Err(Error::unusable(&fluid.name, reason));
+        }
+        if arguments.mod_file.is_some() {
+            let reason = "is a file of Rust: leave it out, C has a header for each scene";
+            return Err(Error::unusable("--mod-file", reason));
+        }
+    }
+    let Some(out_dir) = arguments.out_dir.as_ref().filter(|_| arguments.language != Target::Fmu) else {
+        return fmus(&models, arguments);
+    };
     let mut config = Config::new();
-    config.out_dir(&arguments.out_dir);
+    config.out_dir(out_dir).language(arguments.language.language());
     for model in models.iter().filter(|_| !arguments.scene.is_empty()) {
         config.scenes(&model.name, arguments.scene.iter());
     }
@@ -98,7 +164,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let n_scenes = bundle.entries.len() + fluids.len();
     if arguments.check {
         let wrong = |path: &Path| if path.is_file() { "is out of date" } else { "is missing" };
-        let changed = bundle.changed(&arguments.out_dir).into_iter();
+        let changed = bundle.changed(out_dir).into_iter();
         let files: Vec<(PathBuf, &'static str)> =
             changed.map(|(path, _)| (path.clone(), wrong(&path))).collect();
         if !files.is_empty() {
@@ -106,7 +172,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         }
         return Ok(format!("{n_scenes} scenes: generated files are up to date"));
     }
-    let written = bundle.write(&arguments.out_dir)?;
+    let written = bundle.write(out_dir)?;
     let mut text = format!("{n_scenes} scenes: ");
     match written.len() {
         0 => text.push_str("nothing changed"),
@@ -116,4 +182,49 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     }
     written.iter().for_each(|path| text.push_str(&format!("\n  {}", path.display())));
     Ok(text)
+}
+
+/// Writes FMUs: one to the file that was named, or one for each scene to the folder.
+fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
+    if arguments.language != Target::Fmu {
+        let reason = "is the file of an FMU: add --language fmu, or give --out-dir in its place";
+        return Err(Error::unusable("--output", reason));
+    }
+    if arguments.check {
+        let reason = "compares texts, and an FMU is compiled: leave it out";
+        return Err(Error::unusable("--check", reason));
+    }
+    if arguments.output.is_some() && (models.len() != 1 || arguments.scene.len() > 1) {
+        let reason = "is one FMU, of one scene: give one model and one --scene, or --out-dir";
+        return Err(Error::unusable("--output", reason));
+    }
+    let mut written = Vec::new();
+    for model in models {
+        let mut scenes = Scenes::new(model);
+        let names = match (&arguments.output, arguments.scene.is_empty()) {
+            (_, false) => arguments.scene.clone(),
+            (Some(_), true) => vec![scene::DEFAULT.to_owned()],
+            (None, true) => scenes.names(),
+        };
+        for built in
+            scenes.build_all(&names).map_err(|problems| Error::Models { problems: vec![problems] })?
+        {
+            let initial = scene::initial_state(model, &built);
+            let (c, fmu) = built.emit_fmu(&Writing::default(), initial).map_err(|e| {
+                Error::unusable(format!("scene {} of {}", built.name, model.name), e.to_string())
+            })?;
+            let bytes = archive(&c, &fmu)?;
+            let path = match (&arguments.output, &arguments.out_dir) {
+                (Some(file), _) => file.clone(),
+                (None, Some(folder)) => folder.join(format!("{}.fmu", c.prefix)),
+                (None, None) => PathBuf::from(format!("{}.fmu", c.prefix)),
+            };
+            if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+                std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
+            }
+            write_atomically(&path, &bytes).map_err(|e| Error::io(path.display().to_string(), e))?;
+            written.push(format!("\n  {}", path.display()));
+        }
+    }
+    Ok(format!("{} FMUs written{}", written.len(), written.concat()))
 }

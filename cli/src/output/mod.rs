@@ -6,6 +6,7 @@ pub(crate) mod crossings;
 pub mod fields;
 pub mod files;
 pub mod fitted;
+pub mod fmu;
 pub(crate) mod formulations;
 pub mod plot;
 pub mod report;

@@ -23,9 +23,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::emit::{self, SceneEntry};
+use crate::error::Error;
 use crate::expr::Budget;
 use crate::parallel::side_by_side;
-use crate::scene::{self, Scenes, Writing};
+use crate::scene::{self, BuiltScene, Scenes, Writing};
 use crate::spec::{self, Diagnostics, Model};
 
 use bundle::{emission, unique};
@@ -33,6 +34,8 @@ use cache::Cache;
 
 pub use bundle::{Bundle, write_atomically};
 pub use problems::{Problem, Problems};
+
+pub use crate::scene::Language;
 
 /// Generates the scenes of one model file into `OUT_DIR`, for a build script, and tells cargo to show warnings and to
 /// run the script again when the file changes.
@@ -107,6 +110,22 @@ impl Config {
         scenes: impl IntoIterator<Item = S>,
     ) -> &mut Config {
         self.scenes.insert(model.into(), scenes.into_iter().map(S::into).collect());
+        self
+    }
+
+    /// The language of the files: Rust unless given. Files in C are called like modules, `heavy_top.h` and
+    /// `heavy_top.c`; a build script compiles them with the crate `cc`.
+    ///
+    /// ```
+    /// use hamel_codegen::{Config, config::Language};
+    ///
+    /// let text = "model spring { coordinate x in real; lagrangian = 1/2*x_dot^2 - 2*x^2; }";
+    /// let model = hamel_codegen::spec::parse("spring.hamel", text).unwrap();
+    /// let bundle = Config::new().language(Language::C).generate(&[model]).unwrap();
+    /// assert!(bundle.files["spring.h"].contains("void spring_rhs(const spring_prepared *p, double t,"));
+    /// ```
+    pub fn language(&mut self, language: Language) -> &mut Config {
+        self.writing.language = language;
         self
     }
 
@@ -278,8 +297,8 @@ impl Config {
         });
         let mut bundle = Bundle::default();
         for (files, warnings) in collect(made)? {
-            for (entry, text) in files {
-                bundle.files.insert(format!("{}.rs", entry.module), text);
+            for (entry, texts) in files {
+                bundle.files.extend(texts);
                 bundle.entries.push(entry);
             }
             bundle.warnings.extend(Some(warnings).filter(|warnings| !warnings.is_empty()));
@@ -287,7 +306,8 @@ impl Config {
         unique(&bundle.entries)?;
         bundle.entries.sort_by(|a, b| a.module.cmp(&b.module));
         if let Some(name) = &self.include_file {
-            if bundle.files.contains_key(name) || Path::new(name).components().count() != 1 {
+            let is_rust = self.writing.language == Language::Rust;
+            if !is_rust || bundle.files.contains_key(name) || Path::new(name).components().count() != 1 {
                 return Err(Problem::IncludeFile { name: name.clone() }.into());
             }
             let command = self.writing.command.as_deref().unwrap_or("do not edit, change the models");
@@ -305,8 +325,10 @@ impl Config {
             model
         });
         let model = within.as_ref().unwrap_or(model);
+        // What is kept is one file a scene.
+        let cache = cache.filter(|_| self.writing.language == Language::Rust);
         let kept = cache.and_then(|cache| cache.of(model, &self.writing, &self.budget.unwrap_or_default()));
-        let mut scenes = Scenes::new(model);
+        let mut scenes = Scenes::new(model).with_derivatives(self.writing.language.derivatives());
         let names = match (self.scenes.get(&model.name), &kept) {
             (Some(chosen), _) => chosen.clone(),
             (None, None) => scenes.names(),
@@ -315,26 +337,50 @@ impl Config {
                 scene::names_of(model, || kept.has_ignorable_coordinates(find))
             }
         };
-        let known = |name: &String| kept.as_ref().and_then(|kept| kept.scene(name));
-        let mut files: Vec<Option<(SceneEntry, String)>> = names.iter().map(known).collect();
+        let known = |name: &String| {
+            let (entry, text) = kept.as_ref().and_then(|kept| kept.scene(name))?;
+            let file = format!("{}.rs", entry.module);
+            Some((entry, vec![(file, text)]))
+        };
+        let mut files: Vec<Option<Files>> = names.iter().map(known).collect();
         let missing = names.iter().zip(&files).filter(|(_, file)| file.is_none());
         let missing: Vec<String> = missing.map(|(name, _)| name.clone()).collect();
         let built = scenes.build_all(&missing).map_err(Problem::Model)?;
         let emitted = side_by_side(&built, |scene| {
-            let text = scene.emit_as(&self.writing).map_err(|source| emission(&model.name, source))?;
+            let texts = self
+                .texts_of(model, scene)
+                .map_err(|source| Problems::from(emission(&model.name, source)))?;
             let entry = scene.entry();
-            if let Some(kept) = &kept
+            if let (Some(kept), [(_, text)]) = (&kept, texts.as_slice())
                 && scene::warnings(model, std::slice::from_ref(scene)).is_empty()
             {
-                kept.keep(&entry, &text);
+                kept.keep(&entry, text);
             }
-            Ok((entry, text))
+            Ok((entry, texts))
         });
         let mut emitted = collect(emitted)?.into_iter();
         for file in files.iter_mut().filter(|file| file.is_none()) {
             *file = emitted.next();
         }
         Ok((files.into_iter().flatten().collect(), scene::warnings(model, &built)))
+    }
+
+    /// The files of a scene by name.
+    fn texts_of(&self, model: &Model, scene: &BuiltScene) -> Result<Vec<(String, String)>, Error> {
+        Ok(match self.writing.language {
+            Language::Rust => vec![(format!("{}.rs", scene.module_name()), scene.emit_as(&self.writing)?)],
+            Language::C | Language::Cpp | Language::Casadi => {
+                let c = scene.emit_c(&self.writing, scene::initial_state(model, scene))?;
+                let file = |ending: &str| format!("{}{ending}", c.prefix);
+                let mut files = vec![(file(".h"), c.header), (file(".c"), c.source)];
+                match self.writing.language {
+                    Language::Cpp => files.push((file(".hpp"), c.cpp)),
+                    Language::Casadi => files.push((file("_casadi.c"), c.casadi)),
+                    Language::Rust | Language::C => {}
+                }
+                files
+            }
+        })
     }
 }
 
@@ -359,8 +405,11 @@ fn advice(elapsed: Duration) -> [String; 3] {
     ]
 }
 
-/// The modules of one model, and what is questionable about it.
-type Generated = (Vec<(SceneEntry, String)>, Diagnostics);
+/// A scene and its files by name.
+type Files = (SceneEntry, Vec<(String, String)>);
+
+/// The files of one model, and what is questionable about it.
+type Generated = (Vec<Files>, Diagnostics);
 
 /// All values, or the problems of all that failed.
 fn collect<T>(results: impl IntoIterator<Item = Result<T, Problems>>) -> Result<Vec<T>, Problems> {

@@ -82,7 +82,7 @@ impl fmt::Display for Problem {
                 write!(f, "{a} and {b} would both be generated as {module}.rs: rename one of them")
             }
             Problem::IncludeFile { name } => {
-                write!(f, "{name} cannot be the file to include: use a plain name that no module has")
+                write!(f, "{name} cannot be the file to include: use a plain name that no module has, and Rust")
             }
             Problem::Emission { model, source } => write!(f, "{model} could not be emitted: {source}"),
             Problem::NoOutDir => f.write_str(

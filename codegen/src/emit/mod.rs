@@ -1,11 +1,12 @@
 //! A [`Program`] as the text of a documented module.
 //!
 //! [`text`] is what the documentation says; `module` names everything and writes down the code of every function with
-//! `body` and `expression`, `series` that of Taylor coefficients; `dialect` is what they ask of a target language, and
-//! `rust` the only back end: the only module that knows Rust. Deliberately does not know: mechanics, expressions.
-//! Everything the documentation says comes in as text.
+//! `body` and `expression`, `series` that of Taylor coefficients; `dialect` is what they ask of a target language.
+//! `rust` and `c` are the back ends, each the only module that knows its language. Deliberately does not know:
+//! mechanics, expressions. Everything the documentation says comes in as text.
 
 mod body;
+mod c;
 mod dialect;
 mod expression;
 mod module;
@@ -17,6 +18,7 @@ pub mod text;
 use crate::error::Error;
 use crate::program::{Jet, Program};
 
+pub use c::{CModule, Fmu};
 pub use rust::{SceneEntry, emit_include, emit_index, method_text};
 pub use text::{
     EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
@@ -42,6 +44,24 @@ pub fn emit_scene(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Res
         }
         other => other,
     })
+}
+
+/// Emits a scene as C99: a header and a source.
+///
+/// The functions are those of [`emit_scene`] but for Taylor coefficients and for angles as points of circles.
+///
+/// # Errors
+/// [`Error::ShapeMismatch`] and [`Error::UnknownName`] as [`emit_scene`].
+pub fn emit_c(program: &Program, text: &SceneText) -> Result<CModule, Error> {
+    c::emit(program, text)
+}
+
+/// Emits a scene as C99, with what an FMU of FMI 3.0 has besides.
+///
+/// # Errors
+/// As [`emit_c`]; [`Error::Emission`] for a text without an initial state.
+pub fn emit_fmu(program: &Program, text: &SceneText) -> Result<(CModule, Fmu), Error> {
+    c::emit_fmu(program, text)
 }
 
 /// Emits the module of a fluid that is moved as products of matrices.

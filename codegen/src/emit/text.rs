@@ -42,6 +42,8 @@ pub struct SceneText {
     pub events: Vec<EventText>,
     /// Formula lines of functions, by role.
     pub formulas: BTreeMap<Role, Vec<String>>,
+    /// The initial state for the parameters' defaults, where the model has one.
+    pub initial: Option<Vec<f64>>,
     /// Whether the energy is proved to be constant along the motion.
     pub conserves_energy: bool,
     /// What parameters and components of the state form together, for a module that speaks in the types of

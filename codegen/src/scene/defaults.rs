@@ -35,6 +35,15 @@ pub fn warnings(model: &Model, scenes: &[BuiltScene]) -> Diagnostics {
     model.diagnostics(list)
 }
 
+/// The initial state that a model gives a scene, for its defaults of the parameters: momenta by their velocities where
+/// the model has these; none where a component has no value.
+pub fn initial_state(model: &Model, scene: &BuiltScene) -> Option<Vec<f64>> {
+    let defaults = Defaults::new(model, scene);
+    let values: Vec<f64> = scene.params().iter().map(|p| defaults.params[&p.symbol]).collect();
+    let state = defaults.initial_state(&scene.prepare(&values).ok()?)?;
+    state.iter().all(|x| x.is_finite()).then_some(state)
+}
+
 struct Defaults<'a> {
     model: &'a Model,
     scene: &'a BuiltScene,

@@ -42,15 +42,16 @@ use build::{Derivations, build_planned, lower_scene};
 use dependence::{ignorable, left_out, needs};
 use plan::{Drops, Outputs, Plan};
 
+pub use crate::emit::{CModule, Fmu};
 pub use built::BuiltScene;
-pub use defaults::warnings;
+pub use defaults::{initial_state, warnings};
 pub use derivatives::{Derivative, Matrix, Product};
 pub use events::SceneEvent;
 pub use formulations::{Candidate, Formulations, LeftOut, Progress};
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
-pub use text::Writing;
+pub use text::{Language, Writing};
 
 /// The scenes of a model; what several of them share is derived once.
 ///
@@ -68,12 +69,20 @@ pub use text::Writing;
 #[derive(Debug)]
 pub struct Scenes<'m> {
     derivations: Derivations<'m>,
+    /// What every scene has besides what it wants.
+    derivatives: Vec<Derivative>,
 }
 
 impl<'m> Scenes<'m> {
     /// None of them built.
     pub fn new(model: &'m Model) -> Scenes<'m> {
-        Scenes { derivations: Derivations::new(model) }
+        Scenes { derivations: Derivations::new(model), derivatives: Vec::new() }
+    }
+
+    /// The same with derivatives of the right-hand side in every scene, besides those that it wants.
+    pub fn with_derivatives(mut self, derivatives: &[Derivative]) -> Scenes<'m> {
+        self.derivatives = derivatives.to_vec();
+        self
     }
 
     /// Names of the scenes that are emitted, the default first; [`DERIVATIVES`] is one only if the model says so.
@@ -138,7 +147,11 @@ impl<'m> Scenes<'m> {
     /// What a scene asks for as it is written.
     fn written_plan(&mut self, scene: &str) -> Result<Plan, Diagnostics> {
         let model = self.derivations.model;
-        Plan::of(model, scene).ok_or_else(|| {
+        let plan = Plan::of(model, scene).map(|mut plan| {
+            plan.derivatives.extend(self.derivatives.iter().copied());
+            plan
+        });
+        plan.ok_or_else(|| {
             let help = format!("scenes: {}", self.names().join(", "));
             let message = format!("{} has no scene {scene}", model.name);
             model.diagnostics(vec![spec::diagnose(model, None, message, help)])

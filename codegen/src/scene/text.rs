@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 
 use crate::emit::{
-    self, EventText, FlowText, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText,
-    ProductText, SceneEntry, SceneText, StateText,
+    self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, MatrixText, OutputText,
+    ParamText, ProductText, SceneEntry, SceneText, StateText,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
@@ -15,7 +15,7 @@ use crate::spec::{EventDirection, Want};
 
 use super::built::BuiltScene;
 use super::built::legendre_role;
-use super::derivatives::{Matrix, Product};
+use super::derivatives::{Derivative, Matrix, Product};
 use super::events::SceneEvent;
 use super::groups::groups;
 use super::implicit::{self, Implicit};
@@ -32,6 +32,33 @@ pub struct Writing {
     pub runtime: Option<String>,
     /// Whether the module has vectors, matrices, attitudes and places in the types of `nalgebra`.
     pub nalgebra: bool,
+    /// The language.
+    pub language: Language,
+}
+
+/// The languages in which a scene is written down.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Language {
+    /// A module for the crate `hamel-runtime`: `<module>.rs`.
+    #[default]
+    Rust,
+    /// A header and a source of C99, which need nothing but a few functions of `math.h`: `<module>.h`, `<module>.c`.
+    C,
+    /// The same with a header for C++17, `<module>.hpp`.
+    Cpp,
+    /// The same as C with `<module>_casadi.c`, which has the right-hand side and its Jacobian as CasADi calls functions
+    /// of other sources; scenes have the derivatives that this takes, whether they want them or not.
+    Casadi,
+}
+
+impl Language {
+    /// Derivatives of the right-hand side that every scene has in that language.
+    pub fn derivatives(self) -> &'static [Derivative] {
+        match self {
+            Language::Rust | Language::C | Language::Cpp => &[],
+            Language::Casadi => &[Derivative::Jacobian, Derivative::TimeDerivative, Derivative::Sensitivity],
+        }
+    }
 }
 
 impl BuiltScene {
@@ -53,6 +80,34 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::NotAPath`] for the runtime; [`Error::OverBudget`]; [`Error::Emission`], a bug of the emitter.
     pub fn emit_as(&self, writing: &Writing) -> Result<String, Error> {
+        self.within_bytes()?;
+        let jet = if self.wants_taylor { Some(self.jet()?) } else { None };
+        emit::emit_scene(&self.program, jet.as_ref(), &self.text(writing))
+    }
+
+    /// The scene as C99; `initial` is the state that the function of that name gives, see
+    /// [`initial_state`](super::initial_state).
+    ///
+    /// # Errors
+    /// [`Error::OverBudget`].
+    pub fn emit_c(&self, writing: &Writing, initial: Option<Vec<f64>>) -> Result<CModule, Error> {
+        self.within_bytes()?;
+        let text = SceneText { initial, ..self.text(writing) };
+        emit::emit_c(&self.program, &text)
+    }
+
+    /// The scene as C99, with what an FMU of FMI 3.0 has besides, which begins at `initial`.
+    ///
+    /// # Errors
+    /// [`Error::OverBudget`]; [`Error::Emission`] without an initial state.
+    pub fn emit_fmu(&self, writing: &Writing, initial: Option<Vec<f64>>) -> Result<(CModule, Fmu), Error> {
+        self.within_bytes()?;
+        let text = SceneText { initial, ..self.text(writing) };
+        emit::emit_fmu(&self.program, &text)
+    }
+
+    /// Refuses to write down what would take more memory than the budget has.
+    fn within_bytes(&self) -> Result<(), Error> {
         let budget = self.equations.system.graph.budget();
         let functions = self.program.functions.iter().map(|f| f.instructions.len()).sum::<usize>();
         let n_instructions = (functions + self.program.prepare.instructions.len()) as u64;
@@ -61,8 +116,7 @@ impl BuiltScene {
                 Exhausted { stage: Stage::Emission, resource: Resource::Bytes, limit: budget.bytes };
             return Err(exhausted.into());
         }
-        let jet = if self.wants_taylor { Some(self.jet()?) } else { None };
-        emit::emit_scene(&self.program, jet.as_ref(), &self.text(writing))
+        Ok(())
     }
 
     /// The recurrence of the Taylor coefficients of solutions, whether or not the scene wants it in its module.
@@ -138,6 +192,7 @@ impl BuiltScene {
             flows: self.flows().iter().enumerate().map(flow_text).collect(),
             events: self.events().iter().map(event_text).collect(),
             formulas: BTreeMap::from(formulas),
+            initial: None,
             conserves_energy: self.equations.facts.energy_is_conserved,
             groups: writing.nalgebra.then(|| groups(self)),
         }

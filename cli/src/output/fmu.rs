@@ -1,0 +1,127 @@
+//! FMUs as files: sources compiled by the C compiler that is there, and the archive.
+//!
+//! Deliberately does not know: what the sources compute.
+
+use std::io::{Cursor, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use hamel_codegen::scene::{CModule, Fmu};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+use crate::error::Error;
+
+/// The archive of a scene: description, sources, and what the C compiler of this machine makes of them.
+///
+/// # Errors
+/// [`Error::Request`] without a C compiler, where it refuses the sources, and on a platform without a name here;
+/// [`Error::Io`].
+pub fn archive(c: &CModule, fmu: &Fmu) -> Result<Vec<u8>, Error> {
+    let sources = [
+        (format!("{}.h", c.prefix), &c.header),
+        (format!("{}.c", c.prefix), &c.source),
+        (format!("{}_fmu.c", c.prefix), &fmu.source),
+    ];
+    let (platform, extension) = platform()?;
+    let folder = Folder::new(&c.prefix)?;
+    for (name, text) in &sources {
+        let path = folder.0.join(name);
+        std::fs::write(&path, text).map_err(|e| Error::io(path.display().to_string(), e))?;
+    }
+    let library = format!("{}.{extension}", c.prefix);
+    let binary = compile(&folder.0, &c.prefix, &library)?;
+
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    let mut add = |name: String, bytes: &[u8], options: SimpleFileOptions| {
+        let written = zip.start_file(&name, options).map_err(std::io::Error::other);
+        written.and_then(|()| zip.write_all(bytes)).map_err(|e| Error::io(format!("{name} in the FMU"), e))
+    };
+    add("modelDescription.xml".to_owned(), fmu.description.as_bytes(), options)?;
+    add("sources/buildDescription.xml".to_owned(), fmu.build_description.as_bytes(), options)?;
+    for (name, text) in &sources {
+        add(format!("sources/{name}"), text.as_bytes(), options)?;
+    }
+    add(format!("binaries/{platform}/{library}"), &binary, options.unix_permissions(0o755))?;
+    let written = zip.finish().map_err(|e| Error::io("the FMU", std::io::Error::other(e)))?;
+    Ok(written.into_inner())
+}
+
+/// The name of this platform in an FMU, and the extension of shared libraries.
+fn platform() -> Result<(String, &'static str), Error> {
+    let architecture = match std::env::consts::ARCH {
+        known @ ("x86_64" | "aarch64") => known,
+        other => {
+            let reason = format!(
+                "is not made on {other}: use an x86_64 or aarch64 machine, or the files of --language c"
+            );
+            return Err(Error::unusable("an FMU", reason));
+        }
+    };
+    let (system, extension) = match std::env::consts::OS {
+        "linux" => ("linux", "so"),
+        "macos" => ("darwin", "dylib"),
+        other => {
+            let reason = format!("is not made on {other}: use Linux or macOS, or the files of --language c");
+            return Err(Error::unusable("an FMU", reason));
+        }
+    };
+    Ok((format!("{architecture}-{system}"), extension))
+}
+
+/// A folder that is gone when this value is.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Result<Folder, Error> {
+        let path = std::env::temp_dir().join(format!("hamel-fmu-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).map_err(|e| Error::io(path.display().to_string(), e))?;
+        Ok(Folder(path))
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// The C compilers to try: the one that `CC` names, else those of usual names.
+fn compilers() -> Vec<String> {
+    match std::env::var("CC") {
+        Ok(own) if !own.trim().is_empty() => vec![own],
+        _ => ["cc", "gcc", "clang"].map(str::to_owned).to_vec(),
+    }
+}
+
+/// Compiles the sources to a shared library and reads it.
+fn compile(folder: &Path, prefix: &str, library: &str) -> Result<Vec<u8>, Error> {
+    let tried = compilers();
+    let answers = |name: &&String| {
+        let ran = Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        ran.is_ok_and(|status| status.success())
+    };
+    let Some(compiler) = tried.iter().find(answers) else {
+        let reason = format!(
+            "is compiled, and there is no C compiler ({}): install gcc or clang, or let CC name one",
+            tried.join(", ")
+        );
+        return Err(Error::unusable("an FMU", reason));
+    };
+    let mut command = Command::new(compiler);
+    command
+        .current_dir(folder)
+        .args(["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden"])
+        .args([format!("{prefix}.c"), format!("{prefix}_fmu.c")])
+        .args(["-o", library, "-lm"])
+        .stdin(Stdio::null());
+    let output = command.output().map_err(|e| Error::io(format!("starting {compiler}"), e))?;
+    if !output.status.success() {
+        let said = String::from_utf8_lossy(&output.stderr);
+        let reason = format!("could not be compiled by {compiler}: {}", said.trim());
+        return Err(Error::unusable(format!("the C of {prefix}"), reason));
+    }
+    let path = folder.join(library);
+    std::fs::read(&path).map_err(|e| Error::io(path.display().to_string(), e))
+}

@@ -1,0 +1,184 @@
+//! What the C of every module calls: the runtime's sine and cosine, its fused product and its sums over tables.
+//!
+//! The operations of sine and cosine are recorded from the runtime's own source, so that the bits are the same.
+//! Deliberately does not know: modules, models, what calls them.
+
+use std::cell::RefCell;
+use std::fmt::Write as _;
+use std::ops::{Add, Mul, Neg, Sub};
+
+use hamel_runtime::math::kernel::{Angle, BOUND, reduced};
+
+use super::literal::number;
+
+/// The functions by name.
+pub(super) const MUL_ADD: &str = "hamel_fma";
+pub(super) const SIN: &str = "hamel_sin";
+pub(super) const COS: &str = "hamel_cos";
+pub(super) const SIN_COS: &str = "hamel_sin_cos";
+pub(super) const ADD_PRODUCTS: &str = "hamel_add_products";
+
+thread_local! {
+    static STATEMENTS: RefCell<Vec<String>> = const { RefCell::new(Vec::new()) };
+}
+
+/// A variable that writes down what is done with it.
+#[derive(Clone, Copy)]
+struct Recorded(usize);
+
+fn name(k: usize) -> String {
+    if k == 0 { "x".to_owned() } else { format!("k{k}") }
+}
+
+/// Records the value of the next variable.
+fn record(value: String) -> Recorded {
+    STATEMENTS.with_borrow_mut(|statements| {
+        statements.push(value);
+        Recorded(statements.len())
+    })
+}
+
+impl Recorded {
+    fn operation(self, sign: &str, other: Recorded) -> Recorded {
+        record(format!("{} {sign} {}", name(self.0), name(other.0)))
+    }
+}
+
+impl Add for Recorded {
+    type Output = Recorded;
+    fn add(self, other: Recorded) -> Recorded {
+        self.operation("+", other)
+    }
+}
+
+impl Sub for Recorded {
+    type Output = Recorded;
+    fn sub(self, other: Recorded) -> Recorded {
+        self.operation("-", other)
+    }
+}
+
+impl Mul for Recorded {
+    type Output = Recorded;
+    fn mul(self, other: Recorded) -> Recorded {
+        self.operation("*", other)
+    }
+}
+
+impl Neg for Recorded {
+    type Output = Recorded;
+    fn neg(self) -> Recorded {
+        record(format!("-{}", name(self.0)))
+    }
+}
+
+impl Angle for Recorded {
+    fn splat(x: f64) -> Recorded {
+        record(number(x))
+    }
+    fn mul_add(self, factor: Recorded, addend: Recorded) -> Recorded {
+        record(format!("{MUL_ADD}({}, {}, {})", name(self.0), name(factor.0), name(addend.0)))
+    }
+    fn quarter_turns(self, sine: Recorded, cosine: Recorded) -> (Recorded, Recorded) {
+        let [turns, sine, cosine] = [self, sine, cosine].map(|of| name(of.0));
+        let turned = |this: &str, other: &str, sign: usize| {
+            record(format!("({turns}_bits & 1 ? {other} : {this}) * signs[({turns}_bits & 3) + {sign}]"))
+        };
+        record(format!("bits of {turns}"));
+        (turned(&sine, &cosine, 0), turned(&cosine, &sine, 1))
+    }
+}
+
+/// The pair of sine and cosine.
+fn sin_cos() -> String {
+    STATEMENTS.with_borrow_mut(Vec::clear);
+    let (sine, cosine) = reduced(Recorded(0));
+    let mut body = String::new();
+    for (k, value) in (1..).zip(STATEMENTS.take()) {
+        match value.strip_prefix("bits of ") {
+            Some(of) => {
+                let _ = write!(
+                    body,
+                    "    uint64_t {of}_bits;\n    memcpy(&{of}_bits, &{of}, sizeof {of}_bits);\n"
+                );
+            }
+            None => {
+                let _ = writeln!(body, "    const double {} = {value};", name(k));
+            }
+        }
+    }
+    format!(
+        "/* Sine and cosine of an angle in radians, up to 0.8 units in the last place: the operations of \
+         hamel_runtime::math. */\n\
+         static void {SIN_COS}(double x, double *sine, double *cosine) {{\n    \
+             static const double signs[5] = {{1.0, 1.0, -1.0, -1.0, 1.0}};\n    \
+             if (fabs(x) > {bound}) {{\n        \
+                 *sine = sin(x);\n        *cosine = cos(x);\n        return;\n    }}\n\
+         {body}    *sine = {};\n    *cosine = {};\n}}\n",
+        name(sine.0),
+        name(cosine.0),
+        bound = number(BOUND),
+    )
+}
+
+const FUSED: &str = "\
+/* x * y + z: one instruction that rounds once where the target has it, else two that round twice, as Rust does. */
+static inline double hamel_fma(double x, double y, double z) {
+#if defined(__FMA__) || defined(__aarch64__)
+    return fma(x, y, z);
+#else
+    return x * y + z;
+#endif
+}
+";
+
+const SINE: &str = "\
+static inline double hamel_sin(double x) {
+    double sine, cosine;
+    hamel_sin_cos(x, &sine, &cosine);
+    return sine;
+}
+";
+
+const COSINE: &str = "\
+static inline double hamel_cos(double x) {
+    double sine, cosine;
+    hamel_sin_cos(x, &sine, &cosine);
+    return cosine;
+}
+";
+
+const PRODUCTS: &str = "\
+/* out_k += sum over the products of k of number * left_i * right_j, in four sums a result, as hamel_runtime::Products.
+   places: left factor, right factor and number of each product; ends: products up to and with those of a result. */
+static void hamel_add_products(const uint16_t (*places)[3], const uint32_t *ends, size_t n_results,
+                               const double *numbers, const double *left, const double *right, double *out) {
+    size_t at = 0;
+    for (size_t k = 0; k < n_results; k++) {
+        double sums[4] = {0.0, 0.0, 0.0, 0.0};
+        for (size_t n = 0; at < ends[k]; n++, at++) {
+            const uint16_t *place = places[at];
+            sums[n % 4] = hamel_fma(numbers[place[2]] * left[place[0]], right[place[1]], sums[n % 4]);
+        }
+        out[k] += (sums[0] + sums[1]) + (sums[2] + sums[3]);
+    }
+}
+";
+
+/// The functions that a text calls, with those that they call.
+pub(super) fn functions(text: &str) -> String {
+    let calls = |text: &str, name: &str| text.contains(&format!("{name}("));
+    let mut functions: Vec<String> = Vec::new();
+    let (sine, cosine, products) = (calls(text, SIN), calls(text, COS), calls(text, ADD_PRODUCTS));
+    let pair = sine || cosine || calls(text, SIN_COS);
+    if pair || products || calls(text, MUL_ADD) {
+        functions.push(FUSED.to_owned());
+    }
+    if pair {
+        functions.push(sin_cos());
+    }
+    functions.extend(sine.then(|| SINE.to_owned()));
+    functions.extend(cosine.then(|| COSINE.to_owned()));
+    functions.extend(products.then(|| PRODUCTS.to_owned()));
+    functions.join("\n")
+}

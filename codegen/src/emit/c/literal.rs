@@ -1,0 +1,9 @@
+//! Numbers as text.
+//!
+//! Deliberately does not know: what the numbers are of.
+
+/// A number as C reads it back, bit for bit.
+pub(super) fn number(x: f64) -> String {
+    // A minus sign is an operator in C.
+    if x.is_sign_negative() { format!("({x:?})") } else { format!("{x:?}") }
+}

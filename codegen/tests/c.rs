@@ -1,0 +1,94 @@
+//! A scene as C, for C++, for CasADi and as an FMU: the texts, and what they promise that can be seen without a
+//! compiler.
+//!
+//! `c/` has the texts. Write them again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test c`.
+
+use expect_test::expect_file;
+use hamel_codegen::config::{Config, Language};
+use hamel_codegen::scene::{self, Scenes, Writing};
+use hamel_codegen::spec::{self, Model};
+
+/// A bead on a wire in a wheel: a domain, a sine, an event that changes the state, a division by the mass.
+const TEXT: &str = "model bead {
+    /// Mass [kg].
+    param m = 2 where m > 0;
+    /// Gravity [m/s^2].
+    param g = 9.81;
+    /// Angle from below [rad].
+    coordinate theta in (-3, 3);
+    lagrangian = 1/2*m*theta_dot^2 + m*g*cos(theta);
+    output height = -cos(theta);
+    event stop = theta falling { then theta_dot = -theta_dot/2; }
+    initial theta = 1;
+    initial theta_dot = 1/2;
+}";
+
+fn bead() -> Model {
+    spec::parse("bead", TEXT).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn the_texts_are_those_that_were_looked_at() {
+    let model = bead();
+    let built = Scenes::new(&model)
+        .with_derivatives(Language::Casadi.derivatives())
+        .build(scene::DEFAULT)
+        .unwrap_or_else(|e| panic!("{e}"));
+    let command = Some("UPDATE_EXPECT=1 cargo test -p hamel-codegen --test c".to_owned());
+    let writing = Writing { command, ..Writing::default() };
+    let initial = scene::initial_state(&model, &built);
+    assert_eq!(initial, Some(vec![1.0, 0.5]));
+    let (c, fmu) = built.emit_fmu(&writing, initial).unwrap_or_else(|e| panic!("{e}"));
+    expect_file!["c/bead.h"].assert_eq(&c.header);
+    expect_file!["c/bead.c"].assert_eq(&c.source);
+    expect_file!["c/bead.hpp"].assert_eq(&c.cpp);
+    expect_file!["c/bead_casadi.c"].assert_eq(&c.casadi);
+    expect_file!["c/modelDescription.xml"].assert_eq(&fmu.description);
+    let functions = fmu.source.split("/* FMI 3.0 for one scene").next().unwrap_or_default();
+    expect_file!["c/bead_fmu.c"].assert_eq(functions);
+}
+
+#[test]
+fn an_fmu_needs_an_initial_state() {
+    let text = TEXT.replace("initial theta_dot = 1/2;", "");
+    let model = spec::parse("bead", &text).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
+    let initial = scene::initial_state(&model, &built);
+    assert_eq!(initial, None);
+    let error = built.emit_fmu(&Writing::default(), initial).unwrap_err();
+    assert!(error.to_string().contains("initial x = 1;"), "{error}");
+    // C does without.
+    let c = built.emit_c(&Writing::default(), None).unwrap_or_else(|e| panic!("{e}"));
+    assert!(!c.header.contains("bead_initial("), "{}", c.header);
+}
+
+#[test]
+fn an_fmu_lists_what_rates_and_outputs_are_computed_from() {
+    let model = bead();
+    let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
+    let (_, fmu) =
+        built.emit_fmu(&Writing::default(), Some(vec![1.0, 0.5])).unwrap_or_else(|e| panic!("{e}"));
+    // 0 time, 1 theta, 2 theta_dot, 3 and 4 their rates, 5 m, 6 g: theta' = theta_dot, theta_dot' = -g sin(theta).
+    for line in [
+        "<ContinuousStateDerivative valueReference=\"3\" dependencies=\"2\" dependenciesKind=\"dependent\"/>",
+        "<ContinuousStateDerivative valueReference=\"4\" dependencies=\"1\" dependenciesKind=\"dependent\"/>",
+        "<InitialUnknown valueReference=\"4\" dependencies=\"1 6\" dependenciesKind=\"dependent dependent\"/>",
+        "<EventIndicator valueReference=",
+    ] {
+        assert!(fmu.description.contains(line), "{line} is not in\n{}", fmu.description);
+    }
+}
+
+#[test]
+fn languages_have_their_files() {
+    let files = |language| {
+        let bundle = Config::new().language(language).generate(&[bead()]).unwrap_or_else(|e| panic!("{e}"));
+        bundle.files.keys().cloned().collect::<Vec<_>>()
+    };
+    assert_eq!(files(Language::Rust), ["bead.rs"]);
+    assert_eq!(files(Language::C), ["bead.c", "bead.h"]);
+    assert_eq!(files(Language::Cpp), ["bead.c", "bead.h", "bead.hpp"]);
+    assert_eq!(files(Language::Casadi), ["bead.c", "bead.h", "bead_casadi.c"]);
+    let refused = Config::new().language(Language::C).include_file("models.rs").generate(&[bead()]);
+    assert!(refused.is_err_and(|e| e.to_string().contains("and Rust")));
+}
