@@ -84,8 +84,7 @@ pub(super) fn validate<R: Real>(options: &Options<R>) -> Result<(), Error> {
     Ok(())
 }
 
-/// The weight of the row of `2 j` substeps among those of 2, 4, .., `2 n`, the nearest number: `prod_(i != j) j^2/(j^2 -
-/// i^2)`.
+/// The weight of the row of `2 j` substeps among `n` rows, the nearest number: `prod_(i != j) j^2/(j^2 - i^2)`.
 const fn weight(j: i64, n: i64) -> f64 {
     let (mut numerator, mut denominator, mut i) = (1, 1, 1);
     while i <= n {
