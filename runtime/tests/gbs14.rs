@@ -72,6 +72,26 @@ fn a_short_interval_takes_one_step() {
     assert!(distance(solver.state(), &reference(0.2)) < 1e-14);
 }
 
+/// Four rows are of order eight, and their estimate judges them as that of seven does.
+#[test]
+fn four_rows_are_enough_for_a_short_interval_to_a_low_accuracy() {
+    let error = |t: f64| {
+        let options = Options::adaptive(1e-4, 1e-4);
+        let mut solver = Integrator::new(&DRIVEN, Gbs14, 0.0, START, options).unwrap();
+        solver.integrate_to(t).unwrap();
+        let stats = solver.stats();
+        assert_eq!((stats.steps, stats.rejected, stats.rhs_evals), (1, 0, 1 + 5 + 8), "{t}");
+        let mut within = START;
+        solver.interpolate(0.5 * t, &mut within).unwrap();
+        assert!(distance(&within, &reference(0.5 * t)) < 1e-6, "{t}");
+        distance(solver.state(), &reference(t))
+    };
+    let (coarse, fine) = (error(0.4), error(0.2));
+    assert!(coarse < 1e-6 && coarse > 1e-13, "{coarse:e}");
+    let order = (coarse / fine).log2();
+    assert!((7.5..10.5).contains(&order), "{order}: {coarse:e} {fine:e}");
+}
+
 /// A start at which nothing can be foreseen: all is zero, or the trial leaves the domain.
 #[test]
 fn starts_that_tell_nothing_are_left() {

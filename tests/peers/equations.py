@@ -219,7 +219,7 @@ class Problem:
     def __init__(self, model):
         file = json.loads((REFERENCE / f"{model}.json").read_text())
         self.model, self.state = model, STATES[model].split()
-        case, self.trajectory = file["cases"][0], file["trajectories"][0]
+        case, self.trajectories = file["cases"][0], file["trajectories"]
         self.params = list(case["params"])
         self.values = self.numbers(case["params"], self.params)
         self.points = [

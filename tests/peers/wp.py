@@ -2,13 +2,13 @@
 
     python3 tests/peers/wp.py <model>..
 
-Integrates the first trajectory of every model that `equations` has; others are passed over. Right-hand sides are checked
+Integrates the trajectories of every model that `equations` has; others are passed over. Right-hand sides are checked
 against the reference points before anything is timed. Prints lines
 
     work <n> <what>     n pieces of work begin, each of which ends with a line `round`
     using <text>        a package with its version
     note <text>         what is not measured, and why
-    <model>;<by>;<method>;<tolerance>;<error>;<evaluations>;<steps>;<ns>    a solution
+    <model>;<trajectory>;<by>;<method>;<tolerance>;<error>;<evaluations>;<steps>;<ns>    a solution
 """
 
 import math
@@ -26,14 +26,16 @@ ACCURACY = 1e-13
 
 
 class Trajectory(Problem):
-    """A problem with start and end of its first trajectory."""
+    """A problem with start and end of one of its trajectories, which are counted from one on."""
 
-    def __init__(self, model):
+    def __init__(self, model, k=1):
         super().__init__(model)
-        self.t_end = float(self.trajectory["t_final"])
-        self.start = self.numbers(self.trajectory["initial"], self.state)
-        self.end = self.numbers(self.trajectory["final"], self.state)
-        self.values = self.numbers(self.trajectory["params"], self.params)
+        self.k = k
+        trajectory = self.trajectories[k - 1]
+        self.t_end = float(trajectory["t_final"])
+        self.start = self.numbers(trajectory["initial"], self.state)
+        self.end = self.numbers(trajectory["final"], self.state)
+        self.values = self.numbers(trajectory["params"], self.params)
 
     def off(self, state):
         return max(abs(x - y) / (1.0 + abs(y)) for x, y in zip(state, self.end))
@@ -118,8 +120,9 @@ def by_scipy(problem, tolerance):
 
 def compiled(problem):
     """The right-hand side as numba compiles it from what sympy shares and prints; none where either is missing."""
-    if problem.model not in COMPILED:
-        COMPILED[problem.model] = None
+    key = problem.model, problem.k
+    if key not in COMPILED:
+        COMPILED[key] = None
         try:
             import numba
             import numpy
@@ -133,8 +136,8 @@ def compiled(problem):
         arguments = ", ".join(f"y[{i}]" for i in range(len(state)))
         # The zero makes floats of rates that are whole numbers.
         exec(f"def right(t, y):\n    return array(rhs({arguments})) + 0.0", scope)
-        COMPILED[problem.model] = numba.njit(scope["right"])
-    return COMPILED[problem.model]
+        COMPILED[key] = numba.njit(scope["right"])
+    return COMPILED[key]
 
 
 COMPILED = {}
@@ -155,7 +158,8 @@ def say(line):
 
 def main():
     warnings.simplefilter("ignore")
-    problems = [Trajectory(name) for name in sys.argv[1:] if name in MODELS]
+    first = [Trajectory(name) for name in sys.argv[1:] if name in MODELS]
+    problems = [Trajectory(p.model, k + 1) for p in first for k in range(len(p.trajectories))]
     names = {package: version(package) for package in INTEGRATORS}
     missing = [package for package, name in names.items() if not name]
     if len(missing) == len(INTEGRATORS):
@@ -177,7 +181,7 @@ def main():
                 say("round")
             # One method after the other: the report takes runs of lines for curves.
             for tolerance, method, error, evaluations, steps, ns in sorted(rows, key=lambda row: row[1]):
-                say(f"{problem.model};{name};{method};{tolerance};{error:e};{evaluations};{steps};{ns}")
+                say(f"{problem.model};{problem.k};{name};{method};{tolerance};{error:e};{evaluations};{steps};{ns}")
 
 
 main()

@@ -1,9 +1,9 @@
 //! Compiled scenes, by rustc and in memory, against the interpreter, bit for bit, and generation against itself.
 
-use hamel_codegen::program::{Point, Run};
+use hamel_codegen::program::{Point, Role, Run};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_jit::Compiled;
-use hamel_runtime::{F64x4, Failure, Scene, StateVector};
+use hamel_runtime::{Dual, F64x4, Failure, Real, Scene, StateVector};
 use hamel_tests::models::{build, model, names};
 use hamel_tests::random::Random;
 
@@ -63,6 +63,49 @@ fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
             Err(other) => panic!("{label}: {other}"),
         };
         assert_eq!(outside(compiled.domain(t, &y)), interpreter.domain(t, y.as_slice()).err(), "{label}");
+    }
+    compared
+}
+
+/// Right-hand side and energy over dual numbers, along a random direction of parameters, time and state: values and
+/// derivatives to the last bit. Products of a derivative are rounded in the order of the factors, which the values do
+/// not show.
+fn compare_on_duals<S: Scene<Dual>>(built: &BuiltScene, zeros: S::State) -> usize {
+    let (label, program) = (&built.name, &built.program);
+    let mut random = Random(20_261_124);
+    let mut compared = 0;
+    for _ in 0..8 {
+        let mut dual = |value: f64| Dual::new(value, random.number());
+        let params: Vec<Dual> = S::INFO.params.iter().map(|p| dual(p.default)).collect();
+        let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
+        let compiled = S::prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
+        let t = dual(0.3);
+        let mut y = zeros.clone();
+        y.as_mut_slice()
+            .iter_mut()
+            .for_each(|x| *x = Dual::new(0.5 + 0.45 * random.number(), random.number()));
+        let mut dy = zeros.clone();
+        compiled.rhs(t, &y, &mut dy);
+        let mut found = dy.as_slice().to_vec();
+        let mut expected = vec![Dual::ZERO; found.len()];
+        let point = Point { t, state: y.as_slice(), argument: &[] };
+        let rate = program.function_idx(&Role::Rate).unwrap_or_else(|| panic!("{label}: no right-hand side"));
+        program.run_at(rate, &params, &prepared, point, &mut expected);
+        if let (Some(energy), Some(k)) = (compiled.energy_of(t, &y), program.function_idx(&Role::Energy)) {
+            let mut out = [Dual::ZERO];
+            program.run_at(k, &params, &prepared, point, &mut out);
+            found.push(energy);
+            expected.extend(out);
+        }
+        for (k, (a, b)) in found.iter().zip(&expected).enumerate() {
+            for (a, b) in [(a.value, b.value), (a.derivative, b.derivative)] {
+                assert!(
+                    a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan(),
+                    "{label}, component {k} over dual numbers: compiled {a}, interpreted {b}"
+                );
+                compared += usize::from(a.is_finite());
+            }
+        }
     }
     compared
 }
@@ -129,7 +172,14 @@ macro_rules! compare_all {
                 $scene,
                 {
                     let built = build($model, $scene);
-                    compare_in_memory(&built) + compare::<hamel_models::generated::$module::Prepared>(&built, [0.0; $n])
+                    use hamel_models::generated::$module::Prepared;
+                    let counts = [
+                        compare_in_memory(&built),
+                        compare::<Prepared>(&built, [0.0; $n]),
+                        compare_on_duals::<Prepared<Dual>>(&built, [Dual::ZERO; $n]),
+                    ];
+                    assert!(counts.iter().all(|count| *count > 0), "{} {}: {counts:?}", $model, $scene);
+                    counts.iter().sum()
                 },
             )),*]
         }

@@ -43,11 +43,6 @@ impl Text {
         let text = self.at_least(Binding::Atom);
         Text { text: format!("-{}", text.text), binding: Binding::Sign, depth: text.depth }
     }
-
-    /// Whether the text is a bare name.
-    pub(super) fn is_name(&self) -> bool {
-        self.text.chars().all(|c| c.is_alphanumeric() || c == '_')
-    }
 }
 
 /// How an expression is spelled: in a target language, or as a formula for people.

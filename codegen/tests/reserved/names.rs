@@ -2505,8 +2505,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 );
             workspace.4.push([t45, t23], [t23, loop_]);
             let derivative = [
-                (-loop_)
-                    .mul_add(self.type__2, kept0_2.mul_add(t2, kept2.mul_add(t0, sum2))),
+                (-self.type__2)
+                    .mul_add(loop_, kept0_2.mul_add(t2, kept2.mul_add(t0, sum2))),
                 self.type_ * (kept5.mul_add(t3, kept3.mul_add(y_2, sum5)) - match_),
                 self.self_ * (kept8.mul_add(t4, kept6.mul_add(dy_2, sum8)) - y_2),
                 self.Self_ * (kept11.mul_add(t5, kept9.mul_add(t1, sum11)) - dy_2),

@@ -1025,11 +1025,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let t2 = self.c5 * Omega2;
                 [
                     t0,
-                    t0.mul_add(Omega2, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
+                    Omega2.mul_add(t0, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
                     t1,
-                    t1.mul_add(Omega1, (-Gamma1).mul_add(self.c25, self.c3 * Gamma3)),
+                    Omega1.mul_add(t1, (-Gamma1).mul_add(self.c25, self.c3 * Gamma3)),
                     t2,
-                    t2.mul_add(Omega1, (-Gamma2).mul_add(self.c27, self.c26 * Gamma1)),
+                    Omega1.mul_add(t2, (-Gamma2).mul_add(self.c27, self.c26 * Gamma1)),
                 ]
             };
             /// mass matrix A = W^T L_yy Psi
@@ -1200,11 +1200,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             /// right side f = W^T (r - L_yy lag)
             let [t8, t9, t10, t11, t12, t13, t14, t15, t16] = {
-                let t8 = (-Omega1).mul_add(self.c29, self.c28 * Omega2);
-                let t9 = (-Omega1).mul_add(self.c31, self.c30 * Omega3);
+                let t8 = (-self.c29).mul_add(Omega1, self.c28 * Omega2);
+                let t9 = (-self.c31).mul_add(Omega1, self.c30 * Omega3);
                 let t10 = kept0.mul_add(t9, kept16.mul_add(Omega3, sum15))
                     + kept2.mul_add(t8, kept15.mul_add(Omega2, sum14));
-                let t11 = (-Omega3).mul_add(self.c33, self.c32 * Omega2);
+                let t11 = (-self.c33).mul_add(Omega3, self.c32 * Omega2);
                 let t12 = -(kept4.mul_add(t8, kept15.mul_add(Omega1, sum17))
                     + kept0.mul_add(t11, kept17.mul_add(Omega3, sum16)));
                 let t13 = kept2.mul_add(t11, kept17.mul_add(Omega2, sum18))
@@ -1217,16 +1217,16 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t12,
                     t13,
                     kept11.mul_add(t13, kept18.mul_add(Gamma2, sum20))
-                        + (kept6.mul_add(Omega2, kept2.mul_add(t0, sum6))
-                            + (-Gamma3).mul_add(self.c1, self.c0 * Gamma2))
+                        + (kept2.mul_add(t0, kept6.mul_add(Omega2, sum6))
+                            + (-self.c1).mul_add(Gamma3, self.c0 * Gamma2))
                         - kept14.mul_add(t12, kept19.mul_add(Gamma3, sum21)),
                     kept14.mul_add(t10, kept20.mul_add(Gamma3, sum22))
-                        + (kept7.mul_add(Omega1, kept4.mul_add(t1, sum7))
-                            + (-Gamma1).mul_add(self.c25, self.c3 * Gamma3))
+                        + (kept4.mul_add(t1, kept7.mul_add(Omega1, sum7))
+                            + (-self.c25).mul_add(Gamma1, self.c3 * Gamma3))
                         - kept12.mul_add(t13, kept18.mul_add(Gamma1, sum23)),
                     kept12.mul_add(t12, kept19.mul_add(Gamma1, sum24))
-                        + (kept8.mul_add(Omega1, kept4.mul_add(t2, sum8))
-                            + (-Gamma2).mul_add(self.c27, self.c26 * Gamma1))
+                        + (kept4.mul_add(t2, kept8.mul_add(Omega1, sum8))
+                            + (-self.c27).mul_add(Gamma2, self.c26 * Gamma1))
                         - kept11.mul_add(t10, kept20.mul_add(Gamma2, sum25)),
                 ]
             };

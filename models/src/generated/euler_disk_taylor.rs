@@ -738,7 +738,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                             t3.mul_add(t5, -(t2 * t2)),
                             t6.mul_add(t4, t1.mul_add(self.c2, self.c1 * t0)),
                         ),
-                    (-t10).mul_add(theta_dot, t9),
+                    (-theta_dot).mul_add(t10, t9),
                     (-t1).mul_add(t9, theta_dot * t11),
                 ],
                 [
@@ -753,8 +753,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t8,
                     t0.recip(),
                     t7,
-                    t10,
                     theta_dot,
+                    t10,
                     t11,
                     t9,
                 ],
@@ -776,14 +776,14 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let t1 = -kept0.mul_add(theta, inverse * sum1);
             let t2 = kept2.mul_add(t0, kept0.mul_add(phi_dot, sum2));
             let t3 = kept2.mul_add(t1, kept1.mul_add(phi_dot, sum3));
-            let t4 = t3.mul_add(self.c0, psi_dot);
+            let t4 = self.c0.mul_add(t3, psi_dot);
             let t5 = psi_dot + t3;
             let t6 = self.c3 * t2;
-            let t7 = t3.mul_add(self.c5, psi_dot);
-            let t8 = kept9 * (-kept8).mul_add(t0, theta_dot.mul_add(self.c6, -sum7));
+            let t7 = self.c5.mul_add(t3, psi_dot);
+            let t8 = kept9 * (-kept8).mul_add(t0, self.c6.mul_add(theta_dot, -sum7));
             let t9 = kept8.mul_add(t7, kept10.mul_add(t8, sum8));
             let t10 = self.c7 * phi_dot;
-            let t11 = t3.mul_add(self.c9, psi_dot.mul_add(self.c18, self.c8 * t2));
+            let t11 = self.c9.mul_add(t3, self.c18.mul_add(psi_dot, self.c8 * t2));
             let t12 = order * theta;
             workspace
                 .0
@@ -813,10 +813,10 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         kept4.mul_add(t5, kept5.mul_add(t3, sum5))
                             - kept3.mul_add(t2, sum4),
                         kept6.mul_add(t4, kept7.mul_add(t6, sum6))
-                            + t0.mul_add(self.c1, self.c2 * t1),
+                            + self.c1.mul_add(t0, self.c2 * t1),
                     ),
-                t9 - kept11.mul_add(theta_dot, kept12.mul_add(t10, sum9)),
-                kept12.mul_add(t11, kept13.mul_add(theta_dot, sum10))
+                t9 - kept11.mul_add(t10, kept12.mul_add(theta_dot, sum9)),
+                kept11.mul_add(t11, kept13.mul_add(theta_dot, sum10))
                     - kept1.mul_add(t9, kept14.mul_add(t1, sum11)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));

@@ -539,14 +539,14 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let t2 = self.c8 * Omega2;
             (
                 [
-                    t0.mul_add(Omega2, Gamma3.mul_add(self.c3, self.c0 * Gamma2)),
-                    t1.mul_add(Omega1, Gamma1.mul_add(self.c4, self.c1 * Gamma3)),
-                    t2.mul_add(Omega1, Gamma2.mul_add(self.c5, self.c2 * Gamma1)),
+                    Omega2.mul_add(t0, Gamma3.mul_add(self.c3, self.c0 * Gamma2)),
+                    Omega1.mul_add(t1, Gamma1.mul_add(self.c4, self.c1 * Gamma3)),
+                    Omega1.mul_add(t2, Gamma2.mul_add(self.c5, self.c2 * Gamma1)),
                     (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
                     (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
                     (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
                 ],
-                [t0, Omega2, t1, Omega1, t2, Omega3, Gamma2, Gamma3, Gamma1],
+                [Omega2, t0, Omega1, t1, t2, Omega3, Gamma2, Gamma3, Gamma1],
             )
         };
         workspace.0.clear();
@@ -580,18 +580,18 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     ],
                 );
             let derivative = [
-                kept0.mul_add(Omega2, kept1.mul_add(t0, sum0))
-                    + Gamma2.mul_add(self.c0, self.c3 * Gamma3),
-                kept2.mul_add(Omega1, kept3.mul_add(t1, sum1))
-                    + Gamma3.mul_add(self.c1, self.c4 * Gamma1),
-                kept4.mul_add(Omega1, kept3.mul_add(t2, sum2))
-                    + Gamma1.mul_add(self.c2, self.c5 * Gamma2),
+                kept0.mul_add(t0, kept1.mul_add(Omega2, sum0))
+                    + self.c0.mul_add(Gamma2, self.c3 * Gamma3),
+                kept2.mul_add(t1, kept3.mul_add(Omega1, sum1))
+                    + self.c1.mul_add(Gamma3, self.c4 * Gamma1),
+                kept2.mul_add(t2, kept4.mul_add(Omega1, sum2))
+                    + self.c2.mul_add(Gamma1, self.c5 * Gamma2),
                 kept5.mul_add(Gamma2, kept6.mul_add(Omega3, sum3))
-                    - kept1.mul_add(Gamma3, kept7.mul_add(Omega2, sum4)),
-                kept3.mul_add(Gamma3, kept7.mul_add(Omega1, sum5))
+                    - kept0.mul_add(Gamma3, kept7.mul_add(Omega2, sum4)),
+                kept2.mul_add(Gamma3, kept7.mul_add(Omega1, sum5))
                     - kept5.mul_add(Gamma1, kept8.mul_add(Omega3, sum6)),
-                kept1.mul_add(Gamma1, kept8.mul_add(Omega2, sum7))
-                    - kept3.mul_add(Gamma2, kept6.mul_add(Omega1, sum8)),
+                kept0.mul_add(Gamma1, kept8.mul_add(Omega2, sum7))
+                    - kept2.mul_add(Gamma2, kept6.mul_add(Omega1, sum8)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

@@ -966,14 +966,14 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     [t20, t23, t23, t25, t26, t27, t28, t29, t23],
                 );
             let derivative = [
-                (-t11).mul_add(self.c5, t3.mul_add(self.c6, self.c7 * t7)),
-                t19.mul_add(self.c22, t11.mul_add(self.c8, self.c21 * t15)),
-                self.c12 * t19.mul_add(self.c11, t7.mul_add(self.c10, -t24)),
-                self.c4 * t3.mul_add(self.c2, t15.mul_add(self.c0, t24)),
-                self.c23 * t27.mul_add(self.c3, t26.mul_add(self.c1, t25)),
-                self.c24 * t29.mul_add(self.c14, -t28.mul_add(self.c13, t25)),
-                self.c27 * -t29.mul_add(self.c26, t27.mul_add(self.c25, -t30)),
-                self.c30 * -t26.mul_add(self.c29, t28.mul_add(self.c28, t30)),
+                (-self.c5).mul_add(t11, self.c6.mul_add(t3, self.c7 * t7)),
+                self.c22.mul_add(t19, self.c8.mul_add(t11, self.c21 * t15)),
+                self.c12 * self.c11.mul_add(t19, self.c10.mul_add(t7, -t24)),
+                self.c4 * self.c2.mul_add(t3, self.c0.mul_add(t15, t24)),
+                self.c23 * self.c3.mul_add(t27, self.c1.mul_add(t26, t25)),
+                self.c24 * self.c14.mul_add(t29, -self.c13.mul_add(t28, t25)),
+                self.c27 * -self.c26.mul_add(t29, self.c25.mul_add(t27, -t30)),
+                self.c30 * -self.c29.mul_add(t26, self.c28.mul_add(t28, t30)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

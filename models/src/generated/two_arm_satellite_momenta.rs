@@ -711,7 +711,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 -(self.ka * alpha),
                             ),
                     ),
-                t17.mul_add(self.c52, -(self.kb * beta)),
+                self.c52.mul_add(t17, -(self.kb * beta)),
                 (-Pi3).mul_add(Omega2, Pi2 * Omega3),
                 Pi3.mul_add(Omega1, -(Pi1 * Omega3)),
                 (-Pi2).mul_add(Omega1, Pi1 * Omega2),

@@ -1615,8 +1615,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             t42,
             t43,
             t44,
-            t52.mul_add(self.c1, t57),
-            t60.mul_add(self.c2, t61),
+            self.c1.mul_add(t52, t57),
+            self.c2.mul_add(t60, t61),
             self
                 .c2
                 .mul_add(

@@ -1947,7 +1947,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     (-t12)
                         .mul_add(
                             a1_2_over_5_la,
-                            t16.mul_add(a2_1_over_10_lb, t40.mul_add(Omega1, -t36)),
+                            t16.mul_add(a2_1_over_10_lb, Omega1.mul_add(t40, -t36)),
                         ),
                 ]
             };
@@ -2122,7 +2122,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t6,
                     t7,
                     t8,
-                    t4.mul_add(self.c1, self.c6 * t8.mul_add(self.c5, t7)),
+                    self.c1.mul_add(t4, self.c6 * self.c5.mul_add(t8, t7)),
                     t10,
                     kept5.mul_add(t10, kept8.mul_add(t1, sum8)),
                     self.c1 * t1,
@@ -2137,8 +2137,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let t16 = kept3.mul_add(t15, kept15.mul_add(t3, sum13))
                     + kept2.mul_add(t6, kept10.mul_add(t2, sum12));
                 let t17 = kept13 * (-kept16).mul_add(t9, t16 - sum14);
-                let t18 = t7
-                    .mul_add(self.c44, kept5.mul_add(t12, kept9.mul_add(t1, sum9)))
+                let t18 = self
+                    .c44
+                    .mul_add(t7, kept5.mul_add(t12, kept9.mul_add(t1, sum9)))
                     - kept17.mul_add(t14, kept14.mul_add(t11, sum15));
                 let t19 = kept19 * (-kept20).mul_add(t18, t13 - sum17);
                 let t20 = kept14.mul_add(t16, kept18.mul_add(t14, sum18));
@@ -2276,14 +2277,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         - kept10.mul_add(t53, kept63.mul_add(t6, sum82)));
                 let t64 = kept20.mul_add(t63, kept66.mul_add(t19, sum87))
                     + (kept15.mul_add(t53, kept63.mul_add(t15, sum84))
-                        + (kept64.mul_add(t36, kept41.mul_add(t62, sum83)) - t57)
+                        + (kept41.mul_add(t62, kept64.mul_add(t36, sum83)) - t57)
                         - kept9.mul_add(t49, kept56.mul_add(t12, sum85)));
-                let t65 = -alpha.mul_add(self.ka, t57)
+                let t65 = -self.ka.mul_add(alpha, t57)
                     - kept56.mul_add(t58, kept57.mul_add(t49, sum73))
                     - kept25.mul_add(t64, kept67.mul_add(t23, sum88));
-                let t66 = -beta
+                let t66 = -self
+                    .kb
                     .mul_add(
-                        self.kb,
+                        beta,
                         self.c49
                             * (kept3.mul_add(t56, kept59.mul_add(t3, sum75))
                                 + kept2.mul_add(t55, kept58.mul_add(t2, sum74))),

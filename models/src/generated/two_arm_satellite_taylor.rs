@@ -1437,7 +1437,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t10
                         .mul_add(
                             a2_1_over_10_lb,
-                            (-a1_2_scaled).mul_add(t21, t23.mul_add(Omega1, -t19)),
+                            (-a1_2_scaled).mul_add(t21, Omega1.mul_add(t23, -t19)),
                         ),
                 ]
             };
@@ -1679,11 +1679,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let t32 = kept32.mul_add(t4, sum35);
                 [
                     t29,
-                    alpha.mul_add(self.c4, -t29)
+                    self.c4.mul_add(alpha, -t29)
                         - kept1.mul_add(t19, kept30.mul_add(t2, sum33)),
                     t31,
                     t32,
-                    beta.mul_add(self.c5, -kept2.mul_add(t27, t31))
+                    self.c5.mul_add(beta, -kept2.mul_add(t27, t31))
                         - kept3.mul_add(t28, t32),
                     self.c6 * Omega3,
                     self.c7 * t9,
@@ -1693,7 +1693,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             /// mass matrix A = W^T L_yy Psi
             let [t38, t39, t40, t41] = {
-                let t38 = t4.mul_add(R::from_f64(2.5), t3);
+                let t38 = R::from_f64(2.5).mul_add(t4, t3);
                 [
                     t38,
                     self.c2 * t38,
@@ -1703,8 +1703,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             /// factors of A
             let [t42, t43, t44, t45, t46, t47] = {
-                let t43 = t38
-                    .mul_add(self.c10, kept0.mul_add(t5, kept5.mul_add(t1, sum44)))
+                let t43 = self
+                    .c10
+                    .mul_add(t38, kept0.mul_add(t5, kept5.mul_add(t1, sum44)))
                     - kept42.mul_add(t39, sum51);
                 let t44 = kept43 * (-kept44).mul_add(t43, t40 - sum52);
                 let t45 = kept8.mul_add(t35, kept36.mul_add(t9, sum47))
@@ -1721,7 +1722,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         .c16
                         .mul_add(
                             kept40.mul_add(t2, sum49),
-                            t4.mul_add(self.c14, kept41.mul_add(t4, sum50)),
+                            self.c14.mul_add(t4, kept41.mul_add(t4, sum50)),
                         ) - kept48.mul_add(t46, kept47.mul_add(t41, sum55)),
                 ]
             };
@@ -1736,7 +1737,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         + kept35.mul_add(Omega1, kept9.mul_add(t36, sum38))
                         - kept11.mul_add(t25, kept37.mul_add(t3, sum40)));
                 let t50 = kept12.mul_add(t25, kept37.mul_add(t4, sum43))
-                    + (kept38.mul_add(Omega1, kept9.mul_add(t37, sum41)) - t29
+                    + (kept9.mul_add(t37, kept38.mul_add(Omega1, sum41)) - t29
                         - kept30.mul_add(t35, kept36.mul_add(t19, sum42)))
                     - kept52.mul_add(t42, kept53.mul_add(t30, sum58));
                 let t51 = kept56
@@ -1907,7 +1908,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                t30.mul_add(self.c34, -kept53.mul_add(t51, kept55.mul_add(t42, sum66))),
+                self.c34.mul_add(t30, -kept53.mul_add(t51, kept55.mul_add(t42, sum66))),
                 t33 - kept50.mul_add(t55, kept60.mul_add(t39, sum65)),
                 t55,
                 t53,

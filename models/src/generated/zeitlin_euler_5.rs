@@ -6185,7 +6185,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             R::from_f64(8.0) * t53.mul_add(t53, t101.mul_add(t101, t131)),
                         ),
                 ),
-            t323.mul_add(R::from_f64(2.0), t329),
+            R::from_f64(2.0).mul_add(t323, t329),
         ]
     }
 

@@ -7665,7 +7665,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 .mul_add(t203, (-a_re_0_2).mul_add(t195, a_im_0_2 * t301)),
                         ),
                 );
-            let t310 = t308.mul_add(self.c26, t309);
+            let t310 = self.c26.mul_add(t308, t309);
             let t311 = t108 - t59;
             let t312 = a_re_2_1 * t193;
             let t313 = (-a_im_1_1)
@@ -7916,7 +7916,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 .mul_add(t200, (-a_re_2_0).mul_add(t194, a_im_2_0 * t320)),
                         ),
                 );
-            let t329 = (-t324).mul_add(self.c27, t328);
+            let t329 = (-self.c27).mul_add(t324, t328);
             let t330 = t121 - t67;
             let t331 = (-a_im_1_0)
                 .mul_add(
@@ -8163,7 +8163,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             t16.mul_add(t195, a_im_0_1.mul_add(t301, a_re_0_1 * t203)),
                         ),
                 );
-            let t345 = (-t340).mul_add(self.c27, t344);
+            let t345 = (-self.c27).mul_add(t340, t344);
             let t346 = t102 - t83;
             let t347 = a_im_2_m1 * t117;
             let t348 = (-a_im_1_0)
@@ -8413,7 +8413,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 .mul_add(t186, a_im_2_2.mul_add(t354, a_re_2_2 * t187)),
                         ),
                 );
-            let t363 = (-t358).mul_add(self.c27, t362);
+            let t363 = (-self.c27).mul_add(t358, t362);
             let t364 = a_im_2_2 * t97;
             let t365 = (-a_im_1_m2)
                 .mul_add(
@@ -9007,9 +9007,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                     (-a_re_1_0).mul_add(t193, (-a_re_1_0).mul_add(t191, t392)),
                                 ),
                         ) - t337,
-                    t395
+                    self
+                        .c26
                         .mul_add(
-                            self.c26,
+                            t395,
                             (-a_im_2_2)
                                 .mul_add(
                                     t117 - t189,
@@ -10647,9 +10648,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         .c28
                         .mul_add(
                             (-t44).mul_add(t139, t476),
-                            t478
+                            self
+                                .c29
                                 .mul_add(
-                                    self.c29,
+                                    t478,
                                     t36
                                         .mul_add(
                                             t183,
@@ -10662,9 +10664,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             .c29
                             .mul_add(
                                 t30.mul_add(t44, t474),
-                                t472
+                                self
+                                    .c28
                                     .mul_add(
-                                        self.c28,
+                                        t472,
                                         t97
                                             .mul_add(
                                                 t37 + t183,
@@ -10755,9 +10758,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         .c29
                         .mul_add(
                             t133.mul_add(t52, t509),
-                            t507
+                            self
+                                .c28
                                 .mul_add(
-                                    self.c28,
+                                    t507,
                                     t75
                                         .mul_add(
                                             t183,
@@ -10767,9 +10771,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                     t403
                         .mul_add(
-                            t505
+                            self
+                                .c29
                                 .mul_add(
-                                    self.c29,
+                                    t505,
                                     self
                                         .c28
                                         .mul_add(
@@ -10908,9 +10913,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-self.c26).mul_add((-t144).mul_add(t75, t457), t458),
                         w_im_1_m2
                             .mul_add(
-                                t456
+                                self
+                                    .c27
                                     .mul_add(
-                                        self.c27,
+                                        t456,
                                         self
                                             .c26
                                             .mul_add(
@@ -10923,12 +10929,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 t406
                     .mul_add(
-                        t513
+                        self
+                            .c29
                             .mul_add(
-                                self.c29,
-                                t512
+                                t513,
+                                self
+                                    .c28
                                     .mul_add(
-                                        self.c28,
+                                        t512,
                                         t90
                                             .mul_add(
                                                 t183,
@@ -10942,9 +10950,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                     .c29
                                     .mul_add(
                                         t29.mul_add(t139, t511),
-                                        t510
+                                        self
+                                            .c28
                                             .mul_add(
-                                                self.c28,
+                                                t510,
                                                 t83
                                                     .mul_add(
                                                         t183,
@@ -10998,9 +11007,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                     t399,
                 ),
-            t400
+            R::from_f64(2.0)
                 .mul_add(
-                    R::from_f64(2.0),
+                    t400,
                     w_im_2_1
                         .mul_add(
                             t14,

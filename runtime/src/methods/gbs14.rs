@@ -26,6 +26,9 @@ use crate::system::{OverScalar, StateVector, System};
 /// Continuous output is a step of its own from the same start, as accurate as the step: 13 evaluations a state. For
 /// many of them in a step [`Vern9`](crate::Vern9) is the better choice.
 ///
+/// Where the trial that chooses the first step tells that the rows of 2, 4, 6 and 8 substeps are enough for all of a
+/// short run, it takes one step with these.
+///
 /// On the scalars [`F64x4`] and [`F64x8`](crate::F64x8), whose lanes are trajectories, the rows are computed one after
 /// the other, in 49 evaluations a step and the next derivative: for cheap right-hand sides less time than the sums of
 /// stages of [`Vern9`](crate::Vern9).
@@ -44,6 +47,15 @@ pub struct Rows<P, L, V> {
     zeros: L,
     /// The estimate of the error, divided by the step.
     estimate: [V; 1],
+    /// From where and how far four rows are enough, as far as the trial of the first step told.
+    short: Option<Short>,
+}
+
+/// A time, and the longest step from there that is accurate with four rows.
+#[derive(Clone, Copy, Debug)]
+struct Short {
+    t: f64,
+    longest: f64,
 }
 
 pub(super) const TABLEAU: Tableau = Tableau {
@@ -72,10 +84,10 @@ pub(super) fn validate<R: Real>(options: &Options<R>) -> Result<(), Error> {
     Ok(())
 }
 
-/// The weight of the row of `2 j` substeps, the nearest number: `prod_(i != j) j^2/(j^2 - i^2)`.
-const fn weight(j: i64) -> f64 {
+/// The weight of the row of `2 j` substeps among `n` rows, the nearest number: `prod_(i != j) j^2/(j^2 - i^2)`.
+const fn weight(j: i64, n: i64) -> f64 {
     let (mut numerator, mut denominator, mut i) = (1, 1, 1);
-    while i <= 7 {
+    while i <= n {
         if i != j {
             numerator *= j * j;
             denominator *= j * j - i * i;
@@ -86,19 +98,28 @@ const fn weight(j: i64) -> f64 {
 }
 
 /// What the weight of the row of `2 j` substeps is more than in the extrapolation without the row of two.
-const fn excess(j: i64) -> f64 {
-    weight(j) / (j * j) as f64
+const fn excess(j: i64, n: i64) -> f64 {
+    weight(j, n) / (j * j) as f64
 }
 
-/// Weights of the rows and of the estimate, by half their substeps; the first is none.
-pub(super) const WEIGHTS: [[f64; 2]; 8] = {
+/// Weights of `n` rows and of their estimate, by half their substeps; the first is none.
+const fn weights_of(n: usize) -> [[f64; 2]; 8] {
     let (mut weights, mut j) = ([[0.0; 2]; 8], 1);
-    while j < 8 {
-        weights[j] = [weight(j as i64), excess(j as i64)];
+    while j <= n {
+        weights[j] = [weight(j as i64, n as i64), excess(j as i64, n as i64)];
         j += 1;
     }
     weights
-};
+}
+
+/// Weights of all rows.
+pub(super) const WEIGHTS: [[f64; 2]; 8] = weights_of(7);
+
+/// Rows of a step that the trial of the first step has found to be short.
+const FEW: usize = 4;
+
+/// Weights of those.
+const WEIGHTS_OF_FEW: [[f64; 2]; 8] = weights_of(FEW);
 
 /// Half the substeps of the long row of each lane, and of the short one that follows it; the first lane has none.
 const LONG: [usize; 4] = [7, 6, 5, 4];
@@ -114,6 +135,23 @@ const fn parts(rows: [usize; 4]) -> F64x4 {
         lane += 1;
     }
     F64x4::new(parts)
+}
+
+/// The reciprocals of `2 n`, `2 n - 2`, .. on the lanes, zero from the end of the row of the lane on: for the first
+/// substep, and for each pair after it.
+const fn parts_with_ends(n: usize) -> [F64x4; 4] {
+    let (mut parts, mut pair) = ([F64x4::ZERO; 4], 0);
+    while pair < n {
+        let mut rows = [0; 4];
+        let mut lane = 0;
+        while lane + pair < n {
+            rows[lane] = n - lane;
+            lane += 1;
+        }
+        parts[pair] = self::parts(rows);
+        pair += 1;
+    }
+    parts
 }
 
 /// Weights of rows, or with `k = 1` those of the estimate.
@@ -333,45 +371,21 @@ where
     /// are those of a function between `lambda^m` and `m! lambda^m`, at the geometric mean of both. It goes on to the
     /// error of all rows, which is to be one.
     fn first_step<S: System<f64, State = V>>(
-        &self,
+        &mut self,
         start: &mut Start<'_, f64, S>,
         trial: f64,
     ) -> Option<f64> {
-        let (y, f) = (start.point.state.as_slice(), start.point.slope.as_slice());
-        let (h, t) = (F64x4::splat(trial), F64x4::splat(start.t));
-        let [mut from, mut even, mut odd, mut point, mut slope] =
-            core::array::from_fn(|_| self.zeros.clone());
-        // Rows of 6, 4 and 2 substeps, each in a lane of its own, which stands still at its end.
-        let mut eta = h * F64x4::new([1.0 / 6.0, 0.25, 0.5, 0.0]);
-        let mut elapsed = eta;
-        for (lanes, y) in from.as_mut_slice().iter_mut().zip(y) {
-            *lanes = F64x4::splat(*y);
-        }
-        for (odd, f) in odd.as_mut_slice().iter_mut().zip(f) {
-            *odd = eta * F64x4::splat(*f);
-        }
-        for evaluation in 1..6 {
-            let (at, to) = if evaluation % 2 == 1 { (&odd, &mut even) } else { (&even, &mut odd) };
-            Self::substep(&self.system, (t + elapsed, eta), (&from, at, to), (&mut point, &mut slope));
-            match evaluation {
-                1 => eta = on_lane::<2>(eta, F64x4::ZERO),
-                3 => eta = on_lane::<1>(eta, F64x4::ZERO),
-                _ => {}
-            }
-            elapsed += eta;
-        }
+        let even = self.side_by_side::<3>(start.t, trial, start.point);
         *start.rhs_evals += 5;
-        let mut norm = |weights: [f64; 3]| {
-            for (c, (out, even)) in start.work.as_mut_slice().iter_mut().zip(even.as_slice()).enumerate() {
-                let [six, four, two, _] = even.to_array();
-                let error = weights[0] * two + weights[1] * four + weights[2] * six;
-                *out = start.tolerances.scaled(c, error);
-            }
-            square_of_norm(start.norm, start.work.as_slice())
-        };
         // What the extrapolations have that those without the row of two substeps have not.
-        let two = norm([-1.0 / 3.0, 1.0 / 3.0, 0.0]);
-        let three = norm([1.0 / 24.0, -4.0 / 15.0, 9.0 / 40.0]);
+        let (out, further) = (start.work.as_mut_slice(), self.estimate[0].as_mut_slice());
+        for (c, even) in even.as_slice().iter().enumerate() {
+            let [six, four, two, _] = even.to_array();
+            out[c] = start.tolerances.scaled(c, (-1.0 / 3.0) * two + (1.0 / 3.0) * four);
+            let error = (1.0 / 24.0) * two + (-4.0 / 15.0) * four + (9.0 / 40.0) * six;
+            further[c] = start.tolerances.scaled(c, error);
+        }
+        let (two, three) = (square_of_norm(start.norm, out), square_of_norm(start.norm, further));
         let is_converging = three > 0.0 && three < two && two.is_finite();
         if !is_converging {
             return None;
@@ -380,8 +394,61 @@ where
         let (two, three) = (log2(two), log2(three));
         let growth = 2.0 * log2(6.0) + three - two;
         let seven = three + 4.0 * growth - 2.0 * log2(8.0 * 10.0 * 12.0 * 14.0);
+        let four = three + growth - 2.0 * log2(8.0);
+        let longest = trial.abs() * (0.8 * exp2(-four / 14.0)).min(20.0);
+        self.short = Some(Short { t: start.t, longest });
         // Safer than later on, since no step has told how true this is.
         Some(trial.abs() * (0.8 * exp2(-seven / 26.0)).min(20.0))
+    }
+
+    /// The increments of rows of `2 N`, `2 N - 2`, .., 2 substeps over a step from a point, each in a lane of its own,
+    /// which stands still at its end; `N` is at most four. Takes `2 N - 1` evaluations.
+    #[inline(always)]
+    fn side_by_side<const N: usize>(&self, t: f64, h: f64, from: &Point<V>) -> L {
+        let (y, f) = (from.state.as_slice(), from.slope.as_slice());
+        let (t, h) = (F64x4::splat(t), F64x4::splat(h));
+        let [mut start, mut even, mut odd, mut point, mut slope] =
+            core::array::from_fn(|_| self.zeros.clone());
+        let parts = const { parts_with_ends(N) };
+        let mut eta = h * parts[0];
+        let mut elapsed = eta;
+        for (lanes, y) in start.as_mut_slice().iter_mut().zip(y) {
+            *lanes = F64x4::splat(*y);
+        }
+        for (odd, f) in odd.as_mut_slice().iter_mut().zip(f) {
+            *odd = eta * F64x4::splat(*f);
+        }
+        let ends = (&mut point, &mut slope);
+        Self::substep(&self.system, (t + elapsed, eta), (&start, &odd, &mut even), ends);
+        for part in &parts[1..N] {
+            eta = h * *part;
+            elapsed += eta;
+            let ends = (&mut point, &mut slope);
+            Self::substep(&self.system, (t + elapsed, eta), (&start, &even, &mut odd), ends);
+            elapsed += eta;
+            let ends = (&mut point, &mut slope);
+            Self::substep(&self.system, (t + elapsed, eta), (&start, &odd, &mut even), ends);
+        }
+        even
+    }
+
+    /// A step with [`FEW`] rows.
+    #[inline(never)]
+    fn advance_with_few<S: System<f64, State = V>>(&mut self, step: &mut Step<'_, f64, S>) {
+        let even = self.side_by_side::<FEW>(step.t, step.h, step.from);
+        let per_h = step.h.recip();
+        let from = step.from.state.as_slice().iter().zip(step.from.residue.as_slice());
+        let to = step.to.state.as_mut_slice().iter_mut().zip(step.to.residue.as_mut_slice());
+        let out = to.zip(self.estimate[0].as_mut_slice());
+        for (((y, lacks), ((state, residue), estimate)), even) in from.zip(out).zip(even.as_slice()) {
+            let even = even.to_array();
+            let sum = |k: usize| {
+                let terms = even.iter().enumerate();
+                terms.fold(0.0, |sum, (lane, row)| sum + WEIGHTS_OF_FEW[FEW - lane][k] * row)
+            };
+            (*state, *residue) = two_sum(*y, sum(0) + lacks);
+            *estimate = sum(1) * per_h;
+        }
     }
 
     /// The derivative at the end of a step; all lanes have it.
@@ -431,7 +498,7 @@ impl<S: OverScalar<F64x4>> Method<f64, S> for Gbs14 {
 
     fn storage(&self, system: &S, _t0: f64, y0: &S::State, _options: &Options<f64>) -> Self::Storage {
         let zeros = S::state_over(y0, |_| F64x4::ZERO);
-        Rows { system: system.over(F64x4::splat), zeros, estimate: [y0.zeros_like()] }
+        Rows { system: system.over(F64x4::splat), zeros, estimate: [y0.zeros_like()], short: None }
     }
 
     #[inline]
@@ -442,6 +509,10 @@ impl<S: OverScalar<F64x4>> Method<f64, S> for Gbs14 {
     #[inline]
     fn stages_mut(storage: &mut Self::Storage) -> &mut [S::State] {
         &mut storage.estimate
+    }
+
+    fn restart(&self, storage: &mut Self::Storage, _system: &S, _t: f64, _y: &S::State) {
+        storage.short = None;
     }
 
     /// In lanes, which wait less than a scalar whose operations the compiler packs into registers.
@@ -470,8 +541,14 @@ impl<S: OverScalar<F64x4>> Method<f64, S> for Gbs14 {
 
     #[inline]
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, f64, S>) -> Result<(), Error> {
-        storage.advance(step);
-        *step.rhs_evals += 13;
+        let is_short = |short: Short| step.t == short.t && step.h.abs() <= short.longest;
+        if storage.short.is_some_and(is_short) {
+            storage.advance_with_few(step);
+            *step.rhs_evals += 2 * FEW as u64 - 1;
+        } else {
+            storage.advance(step);
+            *step.rhs_evals += 13;
+        }
         Ok(())
     }
 }

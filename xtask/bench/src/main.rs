@@ -135,10 +135,14 @@ fn run(arguments: &[String]) -> Result<(), String> {
         #[cfg(feature = "integrators")]
         ["solvers"] => wp::MODELS.iter().for_each(|model| println!("{model}")),
         #[cfg(feature = "integrators")]
-        ["solve", rounds, model, t_end, params, initial, last] => {
+        [what @ ("solve" | "lanes"), rounds, model, t_end, params, initial, last] => {
             let t_end = t_end.parse::<f64>().map_err(|e| format!("{t_end}: {e}"))?;
             let (params, initial, last) = (numbers(params)?, numbers(initial)?, numbers(last)?);
-            let solvers = wp::solvers(&wp::Problem { model: model.to_owned(), params, t_end, initial })?;
+            let problem = wp::Problem { model: model.to_owned(), params, t_end, initial };
+            let mut solvers = wp::solvers(&problem)?;
+            if what == "lanes" {
+                solvers.keep_lanes();
+            }
             let rounds = number(rounds)? as usize;
             for point in wp::time(&solvers, &last, rounds, ROUND_OF_SOLUTIONS, || println!("round"))? {
                 let wp::Point { solver, knob, error, work, ns } = point;

@@ -185,6 +185,29 @@ fn as_numbers<S, const N: usize>(_scene: &Rc<S>, _span: Span<N>) -> Vec<Solver> 
 /// Lanes of the rows `.. in 8 lanes`.
 const LANES: u32 = 8;
 
+/// What becomes of the angles of a scene whose lanes are trajectories.
+mod lanes {
+    use hamel_runtime::{Circles, F64x8, Gbs14, OnCircles, System, Vern9};
+
+    use super::{Solver, Span, side_by_side};
+
+    /// As points of circles within the steps.
+    pub(super) fn on_circles<S, const N: usize>(scene: S, span: Span<N>) -> Vec<Solver>
+    where
+        S: Circles<F64x8> + System<F64x8, State = [F64x8; N]> + Clone + 'static,
+    {
+        vec![
+            side_by_side("vern9 on circles in 8 lanes", scene.clone(), span, OnCircles::new(Vern9)),
+            side_by_side("gbs14 on circles in 8 lanes", scene, span, OnCircles::new(Gbs14)),
+        ]
+    }
+
+    /// As numbers, as ever.
+    pub(super) fn as_numbers<S, const N: usize>(_scene: S, _span: Span<N>) -> Vec<Solver> {
+        Vec::new()
+    }
+}
+
 /// A method on eight lanes, all with the trajectory of the problem.
 fn side_by_side<S, M, const N: usize>(name: &'static str, scene: S, span: Span<N>, method: M) -> Solver
 where
@@ -337,15 +360,17 @@ macro_rules! models {
                     solvers.extend($angles(&scene, span));
                     let series = <$taylor::Prepared<f64> as Scene<f64>>::prepare(&params);
                     solvers.push(taylor(series.map_err(prepare)?, span));
-                    let lanes: Vec<F64x8> = params.iter().map(|x| F64x8::from_f64(*x)).collect();
+                    let params_in_lanes: Vec<F64x8> = params.iter().map(|x| F64x8::from_f64(*x)).collect();
                     let scenes = (
-                        <$model::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes),
-                        <$taylor::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes),
+                        <$model::Prepared<F64x8> as Scene<F64x8>>::prepare(&params_in_lanes),
+                        <$taylor::Prepared<F64x8> as Scene<F64x8>>::prepare(&params_in_lanes),
                     );
-                    solvers.push(side_by_side("vern9 in 8 lanes", scenes.0.map_err(prepare)?, span, Vern9));
-                    let scene_in_lanes = <$model::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes).map_err(prepare)?;
-                    solvers.push(side_by_side("gbs14 in 8 lanes", scene_in_lanes, span, Gbs14));
-                    solvers.push(side_by_side("taylor in 8 lanes", scenes.1.map_err(prepare)?, span, Taylor::new()));
+                    let in_lanes = scenes.0.map_err(prepare)?;
+                    solvers.push(side_by_side("vern9 in 8 lanes", in_lanes.clone(), span, Vern9));
+                    let taylor = scenes.1.map_err(prepare)?;
+                    solvers.push(side_by_side("gbs14 in 8 lanes", in_lanes.clone(), span, Gbs14));
+                    solvers.extend(lanes::$angles(in_lanes, span));
+                    solvers.push(side_by_side("taylor in 8 lanes", taylor, span, Taylor::new()));
                     let rhs = move |t: f64, y: &[f64; $n], dy: &mut [f64; $n]| scene.rhs(t, y, dy);
                     solvers.extend(others::solvers(rhs, span));
                     let params = $model::Params::from_array(kernel::params(&params));
@@ -362,6 +387,13 @@ macro_rules! models {
 }
 
 for_each_model!(models);
+
+impl Solvers {
+    /// Forgets who integrates one trajectory at a time.
+    pub fn keep_lanes(&mut self) {
+        self.all.retain(|solver| solver.lanes > 1);
+    }
+}
 
 impl Solver {
     /// Integrates with a tolerance or a number of steps, writes the last state and says what it took; nothing when it

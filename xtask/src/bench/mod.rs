@@ -77,12 +77,13 @@ Examples:
     },
     /// Whole integrations: time against the error at the end
     ///
-    /// Integrates the first trajectory of the reference files by every method of the runtime and by those of the crates
+    /// Integrates the trajectories of the reference files by every method of the runtime and by those of the crates
     /// ode_solvers and differential-equations, over tolerances from 1e-3 to 1e-15, and prints the time to errors of
     /// 1e-6, 1e-9 and 1e-12. When no models are named, docs/benchmarks/wp.md, wp.html, `wp_<model>.csv` and
-    /// `wp_<model>.svg` are written.
+    /// `wp_<model>.svg` are written, of further trajectories `wp_<model>_2.csv` and so on.
     ///
-    /// The measuring program is built in target/bench, which takes some minutes the first time.
+    /// The measuring program is built in target/bench, which takes some minutes the first time; where this machine has
+    /// AVX-512 it is built for x86-64-v4 as well, in target/bench-wide, for several trajectories side by side.
     #[command(after_help = "\
 Examples:
   cargo xtask bench wp                       five models; writes docs/benchmarks

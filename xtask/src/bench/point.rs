@@ -2,10 +2,13 @@
 //!
 //! Does not know: how it was timed or is shown.
 
+/// By whom the methods of the runtime are.
+pub(crate) const OWN: &str = "hamel";
+
 /// A solution that was timed.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Point {
-    /// By what: `hamel`, or who else.
+    /// By what: `hamel`, `hamel, <instruction set>`, or who else.
     pub(crate) by: String,
     /// Name of the method.
     pub(crate) method: String,
@@ -39,7 +42,12 @@ impl Point {
 
     /// Whether a method of the runtime computed it.
     pub(crate) fn is_own(&self) -> bool {
-        self.by == "hamel"
+        self.by == OWN || self.set().is_some()
+    }
+
+    /// The instruction set that a method of the runtime was compiled for besides that of the page.
+    pub(crate) fn set(&self) -> Option<&str> {
+        self.by.strip_prefix(OWN)?.strip_prefix(", ")
     }
 
     /// Whether it is one of several solutions side by side, whose time no single one has.
@@ -75,5 +83,8 @@ mod tests {
         assert_eq!(fastest(&points, 1e-8).map(|p| p.us), Some(4.0));
         assert_eq!(fastest(&points, 1e-12), None);
         assert_eq!(Point::parse("hamel;vern9;1e-9"), None);
+        let wide = Point { by: "hamel, x86-64-v4".into(), ..points[0].clone() };
+        assert_eq!((wide.is_own(), wide.set()), (true, Some("x86-64-v4")));
+        assert_eq!((points[0].set(), points[2].set(), points[2].is_own()), (None, None, false));
     }
 }

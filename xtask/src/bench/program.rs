@@ -4,7 +4,7 @@
 //! Does not know: what is measured, how it is shown.
 
 use std::io::{BufRead, BufReader, IsTerminal as _, Read as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use hamel::Error;
@@ -20,6 +20,9 @@ pub(super) const PACKAGE: &str = "hamel-bench";
 pub(crate) enum TargetCpu {
     /// That of this machine; not counted where valgrind does not know its instructions, such as AVX-512.
     Native,
+    /// AVX-512 as well: eight lanes are one register.
+    #[value(name = "x86-64-v4")]
+    X86_64V4,
     /// AVX2 and fused multiply-add, as the peers were measured.
     #[value(name = "x86-64-v3")]
     X86_64V3,
@@ -37,10 +40,25 @@ impl TargetCpu {
         TargetCpu::Baseline
     }
 
+    /// `x86-64-v4` where this machine has more than `x86-64-v3` that way.
+    pub(crate) fn wide() -> Option<TargetCpu> {
+        #[cfg(target_arch = "x86_64")]
+        if std::is_x86_feature_detected!("avx512f")
+            && std::is_x86_feature_detected!("avx512bw")
+            && std::is_x86_feature_detected!("avx512cd")
+            && std::is_x86_feature_detected!("avx512dq")
+            && std::is_x86_feature_detected!("avx512vl")
+        {
+            return Some(TargetCpu::X86_64V4);
+        }
+        None
+    }
+
     /// As it is written on the command line.
     pub(crate) fn name(self) -> &'static str {
         match self {
             TargetCpu::Native => "native",
+            TargetCpu::X86_64V4 => "x86-64-v4",
             TargetCpu::X86_64V3 => "x86-64-v3",
             TargetCpu::Baseline => "baseline",
         }
@@ -49,7 +67,9 @@ impl TargetCpu {
     /// `RUSTFLAGS` for it, added to those of the user.
     pub(crate) fn rustflags(self) -> String {
         let own = match self {
-            TargetCpu::Native | TargetCpu::X86_64V3 => format!("-C target-cpu={}", self.name()),
+            TargetCpu::Native | TargetCpu::X86_64V4 | TargetCpu::X86_64V3 => {
+                format!("-C target-cpu={}", self.name())
+            }
             TargetCpu::Baseline => String::new(),
         };
         let given = std::env::var("RUSTFLAGS").unwrap_or_default();
@@ -62,9 +82,23 @@ pub(super) fn target_dir(repository: &Repository) -> PathBuf {
     repository.root().join("target/bench")
 }
 
+/// Where it is built once more, for a second instruction set of the same measurement.
+pub(super) fn second_target_dir(repository: &Repository) -> PathBuf {
+    repository.root().join("target/bench-wide")
+}
+
 pub(super) fn build(repository: &Repository, cpu: TargetCpu, features: &[&str]) -> Result<PathBuf, Error> {
+    build_in(&target_dir(repository), repository, cpu, features)
+}
+
+pub(super) fn build_in(
+    folder: &Path,
+    repository: &Repository,
+    cpu: TargetCpu,
+    features: &[&str],
+) -> Result<PathBuf, Error> {
     let mut cargo = cargo::cargo_build(repository, PACKAGE);
-    cargo.args(features).arg("--target-dir").arg(target_dir(repository)).env("RUSTFLAGS", cpu.rustflags());
+    cargo.args(features).arg("--target-dir").arg(folder).env("RUSTFLAGS", cpu.rustflags());
     cargo::run_build(cargo, PACKAGE, "building the benchmarks")?.ok_or_else(|| Error::Failed {
         step: format!("building {PACKAGE}"),
         status: "see above; `cargo xtask generate` writes the generated files anew".into(),

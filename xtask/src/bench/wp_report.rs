@@ -4,7 +4,8 @@
 //!
 //! Does not know: how anything was measured.
 
-use std::fmt::Write as _;
+use std::collections::BTreeSet;
+use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use hamel::Error;
@@ -14,13 +15,35 @@ use super::point::{Point, fastest};
 use super::source::Source;
 use super::table::{Table, cells, number, write_files};
 
+/// A trajectory of a model.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Run {
+    /// Name of the model.
+    pub(crate) model: String,
+    /// Number of the trajectory in the reference file, from one on.
+    pub(crate) k: usize,
+}
+
+impl Run {
+    /// The name of its files.
+    fn file(&self) -> String {
+        if self.k == 1 { format!("wp_{}", self.model) } else { format!("wp_{}_{}", self.model, self.k) }
+    }
+}
+
+impl fmt::Display for Run {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, trajectory {}", self.model, self.k)
+    }
+}
+
 /// All that was measured, and on what.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Report {
     /// Where it comes from.
     pub(crate) source: Source,
-    /// Models with their measurements.
-    pub(crate) models: Vec<(String, Vec<Point>)>,
+    /// Trajectories with their measurements.
+    pub(crate) runs: Vec<(Run, Vec<Point>)>,
     /// What could not be measured, and why.
     pub(crate) notes: Vec<String>,
 }
@@ -36,10 +59,10 @@ fn by_solver(points: &[Point]) -> Vec<&[Point]> {
 impl Report {
     /// The report for a terminal.
     pub(crate) fn text(&self) -> String {
-        let mut text = format!("{}\n{}", self.source.text(), self.best().text());
-        for (model, points) in &self.models {
-            let _ =
-                write!(text, "\n{model}: microseconds to an error of at most\n\n{}", times(points).text());
+        let mut text =
+            format!("{}\n{}\n{}", self.source.text(), self.best().text(), self.side_by_side().text());
+        for (run, points) in &self.runs {
+            let _ = write!(text, "\n{run}: microseconds to an error of at most\n\n{}", times(points).text());
         }
         for note in &self.notes {
             let _ = write!(text, "\nnote: {note}\n");
@@ -54,11 +77,11 @@ impl Report {
     pub(crate) fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
         let mut files = vec![("wp.md".to_owned(), self.markdown())];
         let mut charts = Vec::new();
-        for (model, points) in &self.models {
-            let chart = loglog::svg(&self.chart(model, points));
+        for (run, points) in &self.runs {
+            let chart = loglog::svg(&self.chart(run, points));
             let chart = chart.map_err(|e| Error::io("the chart", std::io::Error::other(e)))?;
-            files.push((format!("wp_{model}.csv"), self.csv(points)));
-            files.push((format!("wp_{model}.svg"), chart.clone()));
+            files.push((format!("{}.csv", run.file()), self.csv(points)));
+            files.push((format!("{}.svg", run.file()), chart.clone()));
             charts.push(chart);
         }
         files.push(("wp.html".to_owned(), self.html(&charts)));
@@ -67,9 +90,10 @@ impl Report {
 
     /// The best method at each error and its ratio to the best opponent; one trajectory at a time.
     fn best(&self) -> Table {
-        let head = ["model", "error", "best method", "best opponent", "us", "us", "opponent/hamel"];
+        let head =
+            ["model", "trajectory", "error", "best method", "best opponent", "us", "us", "opponent/hamel"];
         let mut lines = vec![cells(head)];
-        for (model, points) in &self.models {
+        for (run, points) in &self.runs {
             for bound in ERRORS {
                 let of =
                     |own: bool| fastest(points.iter().filter(|p| p.is_own() == own && !p.is_lane()), bound);
@@ -77,7 +101,8 @@ impl Report {
                 let name = |p: Option<&Point>| p.map_or_else(|| "-".into(), Point::name);
                 let ratio = own.zip(other).map(|(own, other)| other.us / own.us);
                 lines.push(vec![
-                    model.clone(),
+                    run.model.clone(),
+                    run.k.to_string(),
                     format!("{bound:e}"),
                     own.map_or_else(|| "-".into(), |p| p.method.clone()),
                     name(other),
@@ -87,19 +112,53 @@ impl Report {
                 ]);
             }
         }
+        Table { lines, n_words: 5 }
+    }
+
+    /// The best method in lanes at each error, for each instruction set, and what part it takes of the best opponent's
+    /// time in lanes.
+    fn side_by_side(&self) -> Table {
+        let sets: BTreeSet<Option<&str>> =
+            self.runs.iter().flat_map(|(_, points)| points).filter(|p| p.is_own()).map(Point::set).collect();
+        let mut head = cells(["model", "trajectory", "error", "best opponent", "us"]);
+        for set in &sets {
+            let set = set.map_or_else(String::new, |set| format!(", {set}"));
+            head.extend([format!("best method{set}"), "us".into(), "hamel/opponent".into()]);
+        }
+        let mut lines = vec![head];
+        for (run, points) in &self.runs {
+            for bound in ERRORS {
+                let in_lanes = || points.iter().filter(|p| p.is_lane());
+                let other = fastest(in_lanes().filter(|p| !p.is_own()), bound);
+                let mut line = vec![run.model.clone(), run.k.to_string(), format!("{bound:e}")];
+                line.extend([other.map_or_else(|| "-".into(), Point::name), number(other.map(|p| p.us), 2)]);
+                for set in &sets {
+                    let own = fastest(in_lanes().filter(|p| p.is_own() && p.set() == *set), bound);
+                    let ratio = own.zip(other).map(|(own, other)| own.us / other.us);
+                    line.extend([
+                        own.map_or_else(|| "-".into(), |p| p.method.clone()),
+                        number(own.map(|p| p.us), 2),
+                        number(ratio, 2),
+                    ]);
+                }
+                lines.push(line);
+            }
+        }
         Table { lines, n_words: 4 }
     }
 
     fn markdown(&self) -> String {
         let mut text = format!(
-            "# Work and precision\n\n{INTRODUCTION}\n\n{}.\n\n## The best\n\n{}",
+            "# Work and precision\n\n{INTRODUCTION}\n\n{}.\n\n## The best\n\n{}\n## Side by side\n\n{SIDE_BY_SIDE}\n\n{}",
             self.source.markdown(),
-            self.best().markdown()
+            self.best().markdown(),
+            self.side_by_side().markdown()
         );
-        for (model, points) in &self.models {
+        for (run, points) in &self.runs {
             let _ = write!(
                 text,
-                "\n## {model}\n\n![Time against error](wp_{model}.svg)\n\nMicroseconds to an error of at most:\n\n{}",
+                "\n## {run}\n\n![Time against error]({}.svg)\n\nMicroseconds to an error of at most:\n\n{}",
+                run.file(),
                 times(points).markdown()
             );
         }
@@ -118,8 +177,9 @@ impl Report {
             escaped(&self.source.rustc),
             self.best().html()
         );
-        for ((model, points), chart) in self.models.iter().zip(charts) {
-            let _ = write!(body, "<h2>{}</h2>\n{chart}\n{}", escaped(model), times(points).html());
+        let _ = write!(body, "<h2>Side by side</h2>\n{}", self.side_by_side().html());
+        for ((run, points), chart) in self.runs.iter().zip(charts) {
+            let _ = write!(body, "<h2>{}</h2>\n{chart}\n{}", escaped(&run.to_string()), times(points).html());
         }
         for note in &self.notes {
             let _ = writeln!(body, "<p>Note: {}.</p>", escaped(note));
@@ -138,14 +198,18 @@ impl Report {
         text
     }
 
-    fn chart(&self, model: &str, points: &[Point]) -> LogLog {
+    fn chart(&self, run: &Run, points: &[Point]) -> LogLog {
         let curve = |points: &[Point]| {
-            let name = if points[0].is_own() { points[0].method.clone() } else { points[0].name() };
+            let name = match (points[0].is_own(), points[0].set()) {
+                (true, None) => points[0].method.clone(),
+                (true, Some(set)) => format!("{}, {set}", points[0].method),
+                (false, _) => points[0].name(),
+            };
             let points_on = points.iter().map(|p| [p.error, p.us]);
             Curve { name, broken: !points[0].is_own(), points: points_on.collect() }
         };
         LogLog {
-            title: format!("{model}: time against error"),
+            title: format!("{run}: time against error"),
             subtitle: self.source.machine(),
             labels: ["error at the end, max |dy| / (1 + |y|)".into(), "microseconds".into()],
             curves: by_solver(points).into_iter().map(curve).collect(),
@@ -183,7 +247,7 @@ table{border-collapse:collapse;font-size:14px}th,td{padding:.15rem .7rem;border-
 td{font-variant-numeric:tabular-nums}svg{max-width:100%;height:auto}";
 
 const INTRODUCTION: &str = "\
-The first trajectory of each file of `tests/reference`, integrated with `rtol = atol` from 1e-3 to 1e-15 by decades (methods
+The trajectories of files of `tests/reference`, integrated with `rtol = atol` from 1e-3 to 1e-15 by decades (methods
 with fixed steps: 8 to 16384 steps). The error is `max_i |dy_i| / (1 + |y_i|)` at the end; a time is the fastest of all
 rounds, and of all tolerances whose error is at most the one that the column says. Solvers take turns in every round. Trust
 ratios of one run.
@@ -199,9 +263,14 @@ ratios of one run.
 `.. in 8 lanes` is an eighth of the time of eight equal trajectories side by side on one core; it has no part in \"The best\", where everything
 integrates one.";
 
+const SIDE_BY_SIDE: &str = "\
+An eighth of the time of eight equal trajectories side by side on one core, to an error of at most. Compiled for x86-64-v4 as
+well where the machine has it: eight lanes are one register of AVX-512 then, and two of AVX2 otherwise. heyoka compiles its
+batches of eight for this machine.";
+
 #[cfg(test)]
 mod tests {
-    use super::{Point, Report};
+    use super::{Point, Report, Run};
     use crate::bench::source::Source;
 
     fn point(by: &str, method: &str, error: f64, us: f64) -> Point {
@@ -215,8 +284,8 @@ mod tests {
             point("hamel", "taylor", 1e-13, 10.0),
             point("other & co", "dop853", 1e-10, 20.0),
         ];
-        let models = vec![("heavy_top".to_owned(), points)];
-        Report { source: Source::of_test("bench wp"), models, notes: Vec::new() }
+        let runs = vec![(Run { model: "heavy_top".into(), k: 2 }, points)];
+        Report { source: Source::of_test("bench wp"), runs, notes: Vec::new() }
     }
 
     #[test]
@@ -225,27 +294,38 @@ mod tests {
         let lines: Vec<Vec<&str>> = text.lines().map(|l| l.split_whitespace().collect()).collect();
         assert_eq!(
             lines[1],
-            ["heavy_top", "1e-6", "dop853", "other", "&", "co", "dop853", "8.00", "20.00", "2.50"]
+            ["heavy_top", "2", "1e-6", "dop853", "other", "&", "co", "dop853", "8.00", "20.00", "2.50"]
         );
         assert_eq!(
             lines[2],
-            ["heavy_top", "1e-9", "taylor", "other", "&", "co", "dop853", "10.00", "20.00", "2.00"]
+            ["heavy_top", "2", "1e-9", "taylor", "other", "&", "co", "dop853", "10.00", "20.00", "2.00"]
         );
-        assert_eq!(lines[3], ["heavy_top", "1e-12", "taylor", "-", "10.00"]);
+        assert_eq!(lines[3], ["heavy_top", "2", "1e-12", "taylor", "-", "10.00"]);
     }
 
     #[test]
-    fn a_lane_is_shown_but_is_nobodys_opponent() {
+    fn a_lane_is_compared_with_lanes_alone() {
         let mut report = report();
-        report.models[0].1.push(point("heyoka 1", "taylor in 8 lanes", 1e-14, 0.5));
-        assert!(!report.best().text().contains("heyoka"));
+        report.runs[0].1.extend([
+            point("heyoka 1", "taylor in 8 lanes", 1e-14, 0.5),
+            point("hamel", "vern9 in 8 lanes", 1e-10, 0.4),
+            point("hamel, x86-64-v4", "gbs14 in 8 lanes", 1e-8, 0.1),
+        ]);
+        let best = report.best().text();
+        assert!(!best.contains("heyoka") && !best.contains("lanes"));
         assert!(report.text().contains("taylor in 8 lanes"));
+        let text = report.side_by_side().text();
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[0].contains("best method, x86-64-v4"), "{text}");
+        assert!(lines[1].contains("vern9 in 8 lanes  0.40            0.80"), "{text}");
+        assert!(lines[1].ends_with("gbs14 in 8 lanes  0.10            0.20"), "{text}");
+        assert!(lines[2].contains("0.80") && lines[2].ends_with('-'), "{text}");
     }
 
     #[test]
     fn every_solver_is_a_curve_and_a_page_is_whole() {
         let report = report();
-        let chart = report.chart("heavy_top", &report.models[0].1);
+        let chart = report.chart(&report.runs[0].0, &report.runs[0].1);
         let names: Vec<&str> = chart.curves.iter().map(|c| c.name.as_str()).collect();
         assert_eq!(names, ["dop853", "taylor", "other & co dop853"]);
         assert_eq!(chart.curves.iter().map(|c| c.points.len()).collect::<Vec<_>>(), [2, 1, 1]);

@@ -55,8 +55,7 @@ impl Notation for Rust {
     }
 
     fn fused(&self, signs: Signs, a: Text, b: Text, c: Text) -> Text {
-        // The order of factors is free: a name reads better before the dot than a formula, a field or a number.
-        let (a, b) = if b.is_name() && !a.is_name() { (b, a) } else { (a, b) };
+        // The order is the program's: dual numbers round the products of a derivative in the order of the factors.
         let receiver = a.signed(signs.product).at_least(Binding::Atom);
         let addend = c.signed(signs.addend);
         let text = format!("{}.mul_add({}, {})", receiver.text, b.text, addend.text);

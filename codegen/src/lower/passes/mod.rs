@@ -6,6 +6,7 @@ mod copies;
 mod factors;
 mod fuse;
 mod pair;
+mod receivers;
 mod signs;
 mod slots;
 
@@ -15,7 +16,7 @@ use crate::program::Program;
 pub(super) type Pass = (&'static str, fn(&mut Program));
 
 /// All passes in order.
-pub(super) const PASSES: [Pass; 8] = [
+pub(super) const PASSES: [Pass; 9] = [
     ("fused sums", fuse::fuse),
     ("signs of functions", signs::absorb_in_functions),
     ("signs of prepared numbers", signs::negate_slots),
@@ -24,4 +25,5 @@ pub(super) const PASSES: [Pass; 8] = [
     ("order of slots", slots::order_slots),
     ("copies of prepared numbers", copies::copy_slots),
     ("pairs of sines and cosines", pair::pair),
+    ("variables before numbers", receivers::order_receivers),
 ];

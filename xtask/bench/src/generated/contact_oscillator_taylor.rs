@@ -473,7 +473,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     self.gamma * x,
                     t2,
                     t3,
-                    z.mul_add(self.gamma, kept3.mul_add(t2, kept4.mul_add(t3, sum2))),
+                    self.gamma.mul_add(z, kept3.mul_add(t2, kept4.mul_add(t3, sum2))),
                     kept1.mul_add(z_dot, kept5.mul_add(y_2, sum3)),
                     kept1.mul_add(x, kept6.mul_add(y_2, sum4)),
                 ]
@@ -499,7 +499,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 -t5,
                 y_dot,
                 z_dot,
-                (-t0).mul_add(self.gamma, z_dot.mul_add(self.beta, -y_2)),
+                (-self.gamma).mul_add(t0, self.beta.mul_add(z_dot, -y_2)),
                 t8,
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));

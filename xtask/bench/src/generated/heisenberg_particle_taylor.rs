@@ -431,8 +431,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         * (-kept9)
                             .mul_add(
                                 t2,
-                                -y_2
-                                    .mul_add(self.k, kept7.mul_add(t3, kept8.mul_add(t1, sum7)))
+                                -self
+                                    .k
+                                    .mul_add(y_2, kept7.mul_add(t3, kept8.mul_add(t1, sum7)))
                                     - sum8,
                             ),
                     kept6

@@ -460,7 +460,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let t1 = -kept0.mul_add(phi, inverse * sum1);
             let t2 = kept3.mul_add(t0, kept0.mul_add(y_dot, sum3))
                 + kept2.mul_add(t1, kept1.mul_add(x_dot, sum2));
-            let t3 = t0.mul_add(self.g, kept4.mul_add(t2, kept5.mul_add(phi_dot, sum4)));
+            let t3 = self.g.mul_add(t0, kept4.mul_add(t2, kept5.mul_add(phi_dot, sum4)));
             let t4 = order * phi;
             workspace
                 .0
