@@ -103,7 +103,7 @@ impl Findings {
     fn add(&mut self, file: &str, problems: &Diagnostics) {
         let origin = problems.origin();
         let place = |span: Span| origin.map(|origin| Place::new(origin, span));
-        for Diagnostic { severity, message, span, label, labels, help } in problems.iter() {
+        for Diagnostic { severity, message, span, label, labels, help, replacement: _ } in problems.iter() {
             self.push(Finding {
                 file: origin.map_or(file, |origin| origin.file.as_str()).to_owned(),
                 severity: match severity {
