@@ -176,14 +176,24 @@ fn an_editor_talks_with_the_program() {
     assert_eq!(edits["changes"][URI].as_array().unwrap().len(), 4);
     place["newName"] = json!("phi");
     let refused = editor.response("textDocument/rename", place);
-    assert!(serde_json::to_value(refused).unwrap()["error"]["message"].as_str().unwrap().contains("declared twice"));
+    assert!(
+        serde_json::to_value(refused).unwrap()["error"]["message"]
+            .as_str()
+            .unwrap()
+            .contains("declared twice")
+    );
     let symbols = editor.ask("textDocument/documentSymbol", json!({ "textDocument": { "uri": URI } }));
-    let names: Vec<&str> = symbols[0]["children"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
-    assert_eq!((&symbols[0]["name"], names.as_slice()), (&"rod".into(), ["l", "stiffness", "q", "phi", "height"].as_slice()));
+    let names: Vec<&str> =
+        symbols[0]["children"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(
+        (&symbols[0]["name"], names.as_slice()),
+        (&"rod".into(), ["l", "stiffness", "q", "phi", "height"].as_slice())
+    );
     let tokens = editor.ask("textDocument/semanticTokens/full", json!({ "textDocument": { "uri": URI } }));
     assert_eq!(tokens["data"].as_array().unwrap().len() % 5, 0);
 
-    let options = json!({ "textDocument": { "uri": URI }, "options": { "tabSize": 8, "insertSpaces": false } });
+    let options =
+        json!({ "textDocument": { "uri": URI }, "options": { "tabSize": 8, "insertSpaces": false } });
     assert_eq!(editor.ask("textDocument/formatting", options.clone()), json!([]), "in form");
     let untidy = text.replace("    lagrangian = ", "lagrangian   =");
     editor.tell(
@@ -199,7 +209,10 @@ fn an_editor_talks_with_the_program() {
     assert_eq!(editor.ask("textDocument/formatting", options), Value::Null, "no model");
     let problems = editor.problems(4);
     assert!(problems[0]["message"].as_str().unwrap().contains("is not closed"), "{problems}");
-    let proposals = editor.ask("textDocument/completion", json!({ "textDocument": { "uri": URI }, "position": { "line": 0, "character": 12 } }));
+    let proposals = editor.ask(
+        "textDocument/completion",
+        json!({ "textDocument": { "uri": URI }, "position": { "line": 0, "character": 12 } }),
+    );
     assert!(proposals.as_array().unwrap().iter().any(|item| item["label"] == "param"));
 
     // What nobody knows is answered, what is no message of this kind as well.
@@ -241,7 +254,8 @@ fn repository(path: &str) -> String {
 /// The grammar for colours has the words of the language, each in the group of its kind, and no others.
 #[test]
 fn grammar_has_every_keyword() {
-    let grammar: Value = serde_json::from_str(&repository("editors/vscode/syntaxes/hamel.tmLanguage.json")).unwrap();
+    let grammar: Value =
+        serde_json::from_str(&repository("editors/vscode/syntaxes/hamel.tmLanguage.json")).unwrap();
     let groups = [
         ("items", WordKind::Item),
         ("parts", WordKind::Part),
@@ -263,7 +277,11 @@ fn grammar_has_every_keyword() {
 fn the_extension_starts_the_server() {
     let package: Value = serde_json::from_str(&repository("editors/vscode/package.json")).unwrap();
     assert_eq!(package["contributes"]["languages"][0]["extensions"][0], ".hamel");
-    for file in [&package["main"], &package["contributes"]["grammars"][0]["path"], &package["contributes"]["languages"][0]["configuration"]] {
+    for file in [
+        &package["main"],
+        &package["contributes"]["grammars"][0]["path"],
+        &package["contributes"]["languages"][0]["configuration"],
+    ] {
         assert!(!repository(&format!("editors/vscode/{}", file.as_str().unwrap())).is_empty());
     }
     assert!(repository("editors/vscode/extension.js").contains("args: [\"lsp\"]"));

@@ -6,8 +6,8 @@ use std::collections::HashMap;
 
 use hamel_codegen::spec::{Diagnostics, Replacement, Severity, Span};
 use lsp_types::{
-    CodeAction, CodeActionKind, Diagnostic, DiagnosticRelatedInformation, DiagnosticSeverity, Location, Range,
-    TextEdit, Uri, WorkspaceEdit,
+    CodeAction, CodeActionKind, Diagnostic, DiagnosticRelatedInformation, DiagnosticSeverity, Location,
+    Range, TextEdit, Uri, WorkspaceEdit,
 };
 
 use super::position::Lines;
@@ -48,8 +48,7 @@ fn find_word(text: &str, span: Span, word: &str) -> Option<Span> {
     let is_part_of_word = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
     part.match_indices(word).find_map(|(at, _)| {
         let (before, after) = (&part[..at], &part[at + word.len()..]);
-        let is_whole =
-            !is_part_of_word(before.chars().next_back()) && !is_part_of_word(after.chars().next());
+        let is_whole = !is_part_of_word(before.chars().next_back()) && !is_part_of_word(after.chars().next());
         is_whole.then(|| Span::new(span.start + at, span.start + at + word.len()))
     })
 }

@@ -67,7 +67,8 @@ impl Proposals {
             let detail = format!("rate of `{}`", d.name);
             self.add(&format!("{}_dot", d.name), CompletionItemKind::VARIABLE, &detail, &d.doc);
         }
-        for velocity in model.iter().flat_map(|model| model.velocities.iter().chain(&model.quasi_velocities)) {
+        for velocity in model.iter().flat_map(|model| model.velocities.iter().chain(&model.quasi_velocities))
+        {
             self.add(&velocity.name, CompletionItemKind::VARIABLE, "velocity", &velocity.doc);
         }
     }
@@ -112,7 +113,9 @@ fn shown(kind: DeclarationKind) -> CompletionItemKind {
     match kind {
         DeclarationKind::Parameter => CompletionItemKind::CONSTANT,
         DeclarationKind::Algebra | DeclarationKind::Representation => CompletionItemKind::CLASS,
-        DeclarationKind::Scene | DeclarationKind::Model | DeclarationKind::Stage => CompletionItemKind::MODULE,
+        DeclarationKind::Scene | DeclarationKind::Model | DeclarationKind::Stage => {
+            CompletionItemKind::MODULE
+        }
         DeclarationKind::Event => CompletionItemKind::EVENT,
         DeclarationKind::Casimir | DeclarationKind::Output | DeclarationKind::Section => {
             CompletionItemKind::PROPERTY
@@ -123,8 +126,24 @@ fn shown(kind: DeclarationKind) -> CompletionItemKind {
 
 /// Algebras of the language, spaces among them, without representations and groups.
 const ALGEBRAS: [&str; 18] = [
-    "R", "so", "se", "su", "u", "gl", "sl", "sp", "sim", "galilei", "heisenberg", "zeitlin", "zeitlin_sphere",
-    "torus", "witt", "product", "semidirect", "vorticity",
+    "R",
+    "so",
+    "se",
+    "su",
+    "u",
+    "gl",
+    "sl",
+    "sp",
+    "sim",
+    "galilei",
+    "heisenberg",
+    "zeitlin",
+    "zeitlin_sphere",
+    "torus",
+    "witt",
+    "product",
+    "semidirect",
+    "vorticity",
 ];
 
 /// What may be written at a byte of a text.
@@ -171,7 +190,16 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
         Context::Algebra => {
             found.declared(document, |kind| matches!(kind, Kind::Algebra | Kind::Representation));
             found.words(&ALGEBRAS);
-            found.words(&["standard", "adjoint", "coadjoint", "functions", "densities", "dual", "trivial", "as"]);
+            found.words(&[
+                "standard",
+                "adjoint",
+                "coadjoint",
+                "functions",
+                "densities",
+                "dual",
+                "trivial",
+                "as",
+            ]);
         }
         Context::Group => {
             found.words(&["SO", "SE", "SU", "U", "GL", "SL", "Sp", "R", "matrices", "semidirect", "from"]);

@@ -120,7 +120,9 @@ pub(crate) fn symbols(document: &Document) -> Vec<DocumentSymbol> {
             name: d.name.clone(),
             detail: Some(d.kind.title().to_owned()),
             kind: match d.kind {
-                DeclarationKind::Model | DeclarationKind::Scene | DeclarationKind::Stage => SymbolKind::MODULE,
+                DeclarationKind::Model | DeclarationKind::Scene | DeclarationKind::Stage => {
+                    SymbolKind::MODULE
+                }
                 DeclarationKind::Parameter => SymbolKind::CONSTANT,
                 DeclarationKind::Algebra | DeclarationKind::Representation => SymbolKind::CLASS,
                 DeclarationKind::Event => SymbolKind::EVENT,

@@ -105,7 +105,8 @@ fn every_word_of_the_shipped_models_is_known() {
         let mut known: Vec<_> = outline.mentions.iter().map(|m| m.word).collect();
         known.extend(outline.words.iter().map(|(span, _)| *span));
         // Comments and texts in quotes have other words.
-        let code: String = document.text.lines().map(|line| line.split("//").next().unwrap()).collect::<Vec<_>>().join("\n");
+        let code: String =
+            document.text.lines().map(|line| line.split("//").next().unwrap()).collect::<Vec<_>>().join("\n");
         let code: Vec<&str> = code.split('"').step_by(2).collect();
         let n_words: usize = code
             .iter()
@@ -121,7 +122,8 @@ fn every_word_of_the_shipped_models_is_known() {
 fn components_and_rates_stand_for_their_declaration() {
     let (document, known) = checked(TOP);
     let at = |word: &str| TOP.find(word).unwrap();
-    let named = |offset: usize| document.outline.mention_at(offset).map(|(m, d)| (m.name, d.name.as_str(), d.kind));
+    let named =
+        |offset: usize| document.outline.mention_at(offset).map(|(m, d)| (m.name, d.name.as_str(), d.kind));
     let (name, declared, kind) = named(at("I1 > 0")).unwrap();
     assert_eq!((declared, kind, name.end - name.start), ("I", DeclarationKind::Parameter, 1));
     let (name, declared, _) = named(at("theta_dot")).unwrap();
@@ -133,7 +135,9 @@ fn components_and_rates_stand_for_their_declaration() {
     assert!(rate.text.contains("rate of the coordinate `theta_dot` [rad/s]"), "{}", rate.text);
     assert_eq!(rate.wish, Wish::Rates(vec!["theta_dot".to_owned()]));
     let velocity = hover::answer(&document, at("Omega in"), model).unwrap();
-    for part in ["velocity Omega in so(3)", "[rad/s]", "Omega1, Omega2, Omega3", "[e₁, e₂] = e₃", "body frame"] {
+    for part in
+        ["velocity Omega in so(3)", "[rad/s]", "Omega1, Omega2, Omega3", "[e₁, e₂] = e₃", "body frame"]
+    {
         assert!(velocity.text.contains(part), "{part}: {}", velocity.text);
     }
     assert_eq!(velocity.wish, Wish::Rates(["Omega1", "Omega2", "Omega3"].map(str::to_owned).to_vec()));
@@ -174,7 +178,7 @@ fn proposals_are_those_of_the_place() {
     };
     let until = |mark: &str| TOP[..TOP.find(mark).unwrap()].to_owned();
     let has = |found: &[String], label: &str| found.iter().any(|l| l == label);
-    let items = labels(&until("velocity"));
+    let items = labels(&until("velocity Omega"));
     assert!(has(&items, "velocity") && has(&items, "scene") && !has(&items, "theta"));
     let values = labels(&until("Gamma3*"));
     for label in ["Omega", "Omega2", "theta_dot", "I3", "spin", "dot", "Gamma1"] {
@@ -199,5 +203,8 @@ fn equations_follow_the_words_about_a_name() {
     assert!(text.contains("d/dt Ω₁ = ") && text.contains("d/dt Ω₃ = "), "{text}");
     let answer = hover::answer(&document, TOP.find("lagrangian").unwrap(), Some(model)).unwrap();
     let text = hover::with_equations(&answer, &equations);
-    assert!(text.contains("The reduced Lagrangian") && text.contains("8 equations of motion, for "), "{text}");
+    assert!(
+        text.contains("The reduced Lagrangian") && text.contains("8 equations of motion, for "),
+        "{text}"
+    );
 }

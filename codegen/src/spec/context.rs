@@ -161,7 +161,9 @@ fn of_item(statement: &[&str]) -> Context {
         "view" if last == "=" => Context::Solid,
         "param" | "coordinate" | "velocity" | "momentum" | "representation" | "advected" | "reconstruct"
         | "algebra" | "almost" | "quasi_velocity" | "scene" | "source" | "multipliers" => Context::Anything,
-        "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => Context::Anything,
+        "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
+            Context::Anything
+        }
         _ => Context::Expression,
     }
 }

@@ -124,7 +124,15 @@ impl Diagnostic {
     pub fn new(span: Option<Span>, message: impl Into<String>) -> Diagnostic {
         let (label, labels) = (String::new(), Vec::new());
         let (help, replacement) = (None, None);
-        Diagnostic { severity: Severity::Error, message: message.into(), span, label, labels, help, replacement }
+        Diagnostic {
+            severity: Severity::Error,
+            message: message.into(),
+            span,
+            label,
+            labels,
+            help,
+            replacement,
+        }
     }
 
     /// A warning without hint and further places.

@@ -31,6 +31,7 @@ mod outline;
 mod parser;
 mod shape;
 mod tokens;
+mod units;
 mod unused;
 mod value;
 mod view;

@@ -263,13 +263,17 @@ impl Outline {
             }
             let spaces = place.spaces();
             let found = spaces.iter().find_map(|space| {
-                resolve(token.text, |name| {
-                    by_name.get(name).into_iter().flatten().copied().find(|k| {
-                        let d = &self.declarations[*k];
-                        let is_known = d.scope.is_none_or(|s| (s.start..s.end).contains(&token.start));
-                        d.kind.space() == *space && is_known
-                    })
-                }, |k| &self.declarations[k])
+                resolve(
+                    token.text,
+                    |name| {
+                        by_name.get(name).into_iter().flatten().copied().find(|k| {
+                            let d = &self.declarations[*k];
+                            let is_known = d.scope.is_none_or(|s| (s.start..s.end).contains(&token.start));
+                            d.kind.space() == *space && is_known
+                        })
+                    },
+                    |k| &self.declarations[k],
+                )
             });
             if let Some((declaration, range)) = found {
                 let name = Span::new(token.start + range.start, token.start + range.end);
@@ -300,7 +304,8 @@ impl Place<'_> {
     fn keyword(&self, word: &str) -> Option<WordKind> {
         let next_is = |mark: &str| self.next.is_some_and(|t| t.is(mark));
         // A basis element or a quasi-velocity may begin a statement.
-        if self.is_first && !(next_is("=") && !matches!(word, "lagrangian" | "hamiltonian" | "inner_product")) {
+        if self.is_first && !(next_is("=") && !matches!(word, "lagrangian" | "hamiltonian" | "inner_product"))
+        {
             return vocabulary::kind_of(word, false).filter(|kind| *kind != WordKind::Function);
         }
         if self.first == "almost" && matches!(word, "algebra" | "algebroid") {
@@ -356,9 +361,7 @@ fn resolve<'d>(
     let momentum = word.strip_prefix("dh_d")?;
     let at = word.len() - momentum.len();
     let found = find(momentum).map(|k| (k, momentum.len())).or_else(|| component(momentum));
-    found
-        .filter(|(k, _)| declaration(*k).kind == DeclarationKind::Momentum)
-        .map(|(k, end)| (k, at..at + end))
+    found.filter(|(k, _)| declaration(*k).kind == DeclarationKind::Momentum).map(|(k, end)| (k, at..at + end))
 }
 
 /// A name that an item declares.
@@ -379,7 +382,9 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         ItemKind::Let { name, .. } => vec![one(DeclarationKind::Definition, name, true)],
         ItemKind::AlgebraName { name, .. } => vec![one(DeclarationKind::Algebra, name, false)],
         ItemKind::AlgebraBrackets { name, basis, .. } => {
-            std::iter::once(one(DeclarationKind::Algebra, name, false)).chain(scoped(basis, item.span)).collect()
+            std::iter::once(one(DeclarationKind::Algebra, name, false))
+                .chain(scoped(basis, item.span))
+                .collect()
         }
         ItemKind::Representation { name, .. } => vec![one(DeclarationKind::Representation, name, false)],
         ItemKind::QuasiVelocity(names) => {

@@ -190,7 +190,11 @@ const OF_FUNCTIONS: &[(&str, &str, &str)] = &[
     ("atan2", "atan2(y, x)", "angle of the point (x, y) in (-pi, pi]"),
     ("ad", "ad([g,] x, y)", "bracket of the algebra `g`, or of that of the velocities"),
     ("coad", "coad([g,] x, mu)", "coadjoint action of the algebra `g`, or of that of the velocities"),
-    ("laplacian", "laplacian([g])", "for algebras of functions: the diagonal matrix of `-|m|^2`, on the sphere of `-l (l + 1)`"),
+    (
+        "laplacian",
+        "laplacian([g])",
+        "for algebras of functions: the diagonal matrix of `-|m|^2`, on the sphere of `-l (l + 1)`",
+    ),
     ("poisson", "poisson([g,] f, h)", "bracket of two functions by the coefficients of their modes"),
     ("pointwise", "pointwise([g,] f, h)", "product of two functions on the circle by their coefficients"),
     ("star_power", "star_power([g,] f, k)", "coefficients of the `k`-th power of the matrix of `f`"),
@@ -228,19 +232,65 @@ const PARTS: &[(&str, &str, &str)] = &[
 
 /// Algebras, groups, representations, domains, shapes and the like.
 const SETTINGS: &[&str] = &[
-    "R", "so", "se", "su", "u", "gl", "sl", "sp", "sim", "galilei", "heisenberg", "zeitlin", "zeitlin_sphere",
-    "torus", "witt", "product", "semidirect", "vorticity", "standard", "adjoint", "coadjoint", "functions",
-    "densities", "dual", "trivial", "SO", "SE", "SU", "U", "GL", "SL", "Sp", "matrices", "angle", "real", "scalar",
-    "vector", "diagonal", "symmetric", "matrix", "left", "right", "mechanical", "nonholonomic", "ideal", "auto",
-    "box", "disk", "ball", "segment", "point", "path",
+    "R",
+    "so",
+    "se",
+    "su",
+    "u",
+    "gl",
+    "sl",
+    "sp",
+    "sim",
+    "galilei",
+    "heisenberg",
+    "zeitlin",
+    "zeitlin_sphere",
+    "torus",
+    "witt",
+    "product",
+    "semidirect",
+    "vorticity",
+    "standard",
+    "adjoint",
+    "coadjoint",
+    "functions",
+    "densities",
+    "dual",
+    "trivial",
+    "SO",
+    "SE",
+    "SU",
+    "U",
+    "GL",
+    "SL",
+    "Sp",
+    "matrices",
+    "angle",
+    "real",
+    "scalar",
+    "vector",
+    "diagonal",
+    "symmetric",
+    "matrix",
+    "left",
+    "right",
+    "mechanical",
+    "nonholonomic",
+    "ideal",
+    "auto",
+    "box",
+    "disk",
+    "ball",
+    "segment",
+    "point",
+    "path",
 ];
 
 /// All words of the language.
 pub fn vocabulary() -> Vec<Word> {
     let sentence = |word: &str| OF_ITEMS.iter().find(|(item, _)| *item == word).map_or("", |(_, text)| *text);
     let items = ITEMS.iter();
-    let items =
-        items.map(|(word, form)| Word { word, kind: WordKind::Item, form, sentence: sentence(word) });
+    let items = items.map(|(word, form)| Word { word, kind: WordKind::Item, form, sentence: sentence(word) });
     let part = |(word, form, sentence): &(&'static str, &'static str, &'static str)| Word {
         word,
         kind: WordKind::Part,
@@ -253,10 +303,13 @@ pub fn vocabulary() -> Vec<Word> {
         Word { word, kind: WordKind::Function, form, sentence }
     };
     let functions = FUNCTIONS.iter().copied().chain(OPERATORS.iter().map(|(name, _)| *name)).map(function);
-    let constants = [("pi", "the number"), ("t", "the time")]
-        .map(|(word, sentence)| Word { word, kind: WordKind::Constant, form: "", sentence });
-    let settings =
-        SETTINGS.iter().map(|word| Word { word, kind: WordKind::Setting, form: "", sentence: "" });
+    let constants = [("pi", "the number"), ("t", "the time")].map(|(word, sentence)| Word {
+        word,
+        kind: WordKind::Constant,
+        form: "",
+        sentence,
+    });
+    let settings = SETTINGS.iter().map(|word| Word { word, kind: WordKind::Setting, form: "", sentence: "" });
     items.chain(PARTS.iter().map(part)).chain(functions).chain(constants).chain(settings).collect()
 }
 
@@ -281,8 +334,8 @@ pub(super) fn kind_of(word: &str, is_called: bool) -> Option<WordKind> {
 /// Whether a word may join what stands before and behind it.
 pub(super) fn is_connective(word: &str) -> bool {
     const WORDS: [&str; 14] = [
-        "in", "of", "on", "by", "as", "from", "where", "around", "at", "attitude", "rising", "falling", "then",
-        "stop",
+        "in", "of", "on", "by", "as", "from", "where", "around", "at", "attitude", "rising", "falling",
+        "then", "stop",
     ];
     WORDS.contains(&word)
 }
@@ -313,7 +366,8 @@ mod tests {
         let grammar = DOC.split("```ebnf").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
         let known: Vec<&str> = vocabulary().iter().map(|word| word.word).collect();
         let words = grammar.split('"').skip(1).step_by(2);
-        let words: Vec<&str> = words.filter(|w| w.chars().all(|c| c.is_ascii_alphabetic() || c == '_')).collect();
+        let words: Vec<&str> =
+            words.filter(|w| w.chars().all(|c| c.is_ascii_alphabetic() || c == '_')).collect();
         assert!(words.len() > 100);
         for word in words.iter().filter(|word| !matches!(**word, "e" | "E" | "stages" | "state" | "*")) {
             assert!(known.contains(word), "`{word}` is not in the vocabulary");

@@ -431,12 +431,7 @@ impl ModelBuilder {
         self
     }
 
-    pub(super) fn problem(
-        &mut self,
-        span: Option<Span>,
-        message: impl Into<String>,
-        help: impl Into<Help>,
-    ) {
+    pub(super) fn problem(&mut self, span: Option<Span>, message: impl Into<String>, help: impl Into<Help>) {
         self.problems.push(Diagnostic::new(span, message).with_help(help));
     }
 
