@@ -5,9 +5,11 @@
 
 use std::fmt;
 
-use num_traits::{One as _, Signed as _, Zero as _};
+use num_rational::Ratio;
+use num_traits::{CheckedAdd as _, CheckedMul as _, One as _, Signed as _, Zero as _};
 
-use crate::expr::Rational;
+/// An exponent; products of exponents that do not fit into it belong to no quantity that anybody measures.
+pub(super) type Exponent = Ratio<i64>;
 
 /// Number of base units.
 const N: usize = 7;
@@ -45,13 +47,13 @@ const PREFIXES: [&str; 14] =
     ["da", "k", "M", "G", "T", "m", "u", "\u{b5}", "\u{3bc}", "n", "p", "c", "d", "h"];
 
 /// A product of rational powers of the base units.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Dimension([Rational; N]);
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Dimension([Exponent; N]);
 
 impl Dimension {
     /// That of a number.
     pub(super) fn one() -> Dimension {
-        Dimension(std::array::from_fn(|_| Rational::zero()))
+        Dimension([Exponent::zero(); N])
     }
 
     /// That of a time.
@@ -60,16 +62,24 @@ impl Dimension {
     }
 
     fn of(exponents: [i64; N]) -> Dimension {
-        Dimension(exponents.map(|e| Rational::from_integer(e.into())))
+        Dimension(exponents.map(Exponent::from_integer))
+    }
+
+    pub(super) fn has_time(&self) -> bool {
+        !self.0[2].is_zero()
     }
 
     pub(super) fn is_one(&self) -> bool {
         self.0.iter().all(num_traits::Zero::is_zero)
     }
 
-    /// `self * other^power`.
-    pub(super) fn times(&self, other: &Dimension, power: &Rational) -> Dimension {
-        Dimension(std::array::from_fn(|k| &self.0[k] + &other.0[k] * power))
+    /// `self * other^power`; nothing where an exponent is too long.
+    pub(super) fn times(&self, other: &Dimension, power: &Exponent) -> Option<Dimension> {
+        let mut product = *self;
+        for (mine, theirs) in product.0.iter_mut().zip(&other.0).filter(|(_, theirs)| !theirs.is_zero()) {
+            *mine = add_product(mine, theirs, power)?;
+        }
+        Some(product)
     }
 
     /// The dimension of a unit such as `kg m^2/s`, `N m`, `1/(kg m)` or `m s^-2`; a slash divides by the next factor
@@ -83,7 +93,7 @@ impl Dimension {
 
 impl fmt::Display for Dimension {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let power = |k: usize, e: &Rational| match e {
+        let power = |k: usize, e: &Exponent| match e {
             e if e.is_one() => BASE[k].to_owned(),
             e if e.is_integer() => format!("{}^{e}", BASE[k]),
             e => format!("{}^({e})", BASE[k]),
@@ -91,7 +101,7 @@ impl fmt::Display for Dimension {
         let above: Vec<String> =
             (0..N).filter(|k| self.0[*k].is_positive()).map(|k| power(k, &self.0[k])).collect();
         let below: Vec<String> =
-            (0..N).filter(|k| self.0[*k].is_negative()).map(|k| power(k, &-&self.0[k])).collect();
+            (0..N).filter(|k| self.0[*k].is_negative()).map(|k| power(k, &-self.0[k])).collect();
         let above = if above.is_empty() { "1".to_owned() } else { above.join(" ") };
         match below.as_slice() {
             [] => f.write_str(&above)?,
@@ -104,6 +114,11 @@ impl fmt::Display for Dimension {
             None => Ok(()),
         }
     }
+}
+
+/// `a + b*c`.
+pub(super) fn add_product(a: &Exponent, b: &Exponent, c: &Exponent) -> Option<Exponent> {
+    a.checked_add(&b.checked_mul(c)?)
 }
 
 /// The dimension of a word.
@@ -148,8 +163,8 @@ fn product(rest: &mut &str, depth: usize) -> Option<Dimension> {
             }
         }
         let factor = factor(rest, depth)?;
-        let sign = Rational::from_integer(if std::mem::take(&mut is_divided) { -1 } else { 1 }.into());
-        unit = unit.times(&factor, &sign);
+        let sign = Exponent::from_integer(if std::mem::take(&mut is_divided) { -1 } else { 1 });
+        unit = unit.times(&factor, &sign)?;
         is_empty = false;
     }
 }
@@ -171,17 +186,17 @@ fn factor(rest: &mut &str, depth: usize) -> Option<Dimension> {
         unit
     };
     Some(match exponent(rest)? {
-        Some(power) => Dimension::one().times(&base, &power),
+        Some(power) => Dimension::one().times(&base, &power)?,
         None => base,
     })
 }
 
 /// The exponent in front of the rest; `Some(None)` where there is none.
-fn exponent(rest: &mut &str) -> Option<Option<Rational>> {
+fn exponent(rest: &mut &str) -> Option<Option<Exponent>> {
     for (mark, power) in [('\u{b2}', 2), ('\u{b3}', 3)] {
         if let Some(after) = rest.strip_prefix(mark) {
             *rest = after;
-            return Some(Some(Rational::from_integer(power.into())));
+            return Some(Some(Exponent::from_integer(power)));
         }
     }
     let Some(after) = rest.strip_prefix('^') else { return Some(None) };
@@ -197,9 +212,9 @@ fn exponent(rest: &mut &str) -> Option<Option<Rational>> {
     let power = match text.split_once('/') {
         Some((above, below)) => {
             let below = small(below).filter(|below| *below > 0)?;
-            Rational::new(small(above)?.into(), below.into())
+            Exponent::new(small(above)?, below)
         }
-        None => Rational::from_integer(small(text)?.into()),
+        None => Exponent::from_integer(small(text)?),
     };
     Some(Some(power))
 }

@@ -10,15 +10,18 @@ mod solve;
 
 use std::collections::BTreeSet;
 
-use self::dimension::Dimension;
+use self::dimension::{Dimension, Exponent};
 use self::solve::{Dimensions, Form, Mismatch};
 use super::diagnostic::{Diagnostic, Span};
 use super::event::OutputPart;
 use super::model::*;
-use crate::expr::{ExprId, Rational, Style, SymbolId};
+use crate::expr::{ExprId, Style, SymbolId};
 
 /// Longest term that is shown in a message.
 const MAX_TERM: usize = 60;
+
+/// Most brackets of an algebra that are looked at: velocities of larger ones are coefficients of one function.
+const MAX_BRACKETS: usize = 4096;
 
 /// A definition of the text, which the model holds no longer.
 #[derive(Clone, Debug)]
@@ -67,12 +70,25 @@ fn declares_units(model: &Model) -> bool {
     is_any && params && base && velocities && advected
 }
 
+/// Whether a unit of a model has a time in it; the others may count the time by anything.
+fn has_seconds(model: &Model) -> bool {
+    let params = model.params.iter().map(|p| &p.doc);
+    let state = model.base.iter().map(|c| &c.doc).chain(model.velocities.iter().map(|v| &v.doc));
+    let others = model.advected.iter().map(|a| &a.doc).chain(model.momenta.iter().map(|m| &m.doc));
+    let docs = params.chain(state).chain(others);
+    docs.flat_map(|doc| units(doc)).filter_map(Dimension::parse).any(|unit| unit.has_time())
+}
+
 /// One warning for each item in which dimensions contradict each other.
 pub(super) fn warnings(model: &Model, definitions: &[DefinitionUnits]) -> Vec<Diagnostic> {
     if !declares_units(model) {
         return Vec::new();
     }
-    let mut check = Check { model, dimensions: Dimensions::default(), found: Vec::new() };
+    let all = model.all_velocities().into_iter().map(|(_, symbol)| symbol);
+    let velocities = all.chain(model.quasi_velocities.iter().map(|v| v.symbol)).collect();
+    let mut dimensions = Dimensions::default();
+    let second = if has_seconds(model) { Form::of(Dimension::second()) } else { dimensions.unknown() };
+    let mut check = Check { model, velocities, second, dimensions, found: Vec::new() };
     check.symbols();
     check.structure();
     check.action();
@@ -86,6 +102,9 @@ pub(super) fn warnings(model: &Model, definitions: &[DefinitionUnits]) -> Vec<Di
 
 struct Check<'m> {
     model: &'m Model,
+    velocities: Vec<SymbolId>,
+    /// Of the time: a second, or nothing that is known where no unit of the model has one.
+    second: Form,
     dimensions: Dimensions,
     found: Vec<Diagnostic>,
 }
@@ -102,7 +121,7 @@ impl Check<'_> {
     /// What doc comments say of symbols, and what rates are by their coordinates.
     fn symbols(&mut self) {
         let model = self.model;
-        let second = Form::second();
+        let second = self.second.clone();
         self.dimensions.set(model.time, second.clone());
         for param in &model.params {
             self.declared(param.symbol, &param.doc, 0);
@@ -159,11 +178,10 @@ impl Check<'_> {
         }
     }
 
+    /// Of the base velocities, those in the algebra and the quasi-velocities, in this order.
     fn velocity(&mut self, k: usize) -> Form {
-        let symbol = self.model.all_velocities().get(k).map(|(_, symbol)| *symbol);
-        let quasi = || self.model.quasi_velocities.get(k.checked_sub(self.model.all_velocities().len())?);
-        match symbol.or_else(|| quasi().map(|v| v.symbol)) {
-            Some(symbol) => self.dimensions.of_symbol(symbol),
+        match self.velocities.get(k) {
+            Some(symbol) => self.dimensions.of_symbol(*symbol),
             None => self.dimensions.unknown(),
         }
     }
@@ -242,7 +260,7 @@ impl Check<'_> {
     /// Brackets, anchors, frames and connections.
     fn structure(&mut self) {
         let model = self.model;
-        let second = Form::second();
+        let second = self.second.clone();
         let place = |name: &str| model.places.declared.get(name).copied();
         let n = model.n_shape();
         if let Some(own) = &model.algebroid {
@@ -272,7 +290,7 @@ impl Check<'_> {
         } else if model.frame.is_none() {
             // `xi = xi^a e_a`: a bracket of velocities is a velocity by a time.
             let mut reported: BTreeSet<[&str; 3]> = BTreeSet::new();
-            for (a, b, value) in model.algebra.brackets() {
+            for (a, b, value) in model.algebra.brackets().take(MAX_BRACKETS) {
                 for (c, _) in value {
                     let pair = self.velocity(n + a).multiplied(&self.velocity(n + b)).multiplied(&second);
                     let own = self.velocity(n + c);
@@ -361,7 +379,7 @@ impl Check<'_> {
             })
         };
         for (k, force) in model.forces.iter().enumerate() {
-            let expected = energy.divided(&self.velocity(k)).divided(&Form::second());
+            let expected = energy.divided(&self.velocity(k)).divided(&self.second.clone());
             let what = format!("the force on `{}`", names[k].0);
             self.equal(&what, spans(&model.places.forces, k), *force, &expected, "the power by its velocity");
         }
@@ -384,7 +402,7 @@ impl Check<'_> {
                         &what,
                         span,
                         *e,
-                        &velocity.divided(&Form::second()),
+                        &velocity.divided(&self.second.clone()),
                         "the rate of the velocity",
                     );
                 }
@@ -404,7 +422,7 @@ impl Check<'_> {
                 ConstraintKind::ThirdOrder { jerk, carried: _ } => (jerk, 2),
             };
             for (k, w) in rows.iter().enumerate() {
-                let rate = self.velocity(k).times(&Form::second(), &Rational::from_integer((-order).into()));
+                let rate = self.velocity(k).times(&self.second.clone(), &Exponent::from_integer(-order));
                 let expected = residual.divided(&rate);
                 self.equal(&what, constraint.span, *w, &expected, "the rest by the rate");
             }
@@ -500,7 +518,7 @@ impl Check<'_> {
                     _ => documented.saturating_sub(1).min(k),
                 };
                 self.declared(*symbol, &item.doc, position);
-                let expected = self.dimensions.of_symbol(*symbol).divided(&Form::second());
+                let expected = self.dimensions.of_symbol(*symbol).divided(&self.second.clone());
                 self.equal(&format!("the rate of `{name}`"), item.span, rate, &expected, "its unit gives");
             }
         }

@@ -4,39 +4,40 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use num_traits::{One as _, Zero as _};
+use num_traits::{One as _, ToPrimitive as _, Zero as _};
 
-use super::dimension::Dimension;
+use super::dimension::{Dimension, Exponent, add_product};
 use crate::expr::{ExprId, Func, Graph, Node, Rational, SymbolId};
 
 /// `known * prod_k unknown_k ^ exponent_k`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Form {
     known: Dimension,
-    unknowns: BTreeMap<usize, Rational>,
+    unknowns: BTreeMap<usize, Exponent>,
+    /// Whether an exponent was too long, so that nothing is said about it.
+    is_lost: bool,
 }
 
 impl Form {
     pub(super) fn of(known: Dimension) -> Form {
-        Form { known, unknowns: BTreeMap::new() }
+        Form { known, unknowns: BTreeMap::new(), is_lost: false }
     }
 
     pub(super) fn one() -> Form {
         Form::of(Dimension::one())
     }
 
-    pub(super) fn second() -> Form {
-        Form::of(Dimension::second())
-    }
-
     /// `self * other^power`.
-    pub(super) fn times(&self, other: &Form, power: &Rational) -> Form {
-        let mut product =
-            Form { known: self.known.times(&other.known, power), unknowns: self.unknowns.clone() };
+    pub(super) fn times(&self, other: &Form, power: &Exponent) -> Form {
+        let lost = Form { is_lost: true, ..Form::one() };
+        let Some(known) = self.known.times(&other.known, power) else { return lost };
+        let mut product = Form { known, ..self.clone() };
+        product.is_lost |= other.is_lost;
         for (k, exponent) in &other.unknowns {
-            let entry = product.unknowns.entry(*k).or_insert_with(Rational::zero);
-            *entry += exponent * power;
-            if entry.is_zero() {
+            let entry = product.unknowns.entry(*k).or_default();
+            let Some(sum) = add_product(entry, exponent, power) else { return lost };
+            *entry = sum;
+            if sum.is_zero() {
                 product.unknowns.remove(k);
             }
         }
@@ -44,11 +45,19 @@ impl Form {
     }
 
     pub(super) fn multiplied(&self, other: &Form) -> Form {
-        self.times(other, &Rational::one())
+        self.times(other, &Exponent::one())
     }
 
     pub(super) fn divided(&self, other: &Form) -> Form {
-        self.times(other, &-Rational::one())
+        self.times(other, &-Exponent::one())
+    }
+
+    /// `self * other^power` for a power of an expression.
+    fn times_power(&self, other: &Form, power: &Rational) -> Form {
+        match (power.numer().to_i64(), power.denom().to_i64()) {
+            (Some(above), Some(below)) => self.times(other, &Exponent::new(above, below)),
+            _ => Form { is_lost: true, ..Form::one() },
+        }
     }
 }
 
@@ -80,7 +89,7 @@ impl Dimensions {
     /// A dimension that nothing is known of.
     pub(super) fn unknown(&mut self) -> Form {
         self.n_unknowns += 1;
-        Form { unknowns: BTreeMap::from([(self.n_unknowns, Rational::one())]), ..Form::one() }
+        Form { unknowns: BTreeMap::from([(self.n_unknowns, Exponent::one())]), ..Form::one() }
     }
 
     pub(super) fn set(&mut self, symbol: SymbolId, form: Form) {
@@ -102,7 +111,7 @@ impl Dimensions {
         let mut form = form.clone();
         // Each step replaces an unknown by ones that were unknown when it was solved for; there are finitely many.
         while let Some((k, exponent, value)) =
-            (form.unknowns.iter()).find_map(|(k, e)| self.solved.get(k).map(|value| (*k, e.clone(), value)))
+            (form.unknowns.iter()).find_map(|(k, e)| self.solved.get(k).map(|value| (*k, *e, value)))
         {
             form.unknowns.remove(&k);
             form = form.times(value, &exponent);
@@ -113,18 +122,21 @@ impl Dimensions {
     /// The dimension, where all of it is known.
     pub(super) fn known(&self, form: &Form) -> Option<Dimension> {
         let form = self.normal(form);
-        form.unknowns.is_empty().then_some(form.known)
+        (form.unknowns.is_empty() && !form.is_lost).then_some(form.known)
     }
 
     /// Takes two dimensions for one; false where they are known to differ.
     pub(super) fn equate(&mut self, a: &Form, b: &Form) -> bool {
         let quotient = self.normal(&a.divided(b));
-        let Some((k, exponent)) = quotient.unknowns.iter().next_back().map(|(k, e)| (*k, e.clone())) else {
-            return quotient.known.is_one();
+        let Some((k, exponent)) = quotient.unknowns.iter().next_back().map(|(k, e)| (*k, *e)) else {
+            return quotient.is_lost || quotient.known.is_one();
         };
+        if quotient.is_lost {
+            return true;
+        }
         let mut rest = quotient;
         rest.unknowns.remove(&k);
-        let value = Form::one().times(&rest, &-(Rational::one() / exponent));
+        let value = Form::one().times(&rest, &-exponent.recip());
         self.solved.insert(k, value);
         true
     }
@@ -185,7 +197,7 @@ impl Dimensions {
             Node::Product { factors, .. } => {
                 let mut product = Form::one();
                 for (e, power) in factors.iter() {
-                    product = product.times(&self.operand(*e)?, power);
+                    product = product.times_power(&self.operand(*e)?, power);
                 }
                 Some(product)
             }
