@@ -23,7 +23,9 @@ pub(crate) struct Document {
 
 impl Document {
     pub(crate) fn new(text: String, version: i32) -> Document {
-        let outline = Arc::new(Outline::new(&text));
+        // The places of problems are counted without the mark that some editors on Windows write.
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let outline = Arc::new(Outline::new(text));
         Document { text: text.into(), version, outline }
     }
 

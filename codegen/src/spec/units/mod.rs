@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use self::dimension::{Dimension, Exponent};
 use self::solve::{Dimensions, Form, Mismatch};
 use super::diagnostic::{Diagnostic, Span};
-use super::event::OutputPart;
+use super::event::{Event, OutputPart};
 use super::model::*;
 use crate::expr::{ExprId, Style, SymbolId};
 
@@ -478,7 +478,7 @@ impl Check<'_> {
                     }
                 }
                 OutputPart::After => {
-                    let of = |event: &&super::event::Event| super::Event::after(&event.name) == output.name;
+                    let of = |event: &&Event| Event::after(&event.name) == output.name;
                     let Some(event) = model.events.iter().find(of) else { continue };
                     for (symbol, e) in event.sets.iter().zip(entries) {
                         let expected = self.dimensions.of_symbol(*symbol);
