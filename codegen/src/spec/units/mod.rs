@@ -196,6 +196,10 @@ impl Check<'_> {
 
     fn warn(&mut self, span: Option<Span>, message: String, help: &str) {
         let span = span.filter(|_| self.model.origin.is_some());
+        // What follows at the same place is most often the same.
+        if span.is_some() && self.found.iter().any(|other| other.span == span) {
+            return;
+        }
         self.found.push(Diagnostic::warning(span, message).with_help(help));
     }
 
@@ -302,7 +306,7 @@ impl Check<'_> {
                             None => "another unit".to_owned(),
                         };
                         let message = format!(
-                            "`{}` is {}, the bracket of `{}` and `{}` by a time is {}",
+                            "`{}` is {}, but the bracket of `{}` and `{}` makes it {}",
                             names[2],
                             shown(self, &own),
                             names[0],
