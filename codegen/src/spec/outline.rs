@@ -304,8 +304,8 @@ impl Place<'_> {
     fn keyword(&self, word: &str) -> Option<WordKind> {
         let next_is = |mark: &str| self.next.is_some_and(|t| t.is(mark));
         // A basis element or a quasi-velocity may begin a statement.
-        if self.is_first && !(next_is("=") && !matches!(word, "lagrangian" | "hamiltonian" | "inner_product"))
-        {
+        let is_equation = matches!(word, "lagrangian" | "hamiltonian" | "inner_product");
+        if self.is_first && (is_equation || !next_is("=")) {
             return vocabulary::kind_of(word, false).filter(|kind| *kind != WordKind::Function);
         }
         if self.first == "almost" && matches!(word, "algebra" | "algebroid") {
