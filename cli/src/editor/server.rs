@@ -132,13 +132,9 @@ pub fn serve() -> Result<(), Error> {
             Some(Message::Response(_)) | None => {}
         }
     };
-    // The threads end with the last sender of messages, and workers may be in the middle of a derivation.
-    drop((server, connection));
-    if outcome.is_err() {
-        return outcome;
-    }
-    drop(threads);
-    Ok(())
+    // Nobody waits for the threads: workers may be in the middle of a derivation.
+    drop((server, connection, threads));
+    outcome
 }
 
 impl Server {
