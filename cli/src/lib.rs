@@ -7,6 +7,7 @@
 
 pub mod cache;
 pub mod commands;
+pub mod editor;
 pub mod error;
 pub mod model;
 pub mod names;
@@ -24,6 +25,7 @@ use std::process::ExitCode;
 /// Prints what a command answers, or its error, and says how the program ends.
 pub fn finish(result: Result<String, Error>) -> ExitCode {
     match result {
+        Ok(text) if text.is_empty() => ExitCode::SUCCESS,
         Ok(text) => {
             // A reader that has seen enough, such as `head`, is no failure.
             let _ = writeln!(std::io::stdout(), "{}", text.trim_end_matches('\n'));

@@ -95,9 +95,8 @@ fn fmt_writes_what_changed_and_nothing_where_anything_is_wrong() {
     assert_eq!((status, out.as_str()), (0, GOOD));
 }
 
-/// The models of the repository are in form, and what is in form stays as it is.
-#[test]
-fn models_of_the_repository_are_in_form() {
+/// The workspace's root directory, and all model files in it that are meant to be right.
+fn repository() -> (&'static Path, Vec<String>) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let mut files = vec![root.join("cli/src/commands/starter.hamel")];
     for folder in ["models/specs", "xtask/bench/models", "docs/book", "tests/downstream/models"] {
@@ -105,7 +104,23 @@ fn models_of_the_repository_are_in_form() {
         files.extend(listing.filter(|path| path.extension().is_some_and(|e| e == "hamel")));
     }
     assert!(files.len() > 40, "{files:?}");
-    let files: Vec<&str> = files.iter().map(|path| path.to_str().unwrap()).collect();
+    (root, files.iter().map(|path| path.to_str().unwrap().to_owned()).collect())
+}
+
+/// The models of the repository have no warnings: everything in them has an effect, and their units fit.
+#[test]
+fn models_of_the_repository_have_no_warnings() {
+    let (root, files) = repository();
+    let files: Vec<&str> = files.iter().map(String::as_str).collect();
+    let (status, out, err) = try_run(root, &[&["check"], files.as_slice()].concat(), "");
+    assert_eq!((status, out.trim()), (0, format!("{} models, 0 warnings", files.len()).as_str()), "{err}");
+}
+
+/// The models of the repository are in form, and what is in form stays as it is.
+#[test]
+fn models_of_the_repository_are_in_form() {
+    let (root, files) = repository();
+    let files: Vec<&str> = files.iter().map(String::as_str).collect();
     let (status, out, err) = try_run(root, &[&["fmt", "--check"], files.as_slice()].concat(), "");
     assert_eq!(status, 0, "{err}");
     assert_eq!(out.trim(), format!("{} in form", files.len()));

@@ -8,8 +8,11 @@ mod dirac;
 mod displacements;
 mod frame;
 mod implicit;
+mod rates;
 mod sections;
 mod splitting;
+
+pub use self::rates::{brackets, rates};
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;

@@ -3,7 +3,7 @@
 //! Does not know: what can be wrong.
 
 use clap::Args;
-use hamel_codegen::spec::{Diagnostic, Diagnostics, Origin, Severity, Span};
+use hamel_codegen::spec::{Diagnostic, Diagnostics, Origin, Replacement, Severity, Span};
 use serde::Serialize;
 
 use crate::error::Error;
@@ -63,6 +63,15 @@ struct Finding {
     others: Vec<(Place, String)>,
     /// What to change.
     help: Option<String>,
+    /// What the help proposes to write.
+    replacement: Option<Proposal>,
+}
+
+/// A word in the place of another.
+#[derive(Debug, Serialize)]
+struct Proposal {
+    wrong: String,
+    right: String,
 }
 
 /// A range of a text.
@@ -103,7 +112,7 @@ impl Findings {
     fn add(&mut self, file: &str, problems: &Diagnostics) {
         let origin = problems.origin();
         let place = |span: Span| origin.map(|origin| Place::new(origin, span));
-        for Diagnostic { severity, message, span, label, labels, help } in problems.iter() {
+        for Diagnostic { severity, message, span, label, labels, help, replacement } in problems.iter() {
             self.push(Finding {
                 file: origin.map_or(file, |origin| origin.file.as_str()).to_owned(),
                 severity: match severity {
@@ -118,6 +127,10 @@ impl Findings {
                     .filter_map(|(span, text)| Some((place(*span)?, text.clone())))
                     .collect(),
                 help: help.clone(),
+                replacement: replacement.as_ref().map(|Replacement { wrong, right }| Proposal {
+                    wrong: wrong.clone(),
+                    right: right.clone(),
+                }),
             });
         }
     }
@@ -134,6 +147,7 @@ impl Findings {
                 label: String::new(),
                 others: Vec::new(),
                 help: None,
+                replacement: None,
             }),
         }
     }

@@ -11,6 +11,7 @@ pub mod fit;
 pub mod fmt;
 pub mod generate;
 pub mod list;
+pub mod lsp;
 pub mod man;
 pub mod new;
 pub mod options;
@@ -58,6 +59,8 @@ pub enum Command {
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Fmt(fmt::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
+    Lsp(lsp::Arguments),
+    #[allow(missing_docs, reason = "help is that of the arguments")]
     Completions(completions::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Man(man::Arguments),
@@ -80,6 +83,7 @@ impl Command {
             Command::Report(arguments) => report::run(session, arguments),
             Command::Check(arguments) => check::run(session, arguments),
             Command::Fmt(arguments) => fmt::run(arguments),
+            Command::Lsp(arguments) => lsp::run(arguments),
             Command::Completions(arguments) => Ok(completions::run(program, arguments)),
             Command::Man(arguments) => man::run(program, arguments),
         }

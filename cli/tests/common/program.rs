@@ -11,6 +11,7 @@ pub(crate) fn command(arguments: &[&str]) -> Command {
 }
 
 /// What comes of a call with an input.
+#[allow(dead_code, reason = "not every test talks this way")]
 pub(crate) fn output(command: &mut Command, input: &str) -> Output {
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();

@@ -59,6 +59,47 @@ pub enum Severity {
     Warning,
 }
 
+/// A word that stands where another one was probably meant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Replacement {
+    /// The word of the text, within the span of the problem.
+    pub wrong: String,
+    /// What was probably meant.
+    pub right: String,
+}
+
+/// What to change: a sentence, and the replacement that it proposes where it proposes one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Help {
+    text: String,
+    replacement: Option<Replacement>,
+}
+
+impl Help {
+    /// A sentence that proposes to write `right` in the place of `wrong`.
+    pub(super) fn replacing(wrong: &str, right: &str, text: impl Into<String>) -> Help {
+        let replacement = Some(Replacement { wrong: wrong.to_owned(), right: right.to_owned() });
+        Help { text: text.into(), replacement }
+    }
+
+    /// Whether it says nothing.
+    pub(super) fn is_empty(&self) -> bool {
+        self.text.is_empty()
+    }
+}
+
+impl From<String> for Help {
+    fn from(text: String) -> Help {
+        Help { text, replacement: None }
+    }
+}
+
+impl From<&str> for Help {
+    fn from(text: &str) -> Help {
+        text.to_owned().into()
+    }
+}
+
 /// One problem: what is wrong, where, and what to change.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
@@ -74,13 +115,24 @@ pub struct Diagnostic {
     pub labels: Vec<(Span, String)>,
     /// What to change.
     pub help: Option<String>,
+    /// What the help proposes to write, for editors.
+    pub replacement: Option<Replacement>,
 }
 
 impl Diagnostic {
     /// An error without hint and further places.
     pub fn new(span: Option<Span>, message: impl Into<String>) -> Diagnostic {
         let (label, labels) = (String::new(), Vec::new());
-        Diagnostic { severity: Severity::Error, message: message.into(), span, label, labels, help: None }
+        let (help, replacement) = (None, None);
+        Diagnostic {
+            severity: Severity::Error,
+            message: message.into(),
+            span,
+            label,
+            labels,
+            help,
+            replacement,
+        }
     }
 
     /// A warning without hint and further places.
@@ -106,9 +158,10 @@ impl Diagnostic {
 
     /// Sets the hint; an empty hint is none.
     #[must_use]
-    pub fn with_help(mut self, help: impl Into<String>) -> Diagnostic {
-        let help = help.into();
-        self.help = (!help.is_empty()).then_some(help);
+    pub fn with_help(mut self, help: impl Into<Help>) -> Diagnostic {
+        let Help { text, replacement } = help.into();
+        self.help = (!text.is_empty()).then_some(text);
+        self.replacement = replacement;
         self
     }
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_traits::{One, Signed, ToPrimitive};
 
 use super::ast::{Expr, Node};
-use super::diagnostic::{Diagnostic, Span};
+use super::diagnostic::{Diagnostic, Help, Span};
 use super::limits::MAX_DIM;
 use super::names::{self, ALGEBRA_FUNCTIONS, FUNCTIONS, OPERATORS};
 use super::shape::{Operation, Shape, ValueError};
@@ -101,7 +101,7 @@ impl Evaluator<'_> {
         &mut self,
         span: Span,
         message: impl Into<String>,
-        help: impl Into<String>,
+        help: impl Into<Help>,
     ) -> Option<T> {
         self.problems.push(Diagnostic::new(Some(span), message).with_help(help));
         None
@@ -142,12 +142,12 @@ impl Evaluator<'_> {
         self.fail(span, format!("unknown name `{shown}`"), hint)
     }
 
-    fn suggestion(&self, name: &str) -> String {
+    fn suggestion(&self, name: &str) -> Help {
         // A component of a known vector, `Gamma4`, deserves the range.
         let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
         match self.values.get(stem).map(Value::shape) {
             Some(Shape::Vector(n)) if stem.len() < name.len() => {
-                format!("`{stem}` is vector({n}): its components are `{stem}1` to `{stem}{n}`")
+                format!("`{stem}` is vector({n}): its components are `{stem}1` to `{stem}{n}`").into()
             }
             _ => {
                 if name.strip_suffix("_dot").is_some_and(|stem| self.values.contains_key(stem)) {
@@ -155,7 +155,7 @@ impl Evaluator<'_> {
                         .into();
                 }
                 let near = names::suggest(name, self.values.keys().map(String::as_str));
-                if near.is_empty() { "declare it with `param` or `let`".to_owned() } else { near }
+                if near.is_empty() { "declare it with `param` or `let`".into() } else { near }
             }
         }
     }
@@ -384,11 +384,13 @@ impl Evaluator<'_> {
                     return self.fail(name.span, format!("`{function}` is not a function"), help);
                 }
                 let help = match function {
-                    "inverse" | "inv" => "matrices are not inverted: write the solution out".to_owned(),
-                    "log" => "write `ln(x)`".to_owned(),
-                    "arctan2" | "arg" => "write `atan2(y, x)` for the angle of the point (x, y)".to_owned(),
-                    _ => names::not_smooth(function)
-                        .unwrap_or_else(|| names::suggest(function, FUNCTIONS.iter().copied())),
+                    "inverse" | "inv" => "matrices are not inverted: write the solution out".into(),
+                    "log" => Help::replacing("log", "ln", "write `ln(x)`"),
+                    "arctan2" | "arg" => "write `atan2(y, x)` for the angle of the point (x, y)".into(),
+                    _ => match names::not_smooth(function) {
+                        Some(advice) => advice.into(),
+                        None => names::suggest(function, FUNCTIONS.iter().copied()),
+                    },
                 };
                 return self.fail(name.span, format!("unknown function `{function}`"), help);
             }

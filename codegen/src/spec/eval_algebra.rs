@@ -146,7 +146,7 @@ impl Evaluator<'_> {
                 return None;
             }
             let help = match names::suggest(name, self.algebras.keys().map(String::as_str)) {
-                near if near.is_empty() => "give the algebra a name: `algebra g = ..;`".to_owned(),
+                near if near.is_empty() => "give the algebra a name: `algebra g = ..;`".into(),
                 near => near,
             };
             return self.fail(expr.span, format!("unknown algebra `{name}`"), help);

@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_traits::{One, ToPrimitive, Zero};
 
 use super::ast::{AlgebraExpr, AlgebraNode, Expr, File, Item, ItemKind, Name, Node};
-use super::diagnostic::{Diagnostic, Span};
+use super::diagnostic::{Diagnostic, Help, Span};
 use super::limits::{MAX_DEPTH, MAX_MATRIX};
 use super::names;
 use super::want::Want;
@@ -226,7 +226,7 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn problem(&mut self, span: Span, message: impl Into<String>, help: impl Into<String>) {
+    fn problem(&mut self, span: Span, message: impl Into<String>, help: impl Into<Help>) {
         self.problems.push(Diagnostic::new(Some(span), message).with_help(help));
     }
 

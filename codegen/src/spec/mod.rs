@@ -11,6 +11,7 @@
 
 mod ast;
 mod builder;
+mod context;
 mod diagnostic;
 mod elaborate;
 mod eval;
@@ -26,16 +27,21 @@ mod limits;
 mod matrix_group;
 mod model;
 mod names;
+mod outline;
 mod parser;
 mod shape;
+mod tokens;
+mod units;
 mod unused;
 mod value;
 mod view;
+mod vocabulary;
 mod want;
 
 pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
-pub use diagnostic::{Diagnostic, Diagnostics, Origin, Severity, Span};
+pub use context::Context;
+pub use diagnostic::{Diagnostic, Diagnostics, Help, Origin, Replacement, Severity, Span};
 pub use event::{Event, EventDirection, OutputPart};
 pub use expressions::ExpressionRole;
 pub use fluid::{FluidCasimir, FluidMode, FluidSurface, MatrixFluid};
@@ -50,9 +56,11 @@ pub use model::{
     NamedVector, OwnAlgebroid, OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction,
     ReconstructionKind, Scene, Side, Velocity, VelocitySection, VirtualConstraint, circle_names, diagnose,
 };
+pub use outline::{Declaration, DeclarationKind, Mention, Outline};
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;
 pub use view::{View, ViewShape, Views};
+pub use vocabulary::{Word, WordKind, vocabulary};
 pub use want::{Want, Wanted};
 
 /// Algebras and representations, for [`ModelBuilder`].

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
@@ -684,7 +684,7 @@ pub fn diagnose(
     model: &Model,
     span: Option<Span>,
     message: impl Into<String>,
-    help: impl Into<String>,
+    help: impl Into<Help>,
 ) -> Diagnostic {
     let span = span.filter(|_| model.origin.is_some());
     Diagnostic::new(span, message).with_help(help)

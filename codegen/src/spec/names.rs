@@ -1,5 +1,6 @@
 //! Legal names, reserved names and "did you mean".
 
+use super::diagnostic::Help;
 use super::want::Want;
 
 /// First words of the items of a model, each with the form of the item.
@@ -54,7 +55,7 @@ pub(super) fn item_form(word: &str) -> Option<String> {
 }
 
 /// The item that a word of another language or of the literature stands for.
-pub(super) fn item_meant_by(word: &str) -> String {
+pub(super) fn item_meant_by(word: &str) -> Help {
     let advice = match word {
         "parameter" | "parameters" | "const" | "constant" => "write `param name = value;`",
         "kinetic" | "potential" => {
@@ -69,7 +70,7 @@ pub(super) fn item_meant_by(word: &str) -> String {
         "if" | "else" | "match" => "the language has no conditions besides `where` and `require`",
         _ => return suggest(word, ITEMS.iter().map(|(item, _)| *item)),
     };
-    advice.to_owned()
+    advice.into()
 }
 
 /// Functions that take an algebra by its name before their other arguments.
@@ -172,7 +173,7 @@ pub(super) fn refusal(name: &str) -> Option<&'static str> {
 }
 
 /// The nearest of `known` within an edit distance of a third of the length, as a sentence, or a list when short.
-pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Help {
     let known: Vec<&str> = known.into_iter().collect();
     // Of one or two letters, a changed letter is another name.
     let limit = if wrong.chars().count() < 3 { 0 } else { (wrong.chars().count() / 3).min(3) };
@@ -183,12 +184,12 @@ pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>)
         .filter(|(d, _)| *d <= limit)
         .min();
     if let Some((_, name)) = near {
-        return format!("did you mean `{name}`?");
+        return Help::replacing(wrong, name, format!("did you mean `{name}`?"));
     }
     if known.is_empty() || known.len() > 40 {
-        return String::new();
+        return Help::default();
     }
-    format!("legal here: {}", list(&known))
+    format!("legal here: {}", list(&known)).into()
 }
 
 /// `a, b, c` in backquotes.

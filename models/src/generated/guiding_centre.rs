@@ -9,7 +9,7 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "e",
             default: 1.0,
-            doc: "Charge [C].",
+            doc: "Charge by the squared wave number [C m^2].",
         },
         ::hamel_runtime::ParamInfo {
             name: "mu",
@@ -24,7 +24,7 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "b1",
             default: 0.3,
-            doc: "Growth of the field along x [T/m].",
+            doc: "Growth of the field along x [T].",
         },
         ::hamel_runtime::ParamInfo {
             name: "b2",
@@ -34,7 +34,7 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "e2",
             default: 0.1,
-            doc: "Electric field along y [V/m].",
+            doc: "Electric field along y [V/m^2].",
         },
     ],
     outputs: &[
@@ -51,7 +51,7 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Params<R = f64> {
-    /// Charge \[C\].
+    /// Charge by the squared wave number \[C m^2\].
     ///
     /// Default: 1.0.
     pub e: R,
@@ -63,7 +63,7 @@ pub struct Params<R = f64> {
     ///
     /// Default: 1.2.
     pub b0: R,
-    /// Growth of the field along x \[T/m\].
+    /// Growth of the field along x \[T\].
     ///
     /// Default: 0.3.
     pub b1: R,
@@ -71,7 +71,7 @@ pub struct Params<R = f64> {
     ///
     /// Default: 0.2.
     pub b2: R,
-    /// Electric field along y \[V/m\].
+    /// Electric field along y \[V/m^2\].
     ///
     /// Default: 0.1.
     pub e2: R,
@@ -110,9 +110,9 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct State<R = f64> {
-    /// Place of the centre \[m\].
+    /// Place of the centre by the wave number \[rad\].
     pub x: R,
-    /// Place of the centre \[m\].
+    /// Place of the centre by the wave number \[rad\].
     pub y: R,
 }
 
@@ -201,12 +201,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { e, mu, b0, b1, b2, e2 } = *params;
         for (value, condition, meaning) in [
-            (e, "e is finite", "Charge [C]."),
+            (e, "e is finite", "Charge by the squared wave number [C m^2]."),
             (mu, "mu is finite", "Magnetic moment [J/T]."),
             (b0, "b0 is finite", "Field at the origin [T]."),
-            (b1, "b1 is finite", "Growth of the field along x [T/m]."),
+            (b1, "b1 is finite", "Growth of the field along x [T]."),
             (b2, "b2 is finite", "Waves of the field [T]."),
-            (e2, "e2 is finite", "Electric field along y [V/m]."),
+            (e2, "e2 is finite", "Electric field along y [V/m^2]."),
         ] {
             if !value.all_finite() {
                 return Err(::hamel_runtime::ParamError {

@@ -9,22 +9,22 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "Gamma1",
             default: 1.0,
-            doc: "Circulations [m^2/s].",
+            doc: "Circulations [1/s].",
         },
         ::hamel_runtime::ParamInfo {
             name: "Gamma2",
             default: 0.8,
-            doc: "Circulations [m^2/s].",
+            doc: "Circulations [1/s].",
         },
         ::hamel_runtime::ParamInfo {
             name: "Gamma3",
             default: 1.2,
-            doc: "Circulations [m^2/s].",
+            doc: "Circulations [1/s].",
         },
         ::hamel_runtime::ParamInfo {
             name: "Gamma4",
             default: -0.6,
-            doc: "Circulations [m^2/s].",
+            doc: "Circulations [1/s].",
         },
     ],
     outputs: &[
@@ -56,19 +56,19 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[allow(non_snake_case, reason = "names are those of the model")]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Params<R = f64> {
-    /// Circulations \[m^2/s\].
+    /// Circulations \[1/s\].
     ///
     /// Default: 1.0.
     pub Gamma1: R,
-    /// Circulations \[m^2/s\].
+    /// Circulations \[1/s\].
     ///
     /// Default: 0.8.
     pub Gamma2: R,
-    /// Circulations \[m^2/s\].
+    /// Circulations \[1/s\].
     ///
     /// Default: 1.2.
     pub Gamma3: R,
-    /// Circulations \[m^2/s\].
+    /// Circulations \[1/s\].
     ///
     /// Default: -0.6.
     pub Gamma4: R,
@@ -111,21 +111,21 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct State<R = f64> {
-    /// Places \[m\].
+    /// Places in a unit of length \[1\].
     pub x1: R,
-    /// Places \[m\].
+    /// Places in a unit of length \[1\].
     pub x2: R,
-    /// Places \[m\].
+    /// Places in a unit of length \[1\].
     pub x3: R,
-    /// Places \[m\].
+    /// Places in a unit of length \[1\].
     pub x4: R,
-    /// Places \[m\].
+    /// Places in a unit of length \[1\].
     pub y1: R,
-    /// Places \[m\].
+    /// Places in a unit of length \[1\].
     pub y2: R,
-    /// Places \[m\].
+    /// Places in a unit of length \[1\].
     pub y3: R,
-    /// Places \[m\].
+    /// Places in a unit of length \[1\].
     pub y4: R,
 }
 
@@ -278,10 +278,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { Gamma1, Gamma2, Gamma3, Gamma4 } = *params;
         for (value, condition, meaning) in [
-            (Gamma1, "Gamma1 is finite", "Circulations [m^2/s]."),
-            (Gamma2, "Gamma2 is finite", "Circulations [m^2/s]."),
-            (Gamma3, "Gamma3 is finite", "Circulations [m^2/s]."),
-            (Gamma4, "Gamma4 is finite", "Circulations [m^2/s]."),
+            (Gamma1, "Gamma1 is finite", "Circulations [1/s]."),
+            (Gamma2, "Gamma2 is finite", "Circulations [1/s]."),
+            (Gamma3, "Gamma3 is finite", "Circulations [1/s]."),
+            (Gamma4, "Gamma4 is finite", "Circulations [1/s]."),
         ] {
             if !value.all_finite() {
                 return Err(::hamel_runtime::ParamError {

@@ -34,17 +34,17 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "mu",
             default: 0.05,
-            doc: "Viscosity [m^2/s].",
+            doc: "Viscosity [1/s].",
         },
         ::hamel_runtime::ParamInfo {
             name: "alpha1",
             default: 0.3,
-            doc: "First normal stress modulus [m^2].",
+            doc: "First normal stress modulus [1].",
         },
         ::hamel_runtime::ParamInfo {
             name: "alpha2",
             default: -0.2,
-            doc: "Second normal stress modulus [m^2].",
+            doc: "Second normal stress modulus [1].",
         },
     ],
     outputs: &[
@@ -96,15 +96,15 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Params<R = f64> {
-    /// Viscosity \[m^2/s\].
+    /// Viscosity \[1/s\].
     ///
     /// Default: 0.05.
     pub mu: R,
-    /// First normal stress modulus \[m^2\].
+    /// First normal stress modulus \[1\].
     ///
     /// Default: 0.3.
     pub alpha1: R,
-    /// Second normal stress modulus \[m^2\].
+    /// Second normal stress modulus \[1\].
     ///
     /// Default: -0.2.
     pub alpha2: R,
@@ -419,9 +419,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { mu, alpha1, alpha2 } = *params;
         for (value, condition, meaning) in [
-            (mu, "mu is finite", "Viscosity [m^2/s]."),
-            (alpha1, "alpha1 is finite", "First normal stress modulus [m^2]."),
-            (alpha2, "alpha2 is finite", "Second normal stress modulus [m^2]."),
+            (mu, "mu is finite", "Viscosity [1/s]."),
+            (alpha1, "alpha1 is finite", "First normal stress modulus [1]."),
+            (alpha2, "alpha2 is finite", "Second normal stress modulus [1]."),
         ] {
             if !value.all_finite() {
                 return Err(::hamel_runtime::ParamError {

@@ -19,12 +19,12 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "kappa",
             default: 1.5,
-            doc: "Stiffness of the servo law [1/s^2].",
+            doc: "Stiffness of the servo law.",
         },
         ::hamel_runtime::ParamInfo {
             name: "c",
             default: 0.2,
-            doc: "Damping of the servo law [1/s].",
+            doc: "Damping of the servo law.",
         },
     ],
     outputs: &[
@@ -60,11 +60,11 @@ pub struct Params<R = f64> {
     ///
     /// Default: 0.4.
     pub I: R,
-    /// Stiffness of the servo law \[1/s^2\].
+    /// Stiffness of the servo law.
     ///
     /// Default: 1.5.
     pub kappa: R,
-    /// Damping of the servo law \[1/s\].
+    /// Damping of the servo law.
     ///
     /// Default: 0.2.
     pub c: R,
@@ -206,8 +206,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         for (value, condition, meaning) in [
             (m, "m is finite", "Mass [kg]."),
             (I, "I is finite", "Moment of inertia about a diameter [kg m^2]."),
-            (kappa, "kappa is finite", "Stiffness of the servo law [1/s^2]."),
-            (c, "c is finite", "Damping of the servo law [1/s]."),
+            (kappa, "kappa is finite", "Stiffness of the servo law."),
+            (c, "c is finite", "Damping of the servo law."),
         ] {
             if !value.all_finite() {
                 return Err(::hamel_runtime::ParamError {

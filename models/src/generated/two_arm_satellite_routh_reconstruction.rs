@@ -41,7 +41,7 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "la",
             default: 0.5,
-            doc: "Length of arm A [m].",
+            doc: "Length of arm A in metres.",
         },
         ::hamel_runtime::ParamInfo {
             name: "mb",
@@ -51,7 +51,7 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "lb",
             default: 0.45,
-            doc: "Length of arm B [m].",
+            doc: "Length of arm B in metres.",
         },
         ::hamel_runtime::ParamInfo {
             name: "ka",
@@ -111,7 +111,7 @@ pub struct Params<R = f64> {
     ///
     /// Default: 0.4.
     pub ma: R,
-    /// Length of arm A \[m\].
+    /// Length of arm A in metres.
     ///
     /// Default: 0.5.
     pub la: R,
@@ -119,7 +119,7 @@ pub struct Params<R = f64> {
     ///
     /// Default: 0.3.
     pub mb: R,
-    /// Length of arm B \[m\].
+    /// Length of arm B in metres.
     ///
     /// Default: 0.45.
     pub lb: R,
@@ -424,9 +424,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (I2, "I2 is finite", "Moments of inertia of the main body [kg m^2]."),
             (I3, "I3 is finite", "Moments of inertia of the main body [kg m^2]."),
             (ma, "ma is finite", "Mass on arm A [kg]."),
-            (la, "la is finite", "Length of arm A [m]."),
+            (la, "la is finite", "Length of arm A in metres."),
             (mb, "mb is finite", "Mass on arm B [kg]."),
-            (lb, "lb is finite", "Length of arm B [m]."),
+            (lb, "lb is finite", "Length of arm B in metres."),
             (ka, "ka is finite", "Stiffness of hinge A [N m]."),
             (kb, "kb is finite", "Stiffness of hinge B [N m]."),
         ] {

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
-use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::event::EventDirection;
 use crate::spec::group::Group;
 use crate::spec::model::*;
@@ -431,12 +431,7 @@ impl ModelBuilder {
         self
     }
 
-    pub(super) fn problem(
-        &mut self,
-        span: Option<Span>,
-        message: impl Into<String>,
-        help: impl Into<String>,
-    ) {
+    pub(super) fn problem(&mut self, span: Option<Span>, message: impl Into<String>, help: impl Into<Help>) {
         self.problems.push(Diagnostic::new(span, message).with_help(help));
     }
 

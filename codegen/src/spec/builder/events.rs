@@ -180,7 +180,7 @@ impl ModelBuilder {
         let Some(declared) = self.names.get(name).map(|declared| declared.what) else {
             let known = self.names.iter().filter(|(_, d)| is_of_state(d.what)).map(|(name, _)| name.as_str());
             let near = names::suggest(name, known);
-            let help = if near.is_empty() { help.to_owned() } else { near };
+            let help = if near.is_empty() { help.into() } else { near };
             self.problem(*span, format!("{place} sets `{name}`, which is not declared"), help);
             return None;
         };

@@ -199,7 +199,7 @@ impl ModelBuilder {
         }
         if slot.is_empty() && !["velocity", "momentum"].iter().any(|item| self.broken.contains(item)) {
             let help = match self.momenta.is_empty() {
-                true => "declare it: `momentum Pi of Omega;`".to_owned(),
+                true => "declare it: `momentum Pi of Omega;`".into(),
                 false => names::suggest(name, self.momenta_and_velocities().iter().map(String::as_str)),
             };
             self.problem(span, format!("`{name}` is neither a momentum nor a velocity"), help);
@@ -247,7 +247,7 @@ impl ModelBuilder {
         if !self.params.iter().any(|p| p.name == *parameter) {
             if !self.broken.contains("param") {
                 let help = match self.params.is_empty() {
-                    true => format!("declare it: `param {parameter} = 1;`"),
+                    true => format!("declare it: `param {parameter} = 1;`").into(),
                     false => names::suggest(parameter, self.params.iter().map(|p| p.name.as_str())),
                 };
                 self.problem(*span, format!("`{parameter}` is not a parameter"), help);

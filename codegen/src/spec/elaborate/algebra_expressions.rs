@@ -7,7 +7,7 @@ use crate::algebra::{LieAlgebra, Representation};
 use crate::error::Error;
 use crate::expr::Number;
 use crate::spec::ast::{AlgebraExpr, AlgebraNode};
-use crate::spec::diagnostic::Span;
+use crate::spec::diagnostic::{Help, Span};
 use crate::spec::eval::is_poisoned;
 use crate::spec::fluid::{self, FluidSurface};
 use crate::spec::limits::{MAX_ABELIAN, MAX_DIM, MAX_REPRESENTATION};
@@ -242,10 +242,11 @@ impl Elaboration<'_> {
         None
     }
 
-    fn algebra_help(&self, name: &str) -> String {
+    fn algebra_help(&self, name: &str) -> Help {
         let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
         if FAMILIES.contains(&stem) && stem.len() < name.len() {
-            return format!("did you mean `{stem}({})`?", &name[stem.len()..]);
+            let meant = format!("{stem}({})", &name[stem.len()..]);
+            return Help::replacing(name, &meant, format!("did you mean `{meant}`?"));
         }
         let mut known = FAMILIES.to_vec();
         known.extend(["R", "product", "semidirect", "vorticity"]);

@@ -22,6 +22,7 @@ use crate::spec::diagnostic::{Diagnostics, Origin};
 use crate::spec::model::Model;
 use crate::spec::names;
 use crate::spec::parser::Outcome;
+use crate::spec::units::{self, DefinitionUnits};
 use crate::spec::unused;
 
 /// Checks what the parser understood.
@@ -45,13 +46,31 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
         }
     }
     elaboration.run(&file);
+    let definitions = elaboration.definitions(&file.items);
     let mut model = elaboration.builder.build_with(Some(origin.clone()))?;
     // Beside errors they would be noise: a name that is misspelt once is unused as well.
-    model.warnings = model.diagnostics(unused::warnings(&file.items));
+    let mut warnings = unused::warnings(&file.items);
+    warnings.extend(units::warnings(&model, &definitions));
+    model.warnings = model.diagnostics(warnings);
     Ok(model)
 }
 
 impl Elaboration<'_> {
+    /// Definitions with their documentation and values, which the model does not keep.
+    fn definitions(&self, items: &[Item]) -> Vec<DefinitionUnits> {
+        let definition = |item: &Item| {
+            let ItemKind::Let { name, .. } = &item.kind else { return None };
+            let entries = self.builder.values.get(&name.text)?.entries().to_vec();
+            Some(DefinitionUnits {
+                name: name.text.clone(),
+                span: name.span,
+                doc: item.doc.join(" "),
+                entries,
+            })
+        };
+        items.iter().filter_map(definition).collect()
+    }
+
     fn run(&mut self, file: &File) {
         for line in &file.doc {
             self.builder.doc(line);

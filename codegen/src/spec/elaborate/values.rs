@@ -8,7 +8,7 @@ use crate::algebra::{LieAlgebra, Representation};
 use crate::expr::{ExprId, Graph, Number, Rational};
 use crate::spec::ast::Expr;
 use crate::spec::builder::ModelBuilder;
-use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::eval::Evaluator;
 use crate::spec::shape::Shape;
 use crate::spec::value::Value;
@@ -27,7 +27,7 @@ pub(super) struct Elaboration<'a> {
 }
 
 impl Elaboration<'_> {
-    pub(super) fn problem(&mut self, span: Span, message: impl Into<String>, help: impl Into<String>) {
+    pub(super) fn problem(&mut self, span: Span, message: impl Into<String>, help: impl Into<Help>) {
         self.builder.problems.push(Diagnostic::new(Some(span), message).with_help(help));
     }
 

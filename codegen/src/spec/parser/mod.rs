@@ -12,6 +12,7 @@ mod file;
 mod frames;
 mod items;
 mod lexer;
+mod recovery;
 
 pub(super) use self::file::Outcome;
 
@@ -23,6 +24,16 @@ use self::cursor::Parser;
 use self::lexer::{check_brackets, check_nesting, lex, without_hash_comments};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::limits::MAX_BYTES;
+
+/// As [`parse_file`], and also what can be understood of a text whose brackets do not close; its problems are those of
+/// the text in which they do.
+pub(super) fn parse_leniently(text: &str) -> Outcome {
+    let outcome = parse_file(text);
+    if outcome.file.is_some() || text.len() > MAX_BYTES {
+        return outcome;
+    }
+    parse_file(&recovery::balanced(text))
+}
 
 /// Parses a text of at most [`MAX_BYTES`].
 pub(super) fn parse_file(text: &str) -> Outcome {

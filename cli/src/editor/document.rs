@@ -1,0 +1,65 @@
+//! An open text: what it declares, and what is known of the model that it was last.
+//!
+//! Does not know: messages of the protocol, what is asked.
+
+use std::sync::Arc;
+
+use hamel_codegen::mechanics::{self, Equations};
+use hamel_codegen::reduction::{self, Formulation};
+use hamel_codegen::spec::{self, Diagnostics, Model, Outline};
+
+use super::position::Lines;
+
+/// An open text.
+#[derive(Clone, Debug)]
+pub(crate) struct Document {
+    /// Its text as the editor has it.
+    pub(crate) text: Arc<str>,
+    /// Counts changes, as the editor does.
+    pub(crate) version: i32,
+    /// What it declares and mentions.
+    pub(crate) outline: Arc<Outline>,
+}
+
+impl Document {
+    pub(crate) fn new(text: String, version: i32) -> Document {
+        // The places of problems are counted without the mark that some editors on Windows write.
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let outline = Arc::new(Outline::new(text));
+        Document { text: text.into(), version, outline }
+    }
+
+    pub(crate) fn lines(&self) -> Lines<'_> {
+        Lines::new(&self.text)
+    }
+}
+
+/// What came of checking a text.
+#[derive(Clone, Debug)]
+pub(crate) struct Checked {
+    /// The text.
+    pub(crate) text: Arc<str>,
+    /// Errors, or warnings of the model.
+    pub(crate) found: Diagnostics,
+    /// The model, where the text is one with equations.
+    pub(crate) model: Option<Arc<Model>>,
+}
+
+/// Checks a text; `file` is shown nowhere but in messages.
+pub(crate) fn check(file: &str, text: Arc<str>) -> Checked {
+    let (found, model) = match spec::matrix_fluid(file, &text) {
+        Ok(Some(_)) => (Diagnostics::new(None, Vec::new()), None),
+        Err(problems) => (problems, None),
+        Ok(None) => match spec::parse(file, &text) {
+            Ok(model) => (model.warnings.clone(), Some(Arc::new(model))),
+            Err(problems) => (problems, None),
+        },
+    };
+    Checked { text, found, model }
+}
+
+/// The equations of motion of a model as it is written; nothing where they cannot be derived.
+pub(crate) fn derive(model: &Model) -> Option<Equations> {
+    let system = reduction::reduce(model, &Formulation::of(model)).ok()?;
+    mechanics::derive(&system).ok()
+}

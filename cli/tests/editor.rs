@@ -1,0 +1,289 @@
+//! `lsp`: a conversation with the program over its standard input and output, and what editors are given beside it.
+
+#[path = "common/program.rs"]
+mod program;
+
+use std::collections::BTreeSet;
+use std::io::{BufReader, Write as _};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Stdio};
+
+use hamel_codegen::spec::{WordKind, vocabulary};
+use lsp_server::{Message, Notification, Request, Response};
+use serde_json::{Value, json};
+
+/// An editor with one file.
+struct Editor {
+    program: Child,
+    input: Option<ChildStdin>,
+    output: BufReader<ChildStdout>,
+    n_requests: i32,
+    /// What the server has said without being asked.
+    said: Vec<Notification>,
+}
+
+const URI: &str = "file:///models/rod.hamel";
+
+impl Editor {
+    fn start() -> Editor {
+        let mut command = program::command(&["lsp"]);
+        let mut program = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let input = program.stdin.take();
+        let output = BufReader::new(program.stdout.take().unwrap());
+        let mut editor = Editor { program, input, output, n_requests: 0, said: Vec::new() };
+        let answer = editor.ask("initialize", json!({ "capabilities": {} }));
+        assert_eq!(answer["serverInfo"]["name"], "hamel");
+        assert_eq!(answer["capabilities"]["hoverProvider"], true);
+        editor.tell("initialized", json!({}));
+        editor
+    }
+
+    fn send(&mut self, message: Message) {
+        let input = self.input.as_mut().unwrap();
+        message.write(input).unwrap();
+        input.flush().unwrap();
+    }
+
+    fn tell(&mut self, method: &str, params: Value) {
+        self.send(Notification::new(method.to_owned(), params).into());
+    }
+
+    fn receive(&mut self) -> Message {
+        Message::read(&mut self.output).unwrap().expect("the server has more to say")
+    }
+
+    fn response(&mut self, method: &str, params: Value) -> Response {
+        self.n_requests += 1;
+        let id = self.n_requests.into();
+        self.send(Request::new(id, method.to_owned(), params).into());
+        loop {
+            match self.receive() {
+                Message::Response(response) => return response,
+                Message::Notification(notification) => self.said.push(notification),
+                Message::Request(request) => panic!("{request:?}"),
+            }
+        }
+    }
+
+    fn ask(&mut self, method: &str, params: Value) -> Value {
+        let response = self.response(method, params);
+        serde_json::to_value(response).unwrap()["result"].clone()
+    }
+
+    /// The problems of a version of the file.
+    fn problems(&mut self, version: i32) -> Value {
+        loop {
+            let found = self.said.iter().position(|n| n.params["version"] == version);
+            if let Some(at) = found {
+                return self.said.remove(at).params["diagnostics"].clone();
+            }
+            match self.receive() {
+                Message::Notification(notification) => self.said.push(notification),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    fn open(&mut self, text: &str) -> Value {
+        let document = json!({ "uri": URI, "languageId": "hamel", "version": 1, "text": text });
+        self.tell("textDocument/didOpen", json!({ "textDocument": document }));
+        self.problems(1)
+    }
+
+    fn at(text: &str, word: &str) -> Value {
+        let before = &text[..text.find(word).unwrap()];
+        let line = before.matches('\n').count();
+        let column = before.rsplit('\n').next().unwrap().encode_utf16().count();
+        json!({ "textDocument": { "uri": URI }, "position": { "line": line, "character": column } })
+    }
+}
+
+impl Drop for Editor {
+    fn drop(&mut self) {
+        // Only where a test has failed before the end of the conversation.
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+const ROD: &str = "/// Rod
+model rod {
+    /// Ω and 🌀 count in UTF-16.
+    param l = 2 where l > 0; /* 🌀 */ param stiffness = 3;
+    /// Angle [rad].
+    coordinate phi in angle;
+    lagrangian = l*phi_dot^2/2 - stiffness*cos(phi);
+    output height = l*cos(phi);
+}
+";
+
+#[test]
+fn an_editor_talks_with_the_program() {
+    let mut editor = Editor::start();
+    // A name is misspelt behind characters of two units and of several bytes.
+    let wrong = ROD.replace("param stiffness = 3;", "param stiffness = 3; output q = 2*stifness;");
+    let problems = editor.open(&wrong);
+    let problem = &problems[0];
+    let message = problem["message"].as_str().unwrap();
+    assert!(message.starts_with("unknown name `stifness`\n"), "{message}");
+    assert!(message.contains("did you mean `stiffness`?"), "{message}");
+    let place = Editor::at(&wrong, "stifness");
+    assert_eq!(problem["range"]["start"], place["position"]);
+    assert_eq!((&problem["severity"], &problem["source"]), (&1.into(), &"hamel".into()));
+
+    // The help is a repair by one key.
+    let actions = editor.ask(
+        "textDocument/codeAction",
+        json!({ "textDocument": { "uri": URI }, "range": problem["range"], "context": { "diagnostics": [] } }),
+    );
+    assert_eq!(actions[0]["title"], "Replace `stifness` by `stiffness`");
+    let edit = &actions[0]["edit"]["changes"][URI][0];
+    assert_eq!((&edit["newText"], &edit["range"]), (&"stiffness".into(), &problem["range"]));
+
+    // Applied, as an editor tells it: a part of the text is replaced.
+    editor.tell(
+        "textDocument/didChange",
+        json!({
+            "textDocument": { "uri": URI, "version": 2 },
+            "contentChanges": [{ "range": edit["range"], "text": edit["newText"] }],
+        }),
+    );
+    assert_eq!(editor.problems(2), json!([]));
+    let text = wrong.replace("stifness", "stiffness");
+
+    let hover = editor.ask("textDocument/hover", Editor::at(&text, "phi_dot"));
+    let shown = hover["contents"]["value"].as_str().unwrap();
+    assert!(shown.contains("rate of the coordinate `phi_dot` [rad/s]"), "{shown}");
+    assert_eq!(hover["range"]["start"], Editor::at(&text, "phi_dot")["position"]);
+    let hover = editor.ask("textDocument/hover", Editor::at(&text, "lagrangian"));
+    assert!(hover["contents"]["value"].as_str().unwrap().contains("The reduced Lagrangian"), "{hover}");
+    assert_eq!(editor.ask("textDocument/hover", Editor::at(&text, "= 3")), Value::Null);
+
+    let proposals = editor.ask("textDocument/completion", Editor::at(&text, "stiffness*"));
+    let labels: BTreeSet<&str> =
+        proposals.as_array().unwrap().iter().map(|item| item["label"].as_str().unwrap()).collect();
+    assert!(["phi", "phi_dot", "l", "stiffness", "cos"].iter().all(|label| labels.contains(label)));
+    assert!(!labels.contains("height"), "{labels:?}");
+
+    let definition = editor.ask("textDocument/definition", Editor::at(&text, "phi_dot"));
+    assert_eq!(definition["range"]["start"], Editor::at(&text, "phi in")["position"]);
+    let mut place = Editor::at(&text, "phi in");
+    place["context"] = json!({ "includeDeclaration": true });
+    assert_eq!(editor.ask("textDocument/references", place).as_array().unwrap().len(), 4);
+    let mut place = Editor::at(&text, "l*phi_dot");
+    place["newName"] = json!("length");
+    let edits = editor.ask("textDocument/rename", place.clone());
+    assert_eq!(edits["changes"][URI].as_array().unwrap().len(), 4);
+    place["newName"] = json!("phi");
+    let refused = editor.response("textDocument/rename", place);
+    assert!(
+        serde_json::to_value(refused).unwrap()["error"]["message"]
+            .as_str()
+            .unwrap()
+            .contains("declared twice")
+    );
+    let symbols = editor.ask("textDocument/documentSymbol", json!({ "textDocument": { "uri": URI } }));
+    let names: Vec<&str> =
+        symbols[0]["children"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(
+        (&symbols[0]["name"], names.as_slice()),
+        (&"rod".into(), ["l", "stiffness", "q", "phi", "height"].as_slice())
+    );
+    let tokens = editor.ask("textDocument/semanticTokens/full", json!({ "textDocument": { "uri": URI } }));
+    assert_eq!(tokens["data"].as_array().unwrap().len() % 5, 0);
+
+    let options =
+        json!({ "textDocument": { "uri": URI }, "options": { "tabSize": 8, "insertSpaces": false } });
+    assert_eq!(editor.ask("textDocument/formatting", options.clone()), json!([]), "in form");
+    let untidy = text.replace("    lagrangian = ", "lagrangian   =");
+    editor.tell(
+        "textDocument/didChange",
+        json!({ "textDocument": { "uri": URI, "version": 3 }, "contentChanges": [{ "text": untidy }] }),
+    );
+    let edits = editor.ask("textDocument/formatting", options.clone());
+    assert_eq!(edits[0]["newText"], text);
+    editor.tell(
+        "textDocument/didChange",
+        json!({ "textDocument": { "uri": URI, "version": 4 }, "contentChanges": [{ "text": "model rod { param (" }] }),
+    );
+    assert_eq!(editor.ask("textDocument/formatting", options), Value::Null, "no model");
+    let problems = editor.problems(4);
+    assert!(problems[0]["message"].as_str().unwrap().contains("is not closed"), "{problems}");
+    let proposals = editor.ask(
+        "textDocument/completion",
+        json!({ "textDocument": { "uri": URI }, "position": { "line": 0, "character": 12 } }),
+    );
+    assert!(proposals.as_array().unwrap().iter().any(|item| item["label"] == "param"));
+
+    // What nobody knows is answered, what is no message of this kind as well.
+    let unknown = editor.response("textDocument/foo", json!({}));
+    assert_eq!(serde_json::to_value(unknown).unwrap()["error"]["code"], -32601);
+    assert_eq!(editor.ask("textDocument/hover", json!({ "nonsense": 1 })), Value::Null);
+
+    assert_eq!(editor.ask("shutdown", Value::Null), Value::Null);
+    editor.tell("exit", Value::Null);
+    assert!(editor.program.wait().unwrap().success());
+}
+
+/// The equation may come later than the rest of an answer; it comes in the end.
+#[test]
+fn a_velocity_is_shown_with_its_equation() {
+    let mut editor = Editor::start();
+    assert_eq!(editor.open(ROD), json!([]));
+    for _ in 0..1000 {
+        let hover = editor.ask("textDocument/hover", Editor::at(ROD, "phi_dot"));
+        if hover["contents"]["value"].as_str().unwrap().contains("d/dt φ̇ = ") {
+            return;
+        }
+    }
+    panic!("the equation never came");
+}
+
+#[test]
+fn an_editor_that_vanishes_is_told() {
+    let mut editor = Editor::start();
+    editor.input = None;
+    assert_eq!(editor.program.wait().unwrap().code(), Some(1));
+}
+
+fn repository(path: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
+    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The grammar for colours has the words of the language, each in the group of its kind, and no others.
+#[test]
+fn grammar_has_every_keyword() {
+    let grammar: Value =
+        serde_json::from_str(&repository("editors/vscode/syntaxes/hamel.tmLanguage.json")).unwrap();
+    let groups = [
+        ("items", WordKind::Item),
+        ("parts", WordKind::Part),
+        ("functions", WordKind::Function),
+        ("constants", WordKind::Constant),
+        ("settings", WordKind::Setting),
+    ];
+    for (group, kind) in groups {
+        let pattern = grammar["repository"][group]["match"].as_str().unwrap();
+        let words = pattern.split_once("(?:").and_then(|(_, rest)| rest.split_once(')')).unwrap().0;
+        let words: BTreeSet<&str> = words.split('|').collect();
+        let known: BTreeSet<&str> =
+            vocabulary().into_iter().filter(|word| word.kind == kind).map(|word| word.word).collect();
+        assert_eq!(words, known, "{group}");
+    }
+}
+
+#[test]
+fn the_extension_starts_the_server() {
+    let package: Value = serde_json::from_str(&repository("editors/vscode/package.json")).unwrap();
+    assert_eq!(package["contributes"]["languages"][0]["extensions"][0], ".hamel");
+    for file in [
+        &package["main"],
+        &package["contributes"]["grammars"][0]["path"],
+        &package["contributes"]["languages"][0]["configuration"],
+    ] {
+        assert!(!repository(&format!("editors/vscode/{}", file.as_str().unwrap())).is_empty());
+    }
+    assert!(repository("editors/vscode/extension.js").contains("args: [\"lsp\"]"));
+    let _: Value = serde_json::from_str(&repository("editors/vscode/language-configuration.json")).unwrap();
+}
