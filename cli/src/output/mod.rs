@@ -9,5 +9,5 @@ pub mod fitted;
 pub(crate) mod formulations;
 pub mod plot;
 pub mod report;
-pub mod table;
 pub mod terminal;
+pub mod trajectories;
