@@ -286,13 +286,12 @@ impl<'a> Arrays<'a> {
         of_state: Map<String, Value>,
     ) -> Vec<(String, Vec<u8>)> {
         let Arrays { inputs, y, energy, steps, stopped_t, stopped_y, error, status } = self;
-        let mut documents = vec![(
-            DOCUMENT.to_owned(),
-            zarr::text(&zarr::group(&attributes([("hamel", request.clone())]))),
-        )];
+        let (mut documents, mut of_arrays) = (Vec::new(), Map::new());
         let mut add = |array: &Array<'_>, bytes: Option<Vec<u8>>| {
-            documents.push((format!("{}/{DOCUMENT}", array.name), zarr::text(&array.document())));
+            let document = array.document();
+            documents.push((format!("{}/{DOCUMENT}", array.name), zarr::text(&document)));
             documents.extend(bytes.map(|bytes| (array.chunk(0), bytes)));
+            of_arrays.insert(array.name.to_owned(), document);
         };
         let n = heading.times.len();
         let of_time = attributes([("units", json!("s")), ("description", json!("time"))]);
@@ -309,6 +308,9 @@ impl<'a> Arrays<'a> {
         }
         let optional = inputs.iter().chain(energy);
         optional.chain([y, steps, stopped_t, stopped_y, error, status]).for_each(|array| add(array, None));
+        let group = zarr::group(&attributes([("hamel", request.clone())]), &of_arrays);
+        // First, so that what differs between two requests is told by the document that says it best.
+        documents.insert(0, (DOCUMENT.to_owned(), zarr::text(&group)));
         documents
     }
 }

@@ -72,9 +72,14 @@ impl Array<'_> {
     }
 }
 
-/// The document of a group.
-pub(crate) fn group(attributes: &Map<String, Value>) -> Value {
-    json!({"zarr_format": 3, "node_type": "group", "attributes": attributes})
+/// The document of a group, with those of its arrays, so that one file is read to open it.
+pub(crate) fn group(attributes: &Map<String, Value>, arrays: &Map<String, Value>) -> Value {
+    json!({
+        "zarr_format": 3,
+        "node_type": "group",
+        "attributes": attributes,
+        "consolidated_metadata": {"kind": "inline", "must_understand": false, "metadata": arrays},
+    })
 }
 
 /// The text of a document.
