@@ -22,6 +22,7 @@ mod least_squares;
 pub mod matrices;
 pub mod method;
 pub mod protocol;
+pub(crate) mod ranks;
 mod record;
 pub mod remote;
 mod saltation;
@@ -29,6 +30,7 @@ mod sensitivity;
 pub mod simulation;
 mod solver;
 pub mod start;
+pub(crate) mod statistics;
 pub mod typed;
 pub mod watched;
 

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::commands::options::{EndOptions, MotionOptions, SceneOptions};
+use crate::output::trajectories::Statistic;
 use crate::request::share::Share;
 use crate::request::variation::{Spread, Sweep};
 use crate::run::ensemble::Width;
@@ -35,7 +36,8 @@ Examples:
   hamel ensemble heavy_top --spread m=0.05 Omega1=-0.1..0.1 --count 1000 --seed 7 --samples 101 -o tops.npz
   hamel ensemble heavy_top --sweep m=log:0.1..10:5 l=0.1..1:5 --method tsit5 --rtol 1e-6 --atol 1e-8 -o grid.csv
   hamel ensemble euler_disk --table starts.csv --set m=2 -o disks.csv
-  hamel ensemble heavy_top --spread m=0.05 --count 10000000 -o tops.zarr --resume"
+  hamel ensemble heavy_top --spread m=0.05 --count 10000000 -o tops.zarr --resume
+  hamel ensemble heavy_top --spread m=0.05 --count 10000 --samples 101 --statistics mean,quantiles -o fan.svg"
 )]
 pub struct Arguments {
     /// Which scene, and who evaluates it.
@@ -79,7 +81,26 @@ pub struct Arguments {
     /// Integrate one of N shares of the ensemble, into a store that the other shares have, too; implies --resume
     #[arg(long, value_name = "I/N", value_parser = Share::parse)]
     pub part: Option<Share>,
-    /// File to write: .zarr, a store, or .csv or .npz, which may be repeated
+    /// Statistics of all trajectories at each sample instead of the trajectories, gathered while they are integrated
+    #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',')]
+    pub statistics: Vec<Statistic>,
+    /// Levels of --statistics quantiles
+    #[arg(long, value_name = "LEVELS", value_delimiter = ',', requires = "statistics", value_parser = level)]
+    #[arg(default_value = "0.05,0.25,0.5,0.75,0.95")]
+    pub quantiles: Vec<f64>,
+    /// Number of bins of --statistics histogram, between the extremes
+    #[arg(long, value_name = "N", requires = "statistics", default_value_t = 50)]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..))]
+    pub bins: u16,
+    /// File to write: .zarr, a store, or .csv, .npz or, for statistics, .svg, which may be repeated
     #[arg(short, long = "output", value_name = "FILE", required = true)]
     pub output: Vec<PathBuf>,
+}
+
+/// A level of a quantile.
+fn level(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(x) if (0.0..=1.0).contains(&x) => Ok(x),
+        _ => Err(format!("{text:?} is no level: give a number from 0 to 1")),
+    }
 }

@@ -16,7 +16,9 @@ pub use arguments::Arguments;
 use crate::error::Error;
 use crate::output::trajectories::Target;
 use crate::output::trajectories::chunk::{Chunk, Heading, Sink, Tally};
+use crate::model;
 use crate::output::trajectories::store::Store;
+use crate::output::trajectories::summary::{Summary, Wanted};
 use crate::output::trajectories::temporary;
 use crate::run::backend::Backend;
 use crate::run::dynamics::Factory as _;
@@ -25,6 +27,7 @@ use crate::run::forms::Forms;
 use crate::run::integrate::has_state;
 use crate::run::interpreted;
 use crate::run::method::Steps;
+use crate::run::ranks::Ranks;
 use crate::run::simulation::sample_time;
 use crate::run::start::Starts;
 use crate::session::Session;
@@ -103,18 +106,42 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         n: plan.len(),
         n_chunk: chunk_of(n_numbers).min(plan.len()),
     };
+    let ranks = Ranks::join()?;
     let store = match targets.iter().find(|target| target.is_store()) {
         Some(target) => {
             let request = request::document(&file.text()?, &info, &asked, &plan, arguments, heading.n_chunk);
-            let of_state = request::of_state(model, &info);
             let resume = arguments.resume || arguments.part.is_some();
-            Some(Store::open(target.path(), &heading, &request, of_state, resume)?)
+            let open = |resume| {
+                Store::open(target.path(), &heading, &request, request::of_state(model, &info), resume)
+            };
+            // The first makes the store, the others go on with it.
+            let first = ranks.is_first().then(|| open(resume));
+            let is_open = ranks.agree(first.as_ref().is_none_or(Result::is_ok));
+            match first {
+                Some(store) => Some(store?),
+                None if is_open => Some(open(true)?),
+                None => return Err(Error::Options { reason: "the first process has no store".into() }),
+            }
+        }
+        None if ranks.size > 1 => {
+            let reason = format!("{} processes share a store only: let the name end in .zarr", ranks.size);
+            return Err(Error::unusable(shown(&targets[0]), reason));
         }
         None => None,
     };
-    let mut sinks = Vec::new();
-    for target in &targets {
-        sinks.extend(target.sink(&heading)?);
+    let mut sinks: Vec<Box<dyn Sink + '_>> = Vec::new();
+    if arguments.statistics.is_empty() {
+        for target in &targets {
+            sinks.extend(target.sink(&heading)?);
+        }
+    } else {
+        let wanted = Wanted {
+            statistics: arguments.statistics.clone(),
+            levels: arguments.quantiles.clone(),
+            bins: usize::from(arguments.bins),
+        };
+        let (title, blocks) = (model::title(model), model::blocks::blocks(model));
+        sinks.push(Box::new(Summary::new(targets.clone(), &heading, wanted, title, blocks)));
     }
     watch_for_interrupts(store.as_ref());
     let mut work = Work::new(heading.n_chunks(), arguments.part, store.as_ref());
@@ -175,16 +202,30 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         let files = targets.iter().map(|target| target.path().to_owned()).collect();
         return Err(Error::NoneArrived { n: tally.n, reason: reason.clone(), files });
     }
-    Ok(summary(&heading, &tally, asked.progress.done - found, &targets, seconds))
+    let made = asked.progress.done - found;
+    if !ranks.is_first() {
+        return Ok(format!("rank {} of {}: {made} trajectories, {seconds:.1} s", ranks.rank, ranks.size));
+    }
+    Ok(summary(&heading, &tally, made, &targets, seconds))
 }
 
 /// The files to write, of which a store is the only one.
 fn targets(arguments: &Arguments) -> Result<Vec<Target>, Error> {
     let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
     let is_alone = targets.len() == 1;
-    let shown = |target: &Target| target.path().display().to_string();
     if let (Some(store), false) = (targets.iter().find(|target| target.is_store()), is_alone) {
         let reason = "is a store, which is written alone, as several processes may make it: give it as the only file";
+        return Err(Error::unusable(shown(store), reason));
+    }
+    let statistics = !arguments.statistics.is_empty();
+    if let (Some(figure), true) =
+        (targets.iter().find(|target| target.is_figure()), !statistics || arguments.samples < 2)
+    {
+        let reason = "is a figure of statistics over time: give --statistics, and --samples of at least 2";
+        return Err(Error::unusable(shown(figure), reason));
+    }
+    if let (Some(store), true) = (targets.iter().find(|target| target.is_store()), statistics) {
+        let reason = "is a store, which keeps trajectories: leave --statistics out, or write .csv, .npz or .svg";
         return Err(Error::unusable(shown(store), reason));
     }
     if let (Some(file), true) =
@@ -195,6 +236,10 @@ fn targets(arguments: &Arguments) -> Result<Vec<Target>, Error> {
         return Err(Error::unusable(option, reason));
     }
     Ok(targets)
+}
+
+fn shown(target: &Target) -> String {
+    target.path().display().to_string()
 }
 
 /// Integrates the trajectories of a chunk that have a start; side by side are those that follow each other among them.

@@ -7,8 +7,10 @@ pub(crate) mod chunk;
 mod csv;
 pub(crate) mod npz;
 pub(crate) mod store;
+pub(crate) mod summary;
 mod target;
 pub(crate) mod temporary;
 pub(crate) mod zarr;
 
+pub use summary::Statistic;
 pub use target::Target;

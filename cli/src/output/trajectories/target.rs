@@ -17,9 +17,10 @@ pub struct Target {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
+pub(super) enum Format {
     Csv,
     Npz,
+    Svg,
     Zarr,
 }
 
@@ -33,9 +34,10 @@ impl Target {
         let format = match extension.as_str() {
             "csv" => Format::Csv,
             "npz" => Format::Npz,
+            "svg" => Format::Svg,
             "zarr" => Format::Zarr,
             _ => {
-                let reason = "has no known format: let the name end in .zarr, .csv or .npz";
+                let reason = "has no known format: let the name end in .zarr, .csv or .npz, or in .svg for --statistics";
                 return Err(Error::unusable(path.display().to_string(), reason));
             }
         };
@@ -52,7 +54,17 @@ impl Target {
         self.format == Format::Zarr
     }
 
-    /// Begins the file; none for a store, which is [opened](super::store::Store).
+    /// Whether the file is a figure.
+    pub fn is_figure(&self) -> bool {
+        self.format == Format::Svg
+    }
+
+    pub(super) fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Begins the file; none for a store, which is [opened](super::store::Store), and for a figure, which has no
+    /// trajectories.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -60,7 +72,7 @@ impl Target {
         Ok(match self.format {
             Format::Csv => Some(Box::new(Csv::new(&self.path, heading)?)),
             Format::Npz => Some(Box::new(Npz::new(&self.path, heading)?)),
-            Format::Zarr => None,
+            Format::Svg | Format::Zarr => None,
         })
     }
 }
