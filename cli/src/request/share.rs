@@ -38,8 +38,7 @@ mod tests {
 
     #[test]
     fn every_chunk_belongs_to_one_share() {
-        let shares: Vec<Share> =
-            (1..=5).map(|part| Share::parse(&format!("{part}/5")).unwrap()).collect();
+        let shares: Vec<Share> = (1..=5).map(|part| Share::parse(&format!("{part}/5")).unwrap()).collect();
         for chunk in 0..23 {
             assert_eq!(shares.iter().filter(|share| share.has(chunk)).count(), 1, "{chunk}");
         }

@@ -13,7 +13,7 @@ const MAX_CENTROIDS: usize = 200;
 ///
 /// # Error
 /// Moments are those of the numbers up to rounding. A quantile at level `q` is one of the level `q ± d`, where `d` is
-/// about `2 sqrt(q (1 - q))/200`: 1 % in the middle, less towards both ends, where the extremes are exact. With fewer
+/// about `sqrt(q (1 - q))/100`: 0.5 % in the middle, less towards both ends, where the extremes are exact. With fewer
 /// than a few hundred numbers quantiles are interpolated between the numbers themselves.
 ///
 /// # Source

@@ -14,9 +14,9 @@ use std::time::Instant;
 pub use arguments::Arguments;
 
 use crate::error::Error;
+use crate::model;
 use crate::output::trajectories::Target;
 use crate::output::trajectories::chunk::{Chunk, Heading, Sink, Tally};
-use crate::model;
 use crate::output::trajectories::store::Store;
 use crate::output::trajectories::summary::{Summary, Wanted};
 use crate::output::trajectories::temporary;
@@ -214,7 +214,8 @@ fn targets(arguments: &Arguments) -> Result<Vec<Target>, Error> {
     let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
     let is_alone = targets.len() == 1;
     if let (Some(store), false) = (targets.iter().find(|target| target.is_store()), is_alone) {
-        let reason = "is a store, which is written alone, as several processes may make it: give it as the only file";
+        let reason =
+            "is a store, which is written alone, as several processes may make it: give it as the only file";
         return Err(Error::unusable(shown(store), reason));
     }
     let statistics = !arguments.statistics.is_empty();
@@ -225,7 +226,8 @@ fn targets(arguments: &Arguments) -> Result<Vec<Target>, Error> {
         return Err(Error::unusable(shown(figure), reason));
     }
     if let (Some(store), true) = (targets.iter().find(|target| target.is_store()), statistics) {
-        let reason = "is a store, which keeps trajectories: leave --statistics out, or write .csv, .npz or .svg";
+        let reason =
+            "is a store, which keeps trajectories: leave --statistics out, or write .csv, .npz or .svg";
         return Err(Error::unusable(shown(store), reason));
     }
     if let (Some(file), true) =

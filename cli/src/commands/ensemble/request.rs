@@ -32,9 +32,7 @@ pub(super) fn document(
         values.iter().map(|(name, x)| (name.clone(), *x)).collect::<BTreeMap<String, f64>>()
     };
     let set = named(&arguments.motion.set);
-    let param = |p: &crate::run::info::ParamEntry| {
-        json!({"name": p.name, "value": set.get(&p.name).copied().unwrap_or(p.default), "doc": p.doc})
-    };
+    let param = |p: &crate::run::info::ParamEntry| json!({"name": p.name, "value": set.get(&p.name).copied().unwrap_or(p.default), "doc": p.doc});
     json!({
         "version": env!("CARGO_PKG_VERSION"),
         "model": info.model,
@@ -63,7 +61,8 @@ pub(super) fn document(
 /// What is said about the components of a state: units, meanings and the title of the model, as far as it says them.
 pub(super) fn of_state(model: &Model, info: &Info) -> Map<String, Value> {
     let blocks = blocks(model);
-    let of = |name: &String| blocks.iter().find(|block| block.members.iter().any(|(member, _)| member == name));
+    let of =
+        |name: &String| blocks.iter().find(|block| block.members.iter().any(|(member, _)| member == name));
     let each = |what: fn(&crate::model::blocks::Block) -> &str| -> Value {
         info.state.iter().map(|name| of(name).map_or("", what)).collect::<Vec<&str>>().into()
     };

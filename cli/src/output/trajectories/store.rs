@@ -156,13 +156,16 @@ impl<'a> Store<'a> {
         let put = |array: &Array<'_>, bytes: Vec<u8>| {
             let path = self.folder.join(array.chunk(chunk.at));
             let put = self.put(&path, &format!("{}-{}", array.name, chunk.at), &bytes);
-            put.or_else(|e| if path.is_file() { Ok(()) } else { Err(Error::io(path.display().to_string(), e)) })
+            put.or_else(
+                |e| if path.is_file() { Ok(()) } else { Err(Error::io(path.display().to_string(), e)) },
+            )
         };
         let floats = |array: &Array<'_>, values: Vec<f64>| put(array, zarr::floats(&values, array.n_chunk()));
         if let Some(inputs) = inputs {
             floats(inputs, chunk.inputs.iter().flatten().copied().collect())?;
         }
-        let each = || results.iter().flat_map(|r| (0..heading.times.len()).map(move |at| heading.sample(r, at)));
+        let each =
+            || results.iter().flat_map(|r| (0..heading.times.len()).map(move |at| heading.sample(r, at)));
         let mut states = Vec::with_capacity(y.n_chunk());
         for sample in each() {
             match sample {
@@ -265,9 +268,19 @@ impl<'a> Arrays<'a> {
             }),
             y: array("y", Float, &[trajectory, t, state], "states; NaN where a trajectory has not come"),
             energy: heading.info.has_energy.then(|| array("energy", Float, &[trajectory, t], "energy")),
-            steps: array("steps", Count, &[trajectory], "accepted steps, with those of the trajectories beside it"),
+            steps: array(
+                "steps",
+                Count,
+                &[trajectory],
+                "accepted steps, with those of the trajectories beside it",
+            ),
             stopped_t: array("stopped_t", Float, &[trajectory], "time of a stop; NaN where there was none"),
-            stopped_y: array("stopped_y", Float, &[trajectory, state], "state at a stop; NaN where there was none"),
+            stopped_y: array(
+                "stopped_y",
+                Float,
+                &[trajectory, state],
+                "state at a stop; NaN where there was none",
+            ),
             error: array("error", Text, &[trajectory], "why a trajectory stopped; empty where it did not"),
             status: array(
                 "status",
@@ -351,5 +364,8 @@ fn same(folder: &Path, path: &str, bytes: &[u8]) -> Result<(), Error> {
         })
         .collect();
     let told = if told.is_empty() { format!("{path} differs") } else { told.join("; ") };
-    Err(Error::unusable(shown, format!("is the store of another ensemble: {told}; repeat its command, or give another name")))
+    Err(Error::unusable(
+        shown,
+        format!("is the store of another ensemble: {told}; repeat its command, or give another name"),
+    ))
 }

@@ -153,7 +153,11 @@ impl<'a> Summary<'a> {
             let of = |d: &Distribution| -> Vec<f64> {
                 levels.iter().map(|level| d.quantile(*level).unwrap_or(f64::NAN)).collect()
             };
-            archive.array("quantiles", &[n_t, n_q, levels.len()], &all().flat_map(of).collect::<Vec<f64>>())?;
+            archive.array(
+                "quantiles",
+                &[n_t, n_q, levels.len()],
+                &all().flat_map(of).collect::<Vec<f64>>(),
+            )?;
         }
         if self.wanted.has(Statistic::Histogram) {
             let of = |d: &Distribution| {
@@ -191,9 +195,8 @@ impl<'a> Summary<'a> {
                     lines.push((format!("q{middle:?}"), over_time(&|d| d.quantile(middle))));
                 }
             } else if self.wanted.has(Statistic::Variance) {
-                let away = |sign: f64| {
-                    over_time(&|d: &Distribution| Some(d.mean()? + sign * d.variance()?.sqrt()))
-                };
+                let away =
+                    |sign: f64| over_time(&|d: &Distribution| Some(d.mean()? + sign * d.variance()?.sqrt()));
                 bands.push(Band { low: away(-1.0), high: away(1.0) });
             }
             if self.wanted.has(Statistic::Mean) || lines.is_empty() {

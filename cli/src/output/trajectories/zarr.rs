@@ -146,7 +146,11 @@ pub(crate) fn differences(first: &Value, second: &Value) -> Vec<(String, String,
         }
         let short = |value: &Value| {
             let text = value.to_string();
-            if text.chars().count() <= 60 { text } else { format!("{}..", text.chars().take(58).collect::<String>()) }
+            if text.chars().count() <= 60 {
+                text
+            } else {
+                format!("{}..", text.chars().take(58).collect::<String>())
+            }
         };
         found.push((path.to_owned(), short(first), short(second)));
     }
@@ -165,7 +169,10 @@ mod tests {
     fn texts_are_found_again() {
         let bytes = texts(["", "Ω", "m > 0"].into_iter(), 5);
         let all: Vec<Option<String>> = (0..6).map(|at| text_at(&bytes, at)).collect();
-        assert_eq!(all, [Some(""), Some("Ω"), Some("m > 0"), Some(""), Some(""), None].map(|t| t.map(str::to_owned)));
+        assert_eq!(
+            all,
+            [Some(""), Some("Ω"), Some("m > 0"), Some(""), Some(""), None].map(|t| t.map(str::to_owned))
+        );
         assert_eq!(text_at(&bytes[..12], 2), None);
     }
 
