@@ -11,7 +11,7 @@ use super::plan::{Plan, fnv1a};
 use crate::model::blocks::blocks;
 use crate::model::{Model, title};
 use crate::run::ensemble::{EnsembleRequest, Width};
-use crate::run::info::Info;
+use crate::run::info::{Info, ParamEntry};
 use crate::run::method::Steps;
 
 /// Everything that decides about a bit of a result, and what people want to know of it; neither threads nor who
@@ -32,7 +32,10 @@ pub(super) fn document(
         values.iter().map(|(name, x)| (name.clone(), *x)).collect::<BTreeMap<String, f64>>()
     };
     let set = named(&arguments.motion.set);
-    let param = |p: &crate::run::info::ParamEntry| json!({"name": p.name, "value": set.get(&p.name).copied().unwrap_or(p.default), "doc": p.doc});
+    let param = |p: &ParamEntry| {
+        let value = set.get(&p.name).copied().unwrap_or(p.default);
+        json!({"name": p.name, "value": value, "doc": p.doc})
+    };
     json!({
         "version": env!("CARGO_PKG_VERSION"),
         "model": info.model,

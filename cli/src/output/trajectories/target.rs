@@ -37,7 +37,8 @@ impl Target {
             "svg" => Format::Svg,
             "zarr" => Format::Zarr,
             _ => {
-                let reason = "has no known format: let the name end in .zarr, .csv or .npz, or in .svg for --statistics";
+                let reason = "has no known format: let the name end in .zarr, .csv or .npz, or, with --statistics, \
+                              in .svg";
                 return Err(Error::unusable(path.display().to_string(), reason));
             }
         };
