@@ -1,7 +1,7 @@
 //! Processes that a launcher such as `mpirun` has started together.
 //!
 //! They share work through a store, and say nothing to each other but that it is there. With the feature `mpi` they are
-//! ranks of MPI; without it, more than one of them is an error that says so.
+//! ranks of MPI; without it, they have to be told to go on with a store that any of them makes.
 //!
 //! Does not know: what the work is.
 
@@ -29,15 +29,18 @@ pub(crate) struct Ranks {
 impl Ranks {
     /// Joins the others; a process that no launcher has started is alone.
     ///
+    /// `resumes` says that the process goes on with a store if there is one, so that nobody has to be the first.
+    ///
     /// # Errors
-    /// [`Error::Options`] for several processes without the feature `mpi`, and where MPI does not begin.
-    pub(crate) fn join() -> Result<Ranks, Error> {
+    /// [`Error::Options`] for several processes without the feature `mpi` of which each would make the store, and where
+    /// MPI does not begin.
+    pub(crate) fn join(resumes: bool) -> Result<Ranks, Error> {
         let told = SIZES.iter().find_map(|name| std::env::var(name).ok()?.parse::<usize>().ok());
-        Ranks::of(told.unwrap_or(1))
+        Ranks::of(told.unwrap_or(1), resumes)
     }
 
     #[cfg(feature = "mpi")]
-    fn of(size: usize) -> Result<Ranks, Error> {
+    fn of(size: usize, _resumes: bool) -> Result<Ranks, Error> {
         if size == 1 {
             return Ok(Ranks { rank: 0, size, universe: None });
         }
@@ -51,13 +54,13 @@ impl Ranks {
     }
 
     #[cfg(not(feature = "mpi"))]
-    fn of(size: usize) -> Result<Ranks, Error> {
-        if size == 1 {
-            return Ok(Ranks { rank: 0, size });
+    fn of(size: usize, resumes: bool) -> Result<Ranks, Error> {
+        if size == 1 || resumes {
+            return Ok(Ranks { rank: 0, size: 1 });
         }
         let reason = format!(
             "{size} processes were started together, and this program was built without MPI: build it with the feature \
-             mpi (cargo install hamel --features mpi), or start processes that share a store by --resume"
+             mpi (cargo install hamel --features mpi), or give --resume, so that they share a store"
         );
         Err(Error::Options { reason })
     }

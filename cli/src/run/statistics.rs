@@ -33,7 +33,9 @@ impl Distribution {
         let mut values: Vec<f64> = values.filter(|x| x.is_finite()).collect();
         values.sort_unstable_by(f64::total_cmp);
         let n = values.len() as f64;
-        let mean = if values.is_empty() { 0.0 } else { values.iter().map(|x| x / n).sum() };
+        // Differences from the median are small where the numbers are alike, and so are their rounding errors.
+        let median = values.get(values.len() / 2).copied().unwrap_or_default();
+        let mean = median + values.iter().map(|x| (x - median) / n.max(1.0)).sum::<f64>();
         let m2 = values.iter().map(|x| (x - mean).powi(2)).sum();
         let sketch = TDigest::new_with_size(MAX_CENTROIDS);
         Distribution { n: values.len() as u64, mean, m2, sketch: sketch.merge_sorted(values) }

@@ -106,11 +106,11 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         n: plan.len(),
         n_chunk: chunk_of(n_numbers).min(plan.len()),
     };
-    let ranks = Ranks::join()?;
+    let resume = arguments.resume || arguments.part.is_some();
+    let ranks = Ranks::join(resume)?;
     let store = match targets.iter().find(|target| target.is_store()) {
         Some(target) => {
             let request = request::document(&file.text()?, &info, &asked, &plan, arguments, heading.n_chunk);
-            let resume = arguments.resume || arguments.part.is_some();
             let open = |resume| {
                 Store::open(target.path(), &heading, &request, request::of_state(model, &info), resume)
             };
