@@ -31,7 +31,7 @@ use crate::run::ranks::Ranks;
 use crate::run::simulation::sample_time;
 use crate::run::start::Starts;
 use crate::session::Session;
-use plan::Plan;
+use plan::{Beginning, Plan};
 use work::{Item, Work};
 
 /// Most numbers in memory at once: half a gigabyte.
@@ -248,7 +248,7 @@ fn shown(target: &Target) -> String {
 fn integrate(
     backend: &mut dyn Backend,
     asked: &mut EnsembleRequest,
-    members: Vec<Result<(Vec<f64>, Vec<f64>), String>>,
+    members: Vec<Beginning>,
 ) -> Result<Vec<Member>, Error> {
     let mut failed: Vec<Option<String>> = Vec::with_capacity(members.len());
     asked.members.clear();

@@ -39,8 +39,11 @@ pub(super) struct Plan<'a> {
     n_grid: usize,
 }
 
-/// Parameters and initial state of a trajectory, or why there are none, after the values that vary.
-pub(super) type Start = (Vec<f64>, Result<(Vec<f64>, Vec<f64>), String>);
+/// Parameters and initial state of a trajectory, or why there are none.
+pub(super) type Beginning = Result<(Vec<f64>, Vec<f64>), String>;
+
+/// The same after the values that vary.
+pub(super) type Start = (Vec<f64>, Beginning);
 
 impl<'a> Plan<'a> {
     pub(super) fn new(info: &'a Info, forms: &Forms, arguments: &'a Arguments) -> Result<Plan<'a>, Error> {
