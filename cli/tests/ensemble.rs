@@ -332,7 +332,7 @@ fn mistakes_are_named_before_anything_is_integrated() {
     let folder = Folder::new("mistakes");
     let (file, table) = (folder.file("out.csv"), folder.file("starts.csv"));
     std::fs::write(&table, "m,Omega1\n1,x\n").unwrap();
-    let cases: [(&[&str], &str); 15] = [
+    let cases: [(&[&str], &str); 16] = [
         (&["--sweep", "Omgea3=0..1:2"], "did you mean `Omega3`?"),
         (&["--sweep", "m=1..2:2", "--set", "m=3"], "gives m, which --set gives as well"),
         (&["--sweep", "m=1..2:2", "m=3..4:2"], "has `m` twice"),
@@ -340,13 +340,24 @@ fn mistakes_are_named_before_anything_is_integrated() {
         (&["--spread", "m=0.1"], "--count"),
         (&["--count", "3"], "--spread"),
         (&["--spread", "m=0.1", "--count", "0"], "--count leaves no trajectory"),
-        (&["--sweep", "m=1..2:99999", "l=1..2:99999"], "--sweep makes more than 50000000 trajectories"),
-        (&["--spread", "m=0.1", "--count", "60000000"], "--count makes more than 50000000 trajectories"),
+        // Each has a number that a double holds exactly.
         (
-            &["--sweep", "l=1..2:3", "--spread", "m=0.1", "--count", "60000000"],
-            "--count makes more than 50000000 trajectories (3 points of the grid times 60000000 draws)",
+            &["--sweep", "m=1..2:999999999", "l=1..2:999999999"],
+            "--sweep makes more than 9007199254740991 trajectories",
         ),
-        (&["--sweep", "l=1..2:60000", "--spread", "m=0.1", "--count", "6000"], "--sweep makes more than"),
+        (
+            &["--spread", "m=0.1", "--count", "90000000000000000"],
+            "--count makes more than 9007199254740991 trajectories",
+        ),
+        (
+            &["--sweep", "l=1..2:3", "--spread", "m=0.1", "--count", "90000000000000000"],
+            "(3 points of the grid times 90000000000000000 draws)",
+        ),
+        (
+            &["--sweep", "l=1..2:9999999999", "--spread", "m=0.1", "--count", "6000000"],
+            "--sweep makes more than",
+        ),
+        (&["--sweep", "m=1..2:2", "--samples", "1000000"], "--samples is 1000000, which makes more than"),
         (
             &["--sweep", "m=1..2:2", "--threads", "100000"],
             "--threads is 100000, but at most 1024 are started",
@@ -364,7 +375,7 @@ fn mistakes_are_named_before_anything_is_integrated() {
     }
     let out = run(&["ensemble", "heavy_top", "--sweep", "m=1..2:2", "-o", &folder.file("out.txt")]);
     assert_eq!(out.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&out.stderr).contains(".csv or .npz"));
+    assert!(String::from_utf8_lossy(&out.stderr).contains(".zarr, .csv or .npz"));
     assert!(!PathBuf::from(&file).exists());
 }
 

@@ -10,5 +10,5 @@ pub mod fmu;
 pub(crate) mod formulations;
 pub mod plot;
 pub mod report;
-pub mod table;
 pub mod terminal;
+pub mod trajectories;

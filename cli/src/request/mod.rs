@@ -4,6 +4,7 @@
 
 mod eval;
 pub mod json;
+pub mod share;
 mod simulate;
 pub(crate) mod table;
 pub mod variation;

@@ -2,6 +2,8 @@
 //!
 //! Does not know: which names a scene has.
 
+use std::fmt;
+
 use super::table::number;
 
 /// An interval, along which a quantity or its logarithm is uniform.
@@ -51,6 +53,12 @@ impl Interval {
     }
 }
 
+impl fmt::Display for Interval {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{:?}..{:?}", if self.is_logarithmic { "log:" } else { "" }, self.from, self.to)
+    }
+}
+
 fn named(text: &str, usage: &str) -> Result<(String, String), String> {
     let (name, rest) = text.split_once('=').ok_or_else(|| usage.to_owned())?;
     Ok((name.trim().to_owned(), rest.trim().to_owned()))
@@ -87,6 +95,12 @@ impl Sweep {
     /// Value number `k`.
     pub(crate) fn value(&self, k: usize) -> f64 {
         if k == 0 { self.interval.from } else { self.interval.at(k as f64 / (self.n - 1) as f64) }
+    }
+}
+
+impl fmt::Display for Sweep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}={}:{}", self.name, self.interval, self.n)
     }
 }
 
@@ -140,6 +154,15 @@ impl Spread {
                 let angle = std::f64::consts::TAU * unit(scramble(key));
                 center + deviation * (-2.0 * x.ln()).sqrt() * hamel_runtime::math::cos(angle)
             }
+        }
+    }
+}
+
+impl fmt::Display for Spread {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.law {
+            Law::Normal { deviation } => write!(f, "{}={deviation:?}", self.name),
+            Law::Uniform(interval) => write!(f, "{}={interval}", self.name),
         }
     }
 }
@@ -204,6 +227,16 @@ mod tests {
         assert_eq!((decades[0], decades[6]), (0.001, 1000.0));
         assert!(decades.windows(2).all(|pair| (pair[1] / pair[0] - 10.0).abs() < 1e-12), "{decades:?}");
         assert_eq!(values("m=0.3..0.3:1"), [0.3]);
+    }
+
+    #[test]
+    fn what_is_shown_reads_back() {
+        for text in ["m=-1.0..1.0:5", "m=log:0.1..10.0:3"] {
+            assert_eq!(Sweep::parse(text).unwrap().to_string(), text);
+        }
+        for text in ["m=0.05", "m=-1.0..1.0", "m=log:0.1..10.0"] {
+            assert_eq!(Spread::parse(text).unwrap().to_string(), text);
+        }
     }
 
     #[test]

@@ -2,11 +2,13 @@
 //!
 //! Does not know: whether the scene is compiled or interpreted, how a trajectory is integrated, what varies, files.
 
+use std::fmt;
 use std::io::IsTerminal as _;
+use std::time::Duration;
 
 use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
 use hamel_runtime::{F64x4, Method, OnCircles, Options};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use rayon::ThreadPool;
 use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, ParallelIterator as _};
 use serde::{Deserialize, Serialize};
@@ -51,8 +53,21 @@ pub struct EnsembleRequest {
     pub max_steps: Option<u64>,
     /// Number of threads; none for that of the cores.
     pub threads: Option<usize>,
-    /// How many trajectories of how many are done already, for the progress bar.
-    pub done: (usize, usize),
+    /// How far the whole ensemble is.
+    pub progress: Progress,
+}
+
+/// How far an ensemble is before a request, for the progress bar.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// Trajectories that are done.
+    pub done: usize,
+    /// Those of them that were there before this run.
+    pub found: usize,
+    /// All.
+    pub all: usize,
+    /// Seconds since the run began.
+    pub seconds: f64,
 }
 
 impl EnsembleRequest {
@@ -181,7 +196,7 @@ impl<'a> Job<'a> {
         let times: Vec<f64> =
             (0..request.samples).map(|k| sample_time(request.t_final, request.samples, k)).collect();
         let ensemble = Ensemble::new(method, options).with_lanes::<L>();
-        let bar = progress_bar(request.done);
+        let bar = progress_bar(request.progress);
         let members = pool(request.threads)?.install(|| {
             let scenes = Scenes(self.factory);
             let progress = |n: usize| bar.inc(n as u64);
@@ -241,31 +256,49 @@ pub(crate) fn pool(threads: Option<usize>) -> Result<ThreadPool, Error> {
     pool.map_err(|e| Error::Options { reason: format!("threads could not be started: {e}") })
 }
 
-/// A bar on a terminal.
-fn progress_bar((done, all): (usize, usize)) -> ProgressBar {
-    let bar = ProgressBar::new(all as u64);
+/// A bar on a terminal, with the rate of the whole run, and the time left at that rate.
+fn progress_bar(progress: Progress) -> ProgressBar {
+    let bar = ProgressBar::new(progress.all as u64);
     if !std::io::stderr().is_terminal() {
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
+    let told = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let seconds = progress.seconds + state.elapsed().as_secs_f64();
+        // A bar that cannot be written is not shown.
+        let _ = out.write_str(&rate(progress, state.pos(), seconds));
+    };
     // The template is a constant that indicatif accepts.
-    let style = ProgressStyle::with_template("  {bar:40.cyan/blue} {pos} of {len} trajectories  {eta} left");
-    bar.set_style(style.expect("valid template"));
-    bar.set_position(done as u64);
-    // What was done before the bar took no time of it.
-    bar.reset_eta();
+    let style = ProgressStyle::with_template("  {bar:40.cyan/blue} {pos} of {len} trajectories  {rate}");
+    bar.set_style(style.expect("valid template").with_key("rate", told));
+    bar.set_position(progress.done as u64);
     bar
+}
+
+/// Trajectories a second and the time left, once there is a rate.
+///
+/// Trajectories that were there before the run took no time of it.
+fn rate(progress: Progress, position: u64, seconds: f64) -> String {
+    let made = position.saturating_sub(progress.found as u64) as f64;
+    let left = (progress.all as u64).saturating_sub(position) as f64;
+    let rate = made / seconds;
+    if !rate.is_finite() || rate <= 0.0 {
+        return String::new();
+    }
+    // Never so many seconds, but a number that is not finite is no time.
+    let left = Duration::from_secs_f64((left / rate).min(1e15));
+    format!("{rate:.3e}/s  {} left", HumanDuration(left))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::progress_bar;
+    use super::{Progress, rate};
 
-    /// Of work that was done before the bar there is no speed.
+    /// Of work that was done before the run there is no speed.
     #[test]
-    fn trajectories_done_before_take_no_part_in_the_time_left() {
-        let bar = progress_bar((8192, 100_000));
-        assert_eq!(bar.position(), 8192);
-        // Zero, or not a number where the clock has not moved.
-        assert!(bar.per_sec().is_nan() || bar.per_sec() == 0.0, "{}", bar.per_sec());
+    fn trajectories_found_take_no_part_in_the_time_left() {
+        let progress = Progress { done: 9000, found: 8000, all: 100_000, seconds: 0.0 };
+        assert_eq!(rate(progress, 9000, 10.0), "1.000e2/s  15 minutes left");
+        assert_eq!(rate(Progress { found: 9000, ..progress }, 9000, 10.0), "");
+        assert_eq!(rate(progress, 9000, 0.0), "");
     }
 }

@@ -23,6 +23,7 @@ mod machine;
 pub mod matrices;
 pub mod method;
 pub mod protocol;
+pub(crate) mod ranks;
 mod record;
 pub mod remote;
 mod saltation;
@@ -30,6 +31,7 @@ mod sensitivity;
 pub mod simulation;
 mod solver;
 pub mod start;
+pub(crate) mod statistics;
 pub mod typed;
 pub mod watched;
 

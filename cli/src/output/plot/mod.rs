@@ -10,9 +10,9 @@ mod png;
 pub mod points;
 mod surface;
 
-use plotters::element::{Circle, PathElement, Text};
+use plotters::element::{Circle, PathElement, Polygon, Text};
 use plotters::style::text_anchor::{HPos, VPos};
-use plotters::style::{ShapeStyle, TextStyle};
+use plotters::style::{Color as _, ShapeStyle, TextStyle};
 
 use field::Pictures;
 pub use pen::DrawError;
@@ -62,6 +62,17 @@ pub struct Panel {
     pub times: Option<Vec<f64>>,
     /// Points beside the lines, each in the colour of the line at its place: times and values.
     pub points: Vec<Vec<[f64; 2]>>,
+    /// Areas behind the lines, the widest first; what two of them share is darker.
+    pub bands: Vec<Band>,
+}
+
+/// An area between two curves over the times of a figure.
+#[derive(Clone, Debug, Default)]
+pub struct Band {
+    /// Lower values.
+    pub low: Vec<f64>,
+    /// Upper values.
+    pub high: Vec<f64>,
 }
 
 const RIGHT: f64 = 96.0;
@@ -119,7 +130,11 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure, pictures: &[Pictures<'_>]) -> Draw
         let top = TOP + k as f64 * (PANEL + GAP);
         let bottom = top + PANEL;
         let of_points = panel.points.iter().flatten().map(|point| point[1]);
-        let all = panel.lines.iter().flat_map(|(_, y)| y.iter().copied()).chain(of_points);
+        let of_bands = panel.bands.iter().flat_map(|band| band.low.iter().chain(&band.high).copied());
+        // What has no value is not drawn.
+        let of_bands = of_bands.filter(|y| y.is_finite());
+        let of_lines = panel.lines.iter().flat_map(|(_, y)| y.iter().copied());
+        let all = of_lines.chain(of_points).chain(of_bands);
         let (low, high) = range_of(all, 0.06);
         let y_of = |y: f64| bottom - (y - low) / (high - low) * PANEL;
         let y_ticks = Ticks::new(low, high, 5);
@@ -140,6 +155,16 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure, pictures: &[Pictures<'_>]) -> Draw
             label(&power, LEFT - 7.0, top - 7.0, font(11.0, INK, false, HPos::Right, VPos::Bottom))?;
         }
 
+        for band in &panel.bands {
+            let edge = |values: &[f64]| -> Vec<(i32, i32)> {
+                let known = figure.times.iter().zip(values).filter(|(_, y)| y.is_finite());
+                known.map(|(t, y)| at(x_of(*t), y_of(*y))).collect()
+            };
+            let (mut around, mut upper) = (edge(&band.low), edge(&band.high));
+            upper.reverse();
+            around.extend(upper);
+            area.draw(&Polygon::new(around, COLOURS[0].mix(0.22).filled()))?;
+        }
         for (points, colour) in panel.points.iter().zip(COLOURS.into_iter().cycle()) {
             let style = ShapeStyle { filled: false, ..stroke(colour, 0.9) };
             for [t, y] in points {

@@ -1,0 +1,305 @@
+//! `ensemble`: many motions with parameters and initial states that vary, as a table or a store.
+//!
+//! Does not know: how trajectories are integrated, file formats.
+
+mod arguments;
+mod plan;
+mod request;
+mod work;
+
+use std::fmt::Write as _;
+use std::sync::mpsc::sync_channel;
+use std::time::Instant;
+
+pub use arguments::Arguments;
+
+use crate::error::Error;
+use crate::model;
+use crate::output::trajectories::Target;
+use crate::output::trajectories::chunk::{Chunk, Heading, Sink, Tally};
+use crate::output::trajectories::store::Store;
+use crate::output::trajectories::summary::{Summary, Wanted};
+use crate::output::trajectories::temporary;
+use crate::run::backend::Backend;
+use crate::run::dynamics::Factory as _;
+use crate::run::ensemble::{EnsembleRequest, Member, Progress, pool};
+use crate::run::forms::Forms;
+use crate::run::integrate::has_state;
+use crate::run::interpreted;
+use crate::run::method::Steps;
+use crate::run::ranks::Ranks;
+use crate::run::simulation::sample_time;
+use crate::run::start::Starts;
+use crate::session::Session;
+use plan::{Beginning, Plan};
+use work::{Item, Work};
+
+/// Most numbers in memory at once: half a gigabyte.
+const MAX_NUMBERS: usize = 50_000_000;
+/// Fewest trajectories of a chunk, so that several threads have work.
+const MIN_CHUNK: usize = 64;
+
+/// Number of trajectories of a chunk: few numbers, so that memory is small and little is lost with a process, and a
+/// multiple of the lanes, so that neighbours in lanes do not depend on it.
+fn chunk_of(n_numbers: usize) -> usize {
+    ((1 << 19) / n_numbers.max(1)).clamp(MIN_CHUNK, 8192) / 8 * 8
+}
+
+/// Integrates all, writes files or a store, and returns a summary for people.
+///
+/// # Errors
+/// Everything that can be wrong with names, values and files; not what stops a trajectory, unless it stops all:
+/// [`Error::NoneArrived`], after the files have been written.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let clock = Instant::now();
+    let motion = &arguments.motion;
+    let targets = targets(arguments)?;
+    let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
+        .map_err(|reason| Error::unusable("--step", reason))?;
+    let (file, choice) = (session.find(&arguments.scene.model)?, arguments.scene.choice());
+    let model = file.model()?;
+    // Chooses initial states, here and on all threads; it agrees bit for bit with the compiled scene.
+    let built = interpreted::build(model, &choice.scene)?;
+    has_state(built.info())?;
+    let forms = Forms::of(model, built.info())?;
+    if built.watched().is_some_and(|watched| watched.acts()) {
+        let reason = "has events that change the state or end the motion, which ensembles do not carry out: choose a \
+                      scene without `events`";
+        return Err(Error::unusable("--scene", reason));
+    }
+    let plan = Plan::new(built.info(), &forms, arguments)?;
+    let mut backend = choice.open(&file)?;
+    let info = backend.info().clone();
+    let n_numbers = arguments.samples.saturating_mul(info.state.len() + 2);
+    if n_numbers.saturating_mul(MIN_CHUNK) > MAX_NUMBERS {
+        let reason = format!(
+            "is {}, which makes more than {MAX_NUMBERS} numbers of the {MIN_CHUNK} trajectories that are in memory at \
+             once: take fewer",
+            arguments.samples
+        );
+        return Err(Error::unusable("--samples", reason));
+    }
+    let starts = Starts::new(model, &info, forms)?;
+    let pool = pool(arguments.threads)?;
+    let mut asked = EnsembleRequest {
+        members: Vec::new(),
+        t_final: arguments.end.t_final,
+        method: motion.method,
+        steps,
+        samples: arguments.samples,
+        width: arguments.lanes,
+        max_steps: motion.max_steps,
+        threads: arguments.threads,
+        progress: Progress { all: plan.len(), ..Progress::default() },
+    };
+    // What no trajectory can have, such as a method that does not suit the scene, is told before any file is begun.
+    let first = pool.install(|| plan.members(0..1, &starts, &built));
+    let first = first.into_iter().filter_map(|(_, start)| start.ok()).collect();
+    asked.options()?;
+    backend.ensemble(&EnsembleRequest { members: first, max_steps: Some(1), ..asked.clone() })?;
+    let heading = Heading {
+        info: &info,
+        input_names: plan.names(),
+        times: (0..arguments.samples)
+            .map(|k| sample_time(arguments.end.t_final, arguments.samples, k))
+            .collect(),
+        n: plan.len(),
+        n_chunk: chunk_of(n_numbers).min(plan.len()),
+    };
+    let resume = arguments.resume || arguments.part.is_some();
+    let ranks = Ranks::join(resume)?;
+    let store = match targets.iter().find(|target| target.is_store()) {
+        Some(target) => {
+            let request = request::document(&file.text()?, &info, &asked, &plan, arguments, heading.n_chunk);
+            let open = |resume| {
+                Store::open(target.path(), &heading, &request, request::of_state(model, &info), resume)
+            };
+            // The first makes the store, the others go on with it.
+            let first = ranks.is_first().then(|| open(resume));
+            let is_open = ranks.agree(first.as_ref().is_none_or(Result::is_ok));
+            match first {
+                Some(store) => Some(store?),
+                None if is_open => Some(open(true)?),
+                None => return Err(Error::Options { reason: "the first process has no store".into() }),
+            }
+        }
+        None if ranks.size > 1 => {
+            let reason = format!("{} processes share a store only: let the name end in .zarr", ranks.size);
+            return Err(Error::unusable(shown(&targets[0]), reason));
+        }
+        None => None,
+    };
+    let mut sinks: Vec<Box<dyn Sink + '_>> = Vec::new();
+    if arguments.statistics.is_empty() {
+        for target in &targets {
+            sinks.extend(target.sink(&heading)?);
+        }
+    } else {
+        let wanted = Wanted {
+            statistics: arguments.statistics.clone(),
+            levels: arguments.quantiles.clone(),
+            bins: usize::from(arguments.bins),
+        };
+        let (title, blocks) = (model::title(model), model::blocks::blocks(model));
+        sinks.push(Box::new(Summary::new(targets.clone(), &heading, wanted, title, blocks)));
+    }
+    watch_for_interrupts(store.as_ref());
+    let mut work = Work::new(heading.n_chunks(), arguments.part, store.as_ref());
+    let found: usize = work.finished().map(|chunk| heading.range(chunk).len()).sum();
+    asked.progress = Progress { done: found, found, ..asked.progress };
+
+    let (sinks, tally) = std::thread::scope(|scope| {
+        // A chunk is integrated while the one before it is written; neither goes ahead of the other.
+        let (to_writer, chunks) = sync_channel::<(Chunk, Item)>(0);
+        let store = store.as_ref();
+        let writer = scope.spawn(move || -> Result<(Vec<Box<dyn Sink + '_>>, Tally), Error> {
+            let mut tally = Tally::default();
+            for (chunk, item) in chunks {
+                sinks.iter_mut().try_for_each(|sink| sink.add(&chunk))?;
+                store.map_or(Ok(()), |store| store.add(&chunk))?;
+                tally.add(&chunk);
+                // Other processes see the chunk finished from now on.
+                drop(item);
+            }
+            Ok((sinks, tally))
+        });
+        let integrated = (|| -> Result<(), Error> {
+            while let Some(item) = work.next()? {
+                let range = heading.range(item.chunk);
+                let (first, n) = (range.start, range.len());
+                let members = pool.install(|| plan.members(range, &starts, &built));
+                let (inputs, members): (Vec<Vec<f64>>, Vec<_>) = members.into_iter().unzip();
+                asked.progress.seconds = clock.elapsed().as_secs_f64();
+                let results = integrate(&mut *backend, &mut asked, members)?;
+                asked.progress.done += n;
+                let chunk = Chunk { at: item.chunk, first, inputs, results };
+                if to_writer.send((chunk, item)).is_err() {
+                    // The writer has failed, and says why.
+                    break;
+                }
+            }
+            Ok(())
+        })();
+        drop(to_writer);
+        // A panic of the writer is one of the program.
+        let written = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        integrated.and(written)
+    })?;
+    // Only now, as files that lack trajectories are no files.
+    sinks.into_iter().try_for_each(Sink::finish)?;
+    let seconds = clock.elapsed().as_secs_f64();
+    let (tally, left) = match &store {
+        Some(store) => {
+            let left = (0..heading.n_chunks()).filter(|chunk| !store.is_finished(*chunk)).count();
+            if left == 0 {
+                store.clean();
+            }
+            (store.tally()?, left)
+        }
+        None => (tally, 0),
+    };
+    if let (true, 0, Some((_, reason))) = (tally.n_stopped == tally.n, left, &tally.first_stopped) {
+        let files = targets.iter().map(|target| target.path().to_owned()).collect();
+        return Err(Error::NoneArrived { n: tally.n, reason: reason.clone(), files });
+    }
+    let made = asked.progress.done - found;
+    if !ranks.is_first() {
+        return Ok(format!("rank {} of {}: {made} trajectories, {seconds:.1} s", ranks.rank, ranks.size));
+    }
+    Ok(summary(&heading, &tally, made, &targets, seconds))
+}
+
+/// The files to write, of which a store is the only one.
+fn targets(arguments: &Arguments) -> Result<Vec<Target>, Error> {
+    let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
+    let is_alone = targets.len() == 1;
+    if let (Some(store), false) = (targets.iter().find(|target| target.is_store()), is_alone) {
+        let reason =
+            "is a store, which is written alone, as several processes may make it: give it as the only file";
+        return Err(Error::unusable(shown(store), reason));
+    }
+    let statistics = !arguments.statistics.is_empty();
+    if let (Some(figure), true) =
+        (targets.iter().find(|target| target.is_figure()), !statistics || arguments.samples < 2)
+    {
+        let reason = "is a figure of statistics over time: give --statistics, and --samples of at least 2";
+        return Err(Error::unusable(shown(figure), reason));
+    }
+    if let (Some(store), true) = (targets.iter().find(|target| target.is_store()), statistics) {
+        let reason =
+            "is a store, which keeps trajectories: leave --statistics out, or write .csv, .npz or .svg";
+        return Err(Error::unusable(shown(store), reason));
+    }
+    if let (Some(file), true) =
+        (targets.iter().find(|target| !target.is_store()), arguments.resume || arguments.part.is_some())
+    {
+        let option = if arguments.part.is_some() { "--part" } else { "--resume" };
+        let reason = format!("needs a store, but {} is none: let the name end in .zarr", shown(file));
+        return Err(Error::unusable(option, reason));
+    }
+    Ok(targets)
+}
+
+fn shown(target: &Target) -> String {
+    target.path().display().to_string()
+}
+
+/// Integrates the trajectories of a chunk that have a start; side by side are those that follow each other among them.
+fn integrate(
+    backend: &mut dyn Backend,
+    asked: &mut EnsembleRequest,
+    members: Vec<Beginning>,
+) -> Result<Vec<Member>, Error> {
+    let mut failed: Vec<Option<String>> = Vec::with_capacity(members.len());
+    asked.members.clear();
+    for member in members {
+        failed.push(match member {
+            Ok(start) => {
+                asked.members.push(start);
+                None
+            }
+            Err(reason) => Some(reason),
+        });
+    }
+    let mut integrated = backend.ensemble(asked)?.into_iter();
+    let one = |failed: Option<String>| match failed {
+        Some(reason) => Member::failed(reason),
+        None => integrated.next().unwrap_or_default(),
+    };
+    Ok(failed.into_iter().map(one).collect())
+}
+
+/// Lets an interrupt remove files that lack trajectories, and say how to go on.
+fn watch_for_interrupts(store: Option<&Store<'_>>) {
+    let store = store.map(|store| store.folder().display().to_string());
+    // Without a handler, or with another one, the system ends the program, and a store is as whole as with this one.
+    let _ = ctrlc::set_handler(move || {
+        temporary::remove_all();
+        match &store {
+            Some(store) => eprintln!(
+                "\ninterrupted: finished chunks are in {store}; the same command with --resume goes on with it"
+            ),
+            None => eprintln!("\ninterrupted: nothing was written; with -o NAME.zarr the run could go on"),
+        }
+        // As shells say it of a program that was interrupted.
+        std::process::exit(130);
+    });
+}
+
+/// For people: how many, how many stopped, and why the first did.
+fn summary(heading: &Heading<'_>, tally: &Tally, made: usize, targets: &[Target], seconds: f64) -> String {
+    let mut text = format!(
+        "{}: {} trajectories, {} stopped, {} steps, {seconds:.1} s",
+        heading.info.model, tally.n, tally.n_stopped, tally.steps
+    );
+    if made < tally.n || tally.n < heading.n {
+        let _ = write!(text, "\n  {made} of them now, {} of {} are left", heading.n - tally.n, heading.n);
+    }
+    if let Some((k, reason)) = &tally.first_stopped {
+        let _ = write!(text, "\n  the first that stopped is {k}: {}", reason.replace('\n', "\n    "));
+    }
+    for target in targets {
+        let _ = write!(text, "\nwrote {}", target.path().display());
+    }
+    text
+}

@@ -1,0 +1,227 @@
+//! What the trajectories of an ensemble start from.
+//!
+//! Does not know: how trajectories are integrated, files.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
+
+use super::arguments::Arguments;
+use crate::commands::options::assignments;
+use crate::error::{Error, Problem};
+use crate::request::table::Table;
+use crate::run::admissible;
+use crate::run::backend::Local;
+use crate::run::evaluate::prepare;
+use crate::run::forms::Forms;
+use crate::run::info::Info;
+use crate::run::interpreted::Built;
+use crate::run::start::Starts;
+
+/// Most trajectories: each has a number that a double holds exactly.
+const MAX_TRAJECTORIES: usize = usize::MAX >> 11;
+
+/// What each trajectory starts from: every line of the table, with every point of the grid, as often as values are
+/// drawn.
+pub(super) struct Plan<'a> {
+    arguments: &'a Arguments,
+    info: &'a Info,
+    /// Parameters of all.
+    set: BTreeMap<String, f64>,
+    /// Components of all initial states.
+    given: BTreeMap<String, f64>,
+    /// Names in the table, then those of the grid.
+    names: Vec<String>,
+    /// Values of the names in the table, a line after the other; one without values when there is no table.
+    lines: Vec<Vec<f64>>,
+    /// Number of points of the grid.
+    n_grid: usize,
+}
+
+/// Parameters and initial state of a trajectory, or why there are none.
+pub(super) type Beginning = Result<(Vec<f64>, Vec<f64>), String>;
+
+/// The same after the values that vary.
+pub(super) type Start = (Vec<f64>, Beginning);
+
+impl<'a> Plan<'a> {
+    pub(super) fn new(info: &'a Info, forms: &Forms, arguments: &'a Arguments) -> Result<Plan<'a>, Error> {
+        if arguments.samples == 0 {
+            return Err(Error::unusable("--samples", "is 0, but the end is a sample: give at least 1"));
+        }
+        let (mut names, lines) = match &arguments.table {
+            Some(path) => Table::read(path)?.full()?,
+            None => (Vec::new(), vec![Vec::new()]),
+        };
+        let zeros = |names: &mut dyn Iterator<Item = &String>| {
+            names.map(|name| (name.clone(), 0.0)).collect::<Vec<(String, f64)>>()
+        };
+        let mut problems = Vec::new();
+        let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).collect();
+        let kind = "parameter or state variable";
+        let set =
+            assignments(&arguments.motion.set, "--set", "parameter", &info.param_names(), &mut problems);
+        let given =
+            assignments(&arguments.motion.initial, "--initial", "state", &forms.known(), &mut problems);
+        let of_table = assignments(&zeros(&mut names.iter()), "--table", kind, &known, &mut problems);
+        let swept = zeros(&mut arguments.sweep.iter().map(|s| &s.name));
+        let swept = assignments(&swept, "--sweep", kind, &known, &mut problems);
+        let spread = zeros(&mut arguments.spread.iter().map(|s| &s.name));
+        let spread = assignments(&spread, "--spread", kind, &known, &mut problems);
+        let all = given.keys().chain(of_table.keys()).chain(swept.keys()).chain(spread.keys());
+        if let Err(reason) = forms.form_of(all.map(String::as_str)) {
+            problems.push(Problem::Unusable { path: "the initial state".into(), reason });
+        }
+        let sources = [("--set", &set), ("--initial", &given), ("--table", &of_table), ("--sweep", &swept)];
+        for (at, (path, values)) in sources.iter().enumerate() {
+            for (other, earlier) in &sources[..at] {
+                problems.extend(values.keys().filter(|name| earlier.contains_key(*name)).map(|name| {
+                    let reason = format!("gives {name}, which {other} gives as well: leave one of them out");
+                    Problem::Unusable { path: (*path).to_owned(), reason }
+                }));
+            }
+        }
+        if !problems.is_empty() {
+            return Err(Error::Request { problems });
+        }
+        let count = arguments.count.unwrap_or(1);
+        let n_lines = lines.len();
+        let grid = arguments.sweep.iter().map(|s| s.n).try_fold(1_usize, usize::checked_mul);
+        if count == 0 || n_lines == 0 {
+            let path = if count == 0 { "--count" } else { "--table" };
+            return Err(Error::unusable(path, "leaves no trajectory: give at least one"));
+        }
+        let all = grid.and_then(|n| n.checked_mul(n_lines)?.checked_mul(count));
+        if all.is_none_or(|n| n > MAX_TRAJECTORIES) {
+            // The factors, the largest of which is to blame.
+            let factors = [
+                (grid.unwrap_or(usize::MAX), "--sweep", "points of the grid"),
+                (count, "--count", "draws"),
+                (n_lines, "--table", "lines"),
+            ];
+            let told = factors.iter().filter(|(n, ..)| *n > 1).map(|(n, _, what)| match *n {
+                usize::MAX => format!("too many {what}"),
+                n => format!("{n} {what}"),
+            });
+            let told = told.collect::<Vec<_>>().join(" times ");
+            let (_, path, _) = factors.into_iter().max_by_key(|(n, ..)| *n).unwrap_or(factors[0]);
+            let reason = format!("makes more than {MAX_TRAJECTORIES} trajectories ({told}): take fewer");
+            return Err(Error::unusable(path, reason));
+        }
+        names.extend(arguments.sweep.iter().map(|sweep| sweep.name.clone()));
+        let n_grid = grid.unwrap_or(usize::MAX);
+        Ok(Plan { arguments, info, set, given, names, lines, n_grid })
+    }
+
+    fn count(&self) -> usize {
+        self.arguments.count.unwrap_or(1)
+    }
+
+    /// Number of trajectories.
+    pub(super) fn len(&self) -> usize {
+        self.lines.len() * self.n_grid * self.count()
+    }
+
+    /// Names of all that varies.
+    pub(super) fn names(&self) -> Vec<String> {
+        let drawn = self.arguments.spread.iter().map(|s| &s.name).filter(|name| !self.names.contains(name));
+        self.names.iter().chain(drawn).cloned().collect()
+    }
+
+    /// Values of all names but those that are drawn: of a line of the table and a point of the grid, the last name of
+    /// which runs fastest.
+    fn point(&self, at: usize) -> Vec<f64> {
+        let mut values = self.lines[at / self.n_grid].clone();
+        let first = values.len();
+        let mut rest = at % self.n_grid;
+        for sweep in self.arguments.sweep.iter().rev() {
+            values.insert(first, sweep.value(rest % sweep.n));
+            rest /= sweep.n;
+        }
+        values
+    }
+
+    /// The starts of some trajectories in a row, on the threads of the current pool.
+    pub(super) fn members(&self, range: Range<usize>, starts: &Starts<'_>, scene: &Built) -> Vec<Start> {
+        let choose = |values: &[(&str, f64)]| {
+            let (mut set, mut given) = (self.set.clone(), self.given.clone());
+            for (name, value) in values {
+                let is_param = self.info.params.iter().any(|p| p.name == *name);
+                if is_param { &mut set } else { &mut given }.insert((*name).to_owned(), *value);
+            }
+            let chosen = starts.choose(&mut Local::new(scene), &set, &given).and_then(|(params, y)| {
+                admissible::check(&*prepare(scene, &params)?, &y, 0)?;
+                Ok((params, y))
+            });
+            chosen.map_err(|e| e.to_string())
+        };
+        let at_point = |at: usize| -> Vec<(&str, f64)> {
+            self.names.iter().map(String::as_str).zip(self.point(at)).collect()
+        };
+        // What is drawn is drawn around these.
+        let points = range.start / self.count()..range.end.div_ceil(self.count());
+        let nominal: Vec<_> = points.clone().into_par_iter().map(|at| choose(&at_point(at))).collect();
+        let names = self.names();
+        let start = |k: usize| -> Start {
+            let at = k / self.count();
+            let mut values = at_point(at);
+            let around = match &nominal[at - points.start] {
+                Ok(around) if !self.arguments.spread.is_empty() => around,
+                chosen => {
+                    values.resize(names.len(), ("", f64::NAN));
+                    return (values.into_iter().map(|(_, x)| x).collect(), chosen.clone());
+                }
+            };
+            let (params, state) = around;
+            for spread in &self.arguments.spread {
+                let params_by_name = self.info.param_names().into_iter().zip(params);
+                let center = match params_by_name.into_iter().find(|(name, _)| *name == spread.name) {
+                    Some((_, x)) => *x,
+                    None => match starts.value(params, state, &spread.name) {
+                        Ok(x) => x.unwrap_or_default(),
+                        Err(error) => {
+                            values.resize(names.len(), ("", f64::NAN));
+                            return (values.into_iter().map(|(_, x)| x).collect(), Err(error.to_string()));
+                        }
+                    },
+                };
+                let value = spread.draw(center, self.arguments.seed, k);
+                match values.iter_mut().find(|(name, _)| *name == spread.name) {
+                    Some((_, x)) => *x = value,
+                    None => values.push((spread.name.as_str(), value)),
+                }
+            }
+            (values.iter().map(|(_, x)| *x).collect(), choose(&values))
+        };
+        range.into_par_iter().map(start).collect()
+    }
+
+    /// A hash of the table: FNV-1a of its names and of the bits of its numbers.
+    pub(super) fn table_hash(&self) -> Option<String> {
+        self.arguments.table.as_ref()?;
+        let n = self.lines.first().map_or(0, Vec::len);
+        let names = self.names.iter().take(n).flat_map(|name| name.bytes().chain([b',']));
+        Some(fnv1a(names.chain(self.lines.iter().flatten().flat_map(|x| x.to_le_bytes()))))
+    }
+}
+
+/// The hash FNV-1a of 64 bits, in hexadecimal digits.
+///
+/// # Source
+/// Fowler, Noll and Vo, The FNV non-cryptographic hash algorithm (RFC 9923).
+pub(super) fn fnv1a(bytes: impl Iterator<Item = u8>) -> String {
+    let step = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+    format!("{:016x}", bytes.fold(0xcbf2_9ce4_8422_2325, step))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fnv1a;
+
+    #[test]
+    fn hashes_are_those_of_the_source() {
+        assert_eq!(fnv1a("".bytes()), "cbf29ce484222325");
+        assert_eq!(fnv1a("foobar".bytes()), "85944171f73967e8");
+    }
+}

@@ -1,0 +1,77 @@
+//! What the results of an ensemble depend on, as a document.
+//!
+//! Does not know: where the document is kept.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Map, Value, json};
+
+use super::arguments::Arguments;
+use super::plan::{Plan, fnv1a};
+use crate::model::blocks::blocks;
+use crate::model::{Model, title};
+use crate::run::ensemble::{EnsembleRequest, Width};
+use crate::run::info::{Info, ParamEntry};
+use crate::run::method::Steps;
+
+/// Everything that decides about a bit of a result, and what people want to know of it; neither threads nor who
+/// evaluates.
+pub(super) fn document(
+    model_text: &str,
+    info: &Info,
+    asked: &EnsembleRequest,
+    plan: &Plan<'_>,
+    arguments: &Arguments,
+    n_chunk: usize,
+) -> Value {
+    let steps = match asked.steps {
+        Steps::Adaptive { rtol, atol } => json!({"rtol": rtol, "atol": atol}),
+        Steps::Fixed { step } => json!({"step": step}),
+    };
+    let named = |values: &[(String, f64)]| {
+        values.iter().map(|(name, x)| (name.clone(), *x)).collect::<BTreeMap<String, f64>>()
+    };
+    let set = named(&arguments.motion.set);
+    let param = |p: &ParamEntry| {
+        let value = set.get(&p.name).copied().unwrap_or(p.default);
+        json!({"name": p.name, "value": value, "doc": p.doc})
+    };
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "model": info.model,
+        "model_hash": fnv1a(model_text.bytes()),
+        "model_text": model_text,
+        "scene": info.scene,
+        "params": info.params.iter().map(param).collect::<Vec<Value>>(),
+        "set": set,
+        "initial": named(&arguments.motion.initial),
+        "table_hash": plan.table_hash(),
+        "sweep": arguments.sweep.iter().map(ToString::to_string).collect::<Vec<String>>(),
+        "spread": arguments.spread.iter().map(ToString::to_string).collect::<Vec<String>>(),
+        "count": arguments.count,
+        "seed": arguments.seed,
+        "trajectories": plan.len(),
+        "t_final": asked.t_final,
+        "samples": asked.samples,
+        "method": asked.method.name(),
+        "steps": steps,
+        "max_steps": asked.max_steps,
+        "lanes": match asked.width { Width::One => 1, Width::Four => 4 },
+        "chunk": n_chunk,
+    })
+}
+
+/// What is said about the components of a state: units, meanings and the title of the model, as far as it says them.
+pub(super) fn of_state(model: &Model, info: &Info) -> Map<String, Value> {
+    let blocks = blocks(model);
+    let of =
+        |name: &String| blocks.iter().find(|block| block.members.iter().any(|(member, _)| member == name));
+    let each = |what: fn(&crate::model::blocks::Block) -> &str| -> Value {
+        info.state.iter().map(|name| of(name).map_or("", what)).collect::<Vec<&str>>().into()
+    };
+    let mut attributes = Map::new();
+    attributes.insert("model".into(), title(model).into());
+    attributes.insert("units".into(), each(|block| &block.unit));
+    attributes.insert("descriptions".into(), each(|block| &block.doc));
+    attributes
+}

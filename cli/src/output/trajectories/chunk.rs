@@ -1,0 +1,94 @@
+//! Trajectories of an ensemble in the pieces in which they are integrated and written.
+//!
+//! Does not know: how they were computed, formats.
+
+use crate::error::Error;
+use crate::run::ensemble::Member;
+use crate::run::info::Info;
+use crate::run::simulation::Sample;
+
+/// What is known of an ensemble before anything is integrated.
+#[derive(Clone, Debug)]
+pub(crate) struct Heading<'a> {
+    pub(crate) info: &'a Info,
+    /// Names of what varies.
+    pub(crate) input_names: Vec<String>,
+    /// Times of samples.
+    pub(crate) times: Vec<f64>,
+    /// Number of trajectories.
+    pub(crate) n: usize,
+    /// Number of trajectories of a chunk; the last one may have fewer.
+    pub(crate) n_chunk: usize,
+}
+
+impl Heading<'_> {
+    /// Number of chunks.
+    pub(crate) fn n_chunks(&self) -> usize {
+        self.n.div_ceil(self.n_chunk)
+    }
+
+    /// The trajectories of a chunk.
+    pub(crate) fn range(&self, chunk: usize) -> std::ops::Range<usize> {
+        let first = chunk * self.n_chunk;
+        first..(first + self.n_chunk).min(self.n)
+    }
+
+    /// The sample of a trajectory at time number `at`; none where it was not reached.
+    ///
+    /// Samples come in the order of the times, and the last state of a trajectory that stopped is between two of them.
+    pub(crate) fn sample<'m>(&self, member: &'m Member, at: usize) -> Option<&'m Sample> {
+        member.samples.get(at).filter(|sample| sample.t == self.times[at])
+    }
+}
+
+/// Some trajectories in a row: a function of the request and of their numbers alone.
+#[derive(Clone, Debug)]
+pub(crate) struct Chunk {
+    /// Number of the chunk.
+    pub(crate) at: usize,
+    /// Number of its first trajectory.
+    pub(crate) first: usize,
+    /// What varies, a line for each trajectory; NaN for what was not drawn because nothing could be drawn around.
+    pub(crate) inputs: Vec<Vec<f64>>,
+    /// What became of each.
+    pub(crate) results: Vec<Member>,
+}
+
+/// Something that takes chunks and makes a file of them.
+pub(crate) trait Sink: Send {
+    /// Takes a chunk.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    fn add(&mut self, chunk: &Chunk) -> Result<(), Error>;
+
+    /// Puts the file into its place, after the last chunk.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    fn finish(self: Box<Self>) -> Result<(), Error>;
+}
+
+/// How many trajectories there are, and what became of them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Tally {
+    pub(crate) n: usize,
+    pub(crate) n_stopped: usize,
+    pub(crate) steps: u64,
+    /// The first that stopped, and why.
+    pub(crate) first_stopped: Option<(usize, String)>,
+}
+
+impl Tally {
+    /// Counts the trajectories of a chunk; chunks come in their order.
+    pub(crate) fn add(&mut self, chunk: &Chunk) {
+        self.n += chunk.results.len();
+        for (k, result) in chunk.results.iter().enumerate() {
+            self.steps += result.steps;
+            if let Some(error) = &result.error {
+                self.n_stopped += 1;
+                self.first_stopped.get_or_insert_with(|| (chunk.first + k, error.clone()));
+            }
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! Trajectories of an ensemble as files, written while they are integrated: CSV for everybody, NPZ for NumPy, a Zarr
+//! store for ensembles that several processes make, or one that is interrupted.
+//!
+//! Does not know: how they were computed.
+
+pub(crate) mod chunk;
+mod csv;
+pub(crate) mod npz;
+pub(crate) mod store;
+pub(crate) mod summary;
+mod target;
+pub(crate) mod temporary;
+pub(crate) mod zarr;
+
+pub use summary::Statistic;
+pub use target::Target;

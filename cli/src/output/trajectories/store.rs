@@ -1,0 +1,371 @@
+//! The store of an ensemble that any number of processes write, now or later.
+//!
+//! A chunk of trajectories is a function of the request and of its number. A process claims a chunk by a lock of the
+//! operating system on a file, which ends with the process; files take their places by a change of name, and that of
+//! `status` is the last of its chunk. A chunk is finished when this file is there. Who writes a chunk does not matter,
+//! and a chunk that two processes write has the same bytes twice: locks save work and nothing else.
+//!
+//! Does not know: how trajectories were computed.
+
+use std::fs::{File, TryLockError};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use serde_json::{Map, Value, json};
+
+use super::chunk::{Chunk, Heading, Tally};
+use super::temporary::Temporary;
+use super::zarr::{self, Array, DOCUMENT, Kind};
+use crate::error::Error;
+
+/// Folder for locks and for files that have not taken their places; gone when the store is complete.
+const WORK: &str = ".hamel";
+
+/// Status of a trajectory that reached the end.
+const ARRIVED: u8 = 0;
+/// Status of one that stopped on the way.
+const STOPPED: u8 = 1;
+/// Status of one that never started.
+const NOT_STARTED: u8 = 2;
+
+/// A store and what belongs into it.
+#[derive(Debug)]
+pub(crate) struct Store<'a> {
+    folder: PathBuf,
+    heading: Heading<'a>,
+    /// Tells this process from all others that write the store.
+    writer: String,
+    arrays: Arrays<'a>,
+}
+
+/// The arrays that have a chunk for each chunk of trajectories.
+#[derive(Debug)]
+struct Arrays<'a> {
+    inputs: Option<Array<'a>>,
+    y: Array<'a>,
+    energy: Option<Array<'a>>,
+    steps: Array<'a>,
+    stopped_t: Array<'a>,
+    stopped_y: Array<'a>,
+    error: Array<'a>,
+    status: Array<'a>,
+}
+
+/// What a process may do with a chunk.
+#[derive(Debug)]
+pub(crate) enum Claim {
+    /// It is finished.
+    Finished,
+    /// Another process works on it.
+    Taken,
+    /// Nobody else works on it as long as this value lives.
+    Mine(Hold),
+}
+
+/// A chunk that nobody else works on.
+#[derive(Debug)]
+pub(crate) struct Hold {
+    // The lock ends with the file.
+    _lock: Option<File>,
+}
+
+impl<'a> Store<'a> {
+    /// Makes a store, or goes on with one whose documents are those of this request when `resume` is set.
+    ///
+    /// `request` is everything that results depend on; `of_state` and `of_inputs` are attributes of the names.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for a folder that is there and must not be, or is the store of another request, with what
+    /// differs; [`Error::Io`].
+    pub(crate) fn open(
+        folder: &Path,
+        heading: &Heading<'a>,
+        request: &Value,
+        of_state: Map<String, Value>,
+        resume: bool,
+    ) -> Result<Store<'a>, Error> {
+        let arrays = Arrays::of(heading);
+        let documents = arrays.documents(heading, request, of_state);
+        let fail = |e| Error::io(folder.display().to_string(), e);
+        if !folder.exists() {
+            let temporary = Temporary::beside(folder);
+            for (path, bytes) in &documents {
+                write_new(&temporary.path().join(path), bytes).map_err(fail)?;
+            }
+            // Another process that has made the store in the meantime is as good, for one that goes on with any.
+            if let Err(error) = temporary.rename_to(folder)
+                && !(resume && folder.join(DOCUMENT).is_file())
+            {
+                return Err(fail(error));
+            }
+        } else if !resume {
+            let reason = "is there already: give --resume to go on with it, or another name";
+            return Err(Error::unusable(folder.display().to_string(), reason));
+        }
+        for (path, bytes) in &documents {
+            same(folder, path, bytes)?;
+        }
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
+        let writer = format!("{:x}-{now:x}", std::process::id());
+        Ok(Store { folder: folder.to_owned(), heading: heading.clone(), writer, arrays })
+    }
+
+    /// Where it is.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Whether a chunk is finished.
+    pub(crate) fn is_finished(&self, chunk: usize) -> bool {
+        self.folder.join(self.arrays.status.chunk(chunk)).is_file()
+    }
+
+    /// Claims a chunk. On a file system without locks every claim is granted.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(crate) fn claim(&self, chunk: usize) -> Result<Claim, Error> {
+        if self.is_finished(chunk) {
+            return Ok(Claim::Finished);
+        }
+        let path = self.folder.join(WORK).join(format!("{chunk}.lock"));
+        let opened = create_folder_of(&path)
+            .and_then(|()| File::options().create(true).append(true).open(&path))
+            .map(|file| (file.try_lock(), file));
+        let claim = match opened {
+            Ok((Ok(()), file)) => Claim::Mine(Hold { _lock: Some(file) }),
+            Ok((Err(TryLockError::WouldBlock), _)) => Claim::Taken,
+            Ok((Err(TryLockError::Error(_)), _)) => Claim::Mine(Hold { _lock: None }),
+            // The process that has finished the store has removed the folder.
+            Err(_) if self.is_finished(chunk) => return Ok(Claim::Finished),
+            Err(error) => return Err(Error::io(path.display().to_string(), error)),
+        };
+        // Finished between the first look and the lock.
+        Ok(if self.is_finished(chunk) { Claim::Finished } else { claim })
+    }
+
+    /// Writes a chunk.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(crate) fn add(&self, chunk: &Chunk) -> Result<(), Error> {
+        let Arrays { inputs, y, energy, steps, stopped_t, stopped_y, error, status } = &self.arrays;
+        let (heading, results) = (&self.heading, &chunk.results);
+        let n_state = heading.info.state.len();
+        let put = |array: &Array<'_>, bytes: Vec<u8>| {
+            let path = self.folder.join(array.chunk(chunk.at));
+            let put = self.put(&path, &format!("{}-{}", array.name, chunk.at), &bytes);
+            put.or_else(
+                |e| if path.is_file() { Ok(()) } else { Err(Error::io(path.display().to_string(), e)) },
+            )
+        };
+        let floats = |array: &Array<'_>, values: Vec<f64>| put(array, zarr::floats(&values, array.n_chunk()));
+        if let Some(inputs) = inputs {
+            floats(inputs, chunk.inputs.iter().flatten().copied().collect())?;
+        }
+        let each =
+            || results.iter().flat_map(|r| (0..heading.times.len()).map(move |at| heading.sample(r, at)));
+        let mut states = Vec::with_capacity(y.n_chunk());
+        for sample in each() {
+            match sample {
+                Some(sample) => states.extend_from_slice(&sample.state),
+                None => states.extend(std::iter::repeat_n(f64::NAN, n_state)),
+            }
+        }
+        floats(y, states)?;
+        if let Some(energy) = energy {
+            floats(energy, each().map(|s| s.and_then(|s| s.energy).unwrap_or(f64::NAN)).collect())?;
+        }
+        let counted: Vec<u64> = results.iter().map(|r| r.steps).collect();
+        put(steps, zarr::counts(&counted, steps.n_chunk()))?;
+        // Chunks of nothing but what stands for absent values are absent themselves.
+        if results.iter().any(|r| r.error.is_some()) {
+            let last = |r: &'_ crate::run::ensemble::Member| match (&r.error, r.samples.last()) {
+                (Some(_), Some(last)) => (last.t, last.state.clone()),
+                _ => (f64::NAN, vec![f64::NAN; n_state]),
+            };
+            let (times, states): (Vec<f64>, Vec<Vec<f64>>) = results.iter().map(last).unzip();
+            floats(stopped_t, times)?;
+            floats(stopped_y, states.concat())?;
+            let reasons = results.iter().map(|r| r.error.as_deref().unwrap_or_default());
+            put(error, zarr::texts(reasons, error.n_chunk()))?;
+        }
+        let codes: Vec<u8> = results
+            .iter()
+            .map(|r| match (&r.error, r.samples.is_empty()) {
+                (None, _) => ARRIVED,
+                (Some(_), false) => STOPPED,
+                (Some(_), true) => NOT_STARTED,
+            })
+            .collect();
+        put(status, zarr::codes(&codes, status.n_chunk()))
+    }
+
+    /// Counts all trajectories that are there, whoever integrated them.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(crate) fn tally(&self) -> Result<Tally, Error> {
+        let mut tally = Tally::default();
+        for at in (0..self.heading.n_chunks()).filter(|at| self.is_finished(*at)) {
+            let range = self.heading.range(at);
+            let read = |array: &Array<'_>| {
+                let path = self.folder.join(array.chunk(at));
+                std::fs::read(&path).map_err(|e| Error::io(path.display().to_string(), e))
+            };
+            let (status, steps) = (read(&self.arrays.status)?, read(&self.arrays.steps)?);
+            let steps = steps.as_chunks::<8>().0.iter().map(|bytes| u64::from_le_bytes(*bytes));
+            tally.n += range.len();
+            tally.steps += steps.take(range.len()).sum::<u64>();
+            let stopped = |(_, code): &(usize, &u8)| **code != ARRIVED;
+            let mut stopped = status.iter().enumerate().take(range.len()).filter(stopped);
+            let first = stopped.next();
+            tally.n_stopped += usize::from(first.is_some()) + stopped.count();
+            if let (Some((k, _)), None) = (first, &tally.first_stopped) {
+                let reason = zarr::text_at(&read(&self.arrays.error)?, k).unwrap_or_default();
+                tally.first_stopped = Some((range.start + k, reason));
+            }
+        }
+        Ok(tally)
+    }
+
+    /// Removes what was needed to make a store that is complete.
+    pub(crate) fn clean(&self) {
+        let _ = std::fs::remove_dir_all(self.folder.join(WORK));
+    }
+
+    /// Writes a file such that it is there whole or not at all, also when the machine stops.
+    fn put(&self, path: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
+        let temporary = Temporary::at(self.folder.join(WORK).join(format!("{}-{name}", self.writer)));
+        create_folder_of(temporary.path())?;
+        create_folder_of(path)?;
+        let mut file = File::create(temporary.path())?;
+        file.write_all(bytes)?;
+        file.sync_data()?;
+        drop(file);
+        temporary.rename_to(path)
+    }
+}
+
+impl<'a> Arrays<'a> {
+    fn of(heading: &Heading<'a>) -> Arrays<'a> {
+        let (n_state, n_inputs, n_samples) =
+            (heading.info.state.len(), heading.input_names.len(), heading.times.len());
+        let trajectory = ("trajectory", heading.n, heading.n_chunk);
+        let (t, state) = (("t", n_samples, n_samples), ("state", n_state, n_state));
+        let array = |name, kind, axes: &[(&'a str, usize, usize)], doc: &str| Array {
+            name,
+            kind,
+            axes: axes.to_vec(),
+            attributes: attributes([("description", json!(doc))]),
+        };
+        use Kind::{Code, Count, Float, Text};
+        Arrays {
+            inputs: (n_inputs > 0).then(|| {
+                let axes = [trajectory, ("input", n_inputs, n_inputs)];
+                array("inputs", Float, &axes, "what varies: parameters and components of the initial state")
+            }),
+            y: array("y", Float, &[trajectory, t, state], "states; NaN where a trajectory has not come"),
+            energy: heading.info.has_energy.then(|| array("energy", Float, &[trajectory, t], "energy")),
+            steps: array(
+                "steps",
+                Count,
+                &[trajectory],
+                "accepted steps, with those of the trajectories beside it",
+            ),
+            stopped_t: array("stopped_t", Float, &[trajectory], "time of a stop; NaN where there was none"),
+            stopped_y: array(
+                "stopped_y",
+                Float,
+                &[trajectory, state],
+                "state at a stop; NaN where there was none",
+            ),
+            error: array("error", Text, &[trajectory], "why a trajectory stopped; empty where it did not"),
+            status: array(
+                "status",
+                Code,
+                &[trajectory],
+                "0 arrived, 1 stopped on the way, 2 never started, 255 not integrated yet",
+            ),
+        }
+    }
+
+    /// Every file that is there before the first chunk.
+    fn documents(
+        &self,
+        heading: &Heading<'_>,
+        request: &Value,
+        of_state: Map<String, Value>,
+    ) -> Vec<(String, Vec<u8>)> {
+        let Arrays { inputs, y, energy, steps, stopped_t, stopped_y, error, status } = self;
+        let (mut documents, mut of_arrays) = (Vec::new(), Map::new());
+        let mut add = |array: &Array<'_>, bytes: Option<Vec<u8>>| {
+            let document = array.document();
+            documents.push((format!("{}/{DOCUMENT}", array.name), zarr::text(&document)));
+            documents.extend(bytes.map(|bytes| (array.chunk(0), bytes)));
+            of_arrays.insert(array.name.to_owned(), document);
+        };
+        let n = heading.times.len();
+        let of_time = attributes([("units", json!("s")), ("description", json!("time"))]);
+        let t = Array { name: "t", kind: Kind::Float, axes: vec![("t", n, n)], attributes: of_time };
+        add(&t, Some(zarr::floats(&heading.times, n)));
+        let mut names = |name: &'static str, names: &[String], attributes| {
+            let n = names.len();
+            let array = Array { name, kind: Kind::Text, axes: vec![(name, n, n)], attributes };
+            add(&array, Some(zarr::texts(names.iter().map(String::as_str), n)));
+        };
+        names("state", &heading.info.state, of_state);
+        if inputs.is_some() {
+            names("input", &heading.input_names, Map::new());
+        }
+        let optional = inputs.iter().chain(energy);
+        optional.chain([y, steps, stopped_t, stopped_y, error, status]).for_each(|array| add(array, None));
+        let group = zarr::group(&attributes([("hamel", request.clone())]), &of_arrays);
+        // First, so that what differs between two requests is told by the document that says it best.
+        documents.insert(0, (DOCUMENT.to_owned(), zarr::text(&group)));
+        documents
+    }
+}
+
+fn attributes<const N: usize>(entries: [(&str, Value); N]) -> Map<String, Value> {
+    entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+}
+
+fn create_folder_of(path: &Path) -> io::Result<()> {
+    path.parent().map_or(Ok(()), std::fs::create_dir_all)
+}
+
+fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    create_folder_of(path)?;
+    std::fs::write(path, bytes)
+}
+
+/// Whether a file of the store is what this request would write.
+fn same(folder: &Path, path: &str, bytes: &[u8]) -> Result<(), Error> {
+    let shown = folder.display().to_string();
+    let there = match std::fs::read(folder.join(path)) {
+        Ok(there) => there,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            let reason = format!("is no store of this ensemble, as it has no {path}: give another name");
+            return Err(Error::unusable(shown, reason));
+        }
+        Err(error) => return Err(Error::io(folder.join(path).display().to_string(), error)),
+    };
+    if there == bytes {
+        return Ok(());
+    }
+    let parsed = |bytes: &[u8]| serde_json::from_slice::<Value>(bytes).unwrap_or_default();
+    let told: Vec<String> = zarr::differences(&parsed(&there), &parsed(bytes))
+        .into_iter()
+        .map(|(key, there, asked)| {
+            let key = key.strip_prefix("attributes.hamel.").unwrap_or(&key);
+            format!("{key} is {there} there and {asked} here")
+        })
+        .collect();
+    let told = if told.is_empty() { format!("{path} differs") } else { told.join("; ") };
+    Err(Error::unusable(
+        shown,
+        format!("is the store of another ensemble: {told}; repeat its command, or give another name"),
+    ))
+}

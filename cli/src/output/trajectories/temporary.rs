@@ -1,0 +1,67 @@
+//! Files and folders that are there until they take their place, and gone if they never do.
+//!
+//! Does not know: what is written.
+
+use std::collections::BTreeSet;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// All that are there now, for a program that is interrupted.
+static PRESENT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn present() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    PRESENT.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A file or folder beside the place that it will take.
+#[derive(Debug)]
+pub(crate) struct Temporary(PathBuf);
+
+impl Temporary {
+    /// A name in the same folder, which is not there yet.
+    pub(crate) fn beside(path: &Path) -> Temporary {
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("file");
+        Temporary::at(path.with_file_name(format!(".{name}.{}.tmp", std::process::id())))
+    }
+
+    /// A path, which is not there yet.
+    pub(crate) fn at(path: PathBuf) -> Temporary {
+        present().insert(path.clone());
+        Temporary(path)
+    }
+
+    /// Where it is.
+    pub(crate) fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// Moves it to its place.
+    ///
+    /// # Errors
+    /// Those of the file system; it is removed then.
+    pub(crate) fn rename_to(self, path: &Path) -> io::Result<()> {
+        std::fs::rename(&self.0, path)
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        remove(&self.0);
+        present().remove(&self.0);
+    }
+}
+
+/// Removes all of this process, which ends now.
+pub(crate) fn remove_all() {
+    present().iter().for_each(|path| remove(path));
+}
+
+fn remove(path: &Path) {
+    // Gone where it has taken its place.
+    if path.is_dir() {
+        let _ = std::fs::remove_dir_all(path);
+    } else {
+        let _ = std::fs::remove_file(path);
+    }
+}

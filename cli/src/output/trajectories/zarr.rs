@@ -1,0 +1,206 @@
+//! Zarr version 3 on a file system: documents of groups and arrays, bytes of chunks.
+//!
+//! Does not know: what the arrays are.
+//!
+//! # Source
+//! Zarr core specification, version 3.1; the codec `vlen-utf8` of zarr-extensions for texts.
+
+use serde_json::{Map, Value, json};
+
+/// The document of a group or an array.
+pub(crate) const DOCUMENT: &str = "zarr.json";
+
+/// What the elements of an array are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Double precision; NaN where nothing was written.
+    Float,
+    /// 64 bits without sign; 0 where nothing was written.
+    Count,
+    /// 8 bits without sign; 255 where nothing was written.
+    Code,
+    /// Texts of any length, empty where nothing was written.
+    Text,
+}
+
+/// An array: its name, its axes and what is said about it.
+#[derive(Clone, Debug)]
+pub(crate) struct Array<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) kind: Kind,
+    /// Name and length of each axis, and length of a chunk along it.
+    pub(crate) axes: Vec<(&'a str, usize, usize)>,
+    pub(crate) attributes: Map<String, Value>,
+}
+
+impl Array<'_> {
+    /// The document of the array.
+    pub(crate) fn document(&self) -> Value {
+        let (data_type, fill, codec) = match self.kind {
+            Kind::Float => {
+                ("float64", json!("NaN"), json!({"name": "bytes", "configuration": {"endian": "little"}}))
+            }
+            Kind::Count => {
+                ("uint64", json!(0), json!({"name": "bytes", "configuration": {"endian": "little"}}))
+            }
+            Kind::Code => ("uint8", json!(255), json!({"name": "bytes"})),
+            Kind::Text => ("string", json!(""), json!({"name": "vlen-utf8", "configuration": {}})),
+        };
+        let each = |of: fn(&(&str, usize, usize)) -> Value| self.axes.iter().map(of).collect::<Vec<Value>>();
+        json!({
+            "zarr_format": 3,
+            "node_type": "array",
+            "shape": each(|axis| json!(axis.1)),
+            "data_type": data_type,
+            "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": each(|axis| json!(axis.2))}},
+            "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+            "fill_value": fill,
+            "codecs": [codec],
+            "attributes": self.attributes,
+            "dimension_names": each(|axis| json!(axis.0)),
+        })
+    }
+
+    /// Where a chunk is, by its number along the first axis; along the others there is one chunk.
+    pub(crate) fn chunk(&self, at: usize) -> String {
+        format!("{}/c/{at}{}", self.name, "/0".repeat(self.axes.len() - 1))
+    }
+
+    /// Number of elements of a chunk.
+    pub(crate) fn n_chunk(&self) -> usize {
+        self.axes.iter().map(|axis| axis.2).product()
+    }
+}
+
+/// The document of a group, with those of its arrays, so that one file is read to open it.
+pub(crate) fn group(attributes: &Map<String, Value>, arrays: &Map<String, Value>) -> Value {
+    json!({
+        "zarr_format": 3,
+        "node_type": "group",
+        "attributes": attributes,
+        "consolidated_metadata": {"kind": "inline", "must_understand": false, "metadata": arrays},
+    })
+}
+
+/// The text of a document.
+pub(crate) fn text(document: &Value) -> Vec<u8> {
+    let mut text = format!("{document:#}").into_bytes();
+    text.push(b'\n');
+    text
+}
+
+/// The bytes of numbers, filled up to a whole chunk.
+pub(crate) fn floats(values: &[f64], n_chunk: usize) -> Vec<u8> {
+    let rest = std::iter::repeat_n(f64::NAN, n_chunk - values.len());
+    values.iter().copied().chain(rest).flat_map(f64::to_le_bytes).collect()
+}
+
+/// The bytes of counts, filled up to a whole chunk.
+pub(crate) fn counts(values: &[u64], n_chunk: usize) -> Vec<u8> {
+    let rest = std::iter::repeat_n(0, n_chunk - values.len());
+    values.iter().copied().chain(rest).flat_map(u64::to_le_bytes).collect()
+}
+
+/// The bytes of codes, filled up to a whole chunk.
+pub(crate) fn codes(values: &[u8], n_chunk: usize) -> Vec<u8> {
+    values.iter().copied().chain(std::iter::repeat_n(u8::MAX, n_chunk - values.len())).collect()
+}
+
+/// The bytes of texts, filled up to a whole chunk: how many, then each behind its number of bytes.
+pub(crate) fn texts<'t>(values: impl ExactSizeIterator<Item = &'t str>, n_chunk: usize) -> Vec<u8> {
+    let rest = std::iter::repeat_n("", n_chunk - values.len());
+    // Chunks have far fewer than 2^32 texts, and a reason far fewer bytes.
+    let mut bytes = (n_chunk as u32).to_le_bytes().to_vec();
+    for value in values.chain(rest) {
+        bytes.extend((value.len() as u32).to_le_bytes());
+        bytes.extend(value.as_bytes());
+    }
+    bytes
+}
+
+/// The text at a place of a chunk of texts; none when the bytes are no such chunk.
+pub(crate) fn text_at(bytes: &[u8], at: usize) -> Option<String> {
+    let number = |bytes: &[u8]| Some(u32::from_le_bytes(bytes.get(..4)?.try_into().ok()?) as usize);
+    let mut rest = bytes.get(4..)?;
+    for _ in 0..at {
+        rest = rest.get(4 + number(rest)?..)?;
+    }
+    String::from_utf8(rest.get(4..4 + number(rest)?)?.to_vec()).ok()
+}
+
+/// What differs between two documents, as `path`, first and second value; the first few.
+pub(crate) fn differences(first: &Value, second: &Value) -> Vec<(String, String, String)> {
+    const MOST: usize = 5;
+    fn walk(path: &str, first: &Value, second: &Value, found: &mut Vec<(String, String, String)>) {
+        if first == second || found.len() == MOST {
+            return;
+        }
+        if let (Value::Object(a), Value::Object(b)) = (first, second) {
+            let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+            for key in keys {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                let of = |map: &Map<String, Value>| map.get(key).cloned().unwrap_or_default();
+                walk(&path, &of(a), &of(b), found);
+            }
+            return;
+        }
+        let short = |value: &Value| {
+            let text = value.to_string();
+            if text.chars().count() <= 60 {
+                text
+            } else {
+                format!("{}..", text.chars().take(58).collect::<String>())
+            }
+        };
+        found.push((path.to_owned(), short(first), short(second)));
+    }
+    let mut found = Vec::new();
+    walk("", first, second, &mut found);
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Map, json};
+
+    use super::{Array, Kind, differences, floats, text_at, texts};
+
+    #[test]
+    fn texts_are_found_again() {
+        let bytes = texts(["", "Ω", "m > 0"].into_iter(), 5);
+        let all: Vec<Option<String>> = (0..6).map(|at| text_at(&bytes, at)).collect();
+        assert_eq!(
+            all,
+            [Some(""), Some("Ω"), Some("m > 0"), Some(""), Some(""), None].map(|t| t.map(str::to_owned))
+        );
+        assert_eq!(text_at(&bytes[..12], 2), None);
+    }
+
+    #[test]
+    fn the_last_chunk_is_filled_up() {
+        let bytes = floats(&[1.0], 3);
+        assert_eq!(bytes.len(), 24);
+        assert!(f64::from_le_bytes(bytes[16..].try_into().unwrap()).is_nan());
+    }
+
+    #[test]
+    fn chunks_have_a_number_for_each_axis() {
+        let array = Array {
+            name: "y",
+            kind: Kind::Float,
+            axes: vec![("trajectory", 10, 4), ("t", 3, 3), ("state", 6, 6)],
+            attributes: Map::new(),
+        };
+        assert_eq!((array.chunk(2), array.n_chunk()), ("y/c/2/0/0".to_owned(), 72));
+        assert_eq!(array.document()["chunk_grid"]["configuration"]["chunk_shape"], json!([4, 3, 6]));
+    }
+
+    #[test]
+    fn what_differs_is_named() {
+        let (a, b) = (json!({"x": {"y": 1, "z": 2}}), json!({"x": {"y": 1, "z": 3, "w": "new"}}));
+        let found = differences(&a, &b);
+        assert_eq!(found[0], ("x.z".into(), "2".into(), "3".into()));
+        assert_eq!(found[1], ("x.w".into(), "null".into(), "\"new\"".into()));
+        assert!(differences(&a, &a).is_empty());
+    }
+}
