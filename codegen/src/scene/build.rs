@@ -261,6 +261,7 @@ pub(super) fn lower_scene(
     let mut inputs = Inputs {
         params: system.params.iter().map(|p| p.symbol).collect(),
         time: system.time,
+        held: system.inputs.iter().map(|input| (input.symbol, input.default.clone())).collect(),
         state: state.iter().map(|s| s.symbol).collect(),
         signs: system.signs.clone(),
         arguments: BTreeMap::new(),
@@ -280,8 +281,10 @@ pub(super) fn lower_scene(
         outputs.push(output);
         factor = found;
     }
-    let derivatives =
-        derivatives::differentiate(&mut graph, &equations.sections, &moving, &inputs, &plan.derivatives);
+    let of_model: Vec<(String, ExprId)> =
+        equations.outputs.iter().filter(|o| o.kind == OutputKind::OfModel).flat_map(|o| o.components.clone()).collect();
+    let what = (moving.as_slice(), of_model.as_slice());
+    let derivatives = derivatives::differentiate(&mut graph, &equations.sections, what, &inputs, &plan.derivatives);
     inputs.arguments = derivatives.arguments;
     if !equations.legendre.momenta.is_empty() {
         let velocities = equations.legendre.velocities.iter().map(|(_, symbol)| *symbol).collect();

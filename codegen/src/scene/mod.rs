@@ -49,7 +49,7 @@ pub use events::SceneEvent;
 pub use formulations::{Candidate, Formulations, LeftOut, Progress};
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
-pub use plan::{DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
+pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
 pub use text::Writing;
 
 /// The scenes of a model; what several of them share is derived once.
@@ -78,8 +78,8 @@ impl<'m> Scenes<'m> {
 
     /// Names of the scenes that are emitted, the default first; [`DERIVATIVES`] is one only if the model says so.
     ///
-    /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it; then its own,
-    /// of which one may be the default.
+    /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it, [`CONTROLLED`] where
+    /// it has inputs; then its own, of which one may be the default.
     pub fn names(&mut self) -> Vec<String> {
         names_of(self.derivations.model, || self.has_ignorable_coordinates())
     }
@@ -155,6 +155,9 @@ pub(crate) fn names_of(model: &Model, has_ignorable_coordinates: impl FnOnce() -
     }
     if !own(RECONSTRUCTION) && !reconstructed(model).is_empty() {
         names.push(RECONSTRUCTION.to_owned());
+    }
+    if !own(CONTROLLED) && !model.inputs.is_empty() {
+        names.push(CONTROLLED.to_owned());
     }
     names.extend(model.scenes.iter().map(|s| s.name.clone()).filter(|name| name != DEFAULT));
     names

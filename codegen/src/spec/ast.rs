@@ -153,6 +153,12 @@ pub(super) enum ItemKind {
         default: Option<Expr>,
         conditions: Vec<Comparison>,
     },
+    /// `input tau: vector(2) = [0, 0];`
+    Input {
+        name: Name,
+        shape: Shape,
+        default: Option<Expr>,
+    },
     Require(Vec<Comparison>),
     Let {
         name: Name,
@@ -287,6 +293,7 @@ pub(super) enum ItemKind {
     Scene {
         name: Name,
         fixed: Vec<(Name, Expr)>,
+        inputs: Vec<Name>,
         wants: Vec<Name>,
         drops: Vec<Name>,
         circles: Vec<Name>,

@@ -108,6 +108,9 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
         ItemKind::Param { name, shape, .. } => {
             add("parameter", name, spellings(&name.text, shape), Vec::new());
         }
+        ItemKind::Input { name, shape, .. } => {
+            add("input", name, spellings(&name.text, shape), Vec::new());
+        }
         ItemKind::Let { name, value } => {
             add("definition", name, alone(name), mentions([value]));
         }
@@ -198,6 +201,7 @@ fn effective(item: &Item) -> Vec<String> {
         }
         ItemKind::Source(_)
         | ItemKind::Param { .. }
+        | ItemKind::Input { .. }
         | ItemKind::Require(_)
         | ItemKind::Let { .. }
         | ItemKind::AlgebraName { .. }

@@ -3,6 +3,7 @@
 //! Deliberately does not know: what is checked.
 
 use super::draft::{GivenDraft, ModelBuilder};
+use super::inputs::misplaced_inputs;
 use crate::algebra::LieAlgebra;
 use crate::expr::Graph;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};
@@ -71,7 +72,7 @@ impl ModelBuilder {
             true => Graph::new(),
             false => self.graph.clone(),
         });
-        Ok(Model {
+        let model = Model {
             views: Views { graph: views_graph, list: self.views },
             name: self.name,
             doc: self.doc,
@@ -80,6 +81,8 @@ impl ModelBuilder {
             time: self.time,
             params: self.params,
             param_arrays: self.param_arrays,
+            inputs: self.inputs,
+            input_arrays: self.input_arrays,
             conditions: self.conditions,
             base: self.base,
             algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0).into(), |(algebra, _)| algebra),
@@ -113,7 +116,9 @@ impl ModelBuilder {
             places,
             warnings: Diagnostics::new(None, Vec::new()),
             origin,
-        })
+        };
+        let misplaced = misplaced_inputs(&model);
+        if misplaced.is_empty() { Ok(model) } else { Err(Diagnostics::new(model.origin, misplaced)) }
     }
 
     /// What is wrong with expressions that were not made says nothing.
