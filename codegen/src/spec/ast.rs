@@ -159,6 +159,11 @@ pub(super) enum ItemKind {
         shape: Shape,
         default: Option<Expr>,
     },
+    /// `drive tau = [sin(t), 0];`
+    Drive {
+        name: Name,
+        value: Expr,
+    },
     Require(Vec<Comparison>),
     Let {
         name: Name,

@@ -7,6 +7,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("source", "source \"Author, year\";"),
     ("param", "param m = 1 where m > 0;` or `param chi: vector(3) = [0, 0, 1];"),
     ("input", "input u = 0;` or `input tau: vector(2) = [0, 0];"),
+    ("drive", "drive u = -k*x;"),
     ("require", "require a > b, c != 0;"),
     ("let", "let name = expression;"),
     ("algebra", "algebra g = so(3);` or `algebra g { basis a, b; [a, b] = a; }"),

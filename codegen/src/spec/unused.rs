@@ -173,7 +173,9 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::Algebroid(AlgebroidBlock { anchors, rules, .. }) => {
             mentions(anchors.iter().map(|(_, value)| value).chain(rules.iter().map(|rule| &rule.value)))
         }
-        ItemKind::Acceleration { name, value } | ItemKind::Field { name, value } => {
+        ItemKind::Acceleration { name, value }
+        | ItemKind::Field { name, value }
+        | ItemKind::Drive { name, value } => {
             mentions([value]).into_iter().chain([name.text.clone()]).collect()
         }
         ItemKind::InnerProduct(value)

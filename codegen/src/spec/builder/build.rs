@@ -3,7 +3,7 @@
 //! Deliberately does not know: what is checked.
 
 use super::draft::{GivenDraft, ModelBuilder};
-use super::inputs::misplaced_inputs;
+use super::inputs::{close, misplaced_inputs};
 use crate::algebra::LieAlgebra;
 use crate::expr::Graph;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};
@@ -47,6 +47,7 @@ impl ModelBuilder {
         let carried = std::mem::take(&mut self.carries);
         let carries = self.check_carries(&carried);
         let scenes = self.check_scenes(&carries);
+        let drives = self.check_drives();
         self.check_budget();
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
@@ -72,7 +73,7 @@ impl ModelBuilder {
             true => Graph::new(),
             false => self.graph.clone(),
         });
-        let model = Model {
+        let mut model = Model {
             views: Views { graph: views_graph, list: self.views },
             name: self.name,
             doc: self.doc,
@@ -117,8 +118,11 @@ impl ModelBuilder {
             warnings: Diagnostics::new(None, Vec::new()),
             origin,
         };
-        let misplaced = misplaced_inputs(&model);
-        if misplaced.is_empty() { Ok(model) } else { Err(Diagnostics::new(model.origin, misplaced)) }
+        let mut problems = misplaced_inputs(&model);
+        if problems.is_empty() {
+            problems.extend(close(&mut model, &drives));
+        }
+        if problems.is_empty() { Ok(model) } else { Err(Diagnostics::new(model.origin, problems)) }
     }
 
     /// What is wrong with expressions that were not made says nothing.

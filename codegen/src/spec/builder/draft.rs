@@ -283,6 +283,8 @@ pub struct ModelBuilder {
     pub(super) blocks: BTreeMap<String, Vec<usize>>,
     pub(super) inputs: Vec<Param>,
     pub(super) input_arrays: Vec<ParamArray>,
+    /// Values of inputs in the place of arguments: the name and where it stands, the value and where.
+    pub(super) drives: Vec<(Located, Value, Option<Span>)>,
     /// Positions of inputs, by the name of a component or of a vector.
     pub(super) input_blocks: BTreeMap<String, Vec<usize>>,
     pub(super) conditions: Vec<Condition>,
@@ -363,6 +365,7 @@ impl ModelBuilder {
             blocks: BTreeMap::new(),
             inputs: Vec::new(),
             input_arrays: Vec::new(),
+            drives: Vec::new(),
             input_blocks: BTreeMap::new(),
             conditions: Vec::new(),
             base: Vec::new(),

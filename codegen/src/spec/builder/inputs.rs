@@ -5,12 +5,12 @@
 //!
 //! Deliberately does not know: when an input has which value.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::Zero;
 
 use super::draft::{DeclaredAs, ModelBuilder, SceneDraft};
-use crate::expr::{Rational, SymbolId};
+use crate::expr::{ExprId, Rational, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::expressions::ExpressionRole;
 use crate::spec::layout::{Layout, component_help};
@@ -66,6 +66,65 @@ impl ModelBuilder {
         value
     }
 
+    /// A value for an input (a vector or a component) in every scene: a function of time, coordinates, velocities,
+    /// advected parameters and parameters. The model has that input no longer.
+    pub fn drive(&mut self, name: &str, value: &Value) -> &mut Self {
+        let here = self.here;
+        self.located_drive(name, (value, here))
+    }
+
+    pub(in crate::spec) fn located_drive(
+        &mut self,
+        name: &str,
+        (value, span): (&Value, Option<Span>),
+    ) -> &mut Self {
+        self.drives.push(((name.to_owned(), self.here), value.clone(), span));
+        self
+    }
+
+    /// The value of each input that has one, and where that stands.
+    pub(super) fn check_drives(&mut self) -> BTreeMap<SymbolId, (ExprId, Option<Span>)> {
+        let inputs: BTreeSet<SymbolId> = self.inputs.iter().map(|input| input.symbol).collect();
+        let mut driven = BTreeMap::new();
+        for ((name, place), value, span) in std::mem::take(&mut self.drives) {
+            let Some(positions) = self.input_blocks.get(&name).cloned() else {
+                let help = names::suggest(&name, self.input_blocks.keys().map(String::as_str));
+                self.problem(place, format!("`{name}` is driven, which is not an input"), help);
+                continue;
+            };
+            let declared = self.values.get(&name).map(Value::shape);
+            if declared.is_some_and(|shape| shape != value.shape()) {
+                let message = format!(
+                    "`{name}` is {}, its value {}",
+                    declared.map(|shape| shape.to_string()).unwrap_or_default(),
+                    value.shape()
+                );
+                self.problem(span, message, "drive it with a value of its shape, or its components one by one");
+                continue;
+            }
+            // Components are entries of the value at the places that they have in the declared one.
+            let own = self.values.get(&name).map(|own| own.entries().to_vec()).unwrap_or_default();
+            for k in positions {
+                let Param { name: component, symbol, .. } = self.inputs[k].clone();
+                let e = self.graph.sym(symbol);
+                let Some(entry) = own.iter().position(|x| *x == e).and_then(|at| value.entries().get(at)).copied()
+                else {
+                    continue;
+                };
+                let what = format!("the value of `{component}`");
+                if let Some(other) = self.graph.free_symbols(entry).iter().find(|s| inputs.contains(s)) {
+                    let message = format!("{what} contains the input `{}`", self.graph.name(*other));
+                    self.problem(span, message, "an input is driven by time and state: write it out");
+                } else if !self.reports_stray(entry, span, &what, &[])
+                    && driven.insert(symbol, (entry, span)).is_some()
+                {
+                    self.problem(place, format!("`{component}` is driven twice"), "keep one of them");
+                }
+            }
+        }
+        driven
+    }
+
     /// Inputs that a scene takes as such, by name; it holds the others at their defaults.
     pub fn scene_inputs(&mut self, scene: &str, names: &[&str]) -> &mut Self {
         let here = self.here;
@@ -98,6 +157,35 @@ impl ModelBuilder {
     }
 }
 
+/// Puts the values of driven inputs in their place; what is wrong with them otherwise.
+pub(super) fn close(
+    model: &mut Model,
+    driven: &BTreeMap<SymbolId, (ExprId, Option<Span>)>,
+) -> Option<Diagnostic> {
+    if driven.is_empty() {
+        return None;
+    }
+    let values: BTreeMap<SymbolId, ExprId> = driven.iter().map(|(s, (e, _))| (*s, *e)).collect();
+    let (graph, expressions) = model.expressions_mut();
+    for (_, e) in expressions {
+        let Ok(value) = graph.subs(*e, &values) else {
+            let span = driven.values().find_map(|(_, span)| *span);
+            let problem = Diagnostic::new(span, "a driven input makes the model divide by zero");
+            return Some(problem.with_help("drive it with another value"));
+        };
+        *e = value;
+    }
+    let is_driven = |name: &String| {
+        model.inputs.iter().any(|input| input.name == *name && driven.contains_key(&input.symbol))
+    };
+    for scene in &mut model.scenes {
+        scene.inputs.retain(|name| !is_driven(name));
+        scene.fixed.retain(|(name, _)| !is_driven(name));
+    }
+    model.inputs.retain(|input| !driven.contains_key(&input.symbol));
+    None
+}
+
 /// One problem for each item that contains an input and would have to be differentiated.
 pub(super) fn misplaced_inputs(model: &Model) -> Vec<Diagnostic> {
     let inputs: BTreeSet<SymbolId> = model.inputs.iter().map(|input| input.symbol).collect();
@@ -112,6 +200,14 @@ pub(super) fn misplaced_inputs(model: &Model) -> Vec<Diagnostic> {
         let problem = Diagnostic::new(span, message).with_help(help);
         if !problems.iter().any(|p| p.span == problem.span && p.message == problem.message) {
             problems.push(problem);
+        }
+    }
+    for view in &model.views.list {
+        let free = view.numbers().into_iter().flat_map(|e| model.views.graph.free_symbols(e));
+        // Symbols that were there before the views are those of the model.
+        if let Some(input) = free.into_iter().find(|s| inputs.contains(s)) {
+            let message = format!("view `{}` contains the input `{}`", view.name, model.graph.name(input));
+            problems.push(Diagnostic::new(view.span, message).with_help("a view shows a state"));
         }
     }
     problems

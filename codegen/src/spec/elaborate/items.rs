@@ -148,6 +148,11 @@ impl Elaboration<'_> {
                 Some(value) => _ = self.builder.at(Some(name.span)).field(&name.text, &value),
                 None => _ = self.builder.broken.insert("field"),
             },
+            ItemKind::Drive { name, value } => {
+                if let Some((value, span)) = self.located(value) {
+                    self.builder.at(Some(name.span)).located_drive(&name.text, (&value, span));
+                }
+            }
             ItemKind::Algebroid(block) => self.brackets_of_algebroid(block),
             ItemKind::Carry(list) => {
                 let list = located_carries(list);

@@ -24,6 +24,11 @@ impl<'a> Parser<'a> {
             },
             "param" => self.param()?,
             "input" => self.input()?,
+            "drive" => {
+                let name = self.ident("the name of an input")?;
+                self.equals()?;
+                ItemKind::Drive { name, value: self.expr()? }
+            }
             "require" => ItemKind::Require(self.comparisons()?),
             "let" => {
                 let name = self.ident("a name")?;
