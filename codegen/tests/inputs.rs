@@ -24,7 +24,7 @@ const TEXT: &str = "model pushed {
     input tau: vector(2) = [0, 0.25];
     coordinate x in real;
     coordinate theta in angle;
-    /// Called like the argument of the inputs.
+    /// Called like the argument of the functions.
     velocity u in R;
     lagrangian = m*x_dot^2 + m/2*(l^2*theta_dot^2 + 2*l*x_dot*theta_dot*cos(theta)) - 9.81*m*l*cos(theta) + u^2/2;
     force x_dot = tau1 - c*x_dot;

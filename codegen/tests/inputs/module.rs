@@ -153,7 +153,7 @@ pub struct State<R = f64> {
     pub x_dot: R,
     /// Velocity of theta.
     pub theta_dot: R,
-    /// Called like the argument of the inputs.
+    /// Called like the argument of the functions.
     pub u: R,
 }
 
