@@ -371,6 +371,10 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         return Err(Error::unusable("--samples", reason));
     }
     let watched = Watched::new(model, &info, &arguments.section, "--section")?;
+    if choice.table.is_some() && !along.is_empty() && watched.is_some() {
+        let reason = "is not carried through events whose inputs are in a table: drive them by expressions";
+        return Err(Error::unusable("--sensitivity", reason));
+    }
     let plane = plane(&info, &arguments.plane)?;
     let (params, initial) = Starts::new(model, &info, forms)?.choose(&mut *backend, &set, &given)?;
     let request = SimulateRequest {

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how steps are made, which events there are.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use hamel_codegen::scene::{Interpreter, SceneEvent};

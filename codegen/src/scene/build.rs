@@ -224,6 +224,14 @@ fn available_outputs(equations: &Equations) -> Vec<Output> {
     outputs
 }
 
+/// The components of the outputs of the model that a state is enough for: what a linearization observes.
+pub(super) fn outputs_of_model(equations: &Equations, state: &[StateEquation]) -> Vec<(String, ExprId)> {
+    let (graph, left_out) = (&equations.system.graph, left_out(equations, state));
+    let own = equations.outputs.iter().filter(|o| o.kind == OutputKind::OfModel);
+    let components = own.flat_map(|o| o.components.iter().cloned());
+    components.filter(|(_, e)| !needs(graph, equations, *e, &left_out)).collect()
+}
+
 /// Rates of the phases of the coordinates that an abelian group moves.
 fn phases_of(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> Result<Output, Error> {
     let found = phases(g, equations)?;
@@ -281,8 +289,7 @@ pub(super) fn lower_scene(
         outputs.push(output);
         factor = found;
     }
-    let of_model: Vec<(String, ExprId)> =
-        equations.outputs.iter().filter(|o| o.kind == OutputKind::OfModel).flat_map(|o| o.components.clone()).collect();
+    let of_model = outputs_of_model(&equations, &state);
     let what = (moving.as_slice(), of_model.as_slice());
     let derivatives = derivatives::differentiate(&mut graph, &equations.sections, what, &inputs, &plan.derivatives);
     inputs.arguments = derivatives.arguments;

@@ -364,6 +364,22 @@ pub fn build_events(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostic
     build_planned(&scenes.derivations, plan)
 }
 
+/// Builds the right-hand side of a scene, in its state and with its inputs, and its linearization: the derivatives of
+/// [`Derivative::LINEARIZATION`], whether or not the scene wants them.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_linearized(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
+    let mut scenes = Scenes::new(model);
+    let own = scenes.plan(scene)?;
+    let bare = Plan::bare(own.name.clone(), own.formulation.clone());
+    let derivatives = Derivative::LINEARIZATION.into();
+    let (drops, reconstructs, hamiltonian_time) = (own.drops, own.reconstructs, own.hamiltonian_time);
+    let plan = Plan { derivatives, drops, reconstructs, hamiltonian_time, ..bare };
+    scenes.derivations.derive_all([&plan.formulation]);
+    build_planned(&scenes.derivations, plan)
+}
+
 impl BuiltScene {
     /// The scene with the same parameters and state that wants the right-hand side and the invariants.
     ///
