@@ -63,7 +63,7 @@ fn expressions_close_the_loop_in_every_scene() {
         let expected = (2.0 * 3.0_f64.sqrt()).cos();
         assert!((last(&folder, "end.csv", "x") - expected).abs() < 1e-8, "{method}");
         // The output sees the driven input.
-        assert!((last(&folder, "end.csv", "there") - 0.5).abs() < 1e-12);
+        assert!((last(&folder, "end.csv", "there.there") - 0.5).abs() < 1e-12);
     }
 }
 
