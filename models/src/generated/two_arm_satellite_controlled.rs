@@ -58,75 +58,6 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["energy_rate"],
             doc: "rate of energy dE/dt along the motion",
         },
-        ::hamel_runtime::OutputInfo {
-            name: "jacobian",
-            components: &[
-                "d_dot_alpha_d_alpha_dot",
-                "d_dot_beta_d_beta_dot",
-                "d_dot_alpha_dot_d_alpha",
-                "d_dot_alpha_dot_d_beta",
-                "d_dot_alpha_dot_d_alpha_dot",
-                "d_dot_alpha_dot_d_beta_dot",
-                "d_dot_alpha_dot_d_Omega1",
-                "d_dot_alpha_dot_d_Omega2",
-                "d_dot_alpha_dot_d_Omega3",
-                "d_dot_beta_dot_d_alpha",
-                "d_dot_beta_dot_d_beta",
-                "d_dot_beta_dot_d_alpha_dot",
-                "d_dot_beta_dot_d_beta_dot",
-                "d_dot_beta_dot_d_Omega1",
-                "d_dot_beta_dot_d_Omega2",
-                "d_dot_beta_dot_d_Omega3",
-                "d_dot_Omega1_d_alpha",
-                "d_dot_Omega1_d_beta",
-                "d_dot_Omega1_d_alpha_dot",
-                "d_dot_Omega1_d_beta_dot",
-                "d_dot_Omega1_d_Omega1",
-                "d_dot_Omega1_d_Omega2",
-                "d_dot_Omega1_d_Omega3",
-                "d_dot_Omega2_d_alpha",
-                "d_dot_Omega2_d_beta",
-                "d_dot_Omega2_d_alpha_dot",
-                "d_dot_Omega2_d_beta_dot",
-                "d_dot_Omega2_d_Omega1",
-                "d_dot_Omega2_d_Omega2",
-                "d_dot_Omega2_d_Omega3",
-                "d_dot_Omega3_d_alpha",
-                "d_dot_Omega3_d_beta",
-                "d_dot_Omega3_d_alpha_dot",
-                "d_dot_Omega3_d_beta_dot",
-                "d_dot_Omega3_d_Omega1",
-                "d_dot_Omega3_d_Omega2",
-                "d_dot_Omega3_d_Omega3",
-            ],
-            doc: "entries `df_i/dy_j` of the Jacobian that do not vanish identically, row by row",
-        },
-        ::hamel_runtime::OutputInfo {
-            name: "input_jacobian",
-            components: &[
-                "d_dot_alpha_dot_d_tau1",
-                "d_dot_alpha_dot_d_tau2",
-                "d_dot_beta_dot_d_tau1",
-                "d_dot_beta_dot_d_tau2",
-                "d_dot_Omega1_d_tau1",
-                "d_dot_Omega1_d_tau2",
-                "d_dot_Omega2_d_tau1",
-                "d_dot_Omega2_d_tau2",
-                "d_dot_Omega3_d_tau1",
-                "d_dot_Omega3_d_tau2",
-            ],
-            doc: "derivatives `df_i/du_j` by the inputs that do not vanish identically, row by row",
-        },
-        ::hamel_runtime::OutputInfo {
-            name: "output_jacobian",
-            components: &[],
-            doc: "derivatives `dh_i/dy_j` of the outputs of the model by the state that do not vanish identically, row by row",
-        },
-        ::hamel_runtime::OutputInfo {
-            name: "feedthrough",
-            components: &[],
-            doc: "derivatives `dh_i/du_j` of the outputs of the model by the inputs that do not vanish identically, row by row",
-        },
     ],
     has_energy: true,
 };
@@ -271,71 +202,6 @@ impl<R: ::hamel_runtime::Real> State<R> {
     }
 }
 
-/// Row and column of each entry that [`Prepared::jacobian_nonzeros`] computes; the others vanish identically.
-#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
-pub const JACOBIAN_PATTERN: [(usize, usize); 37] = [
-    (0, 2),
-    (1, 3),
-    (2, 0),
-    (2, 1),
-    (2, 2),
-    (2, 3),
-    (2, 4),
-    (2, 5),
-    (2, 6),
-    (3, 0),
-    (3, 1),
-    (3, 2),
-    (3, 3),
-    (3, 4),
-    (3, 5),
-    (3, 6),
-    (4, 0),
-    (4, 1),
-    (4, 2),
-    (4, 3),
-    (4, 4),
-    (4, 5),
-    (4, 6),
-    (5, 0),
-    (5, 1),
-    (5, 2),
-    (5, 3),
-    (5, 4),
-    (5, 5),
-    (5, 6),
-    (6, 0),
-    (6, 1),
-    (6, 2),
-    (6, 3),
-    (6, 4),
-    (6, 5),
-    (6, 6),
-];
-
-/// Row and column of each entry that [`Prepared::input_jacobian_nonzeros`] computes; the others vanish identically.
-#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
-pub const INPUT_JACOBIAN_PATTERN: [(usize, usize); 10] = [
-    (2, 0),
-    (2, 1),
-    (3, 0),
-    (3, 1),
-    (4, 0),
-    (4, 1),
-    (5, 0),
-    (5, 1),
-    (6, 0),
-    (6, 1),
-];
-
-/// Row and column of each entry that [`Prepared::output_jacobian_nonzeros`] computes; the others vanish identically.
-#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
-pub const OUTPUT_JACOBIAN_PATTERN: [(usize, usize); 0] = [];
-
-/// Row and column of each entry that [`Prepared::feedthrough_nonzeros`] computes; the others vanish identically.
-#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
-pub const FEEDTHROUGH_PATTERN: [(usize, usize); 0] = [];
-
 /// Equations of `two_arm_satellite`, scene `controlled` with everything computed that depends on parameters alone.
 ///
 /// Satellite with two arms
@@ -344,7 +210,7 @@ pub const FEEDTHROUGH_PATTERN: [(usize, usize); 0] = [];
 /// Lagrange-Poincare equations on T^2 x SO(3) with the trivial connection. Hinge A is at (0.6, 0, 0) about E3, hinge B at
 /// (0, 0.5, 0.2) about E1; the hinge numbers are constants.
 ///
-/// Scene `controlled`: With the torques as inputs, and the linear system near a motion.
+/// Scene `controlled`: With the torques as inputs.
 ///
 /// # State
 ///
@@ -359,12 +225,8 @@ pub const FEEDTHROUGH_PATTERN: [(usize, usize); 0] = [];
 #[allow(non_snake_case, reason = "names are those of the model")]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// Parameter `I1`.
-    I1: R,
     /// Parameter `I2`.
     I2: R,
-    /// Parameter `I3`.
-    I3: R,
     /// Parameter `ka`.
     ka: R,
     /// Parameter `kb`.
@@ -389,7 +251,7 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// `I2 - I3`
     c9: R,
-    /// `I1 - I3`
+    /// `I3 - I1`
     c10: R,
     /// `I1 - I2`
     c11: R,
@@ -447,34 +309,14 @@ pub struct Prepared<R = f64> {
     c37: R,
     /// `(126/25) * ma`
     c38: R,
-    /// `(1/5) / lb`
-    c39: R,
-    /// `0.5 * mb * lb`
-    c40: R,
-    /// `2 / (mb * (lb * lb))`
-    c41: R,
-    /// `0.5 * mb * (lb * lb)`
-    c42: R,
-    /// `1 / (mb * mb * (lb * lb * (lb * lb)))`
-    c43: R,
-    /// `(2/5) / lb`
-    c44: R,
-    /// `2 * ma * (la * la)`
-    c45: R,
-    /// `(6/5) * ma * la`
-    c46: R,
-    /// `I2 + (9/25) * ma`
-    c47: R,
-    /// `I3 + (1/25) * ma * (9 + 25 * (la * la))`
-    c48: R,
     /// `2 * mb * (lb * lb)`
-    c49: R,
+    c39: R,
     /// `mb * (lb * lb)`
-    c50: R,
+    c40: R,
     /// `1 / (mb * (lb * lb))`
-    c51: R,
+    c41: R,
     /// `1 / (ma * (la * la))`
-    c52: R,
+    c42: R,
     /// Values that the inputs are held at.
     ///
     /// ```text
@@ -494,7 +336,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 13 additions, 60 multiplications, 10 divisions, 1 sign change.
+    /// 10 additions, 47 multiplications, 6 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -526,7 +368,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t8 = t4.recip();
         let t9 = R::from_f64(10.0) * mb;
         let t10 = R::ratio(126.0, 25.0) * ma;
-        let t11 = R::from_f64(0.5) * mb;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -570,9 +411,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            I1,
             I2,
-            I3,
             ka,
             kb,
             c0: t5,
@@ -585,7 +424,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c7: R::from_f64(0.5) / t4,
             c8: t4,
             c9: I2 - I3,
-            c10: I1 - I3,
+            c10: I3 - I1,
             c11: I1 - I2,
             c12: R::ratio(1.0, 5.0) * mb * lb,
             c13: R::ratio(2.0, 5.0) * mb * lb,
@@ -614,21 +453,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c36: R::from_f64(14.0) * mb * t2,
             c37: R::from_f64(14.0) * I3 + t10 + R::from_f64(3.5) * mb,
             c38: t10,
-            c39: R::ratio(1.0, 5.0) / lb,
-            c40: t11 * lb,
-            c41: R::from_f64(2.0) / t4,
-            c42: t11 * t2,
-            c43: (mb * mb * (t2 * t2)).recip(),
-            c44: R::ratio(2.0, 5.0) / lb,
-            c45: R::from_f64(2.0) * ma * t0,
-            c46: R::ratio(6.0, 5.0) * ma * la,
-            c47: I2 + t7,
-            c48: I3
-                + R::ratio(1.0, 25.0) * ma * (R::from_f64(9.0) + R::from_f64(25.0) * t0),
-            c49: t3,
-            c50: t4,
-            c51: t8,
-            c52: t5,
+            c39: t3,
+            c40: t4,
+            c41: t8,
+            c42: t5,
             inputs: [R::ZERO, R::ZERO],
         })
     }
@@ -721,7 +549,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let [r_alpha_dot, r_beta_dot, r_Omega1, t20, r_Omega2, r_Omega3] = {
             let t17 = t1 * a1_1_scaled;
-            let t18 = self.c49 * t9;
+            let t18 = self.c39 * t9;
             let t19 = R::from_f64(0.5) * t10;
             let t20 = self.c0 * t8;
             [
@@ -742,10 +570,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 t20,
                 (-a2_1_over_10_lb)
-                    .mul_add(
-                        t18,
-                        a1_3_scaled.mul_add(t20, -(self.c10 * Omega3 * Omega1)),
-                    ),
+                    .mul_add(t18, a1_3_scaled.mul_add(t20, self.c10 * Omega3 * Omega1)),
                 a2_1_over_10_lb
                     .mul_add(
                         t19,
@@ -771,7 +596,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .c18
                 .mul_add(
                     t2 * t2,
-                    self.c50.mul_add(t4 * t4, t4.mul_add(self.c6, self.c17)),
+                    self.c40.mul_add(t4 * t4, t4.mul_add(self.c6, self.c17)),
                 );
             let A_l3_2 = self.c1 * A_beta_dot_Omega1;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
@@ -803,8 +628,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                (-A_l3_2).mul_add(dot_Omega1, self.c51 * r_beta_dot),
-                (-A_l5_1).mul_add(dot_Omega3, self.c52 * r_alpha_dot),
+                (-A_l3_2).mul_add(dot_Omega1, self.c41 * r_beta_dot),
+                (-A_l5_1).mul_add(dot_Omega3, self.c42 * r_alpha_dot),
             ]
         };
         *dy = [
@@ -889,7 +714,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let [r_alpha_dot, r_beta_dot, r_Omega1, t16, r_Omega2, r_Omega3] = {
             let t13 = sin_alpha * a1_1_scaled;
-            let t14 = self.c49 * t5;
+            let t14 = self.c39 * t5;
             let t15 = R::from_f64(0.5) * t6;
             let t16 = self.c0 * t4;
             [
@@ -910,10 +735,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 t16,
                 (-a2_1_over_10_lb)
-                    .mul_add(
-                        t14,
-                        a1_3_scaled.mul_add(t16, -(self.c10 * Omega3 * Omega1)),
-                    ),
+                    .mul_add(t14, a1_3_scaled.mul_add(t16, self.c10 * Omega3 * Omega1)),
                 a2_1_over_10_lb
                     .mul_add(
                         t15,
@@ -940,7 +762,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(
                     cos_alpha * cos_alpha,
                     self
-                        .c50
+                        .c40
                         .mul_add(
                             cos_beta * cos_beta,
                             cos_beta.mul_add(self.c6, self.c17),
@@ -976,8 +798,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                (-A_l3_2).mul_add(dot_Omega1, self.c51 * r_beta_dot),
-                (-A_l5_1).mul_add(dot_Omega3, self.c52 * r_alpha_dot),
+                (-A_l3_2).mul_add(dot_Omega1, self.c41 * r_beta_dot),
+                (-A_l5_1).mul_add(dot_Omega3, self.c42 * r_alpha_dot),
             ]
         };
         *dy = [
@@ -1082,864 +904,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, _, alpha_dot, beta_dot, _, _, _] = *y;
         let _ = t;
         tau2.mul_add(beta_dot, tau1 * alpha_dot)
-    }
-
-    /// Entries `df_i/dy_j` of the Jacobian that do not vanish identically, row by row.
-    ///
-    /// # Components
-    ///
-    /// ```text
-    /// [d_dot_alpha_d_alpha_dot, d_dot_beta_d_beta_dot, d_dot_alpha_dot_d_alpha,
-    ///      d_dot_alpha_dot_d_beta, d_dot_alpha_dot_d_alpha_dot, d_dot_alpha_dot_d_beta_dot,
-    ///      d_dot_alpha_dot_d_Omega1, d_dot_alpha_dot_d_Omega2, d_dot_alpha_dot_d_Omega3,
-    ///      d_dot_beta_dot_d_alpha, d_dot_beta_dot_d_beta, d_dot_beta_dot_d_alpha_dot,
-    ///      d_dot_beta_dot_d_beta_dot, d_dot_beta_dot_d_Omega1, d_dot_beta_dot_d_Omega2,
-    ///      d_dot_beta_dot_d_Omega3, d_dot_Omega1_d_alpha, d_dot_Omega1_d_beta,
-    ///      d_dot_Omega1_d_alpha_dot, d_dot_Omega1_d_beta_dot, d_dot_Omega1_d_Omega1,
-    ///      d_dot_Omega1_d_Omega2, d_dot_Omega1_d_Omega3, d_dot_Omega2_d_alpha,
-    ///      d_dot_Omega2_d_beta, d_dot_Omega2_d_alpha_dot, d_dot_Omega2_d_beta_dot,
-    ///      d_dot_Omega2_d_Omega1, d_dot_Omega2_d_Omega2, d_dot_Omega2_d_Omega3,
-    ///      d_dot_Omega3_d_alpha, d_dot_Omega3_d_beta, d_dot_Omega3_d_alpha_dot,
-    ///      d_dot_Omega3_d_beta_dot, d_dot_Omega3_d_Omega1, d_dot_Omega3_d_Omega2,
-    ///      d_dot_Omega3_d_Omega3]
-    /// ```
-    ///
-    /// # Operations
-    ///
-    /// 212 additions, 341 multiplications (195 fused), 3 divisions, 6 sign changes, 2 elementary functions.
-    #[inline]
-    #[must_use]
-    pub fn jacobian_nonzeros(&self, t: R, y: &[R; 7]) -> [R; 37] {
-        let [tau1, tau2] = self.inputs;
-        let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
-        let _ = t;
-        /// velocities v in squares m/2 |v|^2
-        let [t0, t1, t2, t3, d_v1_2_d_Omega3_over_5_la, t4, v1_2_over_5_la, t5,
-        v1_3_over_5_la, t6, t7, v2_1_over_5_lb, d_v2_2_d_beta_dot_over_5_lb, t9, t10,
-        v2_2_over_5_lb, d_v2_3_d_beta_dot_over_5_lb, t11, v2_3_over_5_lb] = {
-            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-            let d_v1_2_d_Omega3_over_5_la = self.c16 + t1;
-            let t4 = alpha_dot * t1;
-            let t5 = Omega1 * t0;
-            let t6 = self.c39 + t2;
-            let t7 = t3.mul_add(self.c8, self.c40);
-            let t8 = self.c41 * t7;
-            let d_v2_2_d_beta_dot_over_5_lb = R::from_f64(2.0) * t2;
-            let t9 = beta_dot * d_v2_2_d_beta_dot_over_5_lb;
-            let t10 = R::from_f64(2.0) * Omega1;
-            let d_v2_3_d_beta_dot_over_5_lb = R::from_f64(2.0) * t3;
-            let t11 = beta_dot * d_v2_3_d_beta_dot_over_5_lb;
-            [
-                t0,
-                t1,
-                t2,
-                t3,
-                d_v1_2_d_Omega3_over_5_la,
-                t4,
-                Omega3.mul_add(d_v1_2_d_Omega3_over_5_la, t4),
-                t5,
-                (-Omega2).mul_add(d_v1_2_d_Omega3_over_5_la, t5),
-                t6,
-                t7,
-                (-Omega3).mul_add(t8, t6 * (R::from_f64(2.0) * Omega2)),
-                d_v2_2_d_beta_dot_over_5_lb,
-                t9,
-                t10,
-                t6.mul_add(t10, t9),
-                d_v2_3_d_beta_dot_over_5_lb,
-                t11,
-                Omega1.mul_add(t8, t11),
-            ]
-        };
-        /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let [t13, t14, a1_1_over_5_la, t15, t16, a1_2_over_5_la, t17,
-        d_v1_3_d_alpha_over_5_la, a1_3_over_5_la, t18, a2_1_over_5_lb, t20, t21,
-        a2_2_over_5_lb, t22, t23, a2_3_over_5_lb] = {
-            let t12 = alpha_dot + Omega3;
-            let t13 = t1 * t12;
-            let t14 = alpha_dot * t13;
-            let t15 = t0 * t12;
-            let t16 = Omega3.mul_add(t15, alpha_dot * t15);
-            let t17 = Omega2 * t0;
-            let d_v1_3_d_alpha_over_5_la = Omega1.mul_add(t1, t17);
-            let t18 = R::from_f64(2.0) * beta_dot;
-            let t19 = beta_dot + Omega1;
-            let t20 = t3 * t19;
-            let t21 = t18 * t20;
-            let t22 = t2 * t19;
-            let t23 = t18 * t22;
-            [
-                t13,
-                t14,
-                (-Omega2).mul_add(v1_3_over_5_la, Omega3.mul_add(v1_2_over_5_la, t14)),
-                t15,
-                t16,
-                (-Omega1).mul_add(v1_3_over_5_la, -t16),
-                t17,
-                d_v1_3_d_alpha_over_5_la,
-                Omega1
-                    .mul_add(
-                        v1_2_over_5_la,
-                        alpha_dot.mul_add(d_v1_3_d_alpha_over_5_la, Omega2 * t15),
-                    ),
-                t18,
-                Omega2
-                    .mul_add(
-                        v2_3_over_5_lb,
-                        Omega3
-                            .mul_add(
-                                v2_2_over_5_lb,
-                                Omega3.mul_add(t2, Omega2 * t3) * t18,
-                            ),
-                    ),
-                t20,
-                t21,
-                (-Omega3).mul_add(v2_1_over_5_lb, Omega1.mul_add(v2_3_over_5_lb, t21)),
-                t22,
-                t23,
-                (-Omega2)
-                    .mul_add(v2_1_over_5_lb, (-Omega1).mul_add(v2_2_over_5_lb, -t23)),
-            ]
-        };
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let [t24, t26, r_alpha_dot, t27, t28, r_beta_dot, t29, t30, t31, t32, r_Omega1,
-        t33, t34, r_Omega2, t35, r_Omega3] = {
-            let t24 = self.c2 * t0;
-            let t25 = a1_1_over_5_la * t24;
-            let t26 = self.c2 * t1;
-            let t27 = self.c42 * t2;
-            let t28 = self.c42 * t3;
-            let t29 = self.c9 * Omega3;
-            let t30 = a1_3_over_5_la * t24;
-            let t31 = self.c42 * t6;
-            let t32 = R::from_f64(0.5) * t7;
-            let t33 = self.c10 * Omega1;
-            let t34 = self.c2 * d_v1_2_d_Omega3_over_5_la;
-            let t35 = self.c11 * Omega2;
-            [
-                t24,
-                t26,
-                (-a1_2_over_5_la).mul_add(t26, (-alpha).mul_add(self.ka, tau1)) - t25,
-                t27,
-                t28,
-                (-a2_3_over_5_lb)
-                    .mul_add(
-                        t28,
-                        (-a2_2_over_5_lb).mul_add(t27, (-beta).mul_add(self.kb, tau2)),
-                    ),
-                t29,
-                t30,
-                t31,
-                t32,
-                (-a2_3_over_5_lb)
-                    .mul_add(
-                        t32,
-                        (-a2_2_over_5_lb).mul_add(t31, Omega2.mul_add(t29, -t30)),
-                    ),
-                t33,
-                t34,
-                (-a2_1_over_5_lb)
-                    .mul_add(t31, a1_3_over_5_la.mul_add(t34, -(Omega3 * t33))),
-                t35,
-                a2_1_over_5_lb
-                    .mul_add(
-                        t32,
-                        (-a1_2_over_5_la).mul_add(t34, Omega1.mul_add(t35, -t25)),
-                    ),
-            ]
-        };
-        /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_Omega3, t37, A_Omega1_Omega1, t40, A_Omega2_Omega2, t41,
-        A_Omega3_Omega3] = {
-            let t36 = t0 * t0;
-            let t37 = self.c2 * t36;
-            let t38 = t6 * t6;
-            let t39 = t7 * t7;
-            [
-                self.c2 * t1.mul_add(d_v1_2_d_Omega3_over_5_la, t36),
-                t37,
-                self.c8.mul_add(t39.mul_add(self.c43, t38), self.I1 + t37),
-                d_v1_2_d_Omega3_over_5_la * t24,
-                t38.mul_add(self.c8, d_v1_2_d_Omega3_over_5_la.mul_add(t34, self.I2)),
-                t7 * t6,
-                t39
-                    .mul_add(
-                        self.c1,
-                        self
-                            .c2
-                            .mul_add(
-                                d_v1_2_d_Omega3_over_5_la
-                                    .mul_add(d_v1_2_d_Omega3_over_5_la, t36),
-                                self.I3,
-                            ),
-                    ),
-            ]
-        };
-        /// factors of A
-        let [A_l5_1, t42, t43, A_l3_2, t44, t45, t46, t47, A_s4_5_5] = {
-            let A_l5_1 = self.c0 * A_alpha_dot_Omega3;
-            let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_Omega3_Omega3);
-            let t42 = self.c8 * t2 * t6;
-            let t43 = t3.mul_add(t7, t42);
-            let A_l3_2 = self.c1 * t43;
-            let A_s2_3_3 = (-t43).mul_add(A_l3_2, A_Omega1_Omega1);
-            let t44 = A_s2_3_3.recip();
-            let t45 = t40 * t44;
-            let A_s3_4_4 = (-t40).mul_add(t45, A_Omega2_Omega2);
-            let t46 = A_s3_4_4.recip();
-            let t47 = t41 * t46;
-            [A_l5_1, t42, t43, A_l3_2, t44, t45, t46, t47, (-t41).mul_add(t47, A_s1_5_5)]
-        };
-        /// substitution through the factors of A
-        let [z_Omega1, z_Omega2, t48, dot_Omega3, t49, dot_Omega2, t50, dot_Omega1] = {
-            let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
-            let z_Omega2 = t45.mul_add(z_Omega1, r_Omega2);
-            let z_Omega3 = t47
-                .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
-            let t48 = A_s4_5_5.recip();
-            let dot_Omega3 = z_Omega3 * t48;
-            let t49 = z_Omega2 * t46;
-            let dot_Omega2 = t47.mul_add(dot_Omega3, t49);
-            let t50 = z_Omega1 * t44;
-            [
-                z_Omega1,
-                z_Omega2,
-                t48,
-                dot_Omega3,
-                t49,
-                dot_Omega2,
-                t50,
-                t45.mul_add(dot_Omega2, t50),
-            ]
-        };
-        /// derivatives of: velocities v in squares m/2 |v|^2
-        let [d_v2_1_d_beta_over_5_lb, d_v2_1_d_Omega2_over_5_lb,
-        d_v2_3_d_Omega1_over_5_lb, d_v2_2_d_beta_over_5_lb, t51] = [
-            Omega2
-                .mul_add(
-                    d_v2_3_d_beta_dot_over_5_lb,
-                    Omega3 * d_v2_2_d_beta_dot_over_5_lb,
-                ),
-            self.c44 + d_v2_2_d_beta_dot_over_5_lb,
-            self.c32 + d_v2_3_d_beta_dot_over_5_lb,
-            R::from_f64(2.0) * t20,
-            R::from_f64(2.0) * t22,
-        ];
-        /// derivatives of: accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let [d_a1_1_d_alpha_over_5_la, t52, d_a1_1_d_alpha_dot_over_5_la,
-        d_a1_1_d_Omega2_over_5_la, d_a1_1_d_Omega3_over_5_la, d_a1_2_d_alpha_over_5_la,
-        t53, t54, d_a1_3_d_alpha_over_5_la, d_a1_3_d_alpha_dot_over_5_la,
-        d_a1_3_d_Omega1_over_5_la, d_a1_3_d_Omega2_over_5_la, d_a1_3_d_Omega3_over_5_la,
-        d_a2_1_d_beta_over_5_lb, d_a2_1_d_beta_dot_over_5_lb, t55,
-        d_a2_1_d_Omega1_over_5_lb, d_a2_1_d_Omega2_over_5_lb, d_a2_1_d_Omega3_over_5_lb,
-        d_a2_2_d_beta_over_5_lb, d_a2_2_d_beta_dot_over_5_lb, d_a2_2_d_Omega1_over_5_lb,
-        d_a2_2_d_Omega3_over_5_lb, d_a2_3_d_beta_over_5_lb, d_a2_3_d_beta_dot_over_5_lb,
-        d_a2_3_d_Omega1_over_5_lb, d_a2_3_d_Omega2_over_5_lb] = {
-            let t52 = alpha_dot.mul_add(R::from_f64(2.0), R::from_f64(2.0) * Omega3);
-            let t55 = Omega3 * d_v2_1_d_Omega2_over_5_lb;
-            let d_a2_1_d_Omega2_over_5_lb = t11 + v2_3_over_5_lb;
-            let d_a2_1_d_Omega3_over_5_lb = t9 + v2_2_over_5_lb;
-            let t56 = R::from_f64(4.0) * beta_dot;
-            [
-                (-Omega2).mul_add(d_v1_3_d_alpha_over_5_la, -t16),
-                t52,
-                t1 * t52,
-                Omega2.mul_add(d_v1_2_d_Omega3_over_5_la, -v1_3_over_5_la),
-                R::from_f64(2.0) * v1_2_over_5_la,
-                (-Omega1)
-                    .mul_add(d_v1_3_d_alpha_over_5_la, (-Omega3).mul_add(t13, -t14)),
-                t5 + v1_3_over_5_la,
-                R::from_f64(2.0) * t15,
-                (-alpha_dot)
-                    .mul_add(
-                        (-Omega2).mul_add(t1, t5),
-                        (-Omega1).mul_add(t15, Omega2 * t13),
-                    ),
-                t17.mul_add(R::from_f64(2.0), t1 * t10),
-                t4 + v1_2_over_5_la,
-                alpha_dot.mul_add(t0, t15),
-                Omega1.mul_add(d_v1_2_d_Omega3_over_5_la, t17),
-                t18
-                    .mul_add(
-                        (-Omega2).mul_add(t2, Omega3 * t3),
-                        (-Omega2).mul_add(t51, Omega3 * d_v2_2_d_beta_over_5_lb),
-                    ),
-                R::from_f64(2.0) * d_v2_1_d_beta_over_5_lb,
-                t55,
-                Omega2.mul_add(d_v2_3_d_Omega1_over_5_lb, t55),
-                d_a2_1_d_Omega2_over_5_lb,
-                d_a2_1_d_Omega3_over_5_lb,
-                (-Omega3).mul_add(d_v2_1_d_beta_over_5_lb, (-Omega1).mul_add(t51, -t23)),
-                t10.mul_add(d_v2_3_d_beta_dot_over_5_lb, t3 * t56),
-                Omega1.mul_add(d_v2_3_d_Omega1_over_5_lb, d_a2_1_d_Omega2_over_5_lb),
-                Omega3.mul_add(d_v2_3_d_Omega1_over_5_lb, -v2_1_over_5_lb),
-                (-Omega2)
-                    .mul_add(
-                        d_v2_1_d_beta_over_5_lb,
-                        (-Omega1).mul_add(d_v2_2_d_beta_over_5_lb, -t21),
-                    ),
-                (-t10).mul_add(d_v2_2_d_beta_dot_over_5_lb, -(t2 * t56)),
-                (-Omega1).mul_add(d_v2_1_d_Omega2_over_5_lb, -d_a2_1_d_Omega3_over_5_lb),
-                (-Omega2).mul_add(d_v2_1_d_Omega2_over_5_lb, -v2_1_over_5_lb),
-            ]
-        };
-        /// derivatives of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let [d_r_alpha_dot_d_alpha, d_r_alpha_dot_d_Omega1, d_r_alpha_dot_d_Omega2,
-        d_r_alpha_dot_d_Omega3, d_r_beta_dot_d_beta, d_r_beta_dot_d_Omega1,
-        d_r_beta_dot_d_Omega2, d_r_beta_dot_d_Omega3, d_r_Omega1_d_alpha,
-        d_r_Omega1_d_beta, t63, d_r_Omega1_d_beta_dot, d_r_Omega1_d_Omega1,
-        d_r_Omega1_d_Omega2, d_r_Omega1_d_Omega3, d_r_Omega2_d_alpha, d_r_Omega2_d_beta,
-        d_r_Omega2_d_Omega1, d_r_Omega2_d_Omega2, d_r_Omega2_d_Omega3,
-        d_r_Omega3_d_alpha, d_r_Omega3_d_beta, d_r_Omega3_d_alpha_dot,
-        d_r_Omega3_d_Omega1, d_r_Omega3_d_Omega2, d_r_Omega3_d_Omega3] = {
-            let t57 = (-t24)
-                .mul_add(
-                    a1_2_over_5_la - d_a1_1_d_alpha_over_5_la,
-                    a1_1_over_5_la * t26,
-                );
-            let t58 = t17 * t24;
-            let t59 = t24 * d_a1_1_d_Omega2_over_5_la;
-            let t60 = t24 * d_a1_1_d_Omega3_over_5_la;
-            let t61 = (-a2_3_over_5_lb).mul_add(t27, a2_2_over_5_lb * t28);
-            let t62 = Omega2 * d_v2_3_d_Omega1_over_5_lb;
-            [
-                (-t26).mul_add(d_a1_2_d_alpha_over_5_la, -self.ka) - t57,
-                t26.mul_add(t53, t58),
-                (-t26).mul_add(Omega1 * d_v1_2_d_Omega3_over_5_la, -t59),
-                t26.mul_add(t54, -t60),
-                (-t28)
-                    .mul_add(
-                        d_a2_3_d_beta_over_5_lb,
-                        (-t27).mul_add(d_a2_2_d_beta_over_5_lb, -self.kb),
-                    ) - t61,
-                (-t28)
-                    .mul_add(
-                        d_a2_3_d_Omega1_over_5_lb,
-                        -(t27 * d_a2_2_d_Omega1_over_5_lb),
-                    ),
-                (-t28).mul_add(d_a2_3_d_Omega2_over_5_lb, t27 * t55),
-                (-t27).mul_add(d_a2_2_d_Omega3_over_5_lb, -(t28 * t62)),
-                (-t24).mul_add(d_a1_3_d_alpha_over_5_la, -(a1_3_over_5_la * t26)),
-                (-t32)
-                    .mul_add(
-                        d_a2_3_d_beta_over_5_lb,
-                        (-t31).mul_add(d_a2_2_d_beta_over_5_lb, -t61),
-                    ),
-                t24 * d_a1_3_d_alpha_dot_over_5_la,
-                (-t32)
-                    .mul_add(
-                        d_a2_3_d_beta_dot_over_5_lb,
-                        -(t31 * d_a2_2_d_beta_dot_over_5_lb),
-                    ),
-                (-t32)
-                    .mul_add(
-                        d_a2_3_d_Omega1_over_5_lb,
-                        (-t31)
-                            .mul_add(
-                                d_a2_2_d_Omega1_over_5_lb,
-                                -(t24 * d_a1_3_d_Omega1_over_5_la),
-                            ),
-                    ),
-                (-t32)
-                    .mul_add(
-                        d_a2_3_d_Omega2_over_5_lb,
-                        t31.mul_add(t55, (-t24).mul_add(d_a1_3_d_Omega2_over_5_la, t29)),
-                    ),
-                (-t31)
-                    .mul_add(
-                        d_a2_2_d_Omega3_over_5_lb,
-                        (-t32)
-                            .mul_add(
-                                t62,
-                                (-t24).mul_add(d_a1_3_d_Omega3_over_5_la, self.c9 * Omega2),
-                            ),
-                    ),
-                t34.mul_add(d_a1_3_d_alpha_over_5_la, -t30),
-                (-t31).mul_add(d_a2_1_d_beta_over_5_lb, -(a2_1_over_5_lb * t28)),
-                (-t31)
-                    .mul_add(
-                        d_a2_1_d_Omega1_over_5_lb,
-                        t34.mul_add(d_a1_3_d_Omega1_over_5_la, -(self.c10 * Omega3)),
-                    ),
-                (-t31)
-                    .mul_add(d_a2_1_d_Omega2_over_5_lb, t34 * d_a1_3_d_Omega2_over_5_la),
-                (-t31)
-                    .mul_add(
-                        d_a2_1_d_Omega3_over_5_lb,
-                        t34.mul_add(d_a1_3_d_Omega3_over_5_la, -t33),
-                    ),
-                (-t34).mul_add(d_a1_2_d_alpha_over_5_la, -t57),
-                (-a2_1_over_5_lb).mul_add(t27, t32 * d_a2_1_d_beta_over_5_lb),
-                t34.mul_add(t52 * t0, -(t24 * d_a1_1_d_alpha_dot_over_5_la)),
-                t32.mul_add(d_a2_1_d_Omega1_over_5_lb, t34.mul_add(t53, t35 + t58)),
-                t32
-                    .mul_add(
-                        d_a2_1_d_Omega2_over_5_lb,
-                        Omega1
-                            .mul_add(
-                                (-t34).mul_add(d_v1_2_d_Omega3_over_5_la, self.c11),
-                                -t59,
-                            ),
-                    ),
-                t32.mul_add(d_a2_1_d_Omega3_over_5_lb, t34.mul_add(t54, -t60)),
-            ]
-        };
-        /// derivatives of: mass matrix A = W^T L_yy Psi
-        let [t64, t66, t67, d_A_Omega1_Omega1_d_alpha, t68, t69, t70,
-        d_A_Omega1_Omega2_d_alpha, d_A_Omega2_Omega3_d_beta] = {
-            let t64 = t0 * d_v1_2_d_Omega3_over_5_la;
-            let t65 = t1 * t0;
-            let t66 = t64 - t65;
-            let t68 = t2 * t7;
-            let t69 = t3 * t6;
-            [
-                t64,
-                t66,
-                self.c2 * t66,
-                self.c45 * t65,
-                t68,
-                t69,
-                (-t69).mul_add(self.c8, t68),
-                (-d_v1_2_d_Omega3_over_5_la).mul_add(t26, t37),
-                (-t3).mul_add(t7, t42),
-            ]
-        };
-        /// derivatives of: factors of A
-        let [t71, t72, d_A_s2_3_3_d_beta, d_A_l4_3_d_alpha, d_A_l4_3_d_beta,
-        d_A_s3_4_4_d_alpha, d_A_s3_4_4_d_beta, d_A_l5_4_d_alpha, t74, d_A_s4_5_5_d_alpha,
-        d_A_s4_5_5_d_beta] = {
-            let t71 = self.c0 * t67;
-            let d_A_s1_5_5_d_alpha = A_alpha_dot_Omega3
-                .mul_add(t71, A_l5_1.mul_add(t67, -(self.c45 * t66)));
-            let t72 = self.c1 * t70;
-            let d_A_s2_3_3_d_beta = A_l3_2
-                .mul_add(t70, t43.mul_add(t72, -(R::from_f64(2.0) * t70)));
-            let t73 = t45 * t44;
-            let d_A_l4_3_d_alpha = d_A_Omega1_Omega1_d_alpha
-                .mul_add(t73, d_A_Omega1_Omega2_d_alpha * t44);
-            let d_A_l4_3_d_beta = d_A_s2_3_3_d_beta * t73;
-            let d_A_s3_4_4_d_alpha = t40
-                .mul_add(
-                    d_A_l4_3_d_alpha,
-                    t45.mul_add(d_A_Omega1_Omega2_d_alpha, -(self.c45 * t64)),
-                );
-            let d_A_s3_4_4_d_beta = t40.mul_add(d_A_l4_3_d_beta, self.c5 * t69);
-            let d_A_l5_4_d_alpha = d_A_s3_4_4_d_alpha * t46 * t47;
-            let t74 = (-t47).mul_add(d_A_s3_4_4_d_beta, -d_A_Omega2_Omega3_d_beta) * t46;
-            [
-                t71,
-                t72,
-                d_A_s2_3_3_d_beta,
-                d_A_l4_3_d_alpha,
-                d_A_l4_3_d_beta,
-                d_A_s3_4_4_d_alpha,
-                d_A_s3_4_4_d_beta,
-                d_A_l5_4_d_alpha,
-                t74,
-                t41.mul_add(d_A_l5_4_d_alpha, d_A_s1_5_5_d_alpha),
-                (-t41)
-                    .mul_add(
-                        t74,
-                        t47.mul_add(d_A_Omega2_Omega3_d_beta, -(R::from_f64(2.0) * t68)),
-                    ),
-            ]
-        };
-        /// derivatives of: substitution through the factors of A
-        let [d_dot_Omega3_d_alpha, t75, d_dot_Omega3_d_alpha_dot,
-        d_dot_Omega3_d_beta_dot, d_dot_Omega3_d_Omega1, d_dot_Omega3_d_Omega2,
-        d_dot_Omega3_d_Omega3, d_dot_Omega2_d_alpha, d_dot_Omega2_d_beta,
-        d_dot_Omega2_d_alpha_dot, d_dot_Omega2_d_beta_dot, d_dot_Omega2_d_Omega1,
-        d_dot_Omega2_d_Omega2, d_dot_Omega2_d_Omega3, d_dot_Omega1_d_alpha,
-        d_dot_Omega1_d_beta, d_dot_Omega1_d_alpha_dot, d_dot_Omega1_d_beta_dot,
-        d_dot_Omega1_d_Omega1, d_dot_Omega1_d_Omega2, d_dot_Omega1_d_Omega3,
-        d_dot_beta_dot_d_beta, d_dot_beta_dot_d_Omega1, d_dot_beta_dot_d_Omega2,
-        d_dot_beta_dot_d_Omega3, d_dot_alpha_dot_d_alpha, d_dot_alpha_dot_d_Omega1,
-        d_dot_alpha_dot_d_Omega2, d_dot_alpha_dot_d_Omega3] = {
-            let d_z_Omega1_d_beta = (-A_l3_2)
-                .mul_add(
-                    d_r_beta_dot_d_beta,
-                    r_beta_dot.mul_add(t72, d_r_Omega1_d_beta),
-                );
-            let d_z_Omega1_d_Omega1 = (-A_l3_2)
-                .mul_add(d_r_beta_dot_d_Omega1, d_r_Omega1_d_Omega1);
-            let d_z_Omega1_d_Omega2 = (-A_l3_2)
-                .mul_add(d_r_beta_dot_d_Omega2, d_r_Omega1_d_Omega2);
-            let d_z_Omega1_d_Omega3 = (-A_l3_2)
-                .mul_add(d_r_beta_dot_d_Omega3, d_r_Omega1_d_Omega3);
-            let d_z_Omega2_d_alpha = (-z_Omega1)
-                .mul_add(
-                    d_A_l4_3_d_alpha,
-                    t45.mul_add(d_r_Omega1_d_alpha, d_r_Omega2_d_alpha),
-                );
-            let d_z_Omega2_d_beta = (-z_Omega1)
-                .mul_add(
-                    d_A_l4_3_d_beta,
-                    t45.mul_add(d_z_Omega1_d_beta, d_r_Omega2_d_beta),
-                );
-            let d_z_Omega2_d_alpha_dot = (-t45)
-                .mul_add(t63, t34 * d_a1_3_d_alpha_dot_over_5_la);
-            let d_z_Omega2_d_beta_dot = t45
-                .mul_add(d_r_Omega1_d_beta_dot, -(t31 * d_a2_1_d_beta_dot_over_5_lb));
-            let d_z_Omega2_d_Omega1 = t45
-                .mul_add(d_z_Omega1_d_Omega1, d_r_Omega2_d_Omega1);
-            let d_z_Omega2_d_Omega2 = t45
-                .mul_add(d_z_Omega1_d_Omega2, d_r_Omega2_d_Omega2);
-            let d_z_Omega2_d_Omega3 = t45
-                .mul_add(d_z_Omega1_d_Omega3, d_r_Omega2_d_Omega3);
-            let d_z_Omega3_d_alpha = (-z_Omega2)
-                .mul_add(
-                    d_A_l5_4_d_alpha,
-                    t47
-                        .mul_add(
-                            d_z_Omega2_d_alpha,
-                            (-A_l5_1)
-                                .mul_add(
-                                    d_r_alpha_dot_d_alpha,
-                                    r_alpha_dot.mul_add(t71, d_r_Omega3_d_alpha),
-                                ),
-                        ),
-                );
-            let d_z_Omega3_d_beta = z_Omega2
-                .mul_add(t74, t47.mul_add(d_z_Omega2_d_beta, d_r_Omega3_d_beta));
-            let d_z_Omega3_d_alpha_dot = t47
-                .mul_add(d_z_Omega2_d_alpha_dot, d_r_Omega3_d_alpha_dot);
-            let d_z_Omega3_d_beta_dot = t47
-                .mul_add(d_z_Omega2_d_beta_dot, t32 * d_a2_1_d_beta_dot_over_5_lb);
-            let d_z_Omega3_d_Omega1 = t47
-                .mul_add(
-                    d_z_Omega2_d_Omega1,
-                    (-A_l5_1).mul_add(d_r_alpha_dot_d_Omega1, d_r_Omega3_d_Omega1),
-                );
-            let d_z_Omega3_d_Omega2 = t47
-                .mul_add(
-                    d_z_Omega2_d_Omega2,
-                    (-A_l5_1).mul_add(d_r_alpha_dot_d_Omega2, d_r_Omega3_d_Omega2),
-                );
-            let d_z_Omega3_d_Omega3 = t47
-                .mul_add(
-                    d_z_Omega2_d_Omega3,
-                    (-A_l5_1).mul_add(d_r_alpha_dot_d_Omega3, d_r_Omega3_d_Omega3),
-                );
-            let d_dot_Omega3_d_alpha = (-dot_Omega3)
-                .mul_add(d_A_s4_5_5_d_alpha, d_z_Omega3_d_alpha) * t48;
-            let t75 = dot_Omega3.mul_add(d_A_s4_5_5_d_beta, -d_z_Omega3_d_beta) * t48;
-            let d_dot_Omega3_d_alpha_dot = d_z_Omega3_d_alpha_dot * t48;
-            let d_dot_Omega3_d_beta_dot = d_z_Omega3_d_beta_dot * t48;
-            let d_dot_Omega3_d_Omega1 = d_z_Omega3_d_Omega1 * t48;
-            let d_dot_Omega3_d_Omega2 = d_z_Omega3_d_Omega2 * t48;
-            let d_dot_Omega3_d_Omega3 = d_z_Omega3_d_Omega3 * t48;
-            let d_dot_Omega2_d_alpha = t47
-                .mul_add(
-                    d_dot_Omega3_d_alpha,
-                    (-dot_Omega3)
-                        .mul_add(
-                            d_A_l5_4_d_alpha,
-                            -(t49.mul_add(d_A_s3_4_4_d_alpha, -d_z_Omega2_d_alpha) * t46),
-                        ),
-                );
-            let d_dot_Omega2_d_beta = (-t47)
-                .mul_add(
-                    t75,
-                    dot_Omega3
-                        .mul_add(
-                            t74,
-                            -(t49.mul_add(d_A_s3_4_4_d_beta, -d_z_Omega2_d_beta) * t46),
-                        ),
-                );
-            let d_dot_Omega2_d_alpha_dot = t47
-                .mul_add(d_dot_Omega3_d_alpha_dot, d_z_Omega2_d_alpha_dot * t46);
-            let d_dot_Omega2_d_beta_dot = t47
-                .mul_add(d_dot_Omega3_d_beta_dot, d_z_Omega2_d_beta_dot * t46);
-            let d_dot_Omega2_d_Omega1 = t47
-                .mul_add(d_dot_Omega3_d_Omega1, d_z_Omega2_d_Omega1 * t46);
-            let d_dot_Omega2_d_Omega2 = t47
-                .mul_add(d_dot_Omega3_d_Omega2, d_z_Omega2_d_Omega2 * t46);
-            let d_dot_Omega2_d_Omega3 = t47
-                .mul_add(d_dot_Omega3_d_Omega3, d_z_Omega2_d_Omega3 * t46);
-            let d_dot_Omega1_d_beta = t45
-                .mul_add(
-                    d_dot_Omega2_d_beta,
-                    (-dot_Omega2)
-                        .mul_add(
-                            d_A_l4_3_d_beta,
-                            -(t50.mul_add(d_A_s2_3_3_d_beta, -d_z_Omega1_d_beta) * t44),
-                        ),
-                );
-            let d_dot_Omega1_d_Omega1 = t45
-                .mul_add(d_dot_Omega2_d_Omega1, d_z_Omega1_d_Omega1 * t44);
-            let d_dot_Omega1_d_Omega2 = t45
-                .mul_add(d_dot_Omega2_d_Omega2, d_z_Omega1_d_Omega2 * t44);
-            let d_dot_Omega1_d_Omega3 = t45
-                .mul_add(d_dot_Omega2_d_Omega3, d_z_Omega1_d_Omega3 * t44);
-            [
-                d_dot_Omega3_d_alpha,
-                t75,
-                d_dot_Omega3_d_alpha_dot,
-                d_dot_Omega3_d_beta_dot,
-                d_dot_Omega3_d_Omega1,
-                d_dot_Omega3_d_Omega2,
-                d_dot_Omega3_d_Omega3,
-                d_dot_Omega2_d_alpha,
-                d_dot_Omega2_d_beta,
-                d_dot_Omega2_d_alpha_dot,
-                d_dot_Omega2_d_beta_dot,
-                d_dot_Omega2_d_Omega1,
-                d_dot_Omega2_d_Omega2,
-                d_dot_Omega2_d_Omega3,
-                t45
-                    .mul_add(
-                        d_dot_Omega2_d_alpha,
-                        (-dot_Omega2)
-                            .mul_add(
-                                d_A_l4_3_d_alpha,
-                                -(t50
-                                    .mul_add(d_A_Omega1_Omega1_d_alpha, -d_r_Omega1_d_alpha)
-                                    * t44),
-                            ),
-                    ),
-                d_dot_Omega1_d_beta,
-                t45.mul_add(d_dot_Omega2_d_alpha_dot, -(t63 * t44)),
-                t45.mul_add(d_dot_Omega2_d_beta_dot, d_r_Omega1_d_beta_dot * t44),
-                d_dot_Omega1_d_Omega1,
-                d_dot_Omega1_d_Omega2,
-                d_dot_Omega1_d_Omega3,
-                (-A_l3_2)
-                    .mul_add(
-                        d_dot_Omega1_d_beta,
-                        dot_Omega1.mul_add(t72, self.c1 * d_r_beta_dot_d_beta),
-                    ),
-                (-A_l3_2)
-                    .mul_add(d_dot_Omega1_d_Omega1, self.c1 * d_r_beta_dot_d_Omega1),
-                (-A_l3_2)
-                    .mul_add(d_dot_Omega1_d_Omega2, self.c1 * d_r_beta_dot_d_Omega2),
-                (-A_l3_2)
-                    .mul_add(d_dot_Omega1_d_Omega3, self.c1 * d_r_beta_dot_d_Omega3),
-                (-A_l5_1)
-                    .mul_add(
-                        d_dot_Omega3_d_alpha,
-                        dot_Omega3.mul_add(t71, self.c0 * d_r_alpha_dot_d_alpha),
-                    ),
-                (-A_l5_1)
-                    .mul_add(d_dot_Omega3_d_Omega1, self.c0 * d_r_alpha_dot_d_Omega1),
-                (-A_l5_1)
-                    .mul_add(d_dot_Omega3_d_Omega2, self.c0 * d_r_alpha_dot_d_Omega2),
-                (-A_l5_1)
-                    .mul_add(d_dot_Omega3_d_Omega3, self.c0 * d_r_alpha_dot_d_Omega3),
-            ]
-        };
-        let d_dot_Omega3_d_beta = -t75;
-        [
-            R::ONE,
-            R::ONE,
-            d_dot_alpha_dot_d_alpha,
-            A_l5_1 * t75,
-            -(A_l5_1 * d_dot_Omega3_d_alpha_dot),
-            -(A_l5_1 * d_dot_Omega3_d_beta_dot),
-            d_dot_alpha_dot_d_Omega1,
-            d_dot_alpha_dot_d_Omega2,
-            d_dot_alpha_dot_d_Omega3,
-            -(A_l3_2 * d_dot_Omega1_d_alpha),
-            d_dot_beta_dot_d_beta,
-            -(A_l3_2 * d_dot_Omega1_d_alpha_dot),
-            -(A_l3_2 * d_dot_Omega1_d_beta_dot),
-            d_dot_beta_dot_d_Omega1,
-            d_dot_beta_dot_d_Omega2,
-            d_dot_beta_dot_d_Omega3,
-            d_dot_Omega1_d_alpha,
-            d_dot_Omega1_d_beta,
-            d_dot_Omega1_d_alpha_dot,
-            d_dot_Omega1_d_beta_dot,
-            d_dot_Omega1_d_Omega1,
-            d_dot_Omega1_d_Omega2,
-            d_dot_Omega1_d_Omega3,
-            d_dot_Omega2_d_alpha,
-            d_dot_Omega2_d_beta,
-            d_dot_Omega2_d_alpha_dot,
-            d_dot_Omega2_d_beta_dot,
-            d_dot_Omega2_d_Omega1,
-            d_dot_Omega2_d_Omega2,
-            d_dot_Omega2_d_Omega3,
-            d_dot_Omega3_d_alpha,
-            d_dot_Omega3_d_beta,
-            d_dot_Omega3_d_alpha_dot,
-            d_dot_Omega3_d_beta_dot,
-            d_dot_Omega3_d_Omega1,
-            d_dot_Omega3_d_Omega2,
-            d_dot_Omega3_d_Omega3,
-        ]
-    }
-
-    /// Derivatives `df_i/du_j` by the inputs that do not vanish identically, row by row.
-    ///
-    /// # Components
-    ///
-    /// ```text
-    /// [d_dot_alpha_dot_d_tau1, d_dot_alpha_dot_d_tau2, d_dot_beta_dot_d_tau1,
-    ///      d_dot_beta_dot_d_tau2, d_dot_Omega1_d_tau1, d_dot_Omega1_d_tau2, d_dot_Omega2_d_tau1,
-    ///      d_dot_Omega2_d_tau2, d_dot_Omega3_d_tau1, d_dot_Omega3_d_tau2]
-    /// ```
-    ///
-    /// # Operations
-    ///
-    /// 21 additions, 40 multiplications (20 fused), 3 divisions, 4 sign changes, 2 elementary functions.
-    #[inline]
-    #[must_use]
-    pub fn input_jacobian_nonzeros(&self, t: R, y: &[R; 7]) -> [R; 10] {
-        let [alpha, beta, _, _, _, _, _] = *y;
-        let _ = t;
-        /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, A_Omega1_Omega2,
-        A_Omega2_Omega2, t8, A_Omega3_Omega3] = {
-            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-            let t4 = t3.mul_add(R::from_f64(2.5), t2);
-            let t5 = self.c2 * t0;
-            let t6 = self.c39 + t2;
-            let t7 = t3.mul_add(self.c8, self.c40);
-            [
-                t1.mul_add(self.c3, self.c2),
-                t4.mul_add(self.c12, self.c8),
-                t0.mul_add(t5, t4.mul_add(self.c13, self.c14)),
-                (-t1).mul_add(t5, -(self.c3 * t0)),
-                self
-                    .c8
-                    .mul_add(
-                        t6 * t6,
-                        self.c2.mul_add(t1 * t1, t1.mul_add(self.c46, self.c47)),
-                    ),
-                t7 * t6,
-                self.c1.mul_add(t7 * t7, t1.mul_add(self.c46, self.c48)),
-            ]
-        };
-        /// factors of A
-        let [A_l5_1, A_l3_2, t9, A_l4_3, t10, t11, A_s4_5_5] = {
-            let A_l5_1 = self.c0 * A_alpha_dot_Omega3;
-            let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_Omega3_Omega3);
-            let A_l3_2 = self.c1 * A_beta_dot_Omega1;
-            let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-            let t9 = A_s2_3_3.recip();
-            let A_l4_3 = A_Omega1_Omega2 * t9;
-            let A_s3_4_4 = (-A_Omega1_Omega2).mul_add(A_l4_3, A_Omega2_Omega2);
-            let t10 = A_s3_4_4.recip();
-            let t11 = t8 * t10;
-            [A_l5_1, A_l3_2, t9, A_l4_3, t10, t11, (-t8).mul_add(t11, A_s1_5_5)]
-        };
-        /// derivatives of: substitution through the factors of A
-        let [t13, t14, d_dot_Omega3_d_tau2, d_dot_Omega2_d_tau2, d_dot_Omega1_d_tau2,
-        d_dot_beta_dot_d_tau2, d_dot_alpha_dot_d_tau1] = {
-            let t12 = A_s4_5_5.recip();
-            let t13 = A_l5_1 * t12;
-            let t14 = A_l3_2 * A_l4_3;
-            let d_dot_Omega3_d_tau2 = t12 * (t14 * t11);
-            let d_dot_Omega2_d_tau2 = t11.mul_add(d_dot_Omega3_d_tau2, t14 * t10);
-            let d_dot_Omega1_d_tau2 = (-A_l4_3)
-                .mul_add(d_dot_Omega2_d_tau2, -(A_l3_2 * t9));
-            [
-                t13,
-                t14,
-                d_dot_Omega3_d_tau2,
-                d_dot_Omega2_d_tau2,
-                d_dot_Omega1_d_tau2,
-                (-A_l3_2).mul_add(d_dot_Omega1_d_tau2, self.c1),
-                A_l5_1.mul_add(t13, self.c0),
-            ]
-        };
-        let t15 = t11 * t13;
-        let d_dot_Omega3_d_tau1 = -t13;
-        [
-            d_dot_alpha_dot_d_tau1,
-            -(A_l5_1 * d_dot_Omega3_d_tau2),
-            -(t14 * t15),
-            d_dot_beta_dot_d_tau2,
-            A_l4_3 * t15,
-            d_dot_Omega1_d_tau2,
-            -t15,
-            d_dot_Omega2_d_tau2,
-            d_dot_Omega3_d_tau1,
-            d_dot_Omega3_d_tau2,
-        ]
-    }
-
-    /// Derivatives `dh_i/dy_j` of the outputs of the model by the state that do not vanish identically, row by row.
-    ///
-    /// # Operations
-    ///
-    /// No operations.
-    #[inline]
-    #[must_use]
-    pub fn output_jacobian_nonzeros(&self, t: R, y: &[R; 7]) -> [R; 0] {
-        let _ = (t, y);
-        []
-    }
-
-    /// Derivatives `dh_i/du_j` of the outputs of the model by the inputs that do not vanish identically, row by row.
-    ///
-    /// # Operations
-    ///
-    /// No operations.
-    #[inline]
-    #[must_use]
-    pub fn feedthrough_nonzeros(&self, t: R, y: &[R; 7]) -> [R; 0] {
-        let _ = (t, y);
-        []
-    }
-
-    /// Matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate.
-    ///
-    /// The entries of [`Self::jacobian_nonzeros`] at the places [`JACOBIAN_PATTERN`], zero elsewhere.
-    #[inline]
-    #[must_use]
-    pub fn jacobian(&self, t: R, y: &[R; 7]) -> [[R; 7]; 7] {
-        let [e0, e1, e2, e3, e4, e5, e6, e7, e8, e9, e10, e11, e12, e13, e14, e15, e16,
-        e17, e18, e19, e20, e21, e22, e23, e24, e25, e26, e27, e28, e29, e30, e31, e32,
-        e33, e34, e35, e36] = self.jacobian_nonzeros(t, y);
-        [
-            [R::ZERO, R::ZERO, e0, R::ZERO, R::ZERO, R::ZERO, R::ZERO],
-            [R::ZERO, R::ZERO, R::ZERO, e1, R::ZERO, R::ZERO, R::ZERO],
-            [e2, e3, e4, e5, e6, e7, e8],
-            [e9, e10, e11, e12, e13, e14, e15],
-            [e16, e17, e18, e19, e20, e21, e22],
-            [e23, e24, e25, e26, e27, e28, e29],
-            [e30, e31, e32, e33, e34, e35, e36],
-        ]
-    }
-
-    /// Matrix `df_i/du_j` of the derivatives of the right-hand side by the inputs, a row for each rate.
-    ///
-    /// The entries of [`Self::input_jacobian_nonzeros`] at the places [`INPUT_JACOBIAN_PATTERN`], zero elsewhere.
-    #[inline]
-    #[must_use]
-    pub fn input_jacobian(&self, t: R, y: &[R; 7]) -> [[R; 2]; 7] {
-        let [e0, e1, e2, e3, e4, e5, e6, e7, e8, e9] = self
-            .input_jacobian_nonzeros(t, y);
-        [
-            [R::ZERO, R::ZERO],
-            [R::ZERO, R::ZERO],
-            [e0, e1],
-            [e2, e3],
-            [e4, e5],
-            [e6, e7],
-            [e8, e9],
-        ]
-    }
-
-    /// Matrix `dh_i/dy_j` of the derivatives of the outputs of the model by the state, a row for each output.
-    ///
-    /// The entries of [`Self::output_jacobian_nonzeros`] at the places [`OUTPUT_JACOBIAN_PATTERN`], zero elsewhere.
-    #[inline]
-    #[must_use]
-    pub fn output_jacobian(&self, t: R, y: &[R; 7]) -> [[R; 7]; 0] {
-        let _ = (t, y);
-        []
-    }
-
-    /// Matrix `dh_i/du_j` of the derivatives of the outputs of the model by the inputs, a row for each output.
-    ///
-    /// The entries of [`Self::feedthrough_nonzeros`] at the places [`FEEDTHROUGH_PATTERN`], zero elsewhere.
-    #[inline]
-    #[must_use]
-    pub fn feedthrough(&self, t: R, y: &[R; 7]) -> [[R; 2]; 0] {
-        let _ = (t, y);
-        []
     }
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
@@ -2177,9 +1141,7 @@ impl<
 
     fn over(&self, convert: impl Fn(R) -> Q) -> Prepared<Q> {
         Prepared {
-            I1: convert(self.I1),
             I2: convert(self.I2),
-            I3: convert(self.I3),
             ka: convert(self.ka),
             kb: convert(self.kb),
             c0: convert(self.c0),
@@ -2225,16 +1187,6 @@ impl<
             c40: convert(self.c40),
             c41: convert(self.c41),
             c42: convert(self.c42),
-            c43: convert(self.c43),
-            c44: convert(self.c44),
-            c45: convert(self.c45),
-            c46: convert(self.c46),
-            c47: convert(self.c47),
-            c48: convert(self.c48),
-            c49: convert(self.c49),
-            c50: convert(self.c50),
-            c51: convert(self.c51),
-            c52: convert(self.c52),
             inputs: self.inputs.map(convert),
         }
     }
@@ -2262,65 +1214,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 7], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 48]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 1]>::try_from(out) {
             let v0 = self.energy_rate(t, y);
-            let [v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13, v14, v15, v16,
-            v17, v18, v19, v20, v21, v22, v23, v24, v25, v26, v27, v28, v29, v30, v31,
-            v32, v33, v34, v35, v36, v37] = self.jacobian_nonzeros(t, y);
-            let [v38, v39, v40, v41, v42, v43, v44, v45, v46, v47] = self
-                .input_jacobian_nonzeros(t, y);
-            let [] = self.output_jacobian_nonzeros(t, y);
-            let [] = self.feedthrough_nonzeros(t, y);
-            *out = [
-                v0,
-                v1,
-                v2,
-                v3,
-                v4,
-                v5,
-                v6,
-                v7,
-                v8,
-                v9,
-                v10,
-                v11,
-                v12,
-                v13,
-                v14,
-                v15,
-                v16,
-                v17,
-                v18,
-                v19,
-                v20,
-                v21,
-                v22,
-                v23,
-                v24,
-                v25,
-                v26,
-                v27,
-                v28,
-                v29,
-                v30,
-                v31,
-                v32,
-                v33,
-                v34,
-                v35,
-                v36,
-                v37,
-                v38,
-                v39,
-                v40,
-                v41,
-                v42,
-                v43,
-                v44,
-                v45,
-                v46,
-                v47,
-            ];
+            *out = [v0];
         }
     }
 
@@ -2387,16 +1283,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Controlled<R, 2> for Prepared<R>
     }
 }
 
-impl<R: ::hamel_runtime::Real> ::hamel_runtime::InputDifferentiable<R, 2>
-for Prepared<R> {
-    #[inline]
-    fn input_jacobian(&self, t: R, y: &[R; 7], jacobian: &mut [[R; 2]]) {
-        for (row, values) in jacobian.iter_mut().zip(self.input_jacobian(t, y)) {
-            *row = values;
-        }
-    }
-}
-
 /// The equations with cosine and sine of angles behind the state, for integrators: what a step is computed with.
 ///
 /// See [`Prepared::rhs_on_circles`].
@@ -2437,15 +1323,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
     #[inline]
     fn on_circles(&self, y: &[R; 7]) -> [R; 11] {
         self.on_circles(y)
-    }
-}
-
-impl<R: ::hamel_runtime::Real> ::hamel_runtime::Differentiable<R> for Prepared<R> {
-    #[inline]
-    fn jacobian(&self, t: R, y: &[R; 7], jacobian: &mut [[R; 7]]) {
-        for (row, values) in jacobian.iter_mut().zip(self.jacobian(t, y)) {
-            *row = values;
-        }
     }
 }
 
@@ -2630,7 +1507,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [r_alpha_dot, r_beta_dot, t21, t22, t23, r_Omega1, t24, t25, r_Omega2,
             t26, r_Omega3] = {
                 let t20 = t1 * a1_1_scaled;
-                let t21 = self.c49 * t9;
+                let t21 = self.c39 * t9;
                 let t22 = R::from_f64(0.5) * t10;
                 let t23 = self.c9 * Omega3;
                 let t24 = self.c0 * t8;
@@ -2655,7 +1532,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t24,
                     t25,
                     (-a2_1_over_10_lb)
-                        .mul_add(t21, a1_3_scaled.mul_add(t24, -(t25 * Omega1))),
+                        .mul_add(t21, a1_3_scaled.mul_add(t24, t25 * Omega1)),
                     t26,
                     a2_1_over_10_lb
                         .mul_add(
@@ -2681,7 +1558,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     .c18
                     .mul_add(
                         t2 * t2,
-                        self.c50.mul_add(t4 * t4, t4.mul_add(self.c6, self.c17)),
+                        self.c40.mul_add(t4 * t4, t4.mul_add(self.c6, self.c17)),
                     );
                 let A_l3_2 = self.c1 * A_beta_dot_Omega1;
                 let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
@@ -2720,8 +1597,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     dot_Omega2,
                     t35,
                     dot_Omega1,
-                    (-A_l3_2).mul_add(dot_Omega1, self.c51 * r_beta_dot),
-                    (-A_l5_1).mul_add(dot_Omega3, self.c52 * r_alpha_dot),
+                    (-A_l3_2).mul_add(dot_Omega1, self.c41 * r_beta_dot),
+                    (-A_l5_1).mul_add(dot_Omega3, self.c42 * r_alpha_dot),
                 ]
             };
             (
@@ -2900,7 +1777,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
             let [t30, t31, t32, t33, t34, t35, t36, t37, t38, t39] = {
                 let t30 = kept0.mul_add(t18, kept27.mul_add(t1, sum32));
-                let t33 = self.c49 * t12;
+                let t33 = self.c39 * t12;
                 let t34 = R::from_f64(0.5) * t13;
                 let t35 = self.c9 * Omega3;
                 [
@@ -2960,7 +1837,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         .c18
                         .mul_add(
                             kept42.mul_add(t2, sum52),
-                            t4.mul_add(self.c6, self.c50 * kept41.mul_add(t4, sum51)),
+                            t4.mul_add(self.c6, self.c40 * kept41.mul_add(t4, sum51)),
                         ) - kept50.mul_add(t49, kept49.mul_add(t43, sum57)),
                 ]
             };
@@ -2969,7 +1846,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let t51 = t36 - kept51.mul_add(t45, kept44.mul_add(t32, sum58));
                 let t52 = kept46.mul_add(t51, kept52.mul_add(t47, sum59))
                     + (kept32.mul_add(t37, kept36.mul_add(t23, sum41))
-                        - kept35.mul_add(Omega1, kept9.mul_add(t38, sum40))
+                        + kept35.mul_add(Omega1, kept9.mul_add(t38, sum40))
                         - kept37.mul_add(t33, kept34.mul_add(t27, sum42)));
                 let t53 = kept37.mul_add(t34, kept33.mul_add(t27, sum45))
                     + (kept38.mul_add(Omega1, kept9.mul_add(t39, sum43)) - t30
@@ -3160,8 +2037,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                t31.mul_add(self.c52, -kept54.mul_add(t54, kept56.mul_add(t44, sum68))),
-                t32.mul_add(self.c51, -kept44.mul_add(t58, kept61.mul_add(t45, sum67))),
+                t31.mul_add(self.c42, -kept54.mul_add(t54, kept56.mul_add(t44, sum68))),
+                t32.mul_add(self.c41, -kept44.mul_add(t58, kept61.mul_add(t45, sum67))),
                 t58,
                 t56,
                 t54,
