@@ -233,7 +233,10 @@ impl<'s> ModelFile<'s> {
                 return Err(Error::unusable(path, format!("is {value:?}: give one expression")));
             }
             if model.inputs.is_empty() {
-                return Err(Error::unusable(path, format!("is not possible: {} declares no input", model.name)));
+                return Err(Error::unusable(
+                    path,
+                    format!("is not possible: {} declares no input", model.name),
+                ));
             }
             let _ = write!(items, "\ndrive {name} = {value};");
             // Each by itself first, so that what is wrong is told with its name.
@@ -242,7 +245,8 @@ impl<'s> ModelFile<'s> {
                 return Err(Error::unusable(path, model::first_message(&problems)));
             }
         }
-        let problem = |problems: spec::Diagnostics| Error::unusable("--input", model::first_message(&problems));
+        let problem =
+            |problems: spec::Diagnostics| Error::unusable("--input", model::first_message(&problems));
         let closed = model::with_items(text, &items);
         spec::parse_within(model.graph.budget(), shown, &closed).map_err(|e| problem(e))
     }

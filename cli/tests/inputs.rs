@@ -56,7 +56,16 @@ fn expressions_close_the_loop_in_every_scene() {
     // x'' = -2 x - x + 1/2 - 1/2, from x = 1.
     for method in ["dop853", "taylor", "gbs14"] {
         let arguments = [
-            "simulate", &path, "--input", "push=-x + 0.5", "--t-final", "2", "-o", &file, "--method", method,
+            "simulate",
+            &path,
+            "--input",
+            "push=-x + 0.5",
+            "--t-final",
+            "2",
+            "-o",
+            &file,
+            "--method",
+            method,
         ];
         let out = hamel(&arguments, "");
         assert!(out.status.success(), "{}", text(&out.stderr));
@@ -121,7 +130,8 @@ fn what_drives_no_input_is_refused() {
 #[test]
 fn the_linear_system_is_that_of_the_equations() {
     let (_, path) = pushed("linear");
-    let out = hamel(&["linearize", &path, "--at", "x=0.25", "--hold", "push=1", "--set", "k=2", "--json"], "");
+    let out =
+        hamel(&["linearize", &path, "--at", "x=0.25", "--hold", "push=1", "--set", "k=2", "--json"], "");
     assert!(out.status.success(), "{}", text(&out.stderr));
     let answer: serde_json::Value = serde_json::from_str(&text(&out.stdout)).unwrap();
     assert_eq!(answer["A"], serde_json::json!([[0.0, 1.0], [-2.0, 0.0]]));

@@ -112,7 +112,8 @@ fn derivatives_by_inputs_are_those_of_dual_numbers() {
         at.hold_inputs(&u);
         let (b, d) = (at.input_jacobian(t, &y), at.feedthrough(t, &y));
         for j in 0..2 {
-            let moved = std::array::from_fn(|k| if k == j { Dual::variable(u[k]) } else { Dual::constant(u[k]) });
+            let moved =
+                std::array::from_fn(|k| if k == j { Dual::variable(u[k]) } else { Dual::constant(u[k]) });
             let (t, y, mut dy) = (Dual::constant(t), y.map(Dual::constant), [Dual::constant(0.0); 5]);
             duals.rhs_with(t, &y, &moved, &mut dy);
             for (row, rate) in b.iter().zip(dy) {

@@ -222,4 +222,3 @@ where
         T::state_over(state, convert)
     }
 }
-

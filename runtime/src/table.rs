@@ -134,7 +134,8 @@ impl<'a, const M: usize> Table<'a, M> {
         // At an end, the parabola through the three rows there.
         let middle = row.clamp(1, last - 1);
         let (before, after) = (secant(middle - 1), secant(middle));
-        let (h0, h1) = (self.times[middle] - self.times[middle - 1], self.times[middle + 1] - self.times[middle]);
+        let (h0, h1) =
+            (self.times[middle] - self.times[middle - 1], self.times[middle + 1] - self.times[middle]);
         let curvature = (after - before) / (h0 + h1);
         match row {
             0 => before - h0 * curvature,
@@ -243,7 +244,8 @@ mod tests {
 
     #[test]
     fn what_is_no_table_is_refused() {
-        let new = |times: &[f64], rows: &[[f64; 1]]| Table::new(times, rows, Interpolation::Linear).unwrap_err();
+        let new =
+            |times: &[f64], rows: &[[f64; 1]]| Table::new(times, rows, Interpolation::Linear).unwrap_err();
         assert_eq!(new(&[], &[]), TableError::Empty);
         assert_eq!(new(&[0.0], &[[1.0], [2.0]]), TableError::Lengths { times: 1, rows: 2 });
         assert_eq!(new(&[0.0, 0.0], &[[1.0], [2.0]]), TableError::Time { row: 1 });
@@ -259,7 +261,9 @@ mod tests {
         let rows = [[3.0], [-1.0], [4.0], [1.0]];
         for interpolation in [Interpolation::Linear, Interpolation::Cubic] {
             let table = Table::new(&TIMES, &rows, interpolation).unwrap();
-            for times in [[-1.0, 0.2, 1.1, 9.0], [0.6, 0.7, 1.1, 1.9], [2.0, 2.5, 3.0, 3.5], [5.0; 4], [-2.0; 4]] {
+            for times in
+                [[-1.0, 0.2, 1.1, 9.0], [0.6, 0.7, 1.1, 1.9], [2.0, 2.5, 3.0, 3.5], [5.0; 4], [-2.0; 4]]
+            {
                 let found = at(&table, F64x4::from(times)).to_array();
                 for (t, found) in times.into_iter().zip(found) {
                     let expected = at(&table, t);

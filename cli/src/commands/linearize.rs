@@ -93,16 +93,12 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         return Err(Error::Request { problems });
     }
     let (params, y) = Starts::new(model, &info, forms)?.choose(&mut backend, &set, &given)?;
-    let u: Vec<f64> =
-        info.inputs.iter().map(|i| held.get(&i.name).copied().unwrap_or(i.default)).collect();
+    let u: Vec<f64> = info.inputs.iter().map(|i| held.get(&i.name).copied().unwrap_or(i.default)).collect();
     let linear = linear(&scene::build_linearized(model, scene)?, (&params, arguments.t, &y, &u))?;
     Ok(if arguments.json { linear.to_json(&info.model, scene).to_string() } else { linear.to_text() })
 }
 
-fn linear(
-    scene: &BuiltScene,
-    (params, t, y, u): (&[f64], f64, &[f64], &[f64]),
-) -> Result<Linear, Error> {
+fn linear(scene: &BuiltScene, (params, t, y, u): (&[f64], f64, &[f64], &[f64])) -> Result<Linear, Error> {
     let refused = |reason: String| Error::unusable("--at", reason);
     let mut interpreter = scene
         .prepare(params)
@@ -205,7 +201,13 @@ impl Linear {
         for [re, im] in &self.eigenvalues {
             let _ = match im {
                 0.0 => write!(text, "\n  {}", shown(*re)),
-                im => write!(text, "\n  {} {} {} i", shown(*re), if *im < 0.0 { '-' } else { '+' }, shown(im.abs())),
+                im => write!(
+                    text,
+                    "\n  {} {} {} i",
+                    shown(*re),
+                    if *im < 0.0 { '-' } else { '+' },
+                    shown(im.abs())
+                ),
             };
         }
         text

@@ -6,8 +6,8 @@
 use std::sync::Arc;
 
 use super::backend::{Backend, Local};
-use super::inputs::InputTable;
 use super::dynamics::Factory as _;
+use super::inputs::InputTable;
 use super::interpreted;
 use super::method::MethodName;
 use super::remote::Remote;

@@ -322,7 +322,8 @@ impl Program {
         let constants = self.constants.iter().map(Constant::value).collect();
         let (values, contracted) = (Vec::new(), Vec::new());
         let (prepared, inputs) = prepared.split_at(self.prepare.slots.len());
-        let mut memory = Memory { constants, params, prepared, inputs, t, state, argument, values, contracted };
+        let mut memory =
+            Memory { constants, params, prepared, inputs, t, state, argument, values, contracted };
         memory.run(&function.instructions);
         if !function.contractions.is_empty() {
             let scalars: Vec<R> = function.scalars.iter().map(|o| memory.read(*o)).collect();

@@ -168,9 +168,9 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Bracket, Casimirs, Circles, Constraint, Events, Feedthrough, HamiltonianTime, Implicit, InputJacobian,
-            Invariants, Linearization, Matrices, MomentumEquation, NonholonomicMomentum, OutputJacobian, Outputs,
-            Phases, Sections, Splitting, Taylor, Velocities,
+            Bracket, Casimirs, Circles, Constraint, Events, Feedthrough, HamiltonianTime, Implicit,
+            InputJacobian, Invariants, Linearization, Matrices, MomentumEquation, NonholonomicMomentum,
+            OutputJacobian, Outputs, Phases, Sections, Splitting, Taylor, Velocities,
         };
         !matches!(
             self,

@@ -30,7 +30,8 @@ impl Writer<'_> {
             return TokenStream::new();
         }
         let n = size(self.inputs().len());
-        let mut lines = vec!["Values that the inputs are held at.".to_owned(), String::new(), "```text".into()];
+        let mut lines =
+            vec!["Values that the inputs are held at.".to_owned(), String::new(), "```text".into()];
         let names: Vec<String> = self.inputs().iter().map(|input| input.name.clone()).collect();
         lines.extend(wrapped("u = [", &names, "]"));
         lines.push("```".into());
@@ -56,7 +57,11 @@ impl Writer<'_> {
 
     /// The field over another scalar.
     pub(super) fn inputs_over(&self) -> TokenStream {
-        if self.inputs().is_empty() { TokenStream::new() } else { quote! { inputs: self.inputs.map(convert), } }
+        if self.inputs().is_empty() {
+            TokenStream::new()
+        } else {
+            quote! { inputs: self.inputs.map(convert), }
+        }
     }
 
     /// The variables of the inputs that a function reads.
@@ -67,8 +72,7 @@ impl Writer<'_> {
 
     /// The right-hand side at any inputs, and at those that are held.
     pub(super) fn rate_with_inputs(&self, doc: TokenStream, body: &TokenStream) -> TokenStream {
-        let (arguments, n, m) =
-            (self.arguments(), size(self.module.state.len()), size(self.inputs().len()));
+        let (arguments, n, m) = (self.arguments(), size(self.module.state.len()), size(self.inputs().len()));
         let rate = &self.module.rate;
         let names = pattern(rate.inputs.iter().map(Option::as_ref));
         // This comes first: a component of the state may be called `u`.

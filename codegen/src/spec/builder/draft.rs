@@ -74,15 +74,15 @@ impl DeclaredAs {
                 "rename one of them; a coordinate `q` declares `q_dot` too"
             }
             (
-                ParameterComponent | InputComponent | VelocityComponent | AdvectedComponent | MomentumComponent,
+                ParameterComponent | InputComponent | VelocityComponent | AdvectedComponent
+                | MomentumComponent,
                 _,
             )
             | (
                 _,
-                ParameterComponent | InputComponent | VelocityComponent | AdvectedComponent | MomentumComponent,
-            ) => {
-                "rename one of them; a vector `v` declares `v1`, `v2`, .. too"
-            }
+                ParameterComponent | InputComponent | VelocityComponent | AdvectedComponent
+                | MomentumComponent,
+            ) => "rename one of them; a vector `v` declares `v1`, `v2`, .. too",
             _ => "rename one of them",
         }
     }

@@ -99,7 +99,11 @@ impl ModelBuilder {
                     declared.map(|shape| shape.to_string()).unwrap_or_default(),
                     value.shape()
                 );
-                self.problem(span, message, "drive it with a value of its shape, or its components one by one");
+                self.problem(
+                    span,
+                    message,
+                    "drive it with a value of its shape, or its components one by one",
+                );
                 continue;
             }
             // Components are entries of the value at the places that they have in the declared one.
@@ -107,7 +111,8 @@ impl ModelBuilder {
             for k in positions {
                 let Param { name: component, symbol, .. } = self.inputs[k].clone();
                 let e = self.graph.sym(symbol);
-                let Some(entry) = own.iter().position(|x| *x == e).and_then(|at| value.entries().get(at)).copied()
+                let Some(entry) =
+                    own.iter().position(|x| *x == e).and_then(|at| value.entries().get(at)).copied()
                 else {
                     continue;
                 };
@@ -218,7 +223,8 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
     const FORCE: &str = "an input acts by `force`: the equations of a Lagrangian would need the input's rate";
     const CONSTRAINT: &str = "the reaction would need the input's rate: let the input be the acceleration, \
                               `ddt(v) = u`, or give the whole motion by `field`";
-    const PLACE: &str = "inputs are for `force`, `acceleration`, `field`, `output`, `event` and `reconstruct .. by`";
+    const PLACE: &str =
+        "inputs are for `force`, `acceleration`, `field`, `output`, `event` and `reconstruct .. by`";
     let places = &model.places;
     let of_constraint = |k: usize| {
         let constraint = &model.constraints[k];

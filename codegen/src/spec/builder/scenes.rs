@@ -73,7 +73,8 @@ impl ModelBuilder {
             let drops = self.check_drops(&draft);
             let circles = self.check_circles(&draft);
             let fixes = draft.fixed.iter().map(|(name, _, span)| (name, span));
-            let named = draft.wants.iter().chain(&draft.inputs).chain(&draft.drops).chain(&drops).chain(&circles);
+            let named =
+                draft.wants.iter().chain(&draft.inputs).chain(&draft.drops).chain(&drops).chain(&circles);
             let named = named.map(|(name, span)| (name, span));
             let places = fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?)));
             let places = places.chain(self.places_of_carries(&draft.carries)).collect();

@@ -602,7 +602,8 @@ impl<'a> Parser<'a> {
                 });
                 formulation.push((word, what.transpose()?));
             } else {
-                return body.expected("`fix`, `input`, `want`, `drop`, `circle`, `carry`, `routh` or `formulation`");
+                return body
+                    .expected("`fix`, `input`, `want`, `drop`, `circle`, `carry`, `routh` or `formulation`");
             }
             body.require_punct(";")?;
         }
