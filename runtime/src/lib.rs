@@ -51,6 +51,11 @@
 //!   hundred steps a period, `Taylor` in ten).
 //! - [`Dual`]: derivatives along one direction, exact but for rounding.
 //!
+//! # Inputs
+//!
+//! A system that is moved from outside is [`Controlled`]: its inputs are held, or driven as [`WithInput`] by a
+//! [`Signal`], a closure of time and state or a [`Table`].
+//!
 //! # Features
 //!
 //! - `std` (default): elementary functions from the standard library.
