@@ -1,4 +1,5 @@
-//! Parameters fixed to numbers, and inputs held at them: folded into every expression of a model before anything is derived.
+//! Parameters fixed to numbers, and inputs held at them: folded into every expression of a model before anything is
+//! derived.
 //!
 //! Does not know: what the expressions are for.
 

@@ -15,7 +15,7 @@ use crate::reduction::{Formulation, reduce};
 use crate::spec::{self, Diagnostics, Model, Want, Wanted};
 
 use super::built::{BuiltScene, legendre_role};
-use super::dependence::{ignorable, left_out, needs};
+use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
 use super::{bracket, derivatives, events, implicit, invariants, splitting};
@@ -222,14 +222,6 @@ fn available_outputs(equations: &Equations) -> Vec<Output> {
         outputs.insert(0, Output::group(Want::EnergyRate, components, doc));
     }
     outputs
-}
-
-/// The components of the outputs of the model that a state is enough for: what a linearization observes.
-pub(super) fn outputs_of_model(equations: &Equations, state: &[StateEquation]) -> Vec<(String, ExprId)> {
-    let (graph, left_out) = (&equations.system.graph, left_out(equations, state));
-    let own = equations.outputs.iter().filter(|o| o.kind == OutputKind::OfModel);
-    let components = own.flat_map(|o| o.components.iter().cloned());
-    components.filter(|(_, e)| !needs(graph, equations, *e, &left_out)).collect()
 }
 
 /// Rates of the phases of the coordinates that an abelian group moves.

@@ -9,7 +9,7 @@ use crate::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation};
 use crate::program::{Program, Role};
 use crate::spec::{Param, Want};
 
-use super::build::outputs_of_model;
+use super::dependence::outputs_of_model;
 use super::derivatives::{Matrix, Product};
 use super::events::SceneEvent;
 use super::implicit::Implicit;
