@@ -248,7 +248,7 @@ impl<'s> ModelFile<'s> {
         let problem =
             |problems: spec::Diagnostics| Error::unusable("--input", model::first_message(&problems));
         let closed = model::with_items(text, &items);
-        spec::parse_within(model.graph.budget(), shown, &closed).map_err(|e| problem(e))
+        spec::parse_within(model.graph.budget(), shown, &closed).map_err(problem)
     }
 
     /// The text of the file.
