@@ -3,6 +3,7 @@
 //! Does not know: commands, how a scene is evaluated.
 
 use std::borrow::Cow;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -139,6 +140,8 @@ pub struct ModelFile<'s> {
     name: String,
     source: Source,
     repository: Option<&'s Repository>,
+    /// Inputs by name, and the expressions that drive them.
+    driven: Vec<(String, String)>,
     model: OnceLock<Arc<Checked>>,
 }
 
@@ -156,7 +159,7 @@ impl<'s> ModelFile<'s> {
         source: Source,
         repository: Option<&'s Repository>,
     ) -> ModelFile<'s> {
-        ModelFile { session, name, source, repository, model: OnceLock::new() }
+        ModelFile { session, name, source, repository, driven: Vec::new(), model: OnceLock::new() }
     }
 
     /// Name of the file without its ending, which is that of the model for models that have a name.
@@ -174,7 +177,20 @@ impl<'s> ModelFile<'s> {
 
     /// The repository whose file it is, so that the model may have been generated and compiled.
     pub fn repository(&self) -> Option<&'s Repository> {
-        self.repository
+        self.repository.filter(|_| !self.is_driven())
+    }
+
+    /// The same model with inputs driven by expressions of its language; what was compiled of it has other inputs.
+    #[must_use]
+    pub fn driven(mut self, inputs: &[(String, String)]) -> ModelFile<'s> {
+        self.driven.extend_from_slice(inputs);
+        self.model = OnceLock::new();
+        self
+    }
+
+    /// Whether inputs are driven by expressions.
+    pub fn is_driven(&self) -> bool {
+        !self.driven.is_empty()
     }
 
     /// The model; warnings about it go to standard error the first time.
@@ -203,8 +219,36 @@ impl<'s> ModelFile<'s> {
         if self.repository.is_some() && model.name != self.name {
             return Err(Error::Misnamed { file: shown, model: model.name });
         }
+        let model = if self.is_driven() { self.closed(&shown, &text, &model)? } else { model };
         let checked = Arc::new(Checked::new(model, self.session.cache.clone()));
         Ok(self.model.get_or_init(|| checked))
+    }
+
+    /// The model of a text with its inputs driven.
+    fn closed(&self, shown: &str, text: &str, model: &Model) -> Result<Model, Error> {
+        let mut items = String::new();
+        for (name, value) in &self.driven {
+            let path = format!("--input {name}");
+            if !model::is_one_expression(value) || !model::is_one_expression(name) {
+                return Err(Error::unusable(path, format!("is {value:?}: give one expression")));
+            }
+            if model.inputs.is_empty() {
+                return Err(Error::unusable(
+                    path,
+                    format!("is not possible: {} declares no input", model.name),
+                ));
+            }
+            let _ = write!(items, "\ndrive {name} = {value};");
+            // Each by itself first, so that what is wrong is told with its name.
+            let alone = model::with_items(text, &format!("\ndrive {name} = {value};"));
+            if let Err(problems) = spec::parse_within(model.graph.budget(), shown, &alone) {
+                return Err(Error::unusable(path, model::first_message(&problems)));
+            }
+        }
+        let problem =
+            |problems: spec::Diagnostics| Error::unusable("--input", model::first_message(&problems));
+        let closed = model::with_items(text, &items);
+        spec::parse_within(model.graph.budget(), shown, &closed).map_err(problem)
     }
 
     /// The text of the file.

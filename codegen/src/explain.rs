@@ -354,6 +354,15 @@ impl Page {
             ));
         }
         self.formulas(&rows);
+        if !system.inputs.is_empty() {
+            self.line("Inputs, held at these values unless they are driven:");
+            let mut rows = Vec::new();
+            for input in &system.inputs {
+                let held = self.number(rational_to_f64(&input.default));
+                rows.push((self.name(&input.name), format!("{held}{}", self.remark(&input.doc))));
+            }
+            self.formulas(&rows);
+        }
         if !system.conditions.is_empty() {
             let list: Vec<String> = system.conditions.iter().map(|c| self.prose(&c.text)).collect();
             self.line(&format!("Valid for {}.", list.join(", ")));

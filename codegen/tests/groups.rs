@@ -39,6 +39,7 @@ fn text() -> String {
     let inputs = Inputs {
         params: params.to_vec(),
         time,
+        held: Vec::new(),
         state: state.iter().map(|(_, symbol)| *symbol).collect(),
         signs: Default::default(),
         circles: vec![],

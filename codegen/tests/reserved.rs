@@ -114,6 +114,7 @@ fn program() -> (Program, SceneText) {
     let inputs = Inputs {
         params: params.to_vec(),
         time,
+        held: Vec::new(),
         state: state.to_vec(),
         signs: Default::default(),
         circles: vec![],

@@ -20,6 +20,7 @@ fn of_time(t: f64, f: impl FnOnce(&mut Graph, ExprId) -> Vec<ExprId>) -> Vec<Vec
     let inputs = Inputs {
         params: vec![],
         time,
+        held: Vec::new(),
         state,
         signs: Default::default(),
         circles: vec![],

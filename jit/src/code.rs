@@ -57,7 +57,7 @@ impl Sizes {
     fn of(program: &Program, function: &Function) -> Sizes {
         Sizes {
             params: program.params.len(),
-            prepared: program.prepare.slots.len(),
+            prepared: program.n_prepared(),
             state: program.state.len(),
             argument: function.argument.len(),
             out: function.results.len(),
@@ -175,7 +175,7 @@ impl Code {
         let mut builders = FunctionBuilderContext::new();
         let mut imports = Imported { module: &mut module, ids, known: Vec::new() };
         let into = (&mut context.func, &mut builders);
-        let constants = translate(function, &program.constants, width, into, pointer, &mut imports);
+        let constants = translate(function, program, width, into, pointer, &mut imports);
         let name = function.role.name();
         let declared = module.declare_function(name, Linkage::Local, &context.func.signature);
         let id = declared.map_err(Error::cranelift)?;

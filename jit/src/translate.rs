@@ -10,7 +10,7 @@ use cranelift_codegen::ir::{
 };
 use cranelift_frontend::{FuncInstBuilder, FunctionBuilder, FunctionBuilderContext};
 use hamel_codegen::expr::Func;
-use hamel_codegen::program::{Constant, Function, Instruction, Op, Operand, Signs};
+use hamel_codegen::program::{Constant, Function, Instruction, Op, Operand, Program, Signs};
 use hamel_runtime::math::kernel::{BOUND, FUSED};
 
 use crate::calls::Call;
@@ -103,6 +103,7 @@ struct Writer<'a, 'b, I> {
     imports: &'a mut I,
     constants: &'a mut Constants,
     numbers: &'a [Constant],
+    n_slots: usize,
     width: Width,
     pointers: Vec<Value>,
     values: Vec<Value>,
@@ -113,7 +114,7 @@ struct Writer<'a, 'b, I> {
 /// Writes a function of a program.
 pub(crate) fn translate<I: Imports>(
     function: &Function,
-    numbers: &[Constant],
+    program: &Program,
     width: Width,
     into: (&mut ir::Function, &mut FunctionBuilderContext),
     pointer: Type,
@@ -131,7 +132,8 @@ pub(crate) fn translate<I: Imports>(
         builder,
         imports,
         constants: &mut constants,
-        numbers,
+        numbers: &program.constants,
+        n_slots: program.prepare.slots.len(),
         width,
         pointers,
         values: Vec::new(),
@@ -210,6 +212,8 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
             Operand::Constant(i) => self.constant(self.numbers[i as usize].value()),
             Operand::Param(i) => self.load(Pointer::Params, number(i)),
             Operand::Slot(i) => self.load(Pointer::Prepared, number(i)),
+            // Inputs are behind the prepared numbers.
+            Operand::Input(i) => self.load(Pointer::Prepared, self.n_slots * self.width.stride() + number(i)),
             Operand::Time => self.load(Pointer::Time, 0),
             Operand::State(i) => self.load(Pointer::State, number(i)),
             Operand::Argument(i) => self.load(Pointer::Argument, number(i)),

@@ -51,6 +51,11 @@
 //!   hundred steps a period, `Taylor` in ten).
 //! - [`Dual`]: derivatives along one direction, exact but for rounding.
 //!
+//! # Inputs
+//!
+//! A system that is moved from outside is [`Controlled`]: its inputs are held, or driven as [`WithInput`] by a
+//! [`Signal`], a closure of time and state or a [`Table`].
+//!
 //! # Features
 //!
 //! - `std` (default): elementary functions from the standard library.
@@ -82,6 +87,7 @@ mod dual;
 mod error;
 mod events;
 mod implicit;
+mod inputs;
 mod integrator;
 mod jet;
 #[cfg(feature = "lanes")]
@@ -95,6 +101,7 @@ mod options;
 mod products;
 mod real;
 mod system;
+mod table;
 mod variational;
 
 pub use adjoint::{Adjoint, AdjointStats, Checkpoint, DiscreteAdjoint};
@@ -103,6 +110,7 @@ pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
 pub use events::{Action, Direction, Event, Events, Observer};
 pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
+pub use inputs::{Controlled, InputDifferentiable, Signal, SignalOverScalar, WithInput};
 pub use integrator::{Integrator, Progress, Stats};
 pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 #[cfg(feature = "lanes")]
@@ -126,6 +134,7 @@ pub use system::{
     Circles, Differentiable, OutputInfo, OverScalar, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage,
     StateVector, System,
 };
+pub use table::{Interpolation, Table, TableError};
 pub use variational::Variational;
 
 /// Includes a module that a build script generated with `hamel_codegen`, by the name of the file in `OUT_DIR` without

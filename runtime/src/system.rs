@@ -432,6 +432,20 @@ pub trait Scene<R: Real>: System<R> + Sized {
         let _ = (t, y, gradients);
     }
 
+    /// Inputs in the order of [`hold_inputs_of`](Self::hold_inputs_of); none if the scene takes none.
+    const INPUTS_OF: &'static [ParamInfo] = &[];
+
+    /// Holds the inputs at these values, as [`Controlled::hold_inputs`](crate::Controlled::hold_inputs).
+    ///
+    /// For drivers that serve any scene.
+    ///
+    /// # Shapes
+    ///
+    /// values: \[`INPUTS_OF.len()`\].
+    fn hold_inputs_of(&mut self, values: &[R]) {
+        let _ = values;
+    }
+
     /// Number of exact flows whose generators add up to the right-hand side; zero if the scene was generated without
     /// them.
     const N_FLOWS: usize = 0;

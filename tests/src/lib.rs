@@ -32,6 +32,8 @@ mod docs {
     pub struct Momenta;
     #[doc = include_str!("../../docs/book/emitted-code.md")]
     pub struct EmittedCode;
+    #[doc = include_str!("../../docs/book/controls.md")]
+    pub struct Controls;
     #[doc = include_str!("../../docs/book/fluids.md")]
     pub struct Fluids;
     #[doc = include_str!("../../docs/book/integrators.md")]

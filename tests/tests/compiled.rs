@@ -25,8 +25,11 @@ fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
         let spread = if round == 0 { 0.0 } else { 0.05 };
         let params: Vec<f64> =
             info.params.iter().map(|p| p.default * (1.0 + spread * random.number())).collect();
-        let interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
-        let compiled = S::prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
+        let mut interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
+        let mut compiled = S::prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
+        let inputs: Vec<f64> = S::INPUTS_OF.iter().map(|_| random.number()).collect();
+        interpreter.set_inputs(&inputs);
+        compiled.hold_inputs_of(&inputs);
         let mut y = zeros.clone();
         // Inside (0, 1): every coordinate is in its domain there.
         y.as_mut_slice().iter_mut().for_each(|x| *x = 0.5 + 0.45 * random.number());

@@ -46,9 +46,9 @@ pub struct Arguments {
 /// # Errors
 /// Everything that can be wrong with names, the request, parameters and states.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let file = session.find(&arguments.scene.model)?;
+    let file = arguments.scene.find(session)?;
     let text = read_request("{\"states\": [{\"Omega1\": 0.1, ..}]}")?;
-    let mut backend = arguments.scene.choice().open(&file)?;
+    let mut backend = arguments.scene.choice()?.open(&file)?;
     if !EvalRequest::has_other_names(&text, backend.info())? {
         return eval_text(&mut *backend, &text);
     }

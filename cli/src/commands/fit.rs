@@ -89,7 +89,7 @@ const CURVE: usize = 1001;
 /// Everything that can be wrong with names, the table, the motion and the fit.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let target = arguments.output.as_deref().map(Target::new).transpose()?;
-    let (file, choice) = (session.find(&arguments.scene.model)?, arguments.scene.choice());
+    let (file, choice) = (arguments.scene.find(session)?, arguments.scene.choice()?);
     let model = file.model()?;
     let motion = &arguments.motion;
     let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)

@@ -10,6 +10,7 @@ pub mod explain;
 pub mod fit;
 pub mod fmt;
 pub mod generate;
+pub mod linearize;
 pub mod list;
 pub mod lsp;
 pub mod man;
@@ -53,6 +54,8 @@ pub enum Command {
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Fit(fit::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
+    Linearize(linearize::Arguments),
+    #[allow(missing_docs, reason = "help is that of the arguments")]
     Report(report::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Check(check::Arguments),
@@ -80,6 +83,7 @@ impl Command {
             Command::Simulate(arguments) => simulate::run(session, arguments),
             Command::Ensemble(arguments) => ensemble::run(session, arguments),
             Command::Fit(arguments) => fit::run(session, arguments),
+            Command::Linearize(arguments) => linearize::run(session, arguments),
             Command::Report(arguments) => report::run(session, arguments),
             Command::Check(arguments) => check::run(session, arguments),
             Command::Fmt(arguments) => fmt::run(arguments),

@@ -3,14 +3,19 @@
 //! Does not know: what a command does with them.
 
 use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
 
 use clap::Args;
 
-use crate::error::Problem;
+use crate::error::{Error, Problem};
+use crate::request::table::Table;
 use crate::run::choice::{Choice, Via};
 use crate::run::forms::Forms;
 use crate::run::info::Info;
+use crate::run::inputs::{Between, InputTable};
 use crate::run::method::MethodName;
+use crate::session::{ModelFile, Session};
 
 /// Which scene of which model, and who evaluates it.
 #[derive(Clone, Debug, Args)]
@@ -24,12 +29,75 @@ pub struct SceneOptions {
     /// it), or the interpreter; values have the same bits [default: jit]
     #[arg(long, value_enum)]
     pub via: Option<Via>,
+    /// What drives the inputs.
+    #[command(flatten)]
+    pub inputs: InputOptions,
+}
+
+/// What drives the inputs of a model.
+#[derive(Clone, Debug, Default, Args)]
+pub struct InputOptions {
+    /// An input by an expression of the model's language in `t`, coordinates, velocities and parameters, or inputs by a
+    /// table, a .csv with the columns `t` and names of inputs; the others are held; may be repeated
+    #[arg(long = "input", value_name = "NAME=EXPRESSION|FILE.csv")]
+    pub input: Vec<String>,
+    /// What is between the rows of a table of inputs
+    #[arg(long, value_enum, default_value_t, requires = "input")]
+    pub interpolation: Between,
+}
+
+impl InputOptions {
+    /// A model with the inputs that expressions drive.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for what is neither an expression with a name nor a table.
+    pub fn drive<'s>(&self, file: ModelFile<'s>) -> Result<ModelFile<'s>, Error> {
+        let mut driven = Vec::new();
+        for input in self.input.iter().filter(|input| !is_table(input)) {
+            let Some((name, value)) = input.split_once('=') else {
+                let reason = format!("is {input:?}: write name=expression, or the name of a .csv");
+                return Err(Error::unusable("--input", reason));
+            };
+            driven.push((name.trim().to_owned(), value.trim().to_owned()));
+        }
+        Ok(if driven.is_empty() { file } else { file.driven(&driven) })
+    }
+
+    /// The table, if one is given.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for a second one, and for what is no table; [`Error::Io`].
+    pub fn table(&self) -> Result<Option<Arc<InputTable>>, Error> {
+        let mut tables = self.input.iter().filter(|input| is_table(input));
+        let Some(path) = tables.next() else { return Ok(None) };
+        if tables.next().is_some() {
+            return Err(Error::unusable("--input", "has two tables: put their columns into one"));
+        }
+        let (names, rows) = Table::read(Path::new(path))?.full()?;
+        Ok(Some(Arc::new(InputTable::new(path, &names, &rows, self.interpolation)?)))
+    }
+}
+
+/// Whether inputs are given by a table.
+fn is_table(input: &str) -> bool {
+    !input.contains('=') && Path::new(input).extension().is_some_and(|ending| ending == "csv")
 }
 
 impl SceneOptions {
     /// The scene and who evaluates it.
-    pub fn choice(&self) -> Choice {
-        Choice { scene: self.scene.clone(), via: self.via }
+    ///
+    /// # Errors
+    /// As [`InputOptions::table`].
+    pub fn choice(&self) -> Result<Choice, Error> {
+        Ok(Choice { scene: self.scene.clone(), via: self.via, table: self.inputs.table()? })
+    }
+
+    /// The file of the model, whose inputs are driven as the options say.
+    ///
+    /// # Errors
+    /// Unknown models, and as [`InputOptions::drive`].
+    pub fn find<'s>(&self, session: &'s Session) -> Result<ModelFile<'s>, Error> {
+        self.inputs.drive(session.find(&self.model)?)
     }
 }
 

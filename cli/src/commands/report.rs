@@ -11,7 +11,7 @@ use clap::Args;
 use hamel_codegen::config::{Bundle, Config, write_atomically};
 use hamel_codegen::spec::MatrixFluid;
 
-use super::options::duration;
+use super::options::{InputOptions, duration};
 use crate::error::Error;
 use crate::model::{self, Checked, blocks, roles};
 use crate::output::fields::{fields, vorticity};
@@ -48,6 +48,9 @@ pub struct Arguments {
     /// Name of the scene
     #[arg(long, default_value = "default")]
     pub scene: String,
+    /// What drives the inputs.
+    #[command(flatten)]
+    pub inputs: InputOptions,
     /// File to write [default: the model's name with .html]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -70,7 +73,7 @@ pub struct Arguments {
 /// Unknown names, problems of the model, a motion that cannot be integrated, and files.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let clock = Instant::now();
-    let file = session.find(&arguments.model)?;
+    let file = arguments.inputs.drive(session.find(&arguments.model)?)?;
     let (page, motion) = match file.fluid()? {
         Some(fluid) => of_matrices(&fluid, file.text()?.into_owned(), arguments)?,
         None => {
@@ -142,7 +145,10 @@ fn of_matrices(
 fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> {
     let params = roles::all_params(model, &arguments.scene, &BTreeMap::new());
     let (roles, preferred) = (roles::roles(model, &params), roles::initial_values(model, &params));
-    let full = interpreted::build_pictured(model, &arguments.scene)?.in_memory();
+    let mut full = interpreted::build_pictured(model, &arguments.scene)?.in_memory();
+    if let Some(table) = arguments.inputs.table()? {
+        full = full.driven_by(&table)?;
+    }
     let watched = full.watched();
     let mut full = Local::new(full);
     let info = full.info().clone();

@@ -230,7 +230,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
 
 /// The answer to a JSON request.
 fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
-    let (file, choice) = (session.find(&scene.model)?, scene.choice());
+    let (file, choice) = (scene.find(session)?, scene.choice()?);
     let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
     let (reconstructs, asking) =
         (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asking_method(&text)?);
@@ -316,12 +316,12 @@ fn n_group(info: &Info, model: &Model) -> Result<usize, Error> {
 }
 
 fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let file = session.find(&arguments.scene.model)?;
+    let file = arguments.scene.find(session)?;
     let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
     let of_events: Vec<EventTarget> =
         arguments.events.iter().map(|p| EventTarget::new(p)).collect::<Result<_, _>>()?;
     let model = file.model()?;
-    let mut choice = arguments.scene.choice();
+    let mut choice = arguments.scene.choice()?;
     if arguments.reconstruct {
         choice = choice.reconstructing(model, "--reconstruct")?;
     }
@@ -371,6 +371,10 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         return Err(Error::unusable("--samples", reason));
     }
     let watched = Watched::new(model, &info, &arguments.section, "--section")?;
+    if choice.table.is_some() && !along.is_empty() && watched.is_some() {
+        let reason = "is not carried through events whose inputs are in a table: drive them by expressions";
+        return Err(Error::unusable("--sensitivity", reason));
+    }
     let plane = plane(&info, &arguments.plane)?;
     let (params, initial) = Starts::new(model, &info, forms)?.choose(&mut *backend, &set, &given)?;
     let request = SimulateRequest {

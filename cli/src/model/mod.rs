@@ -4,6 +4,7 @@
 
 pub mod blocks;
 mod checked;
+mod extended;
 pub mod roles;
 pub mod spelling;
 pub mod units;
@@ -17,11 +18,15 @@ pub use hamel_codegen::spec::Model;
 use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Want, Wanted};
 
 pub use checked::Checked;
+pub use extended::{first_message, is_one_expression, with_items};
 
 use crate::error::Error;
 
 /// Name of the scene that every model has.
 pub const DEFAULT_SCENE: &str = scene::DEFAULT;
+
+/// Name of the scene that takes all inputs of its model.
+pub const CONTROLLED_SCENE: &str = scene::CONTROLLED;
 
 /// Name of the scene that a simulation with the group's coordinates runs.
 pub const RECONSTRUCTION_SCENE: &str = scene::RECONSTRUCTION;

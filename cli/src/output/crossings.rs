@@ -116,6 +116,7 @@ mod tests {
             state: vec!["x".into(), "v".into()],
             momenta: Vec::new(),
             params: Vec::new(),
+            inputs: Vec::new(),
             outputs: Vec::new(),
             has_energy: false,
             conserves_energy: false,

@@ -3,7 +3,11 @@
 //!
 //! Does not know: requests, what is asked of the scene.
 
+use std::sync::Arc;
+
 use super::backend::{Backend, Local};
+use super::dynamics::Factory as _;
+use super::inputs::InputTable;
 use super::method::MethodName;
 use super::remote::Remote;
 use super::{interpreted, machine};
@@ -30,6 +34,8 @@ pub struct Choice {
     pub scene: String,
     /// Who evaluates it; machine code made in this process unless it is given.
     pub via: Option<Via>,
+    /// Inputs from a table.
+    pub table: Option<Arc<InputTable>>,
 }
 
 impl Choice {
@@ -67,7 +73,7 @@ impl Choice {
     pub fn via(&self, file: &ModelFile<'_>) -> Via {
         match self.via {
             Some(Via::Interpreter) => Via::Interpreter,
-            Some(Via::Compiled) if file.repository().is_some() => Via::Compiled,
+            Some(Via::Compiled) if file.repository().is_some() && self.table.is_none() => Via::Compiled,
             None if !machine::IS_THERE => Via::Interpreter,
             Some(Via::Compiled | Via::Jit) | None => Via::Jit,
         }
@@ -102,14 +108,26 @@ impl Choice {
         if let (Via::Compiled, Some(repository)) = (via, file.repository()) {
             return Ok(Box::new(Remote::open(repository, file.name(), &self.scene)?));
         }
-        if self.via == Some(Via::Compiled) {
+        if self.via == Some(Via::Compiled) && (self.table.is_some() || file.is_driven()) {
+            eprintln!("note: {} is compiled in memory: rustc's module has other inputs", file.shown());
+        } else if self.via == Some(Via::Compiled) {
             eprintln!(
                 "note: {} is compiled in memory: rustc compiles the models of hamel's repository, for programs started \
                  inside it",
                 file.shown()
             );
         }
-        let built = interpreted::build(file.model()?, &self.scene)?;
+        let mut built = interpreted::build(file.model()?, &self.scene)?;
+        if let Some(table) = &self.table {
+            // The default scene takes no inputs unless the model says so; the one that does has the same besides.
+            if self.scene == model::DEFAULT_SCENE
+                && !table.fits(built.info())
+                && !file.model()?.inputs.is_empty()
+            {
+                built = interpreted::build(file.model()?, model::CONTROLLED_SCENE)?;
+            }
+            built = built.driven_by(table)?;
+        }
         Ok(Box::new(Local::new(if via == Via::Jit { built.in_memory() } else { built })))
     }
 }

@@ -50,6 +50,12 @@ pub trait Dynamics {
         lane_by_lane(z, dz, |k, z, dz| self.rhs_on_circles(t.lane(k), z, dz));
     }
 
+    /// The inputs at a time, where a table drives them; none where they are held.
+    fn inputs_at(&self, t: f64) -> Option<Vec<f64>> {
+        let _ = t;
+        None
+    }
+
     /// Energy, when the scene computes it.
     fn energy(&self, t: f64, y: &[f64]) -> Option<f64>;
 

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how steps are made, which events there are.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use hamel_codegen::scene::{Interpreter, SceneEvent};
@@ -72,6 +73,17 @@ impl<'r, 'a> Watcher<'r, 'a> {
         })
     }
 
+    /// What evaluates the events, with the inputs of a time.
+    fn at<'i>(&self, interpreter: &'i Interpreter<'a>, t: f64) -> Cow<'i, Interpreter<'a>> {
+        let Some(inputs) = self.dynamics.inputs_at(t).filter(|inputs| inputs.len() == interpreter.n_inputs())
+        else {
+            return Cow::Borrowed(interpreter);
+        };
+        let mut interpreter = interpreter.clone();
+        interpreter.set_inputs(&inputs);
+        Cow::Owned(interpreter)
+    }
+
     /// The changes of sign that are watched for.
     pub(super) fn directions<const K: usize>(&self) -> [Direction; K] {
         let mut directions = [Direction::Either; K];
@@ -104,7 +116,7 @@ impl<'r, 'a> Watcher<'r, 'a> {
                     return stopped(reason);
                 }
             }
-            (None, Some(interpreter)) => interpreter.apply(event, t, z),
+            (None, Some(interpreter)) => self.at(interpreter, t).apply(event, t, z),
             (None, None) => {}
         }
         match self.record.restart(t, &before, &z[..n])? {
@@ -145,7 +157,8 @@ impl<const K: usize> Observer<f64, VecState, K> for Watcher<'_, '_> {
         // What is not watched never changes its sign.
         let mut values = [1.0; K];
         let own = &state.0[..self.n_own];
-        let found = self.interpreter.as_ref().and_then(|interpreter| interpreter.events(t, own));
+        let interpreter = self.interpreter.as_ref();
+        let found = interpreter.and_then(|interpreter| self.at(interpreter, t).events(t, own));
         for ((out, value), (_, is_watched)) in values.iter_mut().zip(found.unwrap_or_default()).zip(&self.own)
         {
             if *is_watched {

@@ -20,6 +20,9 @@ pub struct Info {
     pub momenta: Vec<String>,
     /// Free parameters in order.
     pub params: Vec<ParamEntry>,
+    /// Inputs that the scene takes, with the values that they are held at.
+    #[serde(default)]
+    pub inputs: Vec<ParamEntry>,
     /// Groups of outputs in the order of [`Dynamics::outputs`](super::dynamics::Dynamics::outputs).
     pub outputs: Vec<OutputEntry>,
     /// Whether [`Dynamics::energy`](super::dynamics::Dynamics::energy) has a value.
@@ -104,6 +107,7 @@ impl Info {
             state: owned(info.state),
             momenta: Vec::new(),
             params: info.params.iter().map(param).collect(),
+            inputs: S::INPUTS_OF.iter().map(param).collect(),
             outputs: info.outputs.iter().map(output).collect(),
             has_energy: info.has_energy,
             conserves_energy: S::CONSERVES_ENERGY,

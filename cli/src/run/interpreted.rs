@@ -3,6 +3,7 @@
 //!
 //! Does not know: commands, files, JSON.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::ops::Deref;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -19,6 +20,7 @@ use super::dynamics::{
     SideBySide, VecState, lane_by_lane,
 };
 use super::info::{Info, OutputEntry, ParamEntry};
+use super::inputs::{Drive, InputTable};
 use super::machine::{self, Compiled};
 use super::watched::Watched;
 use crate::cache::Cache;
@@ -65,7 +67,7 @@ impl Runnable {
     /// On lanes with parameters of their own; none where the program is interpreted.
     fn prepare_lanes(&self, params: &[F64x4]) -> Option<Result<OnLanes<'_>, ViolatedCondition>> {
         let compiled = self.compiled.as_ref()?;
-        Some(self.executable.prepare_on(compiled, params).map(OnLanes))
+        Some(self.executable.prepare_on(compiled, params).map(|on| OnLanes(Driving::held(on))))
     }
 }
 
@@ -92,6 +94,8 @@ pub struct Built {
     executable: Runnable,
     /// Whether what is derived later is compiled, too.
     is_in_memory: bool,
+    /// What drives the inputs; none where they are held.
+    drive: Drive,
     info: Info,
     /// The scene with its equations, when something else is to be derived from them.
     derived: OnceLock<Option<BuiltScene>>,
@@ -123,6 +127,7 @@ impl Stored {
             state: scene.state_names(),
             momenta: momenta(scene),
             params: scene.params().iter().map(param).collect(),
+            inputs: scene.equations.system.inputs.iter().map(param).collect(),
             outputs: scene.outputs().iter().map(output_entry).collect(),
             has_energy: scene.has_energy(),
             conserves_energy: scene.has_energy() && scene.equations.facts.energy_is_conserved,
@@ -183,6 +188,7 @@ impl Built {
             model: Arc::clone(model),
             executable: Runnable::new(executable, false),
             is_in_memory: false,
+            drive: None,
             info,
             derived,
             circles: OnceLock::new(),
@@ -198,17 +204,27 @@ impl Built {
         if !machine::IS_THERE {
             return self;
         }
-        let Built { model, executable: Runnable { executable, .. }, info, derived, .. } = self;
+        let Built { model, executable: Runnable { executable, .. }, drive, info, derived, .. } = self;
         Built {
             model,
             executable: Runnable::new(executable, true),
             is_in_memory: true,
+            drive,
             info,
             derived,
             circles: OnceLock::new(),
             invariants: OnceLock::new(),
             splitting: OnceLock::new(),
         }
+    }
+
+    /// The same scene with inputs from a table.
+    ///
+    /// # Errors
+    /// As [`InputTable::of_scene`].
+    pub fn driven_by(self, table: &InputTable) -> Result<Built, Error> {
+        let drive = Some(Arc::new(table.of_scene(&self.info)?));
+        Ok(Built { drive, ..self })
     }
 
     fn circles(&self) -> Option<&RunnableCircles> {
@@ -301,7 +317,7 @@ impl Factory for Built {
         Ok(PreparedScene::new(Interpreted {
             built: self,
             params: values.to_vec(),
-            interpreter,
+            interpreter: Driving { interpreter, drive: self.drive.clone() },
             jet: OnceLock::new(),
             invariants: OnceLock::new(),
             splitting: OnceLock::new(),
@@ -311,52 +327,83 @@ impl Factory for Built {
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
         match self.executable.prepare_lanes(values) {
-            Some(lanes) => Ok(Box::new(lanes.map_err(bad_params)?)),
+            Some(lanes) => Ok(Box::new(lanes.map_err(bad_params)?.driven(&self.drive))),
             None => SideBySide::boxed(self, values),
         }
     }
 
     fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {
-        Ok(Box::new(self.executable.prepare_over(values).map_err(bad_params)?))
+        let interpreter = self.executable.prepare_over(values).map_err(bad_params)?;
+        Ok(Box::new(Driving { interpreter, drive: self.drive.clone() }))
     }
 }
 
-impl DualDynamics for Interpreter<'_, Dual> {
+/// What evaluates a scene, with what drives its inputs.
+#[derive(Clone, Debug)]
+struct Driving<'a, R = f64> {
+    interpreter: Interpreter<'a, R>,
+    drive: Drive,
+}
+
+impl<'a, R: Real> Driving<'a, R> {
+    /// With inputs that stay where they are held.
+    fn held(interpreter: Interpreter<'a, R>) -> Driving<'a, R> {
+        Driving { interpreter, drive: None }
+    }
+
+    /// What evaluates the scene with the inputs of a time.
+    fn at(&self, t: R) -> Cow<'_, Interpreter<'a, R>> {
+        let Some(drive) = &self.drive else { return Cow::Borrowed(&self.interpreter) };
+        let mut interpreter = self.interpreter.clone();
+        interpreter.set_inputs(&drive.at(t));
+        Cow::Owned(interpreter)
+    }
+}
+
+impl DualDynamics for Driving<'_, Dual> {
     fn rhs(&self, t: Dual, y: &[Dual], dy: &mut [Dual]) {
-        self.rhs(t, y, dy);
+        self.at(t).rhs(t, y, dy);
     }
 
     fn energy(&self, t: Dual, y: &[Dual]) -> Option<Dual> {
-        self.energy(t, y)
+        self.at(t).energy(t, y)
     }
 
     fn outputs(&self, t: Dual, y: &[Dual]) -> Vec<Dual> {
-        self.outputs(t, y)
+        self.at(t).outputs(t, y)
     }
 }
 
 /// The machine code of a scene on lanes.
-struct OnLanes<'a>(Interpreter<'a, F64x4>);
+struct OnLanes<'a>(Driving<'a, F64x4>);
+
+impl OnLanes<'_> {
+    /// The same with other inputs.
+    fn driven(mut self, drive: &Drive) -> Self {
+        self.0.drive.clone_from(drive);
+        self
+    }
+}
 
 impl LaneDynamics for OnLanes<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
-        self.0.rhs(t, &y.0, &mut dy.0);
+        self.0.at(t).rhs(t, &y.0, &mut dy.0);
     }
 
     fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        check(&self.0, t, &y.0)
+        check(&self.0.at(t), t, &y.0)
     }
 
     fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        domain(&self.0, t, &y.0)
+        domain(&self.0.at(t), t, &y.0)
     }
 
     fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
-        self.0.signature(t, &y.0)
+        self.0.at(t).signature(t, &y.0)
     }
 
     fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
-        pivots(&self.0, t, &y.0, visit);
+        pivots(&self.0.at(t), t, &y.0, visit);
     }
 }
 
@@ -382,7 +429,7 @@ fn pivots<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R], visit: &mut 
 struct Interpreted<'a> {
     built: &'a Built,
     params: Vec<f64>,
-    interpreter: Interpreter<'a>,
+    interpreter: Driving<'a>,
     /// The recurrence of Taylor coefficients, derived when first asked for.
     jet: OnceLock<Option<Jet>>,
     /// The interpreter of the scene with invariants.
@@ -411,7 +458,11 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
-        self.interpreter.rhs(t, y, dy);
+        self.interpreter.at(t).rhs(t, y, dy);
+    }
+
+    fn inputs_at(&self, t: f64) -> Option<Vec<f64>> {
+        self.built.drive.as_ref().map(|drive| drive.at(t))
     }
 
     fn n_circles(&self) -> usize {
@@ -420,20 +471,20 @@ impl Dynamics for Interpreted<'_> {
 
     fn on_circles(&self, y: &[f64], z: &mut [f64]) {
         if let Some(found) = self.built.circles() {
-            self.interpreter.on_circles_by(found.run(), &found.circles, y, z);
+            self.interpreter.interpreter.on_circles_by(found.run(), &found.circles, y, z);
         }
     }
 
     fn rhs_on_circles(&self, t: f64, z: &[f64], dz: &mut [f64]) {
         if let Some(found) = self.built.circles() {
-            self.interpreter.rhs_on_circles_by(found.run(), t, z, dz);
+            self.interpreter.at(t).rhs_on_circles_by(found.run(), t, z, dz);
         }
     }
 
     fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
         let on_lanes = || {
             let params: Vec<F64x4> = self.params.iter().copied().map(F64x4::splat).collect();
-            self.built.executable.prepare_lanes(&params)?.ok()
+            Some(self.built.executable.prepare_lanes(&params)?.ok()?.driven(&self.built.drive))
         };
         match self.lanes.get_or_init(on_lanes) {
             Some(lanes) => lanes.rhs(t, y, dy),
@@ -442,23 +493,27 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {
-        self.interpreter.energy(t, y)
+        self.interpreter.at(t).energy(t, y)
     }
 
     fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
-        self.interpreter.outputs(t, y)
+        self.interpreter.at(t).outputs(t, y)
     }
 
     fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool {
+        // A table has no series beyond its next row.
+        if self.built.drive.is_some() {
+            return false;
+        }
         let Some(jet) = self.jet.get_or_init(|| self.built.executable.jet().ok()) else { return false };
         let mut out: Vec<&mut [f64]> = out.iter_mut().map(|state| state.0.as_mut_slice()).collect();
-        self.interpreter.series(jet, t, y, &mut out);
+        self.interpreter.interpreter.series(jet, t, y, &mut out);
         true
     }
 
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]) {
         let mut rows: Vec<&mut [f64]> = rows.iter_mut().map(|row| row.0.as_mut_slice()).collect();
-        self.interpreter.rhs_jacobian(t, y, &mut rows);
+        self.interpreter.at(t).rhs_jacobian(t, y, &mut rows);
     }
 
     fn rhs_cost(&self) -> Option<u64> {
@@ -492,19 +547,19 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
-        check(&self.interpreter, t, y)
+        check(&self.interpreter.at(t), t, y)
     }
 
     fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
-        domain(&self.interpreter, t, y)
+        domain(&self.interpreter.at(t), t, y)
     }
 
     fn signature(&self, t: f64, y: &[f64]) -> f64 {
-        self.interpreter.signature(t, y)
+        self.interpreter.at(t).signature(t, y)
     }
 
     fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>)) {
-        pivots(&self.interpreter, t, y, visit);
+        pivots(&self.interpreter.at(t), t, y, visit);
     }
 }
 

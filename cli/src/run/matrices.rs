@@ -27,6 +27,7 @@ pub fn info(fluid: &MatrixFluid) -> Info {
         state: fluid.modes.iter().map(|m| m.name.clone()).collect(),
         momenta: Vec::new(),
         params: Vec::new(),
+        inputs: Vec::new(),
         outputs: if casimirs.is_empty() { Vec::new() } else { vec![group(casimirs)] },
         has_energy: true,
         conserves_energy: true,

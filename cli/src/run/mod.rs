@@ -15,6 +15,7 @@ mod events;
 pub mod fit;
 pub mod forms;
 pub mod info;
+pub mod inputs;
 mod inside;
 pub mod integrate;
 pub mod interpreted;

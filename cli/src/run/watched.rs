@@ -7,12 +7,12 @@
 //! Does not know: how steps are made, how a request was written.
 
 use hamel_codegen::scene::{self, Executable};
-use hamel_codegen::spec::{self, Diagnostics};
+use hamel_codegen::spec;
 use serde::{Deserialize, Serialize};
 
 use super::info::Info;
 use crate::error::Error;
-use crate::model::{Checked, Model};
+use crate::model::{Checked, Model, first_message, is_one_expression, with_items};
 
 /// An event on the way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -104,30 +104,14 @@ fn extended(model: &Checked, sections: &[String], path: &str) -> Result<Model, E
     };
     let mut items = String::new();
     for (k, section) in sections.iter().enumerate() {
-        if section.contains([';', '{', '}', '\n']) || section.contains("//") || section.contains("/*") {
+        if !is_one_expression(section) {
             let reason = format!("is {section:?}: give one expression, with `rising` or `falling` behind it");
             return Err(Error::unusable(path, reason));
         }
         items.push_str(&format!("\nevent {SECTION}{} = {section};", k + 1));
     }
-    // The end of the model: the last brace that is no part of a comment.
-    let mut end = None;
-    let mut start = 0;
-    for line in origin.text.split_inclusive('\n') {
-        let code = line.split("//").next().unwrap_or(line);
-        end = code.rfind('}').map(|at| start + at).or(end);
-        start += line.len();
-    }
-    let mut text = origin.text.clone();
-    text.insert_str(end.unwrap_or(text.len()), &items);
+    let text = with_items(&origin.text, &items);
     // The budget is that of the model, which was within it.
     spec::parse_within(model.graph.budget(), path, &text)
         .map_err(|problems| Error::unusable(path, first_message(&problems)))
-}
-
-/// The first of some problems, with its help.
-fn first_message(problems: &Diagnostics) -> String {
-    let Some(problem) = problems.iter().next() else { return String::new() };
-    let help = problem.help.as_ref().map(|help| format!(": {help}")).unwrap_or_default();
-    format!("{}{help}", problem.message)
 }

@@ -28,6 +28,9 @@ const PARAMS_PULL_BACK: &str = "sensitivity_vjp";
 /// The output with the functions of events.
 const EVENTS: &str = "events";
 
+/// The field with the values that inputs are held at.
+pub(super) const INPUTS: &str = "inputs";
+
 /// The constant with the variables of the implicit form.
 pub(super) const IMPLICIT: &str = "IMPLICIT";
 /// The matrix of the derivatives of the implicit form.
@@ -90,6 +93,8 @@ pub(super) struct Routine<'a> {
     pub(super) state: Vec<Option<String>>,
     /// The same for components of the function's own vector.
     pub(super) argument: Vec<Option<String>>,
+    /// The same for inputs.
+    pub(super) inputs: Vec<Option<String>>,
     /// What comes after the straight-line code, where something does.
     pub(super) loops: Option<Loops>,
 }
@@ -192,6 +197,7 @@ impl<'a> Module<'a> {
         text: &'a SceneText,
     ) -> Result<Module<'a>, Error> {
         expect_size("list of documented parameters", text.params.len(), program.params.len())?;
+        expect_size("list of documented inputs", text.inputs.len(), program.inputs.len())?;
         expect_size("list of documented state components", text.state.len(), program.state.len())?;
         let mut constants: Vec<String> = text.matrices.iter().map(|m| dialect.places(&m.name)).collect();
         let tables: Vec<String> = (0..program.tables.len()).map(|k| dialect.table(k)).collect();
@@ -366,7 +372,7 @@ impl<'a> Module<'a> {
     }
 
     /// The function that computes a matrix.
-    fn matrix_function(&self, name: &str) -> Option<&str> {
+    pub(super) fn matrix_function(&self, name: &str) -> Option<&str> {
         let mut matrices = self.outputs.iter().filter_map(|o| o.matrix.as_ref());
         matrices.find(|(matrix, _)| matrix.name == name).map(|(_, function)| function.as_str())
     }
@@ -390,7 +396,9 @@ pub(super) struct Names {
 
 impl Names {
     fn new(dialect: &impl Dialect, program: &Program) -> Names {
-        let mut scope = Scope::with(dialect, []);
+        // What holds the inputs is a field, too.
+        let of_inputs = (!program.inputs.is_empty()).then_some(INPUTS);
+        let mut scope = Scope::with(dialect, of_inputs);
         let fields = scope.add_all(program.params.iter().map(String::as_str));
         let mut name = |slot: &crate::program::Slot| match &slot.name {
             Some(name) => scope.add(name),
@@ -415,13 +423,14 @@ impl<'a> Routine<'a> {
         };
         let state = scope.add_all(in_scope.iter().map(String::as_str));
         let argument = scope.add_all(function.argument.iter().map(String::as_str));
+        let inputs = scope.add_all(program.inputs.iter().map(|(name, _)| name.as_str()));
         let mut loops = Loops::new(function, &mut scope);
         let results: Vec<Operand> = function.outputs().collect();
         let instructions = &function.instructions;
         let segments = Segment::sections(program, instructions);
         let name = |operand: Operand| match (operand, &loops) {
             (Operand::Contracted(i), Some(loops)) => loops.element(dialect, function, i),
-            _ => spell(dialect, (&names.fields, &names.slots), (&state, &argument), operand),
+            _ => spell(dialect, (&names.fields, &names.slots), (&state, &argument, &inputs), operand),
         };
         let mut code = Code::new(dialect, program, instructions, &segments, &results, &mut scope, name);
         if let Some(loops) = &mut loops {
@@ -432,7 +441,8 @@ impl<'a> Routine<'a> {
             names.map(|(name, i)| code.reads.contains(&operand(i)).then_some(name)).collect()
         };
         let (state, argument) = (read(state, Operand::State), read(argument, Operand::Argument));
-        Routine { function, code, state, argument, loops }
+        let inputs = read(inputs, Operand::Input);
+        Routine { function, code, state, argument, inputs, loops }
     }
 
     /// Whether a contraction takes factors from there.
@@ -451,6 +461,11 @@ impl<'a> Routine<'a> {
         self.contracts(Factors::Argument)
     }
 
+    /// Whether the code reads an input.
+    pub(super) fn reads_inputs(&self) -> bool {
+        self.inputs.iter().any(Option::is_some)
+    }
+
     /// Whether the code reads the time.
     pub(super) fn reads_time(&self) -> bool {
         self.code.reads.contains(&Operand::Time)
@@ -467,7 +482,7 @@ pub(super) fn variables(dialect: &impl Dialect, constants: &[String]) -> Scope {
 pub(super) fn spell(
     dialect: &impl Dialect,
     (fields, slots): (&[String], &[String]),
-    (state, argument): (&[String], &[String]),
+    (state, argument, inputs): (&[String], &[String], &[String]),
     operand: Operand,
 ) -> String {
     match operand {
@@ -475,6 +490,7 @@ pub(super) fn spell(
         Operand::Slot(i) => dialect.field(&slots[i as usize]),
         Operand::State(i) => state[i as usize].clone(),
         Operand::Argument(i) => argument[i as usize].clone(),
+        Operand::Input(i) => inputs[i as usize].clone(),
         Operand::Time => "t".to_owned(),
         // Values and constants are spelled by the body, sums by the function that has them.
         Operand::Value(_) | Operand::Constant(_) | Operand::Contracted(_) => String::new(),

@@ -12,6 +12,8 @@ pub(super) struct Series<'a> {
     pub(super) jet: &'a Jet,
     /// The variable of each input: the coefficients of the state, sums, kept values, the order and its inverse.
     pub(super) inputs: Vec<String>,
+    /// The variable of each input of the system.
+    pub(super) held: Vec<String>,
     /// Order zero.
     pub(super) start: Part<'a>,
     /// Every other order.
@@ -47,6 +49,7 @@ impl<'a> Series<'a> {
             inputs.push(scope.add(name));
         }
         inputs.extend([ORDER.to_owned(), INVERSE.to_owned()]);
+        let held = scope.add_all(jet.program.inputs.iter().map(|(name, _)| name.as_str()));
         let part = |k: usize| {
             let function = &jet.program.functions[k];
             let mut scope = scope.clone();
@@ -56,7 +59,7 @@ impl<'a> Series<'a> {
             let segments = Segment::sections(&jet.program, instructions);
             let name = |operand: Operand| match (operand, &loops) {
                 (Operand::Contracted(i), Some(loops)) => loops.element(dialect, function, i),
-                _ => spell(dialect, (&module.fields, &module.slots), (&inputs, &[]), operand),
+                _ => spell(dialect, (&module.fields, &module.slots), (&inputs, &[], &held), operand),
             };
             let mut code =
                 Code::new(dialect, &jet.program, instructions, &segments, &results, &mut scope, name);
@@ -66,7 +69,7 @@ impl<'a> Series<'a> {
             Part { function, code, loops }
         };
         let (start, step) = (part(Jet::FIRST), part(Jet::NEXT));
-        Series { jet, inputs, start, step }
+        Series { jet, inputs, held, start, step }
     }
 
     /// Number of the input that is the order, in the recurrence.

@@ -79,6 +79,7 @@ fn pendulum() -> (Program, SceneText) {
     let inputs = Inputs {
         params: params.to_vec(),
         time,
+        held: Vec::new(),
         state: state.to_vec(),
         signs: Default::default(),
         arguments: Default::default(),
@@ -146,6 +147,7 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
     let inputs = Inputs {
         params: vec![],
         time,
+        held: Vec::new(),
         state: vec![x],
         signs: Default::default(),
         circles: vec![],
@@ -175,6 +177,7 @@ fn sines_and_cosines_of_two_angles_are_one_call() {
     let inputs = Inputs {
         params: vec![],
         time,
+        held: Vec::new(),
         state: state.to_vec(),
         signs: Default::default(),
         circles: vec![],
@@ -204,6 +207,7 @@ fn the_angle_of_a_point_is_one_call() {
     let inputs = Inputs {
         params: vec![mass],
         time,
+        held: Vec::new(),
         state: state.to_vec(),
         signs: Default::default(),
         circles: vec![],
@@ -258,6 +262,7 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
     let inputs = Inputs {
         params: vec![],
         time,
+        held: Vec::new(),
         state: vec![x],
         signs: Default::default(),
         circles: vec![],

@@ -26,6 +26,8 @@ pub struct SceneText {
     pub sources: Vec<String>,
     /// Parameters in the order of the program.
     pub params: Vec<ParamText>,
+    /// Inputs in the order of the program.
+    pub inputs: Vec<ParamText>,
     /// Components of the state in the order of the program.
     pub state: Vec<StateText>,
     /// Outputs, the functions [`Role::Output`] of the program.

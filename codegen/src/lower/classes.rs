@@ -11,6 +11,7 @@ use crate::expr::{ExprId, Graph, Node, Section, SymbolId};
 pub(super) enum Class {
     Constant,
     Param,
+    /// Time and inputs.
     Time,
     State,
 }
@@ -36,6 +37,7 @@ impl Classes {
         let mut symbols: HashMap<SymbolId, Class> = HashMap::new();
         symbols.extend(inputs.params.iter().map(|s| (*s, Class::Param)));
         symbols.insert(inputs.time, Class::Time);
+        symbols.extend(inputs.held.iter().map(|(s, _)| (*s, Class::Time)));
         symbols.extend(inputs.state.iter().map(|s| (*s, Class::State)));
         symbols.extend(inputs.arguments.values().flatten().map(|s| (*s, Class::State)));
         let mut classes = Classes { symbols, expressions: HashMap::new() };

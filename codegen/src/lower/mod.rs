@@ -19,7 +19,7 @@ mod values;
 use std::collections::BTreeMap;
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Section, Sign, SymbolId};
+use crate::expr::{ExprId, Graph, Rational, Section, Sign, SymbolId};
 use crate::program::{Program, Relation, Report, Role, Search, Symbols, verify};
 
 pub use budget::SearchBudget;
@@ -37,6 +37,8 @@ pub struct Inputs {
     pub params: Vec<SymbolId>,
     /// Time.
     pub time: SymbolId,
+    /// Inputs, constant in a call, with the values that they are held at where none are given.
+    pub held: Vec<(SymbolId, Rational)>,
     /// Components of the state.
     pub state: Vec<SymbolId>,
     /// Signs of expressions in the parameters: what may be divided by.
@@ -57,7 +59,8 @@ impl Inputs {
 
     /// What the inputs of the program stand for.
     pub fn symbols(&self) -> Symbols<'_> {
-        Symbols { params: &self.params, time: self.time, state: &self.state, arguments: &self.arguments }
+        let Inputs { params, time, held, state, arguments, .. } = self;
+        Symbols { params, time: *time, inputs: held, state, arguments }
     }
 }
 

@@ -33,6 +33,7 @@ fn fixture() -> Fixture {
         inputs: Inputs {
             params: params.to_vec(),
             time,
+            held: Vec::new(),
             state: state.to_vec(),
             signs: BTreeMap::new(),
             arguments: BTreeMap::new(),

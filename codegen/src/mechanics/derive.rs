@@ -123,6 +123,7 @@ impl<'a> Derivation<'a> {
         let mut g = system.graph.clone();
         let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
         let varying = system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied();
+        let varying = varying.chain(system.inputs.iter().map(|input| input.symbol));
         let varying = varying.chain(system.momenta.iter().filter_map(|m| m.symbol)).collect();
         // Points of circles and advected vectors are not zero: functions divide by their lengths.
         let cosines = system.circles.iter().map(|c| c.cosine);

@@ -625,7 +625,8 @@ impl ImplicitForm {
 
     /// Refuses rows that mention what is no variable: a coordinate that a scene leaves out.
     fn require_closed(&self, g: &Graph, system: &ReducedSystem) -> Result<(), Error> {
-        let inputs = self.variables.iter().map(|v| v.symbol).chain(system.params.iter().map(|p| p.symbol));
+        let given = system.params.iter().chain(&system.inputs).map(|p| p.symbol);
+        let inputs = self.variables.iter().map(|v| v.symbol).chain(given);
         let definitions = self.sections.iter().flat_map(|s| &s.definitions);
         let known: BTreeSet<SymbolId> =
             inputs.chain([system.time]).chain(definitions.clone().map(|d| d.symbol)).collect();

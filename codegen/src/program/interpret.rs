@@ -51,8 +51,8 @@ pub trait Run<R>: fmt::Debug + Sync {
     /// Calls a function at a point.
     ///
     /// # Shapes
-    /// params: \[n_params\], prepared: what [`Program::prepare`] returned, state: \[n_state\], argument:
-    /// \[n_argument\], out: \[n_results\].
+    /// params: \[n_params\], prepared: what [`Program::prepare`] returned, with other values for inputs where they
+    /// have others, state: \[n_state\], argument: \[n_argument\], out: \[n_results\].
     ///
     /// # Panics
     /// When the function does not exist or a size is wrong.
@@ -84,6 +84,7 @@ struct Memory<'a, R> {
     constants: Vec<R>,
     params: &'a [R],
     prepared: &'a [R],
+    inputs: &'a [R],
     t: R,
     state: &'a [R],
     argument: &'a [R],
@@ -107,6 +108,7 @@ impl<R: Real> Memory<'_, R> {
             Operand::Param(i) => self.params[i as usize],
             Operand::Slot(i) => self.prepared[i as usize],
             Operand::Time => self.t,
+            Operand::Input(i) => self.inputs[i as usize],
             Operand::State(i) => self.state[i as usize],
             Operand::Argument(i) => self.argument[i as usize],
             Operand::Contracted(i) => self.contracted[i as usize],
@@ -183,7 +185,7 @@ fn apply<R: Real>(f: Func, x: R) -> R {
 }
 
 impl Program {
-    /// Computes the prepared slots.
+    /// Computes the prepared slots, and behind them puts the inputs, held at their defaults.
     ///
     /// # Errors
     /// The first condition on the parameters that does not hold; finiteness comes first, in the order of parameters.
@@ -205,6 +207,7 @@ impl Program {
             constants,
             params,
             prepared: &[],
+            inputs: &[],
             t: R::ZERO,
             state: &[],
             argument: &[],
@@ -226,7 +229,13 @@ impl Program {
                 });
             }
         }
-        Ok(self.prepare.slots.iter().map(|slot| memory.values[slot.value as usize]).collect())
+        let slots = self.prepare.slots.iter().map(|slot| memory.values[slot.value as usize]);
+        Ok(slots.chain(self.inputs.iter().map(|(_, held)| held.value())).collect())
+    }
+
+    /// Number of what [`Program::prepare`] returns.
+    pub fn n_prepared(&self) -> usize {
+        self.prepare.slots.len() + self.inputs.len()
     }
 
     /// Calls a function of time and state.
@@ -306,13 +315,15 @@ impl Program {
         let Point { t, state, argument } = point;
         let function = &self.functions[function_idx];
         assert_eq!(params.len(), self.params.len(), "number of parameters");
-        assert_eq!(prepared.len(), self.prepare.slots.len(), "number of prepared values");
+        assert_eq!(prepared.len(), self.n_prepared(), "number of prepared values");
         assert_eq!(state.len(), self.state.len(), "dimension of the state");
         assert_eq!(argument.len(), function.argument.len(), "dimension of the argument");
         assert_eq!(out.len(), function.results.len(), "number of results");
         let constants = self.constants.iter().map(Constant::value).collect();
         let (values, contracted) = (Vec::new(), Vec::new());
-        let mut memory = Memory { constants, params, prepared, t, state, argument, values, contracted };
+        let (prepared, inputs) = prepared.split_at(self.prepare.slots.len());
+        let mut memory =
+            Memory { constants, params, prepared, inputs, t, state, argument, values, contracted };
         memory.run(&function.instructions);
         if !function.contractions.is_empty() {
             let scalars: Vec<R> = function.scalars.iter().map(|o| memory.read(*o)).collect();

@@ -85,6 +85,8 @@ pub enum Operand {
     Slot(u32),
     /// Time; not in the prepare part.
     Time,
+    /// An input; not in the prepare part.
+    Input(u32),
     /// A component of the state; not in the prepare part.
     State(u32),
     /// A component of the function's own vector besides time and state; see [`Function::argument`].
@@ -278,6 +280,8 @@ pub struct Program {
     pub params: Vec<String>,
     /// Name of the time.
     pub time: String,
+    /// Names of the inputs, and the values that they are held at where none are given.
+    pub inputs: Vec<(String, Constant)>,
     /// Names of the state's components.
     pub state: Vec<String>,
     /// Distinct constants.

@@ -8,7 +8,7 @@ use super::ir::{Constant, Function, Instruction, Op, Operand, Program};
 use super::role::Role;
 use super::table::{Factors, Products};
 use crate::error::Error;
-use crate::expr::{DivisionByZero, ExprId, Graph, Node, SymbolId};
+use crate::expr::{DivisionByZero, ExprId, Graph, Node, Rational, SymbolId};
 
 /// The symbols that the inputs of a program stand for.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +17,8 @@ pub struct Symbols<'a> {
     pub params: &'a [SymbolId],
     /// Time.
     pub time: SymbolId,
+    /// Inputs, and what they are held at.
+    pub inputs: &'a [(SymbolId, Rational)],
     /// Components of the state in the order of the program.
     pub state: &'a [SymbolId],
     /// Components of the vector that a function takes besides time and state, by the function's role.
@@ -94,6 +96,7 @@ impl Program {
             Operand::Param(i) => graph.sym(symbols.params[i as usize]),
             Operand::Slot(i) => slots[i as usize],
             Operand::Time => graph.sym(symbols.time),
+            Operand::Input(i) => graph.sym(symbols.inputs[i as usize].0),
             Operand::State(i) => graph.sym(symbols.state[i as usize]),
             Operand::Argument(i) => graph.sym(argument[i as usize]),
             // Results alone are, and the verifier sees to it.

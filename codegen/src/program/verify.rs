@@ -225,6 +225,7 @@ fn check_operand(
         Operand::Param(i) => (i as usize) < program.params.len(),
         Operand::Slot(i) => function.is_some() && (i as usize) < program.prepare.slots.len(),
         Operand::Time => function.is_some(),
+        Operand::Input(i) => function.is_some() && (i as usize) < program.inputs.len(),
         Operand::State(i) => function.is_some() && (i as usize) < program.state.len(),
         Operand::Argument(i) => function.is_some_and(|f| (i as usize) < f.argument.len()),
         // Nothing but a result is one: contractions come after the list.

@@ -123,6 +123,7 @@ pub(super) fn on_algebroid(
         time: model.time,
         params: model.params,
         param_arrays: model.param_arrays,
+        inputs: model.inputs,
         conditions: model.conditions,
         algebroid,
         velocities,

@@ -295,6 +295,10 @@ impl Search<'_> {
                 Vanishing::NonZero => {}
                 Vanishing::Unknown => return Err(left(g, direction, condition, "may hold always")),
             }
+            let inputs: BTreeSet<SymbolId> = self.model.inputs.iter().map(|input| input.symbol).collect();
+            if g.depends_on(condition, &inputs) {
+                return Err(left(g, direction, condition, "contains an input, whose rate is not known"));
+            }
             let velocities: BTreeSet<SymbolId> = self.symbols.iter().copied().collect();
             if g.depends_on(condition, &velocities) {
                 let Some((one_form, offset)) = g.affine_parts(condition, &self.symbols) else {

@@ -1,4 +1,5 @@
-//! Parameters fixed to numbers: folded into every expression of a model before anything is derived.
+//! Parameters fixed to numbers, and inputs held at them: folded into every expression of a model before anything is
+//! derived.
 //!
 //! Does not know: what the expressions are for.
 
@@ -17,9 +18,13 @@ pub fn with_fixed(mut model: Model, fixed: &[(String, Rational)]) -> Result<Mode
     let mut values = BTreeMap::new();
     let mut unknown = Vec::new();
     for (name, value) in fixed {
-        match model.params.iter().position(|p| p.name == *name) {
+        let list = match model.inputs.iter().any(|input| input.name == *name) {
+            true => &mut model.inputs,
+            false => &mut model.params,
+        };
+        match list.iter().position(|p| p.name == *name) {
             Some(k) => {
-                let symbol = model.params.remove(k).symbol;
+                let symbol = list.remove(k).symbol;
                 values.insert(symbol, model.graph.rational(value.clone()));
             }
             None => unknown.push(name.clone()),
@@ -39,6 +44,16 @@ pub fn with_fixed(mut model: Model, fixed: &[(String, Rational)]) -> Result<Mode
         return Err(model.diagnostics(vec![spec::diagnose(&model, None, message, help)]));
     }
     without_settled_conditions(model)
+}
+
+/// A model whose inputs are held at their defaults, those of `taken` excepted.
+///
+/// # Errors
+/// As [`with_fixed`].
+pub fn with_held_inputs(model: Model, taken: &[String]) -> Result<Model, Diagnostics> {
+    let held = model.inputs.iter().filter(|input| !taken.contains(&input.name));
+    let held: Vec<(String, Rational)> = held.map(|i| (i.name.clone(), i.default.clone())).collect();
+    if held.is_empty() { Ok(model) } else { with_fixed(model, &held) }
 }
 
 fn substitute(model: &mut Model, values: &BTreeMap<SymbolId, ExprId>) -> Result<(), DivisionByZero> {

@@ -66,6 +66,8 @@ impl FoundChain {
 pub struct Formulation {
     /// Parameters that are numbers, by name: folded exactly before anything is derived.
     pub fixed: Vec<(String, Rational)>,
+    /// Inputs that stay inputs, by component; the others are held at their defaults, which are folded as `fixed` is.
+    pub inputs: Vec<String>,
     /// The connection that is derived, with velocities `v = xi + A xdot`; none for the one that the model writes down.
     pub connection: Option<ConnectionKind>,
     /// Independent velocities, by index into base velocities, velocities in the algebra and quasi-velocities; none for
@@ -96,6 +98,7 @@ impl Formulation {
     pub fn of(model: &Model) -> Formulation {
         Formulation {
             fixed: Vec::new(),
+            inputs: Vec::new(),
             connection: model.derived_connection,
             independent: model.independent.clone(),
             // A Hamiltonian has no need of independent velocities.

@@ -37,7 +37,7 @@ pub use constraint::{
 };
 pub use degenerate::{Degeneracy, DegenerateOutcome, DegenerateStep};
 pub use domain::DomainCondition;
-pub use fix::with_fixed;
+pub use fix::{with_fixed, with_held_inputs};
 pub use formulation::{Formulation, FoundChain, StageUse, carried_by_momenta};
 pub use matrix_group::MomentumInSpace;
 pub(crate) use momenta::momentum_of;
@@ -57,6 +57,7 @@ pub use system::{Block, BlockKind, Circle, ReducedSystem, StateKind};
 pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem, Diagnostics> {
     let mut written = chosen(model, formulation);
     written = with_fixed(written, &formulation.fixed)?;
+    written = with_held_inputs(written, &formulation.inputs)?;
     if let Some(kind) = formulation.connection {
         written = with_connection(&written, kind)?;
     }
@@ -70,6 +71,7 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
 fn chosen(model: &Model, formulation: &Formulation) -> Model {
     let Formulation {
         fixed: _,
+        inputs: _,
         connection: _,
         independent,
         multipliers,

@@ -104,6 +104,8 @@ pub struct ReducedSystem {
     pub params: Vec<Param>,
     /// Which parameters of the model form vectors and matrices, those included of which some are fixed.
     pub param_arrays: Vec<ParamArray>,
+    /// Inputs that are not held: arguments of every function, as time is, of which no rate is known.
+    pub inputs: Vec<Param>,
     /// Conditions on the parameters.
     pub conditions: Vec<Condition>,
     /// Anchor and bracket in the frame of the velocities.
@@ -199,6 +201,7 @@ impl ReducedSystem {
             time: _,
             params: _,
             param_arrays: _,
+            inputs: _,
             conditions,
             algebroid,
             velocities: _,

@@ -15,7 +15,7 @@ use crate::reduction::{Formulation, ReducedSystem, reduce};
 use crate::spec::{self, Diagnostics, Model, Want, Wanted};
 
 use super::built::{BuiltScene, legendre_role};
-use super::dependence::{ignorable, left_out, needs};
+use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::pivots::sorted_pivots;
 use super::plan::{DEFAULT, Drops, Outputs, Plan};
 use super::{bracket, derivatives, events, implicit, invariants, splitting};
@@ -305,6 +305,7 @@ pub(super) fn lower_scene(
     let mut inputs = Inputs {
         params: system.params.iter().map(|p| p.symbol).collect(),
         time: system.time,
+        held: system.inputs.iter().map(|input| (input.symbol, input.default.clone())).collect(),
         state: state.iter().map(|s| s.symbol).collect(),
         signs: system.signs.clone(),
         arguments: BTreeMap::new(),
@@ -324,8 +325,10 @@ pub(super) fn lower_scene(
         outputs.push(output);
         factor = found;
     }
+    let of_model = outputs_of_model(&equations, &state);
+    let what = (moving.as_slice(), of_model.as_slice());
     let derivatives =
-        derivatives::differentiate(&mut graph, &equations.sections, &moving, &inputs, &plan.derivatives);
+        derivatives::differentiate(&mut graph, &equations.sections, what, &inputs, &plan.derivatives);
     inputs.arguments = derivatives.arguments;
     if !equations.legendre.momenta.is_empty() {
         let velocities = equations.legendre.velocities.iter().map(|(_, symbol)| *symbol).collect();

@@ -9,6 +9,7 @@ use crate::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation};
 use crate::program::{Program, Role};
 use crate::spec::{Param, Want};
 
+use super::dependence::outputs_of_model;
 use super::derivatives::{Matrix, Product};
 use super::events::SceneEvent;
 use super::implicit::Implicit;
@@ -62,6 +63,17 @@ impl BuiltScene {
     /// Outputs of the scene, besides the right-hand side and the energy.
     pub fn outputs(&self) -> &[Output] {
         &self.outputs
+    }
+
+    /// Names of the outputs of the model that a linearization observes: the rows of its matrices `C` and `D`.
+    pub fn observed(&self) -> Vec<String> {
+        let observed = outputs_of_model(&self.equations, &self.state);
+        observed.into_iter().map(|(name, _)| name).collect()
+    }
+
+    /// Inputs that the scene takes, with the values that they are held at.
+    pub fn inputs(&self) -> &[Param] {
+        &self.equations.system.inputs
     }
 
     /// Derivatives that are matrices; their entries are outputs.

@@ -86,6 +86,7 @@ impl<'a> Defaults<'a> {
             start.extend(symbols.get(name.as_str()).copied().zip(value));
         }
         start.insert(model.time, 0.0);
+        start.extend(model.inputs.iter().map(|i| (i.symbol, default(&i.name, rational_to_f64(&i.default)))));
         Defaults { model, scene, params, start }
     }
 

@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::expr::{ExprId, Graph, SymbolId, needed_sections};
-use crate::mechanics::{Equations, StateEquation};
+use crate::mechanics::{Equations, OutputKind, StateEquation};
 
 /// Base coordinates on which neither another state variable's rate, nor a wanted result, nor a pivot depends.
 pub(super) fn ignorable(equations: &Equations, results: &[ExprId]) -> Vec<String> {
@@ -58,4 +58,12 @@ pub(super) fn needs(g: &Graph, equations: &Equations, e: ExprId, symbols: &BTree
     let sections = needed_sections(g, &equations.sections, &[e]);
     let definitions = sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
     definitions.chain([e]).any(|e| g.depends_on(e, symbols))
+}
+
+/// The components of the outputs of the model that a state is enough for: what a linearization observes.
+pub(super) fn outputs_of_model(equations: &Equations, state: &[StateEquation]) -> Vec<(String, ExprId)> {
+    let (graph, left_out) = (&equations.system.graph, left_out(equations, state));
+    let own = equations.outputs.iter().filter(|o| o.kind == OutputKind::OfModel);
+    let components = own.flat_map(|o| o.components.iter().cloned());
+    components.filter(|(_, e)| !needs(graph, equations, *e, &left_out)).collect()
 }

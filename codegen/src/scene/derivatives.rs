@@ -28,11 +28,17 @@ pub enum Derivative {
     SensitivityJvp,
     /// The product of its transpose with a covector.
     SensitivityVjp,
+    /// The matrix `df_i/du_j` for the inputs that the scene takes.
+    InputJacobian,
+    /// The matrix `dh_i/dy_j` of the outputs `h(t, y; u)` of the model.
+    OutputJacobian,
+    /// The matrix `dh_i/du_j`.
+    Feedthrough,
 }
 
 impl Derivative {
     /// All of them, in the order in which they are emitted.
-    pub const ALL: [Derivative; 7] = [
+    pub const ALL: [Derivative; 10] = [
         Derivative::Jacobian,
         Derivative::Jvp,
         Derivative::Vjp,
@@ -40,6 +46,28 @@ impl Derivative {
         Derivative::Sensitivity,
         Derivative::SensitivityJvp,
         Derivative::SensitivityVjp,
+        Derivative::InputJacobian,
+        Derivative::OutputJacobian,
+        Derivative::Feedthrough,
+    ];
+
+    /// Those of the right-hand side that a scene without inputs can have.
+    pub const OF_MOTION: [Derivative; 7] = [
+        Derivative::Jacobian,
+        Derivative::Jvp,
+        Derivative::Vjp,
+        Derivative::TimeDerivative,
+        Derivative::Sensitivity,
+        Derivative::SensitivityJvp,
+        Derivative::SensitivityVjp,
+    ];
+
+    /// The matrices `A, B, C, D` of `delta y' = A delta y + B delta u`, `delta h = C delta y + D delta u`.
+    pub const LINEARIZATION: [Derivative; 4] = [
+        Derivative::Jacobian,
+        Derivative::InputJacobian,
+        Derivative::OutputJacobian,
+        Derivative::Feedthrough,
     ];
 
     /// What a scene wants that has it.
@@ -52,6 +80,9 @@ impl Derivative {
             Derivative::Sensitivity => Want::Sensitivity,
             Derivative::SensitivityJvp => Want::SensitivityJvp,
             Derivative::SensitivityVjp => Want::SensitivityVjp,
+            Derivative::InputJacobian => Want::InputJacobian,
+            Derivative::OutputJacobian => Want::OutputJacobian,
+            Derivative::Feedthrough => Want::Feedthrough,
         }
     }
 
@@ -74,7 +105,12 @@ impl Derivative {
     pub fn role(self) -> Role {
         let name = self.name().to_owned();
         match self {
-            Derivative::Jacobian | Derivative::Sensitivity | Derivative::TimeDerivative => Role::Output(name),
+            Derivative::Jacobian
+            | Derivative::Sensitivity
+            | Derivative::TimeDerivative
+            | Derivative::InputJacobian
+            | Derivative::OutputJacobian
+            | Derivative::Feedthrough => Role::Output(name),
             Derivative::Jvp | Derivative::Vjp | Derivative::SensitivityJvp | Derivative::SensitivityVjp => {
                 Role::Product(name)
             }
@@ -103,6 +139,37 @@ impl Derivative {
             }
             Derivative::SensitivityVjp => {
                 "product of the transposed derivatives `df_i/dp_j` by the parameters and a covector `w`, a weight for each rate"
+            }
+            Derivative::InputJacobian => {
+                "derivatives `df_i/du_j` by the inputs that do not vanish identically, row by row"
+            }
+            Derivative::OutputJacobian => {
+                "derivatives `dh_i/dy_j` of the outputs of the model by the state that do not vanish identically, row by row"
+            }
+            Derivative::Feedthrough => {
+                "derivatives `dh_i/du_j` of the outputs of the model by the inputs that do not vanish identically, row by row"
+            }
+        }
+    }
+
+    /// What a matrix is, all of it.
+    fn doc_of_matrix(self) -> &'static str {
+        match self {
+            Derivative::Sensitivity => {
+                "matrix `df_i/dp_j` of the derivatives of the right-hand side by the parameters in the order of \
+                 `INFO.params`, a row for each rate"
+            }
+            Derivative::InputJacobian => {
+                "matrix `df_i/du_j` of the derivatives of the right-hand side by the inputs, a row for each rate"
+            }
+            Derivative::OutputJacobian => {
+                "matrix `dh_i/dy_j` of the derivatives of the outputs of the model by the state, a row for each output"
+            }
+            Derivative::Feedthrough => {
+                "matrix `dh_i/du_j` of the derivatives of the outputs of the model by the inputs, a row for each output"
+            }
+            _ => {
+                "matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate"
             }
         }
     }
@@ -152,16 +219,20 @@ pub(super) struct Derivatives {
     pub(super) sections: Vec<Section>,
 }
 
-/// Differentiates the rates of `state`, written in terms of `inputs` and the definitions of `sections`.
+/// Differentiates the rates of `state` and `outputs`, written in terms of `inputs` and the definitions of `sections`.
 pub(super) fn differentiate(
     g: &mut Graph,
     sections: &[Section],
-    state: &[StateEquation],
+    (state, outputs): (&[StateEquation], &[(String, ExprId)]),
     inputs: &Inputs,
     wanted: &BTreeSet<Derivative>,
 ) -> Derivatives {
     let rates: Vec<ExprId> = state.iter().map(|s| s.derivative).collect();
-    let sections = needed_sections(g, sections, &rates);
+    let (of_outputs, values): (Vec<String>, Vec<ExprId>) = outputs.iter().cloned().unzip();
+    let all_sections = sections;
+    let sections = needed_sections(g, all_sections, &rates);
+    let sections_of_outputs = needed_sections(g, all_sections, &values);
+    let held: Vec<SymbolId> = inputs.held.iter().map(|(symbol, _)| *symbol).collect();
     let writer = SectionWriter::new(g, BTreeSet::new(), &[]);
     let mut pass = Pass {
         rate_names: state.iter().map(|s| format!("dot_{}", s.name)).collect(),
@@ -179,6 +250,15 @@ pub(super) fn differentiate(
             Derivative::SensitivityJvp => pass.forward(*derivative, &inputs.params),
             Derivative::Vjp => pass.reverse(*derivative, &inputs.state),
             Derivative::SensitivityVjp => pass.reverse(*derivative, &inputs.params),
+            Derivative::InputJacobian => pass.matrix(*derivative, &held),
+            Derivative::OutputJacobian | Derivative::Feedthrough => {
+                let by = if *derivative == Derivative::Feedthrough { &held } else { &inputs.state };
+                let of_rates = (pass.sections, pass.rates.clone(), pass.rate_names.clone());
+                (pass.sections, pass.rates) = (&sections_of_outputs, values.clone());
+                pass.rate_names.clone_from(&of_outputs);
+                pass.matrix(*derivative, by);
+                (pass.sections, pass.rates, pass.rate_names) = of_rates;
+            }
             Derivative::TimeDerivative => {
                 let (names, column) = pass.entries(&[inputs.time]);
                 let components = names.into_iter().zip(column).map(|((_, _, name), e)| (name, e)).collect();
@@ -234,15 +314,7 @@ impl Pass<'_> {
             }
         }
         self.output(derivative, components);
-        let doc = match derivative {
-            Derivative::Sensitivity => {
-                "matrix `df_i/dp_j` of the derivatives of the right-hand side by the parameters in the order of \
-                 `INFO.params`, a row for each rate"
-            }
-            _ => {
-                "matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate"
-            }
-        };
+        let doc = derivative.doc_of_matrix();
         let shape = (self.rates.len(), by.len());
         let (name, is_antisymmetric) = (derivative.name(), false);
         self.result.matrices.push(Matrix { name, shape, pattern, is_antisymmetric, doc });

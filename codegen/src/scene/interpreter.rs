@@ -185,6 +185,41 @@ impl<'a, R: Real> Interpreter<'a, R> {
         Ok(Interpreter { run, program, patterns, params: params.to_vec(), prepared })
     }
 
+    /// Number of the inputs that the scene takes.
+    pub fn n_inputs(&self) -> usize {
+        self.program.inputs.len()
+    }
+
+    /// The values that the inputs are held at: their defaults, unless others were set.
+    pub fn inputs(&self) -> &[R] {
+        &self.prepared[self.program.prepare.slots.len()..]
+    }
+
+    /// Holds the inputs at other values, from here on and in every function.
+    ///
+    /// # Shapes
+    /// values: \[n_inputs\].
+    ///
+    /// # Panics
+    /// When the size is wrong.
+    pub fn set_inputs(&mut self, values: &[R]) {
+        self.prepared[self.program.prepare.slots.len()..].copy_from_slice(values);
+    }
+
+    /// Time derivative of the state at values of the inputs, whatever they are held at.
+    ///
+    /// # Shapes
+    /// inputs: \[n_inputs\].
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn rhs_with(&self, t: R, y: &[R], inputs: &[R], dy: &mut [R]) {
+        let Some(k) = self.program.function_idx(&Role::Rate) else { return };
+        let mut prepared = self.prepared.clone();
+        prepared[self.program.prepare.slots.len()..].copy_from_slice(inputs);
+        self.run.run_at(k, &self.params, &prepared, Point { t, state: y, argument: &[] }, dy);
+    }
+
     /// Calls a function of the program at a state.
     fn run(&self, function_idx: usize, t: R, state: &[R], out: &mut [R]) {
         self.run_at(function_idx, Point { t, state, argument: &[] }, out);

@@ -50,7 +50,7 @@ pub use events::SceneEvent;
 pub use formulations::{Candidate, Formulations, LeftOut, Progress};
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
-pub use plan::{DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
+pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
 pub use text::{Language, Writing};
 
 /// The scenes of a model; what several of them share is derived once.
@@ -87,8 +87,8 @@ impl<'m> Scenes<'m> {
 
     /// Names of the scenes that are emitted, the default first; [`DERIVATIVES`] is one only if the model says so.
     ///
-    /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it; then its own,
-    /// of which one may be the default.
+    /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it, [`CONTROLLED`] where
+    /// it has inputs; then its own, of which one may be the default.
     pub fn names(&mut self) -> Vec<String> {
         names_of(self.derivations.model, || self.has_ignorable_coordinates())
     }
@@ -168,6 +168,9 @@ pub(crate) fn names_of(model: &Model, has_ignorable_coordinates: impl FnOnce() -
     }
     if !own(RECONSTRUCTION) && !reconstructed(model).is_empty() {
         names.push(RECONSTRUCTION.to_owned());
+    }
+    if !own(CONTROLLED) && !model.inputs.is_empty() {
+        names.push(CONTROLLED.to_owned());
     }
     names.extend(model.scenes.iter().map(|s| s.name.clone()).filter(|name| name != DEFAULT));
     names
@@ -370,6 +373,22 @@ pub fn build_events(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostic
     let outputs = Outputs::Named(vec![Wanted::Want(Want::Events)]);
     let bare = Plan::bare(own.name.clone(), own.formulation.clone());
     let plan = Plan { outputs, drops: own.drops, reconstructs: own.reconstructs, ..bare };
+    scenes.derivations.derive_all([&plan.formulation]);
+    build_planned(&scenes.derivations, plan)
+}
+
+/// Builds the right-hand side of a scene, in its state and with its inputs, and its linearization: the derivatives of
+/// [`Derivative::LINEARIZATION`], whether or not the scene wants them.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_linearized(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
+    let mut scenes = Scenes::new(model);
+    let own = scenes.plan(scene)?;
+    let bare = Plan::bare(own.name.clone(), own.formulation.clone());
+    let derivatives = Derivative::LINEARIZATION.into();
+    let (drops, reconstructs, hamiltonian_time) = (own.drops, own.reconstructs, own.hamiltonian_time);
+    let plan = Plan { derivatives, drops, reconstructs, hamiltonian_time, ..bare };
     scenes.derivations.derive_all([&plan.formulation]);
     build_planned(&scenes.derivations, plan)
 }

@@ -19,6 +19,9 @@ pub const MINIMAL: &str = "minimal";
 /// Name of the scene with the coordinates of the group; a model has it when it says how to reconstruct them.
 pub const RECONSTRUCTION: &str = Want::Reconstruction.name();
 
+/// Name of the scene that takes all inputs of its model; a model has it when it declares inputs.
+pub const CONTROLLED: &str = "controlled";
+
 /// Name of the scene with all derivatives of the right-hand side; every model has it, built when it is asked for.
 pub const DERIVATIVES: &str = "derivatives";
 
@@ -100,6 +103,7 @@ impl Plan {
         if let Some(own) = model.scenes.iter().find(|s| s.name == scene) {
             let mut plan = Plan { doc: own.doc.clone(), ..bare };
             plan.formulation.fixed.clone_from(&own.fixed);
+            plan.formulation.inputs.clone_from(&own.inputs);
             plan.formulation.circles.clone_from(&own.circles);
             plan.formulation.momenta = carried_by_momenta(model, &own.carries);
             plan.formulation.stages = StageUse::of(model.stages.is_some(), &model.carries, &own.carries);
@@ -118,6 +122,7 @@ impl Plan {
                     Wanted::Want(Want::Bracket) => plan.bracket = true,
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
                     Wanted::Want(Want::Splitting) => plan.splitting = true,
+                    Wanted::Want(Want::Linearization) => plan.derivatives.extend(Derivative::LINEARIZATION),
                     Wanted::Want(Want::Implicit) => plan.implicit = true,
                     Wanted::Want(want) => match Derivative::of(*want) {
                         Some(derivative) => _ = plan.derivatives.insert(derivative),
@@ -139,7 +144,12 @@ impl Plan {
             }
             DERIVATIVES => {
                 let doc = "with the derivatives of the right-hand side".to_owned();
-                Some(Plan { energy, derivatives: Derivative::ALL.into(), doc, ..bare })
+                Some(Plan { energy, derivatives: Derivative::OF_MOTION.into(), doc, ..bare })
+            }
+            CONTROLLED if !model.inputs.is_empty() => {
+                let mut plan = Plan { doc: "with inputs".to_owned(), ..everything };
+                plan.formulation.inputs = model.inputs.iter().map(|input| input.name.clone()).collect();
+                Some(plan)
             }
             RECONSTRUCTION => Some(Plan {
                 reconstructs: true,

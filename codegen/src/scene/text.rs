@@ -172,6 +172,11 @@ impl BuiltScene {
                 .iter()
                 .map(|p| ParamText { name: p.name.clone(), default: p.default.clone(), doc: p.doc.clone() })
                 .collect(),
+            inputs: system
+                .inputs
+                .iter()
+                .map(|i| ParamText { name: i.name.clone(), default: i.default.clone(), doc: i.doc.clone() })
+                .collect(),
             state: self
                 .state
                 .iter()

@@ -153,6 +153,17 @@ pub(super) enum ItemKind {
         default: Option<Expr>,
         conditions: Vec<Comparison>,
     },
+    /// `input tau: vector(2) = [0, 0];`
+    Input {
+        name: Name,
+        shape: Shape,
+        default: Option<Expr>,
+    },
+    /// `drive tau = [sin(t), 0];`
+    Drive {
+        name: Name,
+        value: Expr,
+    },
     Require(Vec<Comparison>),
     Let {
         name: Name,
@@ -287,6 +298,7 @@ pub(super) enum ItemKind {
     Scene {
         name: Name,
         fixed: Vec<(Name, Expr)>,
+        inputs: Vec<Name>,
         wants: Vec<Name>,
         drops: Vec<Name>,
         circles: Vec<Name>,

@@ -69,6 +69,8 @@ macro_rules! visit {
             time: _,
             params,
             param_arrays,
+            inputs,
+            input_arrays,
             conditions,
             base,
             algebra: _,
@@ -104,8 +106,8 @@ macro_rules! visit {
             warnings: _,
             origin: _,
         } = $model;
-        for Param { name: _, symbol: _, default: _, doc: _ } in &*params {}
-        for ParamArray { name: _, layout: _, symbols: _ } in &*param_arrays {}
+        for Param { name: _, symbol: _, default: _, doc: _ } in params.iter().chain(&*inputs) {}
+        for ParamArray { name: _, layout: _, symbols: _ } in param_arrays.iter().chain(&*input_arrays) {}
         for Velocity { name: _, symbol: _, block: _, doc: _ } in velocities.iter().chain(&*quasi_velocities) {
         }
         for Momentum { name: _, components: _, doc: _, span: _ } in &*momenta {}
@@ -113,6 +115,7 @@ macro_rules! visit {
         for Scene {
             name: _,
             fixed: _,
+            inputs: _,
             wants: _,
             drops: _,
             circles: _,

@@ -282,8 +282,9 @@ impl<'a> Reader<'a> {
                     self.name(name, &mut taken);
                     fluid.modes.extend(self.mode(name, value));
                 }
-                ItemKind::Scene { name, fixed, wants, drops, circles, formulation, carries } => {
+                ItemKind::Scene { name, fixed, inputs, wants, drops, circles, formulation, carries } => {
                     let is_plain = fixed.is_empty()
+                        && inputs.is_empty()
                         && drops.is_empty()
                         && circles.is_empty()
                         && formulation.is_empty()

@@ -451,6 +451,8 @@ pub struct Scene {
     pub name: String,
     /// Fixed parameters, by component.
     pub fixed: Vec<(String, Rational)>,
+    /// Inputs that the scene takes, by component in the order of the model; the others are held at their defaults.
+    pub inputs: Vec<String>,
     /// Wanted outputs.
     pub wants: Vec<Wanted>,
     /// Base coordinates and advected parameters that are left out, by component.
@@ -513,6 +515,10 @@ pub struct Model {
     pub params: Vec<Param>,
     /// Which of them form vectors and matrices.
     pub param_arrays: Vec<ParamArray>,
+    /// What moves the system from outside: numbers with the values that they are held at where none are given.
+    pub inputs: Vec<Param>,
+    /// Which of them form vectors and matrices.
+    pub input_arrays: Vec<ParamArray>,
     /// Validity conditions on the parameters.
     pub conditions: Vec<Condition>,
     /// Base coordinates.

@@ -7,6 +7,8 @@ use super::want::Want;
 pub(super) const ITEMS: &[(&str, &str)] = &[
     ("source", "source \"Author, year\";"),
     ("param", "param m = 1 where m > 0;` or `param chi: vector(3) = [0, 0, 1];"),
+    ("input", "input u = 0;` or `input tau: vector(2) = [0, 0];"),
+    ("drive", "drive u = -k*x;"),
     ("require", "require a > b, c != 0;"),
     ("let", "let name = expression;"),
     ("algebra", "algebra g = so(3);` or `algebra g { basis a, b; [a, b] = a; }"),
@@ -58,6 +60,7 @@ pub(super) fn item_form(word: &str) -> Option<String> {
 pub(super) fn item_meant_by(word: &str) -> Help {
     let advice = match word {
         "parameter" | "parameters" | "const" | "constant" => "write `param name = value;`",
+        "control" | "controls" | "inputs" | "actuator" => "write `input u = 0;` and use it in `force`",
         "kinetic" | "potential" => {
             "name it with `let`; the system is given by `lagrangian = ..;` or `hamiltonian = ..;`"
         }

@@ -108,6 +108,9 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
         ItemKind::Param { name, shape, .. } => {
             add("parameter", name, spellings(&name.text, shape), Vec::new());
         }
+        ItemKind::Input { name, shape, .. } => {
+            add("input", name, spellings(&name.text, shape), Vec::new());
+        }
         ItemKind::Let { name, value } => {
             add("definition", name, alone(name), mentions([value]));
         }
@@ -170,7 +173,9 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::Algebroid(AlgebroidBlock { anchors, rules, .. }) => {
             mentions(anchors.iter().map(|(_, value)| value).chain(rules.iter().map(|rule| &rule.value)))
         }
-        ItemKind::Acceleration { name, value } | ItemKind::Field { name, value } => {
+        ItemKind::Acceleration { name, value }
+        | ItemKind::Field { name, value }
+        | ItemKind::Drive { name, value } => {
             mentions([value]).into_iter().chain([name.text.clone()]).collect()
         }
         ItemKind::InnerProduct(value)
@@ -198,6 +203,7 @@ fn effective(item: &Item) -> Vec<String> {
         }
         ItemKind::Source(_)
         | ItemKind::Param { .. }
+        | ItemKind::Input { .. }
         | ItemKind::Require(_)
         | ItemKind::Let { .. }
         | ItemKind::AlgebraName { .. }

@@ -42,6 +42,14 @@ pub enum Want {
     SensitivityJvp,
     /// The product of its transpose with a covector.
     SensitivityVjp,
+    /// The derivative by the inputs.
+    InputJacobian,
+    /// The matrices of the linear system near a point: derivatives of rates and outputs by state and inputs.
+    Linearization,
+    /// The derivative of the outputs of the model by the state.
+    OutputJacobian,
+    /// The derivative of the outputs of the model by the inputs.
+    Feedthrough,
     /// The coordinates of the group as part of the state.
     Reconstruction,
     /// All casimirs of the model.
@@ -74,7 +82,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 30] = [
+    pub const ALL: [Want; 34] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -91,6 +99,10 @@ impl Want {
         Want::Sensitivity,
         Want::SensitivityJvp,
         Want::SensitivityVjp,
+        Want::InputJacobian,
+        Want::Linearization,
+        Want::OutputJacobian,
+        Want::Feedthrough,
         Want::Reconstruction,
         Want::Casimirs,
         Want::Circles,
@@ -126,6 +138,10 @@ impl Want {
             Want::Sensitivity => "sensitivity",
             Want::SensitivityJvp => "sensitivity_jvp",
             Want::SensitivityVjp => "sensitivity_vjp",
+            Want::InputJacobian => "input_jacobian",
+            Want::Linearization => "linearization",
+            Want::OutputJacobian => "output_jacobian",
+            Want::Feedthrough => "feedthrough",
             Want::Reconstruction => "reconstruction",
             Want::Casimirs => "casimirs",
             Want::Circles => "circles",
@@ -152,8 +168,9 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Bracket, Casimirs, Circles, Constraint, Events, HamiltonianTime, Implicit, Invariants, Matrices,
-            MomentumEquation, NonholonomicMomentum, Outputs, Phases, Sections, Splitting, Taylor, Velocities,
+            Bracket, Casimirs, Circles, Constraint, Events, Feedthrough, HamiltonianTime, Implicit,
+            InputJacobian, Invariants, Linearization, Matrices, MomentumEquation, NonholonomicMomentum,
+            OutputJacobian, Outputs, Phases, Sections, Splitting, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -174,6 +191,10 @@ impl Want {
                 | Splitting
                 | Implicit
                 | Matrices
+                | InputJacobian
+                | Linearization
+                | OutputJacobian
+                | Feedthrough
         )
     }
 }

@@ -116,6 +116,8 @@ pub mod lotka_volterra;
 /// Two-wheeled mobile robot
 pub mod mobile_robot;
 /// Two-wheeled mobile robot
+pub mod mobile_robot_controlled;
+/// Two-wheeled mobile robot
 pub mod mobile_robot_minimal;
 /// Two-wheeled mobile robot
 pub mod mobile_robot_reconstruction;
@@ -152,6 +154,8 @@ pub mod snakeboard;
 /// Snakeboard
 pub mod snakeboard_circle;
 /// Snakeboard
+pub mod snakeboard_controlled;
+/// Snakeboard
 pub mod snakeboard_invariants;
 /// Snakeboard
 pub mod snakeboard_minimal;
@@ -171,6 +175,8 @@ pub mod tethered_body;
 pub mod tethered_body_reconstruction;
 /// Satellite with two arms
 pub mod two_arm_satellite;
+/// Satellite with two arms
+pub mod two_arm_satellite_controlled;
 /// Satellite with two arms
 pub mod two_arm_satellite_invariants;
 /// Satellite with two arms
@@ -277,6 +283,7 @@ macro_rules! for_each_scene {
             (kirchhoff_body_uncoupled, "kirchhoff_body", "uncoupled", 6)
             (lotka_volterra, "lotka_volterra", "default", 2)
             (mobile_robot, "mobile_robot", "default", 4)
+            (mobile_robot_controlled, "mobile_robot", "controlled", 7)
             (mobile_robot_minimal, "mobile_robot", "minimal", 2)
             (mobile_robot_reconstruction, "mobile_robot", "reconstruction", 7)
             (point_vortices, "point_vortices", "default", 8)
@@ -295,6 +302,7 @@ macro_rules! for_each_scene {
             (skew_sleigh_reconstruction, "skew_sleigh", "reconstruction", 5)
             (snakeboard, "snakeboard", "default", 5)
             (snakeboard_circle, "snakeboard", "circle", 5)
+            (snakeboard_controlled, "snakeboard", "controlled", 5)
             (snakeboard_invariants, "snakeboard", "invariants", 5)
             (snakeboard_minimal, "snakeboard", "minimal", 4)
             (snakeboard_reconstruction, "snakeboard", "reconstruction", 8)
@@ -305,6 +313,7 @@ macro_rules! for_each_scene {
             (tethered_body, "tethered_body", "default", 9)
             (tethered_body_reconstruction, "tethered_body", "reconstruction", 16)
             (two_arm_satellite, "two_arm_satellite", "default", 7)
+            (two_arm_satellite_controlled, "two_arm_satellite", "controlled", 7)
             (two_arm_satellite_invariants, "two_arm_satellite", "invariants", 11)
             (two_arm_satellite_momenta, "two_arm_satellite", "momenta", 7)
             (two_arm_satellite_reconstruction, "two_arm_satellite", "reconstruction", 11)

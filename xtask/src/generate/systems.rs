@@ -53,6 +53,7 @@ fn scene(name: &str, wants: &[Want]) -> Scene {
     Scene {
         name: name.to_owned(),
         fixed: Vec::new(),
+        inputs: Vec::new(),
         wants: wants.iter().copied().map(Wanted::Want).collect(),
         drops: Vec::new(),
         circles: Vec::new(),

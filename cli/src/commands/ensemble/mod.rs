@@ -56,7 +56,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let targets = targets(arguments)?;
     let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
         .map_err(|reason| Error::unusable("--step", reason))?;
-    let (file, choice) = (session.find(&arguments.scene.model)?, arguments.scene.choice());
+    let (file, choice) = (arguments.scene.find(session)?, arguments.scene.choice()?);
     let model = file.model()?;
     // Chooses initial states, here and on all threads; it agrees bit for bit with the compiled scene.
     let built = interpreted::build(model, &choice.scene)?;

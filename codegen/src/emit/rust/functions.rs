@@ -46,7 +46,7 @@ impl Writer<'_> {
             methods.extend(self.domain(domain)?);
         }
         let variables = module.routines().flat_map(|r| r.code.variables.iter());
-        let inputs = module.routines().flat_map(|r| r.argument.iter().flatten());
+        let inputs = module.routines().flat_map(|r| r.argument.iter().chain(&r.inputs).flatten());
         let outputs = module.outputs.iter().map(|o| &o.name);
         let names = allow_names(variables.chain(inputs).chain(outputs).chain(&module.state));
         let numbers = allow_numbers(self.program_numbers());
@@ -77,7 +77,12 @@ impl Writer<'_> {
         let rate = &self.module.rate;
         let title = "Writes the derivative of the state to `dy`.";
         let doc = self.function_doc(rate.function, title, &self.module.program.state);
-        let (body, results) = (self.body(rate)?, self.results(rate)?);
+        let results = self.results(rate)?;
+        if !self.module.text.inputs.is_empty() {
+            let body = self.body_apart_from_inputs(rate)?;
+            return Ok(self.rate_with_inputs(doc, &quote! { #body *dy = #results; }));
+        }
+        let body = self.body(rate)?;
         Ok(quote! {
             #doc
             #[inline]
@@ -155,6 +160,12 @@ impl Writer<'_> {
 
     /// The statements before the results.
     pub(super) fn body(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
+        let (held, body) = (self.held(routine), self.body_apart_from_inputs(routine)?);
+        Ok(quote! { #held #body })
+    }
+
+    /// The same where the inputs are known already.
+    pub(super) fn body_apart_from_inputs(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
         let reads_time = routine.reads_time() || routine.function.role == Role::Domain;
         let state = pattern(routine.state.iter().map(Option::as_ref));
         let taken_apart = routine.code.reads_state().then(|| quote! { let #state = *y; });

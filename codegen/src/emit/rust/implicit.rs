@@ -101,6 +101,7 @@ impl Writer<'_> {
             true => quote! { let #variables = *z; },
             false => quote! { let _ = z; },
         };
+        let held = self.held(routine);
         let unused = (!routine.reads_time()).then(|| quote! { let _ = t; });
         Ok(quote! {
             #doc
@@ -108,6 +109,7 @@ impl Writer<'_> {
             #[must_use]
             pub fn #name(&self, t: R, z: &[R; #n]) -> [R; #k] {
                 #unused
+                #held
                 #taken_apart
                 #statements
                 [#(#results),*]

@@ -1,8 +1,8 @@
 //! The Rust back end: a module as items, documented for rustdoc and formatted.
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `circles`, `matrices`,
-//! `implicit`, `flows`, `events`, `guards`, `loops`, `traits`, `series` and `nalgebra` write the items of a scene,
-//! `index` the list of modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which
+//! `implicit`, `flows`, `events`, `guards`, `inputs`, `loops`, `traits`, `series` and `nalgebra` write the items of a
+//! scene, `index` the list of modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which
 //! functions there are and why, the order of their statements.
 
 mod circles;
@@ -15,6 +15,7 @@ mod functions;
 mod guards;
 mod implicit;
 mod index;
+mod inputs;
 mod loops;
 mod matrices;
 mod nalgebra;
@@ -53,6 +54,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.prepared()?,
         writer.functions()?,
         writer.traits(series.is_some()),
+        writer.controlled(),
         writer.circles(),
         writer.differentiable(),
         writer.adjoint(),

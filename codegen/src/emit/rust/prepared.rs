@@ -46,8 +46,12 @@ impl Writer<'_> {
             read().map(|i| doc_attributes([format!("Parameter `{}`.", module.program.params[i])]));
         let names = allow_names(params.iter().copied().chain(&module.slots));
         let (params, slots) = (idents(params), idents(&module.slots));
-        let (marker, marked) =
-            if params.is_empty() && slots.is_empty() { phantom() } else { Default::default() };
+        let has_inputs = !text.inputs.is_empty();
+        let (marker, marked) = match params.is_empty() && slots.is_empty() && !has_inputs {
+            true => phantom(),
+            false => Default::default(),
+        };
+        let inputs = self.input_field();
         let new = self.constructor(marked)?;
         Ok(quote! {
             #title
@@ -56,6 +60,7 @@ impl Writer<'_> {
             pub struct Prepared<R = f64> {
                 #(#param_docs #params: R,)*
                 #(#slot_docs #slots: R,)*
+                #inputs
                 #marker
             }
 
@@ -125,7 +130,8 @@ impl Writer<'_> {
         ]);
         let doc = doc_attributes(lines);
         let names = allow_names(prepare.locals.iter().chain(&prepare.variables).chain(&module.slots));
-        let numbers = allow_numbers(self.program_numbers());
+        let numbers = allow_numbers(self.program_numbers().chain(self.input_defaults()));
+        let inputs = self.inputs_at_defaults();
         Ok(quote! {
             #names
             #numbers
@@ -136,7 +142,7 @@ impl Writer<'_> {
                     #finite
                     #bindings
                     #conditions
-                    Ok(Self { #(#fields,)* #marked })
+                    Ok(Self { #(#fields,)* #inputs #marked })
                 }
             }
         })

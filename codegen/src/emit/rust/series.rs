@@ -105,6 +105,11 @@ impl Writer<'_> {
             .then(|| quote! { let #inverse_name = R::ratio(1.0, f64::from(k)); });
         let time =
             reads(step, Operand::Time).then(|| quote! { let t = if k == 1 { R::ONE } else { R::ZERO }; });
+        let is_held = |i: u32| [start, step].iter().any(|code| code.reads.contains(&Operand::Input(i)));
+        let held_names: Vec<Option<&String>> =
+            series.held.iter().zip(0u32..).map(|(name, i)| is_held(i).then_some(name)).collect();
+        let names = pattern(held_names.iter().copied());
+        let held = held_names.iter().any(Option::is_some).then(|| quote! { let #names = self.inputs; });
         let unused_time = (!reads(start, Operand::Time)).then(|| quote! { let _ = t; });
         // Nothing to keep is an empty array: lints complain of a unit that is bound to a name.
         let (workspace, new_workspace) = match types.is_empty() {
@@ -113,7 +118,7 @@ impl Writer<'_> {
         };
         let unused_workspace = types.is_empty().then(|| quote! { let _ = workspace; });
         let variables: BTreeSet<&String> = start.variables.iter().chain(&step.variables).collect();
-        let allow_locals = allow_names(variables.into_iter().chain(&self.module.state));
+        let allow_locals = allow_names(variables.into_iter().chain(&self.module.state).chain(&series.held));
         let numbers = allow_numbers(jet.program.constants.iter().filter_map(|c| match c.literal() {
             Literal::Number(x) => Some(x),
             _ => None,
@@ -156,6 +161,7 @@ impl Writer<'_> {
 
                 #doc
                 fn series(&self, t: R, y: &[R; #n], workspace: &mut Self::Workspace, out: &mut [[R; #n]]) {
+                    #held
                     let mut orders = out.iter_mut().take(#rt::MAX_ORDER + 1);
                     if let Some(first) = orders.next() {
                         *first = *y;

@@ -51,13 +51,15 @@ impl Writer<'_> {
         let wrong_number = format!("the number of values is {n_params}");
         let (outputs, invariants, flows) = (self.outputs_of(), self.invariants_of(), self.flow_of());
         let fields = self.fields();
-        let over = if fields.is_empty() {
+        let inputs = self.inputs_over();
+        let over = if fields.is_empty() && inputs.is_empty() {
             let (_, marked) = phantom();
             quote! { let _ = convert; Prepared { #marked } }
         } else {
-            quote! { Prepared { #(#fields: convert(self.#fields)),* } }
+            quote! { Prepared { #(#fields: convert(self.#fields),)* #inputs } }
         };
         let circles = self.circles_of();
+        let inputs = self.inputs_of();
         let series = has_series.then(|| {
             quote! {
                 fn series_of(#arguments, out: &mut [[R; #n]]) -> bool {
@@ -125,6 +127,8 @@ impl Writer<'_> {
                 #invariants
 
                 #flows
+
+                #inputs
             }
         }
     }

@@ -79,7 +79,8 @@ impl Digits {
             source.signs.get(&e).copied().unwrap_or(Sign::Unknown)
         };
         let inputs = source.inputs;
-        let others = [inputs.time].into_iter().chain(inputs.state.iter().copied());
+        let others = [inputs.time].into_iter().chain(inputs.held.iter().map(|(s, _)| *s));
+        let others = others.chain(inputs.state.iter().copied());
         let others = others.chain(inputs.arguments.values().flatten().copied());
         let mut symbols: Vec<SymbolId> = inputs.params.iter().copied().chain(others).collect();
         if symbols.len() > MAX_INPUTS {

@@ -86,9 +86,11 @@ impl Shapes<'_> {
                 }
                 Operand::Value(_) => Leaf::Shared,
                 Operand::Constant(_) | Operand::Param(_) => Leaf::Fixed,
-                Operand::Time | Operand::State(_) | Operand::Argument(_) | Operand::Contracted(_) => {
-                    Leaf::Input
-                }
+                Operand::Time
+                | Operand::Input(_)
+                | Operand::State(_)
+                | Operand::Argument(_)
+                | Operand::Contracted(_) => Leaf::Input,
             });
         }
         (shape, slots)

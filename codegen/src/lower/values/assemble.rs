@@ -82,6 +82,11 @@ pub(super) fn assemble(
     Ok(Program {
         params: names(&inputs.params),
         time: graph.name(inputs.time).to_owned(),
+        inputs: inputs
+            .held
+            .iter()
+            .map(|(s, q)| (graph.name(*s).to_owned(), Constant::Rational(q.clone())))
+            .collect(),
         state: names(&inputs.state),
         constants: constants.kept,
         tables,

@@ -45,7 +45,7 @@ impl Pool {
             Operand::Value(i) => self.classes[i as usize],
             Operand::Constant(_) => Class::Constant,
             Operand::Param(_) | Operand::Slot(_) => Class::Param,
-            Operand::Time => Class::Time,
+            Operand::Time | Operand::Input(_) => Class::Time,
             Operand::State(_) | Operand::Argument(_) | Operand::Contracted(_) => Class::State,
         }
     }
@@ -162,6 +162,7 @@ fn number(
     let mut symbols: HashMap<SymbolId, Operand> = HashMap::new();
     symbols.extend(inputs.params.iter().zip(0u32..).map(|(s, i)| (*s, Operand::Param(i))));
     symbols.insert(inputs.time, Operand::Time);
+    symbols.extend(inputs.held.iter().zip(0u32..).map(|((s, _), i)| (*s, Operand::Input(i))));
     symbols.extend(inputs.state.iter().zip(0u32..).map(|(s, i)| (*s, Operand::State(i))));
     symbols.extend(argument.iter().zip(0u32..).map(|(s, i)| (*s, Operand::Argument(i))));
 

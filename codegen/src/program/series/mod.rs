@@ -275,9 +275,11 @@ impl<'p> Builder<'p> {
         match operand {
             Operand::Value(v) => self.values[v as usize],
             // `Jet::new` takes no function with a vector of its own.
-            Operand::Constant(_) | Operand::Param(_) | Operand::Slot(_) | Operand::Argument(_) => {
-                Series { first: operand, next: None }
-            }
+            Operand::Constant(_)
+            | Operand::Param(_)
+            | Operand::Slot(_)
+            | Operand::Input(_)
+            | Operand::Argument(_) => Series { first: operand, next: None },
             // Contracted values are results alone: the coefficients of both functions have the same numbers.
             Operand::Time | Operand::State(_) | Operand::Contracted(_) => {
                 Series { first: operand, next: Some(operand) }
@@ -307,7 +309,11 @@ impl<'p> Builder<'p> {
     /// An operand of `first` where `next` needs it.
     fn keep(&mut self, first: Operand) -> Operand {
         match first {
-            Operand::Constant(_) | Operand::Param(_) | Operand::Slot(_) | Operand::Argument(_) => first,
+            Operand::Constant(_)
+            | Operand::Param(_)
+            | Operand::Slot(_)
+            | Operand::Input(_)
+            | Operand::Argument(_) => first,
             Operand::Value(_) | Operand::Time | Operand::State(_) | Operand::Contracted(_) => {
                 let n = self.kept.len() as u32;
                 let index = *self.kept_index.entry(first).or_insert(n);

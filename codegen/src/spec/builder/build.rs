@@ -3,6 +3,7 @@
 //! Deliberately does not know: what is checked.
 
 use super::draft::{GivenDraft, ModelBuilder};
+use super::inputs::{close, misplaced_inputs};
 use crate::algebra::LieAlgebra;
 use crate::expr::Graph;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};
@@ -46,6 +47,7 @@ impl ModelBuilder {
         let carried = std::mem::take(&mut self.carries);
         let carries = self.check_carries(&carried);
         let scenes = self.check_scenes(&carries);
+        let drives = self.check_drives();
         self.check_budget();
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
@@ -71,7 +73,7 @@ impl ModelBuilder {
             true => Graph::new(),
             false => self.graph.clone(),
         });
-        Ok(Model {
+        let mut model = Model {
             views: Views { graph: views_graph, list: self.views },
             name: self.name,
             doc: self.doc,
@@ -80,6 +82,8 @@ impl ModelBuilder {
             time: self.time,
             params: self.params,
             param_arrays: self.param_arrays,
+            inputs: self.inputs,
+            input_arrays: self.input_arrays,
             conditions: self.conditions,
             base: self.base,
             algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0).into(), |(algebra, _)| algebra),
@@ -113,7 +117,12 @@ impl ModelBuilder {
             places,
             warnings: Diagnostics::new(None, Vec::new()),
             origin,
-        })
+        };
+        let mut problems = misplaced_inputs(&model);
+        if problems.is_empty() {
+            problems.extend(close(&mut model, &drives));
+        }
+        if problems.is_empty() { Ok(model) } else { Err(Diagnostics::new(model.origin, problems)) }
     }
 
     /// What is wrong with expressions that were not made says nothing.

@@ -21,6 +21,8 @@ use crate::spec::view::View;
 pub(in crate::spec) enum DeclaredAs {
     Parameter,
     ParameterComponent,
+    Input,
+    InputComponent,
     Velocity,
     VelocityComponent,
     Coordinate,
@@ -42,6 +44,8 @@ impl DeclaredAs {
         match self {
             DeclaredAs::Parameter => "a parameter",
             DeclaredAs::ParameterComponent => "a component of a parameter",
+            DeclaredAs::Input => "an input",
+            DeclaredAs::InputComponent => "a component of an input",
             DeclaredAs::Velocity => "a velocity",
             DeclaredAs::VelocityComponent => "a component of a velocity",
             DeclaredAs::Coordinate => "a coordinate",
@@ -62,16 +66,23 @@ impl DeclaredAs {
     /// What to change where a name is declared twice, once so and once as `other`.
     fn help_against(self, other: DeclaredAs) -> &'static str {
         use DeclaredAs::{
-            AdvectedComponent, CoordinateVelocity, MomentumComponent, ParameterComponent, VelocityComponent,
+            AdvectedComponent, CoordinateVelocity, InputComponent, MomentumComponent, ParameterComponent,
+            VelocityComponent,
         };
         match (self, other) {
             (CoordinateVelocity, _) | (_, CoordinateVelocity) => {
                 "rename one of them; a coordinate `q` declares `q_dot` too"
             }
-            (ParameterComponent | VelocityComponent | AdvectedComponent | MomentumComponent, _)
-            | (_, ParameterComponent | VelocityComponent | AdvectedComponent | MomentumComponent) => {
-                "rename one of them; a vector `v` declares `v1`, `v2`, .. too"
-            }
+            (
+                ParameterComponent | InputComponent | VelocityComponent | AdvectedComponent
+                | MomentumComponent,
+                _,
+            )
+            | (
+                _,
+                ParameterComponent | InputComponent | VelocityComponent | AdvectedComponent
+                | MomentumComponent,
+            ) => "rename one of them; a vector `v` declares `v1`, `v2`, .. too",
             _ => "rename one of them",
         }
     }
@@ -116,6 +127,7 @@ pub(super) struct ConstraintDraft {
 pub(super) struct SceneDraft {
     pub(super) scene: Scene,
     pub(super) fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
+    pub(super) inputs: Vec<Located>,
     pub(super) wants: Vec<Located>,
     pub(super) drops: Vec<Located>,
     pub(super) circles: Vec<Located>,
@@ -269,6 +281,12 @@ pub struct ModelBuilder {
     pub(super) params: Vec<Param>,
     pub(super) param_arrays: Vec<ParamArray>,
     pub(super) blocks: BTreeMap<String, Vec<usize>>,
+    pub(super) inputs: Vec<Param>,
+    pub(super) input_arrays: Vec<ParamArray>,
+    /// Values of inputs in the place of arguments: the name and where it stands, the value and where.
+    pub(super) drives: Vec<(Located, Value, Option<Span>)>,
+    /// Positions of inputs, by the name of a component or of a vector.
+    pub(super) input_blocks: BTreeMap<String, Vec<usize>>,
     pub(super) conditions: Vec<Condition>,
     pub(super) base: Vec<Coordinate>,
     pub(in crate::spec) algebra: Option<(LieAlgebra<Number>, Option<Span>)>,
@@ -345,6 +363,10 @@ impl ModelBuilder {
             params: Vec::new(),
             param_arrays: Vec::new(),
             blocks: BTreeMap::new(),
+            inputs: Vec::new(),
+            input_arrays: Vec::new(),
+            drives: Vec::new(),
+            input_blocks: BTreeMap::new(),
             conditions: Vec::new(),
             base: Vec::new(),
             algebra: None,

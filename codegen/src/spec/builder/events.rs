@@ -209,6 +209,8 @@ fn is_of_state(what: DeclaredAs) -> bool {
         what,
         DeclaredAs::Parameter
             | DeclaredAs::ParameterComponent
+            | DeclaredAs::Input
+            | DeclaredAs::InputComponent
             | DeclaredAs::Definition
             | DeclaredAs::Section
             | DeclaredAs::Reconstructed

@@ -12,6 +12,7 @@ mod dynamics;
 mod events;
 mod frame;
 mod given;
+mod inputs;
 mod momenta;
 mod outputs;
 mod params;

@@ -25,14 +25,14 @@ impl ModelBuilder {
         let here = self.here;
         let fixed = fixed.iter().map(|(n, v)| ((*n).to_owned(), v.to_vec(), here)).collect();
         let wants = wants.iter().map(|n| ((*n).to_owned(), here)).collect();
-        self.located_scene(name, fixed, [wants, Vec::new(), Vec::new()], Vec::new(), (doc, None))
+        self.located_scene(name, fixed, [wants, Vec::new(), Vec::new(), Vec::new()], Vec::new(), (doc, None))
     }
 
     pub(in crate::spec) fn located_scene(
         &mut self,
         name: &str,
         fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
-        [wants, drops, circles]: [Vec<Located>; 3],
+        [wants, drops, circles, inputs]: [Vec<Located>; 4],
         carries: Vec<CarryDraft>,
         (doc, extent): (&str, Option<Span>),
     ) -> &mut Self {
@@ -49,6 +49,7 @@ impl ModelBuilder {
         let scene = Scene {
             name: name.to_owned(),
             fixed: Vec::new(),
+            inputs: Vec::new(),
             wants: Vec::new(),
             drops: Vec::new(),
             circles: Vec::new(),
@@ -59,7 +60,7 @@ impl ModelBuilder {
             extent,
             places: BTreeMap::new(),
         };
-        self.scenes.push(SceneDraft { scene, fixed, wants, drops, circles, carries });
+        self.scenes.push(SceneDraft { scene, fixed, inputs, wants, drops, circles, carries });
         self
     }
 
@@ -72,18 +73,22 @@ impl ModelBuilder {
             let drops = self.check_drops(&draft);
             let circles = self.check_circles(&draft);
             let fixes = draft.fixed.iter().map(|(name, _, span)| (name, span));
-            let named = draft.wants.iter().chain(&draft.drops).chain(&drops).chain(&circles);
+            let named =
+                draft.wants.iter().chain(&draft.inputs).chain(&draft.drops).chain(&drops).chain(&circles);
             let named = named.map(|(name, span)| (name, span));
             let places = fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?)));
             let places = places.chain(self.places_of_carries(&draft.carries)).collect();
             let [drops, circles] =
                 [drops, circles].map(|list| list.into_iter().map(|(name, _)| name).collect());
             let carries = self.check_carries(&draft.carries);
-            let mut scene = Scene { drops, circles, carries, places, ..draft.scene };
+            let inputs = self.check_scene_inputs(&draft);
+            let mut scene = Scene { inputs, drops, circles, carries, places, ..draft.scene };
             let mut values = defaults.clone();
             let mut places: BTreeMap<SymbolId, Option<Span>> = BTreeMap::new();
             for (name, numbers, span) in draft.fixed {
-                let Some(positions) = self.blocks.get(&name).cloned() else {
+                let of_input = self.input_blocks.get(&name);
+                let list = if of_input.is_some() { self.inputs.clone() } else { self.params.clone() };
+                let Some(positions) = of_input.or_else(|| self.blocks.get(&name)).cloned() else {
                     let known: Vec<&str> = self.blocks.keys().map(String::as_str).collect();
                     let help = names::suggest(&name, known);
                     self.problem(
@@ -96,12 +101,12 @@ impl ModelBuilder {
                 if positions.len() != numbers.len() {
                     let message =
                         format!("`{name}` has {} components, found {}", positions.len(), numbers.len());
-                    let names: Vec<String> = positions.iter().map(|k| self.params[*k].name.clone()).collect();
+                    let names: Vec<String> = positions.iter().map(|k| list[*k].name.clone()).collect();
                     self.problem(span, message, component_help(&names));
                     continue;
                 }
                 for (k, q) in positions.into_iter().zip(numbers) {
-                    let param = &self.params[k];
+                    let param = &list[k];
                     let (component, symbol) = (param.name.clone(), param.symbol);
                     if !places.contains_key(&symbol) {
                         self.here = span;
@@ -110,6 +115,10 @@ impl ModelBuilder {
                     if places.insert(symbol, span).is_some() {
                         let message = format!("scene `{}` fixes `{component}` twice", scene.name);
                         self.problem(span, message, "keep one of them");
+                    }
+                    if scene.inputs.contains(&component) {
+                        let message = format!("scene `{}` both fixes `{component}` and takes it", scene.name);
+                        self.problem(span, message, "keep one of `fix` and `input`");
                     }
                     values.insert(symbol, q.clone());
                     scene.fixed.push((component, q));

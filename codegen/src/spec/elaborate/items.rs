@@ -148,16 +148,22 @@ impl Elaboration<'_> {
                 Some(value) => _ = self.builder.at(Some(name.span)).field(&name.text, &value),
                 None => _ = self.builder.broken.insert("field"),
             },
+            ItemKind::Drive { name, value } => {
+                if let Some((value, span)) = self.located(value) {
+                    self.builder.at(Some(name.span)).located_drive(&name.text, (&value, span));
+                }
+            }
             ItemKind::Algebroid(block) => self.brackets_of_algebroid(block),
             ItemKind::Carry(list) => {
                 let list = located_carries(list);
                 self.builder.at(span).located_carries(list);
             }
-            ItemKind::Scene { name, fixed, wants, drops, circles, carries, formulation } => {
-                self.scene(item, name, fixed, [wants, drops, circles], carries);
+            ItemKind::Scene { name, fixed, inputs, wants, drops, circles, carries, formulation } => {
+                self.scene(item, name, fixed, [wants, drops, circles, inputs], carries);
                 self.formulation(&name.text, formulation);
             }
             ItemKind::Source(_)
+            | ItemKind::Input { .. }
             | ItemKind::Let { .. }
             | ItemKind::AlgebraName { .. }
             | ItemKind::AlgebraBrackets { .. }
@@ -267,13 +273,13 @@ impl Elaboration<'_> {
         self.builder.at(Some(word.span)).scene_formulation(scene, search);
     }
 
-    /// `lists`: outputs wanted, coordinates left out, angles carried as points of the circle.
+    /// `lists`: outputs wanted, coordinates left out, angles carried as points of the circle, inputs.
     fn scene(
         &mut self,
         item: &Item,
         name: &Name,
         fixed: &[(Name, Expr)],
-        lists: [&[Name]; 3],
+        lists: [&[Name]; 4],
         carries: &[Carry],
     ) {
         let mut numbers = Vec::new();

@@ -1,4 +1,4 @@
-//! Parameters, velocities, coordinates and advected parameters.
+//! Parameters, inputs, velocities, coordinates and advected parameters.
 //!
 //! Deliberately does not know: definitions, what the variables are used for.
 
@@ -19,14 +19,25 @@ impl Elaboration<'_> {
                     self.builder.source(text);
                 }
                 ItemKind::Param { name, shape, default, .. } => {
-                    self.declare_param(item, name, shape, default.as_ref())
+                    self.declare_numbers(item, "parameter", (name, shape), default.as_ref())
+                }
+                ItemKind::Input { name, shape, default } => {
+                    self.declare_numbers(item, "input", (name, shape), default.as_ref())
                 }
                 _ => {}
             }
         }
     }
 
-    fn declare_param(&mut self, item: &Item, name: &Name, shape: &ast::Shape, default: Option<&Expr>) {
+    /// A parameter or an input, which is `what`, with its default.
+    fn declare_numbers(
+        &mut self,
+        item: &Item,
+        what: &str,
+        (name, shape): (&Name, &ast::Shape),
+        default: Option<&Expr>,
+    ) {
+        let is_input = matches!(item.kind, ItemKind::Input { .. });
         let layout = match shape {
             ast::Shape::Scalar => None,
             ast::Shape::Vector(n) => Some(Layout::Vector(n.value)),
@@ -42,12 +53,13 @@ impl Elaboration<'_> {
                     return Some(numbers);
                 }
                 let message = match layout {
-                    None => format!("parameter `{}` is a number, its default is a list", name.text),
+                    None => format!("{what} `{}` is a number, its default is a list", name.text),
                     Some(_) => format!("`{}` has {n} components, its default {}", name.text, numbers.len()),
                 };
                 let help = match layout {
                     None => format!(
-                        "declare it as a vector: `param {}: vector({}) = ..`",
+                        "declare it as a vector: `{} {}: vector({}) = ..`",
+                        if is_input { "input" } else { "param" },
                         name.text,
                         numbers.len()
                     ),
@@ -59,7 +71,7 @@ impl Elaboration<'_> {
             None => {
                 let help =
                     if n == 1 { "write `= 1.0`" } else { "write `= [..]` with the components in order" };
-                self.problem(name.span, format!("parameter `{}` has no default", name.text), help);
+                self.problem(name.span, format!("{what} `{}` has no default", name.text), help);
                 None
             }
         };
@@ -70,11 +82,12 @@ impl Elaboration<'_> {
         let numbers = numbers.unwrap_or_else(|| vec![Rational::zero(); n]);
         let doc = item.doc.join("\n");
         self.builder.at(Some(name.span));
-        match layout {
-            None => {
-                self.builder.param(&name.text, numbers.first().cloned().unwrap_or_else(Rational::zero), &doc)
-            }
-            Some(layout) => self.builder.param_array(&name.text, layout, &numbers, &doc),
+        let first = || numbers.first().cloned().unwrap_or_else(Rational::zero);
+        match (layout, is_input) {
+            (None, false) => self.builder.param(&name.text, first(), &doc),
+            (Some(layout), false) => self.builder.param_array(&name.text, layout, &numbers, &doc),
+            (None, true) => self.builder.input(&name.text, first(), &doc),
+            (Some(layout), true) => self.builder.input_array(&name.text, layout, &numbers, &doc),
         };
     }
 

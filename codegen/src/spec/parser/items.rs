@@ -23,6 +23,12 @@ impl<'a> Parser<'a> {
                 None => return self.expected("a text in quotes"),
             },
             "param" => self.param()?,
+            "input" => self.input()?,
+            "drive" => {
+                let name = self.ident("the name of an input")?;
+                self.equals()?;
+                ItemKind::Drive { name, value: self.expr()? }
+            }
             "require" => ItemKind::Require(self.comparisons()?),
             "let" => {
                 let name = self.ident("a name")?;
@@ -221,6 +227,18 @@ impl<'a> Parser<'a> {
         };
         let conditions = if self.word("where").is_some() { self.comparisons()? } else { Vec::new() };
         Ok(ItemKind::Param { name, shape, default, conditions })
+    }
+
+    fn input(&mut self) -> Parsed<ItemKind> {
+        let name = self.ident("the name of an input")?;
+        let shape = self.shape()?;
+        let default = if self.peek_punct('=') {
+            self.equals()?;
+            Some(self.expr()?)
+        } else {
+            None
+        };
+        Ok(ItemKind::Input { name, shape, default })
     }
 
     fn comparisons(&mut self) -> Parsed<Vec<Comparison>> {
@@ -555,7 +573,7 @@ impl<'a> Parser<'a> {
         let (mut body, _) = self.require_group(Delimiter::Brace, "`{`")?;
         let (mut fixed, mut wants) = (Vec::new(), Vec::new());
         let (mut drops, mut circles, mut carries) = (Vec::new(), Vec::new(), Vec::new());
-        let mut formulation = Vec::new();
+        let (mut formulation, mut inputs) = (Vec::new(), Vec::new());
         while !body.at_end() {
             if body.word("fix").is_some() {
                 fixed.extend(body.comma_separated(|p| {
@@ -563,6 +581,8 @@ impl<'a> Parser<'a> {
                     p.equals()?;
                     Ok((name, p.expr()?))
                 })?);
+            } else if body.word("input").is_some() {
+                inputs.extend(body.comma_separated(|p| p.ident("the name of an input"))?);
             } else if body.word("want").is_some() {
                 wants.extend(body.comma_separated(|p| p.ident("the name of an output"))?);
             } else if body.word("drop").is_some() {
@@ -582,11 +602,12 @@ impl<'a> Parser<'a> {
                 });
                 formulation.push((word, what.transpose()?));
             } else {
-                return body.expected("`fix`, `want`, `drop`, `circle`, `carry`, `routh` or `formulation`");
+                return body
+                    .expected("`fix`, `input`, `want`, `drop`, `circle`, `carry`, `routh` or `formulation`");
             }
             body.require_punct(";")?;
         }
-        Ok(ItemKind::Scene { name, fixed, wants, drops, circles, carries, formulation })
+        Ok(ItemKind::Scene { name, fixed, inputs, wants, drops, circles, carries, formulation })
     }
 
     fn carried(&mut self) -> Parsed<Vec<Carry>> {

@@ -1,0 +1,129 @@
+//! Inputs of a scene from a table: which columns it has, and the values at a time.
+//!
+//! Does not know: where the table was read, how a scene is evaluated.
+
+use std::fmt;
+use std::sync::Arc;
+
+use hamel_runtime::{Interpolation, Real, Signal, Table, TableError};
+
+use super::info::Info;
+use crate::error::Error;
+
+/// What is between two rows of a table of inputs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Between {
+    /// Straight lines.
+    #[default]
+    Linear,
+    /// Cubics whose slopes are continuous.
+    Cubic,
+}
+
+/// Inputs at times, column by column.
+#[derive(Clone)]
+pub struct InputTable {
+    path: String,
+    columns: Vec<(String, Table<'static, 1>)>,
+}
+
+impl fmt::Debug for InputTable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("InputTable").field("path", &self.path).finish_non_exhaustive()
+    }
+}
+
+impl InputTable {
+    /// A table of the rows under a line of names, of which one is `t`; `path` is shown in messages.
+    ///
+    /// # Errors
+    /// [`Error::Request`] without a column `t`, without another one, or where the rows are no table.
+    pub fn new(
+        path: &str,
+        names: &[String],
+        rows: &[Vec<f64>],
+        between: Between,
+    ) -> Result<InputTable, Error> {
+        let refused = |reason: String| Error::unusable(path, reason);
+        let Some(of_time) = names.iter().position(|name| name == "t") else {
+            return Err(refused(format!("has no column `t`, but {}", names.join(", "))));
+        };
+        if names.len() == 1 {
+            return Err(refused("has no column besides `t`: add one for each input".to_owned()));
+        }
+        // Rows live as long as the program, which reads few tables.
+        let times: &'static [f64] = rows.iter().map(|row| row[of_time]).collect::<Vec<_>>().leak();
+        let interpolation = match between {
+            Between::Linear => Interpolation::Linear,
+            Between::Cubic => Interpolation::Cubic,
+        };
+        let mut columns = Vec::new();
+        for (k, name) in names.iter().enumerate().filter(|(k, _)| *k != of_time) {
+            let values: &'static [[f64; 1]] = rows.iter().map(|row| [row[k]]).collect::<Vec<_>>().leak();
+            let table = Table::new(times, values, interpolation).map_err(|error| {
+                refused(match error {
+                    TableError::Empty => "has no row".to_owned(),
+                    TableError::Time { row } => {
+                        let times = &times[row.saturating_sub(1)..=row];
+                        format!("has times that do not grow: {times:?}")
+                    }
+                    other => format!("is no table of inputs: {other}"),
+                })
+            })?;
+            if columns.iter().any(|(known, _)| known == name) {
+                return Err(refused(format!("has the column `{name}` twice")));
+            }
+            columns.push((name.clone(), table));
+        }
+        Ok(InputTable { path: path.to_owned(), columns })
+    }
+
+    /// Whether a scene takes every input that the table has.
+    pub fn fits(&self, info: &Info) -> bool {
+        self.columns.iter().all(|(name, _)| info.inputs.iter().any(|input| input.name == *name))
+    }
+
+    /// The inputs of a scene that the table drives: for each the column, or its held value.
+    ///
+    /// # Errors
+    /// [`Error::Request`] with the column that is no input of the scene.
+    pub fn of_scene(&self, info: &Info) -> Result<Driven, Error> {
+        if let Some((name, _)) =
+            self.columns.iter().find(|(name, _)| info.inputs.iter().all(|i| i.name != *name))
+        {
+            let known: Vec<&str> = info.inputs.iter().map(|i| i.name.as_str()).collect();
+            let reason = match known.is_empty() {
+                true => format!(
+                    "has a column `{name}`, but scene {} of {} takes no input",
+                    info.scene, info.model
+                ),
+                false => format!(
+                    "has a column `{name}`, which is no input of scene {}: its inputs are {}",
+                    info.scene,
+                    known.join(", ")
+                ),
+            };
+            return Err(Error::unusable(&self.path, reason));
+        }
+        let column = |name: &str| self.columns.iter().find(|(own, _)| own == name).map(|(_, table)| *table);
+        Ok(Driven(info.inputs.iter().map(|input| (input.default, column(&input.name))).collect()))
+    }
+}
+
+/// The inputs of a scene in its order: the values that they are held at, and what drives them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Driven(Vec<(f64, Option<Table<'static, 1>>)>);
+
+impl Driven {
+    /// The inputs at a time.
+    pub fn at<R: Real>(&self, t: R) -> Vec<R> {
+        let value = |(held, table): &(f64, Option<Table<'static, 1>>)| match table {
+            Some(table) => Signal::<R, (), 1>::at(table, t, &())[0],
+            None => R::from_f64(*held),
+        };
+        self.0.iter().map(value).collect()
+    }
+}
+
+/// What drives a scene, shared by all that evaluate it.
+pub(super) type Drive = Option<Arc<Driven>>;
