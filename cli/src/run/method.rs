@@ -11,6 +11,7 @@ use hamel_runtime::Options;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
+use crate::names;
 
 /// An integration method of the runtime.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
@@ -118,6 +119,21 @@ impl MethodName {
     /// The method of a name.
     pub fn from_name(name: &str) -> Option<MethodName> {
         METHODS.iter().find(|(_, known, _)| *known == name).map(|(method, ..)| *method)
+    }
+
+    /// The same, and what is wrong with a name that is none.
+    ///
+    /// # Errors
+    /// What follows the word for the place where the name was given.
+    pub fn named(name: &str) -> Result<MethodName, String> {
+        MethodName::from_name(name).ok_or_else(|| {
+            let known: Vec<&str> = MethodName::all().map(MethodName::name).collect();
+            format!(
+                "{name:?} is no method{}\n  methods: {}",
+                names::hint(name, known.iter().copied()),
+                names::list(known)
+            )
+        })
     }
 
     /// The name in requests.
