@@ -173,6 +173,11 @@ impl MethodName {
         (self.evaluates_rates_alone() && !self.is_projection()) || self.class() == Class::Choice
     }
 
+    /// Whether every scene with equations can be moved by the method, with steps that any explicit method takes.
+    pub fn suits_all_scenes(self) -> bool {
+        matches!(self.class(), Class::Embedded) || self == MethodName::Rk4
+    }
+
     /// Whether the method is one of its own, and evaluates the right-hand side but neither its derivatives nor a
     /// series, and moves no matrices, which models with equations have none of.
     pub(crate) fn evaluates_rates_alone(self) -> bool {
