@@ -126,6 +126,8 @@ fn every_code_block_of_the_book_is_tested() {
             let is_known = match language {
                 "rust,ignore" => before.starts_with("<!-- from "),
                 "sh" | "console" | "rust" | "hamel" | "text" | "toml" => true,
+                // By `python/tests/test_package.py`.
+                "python" => page.path.ends_with("docs/book/python.md"),
                 _ => false,
             };
             assert!(is_known, "{}: no test for this block `{language}`\n{text}", page.path.display());

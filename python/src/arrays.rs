@@ -29,7 +29,8 @@ impl<'a> Rows<'a> {
         if let Some(all) = array.to_slice() {
             return Rows::InRows(all, width);
         }
-        let columns: Option<Vec<&[f64]>> = (0..width).map(|k| array.index_axis_move(Axis(1), k).to_slice()).collect();
+        let columns: Option<Vec<&[f64]>> =
+            (0..width).map(|k| array.index_axis_move(Axis(1), k).to_slice()).collect();
         match columns {
             Some(columns) => Rows::InColumns(columns),
             None => Rows::Anyhow(array),
@@ -68,7 +69,9 @@ impl<'a> Rows<'a> {
     pub(crate) fn row(&self, at: usize, out: &mut [f64]) {
         match self {
             Rows::InRows(all, width) => out.copy_from_slice(&all[at * width..(at + 1) * width]),
-            Rows::InColumns(columns) => out.iter_mut().zip(columns).for_each(|(out, column)| *out = column[at]),
+            Rows::InColumns(columns) => {
+                out.iter_mut().zip(columns).for_each(|(out, column)| *out = column[at])
+            }
             Rows::Anyhow(array) => out.iter_mut().enumerate().for_each(|(k, out)| *out = array[[at, k]]),
         }
     }
@@ -90,7 +93,9 @@ impl<'a> RowsMut<'a> {
         let width = array.ncols();
         if array.as_slice_mut().is_some() {
             // It is in order, as has just been seen.
-            return array.into_slice().map_or_else(|| RowsMut::InRows(&mut [], 0), |all| RowsMut::InRows(all, width));
+            return array
+                .into_slice()
+                .map_or_else(|| RowsMut::InRows(&mut [], 0), |all| RowsMut::InRows(all, width));
         }
         if (0..width).any(|k| array.index_axis_mut(Axis(1), k).as_slice_mut().is_none()) {
             return RowsMut::Anyhow(array);
@@ -131,7 +136,8 @@ impl<'a> RowsMut<'a> {
             }
         }
         for lane in lanes {
-            is_finite &= lane.to_array().iter().fold(true, |all, x| all & (x.to_bits() & EXPONENT != EXPONENT));
+            is_finite &=
+                lane.to_array().iter().fold(true, |all, x| all & (x.to_bits() & EXPONENT != EXPONENT));
         }
         is_finite
     }
@@ -140,7 +146,9 @@ impl<'a> RowsMut<'a> {
     pub(crate) fn set_row(&mut self, at: usize, row: &[f64]) -> bool {
         match self {
             RowsMut::InRows(all, width) => all[at * *width..(at + 1) * *width].copy_from_slice(row),
-            RowsMut::InColumns(columns) => columns.iter_mut().zip(row).for_each(|(column, x)| column[at] = *x),
+            RowsMut::InColumns(columns) => {
+                columns.iter_mut().zip(row).for_each(|(column, x)| column[at] = *x)
+            }
             RowsMut::Anyhow(array) => row.iter().enumerate().for_each(|(k, x)| array[[at, k]] = *x),
         }
         row.iter().all(|x| x.is_finite())

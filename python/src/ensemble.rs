@@ -73,7 +73,8 @@ pub(crate) fn integrate(
     let mut problems = Vec::new();
     let given: Vec<(String, f64)> = names.iter().map(|name| (name.clone(), 0.0)).collect();
     assignments(&given, "y0 and params", "parameter or state variable", &known, &mut problems);
-    let of_state = names.iter().map(String::as_str).filter(|name| info.params.iter().all(|p| p.name != *name));
+    let of_state =
+        names.iter().map(String::as_str).filter(|name| info.params.iter().all(|p| p.name != *name));
     if let Err(reason) = forms.form_of(of_state) {
         problems.push(Problem::Unusable { path: "y0".into(), reason });
     }

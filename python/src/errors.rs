@@ -38,9 +38,7 @@ pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
         let text = error.to_string();
         let made = match error {
             Error::Models { problems: all } => classes.getattr("ModelError")?.call1((text, problems(all)))?,
-            Error::Misnamed { .. } => {
-                classes.getattr("ModelError")?.call1((text, Vec::<Problem>::new()))?
-            }
+            Error::Misnamed { .. } => classes.getattr("ModelError")?.call1((text, Vec::<Problem>::new()))?,
             Error::Stopped { t, state, .. } => {
                 let reached = PyDict::new(py);
                 state.iter().try_for_each(|(name, value)| reached.set_item(name, value))?;

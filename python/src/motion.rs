@@ -141,7 +141,8 @@ pub(crate) fn ensemble<'py>(
     lanes: usize,
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (n_rows, n, n_params) = (values.as_array().nrows(), scene.info().state.len(), scene.info().params.len());
+    let (n_rows, n, n_params) =
+        (values.as_array().nrows(), scene.info().state.len(), scene.info().params.len());
     let rows = values.as_array();
     let run = || {
         let (method, steps) = options.steps()?;
@@ -327,7 +328,8 @@ impl Motion {
     #[staticmethod]
     fn restored(py: Python<'_>, scene: &Scene, kept: &str) -> PyResult<Motion> {
         let kept: Result<(SimulateRequest, SimulateResponse), _> = serde_json::from_str(kept);
-        let (request, response) = kept.map_err(|e| exception(py, &Error::Options { reason: e.to_string() }))?;
+        let (request, response) =
+            kept.map_err(|e| exception(py, &Error::Options { reason: e.to_string() }))?;
         Ok(Motion { model: Arc::clone(&scene.model), info: scene.info().clone(), request, response })
     }
 }

@@ -132,7 +132,14 @@ fn two_axes_needed() -> PyErr {
 }
 
 /// The rates of all rows, four at a time.
-fn rates(dynamics: &dyn Dynamics, t: f64, rows: &Rows<'_>, out: &mut RowsMut<'_>, n_rows: usize, n: usize) -> bool {
+fn rates(
+    dynamics: &dyn Dynamics,
+    t: f64,
+    rows: &Rows<'_>,
+    out: &mut RowsMut<'_>,
+    n_rows: usize,
+    n: usize,
+) -> bool {
     let zeros = VecState(vec![F64x4::splat(0.0); n]);
     let (mut y, mut dy) = (zeros.clone(), zeros);
     let on_lanes = F64x4::splat(t);
@@ -395,7 +402,10 @@ impl Scene {
         let dual = |(value, derivative): (&f64, &f64)| Dual { value: *value, derivative: *derivative };
         let params: Vec<Dual> = self.values.iter().zip(&along_params).map(dual).collect();
         let (pairs, mut out) = (two_axes(pairs.as_array())?, two_axes_mut(out.as_array_mut())?);
-        if along_params.len() != self.values.len() || pairs.ncols() != 2 * n || out.dim() != (pairs.nrows(), n) {
+        if along_params.len() != self.values.len()
+            || pairs.ncols() != 2 * n
+            || out.dim() != (pairs.nrows(), n)
+        {
             return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
         }
         let done = || -> Result<(), Error> {
@@ -428,7 +438,9 @@ impl Scene {
     ) -> PyResult<()> {
         let (dynamics, n) = (self.dynamics(), self.info().state.len());
         self.on_states(py, (&y, t), &mut out, (self.cost(), threads), |rows, out, n_rows| {
-            by_row(rows, out, n_rows, (n, 1), |y, result| result[0] = dynamics.energy(t, y).unwrap_or(f64::NAN))
+            by_row(rows, out, n_rows, (n, 1), |y, result| {
+                result[0] = dynamics.energy(t, y).unwrap_or(f64::NAN)
+            })
         })
     }
 
