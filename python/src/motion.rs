@@ -99,7 +99,8 @@ pub(crate) fn simulate(
         let purpose = auto::Purpose::of_samples(times.len());
         let method = match (asked_method, steps) {
             (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
-                auto::choose(rtol, Some(built.rhs_counts().cost()), true, purpose)
+                // Series have no derivatives along parameters.
+                auto::choose(rtol, Some(built.rhs_counts().cost()), sensitivity.is_empty(), purpose)
             }
             (method, _) => method,
         };

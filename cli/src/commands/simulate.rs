@@ -338,7 +338,9 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             // Compiled code does not say what it costs.
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
             let is_interpreted = choice.via(&file) == Via::Interpreter;
-            let has_series = is_interpreted || model::wants(model, &choice.scene, Want::Taylor);
+            // Series have no derivatives along parameters.
+            let has_series = arguments.sensitivity.is_empty()
+                && (is_interpreted || model::wants(model, &choice.scene, Want::Taylor));
             auto::choose(rtol, Some(cost), has_series, auto::Purpose::of_samples(samples))
         }
         (method, _) => method,
