@@ -222,6 +222,25 @@ class Model:
         """The Jacobian as solvers call it, ``jac(t, y)``."""
         return self.jacobian(y, t)
 
+    def casadi(self, name: str = "rates") -> Any:
+        """The right-hand side as a function of CasADi from ``(t, y)`` to the rates, with exact Jacobians.
+
+        A ``casadi.Callback``: keep it as long as what is made of it. Needs casadi.
+        """
+        from ._solvers import of_casadi
+
+        return of_casadi(self, name)
+
+    def jax(self) -> Any:
+        """The right-hand side as a function ``f(t, y, args=None)`` of JAX, as ``diffrax.ODETerm`` takes it.
+
+        Derivatives forward and backward are exact, ``vmap`` and ``jit`` work; numbers have the type of ``y``, which is
+        ``float32`` unless JAX is told otherwise. Needs jax.
+        """
+        from ._solvers import of_jax
+
+        return of_jax(self)
+
     def jacobian(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
         """Derivatives ``df_i/dy_j`` of the rates, ``(.., n, n)``; exact, by dual numbers."""
         y = self._states(y)
@@ -229,11 +248,17 @@ class Model:
         return self._on_rows(self._native.jacobian, y, t, np.empty(shape), shape[-2:], threads)
 
     def jvp(
-        self, y: ArrayLike, dy: ArrayLike, t: float = 0.0, *, dparams: Mapping[str, float] | None = None
+        self,
+        y: ArrayLike,
+        dy: ArrayLike,
+        t: float = 0.0,
+        *,
+        dt: float = 0.0,
+        dparams: Mapping[str, float] | None = None,
     ) -> Array:
-        """Derivative of the rates along a direction ``dy`` of the state and ``dparams`` of the parameters, ``(.., n)``.
+        """Derivative of the rates along ``dy`` of the state, ``dt`` and ``dparams`` of the parameters, ``(.., n)``.
 
-        ``sum_j df_i/dy_j dy_j + sum_k df_i/dp_k dparams_k``, exact, by dual numbers.
+        ``sum_j df_i/dy_j dy_j + df_i/dt dt + sum_k df_i/dp_k dparams_k``, exact, by dual numbers.
         """
         y, dy = np.broadcast_arrays(self._states(y), self._states(dy, "dy"))
         along = dict.fromkeys(self._params, 0.0)
@@ -243,7 +268,7 @@ class Model:
             along[name] = float(value)
         pairs = np.concatenate([y, dy], axis=-1).reshape(-1, 2 * self._n)
         out = np.empty((len(pairs), self._n))
-        self._native.jvp(pairs, list(along.values()), t, out)
+        self._native.jvp(pairs, list(along.values()), t, dt, out)
         return out.reshape(y.shape)
 
     def energy(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:

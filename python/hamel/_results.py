@@ -94,7 +94,7 @@ class Motion:
         #: Method, steps, evaluations, drift of the energy, residual of the constraint, seconds.
         self.stats: dict[str, Any] = native.stats
         n = len(model.state)
-        along = native.along.reshape(len(self.t), -1, n)
+        along = native.along.reshape(len(self.t), len(native.along_end), n)
         #: Derivatives of the samples' states by each parameter or initial value that was asked for, ``(k, n)``.
         self.sensitivity: dict[str, Array] = {name: along[:, k] for k, (name, _) in enumerate(native.along_end)}
         #: Derivatives of the final state, ``(n,)``.

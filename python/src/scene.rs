@@ -388,14 +388,15 @@ impl Scene {
         })
     }
 
-    /// Writes derivatives of rates along directions, which are behind the states in the rows of `pairs`, and along a
-    /// direction of the parameters.
+    /// Writes derivatives of rates along directions, which are behind the states in the rows of `pairs`, along a
+    /// direction of the parameters and along the time.
     fn jvp(
         &self,
         py: Python<'_>,
         pairs: PyReadonlyArrayDyn<'_, f64>,
         along_params: Vec<f64>,
         t: f64,
+        dt: f64,
         mut out: PyReadwriteArrayDyn<'_, f64>,
     ) -> PyResult<()> {
         let n = self.info().state.len();
@@ -416,7 +417,7 @@ impl Scene {
             let mut bad = Vec::new();
             for (k, (pair, mut out)) in pairs.rows().into_iter().zip(out.rows_mut()).enumerate() {
                 y.iter_mut().enumerate().for_each(|(i, y)| *y = dual((&pair[i], &pair[n + i])));
-                duals.rhs(Dual::constant(t), &y, &mut dy);
+                duals.rhs(dual((&t, &dt)), &y, &mut dy);
                 out.iter_mut().zip(&dy).for_each(|(out, dy)| *out = dy.derivative);
                 if dy.iter().any(|dy| !dy.derivative.is_finite()) {
                     bad.push((k, "the derivative of its rates is not finite".to_owned()));
@@ -498,6 +499,8 @@ impl Scene {
         let seconds = || {
             let dynamics = self.dynamics();
             let rows = Rows::of(states);
+            // The first round fills the caches, here and below.
+            rates(dynamics, 0.0, &rows, &mut RowsMut::of(out.view_mut()), n_rows, n);
             let clock = std::time::Instant::now();
             for _ in 0..repeats {
                 rates(dynamics, 0.0, &rows, &mut RowsMut::of(out.view_mut()), n_rows, n);
@@ -506,6 +509,10 @@ impl Scene {
             let mut lanes = vec![VecState(vec![F64x4::splat(0.0); n]); n_rows / F64x4::LANES];
             lanes.iter_mut().enumerate().for_each(|(k, lanes)| rows.lanes(k * F64x4::LANES, &mut lanes.0));
             let mut results = lanes.clone();
+            lanes
+                .iter()
+                .zip(&mut results)
+                .for_each(|(y, dy)| dynamics.rhs_on_lanes(F64x4::splat(0.0), y, dy));
             let clock = std::time::Instant::now();
             for _ in 0..repeats {
                 for (y, dy) in lanes.iter().zip(&mut results) {

@@ -109,6 +109,21 @@ def test_derivatives_are_those_of_the_rates(top):
     np.testing.assert_allclose(by_m, central, rtol=1e-6, atol=1e-7)
 
 
+def test_the_time_has_a_derivative():
+    driven = hamel.load("""
+        model driven {
+            param a = 2;
+            coordinate x in real;
+            lagrangian = x_dot^2/2 + a*x*sin(3*t);
+        }
+    """)
+    y = np.array([0.3, 0.1])
+    at = driven.state.index("x")
+    rates = driven.jvp(y, np.zeros(2), 0.4, dt=1.0)
+    assert rates[at] == 0.0
+    np.testing.assert_allclose(rates[1 - at], 6 * np.cos(1.2), rtol=1e-14)
+
+
 def test_threads_of_python_compute_side_by_side(top):
     y = states(50000)
     expected = top.rhs(y)

@@ -147,6 +147,46 @@ def test_a_trajectory_that_stops_leaves_the_others_alone(top):
     assert top.ensemble(1.0, START).to_xarray()["error"].item() == ""
 
 
+def test_casadi_takes_a_model_and_its_derivatives(top):
+    casadi = pytest.importorskip("casadi")
+    f = top.casadi()
+    y = casadi.MX.sym("y", 6)
+    whole = casadi.Function("whole", [y], [f(0.0, y), casadi.jacobian(f(0.0, y), y)])
+    at = np.array(list(START.values()))
+    rates, jacobian = whole(at)
+    assert np.array_equal(np.asarray(rates).ravel(), top.rhs(at))
+    np.testing.assert_allclose(np.asarray(jacobian), top.jacobian(at), rtol=1e-15)
+    problem = {"x": y, "ode": f(0.0, y)}
+    end = casadi.integrator("end", "cvodes", problem, 0.0, 1.0, {"abstol": 1e-10, "reltol": 1e-10})(x0=at)["xf"]
+    np.testing.assert_allclose(np.asarray(end).ravel(), top.simulate(1.0, START).y_end, atol=1e-6)
+
+
+# Packages that JAX imports warn of each other.
+@pytest.mark.filterwarnings("ignore")
+def test_jax_takes_a_model_and_its_derivatives(top):
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    f = top.jax()
+    y = np.random.default_rng(3).normal(size=(4, 6))
+    np.testing.assert_array_equal(jax.jit(f)(0.0, y[0]), top.rhs(y[0]))
+    np.testing.assert_allclose(jax.jacfwd(f, argnums=1)(0.0, y[0]), top.jacobian(y[0]), rtol=1e-14)
+    np.testing.assert_allclose(jax.jacrev(f, argnums=1)(0.0, y[0]), top.jacobian(y[0]), rtol=1e-14)
+    np.testing.assert_array_equal(jax.vmap(f, in_axes=(None, 0))(0.0, y), top.rhs(y))
+    np.testing.assert_array_equal(jax.vmap(f)(np.arange(4.0), y), top.rhs(y))
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_diffrax_integrates_a_model(top):
+    diffrax, jax = pytest.importorskip("diffrax"), pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    y0 = np.array(list(START.values()))
+    found = diffrax.diffeqsolve(
+        diffrax.ODETerm(top.jax()), diffrax.Dopri8(), 0.0, 1.0, 0.01, jax.numpy.asarray(y0),
+        stepsize_controller=diffrax.PIDController(rtol=1e-9, atol=1e-10),
+    )  # fmt: skip
+    np.testing.assert_allclose(found.ys[-1], top.simulate(1.0, START).y_end, atol=1e-7)
+
+
 def test_scipy_integrates_a_model(top):
     integrate = pytest.importorskip("scipy.integrate")
     y0 = list(START.values())

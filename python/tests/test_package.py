@@ -41,7 +41,11 @@ def test_every_native_name_is_in_the_stub():
 
 def test_types_are_those_that_are_written():
     pytest.importorskip("mypy")
-    found = subprocess.run([sys.executable, "-m", "mypy", "--strict", "-p", "hamel"], capture_output=True, text=True)
+    found = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--config-file", str(ROOT / "python/pyproject.toml"), "-p", "hamel"],
+        capture_output=True,
+        text=True,
+    )
     assert found.returncode == 0, found.stdout
 
 
