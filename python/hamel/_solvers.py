@@ -26,7 +26,7 @@ def of_casadi(model: Model, name: str) -> Any:
     n = len(model.state)
     dense = casadi.Sparsity.dense
 
-    class Jacobian(casadi.Callback):  # type: ignore[misc]
+    class Jacobian(casadi.Callback):
         def __init__(self, called: str, inputs: Any, outputs: Any, options: Any):
             casadi.Callback.__init__(self)
             self._names = (inputs, outputs)
@@ -54,7 +54,7 @@ def of_casadi(model: Model, name: str) -> Any:
             t, y = float(arguments[0]), np.asarray(arguments[1]).reshape(n)
             return [_by_time(model, y, t), model.jacobian(y, t)]
 
-    class Rates(casadi.Callback):  # type: ignore[misc]
+    class Rates(casadi.Callback):
         def __init__(self) -> None:
             casadi.Callback.__init__(self)
             # CasADi does not keep what it is given.
