@@ -15,9 +15,9 @@ const PIECE: u64 = 1 << 17;
 /// Rows of an array, wherever its numbers are.
 pub(crate) enum Rows<'a> {
     /// One row after the other.
-    InRows(&'a [f64], usize),
+    ByRow(&'a [f64], usize),
     /// One column after the other: lanes are read side by side.
-    InColumns(Vec<&'a [f64]>),
+    ByColumn(Vec<&'a [f64]>),
     /// Neither.
     Anyhow(ArrayView2<'a, f64>),
 }
@@ -27,12 +27,12 @@ impl<'a> Rows<'a> {
     pub(crate) fn of(array: ArrayView2<'a, f64>) -> Rows<'a> {
         let width = array.ncols();
         if let Some(all) = array.to_slice() {
-            return Rows::InRows(all, width);
+            return Rows::ByRow(all, width);
         }
         let columns: Option<Vec<&[f64]>> =
             (0..width).map(|k| array.index_axis_move(Axis(1), k).to_slice()).collect();
         match columns {
-            Some(columns) => Rows::InColumns(columns),
+            Some(columns) => Rows::ByColumn(columns),
             None => Rows::Anyhow(array),
         }
     }
@@ -41,7 +41,7 @@ impl<'a> Rows<'a> {
     #[inline]
     pub(crate) fn lanes(&self, first: usize, lanes: &mut [F64x4]) {
         match self {
-            Rows::InRows(all, width) => {
+            Rows::ByRow(all, width) => {
                 let rows = &all[first * width..(first + F64x4::LANES) * width];
                 let (a, rest) = rows.split_at(*width);
                 let (b, rest) = rest.split_at(*width);
@@ -50,7 +50,7 @@ impl<'a> Rows<'a> {
                     *lane = F64x4::new([*a, *b, *c, *d]);
                 }
             }
-            Rows::InColumns(columns) => {
+            Rows::ByColumn(columns) => {
                 for (lane, column) in lanes.iter_mut().zip(columns) {
                     let four = &column[first..first + F64x4::LANES];
                     *lane = F64x4::new([four[0], four[1], four[2], four[3]]);
@@ -68,8 +68,8 @@ impl<'a> Rows<'a> {
     #[inline]
     pub(crate) fn row(&self, at: usize, out: &mut [f64]) {
         match self {
-            Rows::InRows(all, width) => out.copy_from_slice(&all[at * width..(at + 1) * width]),
-            Rows::InColumns(columns) => {
+            Rows::ByRow(all, width) => out.copy_from_slice(&all[at * width..(at + 1) * width]),
+            Rows::ByColumn(columns) => {
                 out.iter_mut().zip(columns).for_each(|(out, column)| *out = column[at])
             }
             Rows::Anyhow(array) => out.iter_mut().enumerate().for_each(|(k, out)| *out = array[[at, k]]),
@@ -80,9 +80,9 @@ impl<'a> Rows<'a> {
 /// Rows of an array to be written, the same way.
 pub(crate) enum RowsMut<'a> {
     /// One row after the other.
-    InRows(&'a mut [f64], usize),
+    ByRow(&'a mut [f64], usize),
     /// One column after the other.
-    InColumns(Vec<&'a mut [f64]>),
+    ByColumn(Vec<&'a mut [f64]>),
     /// Neither.
     Anyhow(ArrayViewMut2<'a, f64>),
 }
@@ -95,7 +95,7 @@ impl<'a> RowsMut<'a> {
             // It is in order, as has just been seen.
             return array
                 .into_slice()
-                .map_or_else(|| RowsMut::InRows(&mut [], 0), |all| RowsMut::InRows(all, width));
+                .map_or_else(|| RowsMut::ByRow(&mut [], 0), |all| RowsMut::ByRow(all, width));
         }
         if (0..width).any(|k| array.index_axis_mut(Axis(1), k).as_slice_mut().is_none()) {
             return RowsMut::Anyhow(array);
@@ -106,7 +106,7 @@ impl<'a> RowsMut<'a> {
             columns.extend(first.index_axis_move(Axis(1), 0).into_slice());
             array = rest;
         }
-        RowsMut::InColumns(columns)
+        RowsMut::ByColumn(columns)
     }
 
     /// Writes four rows from `first` on; whether all numbers are finite.
@@ -115,7 +115,7 @@ impl<'a> RowsMut<'a> {
         const EXPONENT: u64 = 0x7ff << 52;
         let mut is_finite = true;
         match self {
-            RowsMut::InRows(all, width) => {
+            RowsMut::ByRow(all, width) => {
                 let rows = &mut all[first * *width..(first + F64x4::LANES) * *width];
                 let (a, rest) = rows.split_at_mut(*width);
                 let (b, rest) = rest.split_at_mut(*width);
@@ -124,7 +124,7 @@ impl<'a> RowsMut<'a> {
                     [*a, *b, *c, *d] = lane.to_array();
                 }
             }
-            RowsMut::InColumns(columns) => {
+            RowsMut::ByColumn(columns) => {
                 for (lane, column) in lanes.iter().zip(columns) {
                     column[first..first + F64x4::LANES].copy_from_slice(&lane.to_array());
                 }
@@ -145,10 +145,8 @@ impl<'a> RowsMut<'a> {
     /// Writes one row; whether all numbers are finite.
     pub(crate) fn set_row(&mut self, at: usize, row: &[f64]) -> bool {
         match self {
-            RowsMut::InRows(all, width) => all[at * *width..(at + 1) * *width].copy_from_slice(row),
-            RowsMut::InColumns(columns) => {
-                columns.iter_mut().zip(row).for_each(|(column, x)| column[at] = *x)
-            }
+            RowsMut::ByRow(all, width) => all[at * *width..(at + 1) * *width].copy_from_slice(row),
+            RowsMut::ByColumn(columns) => columns.iter_mut().zip(row).for_each(|(column, x)| column[at] = *x),
             RowsMut::Anyhow(array) => row.iter().enumerate().for_each(|(k, x)| array[[at, k]] = *x),
         }
         row.iter().all(|x| x.is_finite())

@@ -21,6 +21,9 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use crate::scene::Scene;
 
+/// Parameters and initial state of a trajectory, or why there are none.
+type Start = Result<(Vec<f64>, Vec<f64>), String>;
+
 /// How all trajectories are integrated.
 pub(crate) struct Asked {
     pub(crate) t_final: f64,
@@ -84,7 +87,7 @@ pub(crate) fn integrate(
     // What is given completely leaves nothing to choose.
     let is_complete = info.state.iter().all(|name| names.contains(name));
     let starts = Starts::new(&scene.model, info, forms)?;
-    let start = |k: usize| -> Result<(Vec<f64>, Vec<f64>), String> {
+    let start = |k: usize| -> Start {
         let row: BTreeMap<&str, f64> =
             names.iter().map(String::as_str).zip(values.row(k).iter().copied()).collect();
         let start = if is_complete { complete(scene, &row) } else { chosen(scene, built, &starts, &row) };
@@ -135,12 +138,7 @@ fn chosen(
     starts.choose(&mut Local::new(built), &set, &given)
 }
 
-fn side_by_side(
-    info: &Info,
-    asked: &Asked,
-    members: &[Result<(Vec<f64>, Vec<f64>), String>],
-    integrated: Vec<Member>,
-) -> Trajectories {
+fn side_by_side(info: &Info, asked: &Asked, members: &[Start], integrated: Vec<Member>) -> Trajectories {
     let (n, n_params, samples) = (info.state.len(), info.params.len(), asked.samples);
     let mut all = Trajectories {
         times: (0..samples).map(|k| sample_time(asked.t_final, samples, k)).collect(),
