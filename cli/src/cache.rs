@@ -5,7 +5,7 @@
 //!
 //! Does not know: what is kept.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::SystemTime;
 
@@ -20,17 +20,19 @@ const MAX_BYTES: u64 = 256_000_000;
 #[derive(Clone, Debug)]
 pub struct Cache {
     store: Option<Store>,
+    /// The file whose code makes the values, where it is not the program itself.
+    library: Option<PathBuf>,
 }
 
 impl Cache {
     /// Keeps nothing.
     pub fn none() -> Cache {
-        Cache { store: None }
+        Cache { store: None, library: None }
     }
 
     /// Keeps values in a folder, which is made when the first is kept.
     pub fn at(folder: impl Into<PathBuf>) -> Cache {
-        Cache { store: Some(Store::new(folder, MAX_BYTES)) }
+        Cache { store: Some(Store::new(folder, MAX_BYTES)), library: None }
     }
 
     /// Keeps values in the folder that `HAMEL_CACHE_DIR` names, otherwise where the system wants such files; nowhere
@@ -49,6 +51,12 @@ impl Cache {
         own.or_else(of_system).map_or_else(Cache::none, Cache::at)
     }
 
+    /// For a library that another program has loaded, such as a module of Python: `file` has the code.
+    #[must_use]
+    pub fn of_library(self, file: impl Into<PathBuf>) -> Cache {
+        Cache { library: Some(file.into()), ..self }
+    }
+
     /// The value that was kept under a key, or the one that `make` makes, which is kept then.
     ///
     /// A cache that cannot be read or written costs time and nothing else.
@@ -61,7 +69,11 @@ impl Cache {
         make: impl FnOnce() -> Result<T, E>,
     ) -> Result<T, E> {
         let Some(store) = &self.store else { return make() };
-        let Some(program) = program() else { return make() };
+        let stamp = match &self.library {
+            Some(library) => stamp(library),
+            None => program().map(str::to_owned),
+        };
+        let Some(program) = stamp else { return make() };
         let key = Key::of(&(env!("CARGO_PKG_VERSION"), program, key));
         if let Some(value) = store.read(key).and_then(|text| serde_json::from_str(&text).ok()) {
             return Ok(value);
@@ -74,18 +86,18 @@ impl Cache {
     }
 }
 
-/// What tells this program from another one of the same version, as there are many while hamel is developed: its path,
-/// its size and when it was written. Its bytes would tell as much, but reading all of them takes longer than most
-/// answers.
+/// What tells this program from another one of the same version, as there are many while hamel is developed.
 fn program() -> Option<&'static str> {
     static STAMP: OnceLock<Option<String>> = OnceLock::new();
-    let of_file = || {
-        let path = std::env::current_exe().ok()?;
-        let data = std::fs::metadata(&path).ok()?;
-        let written = data.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
-        Some(format!("{} {} {}", path.display(), data.len(), written.as_nanos()))
-    };
-    STAMP.get_or_init(of_file).as_deref()
+    STAMP.get_or_init(|| stamp(&std::env::current_exe().ok()?)).as_deref()
+}
+
+/// What tells a file from another one: its path, its size and when it was written. Its bytes would tell as much, but
+/// reading all of them takes longer than most answers.
+fn stamp(path: &Path) -> Option<String> {
+    let data = std::fs::metadata(path).ok()?;
+    let written = data.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+    Some(format!("{} {} {}", path.display(), data.len(), written.as_nanos()))
 }
 
 #[cfg(test)]
@@ -109,6 +121,22 @@ mod tests {
         assert_eq!([get(&Cache::none(), &["a", "b"], 5), get(&Cache::none(), &["a", "b"], 6)], [5, 6]);
         // What is no value of that type is made anew.
         assert_eq!(cache.get_or_make::<String, ()>(&["a", "b"], || Ok("text".into())), Ok("text".into()));
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn another_library_makes_values_of_its_own() {
+        let folder = std::env::temp_dir().join(format!("hamel-cache-library-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).unwrap();
+        let library = folder.join("library");
+        let cache = Cache::at(folder.join("kept")).of_library(&library);
+        // Without the file nobody knows whose values they would be.
+        assert_eq!([get(&cache, &["a"], 1), get(&cache, &["a"], 2)], [1, 2]);
+        std::fs::write(&library, "one").unwrap();
+        assert_eq!([get(&cache, &["a"], 3), get(&cache, &["a"], 4)], [3, 3]);
+        std::fs::write(&library, "another").unwrap();
+        assert_eq!(get(&cache, &["a"], 5), 5);
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -1,8 +1,9 @@
 //! The models that the program comes with, by name: those of the repository as they were when it was built.
 //!
 //! They are part of the program and not of the library: a change of a model builds the program anew, and not
-//! `cargo xtask`, which reads the files. `specs` is a link to the folder of the model files, which a package holds a
-//! copy of.
+//! `cargo xtask`, which reads the files. The package for Python takes this file, too.
+//!
+//! `specs` is a link to the folder of the model files, which a package holds a copy of.
 //!
 //! Does not know: what is in a model.
 

@@ -581,7 +581,7 @@ fn reconstruct_takes_all_coordinates_of_the_group_and_no_others() {
 
 #[test]
 fn reconstruct_needs_a_group_and_the_default_scene() {
-    let choice = |scene: &str| Choice { scene: scene.into(), via: Some(Via::Interpreter) };
+    let choice = |scene: &str| Choice { scene: scene.into(), via: Some(Via::Interpreter), table: None };
     let told =
         |model: &str, scene: &str| match choice(scene).reconstructing(&self::model(model), "reconstruct") {
             Err(error) => error.to_string(),

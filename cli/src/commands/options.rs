@@ -10,6 +10,8 @@ use clap::Args;
 
 use crate::error::{Error, Problem};
 use crate::request::table::Table;
+pub(crate) use crate::run::asked::assignments;
+use crate::run::asked::{self, Words};
 use crate::run::choice::{Choice, Via};
 use crate::run::forms::Forms;
 use crate::run::info::Info;
@@ -144,12 +146,7 @@ impl MotionOptions {
         forms: &Forms,
         problems: &mut Vec<Problem>,
     ) -> [BTreeMap<String, f64>; 2] {
-        let set = assignments(&self.set, "--set", "parameter", &info.param_names(), problems);
-        let given = assignments(&self.initial, "--initial", "state", &forms.known(), problems);
-        if let Err(reason) = forms.form_of(given.keys().map(String::as_str)) {
-            problems.push(Problem::Unusable { path: "--initial".into(), reason });
-        }
-        [set, given]
+        asked::given([&self.set, &self.initial], &Words::OPTIONS, info, forms, problems)
     }
 }
 
@@ -173,25 +170,4 @@ pub(crate) fn duration(text: &str) -> Result<f64, String> {
         Ok(t) if t.is_finite() && t > 0.0 => Ok(t),
         _ => Err("give a time above zero".into()),
     }
-}
-
-/// Values by name, each once and known; `path` is the option that gave them.
-pub(crate) fn assignments(
-    given: &[(String, f64)],
-    path: &str,
-    kind: &'static str,
-    known: &[&str],
-    problems: &mut Vec<Problem>,
-) -> BTreeMap<String, f64> {
-    let mut values = BTreeMap::new();
-    for (name, value) in given {
-        let name = name.clone();
-        if !known.contains(&name.as_str()) {
-            let known = known.iter().map(|k| (*k).to_owned()).collect();
-            problems.push(Problem::UnknownName { path: path.into(), kind, name, known });
-        } else if values.insert(name.clone(), *value).is_some() {
-            problems.push(Problem::Repeated { path: path.into(), name });
-        }
-    }
-    values
 }

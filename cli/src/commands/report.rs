@@ -21,7 +21,8 @@ use crate::output::report::{self, Motion, Precision};
 use crate::run::backend::{Backend as _, Local};
 use crate::run::dynamics::Factory;
 use crate::run::forms::Forms;
-use crate::run::interpreted;
+use crate::run::inputs::InputTable;
+use crate::run::interpreted::{self, Built};
 use crate::run::matrices::{self, Outcome};
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::{MAX_EVENTS, SimulateRequest};
@@ -143,26 +144,74 @@ fn of_matrices(
 }
 
 fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> {
-    let params = roles::all_params(model, &arguments.scene, &BTreeMap::new());
-    let (roles, preferred) = (roles::roles(model, &params), roles::initial_values(model, &params));
-    let mut full = interpreted::build_pictured(model, &arguments.scene)?.in_memory();
-    if let Some(table) = arguments.inputs.table()? {
-        full = full.driven_by(&table)?;
+    let steps = Steps::Adaptive { rtol: Steps::RTOL, atol: Steps::ATOL };
+    let nothing = BTreeMap::new();
+    let table = arguments.inputs.table()?;
+    let mut motion = pictured(
+        model,
+        &arguments.scene,
+        [&nothing, &nothing],
+        table.as_deref(),
+        (arguments.t_final, MethodName::Dop853, steps, report::SAMPLES),
+    )?;
+    // Accuracy is compared without outputs and without the coordinates of the group.
+    let bare = driven(interpreted::build(model, &arguments.scene)?.in_memory(), table.as_deref())?;
+    let start = Factory::info(&bare).state.iter().map(|name| {
+        let at = motion.info.state.iter().position(|s| s == name);
+        at.map_or(0.0, |at| motion.request.initial[at])
+    });
+    let bare_request = SimulateRequest {
+        initial: start.collect(),
+        samples: 0,
+        with_outputs: false,
+        watched: bare.watched(),
+        ..motion.request.clone()
+    };
+    let mut bare = Local::new(bare);
+    motion.precision = Precision::measure(arguments.t_final, |method, steps| {
+        bare.simulate(&SimulateRequest { method, steps, ..bare_request.clone() })
+    });
+    Ok(motion)
+}
+
+/// A scene whose inputs a table drives, if there is one.
+fn driven(scene: Built, table: Option<&InputTable>) -> Result<Built, Error> {
+    match table {
+        Some(table) => scene.driven_by(table),
+        None => Ok(scene),
     }
+}
+
+/// A motion of the scene with every coordinate and output, and what its views show: with parameters in `set` and
+/// components of the initial state in `given`, inputs from a table, from zero to a time, by a method and its steps, with
+/// so many samples.
+///
+/// # Errors
+/// Problems of the model, and a motion that cannot be integrated.
+pub fn pictured(
+    model: &Arc<Checked>,
+    scene: &str,
+    [set, given]: [&BTreeMap<String, f64>; 2],
+    table: Option<&InputTable>,
+    (t_final, method, steps, samples): (f64, MethodName, Steps, usize),
+) -> Result<Motion, Error> {
+    let params = roles::all_params(model, scene, set);
+    let (roles, preferred) = (roles::roles(model, &params), roles::initial_values(model, &params));
+    let full = driven(interpreted::build_pictured(model, scene)?.in_memory(), table)?;
     let watched = full.watched();
     let mut full = Local::new(full);
     let info = full.info().clone();
-    let values = info.defaults();
-    let given = BTreeMap::new();
-    let chosen = start::Chosen { roles: &roles, preferred: &preferred, given: &given };
+    let values: Vec<f64> =
+        info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
+    let chosen = start::Chosen { roles: &roles, preferred: &preferred, given };
     let initial = start::state(&mut full, None, (&values, &[]), &Forms::of(model, &info)?, chosen)?;
     let request = SimulateRequest {
         params: values,
         initial,
-        t_final: arguments.t_final,
-        method: MethodName::Dop853,
-        steps: Steps::Adaptive { rtol: Steps::RTOL, atol: Steps::ATOL },
-        samples: report::SAMPLES,
+        t_final,
+        method,
+        steps,
+        samples,
         with_outputs: true,
         n_group: 0,
         max_steps: report::MAX_STEPS,
@@ -171,24 +220,7 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
         along: Vec::new(),
     };
     let response = full.simulate(&request)?;
-    // Accuracy is compared without outputs and without the coordinates of the group.
-    let bare = interpreted::build(model, &arguments.scene)?.in_memory();
-    let start = Factory::info(&bare).state.iter().map(|name| {
-        let at = info.state.iter().position(|s| s == name);
-        at.map_or(0.0, |at| request.initial[at])
-    });
-    let bare_request = SimulateRequest {
-        initial: start.collect(),
-        samples: 0,
-        with_outputs: false,
-        watched: bare.watched(),
-        ..request.clone()
-    };
-    let mut bare = Local::new(bare);
-    let precision = Precision::measure(arguments.t_final, |method, steps| {
-        bare.simulate(&SimulateRequest { method, steps, ..bare_request.clone() })
-    });
     let (fields, _) = fields(model, &info, &request, &response);
     let (blocks, pictures) = (blocks::blocks(model), Vec::new());
-    Ok(Motion { info, blocks, request, response, precision, fields, pictures })
+    Ok(Motion { info, blocks, request, response, precision: Precision::default(), fields, pictures })
 }

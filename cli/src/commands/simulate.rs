@@ -19,16 +19,16 @@ use crate::output::files::{Run, Target};
 use crate::output::plot::field::{self, Field};
 use crate::output::terminal::bold;
 use crate::request::read_request;
+use crate::run::asked::{Asked, Words};
 use crate::run::backend::Backend;
 use crate::run::choice::Via;
-use crate::run::direction::Direction;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::integrate::has_state;
 use crate::run::matrices::{self, Outcome};
 use crate::run::method::{MethodName, Steps};
-use crate::run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse, samples_refusal};
-use crate::run::start::{Starts, judge};
+use crate::run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse};
+use crate::run::start::judge;
 use crate::run::watched::{EventRecord, Watched};
 use crate::run::{admissible, auto, interpreted};
 use crate::session::Session;
@@ -338,7 +338,9 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             // Compiled code does not say what it costs.
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
             let is_interpreted = choice.via(&file) == Via::Interpreter;
-            let has_series = is_interpreted || model::wants(model, &choice.scene, Want::Taylor);
+            // Series have no derivatives along parameters.
+            let has_series = arguments.sensitivity.is_empty()
+                && (is_interpreted || model::wants(model, &choice.scene, Want::Taylor));
             auto::choose(rtol, Some(cost), has_series, auto::Purpose::of_samples(samples))
         }
         (method, _) => method,
@@ -347,50 +349,26 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let info = backend.info().clone();
     has_state(&info)?;
     let n_group = if arguments.reconstruct { n_group(&info, model)? } else { 0 };
-    let mut problems = Vec::new();
-    let forms = Forms::of(model, &info)?;
-    let [set, given] = motion.given(&info, &forms, &mut problems);
-    let along = Direction::named(&info, &arguments.sensitivity, "--sensitivity").unwrap_or_else(|found| {
-        problems.extend(found);
-        Vec::new()
-    });
-    if !problems.is_empty() {
-        let group = model::group_coordinates(model);
-        let is_of_group =
-            |p: &Problem| matches!(p, Problem::UnknownName { name, .. } if group.contains(name));
-        if !arguments.reconstruct && problems.iter().any(is_of_group) {
-            let reason = format!(
-                "takes {} with --reconstruct only, which integrates these coordinates of the group as well",
-                group.join(", ")
-            );
-            problems.push(Problem::Unusable { path: "--initial".into(), reason });
-        }
-        return Err(Error::Request { problems });
-    }
-    if let Some(reason) = samples_refusal(samples as u64, &info, !targets.is_empty()) {
-        return Err(Error::unusable("--samples", reason));
-    }
-    let watched = Watched::new(model, &info, &arguments.section, "--section")?;
-    if choice.table.is_some() && !along.is_empty() && watched.is_some() {
-        let reason = "is not carried through events whose inputs are in a table: drive them by expressions";
-        return Err(Error::unusable("--sensitivity", reason));
-    }
     let plane = plane(&info, &arguments.plane)?;
-    let (params, initial) = Starts::new(model, &info, forms)?.choose(&mut *backend, &set, &given)?;
-    let request = SimulateRequest {
-        params,
-        initial,
+    let asked = Asked {
+        set: motion.set.clone(),
+        initial: motion.initial.clone(),
         t_final: arguments.end.t_final,
         method,
         steps,
         samples,
         with_outputs: !targets.is_empty(),
         n_group,
-        max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
-        max_events: arguments.max_events.unwrap_or(MAX_EVENTS),
-        watched,
-        along,
+        max_steps: motion.max_steps,
+        max_events: arguments.max_events,
+        sections: arguments.section.clone(),
+        along: arguments.sensitivity.clone(),
     };
+    let request = asked.request(&Words::OPTIONS, model, &mut *backend)?;
+    if choice.table.is_some() && !request.along.is_empty() && request.watched.is_some() {
+        let reason = "is not carried through events whose inputs are in a table: drive them by expressions";
+        return Err(Error::unusable("--sensitivity", reason));
+    }
     let response = backend.simulate(&request)?;
     warn(&response);
     let title = model::title(model);

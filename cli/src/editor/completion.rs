@@ -92,10 +92,18 @@ impl Proposals {
         }
     }
 
+    fn inputs(&mut self, document: &Document, model: Option<&Model>) {
+        self.declared(document, |kind| kind == DeclarationKind::Input);
+        for input in model.iter().flat_map(|model| &model.inputs) {
+            self.add(&input.name, CompletionItemKind::VARIABLE, "input", &input.doc);
+        }
+    }
+
     fn values(&mut self, document: &Document, model: Option<&Model>) {
         self.declared(document, DeclarationKind::is_value);
         self.velocities(document, model);
         self.parameters(document, model);
+        self.inputs(document, model);
         if let Some(model) = model {
             self.coordinates(document, Some(model), |_| true);
             for (name, _) in model.advected.iter().flat_map(|a| &a.components) {
@@ -156,7 +164,7 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
         Context::SceneStatement => {
             let words = ["fix", "want", "drop", "circle", "formulation"];
             found.language(WordKind::Part, |word| words.contains(&word));
-            found.language(WordKind::Item, |word| matches!(word, "carry" | "routh"));
+            found.language(WordKind::Item, |word| matches!(word, "carry" | "routh" | "input"));
         }
         Context::EventStatement => found.language(WordKind::Part, |word| matches!(word, "then" | "stop")),
         Context::BlockStatement => {
@@ -167,7 +175,11 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
             found.declared(document, |kind| matches!(kind, Kind::Casimir | Kind::Output | Kind::Section));
             Want::ALL.iter().for_each(|want| found.add(want.name(), CompletionItemKind::KEYWORD, "", ""));
         }
-        Context::FixedParameter => found.parameters(document, model),
+        Context::FixedParameter => {
+            found.parameters(document, model);
+            found.inputs(document, model);
+        }
+        Context::Input => found.inputs(document, model),
         Context::Dropped => {
             found.coordinates(document, model, |_| true);
             found.declared(document, |kind| kind == Kind::Advected);

@@ -132,6 +132,18 @@ fn components(declaration: &Declaration, model: &Model) -> Vec<String> {
     let of_array = model.param_arrays.iter().find(|array| array.name == *name);
     let found: Vec<String> = match declaration.kind {
         DeclarationKind::Parameter => of_array.map(|array| array.layout.names(name)).unwrap_or_default(),
+        DeclarationKind::Input => {
+            let is_component = |input: &str| {
+                input.strip_prefix(name.as_str()).is_some_and(|rest| rest.bytes().all(|b| b.is_ascii_digit()))
+            };
+            model
+                .inputs
+                .iter()
+                .map(|input| &input.name)
+                .filter(|input| is_component(input))
+                .cloned()
+                .collect()
+        }
         DeclarationKind::Velocity | DeclarationKind::QuasiVelocity => {
             let all = model.velocities.iter().chain(&model.quasi_velocities);
             all.filter(|v| v.block == *name || v.name == *name).map(|v| v.name.clone()).collect()

@@ -8,7 +8,6 @@ use serde_json::{Map, Value};
 
 use super::json::{Fields, Json, by_name, names_in, number};
 use crate::error::{Error, Problem};
-use crate::names;
 use crate::run::direction::Direction;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
@@ -130,19 +129,10 @@ impl SimulateRequest {
         let unusable = |path: &str, reason: String| Problem::Unusable { path: path.into(), reason };
         let method = match fields.string("method") {
             None => MethodName::default(),
-            Some(name) => match MethodName::from_name(&name) {
-                Some(method) => method,
-                None => {
-                    let known: Vec<&str> = MethodName::all().map(MethodName::name).collect();
-                    let reason = format!(
-                        "{name:?} is no method{}\n  methods: {}",
-                        names::hint(&name, known.iter().copied()),
-                        names::list(known)
-                    );
-                    fields.problems.push(unusable("method", reason));
-                    MethodName::default()
-                }
-            },
+            Some(name) => MethodName::named(&name).unwrap_or_else(|reason| {
+                fields.problems.push(unusable("method", reason));
+                MethodName::default()
+            }),
         };
         let (rtol, atol, step) = (fields.number("rtol"), fields.number("atol"), fields.number("step"));
         let steps = Steps::new(method, rtol, atol, step).unwrap_or_else(|reason| {

@@ -17,7 +17,9 @@ use super::info::Info;
 ///
 /// # Shapes
 /// `y`, `dy`: `[n_state]`. A wrong size is a bug of the caller and panics.
-pub trait Dynamics {
+///
+/// Threads may share it.
+pub trait Dynamics: Send + Sync {
     /// Names and meanings.
     fn info(&self) -> &Info;
 
@@ -113,7 +115,7 @@ pub trait Dynamics {
 ///
 /// # Shapes
 /// As [`Dynamics`].
-pub trait LaneDynamics {
+pub trait LaneDynamics: Send + Sync {
     /// Writes the derivatives on all lanes.
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>);
 
@@ -163,7 +165,7 @@ pub type PreparedLanes<'a> = Box<dyn LaneDynamics + 'a>;
 ///
 /// # Shapes
 /// As [`Dynamics`].
-pub trait DualDynamics {
+pub trait DualDynamics: Send + Sync {
     /// As [`Dynamics::rhs`].
     fn rhs(&self, t: Dual, y: &[Dual], dy: &mut [Dual]);
 

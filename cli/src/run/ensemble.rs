@@ -243,7 +243,10 @@ impl<'a> Job<'a> {
 const MAX_THREADS: usize = 1024;
 
 /// Threads for an ensemble.
-pub(crate) fn pool(threads: Option<usize>) -> Result<ThreadPool, Error> {
+///
+/// # Errors
+/// [`Error::Request`] for too many, [`Error::Options`] when they cannot be started.
+pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Error> {
     if let Some(n) = threads.filter(|n| *n > MAX_THREADS) {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         let reason = format!(

@@ -77,7 +77,12 @@ pub fn eval(factory: &dyn Factory, request: &EvalRequest) -> Result<EvalResponse
     if reasons.is_empty() {
         return Ok(EvalResponse { derivatives, energy: info.has_energy.then_some(energies), outputs });
     }
-    let (n, n_states) = (reasons.len(), request.states.len());
+    Err(unusable_states(reasons, request.states.len()))
+}
+
+/// That some of several states cannot be evaluated, with the place and the reason of each.
+pub fn unusable_states(reasons: Vec<(usize, String)>, n_states: usize) -> Error {
+    let n = reasons.len();
     let mut problems: Vec<Problem> = (reasons.into_iter().take(MAX_PROBLEMS))
         .map(|(k, reason)| Problem::Unusable {
             path: format!("states[{k}]"),
@@ -89,7 +94,7 @@ pub fn eval(factory: &dyn Factory, request: &EvalRequest) -> Result<EvalResponse
             format!("cannot be evaluated at {n} of {n_states} places, of which {MAX_PROBLEMS} are shown");
         problems.push(Problem::Unusable { path: "states".into(), reason });
     }
-    Err(Error::Request { problems })
+    Error::Request { problems }
 }
 
 /// The derivative, the energy and the outputs at a point.

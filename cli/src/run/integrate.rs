@@ -28,18 +28,32 @@ pub fn simulate(
     request: &SimulateRequest,
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
+    let times: Vec<f64> = (0..request.samples).map(|k| request.sample_time(k)).collect();
+    simulate_at(factory, request, &times, progress)
+}
+
+/// The same with samples at any `times`, from zero in the direction of the motion to its end at most.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn simulate_at(
+    factory: &dyn Factory,
+    request: &SimulateRequest,
+    times: &[f64],
+    progress: &mut dyn FnMut(f64),
+) -> Result<SimulateResponse, Error> {
     has_state(factory.info())?;
     request.validate(factory.info())?;
     let dynamics = prepare(factory, &request.params)?;
     admissible::check(&*dynamics, &request.initial, request.n_group)?;
     if request.along.is_empty() {
-        return motion(&dynamics, request, progress);
+        return motion(&dynamics, request, times, progress);
     }
     let along = Along::new(factory, &request.along, request.method, "sensitivity")?;
     let initial = along.initial(&request.initial);
     let extended = SimulateRequest { initial, ..request.clone() };
     extended.validate(along.info())?;
-    let mut response = motion(&prepare(&along, &request.params)?, &extended, progress)?;
+    let mut response = motion(&prepare(&along, &request.params)?, &extended, times, progress)?;
     along.separate(&mut response);
     Ok(response)
 }
@@ -47,9 +61,10 @@ pub fn simulate(
 fn motion(
     dynamics: &PreparedScene<'_>,
     request: &SimulateRequest,
+    times: &[f64],
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
-    let run = Run { dynamics, request, progress };
+    let run = Run { dynamics, request, times, progress };
     let purpose = Purpose::of_samples(request.samples);
     with_method(request.method, request.steps, purpose, &**dynamics, &request.initial, run)?
 }
@@ -69,6 +84,8 @@ pub(crate) fn has_state(info: &Info) -> Result<(), Error> {
 struct Run<'r, 'a> {
     dynamics: &'r PreparedScene<'a>,
     request: &'r SimulateRequest,
+    /// Times of the samples.
+    times: &'r [f64],
     /// Is told the time reached after every step.
     progress: &'r mut dyn FnMut(f64),
 }
@@ -77,7 +94,7 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
     type Output = Result<SimulateResponse, Error>;
 
     fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
-        let Run { dynamics, request, progress } = self;
+        let Run { dynamics, request, times, progress } = self;
         let info = dynamics.info();
         let options = request.steps.options(request.t_final, request.max_steps)?;
         let options = options.with_max_events(request.max_events);
@@ -92,7 +109,7 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
         let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(start)?;
         let record = Record::new(&**dynamics, request)?;
         let mut watcher = Watcher::new(&**dynamics, request, (record, progress))?;
-        let times = (0..request.samples).map(|k| request.sample_time(k));
+        let times = times.iter().copied();
         let t_final = request.t_final;
         let reached = match request.watched {
             None => solver.observe::<0>(t_final, times, [], &mut watcher),

@@ -11,6 +11,7 @@ use hamel_runtime::Options;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
+use crate::names;
 
 /// An integration method of the runtime.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
@@ -120,6 +121,21 @@ impl MethodName {
         METHODS.iter().find(|(_, known, _)| *known == name).map(|(method, ..)| *method)
     }
 
+    /// The same, and what is wrong with a name that is none.
+    ///
+    /// # Errors
+    /// What follows the word for the place where the name was given.
+    pub fn named(name: &str) -> Result<MethodName, String> {
+        MethodName::from_name(name).ok_or_else(|| {
+            let known: Vec<&str> = MethodName::all().map(MethodName::name).collect();
+            format!(
+                "{name:?} is no method{}\n  methods: {}",
+                names::hint(name, known.iter().copied()),
+                names::list(known)
+            )
+        })
+    }
+
     /// The name in requests.
     pub fn name(self) -> &'static str {
         METHODS[self as usize].1
@@ -155,6 +171,11 @@ impl MethodName {
     /// side.
     pub(crate) fn carries_derivatives(self) -> bool {
         (self.evaluates_rates_alone() && !self.is_projection()) || self.class() == Class::Choice
+    }
+
+    /// Whether every scene with equations can be moved by the method, with steps that any explicit method takes.
+    pub fn suits_all_scenes(self) -> bool {
+        matches!(self.class(), Class::Embedded) || self == MethodName::Rk4
     }
 
     /// Whether the method is one of its own, and evaluates the right-hand side but neither its derivatives nor a

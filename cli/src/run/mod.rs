@@ -3,6 +3,7 @@
 //! Does not know: how a request was written, how results are shown.
 
 pub mod admissible;
+pub mod asked;
 pub mod auto;
 pub mod backend;
 pub mod cargo;

@@ -181,7 +181,8 @@ fn meet_constraint(
 }
 
 /// Chooses parameters and initial states of a scene.
-pub(crate) struct Starts<'a> {
+#[derive(Debug)]
+pub struct Starts<'a> {
     model: &'a Arc<Checked>,
     info: &'a Info,
     forms: Forms,
@@ -190,7 +191,11 @@ pub(crate) struct Starts<'a> {
 }
 
 impl<'a> Starts<'a> {
-    pub(crate) fn new(model: &'a Arc<Checked>, info: &'a Info, forms: Forms) -> Result<Starts<'a>, Error> {
+    /// With the forms of the scene's states.
+    ///
+    /// # Errors
+    /// [`Error::Models`].
+    pub fn new(model: &'a Arc<Checked>, info: &'a Info, forms: Forms) -> Result<Starts<'a>, Error> {
         Ok(Starts { model, info, forms, residuals: residuals(model, info)? })
     }
 
@@ -201,7 +206,10 @@ impl<'a> Starts<'a> {
 
     /// Parameters with those in `set`, and an initial state with the components in `given`; `backend` is that of the
     /// scene.
-    pub(crate) fn choose(
+    ///
+    /// # Errors
+    /// As [`state`], and [`Error::Inadmissible`].
+    pub fn choose(
         &self,
         backend: &mut dyn Backend,
         set: &BTreeMap<String, f64>,

@@ -48,9 +48,9 @@ where
 
 impl<S, W, D, const N: usize> Factory for Typed<S, W, D, N>
 where
-    S: Scene<f64> + System<f64, State = [f64; N]>,
-    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
-    D: Scene<Dual> + System<Dual, State = [Dual; N]>,
+    S: Scene<f64> + System<f64, State = [f64; N]> + Send + Sync,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]> + Send + Sync,
+    D: Scene<Dual> + System<Dual, State = [Dual; N]> + Send + Sync,
 {
     fn info(&self) -> &Info {
         &self.info
@@ -67,7 +67,7 @@ where
         struct Prepared<W>(W);
         impl<W, const N: usize> LaneDynamics for Prepared<W>
         where
-            W: System<F64x4, State = [F64x4; N]>,
+            W: System<F64x4, State = [F64x4; N]> + Send + Sync,
         {
             fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
                 self.0.rhs(t, array(&y.0), array_mut(&mut dy.0));
@@ -96,7 +96,7 @@ where
         struct Prepared<D>(D);
         impl<D, const N: usize> DualDynamics for Prepared<D>
         where
-            D: Scene<Dual> + System<Dual, State = [Dual; N]>,
+            D: Scene<Dual> + System<Dual, State = [Dual; N]> + Send + Sync,
         {
             fn rhs(&self, t: Dual, y: &[Dual], dy: &mut [Dual]) {
                 self.0.rhs(t, array(y), array_mut(dy));
@@ -135,9 +135,9 @@ fn array_mut<R, const N: usize>(dy: &mut [R]) -> &mut [R; N] {
 
 impl<S, W, D, const N: usize> Dynamics for PreparedTyped<'_, S, W, D>
 where
-    S: Scene<f64> + System<f64, State = [f64; N]>,
-    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
-    D: System<Dual, State = [Dual; N]>,
+    S: Scene<f64> + System<f64, State = [f64; N]> + Send + Sync,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]> + Send + Sync,
+    D: System<Dual, State = [Dual; N]> + Send + Sync,
 {
     fn info(&self) -> &Info {
         self.info

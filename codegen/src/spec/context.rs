@@ -22,6 +22,8 @@ pub enum Context {
     Want,
     /// A parameter of which a scene says the value.
     FixedParameter,
+    /// An input.
+    Input,
     /// A coordinate or an advected parameter that a scene leaves out.
     Dropped,
     /// An angle.
@@ -118,6 +120,7 @@ fn of_block(block: &str, statement: &[&str]) -> Context {
         ("scene", None) => Context::SceneStatement,
         ("scene", Some("want")) => Context::Want,
         ("scene", Some("fix")) if matches!(last, "fix" | ",") => Context::FixedParameter,
+        ("scene", Some("input")) => Context::Input,
         ("scene", Some("drop")) => Context::Dropped,
         ("scene", Some("circle")) => Context::Angle,
         ("scene", Some("carry" | "routh")) => Context::Carried,
@@ -135,7 +138,9 @@ fn of_item(statement: &[&str]) -> Context {
     let last = rest.last().copied().unwrap_or_default();
     let has = |word: &str| rest.contains(&word);
     match *first {
-        "param" if last == ":" => Context::Shape,
+        "param" | "input" if last == ":" => Context::Shape,
+        "input" if has("=") => Context::Expression,
+        "drive" if !has("=") => Context::Input,
         "param" if has("=") || has("where") => Context::Expression,
         "coordinate" if last == ":" => Context::Shape,
         "coordinate" if last == "in" => Context::Domain,
@@ -159,8 +164,10 @@ fn of_item(statement: &[&str]) -> Context {
         "independent" => Context::Velocity,
         "carry" | "routh" => Context::Carried,
         "view" if last == "=" => Context::Solid,
-        "param" | "coordinate" | "velocity" | "momentum" | "representation" | "advected" | "reconstruct"
-        | "algebra" | "almost" | "quasi_velocity" | "scene" | "source" | "multipliers" => Context::Anything,
+        "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
+        | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source" | "multipliers" => {
+            Context::Anything
+        }
         "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
             Context::Anything
         }

@@ -20,6 +20,7 @@ use super::vocabulary::{self, WordKind};
 pub enum DeclarationKind {
     Model,
     Parameter,
+    Input,
     Definition,
     Algebra,
     BasisElement,
@@ -46,6 +47,7 @@ impl DeclarationKind {
         match self {
             DeclarationKind::Model => "model",
             DeclarationKind::Parameter => "parameter",
+            DeclarationKind::Input => "input",
             DeclarationKind::Definition => "definition",
             DeclarationKind::Algebra => "algebra",
             DeclarationKind::BasisElement => "basis element",
@@ -75,7 +77,8 @@ impl DeclarationKind {
 
     /// Whether expressions of the model may mention it.
     pub fn is_value(self) -> bool {
-        self.is_of_state() || matches!(self, DeclarationKind::Parameter | DeclarationKind::Definition)
+        use DeclarationKind::{Definition, Input, Parameter};
+        self.is_of_state() || matches!(self, Parameter | Input | Definition)
     }
 
     /// Names of algebras are a space of names of their own, as are those of what a scene may want; these are others.
@@ -379,6 +382,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
     let is_array = |shape: &Shape| !matches!(shape, Shape::Scalar);
     match &item.kind {
         ItemKind::Param { name, shape, .. } => vec![one(DeclarationKind::Parameter, name, is_array(shape))],
+        ItemKind::Input { name, shape, .. } => vec![one(DeclarationKind::Input, name, is_array(shape))],
         ItemKind::Let { name, .. } => vec![one(DeclarationKind::Definition, name, true)],
         ItemKind::AlgebraName { name, .. } => vec![one(DeclarationKind::Algebra, name, false)],
         ItemKind::AlgebraBrackets { name, basis, .. } => {
@@ -428,6 +432,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         ItemKind::Scene { name, .. } => vec![one(DeclarationKind::Scene, name, false)],
         ItemKind::Source(_)
         | ItemKind::Require(_)
+        | ItemKind::Drive { .. }
         | ItemKind::Acceleration { .. }
         | ItemKind::Field { .. }
         | ItemKind::Connection { .. }

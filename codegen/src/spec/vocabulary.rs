@@ -41,6 +41,16 @@ const OF_ITEMS: &[(&str, &str)] = &[
         "A parameter with its default: a constant expression without names, for vectors and matrices a \
          list in the order of the components.",
     ),
+    (
+        "input",
+        "An input moves the system from outside; the expression behind it is the value that it is held at, \
+         written as the default of a parameter.",
+    ),
+    (
+        "drive",
+        "`drive` gives an input, a vector or a component, a value in every scene: a function of time, \
+         coordinates, velocities, advected parameters and parameters.",
+    ),
     ("require", "Validity conditions that belong to no single parameter."),
     ("let", "A name for an expression, substituted where it is used."),
     ("algebra", "A name for an algebra, or an algebra by its brackets `[e_a, e_b] = C^c_ab e_c`."),

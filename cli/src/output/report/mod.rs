@@ -192,6 +192,27 @@ pub fn page(page: &Page, motion: Option<&Motion>) -> Result<String, Error> {
     Ok(html)
 }
 
+/// The text of a small page with the moving pictures of a motion alone, to be shown within another page; none where the
+/// model says nothing to draw.
+pub fn moving(page: &Page, motion: &Motion) -> Option<String> {
+    let (mut panels, mut scripts) = (String::new(), String::new());
+    if !page.views.is_empty() {
+        panels.push_str(&view_panel(page));
+        scripts.push_str(&script("motion-data", &motion_data(page, motion), SCRIPT));
+    }
+    if !motion.fields.is_empty() {
+        panels.push_str(&field_panel(&motion.fields));
+        scripts.push_str(&script("field-data", &field_data(motion), FIELD_SCRIPT));
+    }
+    let title = escape(&page.title);
+    (!panels.is_empty()).then(|| {
+        format!(
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n<title>{title}</title>\n\
+             <style>\n{CSS}</style>\n</head>\n<body>\n<main>\n{panels}</main>\n{scripts}</body>\n</html>\n"
+        )
+    })
+}
+
 fn anchor(title: &str) -> String {
     title.to_lowercase().chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
 }

@@ -47,7 +47,7 @@ pub(super) fn of_results(program: &Program, function: &Function) -> Vec<Inputs> 
 
 fn of_input(operand: Operand, slots: &[Inputs]) -> Inputs {
     match operand {
-        Operand::Param(_) | Operand::Time | Operand::State(_) => Inputs::from([operand]),
+        Operand::Param(_) | Operand::Time | Operand::State(_) | Operand::Input(_) => Inputs::from([operand]),
         Operand::Slot(k) => slots[k as usize].clone(),
         Operand::Value(_) | Operand::Constant(_) | Operand::Argument(_) | Operand::Contracted(_) => {
             Inputs::new()

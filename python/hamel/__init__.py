@@ -1,0 +1,39 @@
+"""Mechanics with symmetry: reduced equations of motion, derived exactly, on arrays of numpy.
+
+>>> import hamel
+>>> top = hamel.load("heavy_top")
+>>> top.state
+('Omega1', 'Omega2', 'Omega3', 'Gamma1', 'Gamma2', 'Gamma3')
+>>> motion = top.simulate(2.0, {"Omega3": 20.0}, params={"m": 2.0})
+>>> float(motion.t[-1]), motion.y.shape
+(2.0, (201, 6))
+
+A model is a text (see docs/model-language.md), a file of it, or the name of one of the
+models that come with the package, :func:`models`. Its equations are derived when it is loaded, compiled to machine code
+in memory, and kept in the user's cache.
+"""
+
+from ._errors import Diagnostic, Error, FileError, InputError, IntegrationError, ModelError, ModelWarning
+from ._hamel import __version__
+from ._model import Model, Params, load, methods, models
+from ._results import Ensemble, Event, Motion, Outputs
+
+__all__ = [
+    "Diagnostic",
+    "Ensemble",
+    "Error",
+    "Event",
+    "FileError",
+    "InputError",
+    "IntegrationError",
+    "Model",
+    "ModelError",
+    "ModelWarning",
+    "Motion",
+    "Outputs",
+    "Params",
+    "__version__",
+    "load",
+    "methods",
+    "models",
+]

@@ -1,0 +1,486 @@
+"""A scene of a model, to be evaluated and integrated.
+
+Deliberately does not know: how anything is derived or integrated, what results look like.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _hamel
+from ._errors import InputError, ModelWarning
+from ._results import Ensemble, Motion, Outputs
+
+__all__ = ["Model", "Params", "load", "methods", "models"]
+
+Array = NDArray[np.float64]
+#: A state, complete and in order, or components by name.
+State = Union[ArrayLike, Mapping[str, float], None]
+
+
+def models() -> list[str]:
+    """Names of the models that come with the package."""
+    return _hamel.shipped()
+
+
+def methods() -> list[str]:
+    """Names of the methods of integration; ``docs/book/integrators.md`` compares them."""
+    return _hamel.methods()
+
+
+def load(
+    model: str | os.PathLike[str],
+    scene: str = "default",
+    params: Mapping[str, float] | None = None,
+    *,
+    budget: int = 1,
+    cache: bool = True,
+) -> Model:
+    """Derives and compiles a scene of a model.
+
+    ``model`` is a path that ends in ``.hamel``, the name of a model that comes with the package (:func:`models`), or the
+    text of a model. ``params`` are values that differ from the model's own, ``budget`` what the derivation may take as a
+    multiple of the default limits. What was derived is kept in the user's cache, unless ``cache`` is false.
+
+    Raises :class:`ModelError` with every problem of the text and its place, :class:`InputError` for unknown names,
+    :class:`FileError`. Warns of what probably does not mean what was meant, as :class:`ModelWarning`.
+    """
+    name = os.fspath(model)
+    text = None
+    if isinstance(model, str) and ("{" in model or "\n" in model):
+        name, text = "<text>", model
+    return _loaded(name, text, scene, params or {}, budget, cache, warn=True)
+
+
+def _loaded(
+    name: str,
+    text: str | None,
+    scene: str,
+    params: Mapping[str, float],
+    budget: int,
+    cache: bool,
+    *,
+    warn: bool = False,
+) -> Model:
+    native = _hamel.Scene.load(name, text, scene, budget, _hamel.__file__ if cache else None)
+    if warn and native.warnings:
+        warnings.warn(native.warnings, ModelWarning, stacklevel=3)
+    made = Model(native, cache)
+    return made.with_params(**params) if params else made
+
+
+def _restored(
+    name: str, text: str, scene: str, values: list[float], budget: int, cache: bool
+) -> Model:
+    native = _hamel.Scene.load(name, text, scene, budget, _hamel.__file__ if cache else None)
+    return Model(native.with_values(values), cache)
+
+
+class Params(Mapping[str, float]):
+    """Values of the parameters of a scene by name, in its order; :meth:`Model.with_params` changes them."""
+
+    def __init__(self, entries: Sequence[tuple[str, float, str]], values: Sequence[float]):
+        self._values = {name: value for (name, _, _), value in zip(entries, values)}
+        self._meanings = {name: doc for name, _, doc in entries}
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def meaning(self, name: str) -> str:
+        """What a parameter is, with its unit."""
+        return self._meanings[name]
+
+    def __repr__(self) -> str:
+        return f"Params({', '.join(f'{name}={value!r}' for name, value in self.items())})"
+
+
+class Model:
+    """A scene of a model with values of its parameters.
+
+    States are arrays whose last axis has the components in the order of :attr:`state`; axes in front are states side by
+    side. Arrays of ``float64`` are read where they are, in whatever order and with whatever strides; those with more
+    than two axes are copied where numpy cannot regard the axes in front as one. Everything else is converted first, which
+    copies it. Large arrays are shared out to as many threads as there are cores, unless ``threads`` says true or
+    false; results do not depend on it. No call holds the interpreter of Python while it computes.
+
+    Models are not changed by anything, and may be shared by threads. They pickle as their text and parameters.
+    """
+
+    def __init__(self, native: _hamel.Scene, cache: bool = True):
+        self._native = native
+        self._cache = cache
+        self._n = len(native.state)
+        self._groups = native.outputs
+        self._width = sum(len(components) for _, components, _ in self._groups)
+        self._params = Params(native.params, native.values)
+        self._state = tuple(native.state)
+
+    # What there is.
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self._native.name
+
+    @property
+    def scene(self) -> str:
+        """Name of the scene: a choice of parameters, coordinates and outputs."""
+        return self._native.scene
+
+    @property
+    def scenes(self) -> tuple[str, ...]:
+        """Names of all scenes of the model."""
+        return tuple(self._native.scenes)
+
+    @property
+    def title(self) -> str:
+        """First line of the model's documentation."""
+        return self._native.title
+
+    @property
+    def text(self) -> str:
+        """The text of the model."""
+        return self._native.text
+
+    @property
+    def state(self) -> tuple[str, ...]:
+        """Names of the state's components in order."""
+        return self._state
+
+    @property
+    def params(self) -> Params:
+        """Values of the parameters."""
+        return self._params
+
+    @property
+    def output_names(self) -> dict[str, tuple[str, ...]]:
+        """Components of each group of outputs."""
+        return {name: tuple(components) for name, components, _ in self._groups}
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether there is an energy that is proved to be constant along the motion."""
+        return self._native.conserves_energy
+
+    def with_params(self, **params: float) -> Model:
+        """The same scene with other values of parameters; nothing is derived again.
+
+        Raises :class:`InputError` for names that it does not have, and for values that the model does not allow.
+        """
+        known = list(self._params)
+        for name in params:
+            if name not in self._params:
+                listed = ", ".join(known)
+                raise InputError(f"scene {self.scene} of {self.name} has no parameter `{name}`\n  parameters: {listed}")
+        values = {**self._params, **params}
+        return Model(self._native.with_values([float(values[name]) for name in known]), self._cache)
+
+    def with_scene(self, scene: str) -> Model:
+        """Another scene of the same model, with the values of the parameters that both have."""
+        other = _loaded(self._native.file, self.text, scene, {}, self._native.budget, self._cache)
+        shared = {name: value for name, value in self._params.items() if name in other._params}
+        return other.with_params(**shared)
+
+    # Values at states.
+
+    def rhs(self, y: ArrayLike, t: float = 0.0, *, out: Array | None = None, threads: bool | None = None) -> Array:
+        """Rates ``dy/dt = f(t, y)``, in the shape of ``y``, ``(.., n)``.
+
+        ``out`` is an array of this shape to write to; it may not overlap ``y``. States are evaluated four at a time in
+        the registers of a core; each has the bits of a call on its own. Columns are faster than rows: an array in the
+        order of Fortran has the four numbers of a component side by side, and so has the result.
+
+        Raises :class:`InputError` where something has no finite value, with the states and the reasons.
+        """
+        y = self._states(y)
+        result = np.empty_like(y) if out is None else self._checked_out(out, y.shape)
+        if y.ndim == 1:
+            self._native.rhs_of_one(y, t, result)
+            return result
+        if y.ndim == 2:
+            self._native.rhs(y, t, result, threads)
+            return result
+        return self._on_rows(self._native.rhs, y, t, result, y.shape[-1:], threads)
+
+    def __call__(self, t: float, y: ArrayLike, *args: Any) -> Array:
+        """The right-hand side as solvers call it, ``f(t, y)``: :func:`scipy.integrate.solve_ivp` takes a model."""
+        return self.rhs(y, t)
+
+    def jac(self, t: float, y: ArrayLike, *args: Any) -> Array:
+        """The Jacobian as solvers call it, ``jac(t, y)``."""
+        return self.jacobian(y, t)
+
+    def casadi(self, name: str = "rates") -> Any:
+        """The right-hand side as a function of CasADi from ``(t, y)`` to the rates, with exact Jacobians.
+
+        A ``casadi.Callback``: keep it as long as what is made of it. Needs casadi.
+        """
+        from ._solvers import of_casadi
+
+        return of_casadi(self, name)
+
+    def jax(self) -> Any:
+        """The right-hand side as a function ``f(t, y, args=None)`` of JAX, as ``diffrax.ODETerm`` takes it.
+
+        Derivatives forward and backward are exact, ``vmap`` and ``jit`` work; numbers have the type of ``y``, which is
+        ``float32`` unless JAX is told otherwise. Needs jax.
+        """
+        from ._solvers import of_jax
+
+        return of_jax(self)
+
+    def jacobian(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Derivatives ``df_i/dy_j`` of the rates, ``(.., n, n)``; exact, by dual numbers."""
+        y = self._states(y)
+        shape = (*y.shape, self._n)
+        return self._on_rows(self._native.jacobian, y, t, np.empty(shape), shape[-2:], threads)
+
+    def jvp(
+        self,
+        y: ArrayLike,
+        dy: ArrayLike,
+        t: float = 0.0,
+        *,
+        dt: float = 0.0,
+        dparams: Mapping[str, float] | None = None,
+    ) -> Array:
+        """Derivative of the rates along ``dy`` of the state, ``dt`` and ``dparams`` of the parameters, ``(.., n)``.
+
+        ``sum_j df_i/dy_j dy_j + df_i/dt dt + sum_k df_i/dp_k dparams_k``, exact, by dual numbers.
+        """
+        y, dy = np.broadcast_arrays(self._states(y), self._states(dy, "dy"))
+        along = dict.fromkeys(self._params, 0.0)
+        for name, value in (dparams or {}).items():
+            if name not in along:
+                raise InputError(f"dparams has no parameter `{name}`\n  parameters: {', '.join(along)}")
+            along[name] = float(value)
+        pairs = np.concatenate([y, dy], axis=-1).reshape(-1, 2 * self._n)
+        out = np.empty((len(pairs), self._n))
+        self._native.jvp(pairs, list(along.values()), t, dt, out)
+        return out.reshape(y.shape)
+
+    def energy(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """The energy of states, ``(..)``; raises :class:`InputError` where the scene has none."""
+        if not self._native.has_energy:
+            raise InputError(f"scene {self.scene} of {self.name} has no energy: take another scene")
+        y = self._states(y)
+        return self._on_rows(self._native.energy, y, t, np.empty(y.shape[:-1]), (1,), threads)
+
+    def outputs(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Outputs:
+        """The outputs of states: an array ``(.., k)`` for each group of ``k`` components, by its name."""
+        y = self._states(y)
+        out = np.empty((*y.shape[:-1], self._width))
+        if self._width:
+            self._on_rows(self._native.outputs_of, y, t, out, (self._width,), threads)
+        return Outputs(self._groups, out)
+
+    def check(self, y: ArrayLike, t: float = 0.0) -> None:
+        """Raises :class:`InputError` where the equations cannot be evaluated, with the states and the reasons.
+
+        Stricter than :meth:`rhs`: a divisor of which rounding errors have left nothing is found, too.
+        """
+        self._native.check(self._states(y).reshape(-1, self._n), t)
+
+    # Motions.
+
+    def simulate(
+        self,
+        t: float | ArrayLike,
+        y0: State = None,
+        params: Mapping[str, float] | None = None,
+        *,
+        method: str = "auto",
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        samples: int = 201,
+        events: Sequence[str] = (),
+        sensitivity: Sequence[str] = (),
+        outputs: bool = True,
+        max_steps: int | None = None,
+        max_events: int | None = None,
+    ) -> Motion:
+        """The motion from an initial state at ``t = 0``.
+
+        ``t`` is the final time, with ``samples`` samples at equal distances, or a span ``(0, T)``, or an array of more
+        than two times, of which the first is zero; a motion backward has negative times. ``y0`` is a complete state, or
+        components by name: those that are left out are the model's own, or chosen such that the constraints hold.
+        ``params`` differ from the model's. ``rtol`` and ``atol`` are 1e-10 and 1e-12 unless given; ``step`` is for
+        methods with fixed steps. Events of the model happen; ``events`` are further functions of the state to watch, in
+        the language of models, such as ``"Omega1 rising"``, named ``section1``, ``section2``, .. in the result.
+        ``sensitivity`` names parameters and components of the initial state to differentiate by.
+
+        Raises :class:`IntegrationError` with the state reached, :class:`InputError`.
+        """
+        if params:
+            return self.with_params(**params).simulate(
+                t, y0, method=method, rtol=rtol, atol=atol, step=step, samples=samples, events=events,
+                sensitivity=sensitivity, outputs=outputs, max_steps=max_steps, max_events=max_events,
+            )  # fmt: skip
+        t_final, times = _times(t, samples)
+        options = _options(method, rtol, atol, step, max_steps)
+        native = _hamel.simulate(
+            self._native, self._by_name(y0), t_final, times, options, list(events), list(sensitivity), max_events, outputs
+        )
+        for text in native.warnings:
+            warnings.warn(text, RuntimeWarning, stacklevel=2)
+        return Motion(self, native)
+
+    def ensemble(
+        self,
+        t: float,
+        y0: Mapping[str, ArrayLike] | ArrayLike | None = None,
+        params: Mapping[str, ArrayLike] | None = None,
+        *,
+        method: str = "dop853",
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        samples: int = 1,
+        max_steps: int | None = None,
+        lanes: int = 4,
+        threads: int | None = None,
+    ) -> Ensemble:
+        """Many motions to the time ``t``, on all cores, four side by side in the registers of each.
+
+        ``y0`` is an array ``(N, n)`` of complete states, or components by name; ``params`` parameters by name. Each of
+        them is a number for all trajectories, or ``N`` numbers. Results depend on neither ``threads`` nor the machine.
+        A trajectory that stops says why in :attr:`Ensemble.errors`, and the others go on.
+
+        Raises :class:`InputError` for what is wrong with all of them.
+        """
+        columns: dict[str, Array] = {}
+        if y0 is None:
+            y0 = {}
+        if isinstance(y0, Mapping):
+            columns.update({name: np.asarray(value, dtype=np.float64) for name, value in y0.items()})
+        else:
+            states = self._states(y0, "y0")
+            columns.update({name: states[..., k] for k, name in enumerate(self._state)})
+        for name, value in (params or {}).items():
+            if name in columns:
+                raise InputError(f"params gives {name}, which y0 gives as well: leave one of them out")
+            columns[name] = np.asarray(value, dtype=np.float64)
+        shapes = {name: column.shape for name, column in columns.items() if column.ndim}
+        if any(len(shape) > 1 for shape in shapes.values()) or len(set(shapes.values())) > 1:
+            listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+            raise InputError(f"y0 and params have other shapes than (N,) or a number: {listed}")
+        n_rows = next(iter(shapes.values()))[0] if shapes else 1
+        values = np.empty((n_rows, len(columns)))
+        for k, column in enumerate(columns.values()):
+            values[:, k] = column
+        options = _options(method, rtol, atol, step, max_steps)
+        found = _hamel.ensemble(
+            self._native, list(columns), values, float(t), int(samples), options, int(lanes), threads
+        )
+        return Ensemble(self, found)
+
+    # For people.
+
+    def latex(self) -> str:
+        """The equations of motion in LaTeX, a fragment that needs ``amsmath``."""
+        return self._native.latex()
+
+    def explain(self) -> str:
+        """Everything about the scene, as ``hamel explain`` prints it: algebra, equations, what was found, operations."""
+        return self._native.explain()
+
+    def report(self) -> str:
+        """The page that ``hamel report --no-run`` writes, as text."""
+        return self._native.report()
+
+    def _repr_latex_(self) -> str:
+        return self.latex()
+
+    def _repr_html_(self) -> str:
+        from ._html import of_model
+
+        return of_model(self, self._native.math_ml())
+
+    def __repr__(self) -> str:
+        scene = "" if self.scene == "default" else f", scene {self.scene}"
+        return f"<hamel.Model {self.name}{scene}: {', '.join(self._state)}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        native = self._native
+        return _restored, (native.file, native.text, native.scene, native.values, native.budget, self._cache)
+
+    # Within the package.
+
+    def _states(self, y: ArrayLike, what: str = "y") -> Array:
+        states = np.asarray(y, dtype=np.float64)
+        if states.ndim == 0 or states.shape[-1] != self._n:
+            shape = "a number" if states.ndim == 0 else f"of shape {states.shape}"
+            raise InputError(f"{what} is {shape}, but its last axis has to have {self._n} components: {', '.join(self._state)}")
+        return states if states.flags.aligned else states.copy()
+
+    def _checked_out(self, out: Array, shape: tuple[int, ...]) -> Array:
+        if not isinstance(out, np.ndarray) or out.dtype != np.float64 or out.shape != shape:
+            raise InputError(f"out has to be an array of float64 of shape {shape}")
+        if not (out.flags.aligned and out.flags.writeable and (out.ndim != 1 or out.flags.c_contiguous)):
+            raise InputError("out has to be aligned and writeable, and contiguous where it has one axis")
+        return out
+
+    def _on_rows(
+        self, of: Any, y: Array, t: float, out: Array, tail: tuple[int, ...], threads: bool | None
+    ) -> Array:
+        """Calls a function of the native scene with states and results as arrays of two axes."""
+        width = int(np.prod(tail))
+        rows = out.reshape(-1, width)
+        if np.shares_memory(rows, out):
+            of(y.reshape(-1, self._n), t, rows, threads)
+        else:
+            of(y.reshape(-1, self._n), t, rows, threads)
+            out[...] = rows.reshape(out.shape)
+        return out
+
+    def _by_name(self, y0: State) -> list[tuple[str, float]]:
+        if y0 is None:
+            return []
+        if isinstance(y0, Mapping):
+            return [(name, float(value)) for name, value in y0.items()]
+        state = self._states(y0, "y0")
+        if state.ndim != 1:
+            raise InputError(f"y0 is of shape {state.shape}, but a motion has one initial state: see ensemble")
+        return list(zip(self._state, state.tolist()))
+
+
+def _options(
+    method: str, rtol: float | None, atol: float | None, step: float | None, max_steps: int | None
+) -> dict[str, Any]:
+    return {"method": method, "rtol": rtol, "atol": atol, "step": step, "max_steps": max_steps}
+
+
+def _times(t: float | ArrayLike, samples: int) -> tuple[float, list[float]]:
+    """The final time, and the times of samples."""
+    given = np.asarray(t, dtype=np.float64)
+    if not np.all(np.isfinite(given)):
+        raise InputError("t has to be finite")
+    if given.ndim > 1 or given.size == 0:
+        raise InputError("t is a final time, a span (0, T), or an array of times")
+    if given.ndim == 1:
+        if given[0] != 0.0:
+            raise InputError(f"t starts at {given[0]}, but motions start at 0: shift the time of what depends on it")
+        if given.size > 2:
+            steps = np.diff(given)
+            if not (np.all(steps > 0) or np.all(steps < 0)):
+                raise InputError("t has to grow, or to fall, from each time to the next")
+            return float(given[-1]), given.tolist()
+    t_final = float(given.flat[-1])
+    if samples < 0:
+        raise InputError(f"samples is {samples}, but has to be 0 or more")
+    if samples == 1:
+        return t_final, [t_final]
+    return t_final, np.linspace(0.0, t_final, samples).tolist()

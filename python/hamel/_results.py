@@ -1,0 +1,216 @@
+"""What comes out: outputs of states, a motion, many motions.
+
+Deliberately does not know: how anything is integrated or drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _hamel
+
+if TYPE_CHECKING:
+    import xarray
+
+    from ._model import Model
+
+__all__ = ["Ensemble", "Event", "Motion", "Outputs"]
+
+Array = NDArray[np.float64]
+
+
+class Outputs(Mapping[str, Array]):
+    """Arrays ``(.., k)`` by the names of groups of outputs, parts of one array."""
+
+    def __init__(self, groups: Sequence[tuple[str, Sequence[str], str]], values: Array):
+        self._components = {name: tuple(components) for name, components, _ in groups}
+        self._meanings = {name: doc for name, _, doc in groups}
+        self._parts: dict[str, Array] = {}
+        start = 0
+        for name, components, _ in groups:
+            end = start + len(components)
+            self._parts[name] = values[..., start:end]
+            start = end
+        #: All of them, one group after the other.
+        self.array = values
+
+    def __getitem__(self, name: str) -> Array:
+        return self._parts[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._parts)
+
+    def __len__(self) -> int:
+        return len(self._parts)
+
+    def components(self, name: str) -> tuple[str, ...]:
+        """Names of the components of a group."""
+        return self._components[name]
+
+    def meaning(self, name: str) -> str:
+        """What a group is, with its unit."""
+        return self._meanings[name]
+
+    def __repr__(self) -> str:
+        return f"Outputs({', '.join(f'{name}: {part.shape}' for name, part in self.items())})"
+
+
+class Event(NamedTuple):
+    """An event on the way."""
+
+    #: Its name.
+    name: str
+    #: Its time.
+    t: float
+    #: The state there, before the event has changed it.
+    y: Array
+
+
+class Motion:
+    """A motion: samples, events, and how it was integrated. It pickles, and shows itself as a figure in a notebook."""
+
+    def __init__(self, model: Model, native: _hamel.Motion):
+        self._native = native
+        #: The model with the parameters of the motion.
+        self.model = model
+        #: Times of the samples, ``(k,)``: those that were reached.
+        self.t: Array = native.t
+        #: States of the samples, ``(k, n)``.
+        self.y: Array = native.y
+        #: Energies of the samples, ``(k,)``; none where the scene has no energy.
+        self.energy: Array | None = native.energy
+        #: Outputs of the samples, ``(k, ..)``.
+        self.outputs = Outputs(_kept(model, native), native.outputs)
+        #: Events in the order of time.
+        self.events: list[Event] = [Event(*event) for event in native.events]
+        #: The event that has ended the motion.
+        self.ended_by: str | None = native.ended_by
+        #: Time and state at the end.
+        self.t_end, self.y_end = native.end
+        #: Method, steps, evaluations, drift of the energy, residual of the constraint, seconds.
+        self.stats: dict[str, Any] = native.stats
+        n = len(model.state)
+        along = native.along.reshape(len(self.t), len(native.along_end), n)
+        #: Derivatives of the samples' states by each parameter or initial value that was asked for, ``(k, n)``.
+        self.sensitivity: dict[str, Array] = {name: along[:, k] for k, (name, _) in enumerate(native.along_end)}
+        #: Derivatives of the final state, ``(n,)``.
+        self.sensitivity_end: dict[str, Array] = dict(native.along_end)
+
+    @property
+    def y0(self) -> Array:
+        """The initial state, ``(n,)``."""
+        return self._native.start[1]
+
+    def __getitem__(self, name: str) -> Array:
+        """A component of the state by its name, ``(k,)``."""
+        return self.y[:, self.model.state.index(name)]
+
+    def svg(self) -> str:
+        """The figure that ``hamel simulate -o motion.svg`` writes."""
+        return self._native.svg()
+
+    def moving(self, samples: int = 601) -> str | None:
+        """A page that plays the motion, the figure of ``hamel report``; none where the model says nothing to draw."""
+        return self._native.moving(samples)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The samples as a data set: states, energy and outputs by name along ``t``. Needs xarray."""
+        import xarray
+
+        columns: dict[str, Any] = {name: ("t", self.y[:, k]) for k, name in enumerate(self.model.state)}
+        if self.energy is not None:
+            columns["energy"] = ("t", self.energy)
+        for group, values in self.outputs.items():
+            for k, component in enumerate(self.outputs.components(group)):
+                columns[f"{group}.{component}"] = ("t", values[:, k])
+        for by, values in self.sensitivity.items():
+            columns.update({f"d_{name}_d_{by}": ("t", values[:, k]) for k, name in enumerate(self.model.state)})
+        plain = {name: value for name, value in self.stats.items() if value is not None}
+        about = {"model": self.model.name, "scene": self.model.scene, **dict(self.model.params), **plain}
+        return xarray.Dataset(columns, coords={"t": self.t}, attrs=about)
+
+    def _repr_html_(self) -> str:
+        from ._html import of_motion
+
+        return of_motion(self)
+
+    def __repr__(self) -> str:
+        end = f", ended by {self.ended_by}" if self.ended_by else ""
+        return (
+            f"<hamel.Motion of {self.model.name} to t = {self.t_end!r}{end}: {len(self.t)} samples, "
+            f"{self.stats['method']}, {self.stats['steps']} steps>"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (self.model, self._native.kept())
+
+
+def _kept(model: Model, native: _hamel.Motion) -> Sequence[tuple[str, Sequence[str], str]]:
+    """The groups of outputs that samples have: all or none."""
+    return model._groups if native.outputs.shape[1] else []
+
+
+def _restored(model: Model, kept: str) -> Motion:
+    return Motion(model, _hamel.Motion.restored(model._native, kept))
+
+
+class Ensemble:
+    """Many motions of one scene, side by side.
+
+    What a trajectory has not reached is not a number in :attr:`y` and :attr:`energy`; :attr:`errors` says why.
+    """
+
+    def __init__(self, model: Model, found: dict[str, Any]):
+        #: The model.
+        self.model = model
+        #: Times of the samples, ``(k,)``.
+        self.t: Array = found["t"]
+        #: States of the samples, ``(N, k, n)``.
+        self.y: Array = found["y"]
+        #: Energies of the samples, ``(N, k)``.
+        self.energy: Array = found["energy"]
+        #: Times reached, ``(N,)``.
+        self.t_end: Array = found["t_end"]
+        #: States there, ``(N, n)``.
+        self.y_end: Array = found["y_end"]
+        #: Initial states, ``(N, n)``.
+        self.y0: Array = found["y0"]
+        #: Parameters, ``(N, p)``, in the order of ``model.params``.
+        self.params: Array = found["params"]
+        #: Accepted steps of each, with those of the trajectories beside it, ``(N,)``.
+        self.steps: NDArray[np.uint64] = found["steps"]
+        #: Why a trajectory has stopped before the end; none where it has not.
+        self.errors: list[str | None] = found["errors"]
+
+    def __len__(self) -> int:
+        return len(self.errors)
+
+    def __getitem__(self, name: str) -> Array:
+        """A component of the state by its name, ``(N, k)``."""
+        return self.y[:, :, self.model.state.index(name)]
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Which trajectories have reached the end, ``(N,)``."""
+        return np.array([error is None for error in self.errors], dtype=bool)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """States, energy and parameters by name, along ``trajectory`` and ``t``. Needs xarray."""
+        import xarray
+
+        columns: dict[str, Any] = {
+            name: (("trajectory", "t"), self.y[:, :, k]) for k, name in enumerate(self.model.state)
+        }
+        columns["energy"] = (("trajectory", "t"), self.energy)
+        columns.update({name: ("trajectory", self.params[:, k]) for k, name in enumerate(self.model.params)})
+        columns["steps"] = ("trajectory", self.steps)
+        columns["error"] = ("trajectory", np.array([error or "" for error in self.errors]))
+        return xarray.Dataset(columns, coords={"t": self.t}, attrs={"model": self.model.name, "scene": self.model.scene})
+
+    def __repr__(self) -> str:
+        stopped = len(self) - int(self.ok.sum())
+        return f"<hamel.Ensemble of {self.model.name}: {len(self)} trajectories, {stopped} stopped>"

@@ -1,0 +1,193 @@
+//! Many motions of a scene, on threads, without holding Python.
+//!
+//! Deliberately does not know: how a trajectory is integrated, how results look in Python.
+
+use std::collections::BTreeMap;
+
+use hamel::error::{Error, Problem};
+use hamel::run::admissible;
+use hamel::run::asked::assignments;
+use hamel::run::backend::{Backend as _, Local};
+use hamel::run::ensemble::{EnsembleRequest, Member, Width, pool};
+use hamel::run::evaluate::prepare;
+use hamel::run::forms::Forms;
+use hamel::run::info::Info;
+use hamel::run::interpreted::Built;
+use hamel::run::method::{MethodName, Steps};
+use hamel::run::simulation::sample_time;
+use hamel::run::start::Starts;
+use numpy::ndarray::ArrayView2;
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
+
+use crate::scene::Scene;
+
+/// Parameters and initial state of a trajectory, or why there are none.
+type Start = Result<(Vec<f64>, Vec<f64>), String>;
+
+/// How all trajectories are integrated.
+pub(crate) struct Asked {
+    pub(crate) t_final: f64,
+    pub(crate) samples: usize,
+    pub(crate) method: MethodName,
+    pub(crate) steps: Steps,
+    pub(crate) max_steps: Option<u64>,
+    pub(crate) width: Width,
+    pub(crate) threads: Option<usize>,
+}
+
+/// Trajectories side by side: numbers in the order of trajectories, then samples, then components.
+pub(crate) struct Trajectories {
+    pub(crate) times: Vec<f64>,
+    pub(crate) states: Vec<f64>,
+    pub(crate) energies: Vec<f64>,
+    /// Time and state at the end of each, wherever it was.
+    pub(crate) ends: Vec<f64>,
+    pub(crate) last: Vec<f64>,
+    pub(crate) steps: Vec<u64>,
+    pub(crate) errors: Vec<Option<String>>,
+    /// Parameters of each.
+    pub(crate) params: Vec<f64>,
+    /// Initial state of each.
+    pub(crate) initial: Vec<f64>,
+}
+
+/// Integrates one motion for each row of `values`, whose columns are the parameters and components of the initial state
+/// in `names`; the rest of each state is chosen.
+///
+/// # Errors
+/// As the command `ensemble`.
+pub(crate) fn integrate(
+    scene: &Scene,
+    names: &[String],
+    values: ArrayView2<'_, f64>,
+    asked: &Asked,
+) -> Result<Trajectories, Error> {
+    let (built, info) = (scene.built(), scene.info());
+    if built.watched().is_some_and(|watched| watched.acts()) {
+        let reason = "has events that change the state or end the motion, which ensembles do not carry out: choose a \
+                      scene without `events`";
+        return Err(Error::unusable("scene", reason));
+    }
+    if asked.samples == 0 {
+        return Err(Error::unusable("samples", "is 0, but the end is a sample: give at least 1"));
+    }
+    let forms = Forms::of(&scene.model, info)?;
+    let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).collect();
+    let mut problems = Vec::new();
+    let given: Vec<(String, f64)> = names.iter().map(|name| (name.clone(), 0.0)).collect();
+    assignments(&given, "y0 and params", "parameter or state variable", &known, &mut problems);
+    let of_state =
+        names.iter().map(String::as_str).filter(|name| info.params.iter().all(|p| p.name != *name));
+    if let Err(reason) = forms.form_of(of_state) {
+        problems.push(Problem::Unusable { path: "y0".into(), reason });
+    }
+    if !problems.is_empty() {
+        return Err(Error::Request { problems });
+    }
+    // What is given completely leaves nothing to choose.
+    let is_complete = info.state.iter().all(|name| names.contains(name));
+    let starts = Starts::new(&scene.model, info, forms)?;
+    let start = |k: usize| -> Start {
+        let row: BTreeMap<&str, f64> =
+            names.iter().map(String::as_str).zip(values.row(k).iter().copied()).collect();
+        let start = if is_complete { complete(scene, &row) } else { chosen(scene, built, &starts, &row) };
+        let (params, y) = start.map_err(|e| e.to_string())?;
+        let prepared = prepare(built, &params).map_err(|e| e.to_string())?;
+        admissible::check(&*prepared, &y, 0).map_err(|e| e.to_string())?;
+        Ok((params, y))
+    };
+    let threads = pool(asked.threads)?;
+    let members: Vec<_> = threads.install(|| (0..values.nrows()).into_par_iter().map(start).collect());
+    let request = EnsembleRequest {
+        members: members.iter().filter_map(|member| member.as_ref().ok().cloned()).collect(),
+        t_final: asked.t_final,
+        method: asked.method,
+        steps: asked.steps,
+        samples: asked.samples,
+        width: asked.width,
+        max_steps: asked.max_steps,
+        threads: asked.threads,
+        done: (0, values.nrows()),
+    };
+    let integrated = Local::new(built).ensemble(&request)?;
+    Ok(side_by_side(info, asked, &members, integrated))
+}
+
+/// Parameters and state of a row that has all components.
+fn complete(scene: &Scene, row: &BTreeMap<&str, f64>) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let info = scene.info();
+    let params = info.params.iter().zip(&scene.values);
+    let params = params.map(|(p, own)| row.get(p.name.as_str()).copied().unwrap_or(*own)).collect();
+    Ok((params, info.state.iter().map(|name| row.get(name.as_str()).copied().unwrap_or_default()).collect()))
+}
+
+/// Parameters and state of a row, the rest of which is chosen as by `simulate`.
+fn chosen(
+    scene: &Scene,
+    built: &Built,
+    starts: &Starts<'_>,
+    row: &BTreeMap<&str, f64>,
+) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let names = scene.info().param_names();
+    let own = names.iter().map(|name| (*name).to_owned()).zip(scene.values.iter().copied());
+    let (mut set, mut given): (BTreeMap<String, f64>, _) = (own.collect(), BTreeMap::new());
+    for (name, value) in row {
+        let of = if names.contains(name) { &mut set } else { &mut given };
+        of.insert((*name).to_owned(), *value);
+    }
+    starts.choose(&mut Local::new(built), &set, &given)
+}
+
+fn side_by_side(info: &Info, asked: &Asked, members: &[Start], integrated: Vec<Member>) -> Trajectories {
+    let (n, n_params, samples) = (info.state.len(), info.params.len(), asked.samples);
+    let mut all = Trajectories {
+        times: (0..samples).map(|k| sample_time(asked.t_final, samples, k)).collect(),
+        states: Vec::with_capacity(members.len() * samples * n),
+        energies: Vec::with_capacity(members.len() * samples),
+        ends: Vec::with_capacity(members.len()),
+        last: Vec::with_capacity(members.len() * n),
+        steps: Vec::with_capacity(members.len()),
+        errors: Vec::with_capacity(members.len()),
+        params: Vec::with_capacity(members.len() * n_params),
+        initial: Vec::with_capacity(members.len() * n),
+    };
+    let mut integrated = integrated.into_iter();
+    let nothing = |n: usize| std::iter::repeat_n(f64::NAN, n);
+    for member in members {
+        let (params, initial, result) = match member {
+            Ok((params, initial)) => (Some(params), Some(initial), integrated.next().unwrap_or_default()),
+            Err(error) => (None, None, Member { error: Some(error.clone()), ..Member::default() }),
+        };
+        match params {
+            Some(params) => all.params.extend(params),
+            None => all.params.extend(nothing(n_params)),
+        }
+        match initial {
+            Some(initial) => all.initial.extend(initial),
+            None => all.initial.extend(nothing(n)),
+        }
+        let has_stopped = result.error.is_some();
+        for (k, t) in all.times.iter().enumerate() {
+            // Where a trajectory has stopped, its last state is behind the samples.
+            let sample = result.samples.get(k).filter(|sample| sample.t == *t);
+            match sample {
+                Some(sample) => all.states.extend(&sample.state),
+                None => all.states.extend(nothing(n)),
+            }
+            all.energies.push(sample.and_then(|sample| sample.energy).unwrap_or(f64::NAN));
+        }
+        match result.samples.last() {
+            Some(sample) => {
+                all.ends.push(sample.t);
+                all.last.extend(&sample.state);
+            }
+            None => {
+                all.ends.push(if has_stopped { 0.0 } else { asked.t_final });
+                all.last.extend(nothing(n));
+            }
+        }
+        all.steps.push(result.steps);
+        all.errors.push(result.error);
+    }
+    all
+}

@@ -1,0 +1,67 @@
+//! Errors of the library as exceptions of the package, with the text that the command prints.
+//!
+//! Deliberately does not know: where an error comes from.
+
+use hamel::Error;
+use hamel_codegen::spec::{Diagnostics, Severity};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// A problem of a model: file, line, column, severity, message, what to change.
+type Problem = (Option<String>, Option<usize>, Option<usize>, &'static str, String, Option<String>);
+
+/// The problems of a text with their places, lines and columns counted from one.
+fn problems(all: &[Diagnostics]) -> Vec<Problem> {
+    let each = all.iter().flat_map(|list| list.iter().map(move |problem| (list.origin(), problem)));
+    each.map(|(origin, problem)| {
+        let place = origin.zip(problem.span).map(|(origin, span)| origin.line_column(span.start));
+        let severity = match problem.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        (
+            origin.map(|origin| origin.file.clone()),
+            place.map(|(line, _)| line),
+            place.map(|(_, column)| column),
+            severity,
+            problem.message.clone(),
+            problem.help.clone(),
+        )
+    })
+    .collect()
+}
+
+/// The exception of an error.
+pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
+    let raised = || -> PyResult<PyErr> {
+        let classes = py.import("hamel._errors")?;
+        let text = error.to_string();
+        let made = match error {
+            Error::Models { problems: all } => classes.getattr("ModelError")?.call1((text, problems(all)))?,
+            Error::Misnamed { .. } => classes.getattr("ModelError")?.call1((text, Vec::<Problem>::new()))?,
+            Error::Stopped { t, state, .. } => {
+                let reached = PyDict::new(py);
+                state.iter().try_for_each(|(name, value)| reached.set_item(name, value))?;
+                classes.getattr("IntegrationError")?.call1((text, *t, reached))?
+            }
+            Error::Io { .. } => classes.getattr("FileError")?.call1((text,))?,
+            // The status of bad input.
+            other if other.exit_code() == 2 => classes.getattr("InputError")?.call1((text,))?,
+            _ => classes.getattr("Error")?.call1((text,))?,
+        };
+        Ok(PyErr::from_value(made))
+    };
+    raised().unwrap_or_else(|failure| failure)
+}
+
+/// Results with exceptions.
+pub(crate) trait OrRaise<T> {
+    /// The value, or the exception of the error.
+    fn or_raise(self, py: Python<'_>) -> PyResult<T>;
+}
+
+impl<T> OrRaise<T> for Result<T, Error> {
+    fn or_raise(self, py: Python<'_>) -> PyResult<T> {
+        self.map_err(|error| exception(py, &error))
+    }
+}

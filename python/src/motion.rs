@@ -1,0 +1,336 @@
+//! Motions of a scene, one or many, as objects and arrays of Python.
+//!
+//! Deliberately does not know: how anything is integrated, how results look in Python.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use hamel::commands::report::pictured;
+use hamel::error::Error;
+use hamel::model::{self, Checked, blocks};
+use hamel::output::fields::fields;
+use hamel::output::files::{self, Run};
+use hamel::output::plot;
+use hamel::output::report;
+use hamel::output::report::contents::contents;
+use hamel::run::asked::{Asked, Words};
+use hamel::run::auto;
+use hamel::run::backend::Local;
+use hamel::run::ensemble::Width;
+use hamel::run::info::Info;
+use hamel::run::integrate::simulate_at;
+use hamel::run::method::{MethodName, Steps};
+use hamel::run::simulation::{SimulateRequest, SimulateResponse};
+use numpy::ndarray::{Array2, Array3};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray as _};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::ensemble as many;
+use crate::errors::{OrRaise as _, exception};
+use crate::scene::Scene;
+
+/// Arguments in Python.
+const ARGUMENTS: Words = Words {
+    set: "params",
+    initial: "y0",
+    sections: "sections",
+    along: "sensitivity",
+    samples: "t",
+    step: "step",
+    reconstructing: "in scene `reconstruction` only, which integrates",
+};
+
+/// A motion: what was asked and what came out.
+#[pyclass(frozen, module = "hamel._hamel")]
+pub(crate) struct Motion {
+    model: Arc<Checked>,
+    info: Info,
+    request: SimulateRequest,
+    response: SimulateResponse,
+}
+
+/// How steps are made.
+#[derive(FromPyObject)]
+pub(crate) struct Options {
+    #[pyo3(item)]
+    method: String,
+    #[pyo3(item)]
+    rtol: Option<f64>,
+    #[pyo3(item)]
+    atol: Option<f64>,
+    #[pyo3(item)]
+    step: Option<f64>,
+    #[pyo3(item)]
+    max_steps: Option<u64>,
+}
+
+impl Options {
+    /// The method and its steps.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for what is no method, and steps that do not suit it.
+    fn steps(&self) -> Result<(MethodName, Steps), Error> {
+        let method = MethodName::named(&self.method).map_err(|reason| Error::unusable("method", reason))?;
+        let steps = Steps::new(method, self.rtol, self.atol, self.step);
+        Ok((method, steps.map_err(|reason| Error::unusable(ARGUMENTS.step, reason))?))
+    }
+}
+
+/// The motion from an initial state, of which components are given by name, with samples at the given times.
+#[pyfunction]
+#[pyo3(signature = (scene, y0, t_final, times, options, sections, sensitivity, max_events, outputs))]
+#[expect(clippy::too_many_arguments, reason = "arguments of Python, all given by name there")]
+pub(crate) fn simulate(
+    py: Python<'_>,
+    scene: &Scene,
+    y0: Vec<(String, f64)>,
+    t_final: f64,
+    times: Vec<f64>,
+    options: Options,
+    sections: Vec<String>,
+    sensitivity: Vec<String>,
+    max_events: Option<u64>,
+    outputs: bool,
+) -> PyResult<Motion> {
+    let run = || -> Result<Motion, Error> {
+        let (asked_method, steps) = options.steps()?;
+        let built = scene.built();
+        let purpose = auto::Purpose::of_samples(times.len());
+        let method = match (asked_method, steps) {
+            (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
+                // Series have no derivatives along parameters.
+                auto::choose(rtol, Some(built.rhs_counts().cost()), sensitivity.is_empty(), purpose)
+            }
+            (method, _) => method,
+        };
+        let names = scene.info().param_names();
+        let set = names.into_iter().map(str::to_owned).zip(scene.values.iter().copied()).collect();
+        let asked = Asked {
+            set,
+            initial: y0,
+            t_final,
+            method,
+            steps,
+            samples: times.len(),
+            with_outputs: outputs,
+            n_group: 0,
+            max_steps: options.max_steps,
+            max_events,
+            sections,
+            along: sensitivity,
+        };
+        let request = asked.request(&ARGUMENTS, &scene.model, &mut Local::new(built))?;
+        let response = simulate_at(&built, &request, &times, &mut |_| {})?;
+        Ok(Motion { model: Arc::clone(&scene.model), info: scene.info().clone(), request, response })
+    };
+    py.detach(run).or_raise(py)
+}
+
+/// Many motions, one for each row of `values`, whose columns `names` names; arrays by name.
+#[pyfunction]
+#[pyo3(signature = (scene, names, values, t_final, samples, options, lanes, threads))]
+#[expect(clippy::too_many_arguments, reason = "arguments of Python, all given by name there")]
+pub(crate) fn ensemble<'py>(
+    py: Python<'py>,
+    scene: &Scene,
+    names: Vec<String>,
+    values: PyReadonlyArray2<'py, f64>,
+    t_final: f64,
+    samples: usize,
+    options: Options,
+    lanes: usize,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (n_rows, n, n_params) =
+        (values.as_array().nrows(), scene.info().state.len(), scene.info().params.len());
+    let rows = values.as_array();
+    let run = || {
+        let (method, steps) = options.steps()?;
+        let width = match lanes {
+            1 => Width::One,
+            4 => Width::Four,
+            _ => return Err(Error::unusable("lanes", format!("is {lanes}, but has to be 1 or 4"))),
+        };
+        let max_steps = options.max_steps;
+        let asked = many::Asked { t_final, samples, method, steps, max_steps, width, threads };
+        many::integrate(scene, &names, rows, &asked)
+    };
+    let all = py.detach(run).or_raise(py)?;
+    let shape = |e: numpy::ndarray::ShapeError| pyo3::exceptions::PyRuntimeError::new_err(e.to_string());
+    let of_two = |width: usize, values| Array2::from_shape_vec((n_rows, width), values).map_err(shape);
+    let states = Array3::from_shape_vec((n_rows, samples, n), all.states).map_err(shape)?;
+    let found = PyDict::new(py);
+    found.set_item("t", PyArray1::from_vec(py, all.times))?;
+    found.set_item("y", numpy::PyArray3::from_owned_array(py, states))?;
+    found.set_item("energy", PyArray2::from_owned_array(py, of_two(samples, all.energies)?))?;
+    found.set_item("t_end", PyArray1::from_vec(py, all.ends))?;
+    found.set_item("y_end", PyArray2::from_owned_array(py, of_two(n, all.last)?))?;
+    found.set_item("steps", PyArray1::from_vec(py, all.steps))?;
+    found.set_item("errors", all.errors)?;
+    found.set_item("params", PyArray2::from_owned_array(py, of_two(n_params, all.params)?))?;
+    found.set_item("y0", PyArray2::from_owned_array(py, of_two(n, all.initial)?))?;
+    Ok(found)
+}
+
+impl Motion {
+    /// Rows of numbers of all samples.
+    fn table<'py>(
+        &self,
+        py: Python<'py>,
+        row: impl Fn(&hamel::run::simulation::Sample) -> &[f64],
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let samples = &self.response.samples;
+        let width = samples.first().map_or(0, |sample| row(sample).len());
+        let all: Vec<f64> = samples.iter().flat_map(|sample| row(sample).iter().copied()).collect();
+        let array = Array2::from_shape_vec((samples.len(), width), all);
+        let array = array.map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
+        Ok(PyArray2::from_owned_array(py, array))
+    }
+}
+
+#[pymethods]
+impl Motion {
+    /// Times of the samples.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(py, self.response.samples.iter().map(|sample| sample.t).collect())
+    }
+
+    /// States of the samples.
+    #[getter]
+    fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        if self.response.samples.is_empty() {
+            return Ok(PyArray2::zeros(py, [0, self.info.state.len()], false));
+        }
+        self.table(py, |sample| &sample.state)
+    }
+
+    /// Energies of the samples; none where the scene has none.
+    #[getter]
+    fn energy<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let energies: Option<Vec<f64>> = self.response.samples.iter().map(|sample| sample.energy).collect();
+        energies.filter(|_| self.info.has_energy).map(|energies| PyArray1::from_vec(py, energies))
+    }
+
+    /// All outputs of the samples.
+    #[getter]
+    fn outputs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.table(py, |sample| &sample.outputs)
+    }
+
+    /// Derivatives of the states of the samples, one direction after the other.
+    #[getter]
+    fn along<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.table(py, |sample| &sample.along)
+    }
+
+    /// What the motion is differentiated by, with the derivatives of the final state.
+    #[getter]
+    fn along_end<'py>(&self, py: Python<'py>) -> Vec<(String, Bound<'py, PyArray1<f64>>)> {
+        self.response.along.iter().map(|(name, values)| (name.clone(), values.to_pyarray(py))).collect()
+    }
+
+    /// Names, times and states of events, in the order of time.
+    #[getter]
+    fn events<'py>(&self, py: Python<'py>) -> Vec<(String, f64, Bound<'py, PyArray1<f64>>)> {
+        let events = self.response.events.as_deref().unwrap_or_default();
+        events.iter().map(|event| (event.name.clone(), event.t, event.state.to_pyarray(py))).collect()
+    }
+
+    /// The event that has ended the motion.
+    #[getter]
+    fn ended_by(&self) -> Option<String> {
+        self.response.ended_by.clone()
+    }
+
+    /// Time and state at the end.
+    #[getter]
+    fn end<'py>(&self, py: Python<'py>) -> (f64, Bound<'py, PyArray1<f64>>) {
+        (self.response.t, self.response.last.to_pyarray(py))
+    }
+
+    /// Parameters and the initial state.
+    #[getter]
+    fn start<'py>(&self, py: Python<'py>) -> [Bound<'py, PyArray1<f64>>; 2] {
+        [self.request.params.to_pyarray(py), self.request.initial.to_pyarray(py)]
+    }
+
+    /// Numbers about the integration, by name.
+    #[getter]
+    fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let SimulateResponse { steps, rejected, rhs_evals, energy_drift, .. } = self.response;
+        let stats = PyDict::new(py);
+        stats.set_item("method", self.request.method.name())?;
+        stats.set_item("steps", steps)?;
+        stats.set_item("rejected", rejected)?;
+        stats.set_item("rhs_evals", rhs_evals)?;
+        stats.set_item("energy_drift", energy_drift)?;
+        stats.set_item("initial_energy", self.response.initial_energy)?;
+        stats.set_item("constraint_residual", self.response.constraint_residual)?;
+        stats.set_item("seconds", self.response.seconds)?;
+        Ok(stats)
+    }
+
+    /// What there is to know besides.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.response.warnings.clone()
+    }
+
+    /// The figure that `hamel simulate -o motion.svg` writes.
+    fn svg(&self, py: Python<'_>) -> PyResult<String> {
+        let drawn = || {
+            let (title, blocks) = (model::title(&self.model), blocks::blocks(&self.model));
+            let (fields, _) = fields(&self.model, &self.info, &self.request, &self.response);
+            let run = Run {
+                info: &self.info,
+                title: &title,
+                blocks: &blocks,
+                request: &self.request,
+                response: &self.response,
+                fields: &fields,
+            };
+            plot::svg(&files::figure(&run))
+                .map_err(|e| Error::io("figure", std::io::Error::other(e.to_string())))
+        };
+        py.detach(drawn).or_raise(py)
+    }
+
+    /// A page that plays the motion; none where the model says nothing to draw.
+    fn moving(&self, py: Python<'_>, samples: usize) -> PyResult<Option<String>> {
+        let drawn = || -> Result<Option<String>, Error> {
+            let page = contents(&self.model, &self.info.scene)?;
+            if page.views.is_empty() && self.model.views.list.is_empty() {
+                return Ok(None);
+            }
+            let by_name = |names: &[&str], values: &[f64]| -> BTreeMap<String, f64> {
+                names.iter().map(|name| (*name).to_owned()).zip(values.iter().copied()).collect()
+            };
+            let set = by_name(&self.info.param_names(), &self.request.params);
+            let given = by_name(&self.info.state_names(), &self.request.initial);
+            let SimulateRequest { method, steps, .. } = self.request;
+            // The scene that is drawn has coordinates besides, and not every method suits it.
+            let method = if method.suits_all_scenes() { method } else { MethodName::Dop853 };
+            let motion = (self.response.t, method, steps, samples);
+            let motion = pictured(&self.model, &self.info.scene, [&set, &given], None, motion)?;
+            Ok(report::moving(&page, &motion))
+        };
+        py.detach(drawn).or_raise(py)
+    }
+
+    /// What `restored` takes besides the scene.
+    fn kept(&self, py: Python<'_>) -> PyResult<String> {
+        let kept = serde_json::to_string(&(&self.request, &self.response));
+        kept.map_err(|e| exception(py, &Error::Options { reason: e.to_string() }))
+    }
+
+    /// A motion of a scene that was kept as text.
+    #[staticmethod]
+    fn restored(py: Python<'_>, scene: &Scene, kept: &str) -> PyResult<Motion> {
+        let kept: Result<(SimulateRequest, SimulateResponse), _> = serde_json::from_str(kept);
+        let (request, response) =
+            kept.map_err(|e| exception(py, &Error::Options { reason: e.to_string() }))?;
+        Ok(Motion { model: Arc::clone(&scene.model), info: scene.info().clone(), request, response })
+    }
+}

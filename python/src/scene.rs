@@ -1,0 +1,536 @@
+//! A scene of a model with values of its parameters, as an object of Python.
+//!
+//! Deliberately does not know: how a motion is integrated, how results look in Python.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use hamel::cache::Cache;
+use hamel::error::Error;
+use hamel::model::{self, Checked};
+use hamel::output::report::contents::contents;
+use hamel::run::dynamics::{Dynamics, Factory as _, PreparedScene, VecState};
+use hamel::run::evaluate::{derivative, prepare, unusable_states};
+use hamel::run::info::Info;
+use hamel::run::interpreted::{self, Built};
+use hamel::session::Session;
+use hamel_codegen::explain::{self, SectionKind};
+use hamel_codegen::expr::Style;
+use hamel_runtime::{Dual, F64x4};
+use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Ix2};
+use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
+use pyo3::prelude::*;
+use self_cell::self_cell;
+
+use crate::arrays::{Rows, RowsMut, in_pieces};
+use crate::errors::{OrRaise as _, exception};
+use crate::shipped::SHIPPED;
+
+self_cell!(
+    /// A scene and what borrows from it: the scene with values of its parameters.
+    pub(crate) struct Prepared {
+        owner: Arc<Built>,
+        #[covariant]
+        dependent: PreparedScene,
+    }
+);
+
+/// A scene of a model with values of its parameters.
+#[pyclass(frozen, module = "hamel._hamel")]
+pub(crate) struct Scene {
+    pub(crate) model: Arc<Checked>,
+    pub(crate) values: Vec<f64>,
+    prepared: Prepared,
+    file: String,
+    text: String,
+    budget: u64,
+}
+
+/// Names, values by default and meanings of parameters.
+type Params = Vec<(String, f64, String)>;
+/// Names, components and meanings of groups of outputs.
+type Outputs = Vec<(String, Vec<String>, String)>;
+
+impl Scene {
+    fn new(
+        model: Arc<Checked>,
+        built: Arc<Built>,
+        values: Vec<f64>,
+        (file, text, budget): (String, String, u64),
+    ) -> Result<Scene, Error> {
+        let prepared = Prepared::try_new(built, |built| prepare(&**built, &values))?;
+        Ok(Scene { model, values, prepared, file, text, budget })
+    }
+
+    pub(crate) fn built(&self) -> &Built {
+        self.prepared.borrow_owner()
+    }
+
+    pub(crate) fn info(&self) -> &Info {
+        self.built().info()
+    }
+
+    fn dynamics(&self) -> &dyn Dynamics {
+        &**self.prepared.borrow_dependent()
+    }
+
+    /// What a number of a scene costs; a call of the interpreter takes longer.
+    fn cost(&self) -> u64 {
+        self.dynamics().rhs_cost().unwrap_or(1)
+    }
+
+    /// Calls `work` with states and results, without holding Python, and says which states have no values.
+    fn on_states(
+        &self,
+        py: Python<'_>,
+        (y, t): (&PyReadonlyArrayDyn<'_, f64>, f64),
+        out: &mut PyReadwriteArrayDyn<'_, f64>,
+        (cost, threads): (u64, Option<bool>),
+        work: impl Fn(&Rows<'_>, &mut RowsMut<'_>, usize) -> bool + Send + Sync,
+    ) -> PyResult<()> {
+        let (states, out) = (two_axes(y.as_array())?, two_axes_mut(out.as_array_mut())?);
+        if states.ncols() != self.info().state.len() || states.nrows() != out.nrows() {
+            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+        }
+        let done = py.detach(|| match in_pieces(states, out, (cost, threads), work) {
+            Ok(true) => Ok(()),
+            Ok(false) => self.refuse(states, t),
+            Err(error) => Err(error),
+        });
+        done.or_raise(py)
+    }
+
+    /// Why some of the states have no values: of the right-hand side, and if that has, then those that were asked for.
+    fn refuse(&self, states: ArrayView2<'_, f64>, t: f64) -> Result<(), Error> {
+        let mut row = vec![0.0; states.ncols()];
+        let rows = Rows::of(states);
+        let mut reasons = Vec::new();
+        for k in 0..states.nrows() {
+            rows.row(k, &mut row);
+            if let Err(reason) = derivative(self.dynamics(), t, &row) {
+                reasons.push((k, reason));
+            }
+        }
+        if reasons.is_empty() {
+            reasons.push((0, "a result of one of the states is not finite".to_owned()));
+        }
+        Err(unusable_states(reasons, states.nrows()))
+    }
+}
+
+/// An array of states or results with the last axis of each; more axes in front are one.
+fn two_axes(array: ArrayViewD<'_, f64>) -> PyResult<ArrayView2<'_, f64>> {
+    array.into_dimensionality::<Ix2>().map_err(|_| two_axes_needed())
+}
+
+fn two_axes_mut(array: ArrayViewMutD<'_, f64>) -> PyResult<ArrayViewMut2<'_, f64>> {
+    array.into_dimensionality::<Ix2>().map_err(|_| two_axes_needed())
+}
+
+fn two_axes_needed() -> PyErr {
+    pyo3::exceptions::PyValueError::new_err("arrays of two axes are needed")
+}
+
+/// The rates of all rows, four at a time.
+fn rates(
+    dynamics: &dyn Dynamics,
+    t: f64,
+    rows: &Rows<'_>,
+    out: &mut RowsMut<'_>,
+    n_rows: usize,
+    n: usize,
+) -> bool {
+    let zeros = VecState(vec![F64x4::splat(0.0); n]);
+    let (mut y, mut dy) = (zeros.clone(), zeros);
+    let on_lanes = F64x4::splat(t);
+    let mut is_finite = true;
+    let n_whole = n_rows / F64x4::LANES * F64x4::LANES;
+    for first in (0..n_whole).step_by(F64x4::LANES) {
+        rows.lanes(first, &mut y.0);
+        dynamics.rhs_on_lanes(on_lanes, &y, &mut dy);
+        is_finite &= out.set_lanes(first, &dy.0);
+    }
+    if n_whole < n_rows {
+        let (mut y, mut dy) = (vec![0.0; n], vec![0.0; n]);
+        for k in n_whole..n_rows {
+            rows.row(k, &mut y);
+            dynamics.rhs(t, &y, &mut dy);
+            is_finite &= out.set_row(k, &dy);
+        }
+    }
+    is_finite
+}
+
+/// Calls `f` with each row and the row of results.
+fn by_row(
+    rows: &Rows<'_>,
+    out: &mut RowsMut<'_>,
+    n_rows: usize,
+    (n, width): (usize, usize),
+    mut f: impl FnMut(&[f64], &mut [f64]),
+) -> bool {
+    let (mut y, mut result) = (vec![0.0; n], vec![0.0; width]);
+    let mut is_finite = true;
+    for k in 0..n_rows {
+        rows.row(k, &mut y);
+        f(&y, &mut result);
+        is_finite &= out.set_row(k, &result);
+    }
+    is_finite
+}
+
+#[pymethods]
+impl Scene {
+    /// The scene of a model: of a file or a name that the package knows, or of `text`, which `name` stands for then.
+    #[staticmethod]
+    #[pyo3(signature = (name, text, scene, budget, library))]
+    fn load(
+        py: Python<'_>,
+        name: &str,
+        text: Option<String>,
+        scene: &str,
+        budget: u64,
+        library: Option<PathBuf>,
+    ) -> PyResult<Scene> {
+        let load = || -> Result<Scene, Error> {
+            let cache = library.map_or_else(Cache::none, |library| Cache::of_user().of_library(library));
+            let session = Session::of_shipped(SHIPPED).with_budget(budget).with_cache(cache.clone());
+            let (model, file, text) = match text {
+                Some(text) => {
+                    let model = Arc::new(Checked::new(session.parse(name, &text)?, cache));
+                    (model, name.to_owned(), text)
+                }
+                None => {
+                    let file = session.find(name)?;
+                    (Arc::clone(file.checked()?), file.shown(), file.text()?.into_owned())
+                }
+            };
+            let built = interpreted::build(&model, scene)?.in_memory();
+            let values = built.info().defaults();
+            Scene::new(model, Arc::new(built), values, (file, text, budget))
+        };
+        py.detach(load).or_raise(py)
+    }
+
+    /// The same scene with other values of all its parameters, in their order.
+    fn with_values(&self, py: Python<'_>, values: Vec<f64>) -> PyResult<Scene> {
+        let built = Arc::clone(self.prepared.borrow_owner());
+        let source = (self.file.clone(), self.text.clone(), self.budget);
+        Scene::new(Arc::clone(&self.model), built, values, source).or_raise(py)
+    }
+
+    /// Name of the model.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.info().model
+    }
+
+    /// Name of the scene.
+    #[getter]
+    fn scene(&self) -> &str {
+        &self.info().scene
+    }
+
+    /// Names of all scenes of the model.
+    #[getter]
+    fn scenes(&self) -> Vec<String> {
+        self.model.scene_names()
+    }
+
+    /// First line of the documentation.
+    #[getter]
+    fn title(&self) -> String {
+        model::title(&self.model)
+    }
+
+    /// The file, or what stands for it.
+    #[getter]
+    fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// The text of the model.
+    #[getter]
+    fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The budget of derivations.
+    #[getter]
+    fn budget(&self) -> u64 {
+        self.budget
+    }
+
+    /// Warnings about the model, as the command prints them; empty where there are none.
+    #[getter]
+    fn warnings(&self) -> String {
+        if self.model.warnings.is_empty() { String::new() } else { self.model.warnings.render(false) }
+    }
+
+    /// Names of the state's components in order.
+    #[getter]
+    fn state(&self) -> Vec<String> {
+        self.info().state.clone()
+    }
+
+    /// Names, defaults and meanings of the parameters.
+    #[getter]
+    fn params(&self) -> Params {
+        self.info().params.iter().map(|p| (p.name.clone(), p.default, p.doc.clone())).collect()
+    }
+
+    /// Values of the parameters in order.
+    #[getter]
+    fn values(&self) -> Vec<f64> {
+        self.values.clone()
+    }
+
+    /// Names, components and meanings of the groups of outputs.
+    #[getter]
+    fn outputs(&self) -> Outputs {
+        self.info().outputs.iter().map(|o| (o.name.clone(), o.components.clone(), o.doc.clone())).collect()
+    }
+
+    /// Whether the scene has an energy.
+    #[getter]
+    fn has_energy(&self) -> bool {
+        self.info().has_energy
+    }
+
+    /// Whether it has one that is proved to be constant along the motion.
+    #[getter]
+    fn conserves_energy(&self) -> bool {
+        self.info().conserves_energy
+    }
+
+    /// Writes rates of states, rows of `y`, to the rows of `out`.
+    fn rhs(
+        &self,
+        py: Python<'_>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        t: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+        threads: Option<bool>,
+    ) -> PyResult<()> {
+        let (dynamics, n) = (self.dynamics(), self.info().state.len());
+        // Four at a time.
+        let cost = self.cost() / 2 + n as u64;
+        self.on_states(py, (&y, t), &mut out, (cost, threads), |rows, out, n_rows| {
+            rates(dynamics, t, rows, out, n_rows, n)
+        })
+    }
+
+    /// Writes the rates of one state.
+    fn rhs_of_one(
+        &self,
+        py: Python<'_>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        t: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+    ) -> PyResult<()> {
+        let n = self.info().state.len();
+        if y.len() != n || out.len() != n {
+            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+        }
+        let copied: Vec<f64>;
+        let state = match y.as_slice() {
+            Ok(state) => state,
+            Err(_) => {
+                copied = y.as_array().iter().copied().collect();
+                &copied
+            }
+        };
+        let Ok(out) = out.as_slice_mut() else { return Err(two_axes_needed()) };
+        self.dynamics().rhs(t, state, out);
+        if out.iter().all(|x| x.is_finite()) {
+            return Ok(());
+        }
+        derivative(self.dynamics(), t, state)
+            .map(drop)
+            .map_err(|reason| exception(py, &Error::State { path: "y".into(), reason }))
+    }
+
+    /// Says whether the equations can be evaluated at states, rows of `y`; raises why not.
+    fn check(&self, py: Python<'_>, y: PyReadonlyArrayDyn<'_, f64>, t: f64) -> PyResult<()> {
+        let states = two_axes(y.as_array())?;
+        let checked = || {
+            let rows = Rows::of(states);
+            let mut row = vec![0.0; states.ncols()];
+            let mut reasons = Vec::new();
+            for k in 0..states.nrows() {
+                rows.row(k, &mut row);
+                if let Err(reason) = derivative(self.dynamics(), t, &row) {
+                    reasons.push((k, reason));
+                }
+            }
+            if reasons.is_empty() { Ok(()) } else { Err(unusable_states(reasons, states.nrows())) }
+        };
+        py.detach(checked).or_raise(py)
+    }
+
+    /// Writes the derivatives of rates by states, row by row, to the rows of `out`, `[n_states, n * n]`.
+    fn jacobian(
+        &self,
+        py: Python<'_>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        t: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+        threads: Option<bool>,
+    ) -> PyResult<()> {
+        let (dynamics, n) = (self.dynamics(), self.info().state.len());
+        let cost = 20 * self.cost() * n as u64;
+        self.on_states(py, (&y, t), &mut out, (cost, threads), |rows, out, n_rows| {
+            let mut matrix = vec![VecState(vec![0.0; n]); n];
+            by_row(rows, out, n_rows, (n, n * n), |y, result| {
+                dynamics.jacobian(t, y, &mut matrix);
+                result.chunks_mut(n.max(1)).zip(&matrix).for_each(|(out, row)| out.copy_from_slice(&row.0));
+            })
+        })
+    }
+
+    /// Writes derivatives of rates along directions, which are behind the states in the rows of `pairs`, along a
+    /// direction of the parameters and along the time.
+    fn jvp(
+        &self,
+        py: Python<'_>,
+        pairs: PyReadonlyArrayDyn<'_, f64>,
+        along_params: Vec<f64>,
+        t: f64,
+        dt: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+    ) -> PyResult<()> {
+        let n = self.info().state.len();
+        let dual = |(value, derivative): (&f64, &f64)| Dual { value: *value, derivative: *derivative };
+        let params: Vec<Dual> = self.values.iter().zip(&along_params).map(dual).collect();
+        let (pairs, mut out) = (two_axes(pairs.as_array())?, two_axes_mut(out.as_array_mut())?);
+        if along_params.len() != self.values.len()
+            || pairs.ncols() != 2 * n
+            || out.dim() != (pairs.nrows(), n)
+        {
+            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+        }
+        let done = || -> Result<(), Error> {
+            // Their values are those that the scene was prepared with.
+            let refused = |bad: hamel::run::dynamics::BadParams| Error::Options { reason: bad.to_string() };
+            let duals = self.built().prepare_duals(&params).map_err(refused)?;
+            let (mut y, mut dy) = (vec![Dual::constant(0.0); n], vec![Dual::constant(0.0); n]);
+            let mut bad = Vec::new();
+            for (k, (pair, mut out)) in pairs.rows().into_iter().zip(out.rows_mut()).enumerate() {
+                y.iter_mut().enumerate().for_each(|(i, y)| *y = dual((&pair[i], &pair[n + i])));
+                duals.rhs(dual((&t, &dt)), &y, &mut dy);
+                out.iter_mut().zip(&dy).for_each(|(out, dy)| *out = dy.derivative);
+                if dy.iter().any(|dy| !dy.derivative.is_finite()) {
+                    bad.push((k, "the derivative of its rates is not finite".to_owned()));
+                }
+            }
+            if bad.is_empty() { Ok(()) } else { Err(unusable_states(bad, pairs.nrows())) }
+        };
+        py.detach(done).or_raise(py)
+    }
+
+    /// Writes the energies of states, `[n_states, 1]`.
+    fn energy(
+        &self,
+        py: Python<'_>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        t: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+        threads: Option<bool>,
+    ) -> PyResult<()> {
+        let (dynamics, n) = (self.dynamics(), self.info().state.len());
+        self.on_states(py, (&y, t), &mut out, (self.cost(), threads), |rows, out, n_rows| {
+            by_row(rows, out, n_rows, (n, 1), |y, result| {
+                result[0] = dynamics.energy(t, y).unwrap_or(f64::NAN)
+            })
+        })
+    }
+
+    /// Writes all outputs of states, one group after the other.
+    fn outputs_of(
+        &self,
+        py: Python<'_>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        t: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+        threads: Option<bool>,
+    ) -> PyResult<()> {
+        let (dynamics, n, width) = (self.dynamics(), self.info().state.len(), self.info().n_outputs());
+        self.on_states(py, (&y, t), &mut out, (4 * self.cost(), threads), |rows, out, n_rows| {
+            by_row(rows, out, n_rows, (n, width), |y, result| result.copy_from_slice(&dynamics.outputs(t, y)))
+        })
+    }
+
+    /// The equations of motion in LaTeX.
+    fn latex(&self, py: Python<'_>) -> PyResult<String> {
+        self.equations(py, Style::Latex)
+    }
+
+    /// Everything that is known about the scene, as `hamel explain` prints it.
+    fn explain(&self, py: Python<'_>) -> PyResult<String> {
+        let derived = py.detach(|| self.model.derive(&self.info().scene)).or_raise(py)?;
+        Ok(explain::explain(&self.model, &derived, Style::Unicode))
+    }
+
+    /// The page of `hamel report`, without a motion.
+    fn report(&self, py: Python<'_>) -> PyResult<String> {
+        let page = || hamel::output::report::page(&contents(&self.model, &self.info().scene)?, None);
+        py.detach(page).or_raise(py)
+    }
+
+    /// The equations of motion in MathML.
+    fn math_ml(&self, py: Python<'_>) -> PyResult<String> {
+        self.equations(py, Style::MathMl)
+    }
+
+    /// Rates of the same states, `repeats` times in Rust alone, in seconds: `[arrays as Python has them, lanes]`. For
+    /// measurements only.
+    fn measured(
+        &self,
+        py: Python<'_>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        out: Bound<'_, PyArray2<f64>>,
+        repeats: usize,
+    ) -> PyResult<[f64; 2]> {
+        use numpy::PyArrayMethods as _;
+        let states = two_axes(y.as_array())?;
+        let mut out = out.readwrite();
+        let mut out = out.as_array_mut();
+        let (n, n_rows) = (states.ncols(), states.nrows());
+        let seconds = || {
+            let dynamics = self.dynamics();
+            let rows = Rows::of(states);
+            // The first round fills the caches, here and below.
+            rates(dynamics, 0.0, &rows, &mut RowsMut::of(out.view_mut()), n_rows, n);
+            let clock = std::time::Instant::now();
+            for _ in 0..repeats {
+                rates(dynamics, 0.0, &rows, &mut RowsMut::of(out.view_mut()), n_rows, n);
+            }
+            let of_arrays = clock.elapsed().as_secs_f64();
+            let mut lanes = vec![VecState(vec![F64x4::splat(0.0); n]); n_rows / F64x4::LANES];
+            lanes.iter_mut().enumerate().for_each(|(k, lanes)| rows.lanes(k * F64x4::LANES, &mut lanes.0));
+            let mut results = lanes.clone();
+            lanes
+                .iter()
+                .zip(&mut results)
+                .for_each(|(y, dy)| dynamics.rhs_on_lanes(F64x4::splat(0.0), y, dy));
+            let clock = std::time::Instant::now();
+            for _ in 0..repeats {
+                for (y, dy) in lanes.iter().zip(&mut results) {
+                    dynamics.rhs_on_lanes(F64x4::splat(0.0), y, dy);
+                }
+                std::hint::black_box(&mut results);
+            }
+            [of_arrays, clock.elapsed().as_secs_f64()]
+        };
+        Ok(py.detach(seconds))
+    }
+}
+
+impl Scene {
+    fn equations(&self, py: Python<'_>, style: Style) -> PyResult<String> {
+        let derived = py.detach(|| self.model.derive(&self.info().scene)).or_raise(py)?;
+        let sections = explain::sections(&self.model, &derived, style);
+        let wanted = |section: &&explain::Section| section.kind == SectionKind::Equations;
+        Ok(sections.iter().find(wanted).map(|section| section.text.clone()).unwrap_or_default())
+    }
+}

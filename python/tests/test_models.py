@@ -1,0 +1,137 @@
+"""Loading, parameters, errors, and pickles."""
+
+import multiprocessing
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hamel
+
+ROOT = Path(__file__).parents[2]
+BAD = ROOT / "codegen" / "tests" / "bad"
+
+PENDULUM = """
+model pendulum {
+    /// Length (m)
+    param l = 2 where l > 0;
+    coordinate theta in angle;
+    let speed = l*theta_dot;
+    lagrangian = speed^2/2 + 9.81*l*cos(theta);
+}
+"""
+
+
+def test_a_model_is_a_name_a_path_or_a_text(tmp_path):
+    path = ROOT / "models" / "specs" / "heavy_top.hamel"
+    named, of_file = hamel.load("heavy_top"), hamel.load(path)
+    assert named.state == of_file.state == hamel.load(path.read_text()).state
+    assert "heavy_top" in hamel.models()
+    pendulum = hamel.load(PENDULUM)
+    assert (pendulum.name, pendulum.scene, len(pendulum.state)) == ("pendulum", "default", 2)
+    y = dict(zip(pendulum.state, (0.3, 0.0)))
+    at = [y[name] for name in pendulum.state]
+    rates = dict(zip(pendulum.state, pendulum.rhs(at)))
+    [acceleration] = [rate for name, rate in rates.items() if name != "theta"]
+    assert acceleration == pytest.approx(-9.81 / 2 * np.sin(0.3), rel=1e-14)
+
+
+def test_parameters_are_a_mapping_and_models_are_values():
+    top = hamel.load("heavy_top", params={"m": 2.0})
+    assert top.params["m"] == 2.0 and list(top.params)[:3] == ["I1", "I2", "I3"]
+    assert dict(top.params)["g"] == 9.81
+    heavier = top.with_params(m=3.0, l=0.5)
+    assert (heavier.params["m"], heavier.params["l"], top.params["m"]) == (3.0, 0.5, 2.0)
+    y = np.array([0.1, 0.2, 5.0, 0.0, 0.6, 0.8])
+    assert not np.array_equal(top.rhs(y), heavier.rhs(y))
+    assert "reconstruction" in top.scenes
+    moved = top.with_scene("reconstruction")
+    assert moved.scene == "reconstruction" and moved.params["m"] == 2.0 and len(moved.state) > 6
+    with pytest.raises(hamel.InputError, match="no parameter `M`"):
+        top.with_params(M=1.0)
+    with pytest.raises(hamel.InputError, match=r"m > 0 does not hold.* for m = -1.0"):
+        top.with_params(m=-1.0)
+
+
+@pytest.mark.parametrize("path", sorted(BAD.glob("*.hamel")), ids=lambda path: path.stem)
+@pytest.mark.filterwarnings("ignore::hamel.ModelWarning")
+def test_wrong_models_have_the_message_and_the_place_of_the_command(path, monkeypatch):
+    expected = path.with_suffix(".expected").read_text()
+    if not expected.startswith("error"):
+        pytest.skip("a model that is warned of")
+    if path.stem.startswith("matrix_fluid"):
+        pytest.skip("has no equations, which is another message here")
+    monkeypatch.chdir(BAD)
+    with pytest.raises(hamel.ModelError) as caught:
+        model = hamel.load(path.name, cache=False)
+        for scene in model.scenes:
+            model.with_scene(scene)
+    error = caught.value
+    # The command tells the problems of all scenes at once; here it is one scene that is loaded.
+    assert expected.startswith(str(error).rstrip())
+    first = error.diagnostics[0]
+    assert first.message.splitlines()[0] in expected
+    if first.line is not None:
+        assert f"{first.file}:{first.line}:{first.column}" in expected
+
+
+def test_unknown_names_are_said_with_those_that_exist():
+    with pytest.raises(hamel.InputError, match=r"no model `heavy_tip`[\s\S]*heavy_top"):
+        hamel.load("heavy_tip")
+    with pytest.raises(hamel.InputError, match="no scene `fast`"):
+        hamel.load("heavy_top", scene="fast")
+    with pytest.raises(hamel.FileError, match="nowhere.hamel"):
+        hamel.load("nowhere.hamel")
+    top = hamel.load("heavy_top")
+    with pytest.raises(hamel.InputError, match="last axis"):
+        top.rhs(np.zeros(5))
+    with pytest.raises(ValueError, match=r"states\[1\] cannot be evaluated"):
+        top.rhs([[1.0] * 6, [np.nan] + [1.0] * 5])
+    with pytest.raises(hamel.InputError, match="cannot be evaluated"):
+        top.rhs([np.inf] + [1.0] * 5)
+
+
+def test_warnings_of_a_model_are_warnings():
+    text = PENDULUM.replace("let speed", "param unused = 1;\n    let speed")
+    with pytest.warns(hamel.ModelWarning, match="unused"):
+        hamel.load(text)
+
+
+def test_pickles_are_the_same_model():
+    top = hamel.load("heavy_top", scene="reconstruction").with_params(m=2.5)
+    again = pickle.loads(pickle.dumps(top))
+    assert (again.scene, dict(again.params)) == (top.scene, dict(top.params))
+    y = np.random.default_rng(1).normal(size=len(top.state))
+    assert np.array_equal(again.rhs(y), top.rhs(y))
+    error = hamel.IntegrationError("text", 1.0, {"x": 2.0})
+    assert pickle.loads(pickle.dumps(error)).state == {"x": 2.0}
+
+
+def energy_of(model):
+    return float(model.energy(np.array([0.1, 0.2, 5.0, 0.0, 0.6, 0.8])))
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+# Python warns of forks with threads; that they work is what is tested.
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_models_go_to_other_processes(method):
+    top = hamel.load("heavy_top")
+    top.rhs(np.ones((1000, 6)), threads=True)
+    with multiprocessing.get_context(method).Pool(1) as pool:
+        assert pool.map(energy_of, [top, top.with_params(m=2.0)]) == [
+            energy_of(top),
+            energy_of(top.with_params(m=2.0)),
+        ]
+        assert pool.apply(parallel_sum, (top,)) == parallel_sum(top)
+
+
+def parallel_sum(model):
+    return float(model.rhs(np.ones((1000, 6)), threads=True).sum())
+
+
+def test_people_see_equations():
+    top = hamel.load("heavy_top")
+    assert "\\dot" in top._repr_latex_() and "<math" in top._repr_html_()
+    assert "heavy_top" in top.explain() and "<!DOCTYPE html>" in top.report()
+    assert "Omega1" in repr(top)
