@@ -9,6 +9,7 @@ use std::process::Command;
 
 use clap::Args;
 use hamel::Error;
+use hamel::commands::options::InputOptions;
 use hamel::commands::report;
 use hamel::model;
 use hamel::output::terminal::bold;
@@ -134,6 +135,7 @@ fn pages(session: &Session, files: &[ModelFile<'_>], folder: &Path) -> Result<()
             no_run: false,
             t_final: 10.0,
             step: None,
+            inputs: InputOptions::default(),
         };
         errors.extend(report::run(session, &arguments).err());
         bar.inc(1);

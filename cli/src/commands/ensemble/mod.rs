@@ -269,7 +269,12 @@ fn integrate(
     Ok(failed.into_iter().map(one).collect())
 }
 
+/// WebAssembly is not interrupted.
+#[cfg(target_family = "wasm")]
+fn watch_for_interrupts(_: Option<&Store<'_>>) {}
+
 /// Lets an interrupt remove files that lack trajectories, and say how to go on.
+#[cfg(not(target_family = "wasm"))]
 fn watch_for_interrupts(store: Option<&Store<'_>>) {
     let store = store.map(|store| store.folder().display().to_string());
     // Without a handler, or with another one, the system ends the program, and a store is as whole as with this one.
