@@ -269,16 +269,10 @@ fn integrate(
     Ok(failed.into_iter().map(one).collect())
 }
 
-/// WebAssembly is not interrupted.
-#[cfg(target_family = "wasm")]
-fn watch_for_interrupts(_: Option<&Store<'_>>) {}
-
 /// Lets an interrupt remove files that lack trajectories, and say how to go on.
-#[cfg(not(target_family = "wasm"))]
 fn watch_for_interrupts(store: Option<&Store<'_>>) {
     let store = store.map(|store| store.folder().display().to_string());
-    // Without a handler, or with another one, the system ends the program, and a store is as whole as with this one.
-    let _ = ctrlc::set_handler(move || {
+    let interrupted = move || {
         temporary::remove_all();
         match &store {
             Some(store) => eprintln!(
@@ -288,7 +282,13 @@ fn watch_for_interrupts(store: Option<&Store<'_>>) {
         }
         // As shells say it of a program that was interrupted.
         std::process::exit(130);
-    });
+    };
+    // Without a handler, or with another one, the system ends the program, and a store is as whole as with this one.
+    #[cfg(not(target_family = "wasm"))]
+    let _ = ctrlc::set_handler(interrupted);
+    // What runs WebAssembly ends it at once.
+    #[cfg(target_family = "wasm")]
+    let _ = interrupted;
 }
 
 /// For people: how many, how many stopped, and why the first did.
