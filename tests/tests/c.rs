@@ -35,8 +35,9 @@ fn compilers() -> Vec<&'static str> {
 
 /// The call of a function of a program, with its results in `out`; none where C has it under a name of its own, in
 /// `outputs`.
-fn call(prefix: &str, function: &Function) -> Option<String> {
+fn call(prefix: &str, has_inputs: bool, function: &Function) -> Option<String> {
     Some(match &function.role {
+        Role::Rate if has_inputs => format!("{prefix}_rhs_with(&p, t, y, u, out)"),
         Role::Rate => format!("{prefix}_rhs(&p, t, y, out)"),
         Role::Energy => format!("out[0] = {prefix}_energy(&p, t, y)"),
         Role::Signature => format!("out[0] = {prefix}_signature(&p, t, y)"),
@@ -59,6 +60,8 @@ fn case(built: BuiltScene, prefix: String) -> Case {
     let params: Vec<f64> =
         built.params().iter().map(|p| rational_to_f64(&p.default) * (1.0 + 0.05 * random.number())).collect();
     let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{prefix}: {e}"));
+    let slots = &prepared[..program.prepare.slots.len()];
+    let (n_inputs, has_inputs) = (program.inputs.len(), !program.inputs.is_empty());
     let mut input = params.clone();
     let mut expected = Vec::new();
     let n_vector = program.functions.iter().map(|f| f.argument.len()).max().unwrap_or(0);
@@ -70,23 +73,33 @@ fn case(built: BuiltScene, prefix: String) -> Case {
         input.push(t);
         input.extend(&state);
         input.extend(&vector);
-        let run = |k: usize, function: &Function| {
+        // The right-hand side is asked for at others than those that are held, too.
+        let (held, others) = (numbers(n_inputs), numbers(n_inputs));
+        input.extend(&held);
+        input.extend(&others);
+        let run = |k: usize, function: &Function, inputs: &[f64]| {
             let argument = &vector[..function.argument.len()];
             let mut out = vec![0.0; function.results.len()];
+            let prepared = [slots, inputs].concat();
             program.run_at(k, &params, &prepared, Point { t, state: &state, argument }, &mut out);
             out
         };
         for (k, function) in program.functions.iter().enumerate() {
-            if call(&prefix, function).is_some() {
-                expected.extend(run(k, function));
+            if call(&prefix, has_inputs, function).is_some() {
+                let is_rate = function.role == Role::Rate;
+                expected.extend(run(k, function, if is_rate { &others } else { &held }));
+                expected.extend(
+                    is_rate.then(|| run(k, function, &held)).filter(|_| has_inputs).into_iter().flatten(),
+                );
             }
         }
         for output in built.outputs() {
             let role = Role::Output(output.name.clone());
             let k = program.function_idx(&role).unwrap_or_else(|| panic!("{prefix}: {role}"));
-            expected.extend(run(k, &program.functions[k]));
+            expected.extend(run(k, &program.functions[k], &held));
         }
-        let interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{prefix}: {e}"));
+        let mut interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{prefix}: {e}"));
+        interpreter.set_inputs(&held);
         expected.push(f64::from(u8::from(interpreter.domain(t, &state).is_ok())));
         expected.push(f64::from(u8::from(interpreter.check(t, &state).is_ok())));
     }
@@ -103,15 +116,22 @@ fn driver(case: &Case) -> String {
              take(values, {n_params});\n    {prefix}_params_from_array(values, &params);\n    \
              if ({prefix}_prepare(&params, &p) != 0) {{ puts({prefix}_message({prefix}_prepare(&params, &p))); exit(1); }}\n    \
              for (int round = 0; round < {N_ROUNDS}; round++) {{\n        \
-                 take(&t, 1); take(y, {n_state}); take(v, {n_argument});\n",
+                 take(&t, 1); take(y, {n_state}); take(v, {n_argument});\n{held}",
         n = program.params.len().max(1),
         m = program.state.len().max(1),
         n_params = program.params.len(),
         n_state = program.state.len(),
         n_argument = program.functions.iter().map(|f| f.argument.len()).max().unwrap_or(0),
+        held = match program.inputs.len() {
+            0 => String::new(),
+            m => format!("        double u[{m}]; take(u, {m}); {prefix}_hold_inputs(&p, u); take(u, {m});\n"),
+        },
     );
     for function in &program.functions {
-        if let Some(call) = call(prefix, function) {
+        let has_inputs = !program.inputs.is_empty();
+        let held =
+            (has_inputs && function.role == Role::Rate).then(|| format!("{prefix}_rhs(&p, t, y, out)"));
+        for call in call(prefix, has_inputs, function).into_iter().chain(held) {
             let n = function.results.len();
             let _ = writeln!(text, "        {{ double out[{}]; {call}; give(out, {n}); }}", n.max(1));
         }
@@ -214,6 +234,29 @@ fn every_scene_in_c_equals_the_interpreter_bit_for_bit() {
         }
     }
     compare("c", scenes);
+}
+
+#[test]
+fn inputs_are_held_and_have_derivatives() {
+    // All that reads inputs: rates, outputs, events with effects, an output alone in a scene with nothing prepared.
+    let text = "model pushed {
+        input u = 1/2; input y: vector(2) = [1, -2]; input inputs = 0;
+        coordinate a in real; coordinate b in angle;
+        lagrangian = 1/2*(a_dot^2 + b_dot^2) + cos(b);
+        force a_dot = u + inputs^2; force b_dot = y[1]*a - y[2]*b_dot;
+        output power = u*a_dot; output both = [u*a, y[1]*b + inputs];
+        event stop = a - u falling { then a_dot = -u*a_dot; }
+        scene controlled { input u, y, inputs; want rhs, energy, outputs, linearization, time_derivative, jvp, vjp; }
+    }";
+    let model = hamel_codegen::spec::parse("pushed", text).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene::build(&model, "controlled").unwrap_or_else(|e| panic!("{e}"));
+    let mut scenes = vec![(built, None)];
+    for name in ["snakeboard", "mobile_robot", "two_arm_satellite"] {
+        let built = build(name, "controlled");
+        let initial = scene::initial_state(&hamel_tests::models::model(name), &built);
+        scenes.push((built, initial));
+    }
+    compare("c_inputs", scenes);
 }
 
 #[test]
