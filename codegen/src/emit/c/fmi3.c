@@ -389,7 +389,7 @@ FMI3_EXPORT fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueRefe
     for (size_t k = 0; k < n; k++) {
         const fmi3ValueReference at = references[k];
 #ifdef FMU_INPUTS
-        /* Inputs are set at any time. */
+        /* Inputs, which stand behind the parameters, are set at any time. */
         if (at >= FIRST_OUTPUT - FMU_INPUTS && at < FIRST_OUTPUT) {
             m->data.params[at - FIRST_PARAM] = values[k];
             fmu_hold(m->data.params + FMU_PARAMS - FMU_INPUTS, &m->data.prepared);
