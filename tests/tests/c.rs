@@ -295,7 +295,8 @@ fn an_fmu_casadi_and_cpp_take_inputs() {
 #include "pushed_controlled_casadi.c"
 int main(void) {
     const fmi3ValueReference inputs[3] = {10, 11, 12}, k[1] = {9}, of[3] = {7, 8, 14};
-    const double first[3] = {5.0, 3.0, 11.0}, then[3] = {-1.0, 2.0, 4.0}, two[1] = {2.0}, seed[3] = {1.0, 10.0, 100.0};
+    const double first[3] = {5.0, 3.0, 11.0}, then[3] = {-1.0, 2.0, 4.0}, two[1] = {2.0},
+        seed[3] = {1.0, 10.0, 100.0};
     double out[3];
     fmi3Instance m = fmi3InstantiateModelExchange("m", FMU_TOKEN, "", false, false, NULL, NULL);
     fmi3GetFloat64(m, inputs, 3, out, 3);

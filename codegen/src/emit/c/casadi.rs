@@ -1,6 +1,7 @@
 //! The right-hand side as CasADi calls functions of other sources (`casadi.external`), with its Jacobian.
 //!
-//! The function `<prefix>_ode` takes time, state, parameters and, where there are any, inputs. Deliberately does not know: what it computes.
+//! The function `<prefix>_ode` takes time, state, parameters and, where there are any, inputs. Deliberately
+//! does not know: what it computes.
 //!
 //! Source: J. A. E. Andersson, J. Gillis, G. Horn, J. B. Rawlings, M. Diehl, CasADi, Math. Prog. Comp. 11 (2019), and
 //! the user guide, section 5.3, for the names and the format of sparsity patterns.

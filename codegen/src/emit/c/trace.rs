@@ -217,8 +217,8 @@ functions! {
     abs = "fabs";
 }
 
-/// The statements of a function of `params`, `dparams`, `t`, `dt`, `y` and `dy` that writes the derivatives of the
-/// results of functions, one array after the other.
+/// The statements of a function of `params` (with inputs behind them), `dparams`, `t`, `dt`, `y` and `dy` that writes
+/// the derivatives of the results of functions, one array after the other.
 ///
 /// # Errors
 /// [`Error::Program`] where a condition on parameters has no variables.
