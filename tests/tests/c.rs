@@ -7,6 +7,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use hamel_codegen::config::Language;
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::program::{Function, Point, Role};
 use hamel_codegen::scene::{self, BuiltScene, Writing};
@@ -35,8 +36,9 @@ fn compilers() -> Vec<&'static str> {
 
 /// The call of a function of a program, with its results in `out`; none where C has it under a name of its own, in
 /// `outputs`.
-fn call(prefix: &str, function: &Function) -> Option<String> {
+fn call(prefix: &str, has_inputs: bool, function: &Function) -> Option<String> {
     Some(match &function.role {
+        Role::Rate if has_inputs => format!("{prefix}_rhs_with(&p, t, y, u, out)"),
         Role::Rate => format!("{prefix}_rhs(&p, t, y, out)"),
         Role::Energy => format!("out[0] = {prefix}_energy(&p, t, y)"),
         Role::Signature => format!("out[0] = {prefix}_signature(&p, t, y)"),
@@ -59,6 +61,8 @@ fn case(built: BuiltScene, prefix: String) -> Case {
     let params: Vec<f64> =
         built.params().iter().map(|p| rational_to_f64(&p.default) * (1.0 + 0.05 * random.number())).collect();
     let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{prefix}: {e}"));
+    let slots = &prepared[..program.prepare.slots.len()];
+    let (n_inputs, has_inputs) = (program.inputs.len(), !program.inputs.is_empty());
     let mut input = params.clone();
     let mut expected = Vec::new();
     let n_vector = program.functions.iter().map(|f| f.argument.len()).max().unwrap_or(0);
@@ -70,23 +74,33 @@ fn case(built: BuiltScene, prefix: String) -> Case {
         input.push(t);
         input.extend(&state);
         input.extend(&vector);
-        let run = |k: usize, function: &Function| {
+        // The right-hand side is asked for at others than those that are held, too.
+        let (held, others) = (numbers(n_inputs), numbers(n_inputs));
+        input.extend(&held);
+        input.extend(&others);
+        let run = |k: usize, function: &Function, inputs: &[f64]| {
             let argument = &vector[..function.argument.len()];
             let mut out = vec![0.0; function.results.len()];
+            let prepared = [slots, inputs].concat();
             program.run_at(k, &params, &prepared, Point { t, state: &state, argument }, &mut out);
             out
         };
         for (k, function) in program.functions.iter().enumerate() {
-            if call(&prefix, function).is_some() {
-                expected.extend(run(k, function));
+            if call(&prefix, has_inputs, function).is_some() {
+                let is_rate = function.role == Role::Rate;
+                expected.extend(run(k, function, if is_rate { &others } else { &held }));
+                expected.extend(
+                    is_rate.then(|| run(k, function, &held)).filter(|_| has_inputs).into_iter().flatten(),
+                );
             }
         }
         for output in built.outputs() {
             let role = Role::Output(output.name.clone());
             let k = program.function_idx(&role).unwrap_or_else(|| panic!("{prefix}: {role}"));
-            expected.extend(run(k, &program.functions[k]));
+            expected.extend(run(k, &program.functions[k], &held));
         }
-        let interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{prefix}: {e}"));
+        let mut interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{prefix}: {e}"));
+        interpreter.set_inputs(&held);
         expected.push(f64::from(u8::from(interpreter.domain(t, &state).is_ok())));
         expected.push(f64::from(u8::from(interpreter.check(t, &state).is_ok())));
     }
@@ -103,15 +117,22 @@ fn driver(case: &Case) -> String {
              take(values, {n_params});\n    {prefix}_params_from_array(values, &params);\n    \
              if ({prefix}_prepare(&params, &p) != 0) {{ puts({prefix}_message({prefix}_prepare(&params, &p))); exit(1); }}\n    \
              for (int round = 0; round < {N_ROUNDS}; round++) {{\n        \
-                 take(&t, 1); take(y, {n_state}); take(v, {n_argument});\n",
+                 take(&t, 1); take(y, {n_state}); take(v, {n_argument});\n{held}",
         n = program.params.len().max(1),
         m = program.state.len().max(1),
         n_params = program.params.len(),
         n_state = program.state.len(),
         n_argument = program.functions.iter().map(|f| f.argument.len()).max().unwrap_or(0),
+        held = match program.inputs.len() {
+            0 => String::new(),
+            m => format!("        double u[{m}]; take(u, {m}); {prefix}_hold_inputs(&p, u); take(u, {m});\n"),
+        },
     );
     for function in &program.functions {
-        if let Some(call) = call(prefix, function) {
+        let has_inputs = !program.inputs.is_empty();
+        let held =
+            (has_inputs && function.role == Role::Rate).then(|| format!("{prefix}_rhs(&p, t, y, out)"));
+        for call in call(prefix, has_inputs, function).into_iter().chain(held) {
             let n = function.results.len();
             let _ = writeln!(text, "        {{ double out[{}]; {call}; give(out, {n}); }}", n.max(1));
         }
@@ -214,6 +235,143 @@ fn every_scene_in_c_equals_the_interpreter_bit_for_bit() {
         }
     }
     compare("c", scenes);
+}
+
+#[test]
+fn inputs_are_held_and_have_derivatives() {
+    // All that reads inputs: rates, outputs, events with effects, an output alone in a scene with nothing prepared.
+    let text = "model pushed {
+        input u = 1/2; input y: vector(2) = [1, -2]; input inputs = 0;
+        coordinate a in real; coordinate b in angle;
+        lagrangian = 1/2*(a_dot^2 + b_dot^2) + cos(b);
+        force a_dot = u + inputs^2; force b_dot = y[1]*a - y[2]*b_dot;
+        output power = u*a_dot; output both = [u*a, y[1]*b + inputs];
+        event stop = a - u falling { then a_dot = -u*a_dot; }
+        scene controlled { input u, y, inputs; want rhs, energy, outputs, linearization, time_derivative, jvp, vjp; }
+    }";
+    let model = hamel_codegen::spec::parse("pushed", text).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene::build(&model, "controlled").unwrap_or_else(|e| panic!("{e}"));
+    let mut scenes = vec![(built, None)];
+    for name in ["snakeboard", "mobile_robot", "two_arm_satellite"] {
+        let built = build(name, "controlled");
+        let initial = scene::initial_state(&hamel_tests::models::model(name), &built);
+        scenes.push((built, initial));
+    }
+    compare("c_inputs", scenes);
+}
+
+#[test]
+fn an_fmu_casadi_and_cpp_take_inputs() {
+    let Some(compiler) = compilers().into_iter().next() else {
+        println!("skipped: no C compiler; install gcc or clang");
+        return;
+    };
+    let text = "model pushed {
+        param k = 1; input u = 1/2; input w: vector(2) = [1, -2];
+        coordinate a in real; coordinate b in real;
+        lagrangian = 1/2*(a_dot^2 + b_dot^2);
+        force a_dot = k*u + w[1]^2; force b_dot = w[1]*a - w[2]*b_dot;
+        output power = u*a_dot + w[2];
+        initial a = 2; initial b = 0; initial a_dot = 0; initial b_dot = 3;
+        scene controlled { input u, w; want energy, outputs; }
+    }";
+    let model = hamel_codegen::spec::parse("pushed", text).unwrap_or_else(|e| panic!("{e}"));
+    let mut scenes = scene::Scenes::new(&model).with_derivatives(Language::Casadi.derivatives());
+    let built = scenes.build("controlled").unwrap_or_else(|e| panic!("{e}"));
+    let (c, fmu) = built
+        .emit_fmu(&Writing::default(), scene::initial_state(&model, &built))
+        .unwrap_or_else(|e| panic!("{e}"));
+    // Time 0, states 1 to 4, rates 5 to 8, k 9, inputs 10 to 12, energy 13, power 14.
+    for line in [
+        "<Float64 name=\"u\" valueReference=\"10\" causality=\"input\" variability=\"continuous\" start=\"0.5\"/>",
+        "<Output valueReference=\"14\" dependencies=\"3 10 12\"",
+        "<ContinuousStateDerivative valueReference=\"7\" dependencies=\"10 11\"",
+        "<InitialUnknown valueReference=\"7\" dependencies=\"9 10 11\"",
+    ] {
+        assert!(fmu.description.contains(line), "{line} is not in\n{}", fmu.description);
+    }
+    let driver = r#"#include <stdio.h>
+#include "pushed_controlled_fmu.c"
+#include "pushed_controlled_casadi.c"
+int main(void) {
+    const fmi3ValueReference inputs[3] = {10, 11, 12}, k[1] = {9}, of[3] = {7, 8, 14};
+    const double first[3] = {5.0, 3.0, 11.0}, then[3] = {-1.0, 2.0, 4.0}, two[1] = {2.0},
+        seed[3] = {1.0, 10.0, 100.0};
+    double out[3];
+    fmi3Instance m = fmi3InstantiateModelExchange("m", FMU_TOKEN, "", false, false, NULL, NULL);
+    fmi3GetFloat64(m, inputs, 3, out, 3);
+    printf("%g %g %g\n", out[0], out[1], out[2]);
+    fmi3SetFloat64(m, inputs, 3, first, 3);
+    fmi3EnterInitializationMode(m, false, 0.0, 0.0, false, 0.0);
+    fmi3SetFloat64(m, k, 1, two, 1);
+    fmi3ExitInitializationMode(m);
+    fmi3GetFloat64(m, of, 3, out, 3);
+    printf("%g %g %g\n", out[0], out[1], out[2]);
+    fmi3EnterContinuousTimeMode(m);
+    printf("%d %d\n", fmi3SetFloat64(m, inputs, 3, then, 3), fmi3SetFloat64(m, k, 1, two, 1));
+    fmi3GetFloat64(m, of, 3, out, 3);
+    printf("%g %g %g\n", out[0], out[1], out[2]);
+    fmi3GetDirectionalDerivative(m, of, 3, inputs, 3, seed, 3, out, 3);
+    printf("%g %g %g\n", out[0], out[1], out[2]);
+    fmi3FreeInstance(m);
+    const double y[4] = {2.0, 0.0, 0.0, 3.0};
+    const double *arg[5] = {NULL, y, two, first, NULL};
+    double dy[4], jacobian[4], *res[4] = {dy, NULL, NULL, NULL};
+    pushed_controlled_ode(arg, res, NULL, NULL, 0);
+    printf("%g %g\n", dy[2], dy[3]);
+    res[0] = NULL, res[3] = jacobian;
+    jac_pushed_controlled_ode(arg, res, NULL, NULL, 0);
+    printf("%lld %g %g %g %g\n", pushed_controlled_ode_n_in(), jacobian[0], jacobian[1], jacobian[2], jacobian[3]);
+    return 0;
+}
+"#;
+    let in_cpp = r#"#include <cstdio>
+#include "pushed_controlled.hpp"
+int main() {
+    auto [made, code] = pushed_controlled::System::make(pushed_controlled::params_default());
+    if (!made) { return code; }
+    const pushed_controlled::State y = pushed_controlled::initial();
+    made->hold_inputs({5.0, 3.0, 11.0});
+    std::printf("%g %g\n", made->rhs(0.0, y)[2], made->rhs_with(0.0, y, {1.0, 0.0, 0.0})[2]);
+}
+"#;
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("c_fmu_inputs");
+    std::fs::create_dir_all(&folder).expect("a folder for tests");
+    for (name, text) in [
+        ("pushed_controlled.h", c.header.as_str()),
+        ("pushed_controlled.c", &c.source),
+        ("pushed_controlled.hpp", &c.cpp),
+        ("pushed_controlled_casadi.c", &c.casadi),
+        ("pushed_controlled_fmu.c", &fmu.source),
+        ("driver.c", driver),
+        ("driver.cpp", in_cpp),
+    ] {
+        std::fs::write(folder.join(name), text).expect("a file for tests");
+    }
+    let run = |command: &str, arguments: &str| {
+        let output = Command::new(command).current_dir(&folder).args(arguments.split_whitespace()).output();
+        let output = output.expect("a program starts");
+        assert!(
+            output.status.success(),
+            "{command} {arguments}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let strict = "-Wall -Wextra -Werror -ffp-contract=off";
+    run(compiler, &format!("{strict} -std=c99 -c pushed_controlled.c -o own.o"));
+    run(compiler, &format!("{strict} -Wno-unused-parameter -std=c99 driver.c own.o -o in_c -lm"));
+    // Rates of a_dot and b_dot are k u + w1^2 and a w1 - w2 b_dot, the power is u a_dot + w2.
+    let found = run(folder.join("in_c").to_str().expect("a path"), "");
+    let lines = ["0.5 1 -2", "19 -27 11", "0 3", "2 -8 4", "42 -280 100", "19 -27", "4 2 6 2 -3"];
+    assert_eq!(found.lines().collect::<Vec<_>>(), lines);
+    let cpp = if compiler == "gcc" { "g++" } else { "clang++" };
+    if Command::new(cpp).arg("--version").output().is_err() {
+        println!("skipped: no C++ compiler; install {cpp}");
+        return;
+    }
+    run(cpp, &format!("{strict} -std=c++17 driver.cpp own.o -o in_cpp -lm"));
+    assert_eq!(run(folder.join("in_cpp").to_str().expect("a path"), ""), "14 1\n");
 }
 
 #[test]

@@ -148,7 +148,11 @@ impl<'m> Scenes<'m> {
     fn written_plan(&mut self, scene: &str) -> Result<Plan, Diagnostics> {
         let model = self.derivations.model;
         let plan = Plan::of(model, scene).map(|mut plan| {
-            plan.derivatives.extend(self.derivatives.iter().copied());
+            // There are none by inputs where the scene takes none.
+            let by_inputs = |d: Derivative| matches!(d, Derivative::InputJacobian | Derivative::Feedthrough);
+            let has_inputs = !plan.formulation.inputs.is_empty();
+            let added = self.derivatives.iter().copied();
+            plan.derivatives.extend(added.filter(|d| has_inputs || !by_inputs(*d)));
             plan
         });
         plan.ok_or_else(|| {

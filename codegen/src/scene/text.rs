@@ -52,11 +52,16 @@ pub enum Language {
 }
 
 impl Language {
-    /// Derivatives of the right-hand side that every scene has in that language.
+    /// Derivatives of the right-hand side that every scene has in that language; those by inputs where it takes any.
     pub fn derivatives(self) -> &'static [Derivative] {
         match self {
             Language::Rust | Language::C | Language::Cpp => &[],
-            Language::Casadi => &[Derivative::Jacobian, Derivative::TimeDerivative, Derivative::Sensitivity],
+            Language::Casadi => &[
+                Derivative::Jacobian,
+                Derivative::TimeDerivative,
+                Derivative::Sensitivity,
+                Derivative::InputJacobian,
+            ],
         }
     }
 }

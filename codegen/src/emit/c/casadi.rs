@@ -1,6 +1,7 @@
 //! The right-hand side as CasADi calls functions of other sources (`casadi.external`), with its Jacobian.
 //!
-//! The function `<prefix>_ode` takes time, state and parameters. Deliberately does not know: what it computes.
+//! The function `<prefix>_ode` takes time, state, parameters and, where there are any, inputs. Deliberately
+//! does not know: what it computes.
 //!
 //! Source: J. A. E. Andersson, J. Gillis, G. Horn, J. B. Rawlings, M. Diehl, CasADi, Math. Prog. Comp. 11 (2019), and
 //! the user guide, section 5.3, for the names and the format of sparsity patterns.
@@ -50,16 +51,29 @@ impl Writer<'_> {
     pub(super) fn casadi(&self) -> String {
         let (module, prefix) = (self.module, &self.prefix);
         let (n, n_params) = (module.state.len(), module.params.len());
-        let inputs =
-            [("t", Columns::dense(1, 1)), ("y", Columns::dense(n, 1)), ("p", Columns::dense(n_params, 1))];
+        let m = self.inputs().len();
+        let mut inputs = vec![
+            ("t", Columns::dense(1, 1)),
+            ("y", Columns::dense(n, 1)),
+            ("p", Columns::dense(n_params, 1)),
+        ];
+        inputs.extend((m > 0).then(|| ("u", Columns::dense(m, 1))));
         let outputs = [("dy", Columns::dense(n, 1))];
+        // Like the others, inputs that are not given vanish.
+        let held = match m {
+            0 => String::new(),
+            m => format!(
+                "    if (arg[3]) {{\n        {prefix}_hold_inputs(&prepared, arg[3]);\n    }} else {{\n        \
+                     memset(prepared.inputs, 0, {m} * sizeof(double));\n    }}\n"
+            ),
+        };
         let take = format!(
             "    const double t = arg[0] ? arg[0][0] : 0.0;\n    double y[{n_y}] = {{0.0}}, values[{n_p}] = {{0.0}};\n    \
                  {prefix}_params params;\n    {prefix}_prepared prepared;\n    (void)iw;\n    (void)w;\n    (void)mem;\n    \
                  if (arg[1]) {{\n        memcpy(y, arg[1], {n} * sizeof(double));\n    }}\n    \
                  if (arg[2]) {{\n        memcpy(values, arg[2], {n_params} * sizeof(double));\n    }}\n    \
                  {prefix}_params_from_array(values, &params);\n    \
-                 if ({prefix}_prepare(&params, &prepared) != 0) {{\n        return 1;\n    }}\n",
+                 if ({prefix}_prepare(&params, &prepared) != 0) {{\n        return 1;\n    }}\n{held}",
             n_y = length(n),
             n_p = length(n_params),
         );
@@ -74,9 +88,12 @@ impl Writer<'_> {
             })
         };
         let by_time = module.output("time_derivative").map(|name| format!("{prefix}_{name}"));
-        if let (Some((by_state, of_state)), Some((by_params, of_params)), Some(by_time)) =
-            (matrix("jacobian"), matrix("sensitivity"), by_time)
+        let by_inputs = matrix("input_jacobian").filter(|_| m > 0);
+        if let (Some((by_state, of_state)), Some((by_params, of_params)), Some(by_time), true) =
+            (matrix("jacobian"), matrix("sensitivity"), by_time, by_inputs.is_some() == (m > 0))
         {
+            let mut wanted = vec![("jac_dy_y", by_state, of_state), ("jac_dy_p", by_params, of_params)];
+            wanted.extend(by_inputs.map(|(function, columns)| ("jac_dy_u", function, columns)));
             let mut body = take;
             let is_scalar = module.outputs.iter().any(|o| o.text.name == "time_derivative" && o.is_scalar());
             let _ = match is_scalar {
@@ -88,7 +105,7 @@ impl Writer<'_> {
                     writeln!(body, "    if (res[0]) {{\n        {by_time}(&prepared, t, y, res[0]);\n    }}")
                 }
             };
-            for (k, name, columns) in [(1, &by_state, &of_state), (2, &by_params, &of_params)] {
+            for (k, (_, name, columns)) in (1..).zip(&wanted) {
                 let _ = write!(
                     body,
                     "    if (res[{k}]) {{\n        double entries[{}];\n        {name}(&prepared, t, y, entries);\n{}    }}\n",
@@ -97,10 +114,9 @@ impl Writer<'_> {
                 );
             }
             body.push_str("    return 0;\n");
-            let [t, y, p] = inputs;
-            let inputs = [t, y, p, ("out_dy", Columns::dense(n, 1))];
-            let outputs =
-                [("jac_dy_t", Columns::dense(n, 1)), ("jac_dy_y", of_state), ("jac_dy_p", of_params)];
+            inputs.push(("out_dy", Columns::dense(n, 1)));
+            let mut outputs = vec![("jac_dy_t", Columns::dense(n, 1))];
+            outputs.extend(wanted.into_iter().map(|(name, _, columns)| (name, columns)));
             functions.push_str(&function(&format!("jac_{prefix}_ode"), &inputs, &outputs, &body));
         }
         format!(

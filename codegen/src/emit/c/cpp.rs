@@ -21,6 +21,10 @@ impl Writer<'_> {
             let _ = writeln!(methods, "\n    /// {}", plain(&title.replace('\n', " ")));
             let (declared, passed) = match takes {
                 Takes::Point => ("double t, const State &y".to_owned(), "t, y.data()"),
+                Takes::PointAndInputs(n) => {
+                    let inputs = format!("const std::array<double, {n}> &u");
+                    (format!("double t, const State &y, {inputs}"), "t, y.data(), u.data()")
+                }
                 Takes::PointAndVector(n) => {
                     let vector = format!("const std::array<double, {}> &v", length(*n));
                     (format!("double t, const State &y, {vector}"), "t, y.data(), v.data()")
@@ -45,6 +49,7 @@ impl Writer<'_> {
                 ),
             };
         }
+        methods.push_str(&self.holder(&scope.add("hold_inputs")));
         let initial = self.module.text.initial.as_ref().map_or_else(String::new, |_| {
             format!(
                 "/// The initial state of the model.\ninline State initial() noexcept {{\n    State y;\n    \

@@ -31,6 +31,7 @@ impl Writer<'_> {
         self.header.push('\n');
         self.constant("Number of components of the state.", "N_STATE", module.state.len());
         self.constant("Number of parameters.", "N_PARAMS", module.params.len());
+        self.number_of_inputs();
 
         let mut components = String::new();
         for (k, (name, text)) in module.state.iter().zip(&module.text.state).enumerate() {
@@ -67,6 +68,7 @@ impl Writer<'_> {
             let formula = formula.as_deref().unwrap_or("a longer expression in the parameters");
             let _ = writeln!(fields, "    double {name}; /**< {} */", plain(formula));
         }
+        fields.push_str(&self.input_field());
         self.structure(
             "What depends on parameters alone; made by the function prepare.",
             "prepared",
@@ -104,6 +106,7 @@ impl Writer<'_> {
         for (doc, declaration, values) in arrays {
             self.array(doc, &declaration, &values);
         }
+        self.input_data();
     }
 
     /// Parameters as arrays and by default, the initial state, and what runs once for a set of parameters.
@@ -183,7 +186,8 @@ impl Writer<'_> {
         for (slot, value) in module.slots.iter().zip(&prepare.values) {
             let _ = writeln!(body, "    p->{slot} = {};", value.text);
         }
-        if module.read_params.is_empty() && module.slots.is_empty() {
+        body.push_str(&self.inputs_at_defaults());
+        if module.read_params.is_empty() && module.slots.is_empty() && self.inputs().is_empty() {
             body.push_str("    p->unused = 0.0;\n");
         }
         body.push_str("    return 0;\n");

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use crate::program::{Factors, Function, Instruction, Operand, Program};
 
-/// Time, components of the state and parameters.
+/// Time, components of the state, parameters, and what moves the system from outside.
 pub(super) type Inputs = BTreeSet<Operand>;
 
 /// The inputs of each result of a function.

@@ -388,6 +388,14 @@ FMI3_EXPORT fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueRefe
     }
     for (size_t k = 0; k < n; k++) {
         const fmi3ValueReference at = references[k];
+#ifdef FMU_INPUTS
+        /* Inputs, which stand behind the parameters, are set at any time. */
+        if (at >= FIRST_OUTPUT - FMU_INPUTS && at < FIRST_OUTPUT) {
+            m->data.params[at - FIRST_PARAM] = values[k];
+            fmu_hold(m->data.params + FMU_PARAMS - FMU_INPUTS, &m->data.prepared);
+            continue;
+        }
+#endif /* FMU_INPUTS */
         if (m->data.mode > INITIALIZATION) {
             return fail(m, "parameters and states are set until initialization ends");
         }

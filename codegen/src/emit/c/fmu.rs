@@ -37,6 +37,9 @@ struct Variable {
 /// The functions of FMI 3.0 over those that the text before them defines.
 const FUNCTIONS: &str = include_str!("fmi3.c");
 
+/// What stands before and after lines of [`FUNCTIONS`] that scenes with inputs alone have.
+const WITH_INPUTS: [&str; 2] = ["#ifdef FMU_INPUTS\n", "#endif /* FMU_INPUTS */\n"];
+
 impl Writer<'_> {
     /// The FMU.
     ///
@@ -54,11 +57,12 @@ impl Writer<'_> {
         let description = self.description("TOKEN");
         let token = fingerprint(&[&description, &body, &self.header, &self.source]);
         let first = self.first_line();
+        let functions = functions(!self.inputs().is_empty());
         let source = format!(
             "{first}#include \"{prefix}.h\"\n\n#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n\
              #include <stdlib.h>\n#include <string.h>\n\n\
              #if defined(__GNUC__)\n#pragma GCC diagnostic ignored \"-Wunused-variable\"\n#endif\n\n\
-             #define FMU_TOKEN \"{token}\"\n{body}\n{FUNCTIONS}",
+             #define FMU_TOKEN \"{token}\"\n{body}\n{functions}",
             prefix = self.prefix
         );
         let build_description = format!(
@@ -131,6 +135,29 @@ impl Writer<'_> {
                 ("    (void)event;\n    return 0;\n".to_owned(), ignored.to_owned())
             }
         };
+        // To the functions of FMI, inputs are parameters that may be set at any time.
+        let m = self.inputs().len();
+        let (prepare, n_own, input_defaults, hold) = match (m, module.params.len()) {
+            (0, _) => (
+                format!("    return {prefix}_prepare(&params, p);\n"),
+                "FMU_PARAMS".to_owned(),
+                String::new(),
+                String::new(),
+            ),
+            (m, n) => (
+                format!(
+                    "    const int code = {prefix}_prepare(&params, p);\n    \
+                         {prefix}_hold_inputs(p, values + {n});\n    return code;\n"
+                ),
+                n.to_string(),
+                format!("    memcpy(values + {n}, {prefix}_input_defaults, {m} * sizeof(double));\n"),
+                format!(
+                    "enum {{ FMU_INPUTS = {m} }};\n\n\
+                     static void fmu_hold(const double *inputs, fmu_prepared *p) {{\n    \
+                         {prefix}_hold_inputs(p, inputs);\n}}\n\n"
+                ),
+            ),
+        };
         let unread = |body: &str| {
             if body.is_empty() {
                 "    (void)p, (void)t, (void)y, (void)out;\n".to_owned()
@@ -149,11 +176,11 @@ impl Writer<'_> {
             "enum {{ FMU_STATE = {n}, FMU_PARAMS = {n_params}, FMU_OUTPUTS = {at}, FMU_EVENTS = {n_events} }};\n\n\
              typedef {prefix}_prepared fmu_prepared;\n\n{needed}\n\
              static int fmu_prepare(const double *values, fmu_prepared *p) {{\n    {prefix}_params params;\n    \
-                 {prefix}_params_from_array(values, &params);\n    return {prefix}_prepare(&params, p);\n}}\n\n\
+                 {prefix}_params_from_array(values, &params);\n{prepare}}}\n\n{hold}\
              static const char *fmu_message(int code) {{\n    return {prefix}_message(code);\n}}\n\n\
              static void fmu_initial(double *y) {{\n    {prefix}_initial(y);\n}}\n\n\
              static void fmu_params(double *values) {{\n    \
-                 memcpy(values, {prefix}_param_defaults, FMU_PARAMS * sizeof(double));\n}}\n\n\
+                 memcpy(values, {prefix}_param_defaults, {n_own} * sizeof(double));\n{input_defaults}}}\n\n\
              static int fmu_domain({arguments}) {{\n    return {prefix}_domain(p, t, y);\n}}\n\n\
              static int fmu_check({arguments}) {{\n    return {prefix}_check(p, t, y);\n}}\n\n\
              static void fmu_rates({arguments}, double *dy) {{\n    {prefix}_rhs(p, t, y, dy);\n}}\n\n\
@@ -166,7 +193,7 @@ impl Writer<'_> {
                  const double *dy, double *rates, double *outputs, double *events) {{\n    \
                  (void)params, (void)dparams, (void)t, (void)dt, (void)y, (void)dy;\n    \
                  (void)rates, (void)outputs, (void)events;\n{tangents}}}\n",
-            n_params = module.params.len(),
+            n_params = module.params.len() + m,
             outputs = unread(&outputs),
             events = unread(&events),
         ))
@@ -213,9 +240,18 @@ impl Writer<'_> {
                 ),
             );
         }
+        for input in &text.inputs {
+            let start = rational_to_f64(&input.default);
+            let doc = description(&input.doc);
+            add(
+                &input.name,
+                format!("causality=\"input\" variability=\"continuous\" start=\"{start:?}\"{doc}"),
+            );
+        }
         // Reference and inputs of what is computed.
         let first_param = 1 + 2 * n;
-        let mut reference = first_param + text.params.len();
+        let first_input = first_param + text.params.len();
+        let mut reference = first_input + text.inputs.len();
         let mut inputs: BTreeMap<usize, Inputs> = BTreeMap::new();
         for (k, of) in dependence::of_results(program, module.rate.function).into_iter().enumerate() {
             inputs.insert(1 + n + k, of);
@@ -251,6 +287,7 @@ impl Writer<'_> {
         let number = |operand: &Operand| match operand {
             Operand::State(k) => Some(1 + *k as usize),
             Operand::Param(k) => Some(first_param + *k as usize),
+            Operand::Input(k) => Some(first_input + *k as usize),
             Operand::Time => Some(0),
             _ => None,
         };
@@ -306,6 +343,18 @@ impl Writer<'_> {
             version = env!("CARGO_PKG_VERSION"),
         )
     }
+}
+
+/// The functions of FMI for a scene with or without inputs.
+fn functions(has_inputs: bool) -> String {
+    let mut pieces = FUNCTIONS.split(WITH_INPUTS[0]);
+    let mut text = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        let (with_inputs, after) = piece.split_once(WITH_INPUTS[1]).unwrap_or((piece, ""));
+        text.push_str(if has_inputs { with_inputs } else { "" });
+        text.push_str(after);
+    }
+    text
 }
 
 /// The attribute with a description.

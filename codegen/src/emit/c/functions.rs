@@ -16,6 +16,8 @@ use crate::program::{Operand, Role};
 pub(super) enum Arguments {
     /// Time and state.
     Point,
+    /// Time, state and inputs in the place of those that are held.
+    Inputs,
     /// Time, state and a vector.
     Product,
     /// Time and variables in the place of the state.
@@ -54,10 +56,19 @@ impl Writer<'_> {
     pub(super) fn functions(&mut self) {
         let module = self.module;
         let (arguments, n) = (self.arguments(), length(module.state.len()));
-        let body = self.body(&module.rate, Arguments::Point) + &self.results(&module.rate, "dy");
         let doc = self.doc("Writes the derivative of the state to dy.", &module.rate, &module.program.state);
-        self.function(&doc, &format!("void {}({arguments}, double dy[{n}])", self.name("rhs")), &body);
-        self.call("The derivative of the state.", "rhs", Takes::Point, Some(module.state.len()));
+        match self.inputs() {
+            [] => {
+                let body = self.body(&module.rate, Arguments::Point) + &self.results(&module.rate, "dy");
+                self.function(
+                    &doc,
+                    &format!("void {}({arguments}, double dy[{n}])", self.name("rhs")),
+                    &body,
+                );
+                self.call("The derivative of the state.", "rhs", Takes::Point, Some(module.state.len()));
+            }
+            _ => self.rate_with_inputs(&doc),
+        }
         if let Some(energy) = &module.energy {
             self.scalar("energy", "Energy.", energy);
         }
@@ -131,7 +142,8 @@ impl Writer<'_> {
     fn outputs(&mut self) {
         let module = self.module;
         let (mut body, mut names) = (String::new(), Vec::new());
-        for output in &module.outputs {
+        // A matrix without entries has no place here, and its function writes a zero for want of arrays of length zero.
+        for output in module.outputs.iter().filter(|o| !o.text.components.is_empty()) {
             let (name, at) = (self.name(&output.name), names.len());
             if output.is_scalar() {
                 let _ = writeln!(body, "    all[{at}] = {name}(p, t, y);");
@@ -310,12 +322,17 @@ impl Writer<'_> {
     /// The statements before the results.
     pub(super) fn body(&self, routine: &Routine<'_>, arguments: Arguments) -> String {
         let mut body = String::new();
+        let takes_inputs = matches!(arguments, Arguments::Inputs);
         let reads_fields =
-            routine.code.reads.iter().any(|o| matches!(o, Operand::Param(_) | Operand::Slot(_)));
+            routine.code.reads.iter().any(|o| matches!(o, Operand::Param(_) | Operand::Slot(_)))
+                || routine.reads_inputs() && !takes_inputs;
         let reads_state = routine.code.reads_state() || routine.contracts_state();
         let reads_vector = routine.code.reads_argument() || routine.contracts_argument();
         let unread = match arguments {
             Arguments::Point => vec![("t", routine.reads_time()), ("y", reads_state)],
+            Arguments::Inputs => {
+                vec![("t", routine.reads_time()), ("y", reads_state), ("inputs", routine.reads_inputs())]
+            }
             Arguments::Product => {
                 vec![("t", routine.reads_time()), ("y", reads_state), ("vector", reads_vector)]
             }
@@ -337,6 +354,8 @@ impl Writer<'_> {
             true => "value".to_owned(),
             false => format!("vector[{k}]"),
         }));
+        let held = if takes_inputs { "inputs" } else { "p->inputs" };
+        body.push_str(&named(&routine.inputs, &|k| format!("{held}[{k}]")));
         body.push_str(&statements(&routine.code.statements));
         body.push_str(&self.loops(routine));
         body

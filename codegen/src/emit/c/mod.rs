@@ -2,10 +2,10 @@
 //!
 //! `notation` spells expressions, `literal` numbers, `text` has small pieces, `kernel` what expressions call, `writer`
 //! what all items share. `data` writes structures, names and numbers, `functions` what is computed at a point, `loops`
-//! sums over tables, `guards` what says where the equations end, `events` what events do; `cpp` the header for C++,
-//! `casadi` the source for CasADi, `fmu` what an FMU has besides, with `trace` (derivatives along a direction) and
-//! `dependence` (which inputs a result has). Deliberately does not know: which functions there are and why, the order
-//! of their statements.
+//! sums over tables, `inputs` what moves a system from outside, `guards` what says where the equations end, `events`
+//! what events do; `cpp` the header for C++, `casadi` the source for CasADi, `fmu` what an FMU has besides, with
+//! `trace` (derivatives along a direction) and `dependence` (what a result is computed from). Deliberately does not
+//! know: which functions there are and why, the order of their statements.
 
 mod casadi;
 mod cpp;
@@ -15,6 +15,7 @@ mod events;
 mod fmu;
 mod functions;
 mod guards;
+mod inputs;
 mod kernel;
 mod literal;
 mod loops;

@@ -236,7 +236,7 @@ impl Dialect for C {
     }
 
     fn arguments(&self) -> &'static [&'static str] {
-        &["p", "t", "y", "dy", "out", "params", "vector", "scales", "entries", "value"]
+        &["p", "t", "y", "dy", "out", "params", "vector", "scales", "entries", "value", "inputs"]
     }
 
     fn functions(&self) -> &'static [&'static str] {
@@ -250,6 +250,11 @@ impl Dialect for C {
             "message",
             "initial",
             "rhs",
+            "rhs_with",
+            "hold_inputs",
+            "input_names",
+            "input_docs",
+            "input_defaults",
             "energy",
             "outputs",
             "pivots",

@@ -217,8 +217,8 @@ functions! {
     abs = "fabs";
 }
 
-/// The statements of a function of `params`, `dparams`, `t`, `dt`, `y` and `dy` that writes the derivatives of the
-/// results of functions, one array after the other.
+/// The statements of a function of `params` (with inputs behind them), `dparams`, `t`, `dt`, `y` and `dy` that writes
+/// the derivatives of the results of functions, one array after the other.
 ///
 /// # Errors
 /// [`Error::Program`] where a condition on parameters has no variables.
@@ -229,8 +229,12 @@ pub(super) fn tangents(program: &Program, wanted: &[(&str, Vec<(Role, usize)>)])
         (0..n).map(|k| Dual::new(input(value, k), input(derivative, k))).collect()
     };
     let params = dual("params", "dparams", program.params.len());
-    let prepared =
+    let mut prepared =
         program.prepare(&params).map_err(|violated| Error::Program { reason: violated.to_string() })?;
+    // Inputs stand behind the slots there, and behind the parameters in the arrays.
+    let inputs = dual("params", "dparams", program.params.len() + program.inputs.len());
+    prepared.truncate(program.prepare.slots.len());
+    prepared.extend_from_slice(&inputs[program.params.len()..]);
     let state = dual("y", "dy", program.state.len());
     let t = dual("t", "dt", 1)[0];
     let mut results = String::new();

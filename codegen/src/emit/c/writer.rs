@@ -13,6 +13,8 @@ use crate::emit::names::{Scope, legal};
 pub(super) enum Takes {
     /// Time and state.
     Point,
+    /// Time, state and that many inputs.
+    PointAndInputs(usize),
     /// Time, state and a vector of that length.
     PointAndVector(usize),
     /// Time and that many variables in the place of the state.
