@@ -219,7 +219,11 @@ impl<'s> ModelFile<'s> {
         if self.repository.is_some() && model.name != self.name {
             return Err(Error::Misnamed { file: shown, model: model.name });
         }
-        let model = if self.is_driven() { closed(&shown, &text, &model, (&self.driven, "--input"))?.1 } else { model };
+        let model = if self.is_driven() {
+            closed(&shown, &text, &model, (&self.driven, "--input"))?.1
+        } else {
+            model
+        };
         let checked = Arc::new(Checked::new(model, self.session.cache.clone()));
         Ok(self.model.get_or_init(|| checked))
     }

@@ -20,6 +20,18 @@ pub enum Between {
     Cubic,
 }
 
+impl Between {
+    /// What has a name.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for other names.
+    pub fn named(name: &str) -> Result<Between, Error> {
+        <Between as clap::ValueEnum>::from_str(name, false).map_err(|_| {
+            Error::unusable("interpolation", format!("is {name:?}, but has to be linear or cubic"))
+        })
+    }
+}
+
 /// What an input is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Column {
@@ -99,6 +111,11 @@ impl InputTable {
         let is_kept = |name: &str| other.columns.iter().all(|(known, _)| known != name);
         let kept = self.columns.iter().filter(|(name, _)| is_kept(name));
         InputTable { path: other.path.clone(), columns: kept.chain(&other.columns).cloned().collect() }
+    }
+
+    /// Whether there is something for an input.
+    pub fn has(&self, name: &str) -> bool {
+        self.columns.iter().any(|(known, _)| known == name)
     }
 
     /// The value that an input is held at; none where the table has it at times, or not at all.
