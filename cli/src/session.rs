@@ -219,36 +219,13 @@ impl<'s> ModelFile<'s> {
         if self.repository.is_some() && model.name != self.name {
             return Err(Error::Misnamed { file: shown, model: model.name });
         }
-        let model = if self.is_driven() { self.closed(&shown, &text, &model)? } else { model };
+        let model = if self.is_driven() {
+            closed(&shown, &text, &model, (&self.driven, "--input"))?.1
+        } else {
+            model
+        };
         let checked = Arc::new(Checked::new(model, self.session.cache.clone()));
         Ok(self.model.get_or_init(|| checked))
-    }
-
-    /// The model of a text with its inputs driven.
-    fn closed(&self, shown: &str, text: &str, model: &Model) -> Result<Model, Error> {
-        let mut items = String::new();
-        for (name, value) in &self.driven {
-            let path = format!("--input {name}");
-            if !model::is_one_expression(value) || !model::is_one_expression(name) {
-                return Err(Error::unusable(path, format!("is {value:?}: give one expression")));
-            }
-            if model.inputs.is_empty() {
-                return Err(Error::unusable(
-                    path,
-                    format!("is not possible: {} declares no input", model.name),
-                ));
-            }
-            let _ = write!(items, "\ndrive {name} = {value};");
-            // Each by itself first, so that what is wrong is told with its name.
-            let alone = model::with_items(text, &format!("\ndrive {name} = {value};"));
-            if let Err(problems) = spec::parse_within(model.graph.budget(), shown, &alone) {
-                return Err(Error::unusable(path, model::first_message(&problems)));
-            }
-        }
-        let problem =
-            |problems: spec::Diagnostics| Error::unusable("--input", model::first_message(&problems));
-        let closed = model::with_items(text, &items);
-        spec::parse_within(model.graph.budget(), shown, &closed).map_err(problem)
     }
 
     /// The text of the file.
@@ -285,4 +262,36 @@ impl<'s> ModelFile<'s> {
         drop(self);
         Ok(Arc::try_unwrap(model).map_or_else(|shared| (**shared).clone(), Checked::into_model))
     }
+}
+
+/// The text and the model of a text with inputs driven by expressions; `asked` is how the user asks for it.
+///
+/// # Errors
+/// [`Error::Request`] with what is wrong with the first of the expressions.
+pub fn closed(
+    shown: &str,
+    text: &str,
+    model: &Model,
+    (driven, asked): (&[(String, String)], &str),
+) -> Result<(String, Model), Error> {
+    let mut items = String::new();
+    for (name, value) in driven {
+        let path = format!("{asked} {name}");
+        if !model::is_one_expression(value) || !model::is_one_expression(name) {
+            return Err(Error::unusable(path, format!("is {value:?}: give one expression")));
+        }
+        if model.inputs.is_empty() {
+            return Err(Error::unusable(path, format!("is not possible: {} declares no input", model.name)));
+        }
+        let _ = write!(items, "\ndrive {name} = {value};");
+        // Each by itself first, so that what is wrong is told with its name.
+        let alone = model::with_items(text, &format!("\ndrive {name} = {value};"));
+        if let Err(problems) = spec::parse_within(model.graph.budget(), shown, &alone) {
+            return Err(Error::unusable(path, model::first_message(&problems)));
+        }
+    }
+    let problem = |problems: spec::Diagnostics| Error::unusable(asked, model::first_message(&problems));
+    let closed = model::with_items(text, &items);
+    let model = spec::parse_within(model.graph.budget(), shown, &closed).map_err(problem)?;
+    Ok((closed, model))
 }

@@ -76,10 +76,20 @@ def _loaded(
 
 
 def _restored(
-    name: str, text: str, scene: str, values: list[float], budget: int, cache: bool
+    name: str,
+    text: str,
+    scene: str,
+    values: list[float],
+    budget: int,
+    cache: bool,
+    applied: tuple[tuple[Any, ...], ...] = (),
 ) -> Model:
     native = _hamel.Scene.load(name, text, scene, budget, _hamel.__file__ if cache else None)
-    return Model(native.with_values(values), cache)
+    for each in applied:
+        native = native.with_inputs(*each)
+    made = Model(native.with_values(values), cache)
+    made._applied = applied
+    return made
 
 
 class Params(Mapping[str, float]):
@@ -126,6 +136,8 @@ class Model:
         self._width = sum(len(components) for _, components, _ in self._groups)
         self._params = Params(native.params, native.values)
         self._state = tuple(native.state)
+        # What was asked of the native scene besides its text, to ask it again.
+        self._applied: tuple[tuple[Any, ...], ...] = ()
 
     # What there is.
 
@@ -185,7 +197,70 @@ class Model:
                 listed = ", ".join(known)
                 raise InputError(f"scene {self.scene} of {self.name} has no parameter `{name}`\n  parameters: {listed}")
         values = {**self._params, **params}
-        return Model(self._native.with_values([float(values[name]) for name in known]), self._cache)
+        made = Model(self._native.with_values([float(values[name]) for name in known]), self._cache)
+        made._applied = self._applied
+        return made
+
+    @property
+    def inputs(self) -> dict[str, float | None]:
+        """Inputs with the values that they are held at; ``None`` for those that a table drives.
+
+        A scene that takes none has those of its model, which it holds.
+        """
+        return {name: held for name, held, _ in self._native.inputs}
+
+    def with_inputs(
+        self,
+        inputs: Mapping[str, Any] | None = None,
+        /,
+        *,
+        interpolation: str = "linear",
+        **more: Any,
+    ) -> Model:
+        """The same model with inputs driven; the default scene gives way to ``controlled``, which takes them.
+
+        An input is a number (held), an expression of the model's language in ``t``, coordinates, velocities and
+        parameters (``"0.2*sin(t)"``), or an array ``(N,)`` of values at the times of the array ``t``, ``(N,)``, with
+        straight lines or cubics (``interpolation="cubic"``) between. An expression becomes a part of the text.
+
+        Raises :class:`InputError` for names that are no inputs, and for what is none of these, functions included.
+        """
+        given = {**(inputs or {}), **more}
+        drives = [(name, value) for name, value in given.items() if isinstance(value, str)]
+        held: list[tuple[str, float]] = []
+        columns: dict[str, Array] = {}
+        for name, value in given.items():
+            if isinstance(value, str):
+                continue
+            if callable(value):
+                raise InputError(
+                    f"inputs {name} is a function: give an expression such as \"sin(t)\", or an array of its values at "
+                    "the times of an array `t`"
+                )
+            array = np.asarray(value, dtype=np.float64)
+            if array.ndim > 1 or not np.all(np.isfinite(array)):
+                raise InputError(f"inputs {name} has to be a finite number or an array of finite numbers with one axis")
+            if array.ndim:
+                columns[name] = array
+            else:
+                held.append((name, float(array)))
+        if columns and len({len(column) for column in columns.values()}) > 1:
+            listed = ", ".join(f"{name} ({len(column)},)" for name, column in columns.items())
+            raise InputError(f"inputs have arrays of several lengths: {listed}")
+        native = self._native
+        applied = self._applied
+        if drives:
+            native = native.driven(drives, _hamel.__file__ if self._cache else None)
+            for each in applied:
+                native = native.with_inputs(*each)
+        if held or columns:
+            rows = np.stack(list(columns.values()), axis=-1).tolist() if columns else []
+            asked = (held, list(columns), rows, interpolation)
+            native = native.with_inputs(*asked)
+            applied = (*applied, asked)
+        made = Model(native, self._cache)
+        made._applied = applied
+        return made
 
     def with_scene(self, scene: str) -> Model:
         """Another scene of the same model, with the values of the parameters that both have."""
@@ -195,15 +270,26 @@ class Model:
 
     # Values at states.
 
-    def rhs(self, y: ArrayLike, t: float = 0.0, *, out: Array | None = None, threads: bool | None = None) -> Array:
+    def rhs(
+        self,
+        y: ArrayLike,
+        t: float = 0.0,
+        *,
+        u: Mapping[str, float] | None = None,
+        out: Array | None = None,
+        threads: bool | None = None,
+    ) -> Array:
         """Rates ``dy/dt = f(t, y)``, in the shape of ``y``, ``(.., n)``.
 
+        ``u`` are inputs by name, for all states the same, as :meth:`with_inputs` takes them.
         ``out`` is an array of this shape to write to; it may not overlap ``y``. States are evaluated four at a time in
         the registers of a core; each has the bits of a call on its own. Columns are faster than rows: an array in the
         order of Fortran has the four numbers of a component side by side, and so has the result.
 
         Raises :class:`InputError` where something has no finite value, with the states and the reasons.
         """
+        if u:
+            return self.with_inputs(u).rhs(y, t, out=out, threads=threads)
         y = self._states(y)
         result = np.empty_like(y) if out is None else self._checked_out(out, y.shape)
         if y.ndim == 1:
@@ -308,6 +394,8 @@ class Model:
         samples: int = 201,
         events: Sequence[str] = (),
         sensitivity: Sequence[str] = (),
+        inputs: Mapping[str, Any] | None = None,
+        interpolation: str = "linear",
         outputs: bool = True,
         max_steps: int | None = None,
         max_events: int | None = None,
@@ -320,12 +408,14 @@ class Model:
         ``params`` differ from the model's. ``rtol`` and ``atol`` are 1e-10 and 1e-12 unless given; ``step`` is for
         methods with fixed steps. Events of the model happen; ``events`` are further functions of the state to watch, in
         the language of models, such as ``"Omega1 rising"``, named ``section1``, ``section2``, .. in the result.
-        ``sensitivity`` names parameters and components of the initial state to differentiate by.
+        ``sensitivity`` names parameters and components of the initial state to differentiate by. ``inputs`` are as
+        :meth:`with_inputs` takes them.
 
         Raises :class:`IntegrationError` with the state reached, :class:`InputError`.
         """
-        if params:
-            return self.with_params(**params).simulate(
+        if params or inputs:
+            driven = self.with_inputs(inputs, interpolation=interpolation) if inputs else self
+            return driven.with_params(**(params or {})).simulate(
                 t, y0, method=method, rtol=rtol, atol=atol, step=step, samples=samples, events=events,
                 sensitivity=sensitivity, outputs=outputs, max_steps=max_steps, max_events=max_events,
             )  # fmt: skip
@@ -415,7 +505,7 @@ class Model:
 
     def __reduce__(self) -> tuple[Any, ...]:
         native = self._native
-        return _restored, (native.file, native.text, native.scene, native.values, native.budget, self._cache)
+        return _restored, (native.file, native.text, native.scene, native.values, native.budget, self._cache, self._applied)
 
     # Within the package.
 

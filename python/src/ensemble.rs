@@ -8,7 +8,7 @@ use hamel::error::{Error, Problem};
 use hamel::run::admissible;
 use hamel::run::asked::assignments;
 use hamel::run::backend::{Backend as _, Local};
-use hamel::run::ensemble::{EnsembleRequest, Member, Width, pool};
+use hamel::run::ensemble::{EnsembleRequest, Member, Progress, Width, pool};
 use hamel::run::evaluate::prepare;
 use hamel::run::forms::Forms;
 use hamel::run::info::Info;
@@ -107,7 +107,7 @@ pub(crate) fn integrate(
         width: asked.width,
         max_steps: asked.max_steps,
         threads: asked.threads,
-        done: (0, values.nrows()),
+        progress: Progress { all: values.nrows(), ..Progress::default() },
     };
     let integrated = Local::new(built).ensemble(&request)?;
     Ok(side_by_side(info, asked, &members, integrated))

@@ -18,6 +18,7 @@ use hamel::run::auto;
 use hamel::run::backend::Local;
 use hamel::run::ensemble::Width;
 use hamel::run::info::Info;
+use hamel::run::inputs::InputTable;
 use hamel::run::integrate::simulate_at;
 use hamel::run::method::{MethodName, Steps};
 use hamel::run::simulation::{SimulateRequest, SimulateResponse};
@@ -46,6 +47,7 @@ const ARGUMENTS: Words = Words {
 pub(crate) struct Motion {
     model: Arc<Checked>,
     info: Info,
+    table: Option<Arc<InputTable>>,
     request: SimulateRequest,
     response: SimulateResponse,
 }
@@ -99,8 +101,9 @@ pub(crate) fn simulate(
         let purpose = auto::Purpose::of_samples(times.len());
         let method = match (asked_method, steps) {
             (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
-                // Series have no derivatives along parameters.
-                auto::choose(rtol, Some(built.rhs_counts().cost()), sensitivity.is_empty(), purpose)
+                // Series have no derivatives along parameters, and tables no series.
+                let has_series = sensitivity.is_empty() && !built.is_driven();
+                auto::choose(rtol, Some(built.rhs_counts().cost()), has_series, purpose)
             }
             (method, _) => method,
         };
@@ -121,8 +124,19 @@ pub(crate) fn simulate(
             along: sensitivity,
         };
         let request = asked.request(&ARGUMENTS, &scene.model, &mut Local::new(built))?;
+        if built.is_driven() && !request.along.is_empty() && request.watched.is_some() {
+            let reason = "is not carried through events whose inputs are in a table or held elsewhere than in the \
+                          model: drive them by expressions";
+            return Err(Error::unusable(ARGUMENTS.along, reason));
+        }
         let response = simulate_at(&built, &request, &times, &mut |_| {})?;
-        Ok(Motion { model: Arc::clone(&scene.model), info: scene.info().clone(), request, response })
+        Ok(Motion {
+            model: Arc::clone(&scene.model),
+            info: scene.info().clone(),
+            table: scene.table.clone(),
+            request,
+            response,
+        })
     };
     py.detach(run).or_raise(py)
 }
@@ -313,7 +327,8 @@ impl Motion {
             // The scene that is drawn has coordinates besides, and not every method suits it.
             let method = if method.suits_all_scenes() { method } else { MethodName::Dop853 };
             let motion = (self.response.t, method, steps, samples);
-            let motion = pictured(&self.model, &self.info.scene, [&set, &given], None, motion)?;
+            let motion =
+                pictured(&self.model, &self.info.scene, [&set, &given], self.table.as_deref(), motion)?;
             Ok(report::moving(&page, &motion))
         };
         py.detach(drawn).or_raise(py)
@@ -331,6 +346,12 @@ impl Motion {
         let kept: Result<(SimulateRequest, SimulateResponse), _> = serde_json::from_str(kept);
         let (request, response) =
             kept.map_err(|e| exception(py, &Error::Options { reason: e.to_string() }))?;
-        Ok(Motion { model: Arc::clone(&scene.model), info: scene.info().clone(), request, response })
+        Ok(Motion {
+            model: Arc::clone(&scene.model),
+            info: scene.info().clone(),
+            table: scene.table.clone(),
+            request,
+            response,
+        })
     }
 }

@@ -9,13 +9,15 @@ use hamel::cache::Cache;
 use hamel::error::Error;
 use hamel::model::{self, Checked};
 use hamel::output::report::contents::contents;
+use hamel::run::choice::gives_way;
 use hamel::run::dynamics::{Dynamics, Factory as _, PreparedScene, VecState};
 use hamel::run::evaluate::{derivative, prepare, unusable_states};
 use hamel::run::info::Info;
+use hamel::run::inputs::{Between, InputTable};
 use hamel::run::interpreted::{self, Built};
-use hamel::session::Session;
+use hamel::session::{Session, closed};
 use hamel_codegen::explain::{self, SectionKind};
-use hamel_codegen::expr::Style;
+use hamel_codegen::expr::{Style, rational_to_f64};
 use hamel_runtime::{Dual, F64x4};
 use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Ix2};
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
@@ -40,6 +42,8 @@ self_cell!(
 pub(crate) struct Scene {
     pub(crate) model: Arc<Checked>,
     pub(crate) values: Vec<f64>,
+    /// Inputs that are held elsewhere than in the model, and those of tables.
+    pub(crate) table: Option<Arc<InputTable>>,
     prepared: Prepared,
     file: String,
     text: String,
@@ -56,10 +60,11 @@ impl Scene {
         model: Arc<Checked>,
         built: Arc<Built>,
         values: Vec<f64>,
+        table: Option<Arc<InputTable>>,
         (file, text, budget): (String, String, u64),
     ) -> Result<Scene, Error> {
         let prepared = Prepared::try_new(built, |built| prepare(&**built, &values))?;
-        Ok(Scene { model, values, prepared, file, text, budget })
+        Ok(Scene { model, values, table, prepared, file, text, budget })
     }
 
     pub(crate) fn built(&self) -> &Built {
@@ -68,6 +73,16 @@ impl Scene {
 
     pub(crate) fn info(&self) -> &Info {
         self.built().info()
+    }
+
+    fn source(&self) -> (String, String, u64) {
+        (self.file.clone(), self.text.clone(), self.budget)
+    }
+
+    /// Values of the parameters of another scene of the model: the own ones, where both have one.
+    fn values_of(&self, info: &Info) -> Vec<f64> {
+        let own = |name: &str| self.info().params.iter().position(|p| p.name == name).map(|k| self.values[k]);
+        info.params.iter().map(|p| own(&p.name).unwrap_or(p.default)).collect()
     }
 
     fn dynamics(&self) -> &dyn Dynamics {
@@ -207,7 +222,7 @@ impl Scene {
             };
             let built = interpreted::build(&model, scene)?.in_memory();
             let values = built.info().defaults();
-            Scene::new(model, Arc::new(built), values, (file, text, budget))
+            Scene::new(model, Arc::new(built), values, None, (file, text, budget))
         };
         py.detach(load).or_raise(py)
     }
@@ -215,8 +230,72 @@ impl Scene {
     /// The same scene with other values of all its parameters, in their order.
     fn with_values(&self, py: Python<'_>, values: Vec<f64>) -> PyResult<Scene> {
         let built = Arc::clone(self.prepared.borrow_owner());
-        let source = (self.file.clone(), self.text.clone(), self.budget);
-        Scene::new(Arc::clone(&self.model), built, values, source).or_raise(py)
+        Scene::new(Arc::clone(&self.model), built, values, self.table.clone(), self.source()).or_raise(py)
+    }
+
+    /// The same scene with inputs that are held, and with those of a table: `rows` under `names`, of which one is `t`.
+    fn with_inputs(
+        &self,
+        py: Python<'_>,
+        held: Vec<(String, f64)>,
+        names: Vec<String>,
+        rows: Vec<Vec<f64>>,
+        interpolation: &str,
+    ) -> PyResult<Scene> {
+        let make = || -> Result<Scene, Error> {
+            let between = Between::named(interpolation)?;
+            let mut table = InputTable::held("inputs", &held);
+            if !names.is_empty() {
+                table = table.overlaid(&InputTable::new("inputs", &names, &rows, between)?);
+            }
+            if let Some(own) = &self.table {
+                table = own.overlaid(&table);
+            }
+            let built = match gives_way(&self.model, self.info(), &table) {
+                true => {
+                    interpreted::build(&self.model, model::CONTROLLED_SCENE)?.in_memory().driven_by(&table)?
+                }
+                false => self.built().also_driven_by(&table)?,
+            };
+            let values = self.values_of(built.info());
+            Scene::new(Arc::clone(&self.model), Arc::new(built), values, Some(Arc::new(table)), self.source())
+        };
+        py.detach(make).or_raise(py)
+    }
+
+    /// The same scene of the model whose inputs are driven by expressions, names with values.
+    fn driven(
+        &self,
+        py: Python<'_>,
+        inputs: Vec<(String, String)>,
+        library: Option<PathBuf>,
+    ) -> PyResult<Scene> {
+        let make = || -> Result<Scene, Error> {
+            let cache = library.map_or_else(Cache::none, |library| Cache::of_user().of_library(library));
+            let (text, closed) = closed(&self.file, &self.text, &self.model, (&inputs, "inputs"))?;
+            let model = Arc::new(Checked::new(closed, cache));
+            let built = interpreted::build(&model, &self.info().scene)?.in_memory();
+            let values = self.values_of(built.info());
+            Scene::new(model, Arc::new(built), values, None, (self.file.clone(), text, self.budget))
+        };
+        py.detach(make).or_raise(py)
+    }
+
+    /// Names of the inputs, the values they are held at (none where a table drives them), and meanings.
+    #[getter]
+    fn inputs(&self) -> Vec<(String, Option<f64>, String)> {
+        let own = &self.info().inputs;
+        let names: Vec<&str> = own.iter().map(|input| input.name.as_str()).collect();
+        let all =
+            self.model.inputs.iter().filter(|input| names.is_empty() || names.contains(&input.name.as_str()));
+        all.map(|input| {
+            let held = match &self.table {
+                Some(table) if table.has(&input.name) => table.held_value(&input.name),
+                _ => Some(rational_to_f64(&input.default)),
+            };
+            (input.name.clone(), held, input.doc.clone())
+        })
+        .collect()
     }
 
     /// Name of the model.

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::backend::{Backend, Local};
 use super::dynamics::Factory as _;
+use super::info::Info;
 use super::inputs::InputTable;
 use super::method::MethodName;
 use super::remote::Remote;
@@ -119,15 +120,17 @@ impl Choice {
         }
         let mut built = interpreted::build(file.model()?, &self.scene)?;
         if let Some(table) = &self.table {
-            // The default scene takes no inputs unless the model says so; the one that does has the same besides.
-            if self.scene == model::DEFAULT_SCENE
-                && !table.fits(built.info())
-                && !file.model()?.inputs.is_empty()
-            {
+            if gives_way(file.model()?, built.info(), table) {
                 built = interpreted::build(file.model()?, model::CONTROLLED_SCENE)?;
             }
             built = built.driven_by(table)?;
         }
         Ok(Box::new(Local::new(if via == Via::Jit { built.in_memory() } else { built })))
     }
+}
+
+/// Whether a scene gives way to the one that takes the inputs of its model: the default scene takes none unless the model
+/// says so, and the other one has the same besides.
+pub fn gives_way(model: &Checked, scene: &Info, table: &InputTable) -> bool {
+    scene.scene == model::DEFAULT_SCENE && !table.fits(scene) && !model.inputs.is_empty()
 }

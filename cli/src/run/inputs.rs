@@ -1,4 +1,4 @@
-//! Inputs of a scene from a table: which columns it has, and the values at a time.
+//! Inputs of a scene from a table, or held: which columns it has, and the values at a time.
 //!
 //! Does not know: where the table was read, how a scene is evaluated.
 
@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use hamel_runtime::{Interpolation, Real, Signal, Table, TableError};
 
-use super::info::Info;
+use super::info::{Info, ParamEntry};
 use crate::error::Error;
 
 /// What is between two rows of a table of inputs.
@@ -20,11 +20,32 @@ pub enum Between {
     Cubic,
 }
 
-/// Inputs at times, column by column.
+impl Between {
+    /// What has a name.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for other names.
+    pub fn named(name: &str) -> Result<Between, Error> {
+        <Between as clap::ValueEnum>::from_str(name, false).map_err(|_| {
+            Error::unusable("interpolation", format!("is {name:?}, but has to be linear or cubic"))
+        })
+    }
+}
+
+/// What an input is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Column {
+    /// One value for all times.
+    Held(f64),
+    /// Values at times.
+    Rows(Table<'static, 1>),
+}
+
+/// Inputs at times, column by column; some may be held.
 #[derive(Clone)]
 pub struct InputTable {
     path: String,
-    columns: Vec<(String, Table<'static, 1>)>,
+    columns: Vec<(String, Column)>,
 }
 
 impl fmt::Debug for InputTable {
@@ -73,9 +94,36 @@ impl InputTable {
             if columns.iter().any(|(known, _)| known == name) {
                 return Err(refused(format!("has the column `{name}` twice")));
             }
-            columns.push((name.clone(), table));
+            columns.push((name.clone(), Column::Rows(table)));
         }
         Ok(InputTable { path: path.to_owned(), columns })
+    }
+
+    /// Inputs that are held; `path` is shown in messages.
+    pub fn held(path: &str, values: &[(String, f64)]) -> InputTable {
+        let columns = values.iter().map(|(name, value)| (name.clone(), Column::Held(*value))).collect();
+        InputTable { path: path.to_owned(), columns }
+    }
+
+    /// The inputs of both; those of the other one where both have one.
+    #[must_use]
+    pub fn overlaid(&self, other: &InputTable) -> InputTable {
+        let is_kept = |name: &str| other.columns.iter().all(|(known, _)| known != name);
+        let kept = self.columns.iter().filter(|(name, _)| is_kept(name));
+        InputTable { path: other.path.clone(), columns: kept.chain(&other.columns).cloned().collect() }
+    }
+
+    /// Whether there is something for an input.
+    pub fn has(&self, name: &str) -> bool {
+        self.columns.iter().any(|(known, _)| known == name)
+    }
+
+    /// The value that an input is held at; none where the table has it at times, or not at all.
+    pub fn held_value(&self, name: &str) -> Option<f64> {
+        self.columns.iter().find_map(|(known, column)| match column {
+            Column::Held(value) if known == name => Some(*value),
+            _ => None,
+        })
     }
 
     /// Whether a scene takes every input that the table has.
@@ -105,21 +153,22 @@ impl InputTable {
             };
             return Err(Error::unusable(&self.path, reason));
         }
-        let column = |name: &str| self.columns.iter().find(|(own, _)| own == name).map(|(_, table)| *table);
-        Ok(Driven(info.inputs.iter().map(|input| (input.default, column(&input.name))).collect()))
+        let column = |name: &str| self.columns.iter().find(|(own, _)| own == name).map(|(_, column)| *column);
+        let or_held = |input: &ParamEntry| column(&input.name).unwrap_or(Column::Held(input.default));
+        Ok(Driven(info.inputs.iter().map(or_held).collect()))
     }
 }
 
-/// The inputs of a scene in its order: the values that they are held at, and what drives them.
+/// The inputs of a scene in its order: the values that they are held at, or what drives them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Driven(Vec<(f64, Option<Table<'static, 1>>)>);
+pub struct Driven(Vec<Column>);
 
 impl Driven {
     /// The inputs at a time.
     pub fn at<R: Real>(&self, t: R) -> Vec<R> {
-        let value = |(held, table): &(f64, Option<Table<'static, 1>>)| match table {
-            Some(table) => Signal::<R, (), 1>::at(table, t, &())[0],
-            None => R::from_f64(*held),
+        let value = |column: &Column| match column {
+            Column::Rows(table) => Signal::<R, (), 1>::at(table, t, &())[0],
+            Column::Held(value) => R::from_f64(*value),
         };
         self.0.iter().map(value).collect()
     }

@@ -91,7 +91,7 @@ impl RunnableCircles {
 #[derive(Debug)]
 pub struct Built {
     model: Arc<Checked>,
-    executable: Runnable,
+    executable: Arc<Runnable>,
     /// Whether what is derived later is compiled, too.
     is_in_memory: bool,
     /// What drives the inputs; none where they are held.
@@ -186,7 +186,7 @@ impl Built {
         let Stored { executable, info } = stored;
         Built {
             model: Arc::clone(model),
-            executable: Runnable::new(executable, false),
+            executable: Arc::new(Runnable::new(executable, false)),
             is_in_memory: false,
             drive: None,
             info,
@@ -204,10 +204,15 @@ impl Built {
         if !machine::IS_THERE {
             return self;
         }
-        let Built { model, executable: Runnable { executable, .. }, drive, info, derived, .. } = self;
+        let Built { model, executable, drive, info, derived, .. } = self;
+        // Nobody shares what is not compiled yet.
+        let executable = match Arc::try_unwrap(executable) {
+            Ok(own) => own.executable,
+            Err(shared) => shared.executable.clone(),
+        };
         Built {
             model,
-            executable: Runnable::new(executable, true),
+            executable: Arc::new(Runnable::new(executable, true)),
             is_in_memory: true,
             drive,
             info,
@@ -225,6 +230,29 @@ impl Built {
     pub fn driven_by(self, table: &InputTable) -> Result<Built, Error> {
         let drive = Some(Arc::new(table.of_scene(&self.info)?));
         Ok(Built { drive, ..self })
+    }
+
+    /// The same scene and code with inputs from a table, beside this one.
+    ///
+    /// # Errors
+    /// As [`InputTable::of_scene`].
+    pub fn also_driven_by(&self, table: &InputTable) -> Result<Built, Error> {
+        Ok(Built {
+            model: Arc::clone(&self.model),
+            executable: Arc::clone(&self.executable),
+            is_in_memory: self.is_in_memory,
+            drive: Some(Arc::new(table.of_scene(&self.info)?)),
+            info: self.info.clone(),
+            derived: OnceLock::new(),
+            circles: OnceLock::new(),
+            invariants: OnceLock::new(),
+            splitting: OnceLock::new(),
+        })
+    }
+
+    /// Whether a table drives the inputs: there are no Taylor series then.
+    pub fn is_driven(&self) -> bool {
+        self.drive.is_some()
     }
 
     fn circles(&self) -> Option<&RunnableCircles> {
