@@ -183,8 +183,8 @@ fn driven(scene: Built, table: Option<&InputTable>) -> Result<Built, Error> {
 }
 
 /// A motion of the scene with every coordinate and output, and what its views show: with parameters in `set` and
-/// components of the initial state in `given`, inputs from a table, from zero to a time, by a method and its steps, with
-/// so many samples.
+/// components of the initial state in `given`, inputs from a table, from zero to a time, by a method and its steps,
+/// with so many samples.
 ///
 /// # Errors
 /// Problems of the model, and a motion that cannot be integrated.

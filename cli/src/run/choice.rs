@@ -129,8 +129,8 @@ impl Choice {
     }
 }
 
-/// Whether a scene gives way to the one that takes the inputs of its model: the default scene takes none unless the model
-/// says so, and the other one has the same besides.
+/// Whether a scene gives way to the one that takes the inputs of its model: the default scene takes none unless the
+/// model says so, and the other one has the same besides.
 pub fn gives_way(model: &Checked, scene: &Info, table: &InputTable) -> bool {
     scene.scene == model::DEFAULT_SCENE && !table.fits(scene) && !model.inputs.is_empty()
 }

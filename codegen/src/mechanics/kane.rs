@@ -1,5 +1,5 @@
-//! Kane's form of the equations of linked bodies: `A = sum m V^T V`, `f = .. - sum m V^T a`, with partial velocities `V`
-//! and accelerations `a` pushed forward part by part.
+//! Kane's form of the equations of linked bodies: `A = sum m V^T V`, `f = .. - sum m V^T a`, with partial velocities
+//! `V` and accelerations `a` pushed forward part by part.
 //!
 //! Deliberately does not know: how parts are found, whether that is cheaper than multiplying out.
 //!

@@ -181,8 +181,8 @@ fn without(
 }
 
 impl Recursion {
-    /// The recursion of a system; none where a constraint has to be solved together with others, or displacements are not
-    /// those of the motion.
+    /// The recursion of a system; none where a constraint has to be solved together with others, or displacements are
+    /// not those of the motion.
     pub(super) fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Recursion> {
         let solved = eliminated(system)?;
         let rows: Vec<ExprId> = solved.rows.iter().map(|row| row.written).collect::<Option<_>>()?;

@@ -1031,11 +1031,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             /// substitution through the factors of A
             let t3 = self.d_dot_psi2_dot_d_tau2
-                * (-t2)
-                    .mul_add(
-                        self.A_l2_1,
-                        kept2.mul_add(t1, kept1.mul_add(psi1_dot, sum1)),
-                    );
+                * (-self.A_l2_1)
+                    .mul_add(t2, kept2.mul_add(t1, kept1.mul_add(psi1_dot, sum1)));
             let t4 = kept4.mul_add(theta, inverse * sum2);
             let t5 = -kept3.mul_add(theta, inverse * sum3);
             let t6 = self.c2 * (psi1_dot + psi2_dot);
@@ -1046,7 +1043,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 psi1_dot,
                 psi2_dot,
-                (-t3).mul_add(self.A_l2_1_2, self.c1 * t2),
+                (-self.A_l2_1_2).mul_add(t3, self.c1 * t2),
                 t3,
                 self.d_omega_d_psi2_dot * t0,
                 -kept4.mul_add(t6, kept5.mul_add(t5, sum4)),

@@ -1003,7 +1003,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             let t4 = kept4.mul_add(phi_dot, kept5.mul_add(s, sum4));
             let t5 = kept1.mul_add(t4, kept6.mul_add(t1, sum5));
-            let t6 = kept8 * (-kept7).mul_add(t3, t5.mul_add(self.c2, -sum6));
+            let t6 = kept8 * (-kept7).mul_add(t3, self.c2.mul_add(t5, -sum6));
             let t7 = order * phi;
             workspace
                 .0

@@ -29,7 +29,7 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "la",
             default: 0.5,
-            doc: "Length of arm A [m].",
+            doc: "Length of arm A in metres.",
         },
         ::hamel_runtime::ParamInfo {
             name: "mb",
@@ -39,7 +39,7 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
         ::hamel_runtime::ParamInfo {
             name: "lb",
             default: 0.45,
-            doc: "Length of arm B [m].",
+            doc: "Length of arm B in metres.",
         },
         ::hamel_runtime::ParamInfo {
             name: "ka",
@@ -83,7 +83,7 @@ pub struct Params<R = f64> {
     ///
     /// Default: 0.4.
     pub ma: R,
-    /// Length of arm A \[m\].
+    /// Length of arm A in metres.
     ///
     /// Default: 0.5.
     pub la: R,
@@ -91,7 +91,7 @@ pub struct Params<R = f64> {
     ///
     /// Default: 0.3.
     pub mb: R,
-    /// Length of arm B \[m\].
+    /// Length of arm B in metres.
     ///
     /// Default: 0.45.
     pub lb: R,
@@ -344,9 +344,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (I2, "I2 is finite", "Moments of inertia of the main body [kg m^2]."),
             (I3, "I3 is finite", "Moments of inertia of the main body [kg m^2]."),
             (ma, "ma is finite", "Mass on arm A [kg]."),
-            (la, "la is finite", "Length of arm A [m]."),
+            (la, "la is finite", "Length of arm A in metres."),
             (mb, "mb is finite", "Mass on arm B [kg]."),
-            (lb, "lb is finite", "Length of arm B [m]."),
+            (lb, "lb is finite", "Length of arm B in metres."),
             (ka, "ka is finite", "Stiffness of hinge A [N m]."),
             (kb, "kb is finite", "Stiffness of hinge B [N m]."),
         ] {
@@ -1537,7 +1537,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     a2_1_over_10_lb
                         .mul_add(
                             t22,
-                            (-a1_2_scaled).mul_add(t24, t26.mul_add(Omega1, -t20)),
+                            (-a1_2_scaled).mul_add(t24, Omega1.mul_add(t26, -t20)),
                         ),
                 ]
             };
@@ -1804,7 +1804,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             /// mass matrix A = W^T L_yy Psi
             let [t40, t41, t42, t43] = {
-                let t40 = t4.mul_add(R::from_f64(2.5), t3);
+                let t40 = R::from_f64(2.5).mul_add(t4, t3);
                 [
                     t40,
                     self.c12 * t40,
@@ -1815,8 +1815,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             /// factors of A
             let [t44, t45, t46, t47, t48, t49, t50] = {
                 let t45 = self.c1 * t41;
-                let t46 = t40
-                    .mul_add(self.c13, kept0.mul_add(t5, kept5.mul_add(t1, sum46)))
+                let t46 = self
+                    .c13
+                    .mul_add(t40, kept0.mul_add(t5, kept5.mul_add(t1, sum46)))
                     - kept43.mul_add(t45, kept44.mul_add(t41, sum53));
                 let t47 = kept45 * (-kept46).mul_add(t46, t42 - sum54);
                 let t48 = self
@@ -1837,7 +1838,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         .c18
                         .mul_add(
                             kept42.mul_add(t2, sum52),
-                            t4.mul_add(self.c6, self.c40 * kept41.mul_add(t4, sum51)),
+                            self.c6.mul_add(t4, self.c40 * kept41.mul_add(t4, sum51)),
                         ) - kept50.mul_add(t49, kept49.mul_add(t43, sum57)),
                 ]
             };
@@ -1849,7 +1850,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         + kept35.mul_add(Omega1, kept9.mul_add(t38, sum40))
                         - kept37.mul_add(t33, kept34.mul_add(t27, sum42)));
                 let t53 = kept37.mul_add(t34, kept33.mul_add(t27, sum45))
-                    + (kept38.mul_add(Omega1, kept9.mul_add(t39, sum43)) - t30
+                    + (kept9.mul_add(t39, kept38.mul_add(Omega1, sum43)) - t30
                         - kept28.mul_add(t37, kept36.mul_add(t20, sum44)))
                     - kept53.mul_add(t44, kept54.mul_add(t31, sum60));
                 let t54 = kept57
@@ -2037,8 +2038,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                t31.mul_add(self.c42, -kept54.mul_add(t54, kept56.mul_add(t44, sum68))),
-                t32.mul_add(self.c41, -kept44.mul_add(t58, kept61.mul_add(t45, sum67))),
+                self.c42.mul_add(t31, -kept54.mul_add(t54, kept56.mul_add(t44, sum68))),
+                self.c41.mul_add(t32, -kept44.mul_add(t58, kept61.mul_add(t45, sum67))),
                 t58,
                 t56,
                 t54,
