@@ -1221,7 +1221,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 [t0, t1, t2, (-t1).mul_add(t2, self.c1)]
             };
             let t3 = theta_dot * theta_dot;
-            let t4 = t3.mul_add(t0, (-x_dot).mul_add(self.c3, self.c2 * tau1));
+            let t4 = t0.mul_add(t3, (-x_dot).mul_add(self.c3, self.c2 * tau1));
             let t5 = x.cos();
             let t6 = self.c4.mul_add((-t2).mul_add(t4, tau2 * t5), t0) / A_s1_2_2;
             let t7 = self.c6 * t1;
@@ -1275,7 +1275,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 ]
             };
             let t4 = kept3.mul_add(theta_dot, sum3);
-            let t5 = kept4.mul_add(t0, kept0.mul_add(t4, sum4)) + -(self.c3 * x_dot);
+            let t5 = kept0.mul_add(t4, kept4.mul_add(t0, sum4)) + -(self.c3 * x_dot);
             let t6 = -kept5.mul_add(x, inverse * sum6);
             let t7 = kept9
                 * (-kept8)
@@ -1312,7 +1312,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 x_dot,
                 theta_dot,
-                t5.mul_add(self.c5, kept8.mul_add(t8, kept10.mul_add(t7, sum9))),
+                self.c5.mul_add(t5, kept8.mul_add(t8, kept10.mul_add(t7, sum9))),
                 self.c7 * t7,
                 -(kept11 * u),
             ];
