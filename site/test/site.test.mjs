@@ -76,7 +76,7 @@ test("equations, code and checks are text", async () => {
   assert.equal(await press("explain"), 0);
   assert.match(await page.textContent("#answer"), /Omega1/);
   assert.equal(await press("generate"), 0);
-  assert.match(await page.textContent("#answer"), /pub fn prepare/);
+  assert.match(await page.textContent("#answer"), /pub fn rhs/);
   assert.equal(await press("check"), 0);
 });
 
