@@ -99,6 +99,9 @@ where
         say("splitting2", h.into(), run(scene, Splitting2::new(), start, options, steps)?);
         say("splitting4", h.into(), run(scene, Splitting4::new(), start, options, steps)?);
         say("splitting6", h.into(), run(scene, Splitting6::new(), start, options, steps)?);
+        // The energy, which steps have one near to of their own, is the last of the invariants.
+        let onto_casimirs = Projected::<_, K>::onto_first(Splitting6::new(), K - 1);
+        say("splitting6, projected", h.into(), run(scene, onto_casimirs, start, options, steps)?);
         say("gauss8", h.into(), run(scene, Gauss8::fixed_point(), start, options, steps)?);
         say("gauss16", h.into(), run(scene, Gauss16, start, options, steps)?);
         return Ok(());

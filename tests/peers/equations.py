@@ -11,6 +11,8 @@ import json
 import math
 import pathlib
 
+# Error that a right-hand side may have, relative to its largest component: rounding, amplified near singular states.
+ACCURACY = 1e-13
 REFERENCE = pathlib.Path(__file__).resolve().parent.parent / "reference"
 
 
@@ -245,3 +247,23 @@ class Problem:
             error = max(abs(x - y) for x, y in zip(found, wanted))
             worst = max(worst, error / max(1.0, *map(abs, wanted)))
         return worst
+
+
+class Trajectory(Problem):
+    """A problem with start and end of one of its trajectories, which are counted from one on."""
+
+    def __init__(self, model, k=1):
+        super().__init__(model)
+        self.k = k
+        trajectory = self.trajectories[k - 1]
+        self.t_end = float(trajectory["t_final"])
+        self.start = self.numbers(trajectory["initial"], self.state)
+        self.end = self.numbers(trajectory["final"], self.state)
+        self.values = self.numbers(trajectory["params"], self.params)
+
+    def off(self, state):
+        return max(abs(x - y) / (1.0 + abs(y)) for x, y in zip(state, self.end))
+
+    def check(self, evaluate):
+        if not (error := self.error(evaluate)) <= ACCURACY:
+            raise SystemExit(f"{self.model}: the equations here are off by {error:e}")

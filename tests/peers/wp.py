@@ -16,33 +16,11 @@ import sys
 import time
 import warnings
 
-from equations import MODELS, Problem
+from equations import MODELS, Trajectory
 
 TOLERANCES = [f"1e-{k}" for k in range(3, 16)]
 ROUNDS = 100
 LANES = 8
-# Error that a right-hand side may have, relative to its largest component: rounding, amplified near singular states.
-ACCURACY = 1e-13
-
-
-class Trajectory(Problem):
-    """A problem with start and end of one of its trajectories, which are counted from one on."""
-
-    def __init__(self, model, k=1):
-        super().__init__(model)
-        self.k = k
-        trajectory = self.trajectories[k - 1]
-        self.t_end = float(trajectory["t_final"])
-        self.start = self.numbers(trajectory["initial"], self.state)
-        self.end = self.numbers(trajectory["final"], self.state)
-        self.values = self.numbers(trajectory["params"], self.params)
-
-    def off(self, state):
-        return max(abs(x - y) / (1.0 + abs(y)) for x, y in zip(state, self.end))
-
-    def check(self, evaluate):
-        if not (error := self.error(evaluate)) <= ACCURACY:
-            raise SystemExit(f"{self.model}: the equations here are off by {error:e}")
 
 
 def fastest(rounds, solution):

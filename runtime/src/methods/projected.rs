@@ -56,16 +56,34 @@ impl<R: Real, const K: usize, S: Invariants<R, K> + ?Sized> Invariants<R, K> for
 /// # Source
 ///
 /// Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), algorithm IV.4.2.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Projected<M, const K: usize> {
     method: M,
+    /// The first so many of the invariants are kept.
+    kept: usize,
 }
 
 impl<M, const K: usize> Projected<M, K> {
-    /// The method with projection.
+    /// The method with projection onto all invariants.
     #[must_use]
     pub const fn new(method: M) -> Self {
-        Self { method }
+        Self { method, kept: K }
+    }
+
+    /// The method with projection onto the first `kept` of the invariants, all of them if there are fewer.
+    ///
+    /// For methods that conserve some invariants but for rounding and are better left alone with others: a
+    /// [`Splitting`](super::Splitting) moves along the levels of all Casimirs, and has a nearby energy of its own. The
+    /// invariants of a generated scene are Casimirs first, then the energy.
+    #[must_use]
+    pub const fn onto_first(method: M, kept: usize) -> Self {
+        Self { method, kept: if kept < K { kept } else { K } }
+    }
+}
+
+impl<M: Default, const K: usize> Default for Projected<M, K> {
+    fn default() -> Self {
+        Self::new(M::default())
     }
 }
 
@@ -128,7 +146,7 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
 
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
         self.method.advance(&mut storage.inner, step)?;
-        storage.project(step)
+        storage.project(step, self.kept)
     }
 
     #[inline]
@@ -149,18 +167,26 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
 }
 
 impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
-    /// Moves the end of a step onto the levels.
-    fn project<S: Invariants<R, K, State = V>>(&mut self, step: &mut Step<'_, R, S>) -> Result<(), Error> {
+    /// Moves the end of a step onto the levels of the first `kept` invariants.
+    fn project<S: Invariants<R, K, State = V>>(
+        &mut self,
+        step: &mut Step<'_, R, S>,
+        kept: usize,
+    ) -> Result<(), Error> {
         const MAX_ITERATIONS: usize = 4;
         let t = step.t + step.h;
         // What is not finite is found, and explained, by the integrator.
         if !step.to.state.as_slice().iter().all(|y| y.all_finite()) {
             return Ok(());
         }
-        let Some(mut defects) = self.defects(t, step.system.values(t, &step.to.state))? else {
+        let Some(mut defects) = self.defects(t, step.system.values(t, &step.to.state), kept)? else {
             return Ok(());
         };
         step.system.gradients(t, &step.to.state, &mut self.gradients);
+        // What has no gradient is no direction to move in.
+        for gradient in &mut self.gradients[kept..] {
+            gradient.as_mut_slice().fill(R::ZERO);
+        }
         let size = R::from_f64(self.size_rounded_by_distance(&defects, &step.to.state));
         for (weight, &y) in self.weights.as_mut_slice().iter_mut().zip(step.to.state.as_slice()) {
             let y = y / size;
@@ -186,7 +212,9 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
                 let (moved, lost) = two_sum(*state, weight * correction);
                 (*state, *residue) = (moved, *residue + lost);
             }
-            let Some(left) = self.defects(t, step.system.values(t, &step.to.state))? else { return Ok(()) };
+            let Some(left) = self.defects(t, step.system.values(t, &step.to.state), kept)? else {
+                return Ok(());
+            };
             // Round-off ends the progress.
             let size = |defects: &[R; K]| defects.iter().fold(0.0_f64, |max, x| max.max(x.magnitude()));
             if size(&left) >= 0.5 * size(&defects) {
@@ -210,9 +238,10 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
         (distance / R::EPSILON).max(R::MIN_POSITIVE)
     }
 
-    /// Levels less values; none if all are met.
-    fn defects(&self, t: R, values: [R; K]) -> Result<Option<[R; K]>, Error> {
-        let defects: [R; K] = core::array::from_fn(|k| self.levels[k] - values[k]);
+    /// Levels less values, of the first `kept` invariants; none if all are met.
+    fn defects(&self, t: R, values: [R; K], kept: usize) -> Result<Option<[R; K]>, Error> {
+        let defects: [R; K] =
+            core::array::from_fn(|k| if k < kept { self.levels[k] - values[k] } else { R::ZERO });
         if let Some(index) = defects.iter().position(|defect| !defect.all_finite()) {
             return Err(Error::InvariantNotFinite { t: signed(t), index });
         }

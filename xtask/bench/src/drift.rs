@@ -3,21 +3,22 @@
 //! Every method takes steps at which round-off is all that is left of its error: half the longest power of two with
 //! which it meets the end of a short motion; the method for long runs also an eighth, which leaves less of it. Runs
 //! start at several points of one motion, so that their round-off has nothing in common. The energy is that of the
-//! state as it is stored, with 31 digits.
+//! state as it is stored, with 31 digits. Compositions of exact flows, of low order, take steps of one length: their
+//! error is what is compared, and what becomes of the Casimirs.
 //!
 //! Does not know: where motions come from, how results are shown.
 
 use std::time::Instant;
 
 use hamel_runtime::{
-    DoubleDouble, Gauss8, Gauss16, Gbs14, Integrator, Method, Options, Projected, Real, Scene, System,
-    Taylor, Vern9,
+    DoubleDouble, Gauss8, Gauss16, Gbs14, Integrator, Method, Options, Projected, Scene, Splitting4,
+    Splitting6, System, Taylor, Vern9,
 };
 
 use crate::body::{Body, Numbers};
 
 /// Runs of each method.
-const RUNS: u32 = 4;
+pub const RUNS: u32 = 4;
 /// Steps after which errors are told first.
 const FIRST: u64 = 1_000;
 /// Error at the end of the short motion, above which steps are too long; what the sum of its steps is rounded by.
@@ -28,6 +29,8 @@ const POWERS: std::ops::RangeInclusive<i32> = 1..=12;
 const PARTS: [f64; 2] = [0.5, 0.125];
 /// All but the longest runs take this part of the steps.
 const OTHERS: u64 = 10;
+/// Steps of the compositions of exact flows.
+const SPLIT: f64 = 0.0625;
 
 /// A motion to start from.
 #[derive(Clone, Debug)]
@@ -51,6 +54,8 @@ pub struct Error {
     pub rms: f64,
     /// Their mean.
     pub mean: f64,
+    /// The largest change of another invariant, relative to one and its value; nothing of a scene that has none.
+    pub invariants: Option<f64>,
 }
 
 /// What was measured of a method.
@@ -99,24 +104,50 @@ where
                 Options::fixed(part * self.step(method, start, motion.t_end, &end)?)
             }
         };
+        self.runs(name, method, options, (start, motion.t_end), steps)
+    }
+
+    /// Invariants other than the energy.
+    fn invariants(&self, y: &[f64; N]) -> Vec<f64> {
+        let mut values = vec![0.0; S::N_INVARIANTS];
+        self.scene.invariants_of(0.0, y, &mut values);
+        let named = S::INFO.outputs.iter().find(|o| o.name == "invariants").map_or(&[][..], |o| o.components);
+        named.iter().zip(values).filter(|(name, _)| **name != "energy").map(|(_, value)| value).collect()
+    }
+
+    /// A method with steps that are given, from points of a motion that starts at a state and has a length.
+    fn runs<M: Method<f64, S>>(
+        &self,
+        name: &'static str,
+        method: M,
+        options: Options<f64>,
+        (start, length): ([f64; N], f64),
+        steps: u64,
+    ) -> Option<Measured>
+    where
+        S: hamel_runtime::OverScalar<hamel_runtime::F64x4>,
+    {
         let mut errors: Vec<Error> = Vec::new();
         let mut clock = 0.0;
         let mut time = 0.0;
         for run in 0..RUNS {
-            let t = motion.t_end * f64::from(run) / f64::from(RUNS);
+            let t = length * f64::from(run) / f64::from(RUNS);
             let start = self.advanced(Gauss16, start, t, Options::fixed(0.5_f64.powi(9)))?;
-            let energy = self.energy(&start);
+            let (energy, invariants) = (self.energy(&start), self.invariants(&start));
             let mut solver = Integrator::new(&self.scene, method, 0.0, start, options).ok()?;
             let (mut next, mut place, begin) = (FIRST, 0, Instant::now());
             for step in 1..=steps {
                 // Far enough that the end is never met.
                 let _ = solver.step_towards(1e12).ok()?;
                 if step == next {
-                    let error = (self.energy(solver.state()) - energy) / energy;
-                    let error = if DoubleDouble::ZERO.all_gt(error) { -error.hi().abs() } else { error.hi() };
+                    let error = ((self.energy(solver.state()) - energy) / energy).hi();
+                    let changes = invariants.iter().zip(self.invariants(solver.state()));
+                    let changed = changes.map(|(from, to)| (to - from).abs() / (1.0 + from.abs()));
+                    let changed = changed.reduce(f64::max);
                     if run == 0 {
-                        errors.push(Error { steps: step, rms: 0.0, mean: 0.0 });
+                        errors.push(Error { steps: step, rms: 0.0, mean: 0.0, invariants: changed });
                     }
+                    errors[place].invariants = errors[place].invariants.zip(changed).map(|(a, b)| a.max(b));
                     errors[place].rms += error * error / f64::from(RUNS);
                     errors[place].mean += error / f64::from(RUNS);
                     (next, place) = (10 * next, place + 1);
@@ -134,13 +165,16 @@ where
 }
 
 /// Calls the macro with the models that are measured and their dimension; with their scene that has invariants, its
-/// dimension and the number of these; and with the one that has series.
+/// dimension and the number of these; with the one that has series; and with the one in momenta that has exact flows,
+/// the number of its invariants, and a state to start from.
 macro_rules! for_each_model {
     ($visit:ident) => {
         $visit! {
-            free_rigid_body 3 (free_rigid_body_invariants 7 5);
-            heavy_top 6 (heavy_top_invariants 6 3) [heavy_top_taylor];
-            kirchhoff_body 6 (kirchhoff_body_invariants 13 6);
+            free_rigid_body 3 (free_rigid_body_invariants 7 5) <free_rigid_body_splitting 2 [0.7, 2.1, 0.9]>;
+            heavy_top 6 (heavy_top_invariants 6 3) [heavy_top_taylor]
+                <heavy_top_splitting 3 [0.52, -0.51, 1.2, 0.0, 0.6, 0.8]>;
+            kirchhoff_body 6 (kirchhoff_body_invariants 13 6)
+                <kirchhoff_body_splitting 3 [1.04, -0.66, 0.21, 1.85, 0.46, -0.95]>;
             two_arm_satellite 7 (two_arm_satellite_invariants 11 5) [two_arm_satellite_taylor];
             zeitlin_euler_3 8;
             euler_disk 5 [euler_disk_taylor];
@@ -165,7 +199,43 @@ macro_rules! models {
         let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(&$motion.params)?;
         $say(body.measure(("taylor", PARTS[0]), Taylor::new(), $motion, $steps / OTHERS));
     }};
-    ($($model:ident $n:literal $(($kept:ident $m:literal $k:literal))? $([$series:ident])?;)*) => {
+    (@split $module:ident $k:literal [$($x:literal),*] $motion:ident $steps:ident $say:ident) => {{
+        use hamel_models::generated::$module::Prepared;
+        let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(&$motion.params)?;
+        let (options, start) = (Options::fixed(SPLIT), ([$($x),*], $motion.t_end));
+        // The energy, which the steps have one near to of their own, is the last of the invariants.
+        let onto_casimirs = Projected::<_, $k>::onto_first(Splitting6::new(), $k - 1);
+        $say(body.runs("splitting4", Splitting4::new(), options, start, $steps));
+        $say(body.runs("splitting6", Splitting6::new(), options, start, $steps));
+        $say(body.runs("splitting6, projected", onto_casimirs, options, start, $steps));
+        $say(body.runs("gauss16, momenta", Gauss16, options, start, $steps));
+    }};
+    ($(
+        $model:ident $n:literal $(($kept:ident $m:literal $k:literal))? $([$series:ident])?
+        $(<$split:ident $c:literal $start:tt>)?;
+    )*) => {
+        /// Errors of the energy of states, relative to that of the first one.
+        ///
+        /// # Errors
+        /// An unknown model, numbers that it does not have or does not allow.
+        pub fn errors(model: &str, params: &Numbers, states: &[Numbers]) -> Result<Vec<f64>, String> {
+            match model {
+                $(stringify!($model) => {
+                    use hamel_models::generated::$model::Prepared;
+                    let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(params)?;
+                    let energies: Vec<DoubleDouble> =
+                        states.iter().map(|state| body.energy(&body.state(state))).collect();
+                    Ok(energies.iter().map(|&e| ((e - energies[0]) / energies[0]).hi()).collect())
+                })*
+                other => Err(unknown(other)),
+            }
+        }
+
+        fn unknown(model: &str) -> String {
+            let known = [$(stringify!($model)),*].join(", ");
+            format!("{model} is not measured: choose of {known}")
+        }
+
         /// Measures every method on a motion; the longest runs have `steps` steps, those of the other methods fewer.
         ///
         /// # Errors
@@ -183,12 +253,10 @@ macro_rules! models {
                     say(body.measure(("gauss8", PARTS[0]), Gauss8::fixed_point(), motion, steps / OTHERS));
                     say(body.measure(("gbs14", PARTS[0]), Gbs14, motion, steps / OTHERS));
                     $(models!(@series $series motion steps say);)?
+                    $(models!(@split $split $c $start motion steps say);)?
                     Ok(())
                 })*
-                other => {
-                    let known = [$(stringify!($model)),*].join(", ");
-                    Err(format!("{other} is not measured: choose of {known}"))
-                }
+                other => Err(unknown(other)),
             }
         }
     };

@@ -14,7 +14,11 @@
 //!                                             `long;<steps>;<step>;<drift>`
 //! hamel-bench drift <steps> <model> <t> <params> <initial>
 //!                                             `<name>=<value>` joined by commas; for each method a line `round` and
-//!                                             lines `<method>;<step>;<ns>;<steps>;<rms>;<mean>`
+//!                                             lines `<method>;<step>;<ns>;<steps>;<rms>;<mean>;<invariants>`, the last
+//!                                             of which is `-` for a scene that has none but the energy
+//! hamel-bench energies <model> <params> <state>..
+//!                                             `<name>=<value>` joined by commas; for each state a line with the error
+//!                                             of its energy relative to that of the first one
 //! hamel-bench nonholonomic <steps> <methods> <model> <params> <initial>
 //!                                             methods joined by semicolons, `<name>=<value>` by commas; for each
 //!                                             method and step a line `<method>;<knob>;<value>;<error>;<evals>;<ns>`
@@ -103,11 +107,18 @@ fn run(arguments: &[String]) -> Result<(), String> {
             let motion = drift::Motion { model: model.to_owned(), params, initial, t_end };
             drift::measure(&motion, number(steps)?, |measured| {
                 let drift::Measured { method, h, ns, errors } = measured;
-                for drift::Error { steps, rms, mean } in errors {
-                    println!("{method};{h};{ns};{steps};{rms:e};{mean:e}");
+                for drift::Error { steps, rms, mean, invariants } in errors {
+                    let invariants =
+                        invariants.map_or_else(|| "-".to_owned(), |change| format!("{change:e}"));
+                    println!("{method};{h};{ns};{steps};{rms:e};{mean:e};{invariants}");
                 }
                 println!("round");
             })?;
+        }
+        #[cfg(feature = "drift")]
+        ["energies", model, params, ..] => {
+            let states = arguments[3..].iter().map(|s| numbers(s)).collect::<Result<Vec<_>, _>>()?;
+            drift::errors(model, &numbers(params)?, &states)?.iter().for_each(|error| println!("{error:e}"));
         }
         #[cfg(feature = "nonholonomic")]
         ["nonholonomic", steps, methods, model, params, initial] => {

@@ -130,7 +130,8 @@ Examples:
     #[command(after_help = "\
 Examples:
   cargo xtask bench drift                            ten systems, some minutes; writes docs/benchmarks
-  cargo xtask bench drift heavy_top --steps 100000   one of them, shorter; writes nothing")]
+  cargo xtask bench drift heavy_top --steps 100000   one of them, shorter; writes nothing
+  cargo xtask bench drift --peers                    heyoka as well; see tests/peers/README.md")]
     Drift {
         #[command(flatten)]
         chosen: Chosen,
@@ -138,6 +139,9 @@ Examples:
         #[arg(long, value_name = "N", default_value_t = 10_000_000)]
         #[arg(value_parser = clap::value_parser!(u64).range(10_000..))]
         steps: u64,
+        /// Measure heyoka, too: needs Python with the package of tests/peers/README.md
+        #[arg(long)]
+        peers: bool,
     },
     /// Nonholonomic systems: errors of energy and constraint over many steps against the cost
     ///
@@ -204,7 +208,9 @@ impl Bench {
                 let target_cpu = or_host(target_cpu);
                 fluids::fluids(repository, fluids::Options { rounds, target_cpu, peers })
             }
-            Bench::Drift { chosen, steps } => drift::drift(repository, &drift::Options { chosen, steps }),
+            Bench::Drift { chosen, steps, peers } => {
+                drift::drift(repository, &drift::Options { chosen, steps, peers })
+            }
             Bench::Nonholonomic { chosen, steps, methods } => {
                 let options = nonholonomic::Options { chosen, steps, methods };
                 nonholonomic::nonholonomic(repository, session, &options)
