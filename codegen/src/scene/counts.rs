@@ -2,7 +2,7 @@
 //!
 //! Does not know: what the functions compute.
 
-use crate::program::{Counts, Role};
+use crate::program::{Circles, Counts, Role};
 
 use super::built::BuiltScene;
 
@@ -30,12 +30,15 @@ impl BuiltScene {
     }
 
     /// Operations of the part that runs once, of all functions together, and of every function, followed by those of
-    /// its sections, whose names begin with spaces.
+    /// its sections, whose names begin with spaces; last the right-hand side on circles, where there is one.
     pub fn operation_counts(&self) -> Vec<(String, Counts)> {
         let mut total = Counts::default();
         self.program.functions.iter().for_each(|f| total += f.counts());
         let mut rows = self.operations(|_| true);
         rows.insert(1, ("all functions, once each".into(), total));
+        if let Some(circles) = Circles::of(&self.program) {
+            rows.push(("rhs_on_circles".into(), circles.program.functions[Circles::RATE].counts()));
+        }
         rows
     }
 
