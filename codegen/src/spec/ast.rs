@@ -1,5 +1,7 @@
 //! Syntax tree of a model file. Every node knows its bytes.
 
+use std::collections::BTreeSet;
+
 use super::diagnostic::Span;
 use super::event::EventDirection;
 use super::names::ALGEBRA_FUNCTIONS;
@@ -147,6 +149,13 @@ pub(super) struct EventItem {
 #[derive(Clone, Debug)]
 pub(super) enum ItemKind {
     Source(String),
+    /// `size n = 5;`
+    Size {
+        name: Name,
+        value: i64,
+        /// Where the value stands.
+        place: Span,
+    },
     Param {
         name: Name,
         shape: Shape,
@@ -331,7 +340,12 @@ pub(super) enum ReconstructWay {
 pub(super) struct File {
     pub(super) doc: Vec<String>,
     pub(super) name: Name,
+    /// With loops written out, unless they were read once.
     pub(super) items: Vec<Item>,
+    /// Indices of loops, each with where it is known.
+    pub(super) indices: Vec<(Name, Span)>,
+    /// Names that are declared with an index.
+    pub(super) families: BTreeSet<String>,
 }
 
 impl AlgebraExpr {

@@ -19,6 +19,8 @@ use super::vocabulary::{self, WordKind};
 #[allow(missing_docs, reason = "each is what its title says")]
 pub enum DeclarationKind {
     Model,
+    Size,
+    Index,
     Parameter,
     Input,
     Definition,
@@ -46,6 +48,8 @@ impl DeclarationKind {
     pub fn title(self) -> &'static str {
         match self {
             DeclarationKind::Model => "model",
+            DeclarationKind::Size => "size",
+            DeclarationKind::Index => "index",
             DeclarationKind::Parameter => "parameter",
             DeclarationKind::Input => "input",
             DeclarationKind::Definition => "definition",
@@ -77,8 +81,8 @@ impl DeclarationKind {
 
     /// Whether expressions of the model may mention it.
     pub fn is_value(self) -> bool {
-        use DeclarationKind::{Definition, Input, Parameter};
-        self.is_of_state() || matches!(self, Parameter | Input | Definition)
+        use DeclarationKind::{Definition, Index, Input, Parameter, Size};
+        self.is_of_state() || matches!(self, Parameter | Input | Definition | Size | Index)
     }
 
     /// Names of algebras are a space of names of their own, as are those of what a scene may want; these are others.
@@ -212,10 +216,22 @@ impl Outline {
                     item: item.span,
                     extent: item.extent,
                     doc,
-                    has_components,
+                    has_components: has_components || file.families.contains(&name.text),
                     scope,
                 });
             }
+        }
+        for (name, scope) in &file.indices {
+            self.declarations.push(Declaration {
+                kind: DeclarationKind::Index,
+                name: name.text.clone(),
+                span: name.span,
+                item: *scope,
+                extent: *scope,
+                doc: String::new(),
+                has_components: false,
+                scope: Some(*scope),
+            });
         }
     }
 
@@ -430,6 +446,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         }
         ItemKind::View { name, .. } => vec![one(DeclarationKind::View, name, false)],
         ItemKind::Scene { name, .. } => vec![one(DeclarationKind::Scene, name, false)],
+        ItemKind::Size { name, .. } => vec![one(DeclarationKind::Size, name, false)],
         ItemKind::Source(_)
         | ItemKind::Require(_)
         | ItemKind::Drive { .. }

@@ -6,7 +6,7 @@
 //!
 //! Deliberately does not know: values, shapes, mechanics. It reads the syntax tree alone.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::ast::{
     AlgebraExpr, AlgebraNode, AlgebroidBlock, Carry, DomainExpr, Expr, Item, ItemKind, Name, Node,
@@ -46,7 +46,10 @@ pub(super) fn warnings(items: &[Item]) -> Vec<Diagnostic> {
             pending.extend(declarations[k].mentions.iter().cloned());
         }
     }
-    let unused = |k: &usize| !is_used[*k];
+    // A loop declares several names at one place; one that has an effect is enough.
+    let places: BTreeSet<usize> =
+        declarations.iter().zip(&is_used).filter(|(_, used)| **used).map(|(d, _)| d.name.span.start).collect();
+    let unused = |k: &usize| !places.contains(&declarations[*k].name.span.start);
     (0..declarations.len()).filter(unused).map(|k| warning(k, &declarations, &owners)).collect()
 }
 
@@ -202,6 +205,7 @@ fn effective(item: &Item) -> Vec<String> {
             mentions(arguments.iter().chain([around, at, attitude].into_iter().flatten()))
         }
         ItemKind::Source(_)
+        | ItemKind::Size { .. }
         | ItemKind::Param { .. }
         | ItemKind::Input { .. }
         | ItemKind::Require(_)

@@ -37,6 +37,16 @@ pub struct Word {
 const OF_ITEMS: &[(&str, &str)] = &[
     ("source", "Where the model comes from; any number of them."),
     (
+        "size",
+        "A file with sizes is a family of models, and the model is its member for the values that the file \
+         gives them.",
+    ),
+    (
+        "for",
+        "`for` repeats items, with an index that runs through a range; both ends belong to it, and a range \
+         that ends before it begins has nothing.",
+    ),
+    (
         "param",
         "A parameter with its default: a constant expression without names, for vectors and matrices a \
          list in the order of the components.",
@@ -343,8 +353,8 @@ pub(super) fn kind_of(word: &str, is_called: bool) -> Option<WordKind> {
 
 /// Whether a word may join what stands before and behind it.
 pub(super) fn is_connective(word: &str) -> bool {
-    const WORDS: [&str; 14] = [
-        "in", "of", "on", "by", "as", "from", "where", "around", "at", "attitude", "rising", "falling",
+    const WORDS: [&str; 15] = [
+        "for", "in", "of", "on", "by", "as", "from", "where", "around", "at", "attitude", "rising", "falling",
         "then", "stop",
     ];
     WORDS.contains(&word)

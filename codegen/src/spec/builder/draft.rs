@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::event::EventDirection;
+use crate::spec::family::FamilySize;
 use crate::spec::group::Group;
 use crate::spec::model::*;
 use crate::spec::names;
@@ -37,6 +38,7 @@ pub(in crate::spec) enum DeclaredAs {
     FrameVelocity,
     Section,
     CarriedAcceleration,
+    Size,
 }
 
 impl DeclaredAs {
@@ -58,6 +60,7 @@ impl DeclaredAs {
             DeclaredAs::Reconstructed => "a reconstructed coordinate",
             DeclaredAs::Definition => "a definition",
             DeclaredAs::FrameVelocity => "a quasi-velocity of the frame",
+            DeclaredAs::Size => "a size",
             DeclaredAs::Section => "a basis element of the algebroid",
             DeclaredAs::CarriedAcceleration => "the acceleration along a constraint of third order",
         }
@@ -277,6 +280,7 @@ pub struct ModelBuilder {
     pub(super) name: String,
     pub(super) doc: Vec<String>,
     pub(super) sources: Vec<String>,
+    pub(super) sizes: Vec<FamilySize>,
     pub(super) time: SymbolId,
     pub(super) params: Vec<Param>,
     pub(super) param_arrays: Vec<ParamArray>,
@@ -359,6 +363,7 @@ impl ModelBuilder {
             name: name.to_owned(),
             doc: Vec::new(),
             sources: Vec::new(),
+            sizes: Vec::new(),
             time,
             params: Vec::new(),
             param_arrays: Vec::new(),

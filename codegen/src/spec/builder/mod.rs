@@ -19,6 +19,7 @@ mod params;
 mod reconstruct;
 mod scenes;
 mod sections;
+mod sizes;
 mod stages;
 mod symbols;
 mod variables;

@@ -69,7 +69,7 @@ impl Elaboration<'_> {
             ItemKind::Constraint { name, left, right } => match self.equation(&["ddt"], left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);
-                    let text = self.one_line(place);
+                    let text = self.equation_text(left, right);
                     let name = name.as_ref().map(|n| n.text.as_str());
                     self.builder.at(Some(place)).constraint(name, &text, &l, &r);
                 }
@@ -78,7 +78,7 @@ impl Elaboration<'_> {
             ItemKind::Virtual { name, left, right } => match self.equation(&["delta", "ddt"], left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);
-                    let text = self.one_line(place);
+                    let text = self.equation_text(left, right);
                     let name = name.as_ref().map(|n| n.text.as_str());
                     self.builder.at(Some(place)).virtual_constraint(name, &text, &l, &r);
                 }
@@ -163,6 +163,7 @@ impl Elaboration<'_> {
                 self.formulation(&name.text, formulation);
             }
             ItemKind::Source(_)
+            | ItemKind::Size { .. }
             | ItemKind::Input { .. }
             | ItemKind::Let { .. }
             | ItemKind::AlgebraName { .. }
@@ -210,7 +211,10 @@ impl Elaboration<'_> {
         }
         for (k, (compare, _)) in comparison.rest.iter().enumerate() {
             let span = sides[k].span.to(sides[k + 1].span);
-            let text = self.one_line(span);
+            let text = match self.is_in_loop(span) {
+                true => format!("{} {} {}", sides[k], compare, sides[k + 1]),
+                false => self.one_line(span),
+            };
             self.builder.at(Some(span)).condition(&text, &values[k], *compare, &values[k + 1]);
         }
     }

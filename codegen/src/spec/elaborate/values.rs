@@ -19,6 +19,8 @@ pub(super) struct Elaboration<'a> {
     pub(super) weights: BTreeMap<String, u64>,
     pub(super) poisoned: BTreeSet<String>,
     pub(super) is_spent: bool,
+    /// Where names and numbers of the text stand for others in each turn.
+    pub(super) loops: Vec<Span>,
     /// Names of reconstructed coordinates; they have values only when everything else is done.
     pub(super) withheld: BTreeSet<String>,
     pub(super) algebras: BTreeMap<String, LieAlgebra<Number>>,
@@ -44,6 +46,17 @@ impl Elaboration<'_> {
             return kept.join(" ").split_whitespace().collect::<Vec<_>>().join(" ");
         }
         text.split_whitespace().collect::<Vec<_>>().join(" ")
+    }
+
+    /// Whether a place of the text is read several times.
+    pub(super) fn is_in_loop(&self, span: Span) -> bool {
+        self.loops.iter().any(|scope| scope.start <= span.start && span.end <= scope.end)
+    }
+
+    /// An equation as it stands in the text, or as a turn of a loop reads it.
+    pub(super) fn equation_text(&self, left: &Expr, right: &Expr) -> String {
+        let place = left.span.to(right.span);
+        if self.is_in_loop(place) { format!("{left} = {right}") } else { self.one_line(place) }
     }
 
     pub(super) fn eval(&mut self, expr: &Expr) -> Option<Value> {

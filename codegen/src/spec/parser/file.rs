@@ -14,6 +14,7 @@ use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::names;
 
 /// What the parser understood, and which names it could not.
+#[derive(Clone, Debug, Default)]
 pub(in crate::spec) struct Outcome {
     pub(in crate::spec) file: Option<File>,
     pub(in crate::spec) problems: Vec<Diagnostic>,
@@ -46,17 +47,21 @@ impl<'a> Parser<'a> {
             Ok(header) => header,
             Err(problem) => return outcome.problems.push(*problem),
         };
-        let items = body.items(outcome);
+        let mut items = Vec::new();
+        body.items(outcome, &mut items);
+        let families = self.shared.families();
+        let members: Vec<String> = families.intersection(&outcome.poisoned).cloned().collect();
+        outcome.poisoned.extend(members.iter().flat_map(|family| self.shared.members(family)));
         if !self.at_end() {
             let found = self.found();
             let problem = Diagnostic::new(Some(self.here()), format!("{found} after the end of the model"));
             outcome.problems.push(problem.with_help("a file holds one model: `model name { .. }`"));
         }
-        outcome.file = Some(File { doc, name, items });
+        let indices = self.shared.indices.take();
+        outcome.file = Some(File { doc, name, items, indices, families });
     }
 
-    fn items(&mut self, outcome: &mut Outcome) -> Vec<Item> {
-        let mut items = Vec::new();
+    fn items(&mut self, outcome: &mut Outcome, items: &mut Vec<Item>) {
         loop {
             let start = self.cursor;
             let first = self.here();
@@ -69,9 +74,28 @@ impl<'a> Parser<'a> {
                 if let Err(problem) = doc {
                     outcome.problems.push(*problem);
                 }
-                return items;
+                return;
             }
             if self.punct(";").is_some() {
+                continue;
+            }
+            if self.peek_ident().as_deref() == Some("for") {
+                if doc.is_ok_and(|doc| !doc.is_empty()) {
+                    let problem = Diagnostic::new(Some(first), "doc comment belongs to no item");
+                    outcome.problems.push(problem.with_help("write it within the loop, before an item"));
+                }
+                let read = self.for_items(|inside| {
+                    let before = outcome.problems.len();
+                    inside.items(outcome, items);
+                    // What is wrong with one turn is most often wrong with all.
+                    outcome.problems.len() == before
+                });
+                if let Err(mut problem) = read {
+                    problem.help = problem.help.or(names::item_form("for"));
+                    outcome.problems.push(*problem);
+                    self.skip_item();
+                    poison(start, self.cursor, &mut outcome.poisoned);
+                }
                 continue;
             }
             let keyword = self.here();
