@@ -126,6 +126,10 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
         ItemKind::Representation { name, algebra, .. } => {
             add("representation", name, vec![of_algebras(&name.text)], algebras(algebra));
         }
+        ItemKind::Body(body) => {
+            let parts = body.parts.iter().map(|(_, name)| name.text.clone()).collect();
+            add("body", &body.name, parts, mentions(body.expressions()));
+        }
         ItemKind::QuasiVelocity(names) => {
             names.iter().for_each(|name| add("quasi-velocity", name, alone(name), Vec::new()));
         }
@@ -172,6 +176,7 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::Constraint { left, right, .. } | ItemKind::Virtual { left, right, .. } => {
             mentions([left, right])
         }
+        ItemKind::AppliedForce { on, value, .. } => mentions([on, value]),
         ItemKind::Frame(velocities) => mentions(velocities.iter().map(|v| &v.value)),
         ItemKind::Algebroid(AlgebroidBlock { anchors, rules, .. }) => {
             mentions(anchors.iter().map(|(_, value)| value).chain(rules.iter().map(|rule| &rule.value)))
@@ -213,6 +218,7 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::AlgebraName { .. }
         | ItemKind::AlgebraBrackets { .. }
         | ItemKind::Representation { .. }
+        | ItemKind::Body(_)
         | ItemKind::QuasiVelocity(_)
         | ItemKind::DerivedConnection(_)
         | ItemKind::LagrangianInnerProduct

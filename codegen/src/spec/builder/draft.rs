@@ -4,6 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::applied::AppliedForce;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
@@ -329,6 +330,7 @@ pub struct ModelBuilder {
     pub(super) independent: Option<(Vec<Located>, Option<Span>)>,
     pub(super) multipliers: Option<Option<Span>>,
     pub(super) forces: Vec<(String, Value, Option<Span>)>,
+    pub(super) applied: Vec<AppliedForce>,
     pub(super) casimirs: Vec<Named>,
     pub(super) outputs: Vec<NamedVector>,
     pub(super) output_names: BTreeMap<String, Option<Span>>,
@@ -402,6 +404,7 @@ impl ModelBuilder {
             independent: None,
             multipliers: None,
             forces: Vec::new(),
+            applied: Vec::new(),
             casimirs: Vec::new(),
             outputs: Vec::new(),
             output_names: BTreeMap::new(),

@@ -4,6 +4,7 @@
 
 mod advected;
 mod algebroid;
+mod applied;
 mod build;
 mod connection;
 mod constraints;

@@ -103,6 +103,17 @@ impl Elaboration<'_> {
                     self.builder.at(Some(name.span)).force(&name.text, &value);
                 }
             }
+            ItemKind::AppliedForce { is_place, on, value } => {
+                let (place, force) = (self.eval(on), self.eval(value));
+                if let (Some(place), Some(force)) = (place, force) {
+                    let builder = self.builder.at(Some(on.span.to(value.span)));
+                    _ = if *is_place {
+                        builder.force_at(&place, &force)
+                    } else {
+                        builder.force_along(&place, &force)
+                    };
+                }
+            }
             ItemKind::Casimir { name, value } => match self.eval(value) {
                 Some(Value::Scalar(e)) => {
                     self.builder.at(Some(name.span)).casimir(
@@ -166,6 +177,7 @@ impl Elaboration<'_> {
             | ItemKind::Size { .. }
             | ItemKind::Input { .. }
             | ItemKind::Let { .. }
+            | ItemKind::Body(_)
             | ItemKind::AlgebraName { .. }
             | ItemKind::AlgebraBrackets { .. }
             | ItemKind::Representation { .. }

@@ -4,6 +4,7 @@
 
 mod algebra_expressions;
 mod algebras;
+mod bodies;
 mod frames;
 mod items;
 mod lets;
@@ -37,6 +38,7 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
         is_spent: false,
         loops: file.indices.iter().map(|(_, scope)| *scope).collect(),
         withheld: BTreeSet::new(),
+        spins: BTreeMap::new(),
         algebras: BTreeMap::new(),
         representations: BTreeMap::new(),
     };
@@ -118,6 +120,8 @@ impl Elaboration<'_> {
         // What figures show lives in a graph of its own, so that it leaves no trace in generated code.
         if items_have_views(&file.items) {
             self.builder.begin_views();
+            // Their entries are expressions of the other graph.
+            self.spins.clear();
             for item in &file.items {
                 self.view(item);
             }

@@ -10,6 +10,7 @@ use crate::spec::ast::Expr;
 use crate::spec::builder::ModelBuilder;
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::eval::Evaluator;
+use crate::spec::rates::{Rates, Spins};
 use crate::spec::shape::Shape;
 use crate::spec::value::Value;
 
@@ -23,6 +24,8 @@ pub(super) struct Elaboration<'a> {
     pub(super) loops: Vec<Span>,
     /// Names of reconstructed coordinates; they have values only when everything else is done.
     pub(super) withheld: BTreeSet<String>,
+    /// Angular velocities of rotations that have been made.
+    pub(super) spins: Spins,
     pub(super) algebras: BTreeMap<String, LieAlgebra<Number>>,
     /// Representations with the algebra they belong to.
     pub(super) representations: BTreeMap<String, (LieAlgebra<Number>, Representation<Number>)>,
@@ -92,7 +95,16 @@ impl Elaboration<'_> {
         expr: &Expr,
         operators: &[(&'static str, &BTreeMap<ExprId, ExprId>)],
     ) -> Option<Value> {
-        self.evaluator(operators, None).eval(expr).map(|(value, _)| value)
+        let rates = self.rates_for(&[expr]);
+        let mut evaluator = self.evaluator(operators, None);
+        evaluator.rates = rates.as_ref();
+        evaluator.eval(expr).map(|(value, _)| value)
+    }
+
+    /// Rates along a motion, for expressions that need them.
+    pub(super) fn rates_for(&mut self, list: &[&Expr]) -> Option<Rates> {
+        let needs = |expr: &&Expr| ["rate", "spin", "rot"].iter().any(|function| expr.calls(function));
+        list.iter().any(needs).then(|| self.builder.rates())
     }
 
     /// What evaluates expressions of the model with everything that is declared by now.
@@ -114,6 +126,8 @@ impl Elaboration<'_> {
             operators,
             withheld: &self.withheld,
             algebras: &self.algebras,
+            rates: None,
+            spins: &mut self.spins,
             own_algebra: self.builder.algebra.as_ref().filter(|_| !is_own).map(|(algebra, _)| algebra),
         }
     }
@@ -147,6 +161,8 @@ impl Elaboration<'_> {
             operators: &[],
             withheld: &BTreeSet::new(),
             algebras: &self.algebras,
+            rates: None,
+            spins: &mut BTreeMap::new(),
             own_algebra: None,
         };
         let value = evaluator.eval(expr);

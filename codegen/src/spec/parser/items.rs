@@ -121,6 +121,9 @@ impl<'a> Parser<'a> {
                 ItemKind::Independent(self.comma_separated(|p| p.named("the name of a velocity"))?)
             }
             "multipliers" => ItemKind::Multipliers,
+            "body" => return self.body().map(|kind| (kind, true)),
+            "moment" => self.moment()?,
+            "force" if self.is_applied() => self.applied_force()?,
             "force" => {
                 let name = self.named("the velocity the force is paired with")?;
                 self.equals()?;

@@ -6,6 +6,7 @@
 //!
 //! Deliberately does not know: what names stand for, shapes, values.
 
+mod bodies;
 mod cursor;
 mod expressions;
 mod file;

@@ -215,8 +215,26 @@ impl<'a> Parser<'a> {
         self.declared_as(what, true)
     }
 
+    /// What a body declares: the name that is next with an ending, and with its index behind that.
+    pub(super) fn declared_with(&mut self, ending: &str) -> Parsed<Name> {
+        let name = self.ident("the name of a body")?;
+        let name = Name { text: format!("{}{ending}", name.text), span: name.span };
+        self.declare(name, false)
+    }
+
+    /// The name of a part of a body.
+    pub(super) fn part_of_body(&mut self, part: BodyPart) -> Parsed<Name> {
+        let name = self.ident("the name of a body")?;
+        let name = Name { text: format!("{}{}", name.text, part.ending()), span: name.span };
+        self.mention(name)
+    }
+
     fn declared_as(&mut self, what: &str, is_coordinate: bool) -> Parsed<Name> {
         let name = self.ident(what)?;
+        self.declare(name, is_coordinate)
+    }
+
+    fn declare(&mut self, name: Name, is_coordinate: bool) -> Parsed<Name> {
         let Some((index, span)) = self.index_of_name(&name)? else { return Ok(name) };
         let mut declared = self.shared.declared.borrow_mut();
         let family = declared.entry(name.text.clone()).or_default();
@@ -231,6 +249,10 @@ impl<'a> Parser<'a> {
     /// A name that is declared elsewhere, perhaps with an index: a member of a family or a component of a vector.
     pub(super) fn named(&mut self, what: &str) -> Parsed<Name> {
         let name = self.ident(what)?;
+        self.mention(name)
+    }
+
+    fn mention(&mut self, name: Name) -> Parsed<Name> {
         let Some((index, span)) = self.index_of_name(&name)? else { return Ok(name) };
         let text = match (self.shared.member(&name.text, index), name.text.strip_suffix("_dot")) {
             (Some(member), _) => self.is_member(member, &name.text, index, span)?,
