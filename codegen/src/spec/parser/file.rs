@@ -50,8 +50,6 @@ impl<'a> Parser<'a> {
         let mut items = Vec::new();
         body.items(outcome, &mut items);
         let families = self.shared.families();
-        let members: Vec<String> = families.intersection(&outcome.poisoned).cloned().collect();
-        outcome.poisoned.extend(members.iter().flat_map(|family| self.shared.members(family)));
         if !self.at_end() {
             let found = self.found();
             let problem = Diagnostic::new(Some(self.here()), format!("{found} after the end of the model"));

@@ -23,6 +23,9 @@ use crate::spec::limits::{MAX_DIM, MAX_INDEX, MAX_WRITTEN};
 /// Digits that a number may have on the way to an index.
 const MAX_BITS: u64 = 256;
 
+/// What a turn counts beside its text, in bytes.
+const TURN: usize = 64;
+
 /// How loops are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::spec) enum Loops {
@@ -77,14 +80,6 @@ impl Shared {
     /// The names of families.
     pub(super) fn families(&self) -> BTreeSet<String> {
         self.declared.borrow().keys().cloned().collect()
-    }
-
-    /// The names of the members of a family, and of their rates.
-    pub(super) fn members(&self, family: &str) -> Vec<String> {
-        let declared = self.declared.borrow();
-        let Some(Family { members, are_coordinates }) = declared.get(family) else { return Vec::new() };
-        let rates = members.iter().filter(|_| *are_coordinates).map(|k| format!("{family}{k}_dot"));
-        members.iter().map(|k| format!("{family}{k}")).chain(rates).collect()
     }
 
     /// The name of a member of a family, or what its members are.
@@ -185,7 +180,11 @@ impl<'a> Parser<'a> {
             Some(whole) if whole.unsigned_abs() <= MAX_INDEX => Ok(whole),
             _ => {
                 let message = format!("expected {what}, found {value}{}", self.turn());
-                problem(expr.span, message, format!("whole numbers here are at most {MAX_INDEX}"))
+                let help = match value.is_integer() {
+                    true => format!("whole numbers here are at most {MAX_INDEX}"),
+                    false => "sizes and indices count, so that nothing is rounded".to_owned(),
+                };
+                problem(expr.span, message, help)
             }
         }
     }
@@ -300,9 +299,9 @@ impl<'a> Parser<'a> {
         Ok(Some(Expr { node: Node::Name(text), span }))
     }
 
-    /// Charges what a loop writes out.
+    /// Charges what a turn of a loop writes out, and the turn itself.
     pub(super) fn charge(&self, bytes: usize, span: Span) -> Parsed<()> {
-        let written = self.shared.written.get().saturating_add(bytes);
+        let written = self.shared.written.get().saturating_add(bytes.saturating_add(TURN));
         self.shared.written.set(written);
         if written <= MAX_WRITTEN {
             return Ok(());
