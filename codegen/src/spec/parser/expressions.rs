@@ -161,7 +161,12 @@ fn sum_of(name: &Name, terms: Vec<Expr>, span: Span) -> Parsed<Expr> {
     if terms.is_empty() {
         return Ok(Expr { node: number_node(0), span });
     }
-    let mut sum = fold_chain(terms.into_iter().map(|term| (false, term)).collect(), Node::Sum);
+    // As somebody would write it out: terms of terms are terms.
+    let flat = terms.into_iter().flat_map(|term| match term.node {
+        Node::Sum(list) => list,
+        _ => vec![(false, term)],
+    });
+    let mut sum = fold_chain(flat.collect(), Node::Sum);
     sum.span = span;
     Ok(sum)
 }
