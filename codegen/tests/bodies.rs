@@ -126,7 +126,10 @@ fn forces_agree(text: &str, placed: &str, by_hand: &str) {
     }
     let found = parsed(&format!("model m {{ {text} {placed} }}"));
     assert_eq!(found.forces.len(), other.forces.len());
-    assert!(found.forces.iter().any(|f| !found.graph.free_symbols(*f).is_empty()), "no force depends on anything");
+    assert!(
+        found.forces.iter().any(|f| !found.graph.free_symbols(*f).is_empty()),
+        "no force depends on anything"
+    );
     let mut both = parsed(&format!("model m {{ {text} {placed} {less} }}"));
     for (k, force) in both.forces.clone().into_iter().enumerate() {
         let shown = both.graph.display(force, Style::Plain);

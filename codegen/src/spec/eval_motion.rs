@@ -31,7 +31,8 @@ impl Evaluator<'_> {
 
     pub(super) fn rate_of_value(&mut self, value: &Value, span: Span) -> Option<Value> {
         let Some(rates) = self.rates else {
-            let help = "it is known where the coordinates are: in definitions, the Lagrangian, forces and outputs";
+            let help =
+                "it is known where the coordinates are: in definitions, the Lagrangian, forces and outputs";
             return self.fail(span, "a rate is not known here", help);
         };
         self.charge(4 * value.entries().len() * (rates.len() + 1), span)?;

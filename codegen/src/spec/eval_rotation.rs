@@ -111,7 +111,8 @@ impl Evaluator<'_> {
         if let Some((expr, value)) = eps {
             let (eps, eps_bits) = value?;
             let Value::Scalar(eps) = eps else {
-                let message = format!("the second argument of `{function}` is a number, found {}", eps.shape());
+                let message =
+                    format!("the second argument of `{function}` is a number, found {}", eps.shape());
                 return self.fail(expr.span, message, "a small length, such as a parameter `eps`");
             };
             let more = self.graph.mul(eps, eps);
@@ -126,8 +127,7 @@ impl Evaluator<'_> {
             let help = "zero has no direction: `unit(v, eps)` is zero there";
             return self.fail(vector.span, "division by zero", help);
         }
-        let Ok(inverse) = self.graph.power_product(&[(length, -Rational::from_integer(1.into()))])
-        else {
+        let Ok(inverse) = self.graph.power_product(&[(length, -Rational::from_integer(1.into()))]) else {
             return self.fail(vector.span, "division by zero", "zero has no direction");
         };
         Some((v.scale(self.graph, inverse), bits))

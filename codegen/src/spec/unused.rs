@@ -47,8 +47,12 @@ pub(super) fn warnings(items: &[Item]) -> Vec<Diagnostic> {
         }
     }
     // A loop declares several names at one place; one that has an effect is enough.
-    let places: BTreeSet<usize> =
-        declarations.iter().zip(&is_used).filter(|(_, used)| **used).map(|(d, _)| d.name.span.start).collect();
+    let places: BTreeSet<usize> = declarations
+        .iter()
+        .zip(&is_used)
+        .filter(|(_, used)| **used)
+        .map(|(d, _)| d.name.span.start)
+        .collect();
     let unused = |k: &usize| !places.contains(&declarations[*k].name.span.start);
     (0..declarations.len()).filter(unused).map(|k| warning(k, &declarations, &owners)).collect()
 }

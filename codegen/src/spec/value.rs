@@ -89,9 +89,7 @@ impl Value {
         match self {
             Value::Scalar(e) => Value::Scalar(entries.first().copied().unwrap_or(*e)),
             Value::Vector(_) => Value::Vector(entries),
-            Value::Matrix { rows, columns, .. } => {
-                Value::Matrix { rows: *rows, columns: *columns, entries }
-            }
+            Value::Matrix { rows, columns, .. } => Value::Matrix { rows: *rows, columns: *columns, entries },
         }
     }
 

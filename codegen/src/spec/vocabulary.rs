@@ -368,8 +368,8 @@ pub(super) fn kind_of(word: &str, is_called: bool) -> Option<WordKind> {
 /// Whether a word may join what stands before and behind it.
 pub(super) fn is_connective(word: &str) -> bool {
     const WORDS: [&str; 15] = [
-        "for", "in", "of", "on", "by", "as", "from", "where", "around", "at", "attitude", "rising", "falling",
-        "then", "stop",
+        "for", "in", "of", "on", "by", "as", "from", "where", "around", "at", "attitude", "rising",
+        "falling", "then", "stop",
     ];
     WORDS.contains(&word)
 }

@@ -100,8 +100,10 @@ impl ModelBuilder {
                 let slopes: Vec<ExprId> = velocities.iter().map(|y| self.graph.diff(u, *y)).collect();
                 let curved = |e: &ExprId| !self.graph.free_symbols(*e).is_disjoint(&own);
                 if slopes.iter().any(curved) {
-                    let problem = Diagnostic::new(span, "the velocity of the force is not linear in velocities");
-                    self.problems.push(problem.with_help("write `force at p: F` with a place, or its velocity"));
+                    let problem =
+                        Diagnostic::new(span, "the velocity of the force is not linear in velocities");
+                    self.problems
+                        .push(problem.with_help("write `force at p: F` with a place, or its velocity"));
                     break;
                 }
                 for (sum, slope) in sums.iter_mut().zip(slopes) {

@@ -14,7 +14,8 @@ impl Elaboration<'_> {
     /// A part of a body: `p'`, the angular velocity `w` with `hat(w) = R^T R'`, `m p'`, `I w`, and the kinetic energy
     /// `m/2 p'.p' + 1/2 w.I w`. Nothing after a problem.
     pub(super) fn part(&mut self, body: &BodyItem, part: BodyPart) -> Option<Weighed> {
-        let (translation, rotation) = (body.mass.as_ref().zip(body.place.as_ref()), body.inertia.as_ref().zip(body.attitude.as_ref()));
+        let (translation, rotation) =
+            (body.mass.as_ref().zip(body.place.as_ref()), body.inertia.as_ref().zip(body.attitude.as_ref()));
         match part {
             BodyPart::Velocity => self.velocity(translation?.1),
             BodyPart::Spin => self.spin(rotation?.1),
@@ -64,7 +65,11 @@ impl Elaboration<'_> {
         let (v, bits) = self.velocity(place)?;
         let (m, mass_bits) = self.weighed(mass)?;
         let Value::Scalar(m) = m else {
-            self.problem(mass.span, format!("a mass is a number, found {}", m.shape()), "one number for a body");
+            self.problem(
+                mass.span,
+                format!("a mass is a number, found {}", m.shape()),
+                "one number for a body",
+            );
             return None;
         };
         Some((v.scale(&mut self.builder.graph, m), bits + mass_bits))

@@ -41,7 +41,8 @@ impl Parser<'_> {
     pub(super) fn body(&mut self) -> Parsed<ItemKind> {
         let start = self.clone();
         let name = self.labelled("the name of a body")?;
-        let (mut block, span) = self.require_group(Delimiter::Brace, "`{` with mass and place, inertia and attitude")?;
+        let (mut block, span) =
+            self.require_group(Delimiter::Brace, "`{` with mass and place, inertia and attitude")?;
         let mut values: [(&str, Option<Expr>); 4] =
             [("mass", None), ("inertia", None), ("place", None), ("attitude", None)];
         while !block.at_end() {
@@ -60,9 +61,15 @@ impl Parser<'_> {
         let missing = match (&mass, &place, &inertia, &attitude) {
             (Some(_), None, ..) => Some(("a mass and no place", "add `place p;`, of the mass centre")),
             (None, Some(_), ..) => Some(("a place and no mass", "add `mass m;`")),
-            (.., Some(_), None) => Some(("an inertia and no attitude", "add `attitude R;`, an angle or a matrix")),
-            (.., None, Some(_)) => Some(("an attitude and no inertia", "add `inertia I;`, about the mass centre")),
-            (None, None, None, None) => Some(("neither mass nor inertia", "write `body B { mass m; place p; }`")),
+            (.., Some(_), None) => {
+                Some(("an inertia and no attitude", "add `attitude R;`, an angle or a matrix"))
+            }
+            (.., None, Some(_)) => {
+                Some(("an attitude and no inertia", "add `inertia I;`, about the mass centre"))
+            }
+            (None, None, None, None) => {
+                Some(("neither mass nor inertia", "write `body B { mass m; place p; }`"))
+            }
             _ => None,
         };
         if let Some((what, help)) = missing {

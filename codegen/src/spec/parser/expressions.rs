@@ -155,7 +155,8 @@ impl<'a> Parser<'a> {
 /// `sum(expr for k in 1..n)`: a sum of no terms is zero.
 fn sum_of(name: &Name, terms: Vec<Expr>, span: Span) -> Parsed<Expr> {
     if name.text != "sum" {
-        let problem = Diagnostic::new(Some(name.span), format!("`{}` of terms that are written once", name.text));
+        let problem =
+            Diagnostic::new(Some(name.span), format!("`{}` of terms that are written once", name.text));
         return Err(Box::new(problem.with_help("write `sum(expr for k in 1..n)`, or a list in brackets")));
     }
     if terms.is_empty() {

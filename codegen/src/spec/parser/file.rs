@@ -9,6 +9,7 @@ use syn::buffer::Cursor;
 
 use super::cursor::Parser;
 use super::lexer::span_of;
+use super::sizes::Loops;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::names;
@@ -55,6 +56,12 @@ impl<'a> Parser<'a> {
             let problem = Diagnostic::new(Some(self.here()), format!("{found} after the end of the model"));
             outcome.problems.push(problem.with_help("a file holds one model: `model name { .. }`"));
         }
+        let wrong = self.shared.size_problems.take();
+        if !wrong.is_empty() && self.shared.loops == Loops::WrittenOut {
+            // Everything else depends on sizes.
+            outcome.problems = wrong;
+            return;
+        }
         let indices = self.shared.indices.take();
         outcome.file = Some(File { doc, name, items, indices, families });
     }
@@ -97,7 +104,8 @@ impl<'a> Parser<'a> {
                 continue;
             }
             let keyword = self.here();
-            let form = self.peek_ident().and_then(|word| names::item_form(&word));
+            let word = self.peek_ident();
+            let form = word.as_ref().and_then(|word| names::item_form(word));
             let parsed = doc.and_then(|doc| Ok((doc, self.item()?)));
             match parsed {
                 Ok((doc, (kind, block))) => {
@@ -117,6 +125,9 @@ impl<'a> Parser<'a> {
                 }
                 Err(mut problem) => {
                     problem.help = problem.help.or(form);
+                    if word.as_deref() == Some("size") {
+                        self.shared.size_problems.borrow_mut().push((*problem).clone());
+                    }
                     outcome.problems.push(*problem);
                     // Always step over at least one token.
                     if self.cursor == start

@@ -56,6 +56,8 @@ pub(super) struct Shared {
     written: Cell<usize>,
     /// Indices of loops, with where they are known.
     pub(super) indices: RefCell<Vec<(Name, Span)>>,
+    /// What is wrong with sizes.
+    pub(super) size_problems: RefCell<Vec<Diagnostic>>,
 }
 
 impl Shared {
@@ -67,6 +69,7 @@ impl Shared {
             declared: RefCell::default(),
             written: Cell::new(0),
             indices: RefCell::default(),
+            size_problems: RefCell::default(),
         }
     }
 
@@ -281,12 +284,19 @@ impl<'a> Parser<'a> {
     fn is_member(&self, found: Result<String, String>, name: &str, k: i64, span: Span) -> Parsed<String> {
         found.map_err(|members| {
             let message = format!("`{name}[{k}]` is not declared{}", self.turn());
-            Box::new(Diagnostic::new(Some(span), message).with_help(format!("`{name}` is declared for {members}")))
+            Box::new(
+                Diagnostic::new(Some(span), message).with_help(format!("`{name}` is declared for {members}")),
+            )
         })
     }
 
     /// What `base[indices]` is where `base` is a family: its member, with the indices that are left.
-    pub(super) fn member_of_family(&self, base: &Expr, indices: &mut Vec<Expr>, span: Span) -> Parsed<Option<Expr>> {
+    pub(super) fn member_of_family(
+        &self,
+        base: &Expr,
+        indices: &mut Vec<Expr>,
+        span: Span,
+    ) -> Parsed<Option<Expr>> {
         let (Node::Name(name), Some(first)) = (&base.node, indices.first()) else { return Ok(None) };
         // Anything but a number is no index of a name.
         if self.shared.member(name, 0).is_none() {
@@ -348,7 +358,9 @@ impl<'a> Parser<'a> {
         let (value, span) = self.whole("a whole number")?;
         if value < 0 {
             let message = format!("size `{}` is {value}", name.text);
-            return Err(Box::new(Diagnostic::new(Some(span), message).with_help("sizes are whole numbers from 0")));
+            return Err(Box::new(
+                Diagnostic::new(Some(span), message).with_help("sizes are whole numbers from 0"),
+            ));
         }
         Ok((name, value, span))
     }
@@ -428,7 +440,8 @@ impl<'a> Parser<'a> {
             for (compare, right) in rest {
                 let [a, b] = [constant(left), constant(right)].map(|side| {
                     side.map_err(|place| {
-                        let problem = Diagnostic::new(Some(place), "a condition on sizes has nothing but sizes");
+                        let problem =
+                            Diagnostic::new(Some(place), "a condition on sizes has nothing but sizes");
                         Box::new(problem.with_help("conditions on parameters stand behind these"))
                     })
                 });
