@@ -164,8 +164,8 @@ fn solve(a: &mut [Vec<f64>], b: &mut [f64]) {
 }
 
 /// Angular acceleration of the first link of a snake and acceleration of its centre along it: Newton's and Euler's
-/// equations of every link by itself, with unknown forces in the joints and across the wheels. The first link lies along
-/// the first axis; `w`, `p`, `v` are angular velocities, places and velocities of all links.
+/// equations of every link by itself, with unknown forces in the joints and across the wheels. The first link lies
+/// along the first axis; `w`, `p`, `v` are angular velocities, places and velocities of all links.
 fn unreduced(theta: &[f64], w: &[f64], v: &[[f64; 2]], [m, j, l]: [f64; 3]) -> [f64; 2] {
     let n = theta.len();
     let size = 3 * n + 2 * (n - 1) + n;

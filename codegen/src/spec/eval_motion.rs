@@ -1,6 +1,7 @@
 //! Rates along a motion, and what turns with it.
 //!
-//! The angular velocity of a matrix that is made of rotations is put together from theirs, `B^T w_A + w_B` for a product
+//! The angular velocity of a matrix that is made of rotations is put together from theirs, `B^T w_A + w_B` for a
+//! product
 //! `A B`, so that chains of bodies keep the form in which each is written by the one before.
 //!
 //! Deliberately does not know: items, forces, which velocities a model has.
@@ -50,8 +51,8 @@ impl Evaluator<'_> {
         Some(value.with_entries(entries))
     }
 
-    /// `spin(R)`: the angular velocity of the frame with the attitude `R`, in that frame, `hat(w) = R^T R'`; for an angle
-    /// of the plane its rate.
+    /// `spin(R)`: the angular velocity of the frame with the attitude `R`, in that frame, `hat(w) = R^T R'`; for an
+    /// angle of the plane its rate.
     pub(super) fn spin(&mut self, argument: &Expr) -> Option<Weighed> {
         let (value, bits) = self.eval(argument)?;
         let value = self.spin_of_value(&value, argument.span)?;

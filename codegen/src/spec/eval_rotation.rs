@@ -88,8 +88,9 @@ impl Evaluator<'_> {
         Some((entries.clone(), bits))
     }
 
-    /// `norm(v)`, `unit(v)`: length and direction; with a second argument `eps` those of `v` as if it had a component of
-    /// this length more, `sqrt(dot(v, v) + eps^2)` and `v/sqrt(dot(v, v) + eps^2)`, which are smooth where `v` is zero.
+    /// `norm(v)`, `unit(v)`: length and direction; with a second argument `eps` those of `v` as if it had a component
+    /// of this length more, `sqrt(dot(v, v) + eps^2)` and `v/sqrt(dot(v, v) + eps^2)`, which are smooth where `v` is
+    /// zero.
     pub(super) fn length(&mut self, function: &str, arguments: &[Expr], span: Span) -> Option<Weighed> {
         let (vector, eps) = match arguments {
             [vector] => (vector, None),

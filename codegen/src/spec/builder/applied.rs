@@ -21,8 +21,9 @@ pub(super) struct AppliedForce {
 }
 
 impl ModelBuilder {
-    /// A force along a velocity `u` that is linear in the velocities `y` of the model, such as that of a place of a body
-    /// in any frame, or its angular velocity for a moment: its power is `F . u`, so that the force on `y^a` has the term
+    /// A force along a velocity `u` that is linear in the velocities `y` of the model, such as that of a place of a
+    /// body in any frame, or its angular velocity for a moment: its power is `F . u`, so that the force on `y^a` has
+    /// the term
     /// `F . du/dy^a`. There may be several, beside those of [`ModelBuilder::force`].
     ///
     /// ```

@@ -10,6 +10,7 @@ use super::lexer::Parsed;
 use super::sizes::Loops;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::names;
 
 /// `k in 1..n`: an index and what it runs through, both ends included.
 pub(super) struct Turns {
@@ -23,6 +24,10 @@ impl<'a> Parser<'a> {
     /// `k in 1..n`, behind the word `for`.
     pub(super) fn turns(&mut self) -> Parsed<Turns> {
         let name = self.ident("the index of a loop")?;
+        if let Some(reason) = names::refusal(&name.text) {
+            let message = format!("`{}` cannot be used as a name", name.text);
+            return Err(Box::new(Diagnostic::new(Some(name.span), message).with_help(reason)));
+        }
         if self.number_of(&name.text).is_some() {
             let message = format!("`{}` stands for a number already", name.text);
             let problem = Diagnostic::new(Some(name.span), message);

@@ -29,8 +29,8 @@ use self::sizes::{Shared, read_sizes};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::limits::MAX_BYTES;
 
-/// As [`parse_file`] with each loop read once, and also what can be understood of a text whose brackets do not close; its
-/// problems are those of the text in which they do.
+/// As [`parse_file`] with each loop read once, and also what can be understood of a text whose brackets do not close;
+/// its problems are those of the text in which they do.
 pub(super) fn parse_leniently(text: &str) -> Outcome {
     let outcome = parse_with(text, Loops::Once);
     if outcome.file.is_some() || text.len() > MAX_BYTES {
