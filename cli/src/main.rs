@@ -20,6 +20,9 @@ struct Cli {
     #[arg(long, global = true, value_name = "N", default_value_t = 1, hide_default_value = true)]
     #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     budget: u64,
+    /// A size of a family of models, in the place of that of its file; may be repeated
+    #[arg(long, global = true, value_name = "NAME=N", value_parser = hamel::request::sizes::assignment)]
+    size: Vec<(String, i64)>,
     /// Derive everything anew, and keep nothing in the folder for caches
     #[arg(long, global = true)]
     no_cache: bool,
@@ -46,14 +49,14 @@ enum Task {
 }
 
 fn main() -> ExitCode {
-    let Cli { task, budget, no_cache } = Cli::parse();
+    let Cli { task, budget, size, no_cache } = Cli::parse();
     let here = std::env::current_dir().ok();
     let session = match here.and_then(|folder| Repository::around(&folder)) {
         Some(repository) => Session::of_repository(repository),
         None => Session::of_shipped(shipped::SHIPPED),
     };
-    let session =
-        session.with_budget(budget).with_cache(if no_cache { Cache::none() } else { Cache::of_user() });
+    let session = session.with_budget(budget).with_sizes(size);
+    let session = session.with_cache(if no_cache { Cache::none() } else { Cache::of_user() });
     let program = Program { name: "hamel", completed: "hamel", arguments: Cli::command };
     hamel::finish(match task {
         Task::Shared(command) => command.run(&session, &program),

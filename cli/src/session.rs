@@ -13,6 +13,7 @@ use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{self, Checked, Model};
 use crate::repository::Repository;
+use crate::request::sizes;
 
 /// Names and texts of models that are part of a program.
 pub type Shipped = &'static [(&'static str, &'static str)];
@@ -22,6 +23,8 @@ pub type Shipped = &'static [(&'static str, &'static str)];
 pub struct Session {
     models: Models,
     budget: u64,
+    /// Sizes that models take in the place of their own.
+    sizes: Vec<(String, i64)>,
     cache: Cache,
 }
 
@@ -35,18 +38,33 @@ enum Models {
 impl Session {
     /// With the models of hamel's repository, which may be compiled.
     pub fn of_repository(repository: Repository) -> Session {
-        Session { models: Models::Repository(repository), budget: 1, cache: Cache::none() }
+        Session::of(Models::Repository(repository))
     }
 
     /// With models that are part of the program.
     pub fn of_shipped(shipped: Shipped) -> Session {
-        Session { models: Models::Shipped(shipped), budget: 1, cache: Cache::none() }
+        Session::of(Models::Shipped(shipped))
+    }
+
+    fn of(models: Models) -> Session {
+        Session { models, budget: 1, sizes: Vec::new(), cache: Cache::none() }
     }
 
     /// With so many times the default budget for every model.
     #[must_use]
     pub fn with_budget(self, budget: u64) -> Session {
         Session { budget, ..self }
+    }
+
+    /// With other sizes of every model than those of its text.
+    #[must_use]
+    pub fn with_sizes(self, sizes: Vec<(String, i64)>) -> Session {
+        Session { sizes, ..self }
+    }
+
+    /// Sizes that models take in the place of their own.
+    pub fn sizes(&self) -> &[(String, i64)] {
+        &self.sizes
     }
 
     /// With a cache of what is derived from models.
@@ -142,6 +160,8 @@ pub struct ModelFile<'s> {
     repository: Option<&'s Repository>,
     /// Inputs by name, and the expressions that drive them.
     driven: Vec<(String, String)>,
+    /// Sizes in the place of those of the text.
+    sizes: Vec<(String, i64)>,
     model: OnceLock<Arc<Checked>>,
 }
 
@@ -159,7 +179,8 @@ impl<'s> ModelFile<'s> {
         source: Source,
         repository: Option<&'s Repository>,
     ) -> ModelFile<'s> {
-        ModelFile { session, name, source, repository, driven: Vec::new(), model: OnceLock::new() }
+        let (driven, sizes) = (Vec::new(), session.sizes.clone());
+        ModelFile { session, name, source, repository, driven, sizes, model: OnceLock::new() }
     }
 
     /// Name of the file without its ending, which is that of the model for models that have a name.
@@ -177,7 +198,7 @@ impl<'s> ModelFile<'s> {
 
     /// The repository whose file it is, so that the model may have been generated and compiled.
     pub fn repository(&self) -> Option<&'s Repository> {
-        self.repository.filter(|_| !self.is_driven())
+        self.repository.filter(|_| !self.is_driven() && self.sizes.is_empty())
     }
 
     /// The same model with inputs driven by expressions of its language; what was compiled of it has other inputs.
@@ -186,6 +207,26 @@ impl<'s> ModelFile<'s> {
         self.driven.extend_from_slice(inputs);
         self.model = OnceLock::new();
         self
+    }
+
+    /// Another member of the family that the file is: with sizes in the place of those of its text.
+    #[must_use]
+    pub fn sized(mut self, sizes: &[(String, i64)]) -> ModelFile<'s> {
+        for (name, value) in sizes {
+            self.sizes.retain(|(own, _)| own != name);
+            self.sizes.push((name.clone(), *value));
+        }
+        self.model = OnceLock::new();
+        self
+    }
+
+    /// The member of the family that a request in JSON asks for: with its `sizes`.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`], [`Error::Request`].
+    pub fn asked_for(self, request: &str) -> Result<ModelFile<'s>, Error> {
+        let sizes = sizes::of_request(request)?;
+        Ok(if sizes.is_empty() { self } else { self.sized(&sizes) })
     }
 
     /// Whether inputs are driven by expressions.
@@ -228,17 +269,21 @@ impl<'s> ModelFile<'s> {
         Ok(self.model.get_or_init(|| checked))
     }
 
-    /// The text of the file.
+    /// The text of the file, with the sizes that are asked for.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// [`Error::Io`]; [`Error::Models`] for a size that the text does not have.
     pub fn text(&self) -> Result<Cow<'static, str>, Error> {
-        Ok(match &self.source {
+        let text = match &self.source {
             Source::File(path) => {
                 Cow::Owned(std::fs::read_to_string(path).map_err(|e| Error::io(self.shown(), e))?)
             }
             Source::Shipped(text) => Cow::Borrowed(*text),
-        })
+        };
+        if self.sizes.is_empty() {
+            return Ok(text);
+        }
+        Ok(Cow::Owned(spec::with_sizes(&self.shown(), &text, &self.sizes)?))
     }
 
     /// The fluid of a file whose model is moved as products of matrices; none for a model with equations, which is then

@@ -41,6 +41,7 @@ pub(crate) const SHIPPED: Shipped = shipped![
     "second_grade_fluid_3c",
     "servo_ball",
     "skew_sleigh",
+    "snake",
     "snakeboard",
     "suslov",
     "tethered_body",

@@ -33,7 +33,14 @@ def ensemble(
 
 class Scene:
     @staticmethod
-    def load(name: str, text: str | None, scene: str, budget: int, library: str | None) -> Scene: ...
+    def load(
+        name: str,
+        text: str | None,
+        scene: str,
+        budget: int,
+        library: str | None,
+        sizes: list[tuple[str, int]] = ...,
+    ) -> Scene: ...
     def with_values(self, values: list[float]) -> Scene: ...
     def with_inputs(
         self,

@@ -39,13 +39,15 @@ def load(
     scene: str = "default",
     params: Mapping[str, float] | None = None,
     *,
+    sizes: Mapping[str, int] | None = None,
     budget: int = 1,
     cache: bool = True,
 ) -> Model:
     """Derives and compiles a scene of a model.
 
     ``model`` is a path that ends in ``.hamel``, the name of a model that comes with the package (:func:`models`), or the
-    text of a model. ``params`` are values that differ from the model's own, ``budget`` what the derivation may take as a
+    text of a model. ``params`` are values that differ from the model's own, ``sizes`` another member of the family that
+    a file with sizes is, ``budget`` what the derivation may take as a
     multiple of the default limits. What was derived is kept in the user's cache, unless ``cache`` is false.
 
     Raises :class:`ModelError` with every problem of the text and its place, :class:`InputError` for unknown names,
@@ -55,7 +57,7 @@ def load(
     text = None
     if isinstance(model, str) and ("{" in model or "\n" in model):
         name, text = "<text>", model
-    return _loaded(name, text, scene, params or {}, budget, cache, warn=True)
+    return _loaded(name, text, scene, params or {}, budget, cache, sizes=sizes or {}, warn=True)
 
 
 def _loaded(
@@ -66,9 +68,12 @@ def _loaded(
     budget: int,
     cache: bool,
     *,
+    sizes: Mapping[str, int] | None = None,
     warn: bool = False,
 ) -> Model:
-    native = _hamel.Scene.load(name, text, scene, budget, _hamel.__file__ if cache else None)
+    native = _hamel.Scene.load(
+        name, text, scene, budget, _hamel.__file__ if cache else None, list((sizes or {}).items())
+    )
     if warn and native.warnings:
         warnings.warn(native.warnings, ModelWarning, stacklevel=3)
     made = Model(native, cache)

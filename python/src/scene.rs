@@ -18,6 +18,7 @@ use hamel::run::interpreted::{self, Built};
 use hamel::session::{Session, closed};
 use hamel_codegen::explain::{self, SectionKind};
 use hamel_codegen::expr::{Style, rational_to_f64};
+use hamel_codegen::spec;
 use hamel_runtime::{Dual, F64x4};
 use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Ix2};
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
@@ -198,7 +199,7 @@ fn by_row(
 impl Scene {
     /// The scene of a model: of a file or a name that the package knows, or of `text`, which `name` stands for then.
     #[staticmethod]
-    #[pyo3(signature = (name, text, scene, budget, library))]
+    #[pyo3(signature = (name, text, scene, budget, library, sizes=Vec::new()))]
     fn load(
         py: Python<'_>,
         name: &str,
@@ -206,17 +207,19 @@ impl Scene {
         scene: &str,
         budget: u64,
         library: Option<PathBuf>,
+        sizes: Vec<(String, i64)>,
     ) -> PyResult<Scene> {
         let load = || -> Result<Scene, Error> {
             let cache = library.map_or_else(Cache::none, |library| Cache::of_user().of_library(library));
             let session = Session::of_shipped(SHIPPED).with_budget(budget).with_cache(cache.clone());
             let (model, file, text) = match text {
                 Some(text) => {
+                    let text = spec::with_sizes(name, &text, &sizes)?;
                     let model = Arc::new(Checked::new(session.parse(name, &text)?, cache));
                     (model, name.to_owned(), text)
                 }
                 None => {
-                    let file = session.find(name)?;
+                    let file = session.find(name)?.sized(&sizes);
                     (Arc::clone(file.checked()?), file.shown(), file.text()?.into_owned())
                 }
             };

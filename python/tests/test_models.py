@@ -37,6 +37,27 @@ def test_a_model_is_a_name_a_path_or_a_text(tmp_path):
     assert acceleration == pytest.approx(-9.81 / 2 * np.sin(0.3), rel=1e-14)
 
 
+CHAIN = """
+model chain {
+    size n = 2 where n >= 1;
+    coordinate x: vector(n) in real;
+    lagrangian = dot(x_dot, x_dot)/2 - sum(k*x[k]^2 for k in 1..n)/2;
+}
+"""
+
+
+def test_a_family_has_a_model_for_each_size():
+    chain = hamel.load(CHAIN, sizes={"n": 4})
+    assert len(chain.state) == 8 and len(hamel.load(CHAIN).state) == 4
+    rates = chain.rhs(np.arange(8.0))
+    assert sorted(rates[4:]) == sorted(-k * (k - 1) for k in range(1, 5))
+    # The text of a model is that of the member, so that it can be restored from it.
+    assert "size n = 4" in chain.text
+    assert pickle.loads(pickle.dumps(chain)).state == chain.state
+    with pytest.raises(hamel.ModelError, match="the model has no size `m`"):
+        hamel.load(CHAIN, sizes={"m": 4})
+
+
 def test_parameters_are_a_mapping_and_models_are_values():
     top = hamel.load("heavy_top", params={"m": 2.0})
     assert top.params["m"] == 2.0 and list(top.params)[:3] == ["I1", "I2", "I3"]

@@ -72,6 +72,7 @@ const BOUNDS: &[Bound] = &[
     most("servo_ball", "default",              [  4,  10,  1,  0,  18]),
     most("servo_ball", "minimal",              [  4,  10,  1,  0,  18]),
     most("skew_sleigh", "default",             [  2,   6,  0,  0,   8]),
+    most("snake", "default",                   [ 29,  51,  2,  2,  84]),
     most("snakeboard", "default",              [  1,   7,  1,  1,  10]),
     most("snakeboard", "minimal",              [  1,   7,  1,  1,  10]),
     most("snakeboard", "taylor",               [  1,   7,  1,  1,  10]),

@@ -31,6 +31,9 @@ struct Cli {
     #[arg(long, global = true, value_name = "N", default_value_t = 1, hide_default_value = true)]
     #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     budget: u64,
+    /// A size of a family of models, in the place of that of its file; may be repeated
+    #[arg(long, global = true, value_name = "NAME=N", value_parser = hamel::request::sizes::assignment)]
+    size: Vec<(String, i64)>,
     /// Derive everything anew, and keep nothing in the folder for caches
     #[arg(long, global = true)]
     no_cache: bool,
@@ -95,9 +98,9 @@ fn repository() -> Result<Repository, Error> {
     })
 }
 
-fn run(Cli { task, budget, no_cache }: Cli) -> Result<String, Error> {
+fn run(Cli { task, budget, size, no_cache }: Cli) -> Result<String, Error> {
     let repository = repository()?;
-    let session = Session::of_repository(repository.clone()).with_budget(budget);
+    let session = Session::of_repository(repository.clone()).with_budget(budget).with_sizes(size);
     let session = session.with_cache(if no_cache { Cache::none() } else { Cache::of_user() });
     let program = Program { name: "cargo xtask", completed: "xtask", arguments: Cli::command };
     match task {

@@ -16,7 +16,7 @@ use crate::session::Session;
 ///
 /// Reads a request from standard input:
 ///
-/// {"params": {name: number, ..}, "states": [{name: number, ..}, ..], "t": number}
+/// {"params": {name: number, ..}, "states": [{name: number, ..}, ..], "t": number, "sizes": {name: number, ..}}
 ///
 /// Missing parameters take the model's defaults, a missing t is 0, and every state names all state variables; where the
 /// model names momenta, all velocities may be given for momenta of the state, and all momenta for velocities.
@@ -48,6 +48,7 @@ pub struct Arguments {
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = arguments.scene.find(session)?;
     let text = read_request("{\"states\": [{\"Omega1\": 0.1, ..}]}")?;
+    let file = file.asked_for(&text)?;
     let mut backend = arguments.scene.choice()?.open(&file)?;
     if !EvalRequest::has_other_names(&text, backend.info())? {
         return eval_text(&mut *backend, &text);

@@ -98,9 +98,10 @@ impl Target {
 
 impl Arguments {
     /// The command that writes the files.
-    fn command(&self) -> String {
+    fn command(&self, session: &Session) -> String {
         let mut words = vec!["hamel generate".to_owned()];
         words.extend(self.models.iter().cloned());
+        words.extend(session.sizes().iter().map(|(name, value)| format!("--size {name}={value}")));
         words.extend(self.out_dir.iter().map(|folder| format!("--out-dir {}", folder.display())));
         if self.language != Target::Rust {
             words.push(format!("--language {}", self.language.word()));
@@ -168,7 +169,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         let files: Vec<(PathBuf, &'static str)> =
             changed.map(|(path, _)| (path.clone(), wrong(&path))).collect();
         if !files.is_empty() {
-            return Err(Error::Stale { files, command: arguments.command() });
+            return Err(Error::Stale { files, command: arguments.command(session) });
         }
         return Ok(format!("{n_scenes} scenes: generated files are up to date"));
     }

@@ -232,6 +232,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
 fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
     let (file, choice) = (scene.find(session)?, scene.choice()?);
     let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
+    let file = file.asked_for(&text)?;
     let (reconstructs, asking) =
         (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asking_method(&text)?);
     let model = || file.model();

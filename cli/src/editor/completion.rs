@@ -168,7 +168,9 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
         }
         Context::EventStatement => found.language(WordKind::Part, |word| matches!(word, "then" | "stop")),
         Context::BlockStatement => {
-            found.language(WordKind::Part, |word| matches!(word, "basis" | "velocities" | "anchor"));
+            found.language(WordKind::Part, |word| {
+                matches!(word, "basis" | "velocities" | "anchor" | "mass" | "place" | "inertia" | "attitude")
+            });
             found.language(WordKind::Item, |word| word == "connection");
         }
         Context::Want => {

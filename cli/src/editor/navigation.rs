@@ -123,7 +123,7 @@ pub(crate) fn symbols(document: &Document) -> Vec<DocumentSymbol> {
                 DeclarationKind::Model | DeclarationKind::Scene | DeclarationKind::Stage => {
                     SymbolKind::MODULE
                 }
-                DeclarationKind::Parameter => SymbolKind::CONSTANT,
+                DeclarationKind::Parameter | DeclarationKind::Size => SymbolKind::CONSTANT,
                 DeclarationKind::Algebra | DeclarationKind::Representation => SymbolKind::CLASS,
                 DeclarationKind::Event => SymbolKind::EVENT,
                 DeclarationKind::Casimir | DeclarationKind::Output => SymbolKind::PROPERTY,
@@ -137,7 +137,10 @@ pub(crate) fn symbols(document: &Document) -> Vec<DocumentSymbol> {
         }
     };
     let is_model = |d: &&Declaration| d.kind == DeclarationKind::Model;
-    let within = |d: &&Declaration| !matches!(d.kind, DeclarationKind::Model | DeclarationKind::BasisElement);
+    let within = |d: &&Declaration| {
+        use DeclarationKind::{BasisElement, Index, Model};
+        !matches!(d.kind, Model | BasisElement | Index)
+    };
     let children: Vec<DocumentSymbol> =
         outline.declarations.iter().filter(within).map(|d| symbol(d, None)).collect();
     match outline.declarations.iter().find(is_model) {
@@ -160,7 +163,7 @@ pub(crate) const TOKEN_TYPES: [SemanticTokenType; 6] = [
 pub(crate) fn tokens(document: &Document) -> Vec<SemanticToken> {
     let outline = &document.outline;
     let kind_of = |d: &Declaration| match d.kind {
-        DeclarationKind::Parameter => 2,
+        DeclarationKind::Parameter | DeclarationKind::Size | DeclarationKind::Index => 2,
         DeclarationKind::Algebra | DeclarationKind::Representation | DeclarationKind::BasisElement => 4,
         DeclarationKind::Casimir
         | DeclarationKind::Output

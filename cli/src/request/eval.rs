@@ -41,7 +41,7 @@ impl EvalRequest {
     /// # Errors
     /// As [`EvalRequest::parse`], and what [`Forms::convert`] finds.
     pub fn parse_in(text: &str, info: &Info, forms: &Forms) -> Result<EvalRequest, Error> {
-        let mut fields = Fields::new(Json::parse(text)?, &["params", "states", "t"])?;
+        let mut fields = Fields::new(Json::parse(text)?, &["params", "states", "t", "sizes"])?;
         let params = fields.take("params");
         let params =
             fields.numbers("params", params, "parameter", &info.param_names(), Some(&info.defaults()));

@@ -6,6 +6,7 @@ mod eval;
 pub mod json;
 pub mod share;
 mod simulate;
+pub mod sizes;
 pub(crate) mod table;
 pub mod variation;
 

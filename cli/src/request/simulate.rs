@@ -98,7 +98,7 @@ impl SimulateRequest {
         n_group: usize,
         defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
     ) -> Result<SimulateRequest, Error> {
-        const FIELDS: [&str; 13] = [
+        const FIELDS: [&str; 14] = [
             "params",
             "initial",
             "t_final",
@@ -112,6 +112,7 @@ impl SimulateRequest {
             "sections",
             "max_events",
             "sensitivity",
+            "sizes",
         ];
         let mut fields = Fields::new(Json::parse(text)?, &FIELDS)?;
         let params = fields.take("params");

@@ -1,5 +1,7 @@
 //! Syntax tree of a model file. Every node knows its bytes.
 
+use std::collections::BTreeSet;
+
 use super::diagnostic::Span;
 use super::event::EventDirection;
 use super::names::ALGEBRA_FUNCTIONS;
@@ -144,9 +146,65 @@ pub(super) struct EventItem {
     pub(super) stop: Option<Span>,
 }
 
+/// A body, as it is written.
+#[derive(Clone, Debug)]
+pub(super) struct BodyItem {
+    pub(super) name: Name,
+    pub(super) mass: Option<Expr>,
+    pub(super) inertia: Option<Expr>,
+    /// The place of its mass centre.
+    pub(super) place: Option<Expr>,
+    /// The attitude of the frame in which the inertia is.
+    pub(super) attitude: Option<Expr>,
+    /// What a loop calls it, with the indices; the name for a body outside of loops.
+    pub(super) parts: Vec<(BodyPart, Name)>,
+}
+
+/// What a body declares.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum BodyPart {
+    /// `p'`, of the mass centre.
+    Velocity,
+    /// Angular velocity in the body's frame.
+    Spin,
+    /// `m p'`.
+    Momentum,
+    /// `I w` in the body's frame.
+    AngularMomentum,
+    /// Kinetic energy.
+    Energy,
+}
+
+impl BodyPart {
+    /// What follows the name of the body.
+    pub(super) const fn ending(self) -> &'static str {
+        match self {
+            BodyPart::Velocity => "_velocity",
+            BodyPart::Spin => "_spin",
+            BodyPart::Momentum => "_momentum",
+            BodyPart::AngularMomentum => "_angular_momentum",
+            BodyPart::Energy => "_energy",
+        }
+    }
+}
+
+impl BodyItem {
+    /// The expressions of the item.
+    pub(super) fn expressions(&self) -> impl Iterator<Item = &Expr> {
+        [&self.mass, &self.inertia, &self.place, &self.attitude].into_iter().flatten()
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(super) enum ItemKind {
     Source(String),
+    /// `size n = 5;`
+    Size {
+        name: Name,
+        value: i64,
+        /// Where the value stands.
+        place: Span,
+    },
     Param {
         name: Name,
         shape: Shape,
@@ -263,6 +321,15 @@ pub(super) enum ItemKind {
         name: Name,
         value: Expr,
     },
+    /// `body B { mass m; inertia I; place p; attitude R; }`
+    Body(BodyItem),
+    /// `force at p: F;`, `force along u: F;`
+    AppliedForce {
+        /// Whether it is a place that stands behind the word, and no velocity.
+        is_place: bool,
+        on: Expr,
+        value: Expr,
+    },
     Casimir {
         name: Name,
         value: Expr,
@@ -331,7 +398,12 @@ pub(super) enum ReconstructWay {
 pub(super) struct File {
     pub(super) doc: Vec<String>,
     pub(super) name: Name,
+    /// With loops written out, unless they were read once.
     pub(super) items: Vec<Item>,
+    /// Indices of loops, each with where it is known.
+    pub(super) indices: Vec<(Name, Span)>,
+    /// Names that are declared with an index.
+    pub(super) families: BTreeSet<String>,
 }
 
 impl AlgebraExpr {

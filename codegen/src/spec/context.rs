@@ -105,6 +105,8 @@ impl Context {
                 text => statement.push(text),
             }
         }
+        // A loop has items, as the model around it.
+        blocks.retain(|block| *block != "for");
         match blocks.as_slice() {
             [] => Context::File,
             [_] => of_item(&statement),
@@ -139,6 +141,7 @@ fn of_item(statement: &[&str]) -> Context {
     let has = |word: &str| rest.contains(&word);
     match *first {
         "param" | "input" if last == ":" => Context::Shape,
+        "size" | "for" if !(has("=") || has("in")) => Context::Anything,
         "input" if has("=") => Context::Expression,
         "drive" if !has("=") => Context::Input,
         "param" if has("=") || has("where") => Context::Expression,

@@ -181,6 +181,14 @@ impl Diagnostics {
         Diagnostics { origin, list }
     }
 
+    /// One problem for each place within some parts of the text, which are read several times.
+    pub(super) fn once_for(mut self, parts: &[Span]) -> Diagnostics {
+        let is_inside =
+            |span: &Span| parts.iter().any(|part| part.start <= span.start && span.end <= part.end);
+        self.list.dedup_by(|a, b| a.span == b.span && a.span.as_ref().is_some_and(is_inside));
+        self
+    }
+
     /// The problems, in the order of the text.
     pub fn iter(&self) -> std::slice::Iter<'_, Diagnostic> {
         self.list.iter()

@@ -8,6 +8,7 @@ use super::ast::{Expr, Node};
 use super::diagnostic::{Diagnostic, Help, Span};
 use super::limits::MAX_DIM;
 use super::names::{self, ALGEBRA_FUNCTIONS, FUNCTIONS, OPERATORS};
+use super::rates::{Rates, Spins};
 use super::shape::{Operation, Shape, ValueError};
 use super::value::Value;
 use crate::algebra::LieAlgebra;
@@ -43,6 +44,10 @@ pub(super) struct Evaluator<'a> {
     pub(super) withheld: &'a BTreeSet<String>,
     /// Algebras by their names.
     pub(super) algebras: &'a BTreeMap<String, LieAlgebra<Number>>,
+    /// Rates along a motion, where they are known.
+    pub(super) rates: Option<&'a Rates>,
+    /// Angular velocities of rotations that have been made.
+    pub(super) spins: &'a mut Spins,
     /// The algebra of the velocities.
     pub(super) own_algebra: Option<&'a LieAlgebra<Number>>,
 }
@@ -223,7 +228,10 @@ impl Evaluator<'_> {
                     self.charge(left.n_nonzero(self.graph) * columns, operand.span)?;
                     match left.mul(self.graph, &value) {
                         Ok(Value::Scalar(e)) => numbers.push((e, Rational::one())),
-                        Ok(product) => rest = Some((product, span.to(operand.span))),
+                        Ok(product) => {
+                            self.note_product(&left, &value, &product);
+                            rest = Some((product, span.to(operand.span)));
+                        }
                         Err(error) => {
                             let problem = Diagnostic::new(Some(span.to(operand.span)), error.to_string())
                                 .with_place(Some(span), left.shape().to_string())
@@ -374,6 +382,21 @@ impl Evaluator<'_> {
         if ALGEBRA_FUNCTIONS.contains(&function) {
             return self.of_algebra(function, arguments, span);
         }
+        match function {
+            "rot" => return self.rotation(arguments, span),
+            "rate" | "spin" => {
+                let [argument] = arguments else {
+                    let message = format!("`{function}` takes 1 argument, found {}", arguments.len());
+                    let example = if function == "rate" { "rate(p)" } else { "spin(R)" };
+                    return self.fail(span, message, format!("write `{example}`"));
+                };
+                return if function == "rate" { self.rate(argument) } else { self.spin(argument) };
+            }
+            "unit" => return self.length(function, arguments, span),
+            // With one argument it is one of those that follow.
+            "norm" if arguments.len() == 2 => return self.length(function, arguments, span),
+            _ => {}
+        }
         let wanted = match function {
             "dot" | "cross" | "pow" | "atan2" => 2,
             _ if operator.is_some() => 1,
@@ -456,7 +479,12 @@ impl Evaluator<'_> {
             _ => (Func::from_name(function).map_or(Err(ValueError::TooLarge), |f| a.func(g, f)), *a_bits),
         };
         match result {
-            Ok(value) => Some((value, bits)),
+            Ok(value) => {
+                if function == "transpose" {
+                    self.note_inverse(a, &value);
+                }
+                Some((value, bits))
+            }
             Err(error) => {
                 let shapes: Vec<(&Expr, Shape)> =
                     arguments.iter().zip(values).map(|(e, (v, _))| (e, v.shape())).collect();

@@ -17,6 +17,12 @@ pub(super) const MAX_DIM: usize = 200;
 /// Largest size of matrices of a fluid that is moved as products of them.
 pub(super) const MAX_MATRIX: usize = 1024;
 
+/// Largest size and largest index of a loop, in magnitude.
+pub(super) const MAX_INDEX: u64 = 1024;
+
+/// Bytes of text that the loops of a file may write out.
+pub(super) const MAX_WRITTEN: usize = 8 << 20;
+
 /// Most digits of a number and largest absolute decimal exponent.
 pub(super) const MAX_DIGITS: usize = 400;
 

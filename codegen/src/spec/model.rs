@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
+use super::family::FamilySize;
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 use super::view::Views;
@@ -507,6 +508,8 @@ pub struct Model {
     pub doc: Vec<String>,
     /// Where the model comes from.
     pub sources: Vec<String>,
+    /// Sizes of the text, for the values that it was read with.
+    pub sizes: Vec<FamilySize>,
     /// Owner of all expressions.
     pub graph: Graph,
     /// The time `t`.

@@ -6,6 +6,8 @@ use super::want::Want;
 /// First words of the items of a model, each with the form of the item.
 pub(super) const ITEMS: &[(&str, &str)] = &[
     ("source", "source \"Author, year\";"),
+    ("size", "size n = 5 where n >= 2;"),
+    ("for", "for k in 1..n { let s[k] = k*r; }"),
     ("param", "param m = 1 where m > 0;` or `param chi: vector(3) = [0, 0, 1];"),
     ("input", "input u = 0;` or `input tau: vector(2) = [0, 0];"),
     ("drive", "drive u = -k*x;"),
@@ -35,7 +37,9 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("virtual", "virtual delta(v1) + delta(v2) = 0;"),
     ("independent", "independent Omega, x_dot;"),
     ("multipliers", "multipliers;"),
-    ("force", "force Omega = -c*Omega;"),
+    ("force", "force Omega = -c*Omega;` or `force at p: F;"),
+    ("moment", "moment on B: M;"),
+    ("body", "body B { mass m; place p; inertia I; attitude R; }"),
     ("casimir", "casimir name = expression;"),
     ("output", "output name = expression;"),
     ("section", "section s = [1, 0, x];` or `section s in so(3) = Gamma;"),
@@ -92,6 +96,10 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "star_power",
     "trace_power",
     "norm",
+    "unit",
+    "rot",
+    "rate",
+    "spin",
     "transpose",
     "diag",
     "identity",
@@ -189,7 +197,7 @@ pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>)
     if let Some((_, name)) = near {
         return Help::replacing(wrong, name, format!("did you mean `{name}`?"));
     }
-    if known.is_empty() || known.len() > 40 {
+    if known.is_empty() || known.len() > 48 {
         return Help::default();
     }
     format!("legal here: {}", list(&known)).into()

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use super::ast::{File, Item, ItemKind, Name, Shape};
+use super::ast::{BodyPart, File, Item, ItemKind, Name, Shape};
 use super::diagnostic::Span;
 use super::parser;
 use super::tokens::{Kind, Token, tokens};
@@ -19,6 +19,8 @@ use super::vocabulary::{self, WordKind};
 #[allow(missing_docs, reason = "each is what its title says")]
 pub enum DeclarationKind {
     Model,
+    Size,
+    Index,
     Parameter,
     Input,
     Definition,
@@ -36,6 +38,7 @@ pub enum DeclarationKind {
     Output,
     Section,
     Event,
+    Body,
     Reconstructed,
     View,
     Scene,
@@ -46,6 +49,8 @@ impl DeclarationKind {
     pub fn title(self) -> &'static str {
         match self {
             DeclarationKind::Model => "model",
+            DeclarationKind::Size => "size",
+            DeclarationKind::Index => "index",
             DeclarationKind::Parameter => "parameter",
             DeclarationKind::Input => "input",
             DeclarationKind::Definition => "definition",
@@ -63,6 +68,7 @@ impl DeclarationKind {
             DeclarationKind::Output => "output",
             DeclarationKind::Section => "section",
             DeclarationKind::Event => "event",
+            DeclarationKind::Body => "body",
             DeclarationKind::Reconstructed => "coordinate of the group",
             DeclarationKind::View => "view",
             DeclarationKind::Scene => "scene",
@@ -77,8 +83,8 @@ impl DeclarationKind {
 
     /// Whether expressions of the model may mention it.
     pub fn is_value(self) -> bool {
-        use DeclarationKind::{Definition, Input, Parameter};
-        self.is_of_state() || matches!(self, Parameter | Input | Definition)
+        use DeclarationKind::{Definition, Index, Input, Parameter, Size};
+        self.is_of_state() || matches!(self, Parameter | Input | Definition | Size | Index)
     }
 
     /// Names of algebras are a space of names of their own, as are those of what a scene may want; these are others.
@@ -212,10 +218,22 @@ impl Outline {
                     item: item.span,
                     extent: item.extent,
                     doc,
-                    has_components,
+                    has_components: has_components || file.families.contains(&name.text),
                     scope,
                 });
             }
+        }
+        for (name, scope) in &file.indices {
+            self.declarations.push(Declaration {
+                kind: DeclarationKind::Index,
+                name: name.text.clone(),
+                span: name.span,
+                item: *scope,
+                extent: *scope,
+                doc: String::new(),
+                has_components: false,
+                scope: Some(*scope),
+            });
         }
     }
 
@@ -338,6 +356,15 @@ impl Place<'_> {
     }
 }
 
+/// What follows the name of a body in what it declares.
+const BODY_ENDINGS: [&str; 5] = [
+    BodyPart::Velocity.ending(),
+    BodyPart::Spin.ending(),
+    BodyPart::AngularMomentum.ending(),
+    BodyPart::Momentum.ending(),
+    BodyPart::Energy.ending(),
+];
+
 /// The declaration that a word stands for, and the declared name within the word.
 fn resolve<'d>(
     word: &str,
@@ -360,6 +387,14 @@ fn resolve<'d>(
         return found
             .filter(|(k, _)| declaration(*k).kind == DeclarationKind::Coordinate)
             .map(|(k, end)| (k, 0..end));
+    }
+    let of_body = BODY_ENDINGS.iter().find_map(|ending| {
+        // An index of a loop stands behind the ending.
+        let body = word.trim_end_matches(|c: char| c.is_ascii_digit()).strip_suffix(ending)?;
+        find(body).filter(|k| declaration(*k).kind == DeclarationKind::Body).map(|k| (k, 0..body.len()))
+    });
+    if of_body.is_some() {
+        return of_body;
     }
     let momentum = word.strip_prefix("dh_d")?;
     let at = word.len() - momentum.len();
@@ -424,12 +459,14 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         ItemKind::Casimir { name, .. } => vec![one(DeclarationKind::Casimir, name, false)],
         ItemKind::Output { name, .. } => vec![one(DeclarationKind::Output, name, true)],
         ItemKind::Section { name, .. } => vec![one(DeclarationKind::Section, name, false)],
+        ItemKind::Body(body) => vec![one(DeclarationKind::Body, &body.name, true)],
         ItemKind::Event(event) => vec![one(DeclarationKind::Event, &event.name, false)],
         ItemKind::Reconstruct { names, .. } => {
             names.iter().map(|name| one(DeclarationKind::Reconstructed, name, true)).collect()
         }
         ItemKind::View { name, .. } => vec![one(DeclarationKind::View, name, false)],
         ItemKind::Scene { name, .. } => vec![one(DeclarationKind::Scene, name, false)],
+        ItemKind::Size { name, .. } => vec![one(DeclarationKind::Size, name, false)],
         ItemKind::Source(_)
         | ItemKind::Require(_)
         | ItemKind::Drive { .. }
@@ -446,6 +483,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         | ItemKind::Independent(_)
         | ItemKind::Multipliers
         | ItemKind::Force { .. }
+        | ItemKind::AppliedForce { .. }
         | ItemKind::Initial { .. } => Vec::new(),
     }
 }

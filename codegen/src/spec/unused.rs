@@ -6,7 +6,7 @@
 //!
 //! Deliberately does not know: values, shapes, mechanics. It reads the syntax tree alone.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::ast::{
     AlgebraExpr, AlgebraNode, AlgebroidBlock, Carry, DomainExpr, Expr, Item, ItemKind, Name, Node,
@@ -46,7 +46,14 @@ pub(super) fn warnings(items: &[Item]) -> Vec<Diagnostic> {
             pending.extend(declarations[k].mentions.iter().cloned());
         }
     }
-    let unused = |k: &usize| !is_used[*k];
+    // A loop declares several names at one place; one that has an effect is enough.
+    let places: BTreeSet<usize> = declarations
+        .iter()
+        .zip(&is_used)
+        .filter(|(_, used)| **used)
+        .map(|(d, _)| d.name.span.start)
+        .collect();
+    let unused = |k: &usize| !places.contains(&declarations[*k].name.span.start);
     (0..declarations.len()).filter(unused).map(|k| warning(k, &declarations, &owners)).collect()
 }
 
@@ -123,6 +130,10 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
         ItemKind::Representation { name, algebra, .. } => {
             add("representation", name, vec![of_algebras(&name.text)], algebras(algebra));
         }
+        ItemKind::Body(body) => {
+            let parts = body.parts.iter().map(|(_, name)| name.text.clone()).collect();
+            add("body", &body.name, parts, mentions(body.expressions()));
+        }
         ItemKind::QuasiVelocity(names) => {
             names.iter().for_each(|name| add("quasi-velocity", name, alone(name), Vec::new()));
         }
@@ -169,6 +180,7 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::Constraint { left, right, .. } | ItemKind::Virtual { left, right, .. } => {
             mentions([left, right])
         }
+        ItemKind::AppliedForce { on, value, .. } => mentions([on, value]),
         ItemKind::Frame(velocities) => mentions(velocities.iter().map(|v| &v.value)),
         ItemKind::Algebroid(AlgebroidBlock { anchors, rules, .. }) => {
             mentions(anchors.iter().map(|(_, value)| value).chain(rules.iter().map(|rule| &rule.value)))
@@ -202,6 +214,7 @@ fn effective(item: &Item) -> Vec<String> {
             mentions(arguments.iter().chain([around, at, attitude].into_iter().flatten()))
         }
         ItemKind::Source(_)
+        | ItemKind::Size { .. }
         | ItemKind::Param { .. }
         | ItemKind::Input { .. }
         | ItemKind::Require(_)
@@ -209,6 +222,7 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::AlgebraName { .. }
         | ItemKind::AlgebraBrackets { .. }
         | ItemKind::Representation { .. }
+        | ItemKind::Body(_)
         | ItemKind::QuasiVelocity(_)
         | ItemKind::DerivedConnection(_)
         | ItemKind::LagrangianInnerProduct

@@ -84,6 +84,15 @@ impl Value {
         }
     }
 
+    /// A value of the same shape with other entries, of which there have to be as many.
+    pub(super) fn with_entries(&self, entries: Vec<ExprId>) -> Value {
+        match self {
+            Value::Scalar(e) => Value::Scalar(entries.first().copied().unwrap_or(*e)),
+            Value::Vector(_) => Value::Vector(entries),
+            Value::Matrix { rows, columns, .. } => Value::Matrix { rows: *rows, columns: *columns, entries },
+        }
+    }
+
     /// All entries, row by row.
     pub fn into_entries(self) -> Vec<ExprId> {
         match self {

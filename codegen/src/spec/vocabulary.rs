@@ -37,6 +37,16 @@ pub struct Word {
 const OF_ITEMS: &[(&str, &str)] = &[
     ("source", "Where the model comes from; any number of them."),
     (
+        "size",
+        "A file with sizes is a family of models, and the model is its member for the values that the file \
+         gives them.",
+    ),
+    (
+        "for",
+        "`for` repeats items, with an index that runs through a range; both ends belong to it, and a range \
+         that ends before it begins has nothing.",
+    ),
+    (
         "param",
         "A parameter with its default: a constant expression without names, for vectors and matrices a \
          list in the order of the components.",
@@ -154,6 +164,12 @@ const OF_ITEMS: &[(&str, &str)] = &[
          when no constant choice of independent velocities exists.",
     ),
     ("force", "An external force `F_a` paired with a velocity, vector or component: its power is `F . xi`."),
+    ("moment", "`moment on B: M;` is `force along B_spin: M;`, a moment in the body's frame."),
+    (
+        "body",
+        "A rigid body, or a point: mass and place of its mass centre, inertia and attitude of its frame, or \
+         one of both.",
+    ),
     ("casimir", "`casimir` names a number that the motion conserves, whatever its initial state:"),
     ("output", "`output` names any value, vectors with components `h1, h2, ..`."),
     (
@@ -188,6 +204,10 @@ const OF_FUNCTIONS: &[(&str, &str, &str)] = &[
     ("dot", "dot(a, b)", "pairing of two vectors"),
     ("cross", "cross(a, b)", "product in R^3"),
     ("norm", "norm(a)", "Euclidean norm"),
+    ("unit", "unit(a)", "direction, of length one"),
+    ("rate", "rate(x)", "derivative by time of what is made of coordinates, time and parameters"),
+    ("spin", "spin(R)", "angular velocity of the frame with an attitude, in that frame"),
+    ("rot", "rot(axis, phi)", "rotation by an angle; `rot(phi)` is that of the plane"),
     ("sum", "sum(a)", "sum of the entries"),
     ("transpose", "transpose(A)", "of a vector: one row"),
     ("diag", "diag(v)", "diagonal matrix of a vector, diagonal of a matrix"),
@@ -223,6 +243,10 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("as", "as a_*", "What precedes the names of basis elements in those of components."),
     ("from", "", "The velocities that move the group follow."),
     ("where", "where m > 0", "Conditions on the parameter, checked where parameters are given."),
+    ("along", "force along u: F;", "The velocity that the force is paired with follows."),
+    ("mass", "mass m;", "The mass of the body."),
+    ("place", "place p;", "Where the mass centre of the body is."),
+    ("inertia", "inertia I;", "The inertia about the mass centre, in the body's frame."),
     ("around", "", "The centre of the shape in its own frame."),
     ("at", "", "Where the frame of the shape stands."),
     ("attitude", "", "How the frame of the shape is turned."),
@@ -343,9 +367,9 @@ pub(super) fn kind_of(word: &str, is_called: bool) -> Option<WordKind> {
 
 /// Whether a word may join what stands before and behind it.
 pub(super) fn is_connective(word: &str) -> bool {
-    const WORDS: [&str; 14] = [
-        "in", "of", "on", "by", "as", "from", "where", "around", "at", "attitude", "rising", "falling",
-        "then", "stop",
+    const WORDS: [&str; 15] = [
+        "for", "in", "of", "on", "by", "as", "from", "where", "around", "at", "attitude", "rising",
+        "falling", "then", "stop",
     ];
     WORDS.contains(&word)
 }

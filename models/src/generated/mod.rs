@@ -149,6 +149,10 @@ pub mod servo_ball_reconstruction;
 pub mod skew_sleigh;
 /// Skew sleigh
 pub mod skew_sleigh_reconstruction;
+/// Wheeled snake
+pub mod snake;
+/// Wheeled snake
+pub mod snake_reconstruction;
 /// Snakeboard
 pub mod snakeboard;
 /// Snakeboard
@@ -300,6 +304,8 @@ macro_rules! for_each_scene {
             (servo_ball_reconstruction, "servo_ball", "reconstruction", 11)
             (skew_sleigh, "skew_sleigh", "default", 2)
             (skew_sleigh_reconstruction, "skew_sleigh", "reconstruction", 5)
+            (snake, "snake", "default", 4)
+            (snake_reconstruction, "snake", "reconstruction", 7)
             (snakeboard, "snakeboard", "default", 5)
             (snakeboard_circle, "snakeboard", "circle", 5)
             (snakeboard_controlled, "snakeboard", "controlled", 5)

@@ -87,6 +87,8 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("servo_ball", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
     ("skew_sleigh", "default", [5.0, 32.0, 4.0, 32.0]),
     ("skew_sleigh", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
+    ("snake", "default", [8.0, 32.0, 8.0, 32.0]),
+    ("snake", "reconstruction", [8.0, 32.0, 8.0, 32.0]),
     ("snakeboard", "circle", [4.0, 32.0, 4.0, 32.0]),
     ("snakeboard", "controlled", [4.0, 32.0, 5.0, 32.0]),
     ("snakeboard", "default", [4.0, 32.0, 5.0, 32.0]),

@@ -4,11 +4,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::applied::AppliedForce;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::event::EventDirection;
+use crate::spec::family::FamilySize;
 use crate::spec::group::Group;
 use crate::spec::model::*;
 use crate::spec::names;
@@ -37,6 +39,7 @@ pub(in crate::spec) enum DeclaredAs {
     FrameVelocity,
     Section,
     CarriedAcceleration,
+    Size,
 }
 
 impl DeclaredAs {
@@ -58,6 +61,7 @@ impl DeclaredAs {
             DeclaredAs::Reconstructed => "a reconstructed coordinate",
             DeclaredAs::Definition => "a definition",
             DeclaredAs::FrameVelocity => "a quasi-velocity of the frame",
+            DeclaredAs::Size => "a size",
             DeclaredAs::Section => "a basis element of the algebroid",
             DeclaredAs::CarriedAcceleration => "the acceleration along a constraint of third order",
         }
@@ -277,6 +281,7 @@ pub struct ModelBuilder {
     pub(super) name: String,
     pub(super) doc: Vec<String>,
     pub(super) sources: Vec<String>,
+    pub(super) sizes: Vec<FamilySize>,
     pub(super) time: SymbolId,
     pub(super) params: Vec<Param>,
     pub(super) param_arrays: Vec<ParamArray>,
@@ -325,6 +330,7 @@ pub struct ModelBuilder {
     pub(super) independent: Option<(Vec<Located>, Option<Span>)>,
     pub(super) multipliers: Option<Option<Span>>,
     pub(super) forces: Vec<(String, Value, Option<Span>)>,
+    pub(super) applied: Vec<AppliedForce>,
     pub(super) casimirs: Vec<Named>,
     pub(super) outputs: Vec<NamedVector>,
     pub(super) output_names: BTreeMap<String, Option<Span>>,
@@ -359,6 +365,7 @@ impl ModelBuilder {
             name: name.to_owned(),
             doc: Vec::new(),
             sources: Vec::new(),
+            sizes: Vec::new(),
             time,
             params: Vec::new(),
             param_arrays: Vec::new(),
@@ -397,6 +404,7 @@ impl ModelBuilder {
             independent: None,
             multipliers: None,
             forces: Vec::new(),
+            applied: Vec::new(),
             casimirs: Vec::new(),
             outputs: Vec::new(),
             output_names: BTreeMap::new(),

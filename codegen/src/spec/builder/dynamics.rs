@@ -188,6 +188,7 @@ impl ModelBuilder {
                 forces[k] = Some(e);
             }
         }
+        self.add_applied(&mut added);
         let zero = self.graph.zero();
         let pairs = forces.into_iter().zip(added);
         pairs.map(|(force, added)| self.graph.add(force.unwrap_or(zero), added)).collect()

@@ -4,6 +4,7 @@
 
 mod advected;
 mod algebroid;
+mod applied;
 mod build;
 mod connection;
 mod constraints;
@@ -19,6 +20,7 @@ mod params;
 mod reconstruct;
 mod scenes;
 mod sections;
+mod sizes;
 mod stages;
 mod symbols;
 mod variables;

@@ -117,6 +117,8 @@ impl Elaboration<'_> {
             operators: &[],
             withheld: &BTreeSet::new(),
             algebras: &self.algebras,
+            rates: None,
+            spins: &mut BTreeMap::new(),
             own_algebra: None,
         };
         let value = evaluator.eval(expr);

@@ -69,7 +69,7 @@ impl Elaboration<'_> {
             ItemKind::Constraint { name, left, right } => match self.equation(&["ddt"], left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);
-                    let text = self.one_line(place);
+                    let text = self.equation_text(left, right);
                     let name = name.as_ref().map(|n| n.text.as_str());
                     self.builder.at(Some(place)).constraint(name, &text, &l, &r);
                 }
@@ -78,7 +78,7 @@ impl Elaboration<'_> {
             ItemKind::Virtual { name, left, right } => match self.equation(&["delta", "ddt"], left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);
-                    let text = self.one_line(place);
+                    let text = self.equation_text(left, right);
                     let name = name.as_ref().map(|n| n.text.as_str());
                     self.builder.at(Some(place)).virtual_constraint(name, &text, &l, &r);
                 }
@@ -101,6 +101,17 @@ impl Elaboration<'_> {
             ItemKind::Force { name, value } => {
                 if let Some(value) = self.eval(value) {
                     self.builder.at(Some(name.span)).force(&name.text, &value);
+                }
+            }
+            ItemKind::AppliedForce { is_place, on, value } => {
+                let (place, force) = (self.eval(on), self.eval(value));
+                if let (Some(place), Some(force)) = (place, force) {
+                    let builder = self.builder.at(Some(on.span.to(value.span)));
+                    _ = if *is_place {
+                        builder.force_at(&place, &force)
+                    } else {
+                        builder.force_along(&place, &force)
+                    };
                 }
             }
             ItemKind::Casimir { name, value } => match self.eval(value) {
@@ -163,8 +174,10 @@ impl Elaboration<'_> {
                 self.formulation(&name.text, formulation);
             }
             ItemKind::Source(_)
+            | ItemKind::Size { .. }
             | ItemKind::Input { .. }
             | ItemKind::Let { .. }
+            | ItemKind::Body(_)
             | ItemKind::AlgebraName { .. }
             | ItemKind::AlgebraBrackets { .. }
             | ItemKind::Representation { .. }
@@ -210,7 +223,10 @@ impl Elaboration<'_> {
         }
         for (k, (compare, _)) in comparison.rest.iter().enumerate() {
             let span = sides[k].span.to(sides[k + 1].span);
-            let text = self.one_line(span);
+            let text = match self.is_in_loop(span) {
+                true => format!("{} {} {}", sides[k], compare, sides[k + 1]),
+                false => self.one_line(span),
+            };
             self.builder.at(Some(span)).condition(&text, &values[k], *compare, &values[k + 1]);
         }
     }

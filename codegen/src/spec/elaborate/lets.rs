@@ -1,21 +1,39 @@
 //! Definitions, in the order of their use.
 //!
-//! Deliberately does not know: items other than `let`.
+//! Deliberately does not know: items other than `let` and `body`.
 
 use std::collections::BTreeMap;
 
 use super::order::{describe_cycle, order_by_use};
 use super::values::Elaboration;
-use crate::spec::ast::{Expr, Item, ItemKind, Name};
+use crate::spec::ast::{BodyItem, BodyPart, Expr, Item, ItemKind, Name};
 use crate::spec::builder::DeclaredAs;
 use crate::spec::diagnostic::Diagnostic;
 
 /// The definitions of a file that can be evaluated, in the order of their use.
 pub(super) struct Lets<'a> {
-    list: Vec<(&'a Name, &'a Expr)>,
+    list: Vec<(&'a Name, Definition<'a>)>,
     index: BTreeMap<&'a str, usize>,
     uses: Vec<Vec<usize>>,
     order: Vec<usize>,
+}
+
+/// What a name stands for.
+#[derive(Clone, Copy)]
+enum Definition<'a> {
+    /// `let name = expr;`
+    Value(&'a Expr),
+    /// A part of a body.
+    Part(&'a BodyItem, BodyPart),
+}
+
+impl Definition<'_> {
+    fn names(&self) -> Vec<&str> {
+        match self {
+            Definition::Value(expr) => expr.names(),
+            Definition::Part(body, _) => body.expressions().flat_map(Expr::names).collect(),
+        }
+    }
 }
 
 impl Lets<'_> {
@@ -36,10 +54,16 @@ impl Lets<'_> {
 impl Elaboration<'_> {
     /// Claims the names of all definitions and finds their order.
     pub(super) fn declare_lets<'a>(&mut self, items: &'a [Item]) -> Lets<'a> {
-        let mut lets: Vec<(&'a Name, &'a Expr)> = Vec::new();
+        let mut lets: Vec<(&'a Name, Definition<'a>)> = Vec::new();
         let mut index: BTreeMap<&'a str, usize> = BTreeMap::new();
-        for item in items {
-            let ItemKind::Let { name, value } = &item.kind else { continue };
+        let defined = items.iter().flat_map(|item| match &item.kind {
+            ItemKind::Let { name, value } => vec![(name, Definition::Value(value))],
+            ItemKind::Body(body) => {
+                body.parts.iter().map(|(part, name)| (name, Definition::Part(body, *part))).collect()
+            }
+            _ => Vec::new(),
+        });
+        for (name, value) in defined {
             if self.builder.at(Some(name.span)).declare(&name.text, DeclaredAs::Definition) {
                 index.insert(&name.text, lets.len());
                 lets.push((name, value));
@@ -68,11 +92,20 @@ impl Elaboration<'_> {
     /// Evaluates definitions in the order that is given.
     pub(super) fn define_lets(&mut self, lets: &Lets<'_>, order: &[usize]) {
         for k in order {
-            let (name, expr) = lets.list[*k];
+            let (name, definition) = lets.list[*k];
             if self.poisoned.contains(&name.text) {
                 continue;
             }
-            match self.evaluator(&[], None).eval(expr) {
+            let value = match definition {
+                Definition::Value(expr) => {
+                    let rates = self.rates_for(&[expr]);
+                    let mut evaluator = self.evaluator(&[], None);
+                    evaluator.rates = rates.as_ref();
+                    evaluator.eval(expr)
+                }
+                Definition::Part(body, part) => self.part(body, part),
+            };
+            match value {
                 Some((value, bits)) => {
                     self.builder.bind(&name.text, &value);
                     self.weights.insert(name.text.clone(), bits);

@@ -4,9 +4,11 @@
 
 mod algebra_expressions;
 mod algebras;
+mod bodies;
 mod frames;
 mod items;
 mod lets;
+mod loops;
 mod order;
 mod reconstruction;
 mod values;
@@ -34,7 +36,9 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
         weights: BTreeMap::new(),
         poisoned: outcome.poisoned,
         is_spent: false,
+        loops: file.indices.iter().map(|(_, scope)| *scope).collect(),
         withheld: BTreeSet::new(),
+        spins: BTreeMap::new(),
         algebras: BTreeMap::new(),
         representations: BTreeMap::new(),
     };
@@ -47,11 +51,13 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
     }
     elaboration.run(&file);
     let definitions = elaboration.definitions(&file.items);
-    let mut model = elaboration.builder.build_with(Some(origin.clone()))?;
+    let loops = elaboration.loops;
+    let built = elaboration.builder.build_with(Some(origin.clone()));
+    let mut model = built.map_err(|problems| problems.once_for(&loops))?;
     // Beside errors they would be noise: a name that is misspelt once is unused as well.
     let mut warnings = unused::warnings(&file.items);
     warnings.extend(units::warnings(&model, &definitions));
-    model.warnings = model.diagnostics(warnings);
+    model.warnings = model.diagnostics(warnings).once_for(&loops);
     Ok(model)
 }
 
@@ -82,10 +88,16 @@ impl Elaboration<'_> {
             self.builder.rename("model_");
         }
         self.declare_sources_and_params(&file.items);
+        if let [first, rest @ ..] = self.builder.sizes() {
+            let rest: String = rest.iter().map(|s| format!(", `{} = {}`", s.name, s.value)).collect();
+            let line = format!("Read with `{} = {}`{rest}.", first.name, first.value);
+            self.builder.doc("").doc(&line);
+        }
         self.define_algebras(&file.items);
         self.declare_variables(&file.items);
         self.withhold(&file.items);
         let lets = self.declare_lets(&file.items);
+        self.check_indices(file);
         // A frame and an algebroid say what the velocities are that everything else is written in.
         let (first, rest) = lets.needed_first(&frames::expressions(&file.items));
         self.define_lets(&lets, &first);
@@ -108,6 +120,8 @@ impl Elaboration<'_> {
         // What figures show lives in a graph of its own, so that it leaves no trace in generated code.
         if items_have_views(&file.items) {
             self.builder.begin_views();
+            // Their entries are expressions of the other graph.
+            self.spins.clear();
             for item in &file.items {
                 self.view(item);
             }

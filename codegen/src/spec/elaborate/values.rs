@@ -10,6 +10,7 @@ use crate::spec::ast::Expr;
 use crate::spec::builder::ModelBuilder;
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::eval::Evaluator;
+use crate::spec::rates::{Rates, Spins};
 use crate::spec::shape::Shape;
 use crate::spec::value::Value;
 
@@ -19,8 +20,12 @@ pub(super) struct Elaboration<'a> {
     pub(super) weights: BTreeMap<String, u64>,
     pub(super) poisoned: BTreeSet<String>,
     pub(super) is_spent: bool,
+    /// Where names and numbers of the text stand for others in each turn.
+    pub(super) loops: Vec<Span>,
     /// Names of reconstructed coordinates; they have values only when everything else is done.
     pub(super) withheld: BTreeSet<String>,
+    /// Angular velocities of rotations that have been made.
+    pub(super) spins: Spins,
     pub(super) algebras: BTreeMap<String, LieAlgebra<Number>>,
     /// Representations with the algebra they belong to.
     pub(super) representations: BTreeMap<String, (LieAlgebra<Number>, Representation<Number>)>,
@@ -44,6 +49,17 @@ impl Elaboration<'_> {
             return kept.join(" ").split_whitespace().collect::<Vec<_>>().join(" ");
         }
         text.split_whitespace().collect::<Vec<_>>().join(" ")
+    }
+
+    /// Whether a place of the text is read several times.
+    pub(super) fn is_in_loop(&self, span: Span) -> bool {
+        self.loops.iter().any(|scope| scope.start <= span.start && span.end <= scope.end)
+    }
+
+    /// An equation as it stands in the text, or as a turn of a loop reads it.
+    pub(super) fn equation_text(&self, left: &Expr, right: &Expr) -> String {
+        let place = left.span.to(right.span);
+        if self.is_in_loop(place) { format!("{left} = {right}") } else { self.one_line(place) }
     }
 
     pub(super) fn eval(&mut self, expr: &Expr) -> Option<Value> {
@@ -79,7 +95,16 @@ impl Elaboration<'_> {
         expr: &Expr,
         operators: &[(&'static str, &BTreeMap<ExprId, ExprId>)],
     ) -> Option<Value> {
-        self.evaluator(operators, None).eval(expr).map(|(value, _)| value)
+        let rates = self.rates_for(&[expr]);
+        let mut evaluator = self.evaluator(operators, None);
+        evaluator.rates = rates.as_ref();
+        evaluator.eval(expr).map(|(value, _)| value)
+    }
+
+    /// Rates along a motion, for expressions that need them.
+    pub(super) fn rates_for(&mut self, list: &[&Expr]) -> Option<Rates> {
+        let needs = |expr: &&Expr| ["rate", "spin", "rot"].iter().any(|function| expr.calls(function));
+        list.iter().any(needs).then(|| self.builder.rates())
     }
 
     /// What evaluates expressions of the model with everything that is declared by now.
@@ -101,6 +126,8 @@ impl Elaboration<'_> {
             operators,
             withheld: &self.withheld,
             algebras: &self.algebras,
+            rates: None,
+            spins: &mut self.spins,
             own_algebra: self.builder.algebra.as_ref().filter(|_| !is_own).map(|(algebra, _)| algebra),
         }
     }
@@ -134,6 +161,8 @@ impl Elaboration<'_> {
             operators: &[],
             withheld: &BTreeSet::new(),
             algebras: &self.algebras,
+            rates: None,
+            spins: &mut BTreeMap::new(),
             own_algebra: None,
         };
         let value = evaluator.eval(expr);

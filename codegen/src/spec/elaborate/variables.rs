@@ -18,6 +18,9 @@ impl Elaboration<'_> {
                 ItemKind::Source(text) => {
                     self.builder.source(text);
                 }
+                ItemKind::Size { name, value, .. } => {
+                    self.builder.at(Some(name.span)).size(&name.text, *value, &item.doc.join("\n"));
+                }
                 ItemKind::Param { name, shape, default, .. } => {
                     self.declare_numbers(item, "parameter", (name, shape), default.as_ref())
                 }

@@ -6,10 +6,12 @@ use proc_macro2::{Delimiter, Spacing};
 use syn::buffer::Cursor;
 
 use super::lexer::{Parsed, span_of, too_deep};
+use super::sizes::Shared;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::limits::MAX_DEPTH;
 
+#[derive(Clone)]
 pub(super) struct Parser<'a> {
     pub(super) text: &'a str,
     pub(super) cursor: Cursor<'a>,
@@ -18,9 +20,17 @@ pub(super) struct Parser<'a> {
     /// Where the last consumed token ends.
     pub(super) last: usize,
     pub(super) depth: usize,
+    /// What the loops and sizes of the file say.
+    pub(super) shared: &'a Shared,
+    /// Indices of the loops around with their values, the innermost last.
+    pub(super) turns: Vec<(String, i64)>,
 }
 
 impl<'a> Parser<'a> {
+    pub(super) fn new(text: &'a str, cursor: Cursor<'a>, shared: &'a Shared) -> Parser<'a> {
+        Parser { text, cursor, end: text.len(), last: 0, depth: 0, shared, turns: Vec::new() }
+    }
+
     pub(super) fn at_end(&self) -> bool {
         self.cursor.eof()
     }
@@ -134,7 +144,16 @@ impl<'a> Parser<'a> {
         let span = span_of(spans.join());
         self.advance(span, rest);
         let (start, end) = (span.start + 1, span.end.saturating_sub(1));
-        Some((Parser { text: self.text, cursor: inside, end, last: start, depth: self.depth }, span))
+        let parser = Parser {
+            text: self.text,
+            cursor: inside,
+            end,
+            last: start,
+            depth: self.depth,
+            shared: self.shared,
+            turns: self.turns.clone(),
+        };
+        Some((parser, span))
     }
 
     pub(super) fn require_group(&mut self, delimiter: Delimiter, what: &str) -> Parsed<(Parser<'a>, Span)> {

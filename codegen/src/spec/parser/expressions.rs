@@ -8,6 +8,7 @@ use proc_macro2::Delimiter;
 
 use super::cursor::Parser;
 use super::lexer::Parsed;
+use super::sizes::number_node;
 use crate::expr::Rational;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
@@ -79,16 +80,21 @@ impl<'a> Parser<'a> {
     fn indexed(&mut self) -> Parsed<Expr> {
         let base = self.atom()?;
         let Some((mut inside, span)) = self.group(Delimiter::Bracket) else { return Ok(base) };
-        let indices = inside.comma_list(|p| p.expr())?;
+        let mut indices = inside.comma_list(|p| p.expr())?;
         if let Some((_, second)) = self.group(Delimiter::Bracket) {
             let problem = Diagnostic::new(Some(second), "a second index needs no bracket of its own");
             return Err(Box::new(problem.with_help("write `C[1, 2]`")));
         }
         let span = base.span.to(span);
+        let base = match self.member_of_family(&base, &mut indices, span)? {
+            Some(member) if indices.is_empty() => return Ok(member),
+            Some(member) => member,
+            None => base,
+        };
         Ok(Expr { node: Node::Index(Box::new(base), indices), span })
     }
 
-    fn atom(&mut self) -> Parsed<Expr> {
+    pub(super) fn atom(&mut self) -> Parsed<Expr> {
         let start = self.here();
         if let Some((literal, rest)) = self.cursor.literal() {
             let value = number(&literal.to_string(), start)?;
@@ -109,7 +115,10 @@ impl<'a> Parser<'a> {
             return Ok(expr);
         }
         if let Some((mut inside, span)) = self.group(Delimiter::Bracket) {
-            let list = inside.comma_list(|p| p.expr())?;
+            let list = match inside.comprehension()? {
+                Some(list) => list,
+                None => inside.comma_list(|p| p.expr())?,
+            };
             if list.is_empty() {
                 return Err(Box::new(
                     Diagnostic::new(Some(span), "empty vector").with_help("write its entries: `[a, b]`"),
@@ -128,12 +137,39 @@ impl<'a> Parser<'a> {
         }
         let name = self.ident("an expression")?;
         if let Some((mut inside, span)) = self.group(Delimiter::Parenthesis) {
-            let arguments = inside.comma_list(|p| p.expr())?;
             let span = name.span.to(span);
+            if let Some(terms) = inside.comprehension()? {
+                return sum_of(&name, terms, span);
+            }
+            let arguments = inside.comma_list(|p| p.expr())?;
             return Ok(Expr { node: Node::Call(name, arguments), span });
         }
-        Ok(Expr { span: name.span, node: Node::Name(name.text) })
+        let node = match self.number_of(&name.text) {
+            Some(value) => number_node(value),
+            None => Node::Name(name.text),
+        };
+        Ok(Expr { span: name.span, node })
     }
+}
+
+/// `sum(expr for k in 1..n)`: a sum of no terms is zero.
+fn sum_of(name: &Name, terms: Vec<Expr>, span: Span) -> Parsed<Expr> {
+    if name.text != "sum" {
+        let problem =
+            Diagnostic::new(Some(name.span), format!("`{}` of terms that are written once", name.text));
+        return Err(Box::new(problem.with_help("write `sum(expr for k in 1..n)`, or a list in brackets")));
+    }
+    if terms.is_empty() {
+        return Ok(Expr { node: number_node(0), span });
+    }
+    // As somebody would write it out: terms of terms are terms.
+    let flat = terms.into_iter().flat_map(|term| match term.node {
+        Node::Sum(list) => list,
+        _ => vec![(false, term)],
+    });
+    let mut sum = fold_chain(flat.collect(), Node::Sum);
+    sum.span = span;
+    Ok(sum)
 }
 
 fn fold_chain(mut list: Vec<(bool, Expr)>, make: fn(Vec<(bool, Expr)>) -> Node) -> Expr {

@@ -9,11 +9,13 @@ use syn::buffer::Cursor;
 
 use super::cursor::Parser;
 use super::lexer::span_of;
+use super::sizes::Loops;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::names;
 
 /// What the parser understood, and which names it could not.
+#[derive(Clone, Debug, Default)]
 pub(in crate::spec) struct Outcome {
     pub(in crate::spec) file: Option<File>,
     pub(in crate::spec) problems: Vec<Diagnostic>,
@@ -46,17 +48,25 @@ impl<'a> Parser<'a> {
             Ok(header) => header,
             Err(problem) => return outcome.problems.push(*problem),
         };
-        let items = body.items(outcome);
+        let mut items = Vec::new();
+        body.items(outcome, &mut items);
+        let families = self.shared.families();
         if !self.at_end() {
             let found = self.found();
             let problem = Diagnostic::new(Some(self.here()), format!("{found} after the end of the model"));
             outcome.problems.push(problem.with_help("a file holds one model: `model name { .. }`"));
         }
-        outcome.file = Some(File { doc, name, items });
+        let wrong = self.shared.size_problems.take();
+        if !wrong.is_empty() && self.shared.loops == Loops::WrittenOut {
+            // Everything else depends on sizes.
+            outcome.problems = wrong;
+            return;
+        }
+        let indices = self.shared.indices.take();
+        outcome.file = Some(File { doc, name, items, indices, families });
     }
 
-    fn items(&mut self, outcome: &mut Outcome) -> Vec<Item> {
-        let mut items = Vec::new();
+    fn items(&mut self, outcome: &mut Outcome, items: &mut Vec<Item>) {
         loop {
             let start = self.cursor;
             let first = self.here();
@@ -69,13 +79,33 @@ impl<'a> Parser<'a> {
                 if let Err(problem) = doc {
                     outcome.problems.push(*problem);
                 }
-                return items;
+                return;
             }
             if self.punct(";").is_some() {
                 continue;
             }
+            if self.peek_ident().as_deref() == Some("for") {
+                if doc.is_ok_and(|doc| !doc.is_empty()) {
+                    let problem = Diagnostic::new(Some(first), "doc comment belongs to no item");
+                    outcome.problems.push(problem.with_help("write it within the loop, before an item"));
+                }
+                let read = self.for_items(|inside| {
+                    let before = outcome.problems.len();
+                    inside.items(outcome, items);
+                    // What is wrong with one turn is most often wrong with all.
+                    outcome.problems.len() == before
+                });
+                if let Err(mut problem) = read {
+                    problem.help = problem.help.or(names::item_form("for"));
+                    outcome.problems.push(*problem);
+                    self.skip_item();
+                    poison(start, self.cursor, &mut outcome.poisoned);
+                }
+                continue;
+            }
             let keyword = self.here();
-            let form = self.peek_ident().and_then(|word| names::item_form(&word));
+            let word = self.peek_ident();
+            let form = word.as_ref().and_then(|word| names::item_form(word));
             let parsed = doc.and_then(|doc| Ok((doc, self.item()?)));
             match parsed {
                 Ok((doc, (kind, block))) => {
@@ -95,6 +125,9 @@ impl<'a> Parser<'a> {
                 }
                 Err(mut problem) => {
                     problem.help = problem.help.or(form);
+                    if word.as_deref() == Some("size") {
+                        self.shared.size_problems.borrow_mut().push((*problem).clone());
+                    }
                     outcome.problems.push(*problem);
                     // Always step over at least one token.
                     if self.cursor == start

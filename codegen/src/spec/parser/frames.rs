@@ -16,7 +16,7 @@ impl Parser<'_> {
         let mut velocities = Vec::new();
         while velocities.is_empty() || !body.at_end() {
             let doc = body.docs()?;
-            let name = body.ident("a quasi-velocity such as `u = r*phi_dot;`")?;
+            let name = body.declared("a quasi-velocity such as `u = r*phi_dot;`")?;
             body.equals()?;
             let value = body.expr()?;
             body.require_punct(";")?;
@@ -36,11 +36,11 @@ impl Parser<'_> {
         if body.word("velocities").is_none() {
             return body.expected("`velocities v1, v2, ..;`");
         }
-        let velocities = body.comma_separated(|p| p.ident("the name of a velocity"))?;
+        let velocities = body.comma_separated(|p| p.declared("the name of a velocity"))?;
         body.require_punct(";")?;
         let mut anchors = Vec::new();
         while body.word("anchor").is_some() {
-            let rate = body.ident("the rate of a coordinate, such as `x_dot`")?;
+            let rate = body.named("the rate of a coordinate, such as `x_dot`")?;
             body.equals()?;
             anchors.push((rate, body.expr()?));
             body.require_punct(";")?;
@@ -54,7 +54,7 @@ impl Parser<'_> {
 
     /// `v = expression`, behind `acceleration` or `field`.
     pub(super) fn given(&mut self, what: &str) -> Parsed<(Name, Expr)> {
-        let name = self.ident(what)?;
+        let name = self.named(what)?;
         self.equals()?;
         Ok((name, self.expr()?))
     }

@@ -9,7 +9,7 @@ use super::lexer::{Parsed, too_deep};
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::event::EventDirection;
-use crate::spec::limits::{MAX_DEPTH, MAX_DIM, MAX_MATRIX};
+use crate::spec::limits::{MAX_DEPTH, MAX_MATRIX};
 use crate::spec::model::ConnectionKind;
 use crate::spec::names;
 
@@ -22,16 +22,17 @@ impl<'a> Parser<'a> {
                 Some(text) => ItemKind::Source(text),
                 None => return self.expected("a text in quotes"),
             },
+            "size" => self.size_item()?,
             "param" => self.param()?,
             "input" => self.input()?,
             "drive" => {
-                let name = self.ident("the name of an input")?;
+                let name = self.named("the name of an input")?;
                 self.equals()?;
                 ItemKind::Drive { name, value: self.expr()? }
             }
             "require" => ItemKind::Require(self.comparisons()?),
             "let" => {
-                let name = self.ident("a name")?;
+                let name = self.declared("a name")?;
                 self.equals()?;
                 ItemKind::Let { name, value: self.expr()? }
             }
@@ -55,16 +56,16 @@ impl<'a> Parser<'a> {
             }
             "representation" => return self.representation().map(|kind| (kind, true)),
             "velocity" => {
-                let names = self.comma_separated(|p| p.ident("the name of a velocity"))?;
+                let names = self.comma_separated(|p| p.declared("the name of a velocity"))?;
                 self.require_word("in")?;
                 let algebra = self.algebra_expr()?;
                 ItemKind::Velocity { labels: self.labels(names.len())?, names, algebra }
             }
             "momentum" => {
-                let names = self.comma_separated(|p| p.ident("the name of the momentum"))?;
+                let names = self.comma_separated(|p| p.declared("the name of the momentum"))?;
                 match names.as_slice() {
                     [name] if self.word("of").is_some() => {
-                        let velocity = self.ident("the name of a velocity")?;
+                        let velocity = self.named("the name of a velocity")?;
                         ItemKind::Momentum { name: name.clone(), velocity }
                     }
                     _ if self.word("in").is_some() => {
@@ -77,10 +78,10 @@ impl<'a> Parser<'a> {
             "carry" => ItemKind::Carry(self.carried()?),
             "routh" => ItemKind::Carry(self.routhian()?),
             "quasi_velocity" => {
-                ItemKind::QuasiVelocity(self.comma_separated(|p| p.ident("the name of a quasi-velocity"))?)
+                ItemKind::QuasiVelocity(self.comma_separated(|p| p.declared("the name of a quasi-velocity"))?)
             }
             "connection" => {
-                let name = self.ident("the velocity whose connection is given")?;
+                let name = self.named("the velocity whose connection is given")?;
                 if ConnectionKind::from_name(&name.text).is_some() {
                     ItemKind::DerivedConnection(name)
                 } else {
@@ -117,16 +118,19 @@ impl<'a> Parser<'a> {
                 ItemKind::Virtual { name, left, right }
             }
             "independent" => {
-                ItemKind::Independent(self.comma_separated(|p| p.ident("the name of a velocity"))?)
+                ItemKind::Independent(self.comma_separated(|p| p.named("the name of a velocity"))?)
             }
             "multipliers" => ItemKind::Multipliers,
+            "body" => return self.body().map(|kind| (kind, true)),
+            "moment" => self.moment()?,
+            "force" if self.is_applied() => self.applied_force()?,
             "force" => {
-                let name = self.ident("the velocity the force is paired with")?;
+                let name = self.named("the velocity the force is paired with")?;
                 self.equals()?;
                 ItemKind::Force { name, value: self.expr()? }
             }
             "casimir" | "output" => {
-                let name = self.ident("a name")?;
+                let name = self.labelled("a name")?;
                 self.equals()?;
                 let value = self.expr()?;
                 if keyword.text == "casimir" {
@@ -136,7 +140,7 @@ impl<'a> Parser<'a> {
                 }
             }
             "section" => {
-                let name = self.ident("a name")?;
+                let name = self.labelled("a name")?;
                 let algebra = self.word("in").map(|_| self.algebra_expr()).transpose()?;
                 self.equals()?;
                 ItemKind::Section { name, algebra, value: self.expr()? }
@@ -144,7 +148,7 @@ impl<'a> Parser<'a> {
             "event" => return self.event(),
             "reconstruct" => self.reconstruct()?,
             "initial" => {
-                let name = self.ident("the name of a state variable")?;
+                let name = self.named("the name of a state variable")?;
                 self.equals()?;
                 ItemKind::Initial { name, value: self.expr()? }
             }
@@ -160,29 +164,6 @@ impl<'a> Parser<'a> {
             }
         };
         Ok((kind, false))
-    }
-
-    fn size(&mut self) -> Parsed<Size> {
-        self.size_up_to(MAX_DIM)
-    }
-
-    fn size_up_to(&mut self, largest: usize) -> Parsed<Size> {
-        let span = self.here();
-        let Some((literal, rest)) = self.cursor.literal() else { return self.expected("a whole number") };
-        let text = literal.to_string();
-        let value = text.parse::<usize>().ok().filter(|_| text.bytes().all(|b| b.is_ascii_digit()));
-        if value.is_none() && !text.bytes().all(|b| b.is_ascii_digit()) {
-            return self.expected("a whole number");
-        }
-        self.advance(span, rest);
-        match value {
-            Some(value) if (1..=largest).contains(&value) => Ok(Size { value, span }),
-            _ => {
-                let problem =
-                    Diagnostic::new(Some(span), format!("dimension `{text}` is not between 1 and {largest}"));
-                Err(Box::new(problem))
-            }
-        }
     }
 
     /// `: vector(3)` and its like, or nothing.
@@ -217,7 +198,7 @@ impl<'a> Parser<'a> {
     }
 
     fn param(&mut self) -> Parsed<ItemKind> {
-        let name = self.ident("the name of a parameter")?;
+        let name = self.declared("the name of a parameter")?;
         let shape = self.shape()?;
         let default = if self.peek_punct('=') {
             self.equals()?;
@@ -230,7 +211,7 @@ impl<'a> Parser<'a> {
     }
 
     fn input(&mut self) -> Parsed<ItemKind> {
-        let name = self.ident("the name of an input")?;
+        let name = self.declared("the name of an input")?;
         let shape = self.shape()?;
         let default = if self.peek_punct('=') {
             self.equals()?;
@@ -241,7 +222,7 @@ impl<'a> Parser<'a> {
         Ok(ItemKind::Input { name, shape, default })
     }
 
-    fn comparisons(&mut self) -> Parsed<Vec<Comparison>> {
+    pub(super) fn comparisons(&mut self) -> Parsed<Vec<Comparison>> {
         self.comma_separated(|p| {
             let first = p.expr()?;
             let mut rest = Vec::new();
@@ -337,7 +318,7 @@ impl<'a> Parser<'a> {
         if self.punct("^").is_none() {
             return Ok(None);
         }
-        self.size().map(Some)
+        self.size_of_power().map(Some)
     }
 
     fn algebra_expr(&mut self) -> Parsed<AlgebraExpr> {
@@ -352,17 +333,19 @@ impl<'a> Parser<'a> {
 
     fn algebra_expr_inner(&mut self) -> Parsed<AlgebraExpr> {
         let start = self.here();
-        if self.cursor.literal().is_some() {
+        if self.cursor.literal().is_some() || self.is_number_next() {
             let size = self.size()?;
             return Ok(AlgebraExpr { node: AlgebraNode::Number(size.value), span: size.span });
         }
         let name = self.ident("an algebra such as `so(3)`")?;
         let node = if name.text == "R" && self.punct("^").is_some() {
-            AlgebraNode::Power(self.size()?.value)
+            AlgebraNode::Power(self.size_of_power()?.value)
         } else if let Some((mut inside, _)) = self.group(Delimiter::Parenthesis) {
             // A size of matrices is no dimension of a vector.
             let is_of_matrices = ["zeitlin", "zeitlin_sphere"].contains(&name.text.as_str());
-            let argument = |p: &mut Parser<'a>| match is_of_matrices && p.cursor.literal().is_some() {
+            let argument = |p: &mut Parser<'a>| match is_of_matrices
+                && (p.cursor.literal().is_some() || p.is_number_next())
+            {
                 true => {
                     let size = p.size_up_to(MAX_MATRIX)?;
                     Ok(AlgebraExpr { node: AlgebraNode::Number(size.value), span: size.span })
@@ -378,7 +361,7 @@ impl<'a> Parser<'a> {
 
     /// A stage, and whether it ends with a block of connections.
     fn stage(&mut self) -> Parsed<(ItemKind, bool)> {
-        let name = self.ident("the name of the stage")?;
+        let name = self.labelled("the name of the stage")?;
         let ideal = if self.peek_punct('=') { Some(self.ideal()?) } else { None };
         let Some((mut body, _)) = self.group(Delimiter::Brace) else {
             return Ok((ItemKind::Stage { name, ideal, connections: Vec::new() }, false));
@@ -386,7 +369,7 @@ impl<'a> Parser<'a> {
         let mut connections = Vec::new();
         while !body.at_end() {
             body.require_word("connection")?;
-            let velocity = body.ident("the velocity whose connection is given")?;
+            let velocity = body.named("the velocity whose connection is given")?;
             body.equals()?;
             connections.push((velocity, body.expr()?));
             body.require_punct(";")?;
@@ -407,7 +390,7 @@ impl<'a> Parser<'a> {
     }
 
     fn coordinate(&mut self) -> Parsed<ItemKind> {
-        let names = self.comma_separated(|p| p.ident("the name of a coordinate"))?;
+        let names = self.comma_separated(|p| p.declared_coordinate("the name of a coordinate"))?;
         let shape = self.shape()?;
         self.require_word("in")?;
         if let Some((mut inside, _)) = self.group(Delimiter::Parenthesis) {
@@ -427,7 +410,7 @@ impl<'a> Parser<'a> {
     }
 
     fn advected(&mut self) -> Parsed<ItemKind> {
-        let name = self.ident("the name of the advected parameter")?;
+        let name = self.declared("the name of the advected parameter")?;
         self.require_word("in")?;
         if self.peek_ident().is_none() {
             return self.expected("`R^n`, an algebra or `dual(..)` of one");
@@ -468,12 +451,12 @@ impl<'a> Parser<'a> {
 
     /// `[name:] left = right`.
     fn equation(&mut self, what: &str, example: &str) -> Parsed<(Option<Name>, Expr, Expr)> {
-        let named = self
-            .cursor
-            .ident()
-            .is_some_and(|(_, rest)| rest.punct().is_some_and(|(p, _)| p.as_char() == ':'));
+        let named = self.cursor.ident().is_some_and(|(_, rest)| {
+            let rest = rest.group(Delimiter::Bracket).map_or(rest, |(.., behind)| behind);
+            rest.punct().is_some_and(|(p, _)| p.as_char() == ':')
+        });
         let name = if named {
-            let name = self.ident("a name")?;
+            let name = self.labelled("a name")?;
             self.require_punct(":")?;
             Some(name)
         } else {
@@ -490,7 +473,7 @@ impl<'a> Parser<'a> {
 
     /// An event, and whether it ends with a block.
     fn event(&mut self) -> Parsed<(ItemKind, bool)> {
-        let name = self.ident("the name of the event")?;
+        let name = self.labelled("the name of the event")?;
         self.equals()?;
         let value = self.expr()?;
         let direction = if self.word("rising").is_some() {
@@ -510,7 +493,7 @@ impl<'a> Parser<'a> {
         while !body.at_end() {
             let here = body.here();
             if body.word("then").is_some() {
-                let target = body.ident("the name of what the event sets")?;
+                let target = body.named("the name of what the event sets")?;
                 body.equals()?;
                 sets.push((target, body.expr()?));
             } else if body.word("stop").is_some() {
@@ -528,7 +511,7 @@ impl<'a> Parser<'a> {
     }
 
     fn reconstruct(&mut self) -> Parsed<ItemKind> {
-        let names = self.comma_separated(|p| p.ident("the name of a reconstructed coordinate"))?;
+        let names = self.comma_separated(|p| p.declared("the name of a reconstructed coordinate"))?;
         if self.word("by").is_some() {
             return Ok(ItemKind::Reconstruct { names, way: ReconstructWay::Rate(self.expr()?) });
         }
@@ -537,14 +520,14 @@ impl<'a> Parser<'a> {
         }
         let group = self.algebra_expr()?;
         let from = match self.word("from") {
-            Some(_) => self.comma_separated(|p| p.ident("the name of a velocity"))?,
+            Some(_) => self.comma_separated(|p| p.named("the name of a velocity"))?,
             None => Vec::new(),
         };
         Ok(ItemKind::Reconstruct { names, way: ReconstructWay::Group { group, from } })
     }
 
     fn view(&mut self) -> Parsed<ItemKind> {
-        let name = self.ident("the name of the view")?;
+        let name = self.labelled("the name of the view")?;
         self.equals()?;
         let shape = self.ident("a shape such as `ball`")?;
         let (mut inside, _) = self.require_group(Delimiter::Parenthesis, "`(` with the sizes or places")?;
@@ -569,7 +552,7 @@ impl<'a> Parser<'a> {
     }
 
     fn scene(&mut self) -> Parsed<ItemKind> {
-        let name = self.ident("the name of the scene")?;
+        let name = self.labelled("the name of the scene")?;
         let (mut body, _) = self.require_group(Delimiter::Brace, "`{`")?;
         let (mut fixed, mut wants) = (Vec::new(), Vec::new());
         let (mut drops, mut circles, mut carries) = (Vec::new(), Vec::new(), Vec::new());
@@ -577,18 +560,18 @@ impl<'a> Parser<'a> {
         while !body.at_end() {
             if body.word("fix").is_some() {
                 fixed.extend(body.comma_separated(|p| {
-                    let name = p.ident("the name of a parameter")?;
+                    let name = p.named("the name of a parameter")?;
                     p.equals()?;
                     Ok((name, p.expr()?))
                 })?);
             } else if body.word("input").is_some() {
-                inputs.extend(body.comma_separated(|p| p.ident("the name of an input"))?);
+                inputs.extend(body.comma_separated(|p| p.named("the name of an input"))?);
             } else if body.word("want").is_some() {
-                wants.extend(body.comma_separated(|p| p.ident("the name of an output"))?);
+                wants.extend(body.comma_separated(|p| p.named("the name of an output"))?);
             } else if body.word("drop").is_some() {
-                drops.extend(body.comma_separated(|p| p.ident("the name of a coordinate"))?);
+                drops.extend(body.comma_separated(|p| p.named("the name of a coordinate"))?);
             } else if body.word("circle").is_some() {
-                circles.extend(body.comma_separated(|p| p.ident("the name of an angle"))?);
+                circles.extend(body.comma_separated(|p| p.named("the name of an angle"))?);
             } else if body.word("carry").is_some() {
                 carries.extend(body.carried()?);
             } else if body.word("routh").is_some() {
@@ -611,22 +594,22 @@ impl<'a> Parser<'a> {
     }
 
     fn carried(&mut self) -> Parsed<Vec<Carry>> {
-        self.comma_separated(|p| Ok(Carry::Named(p.ident("the name of a momentum or a velocity")?)))
+        self.comma_separated(|p| Ok(Carry::Named(p.named("the name of a momentum or a velocity")?)))
     }
 
     /// `phi = p` or `Omega -> Pi`, several with commas.
     fn routhian(&mut self) -> Parsed<Vec<Carry>> {
         self.comma_separated(|p| {
-            let what = p.ident("the name of a cyclic coordinate or of a velocity")?;
+            let what = p.named("the name of a cyclic coordinate or of a velocity")?;
             if p.punct("->").is_some() {
-                let momentum = p.ident("the name of its momentum")?;
+                let momentum = p.declared("the name of its momentum")?;
                 return Ok(Carry::Momenta { velocity: what, momentum });
             }
             if !p.peek_punct('=') {
                 return p.expected("`= p` with a parameter, or `-> Pi` with the name of its momentum");
             }
             p.equals()?;
-            Ok(Carry::Level { cyclic: what, parameter: p.ident("the parameter that its momentum is")? })
+            Ok(Carry::Level { cyclic: what, parameter: p.named("the parameter that its momentum is")? })
         })
     }
 }

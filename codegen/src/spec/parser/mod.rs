@@ -6,38 +6,46 @@
 //!
 //! Deliberately does not know: what names stand for, shapes, values.
 
+mod bodies;
 mod cursor;
 mod expressions;
 mod file;
 mod frames;
 mod items;
 mod lexer;
+mod loops;
 mod recovery;
+mod sizes;
 
 pub(super) use self::file::Outcome;
+pub(super) use self::sizes::Loops;
 
-use std::collections::BTreeSet;
-
-use syn::buffer::TokenBuffer;
+use proc_macro2::Delimiter;
+use syn::buffer::{Cursor, TokenBuffer};
 
 use self::cursor::Parser;
 use self::lexer::{check_brackets, check_nesting, lex, without_hash_comments};
+use self::sizes::{Shared, read_sizes};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::limits::MAX_BYTES;
 
-/// As [`parse_file`], and also what can be understood of a text whose brackets do not close; its problems are those of
-/// the text in which they do.
+/// As [`parse_file`] with each loop read once, and also what can be understood of a text whose brackets do not close;
+/// its problems are those of the text in which they do.
 pub(super) fn parse_leniently(text: &str) -> Outcome {
-    let outcome = parse_file(text);
+    let outcome = parse_with(text, Loops::Once);
     if outcome.file.is_some() || text.len() > MAX_BYTES {
         return outcome;
     }
-    parse_file(&recovery::balanced(text))
+    parse_with(&recovery::balanced(text), Loops::Once)
 }
 
 /// Parses a text of at most [`MAX_BYTES`].
 pub(super) fn parse_file(text: &str) -> Outcome {
-    let mut outcome = Outcome { file: None, problems: Vec::new(), poisoned: BTreeSet::new() };
+    parse_with(text, Loops::WrittenOut)
+}
+
+fn parse_with(text: &str, loops: Loops) -> Outcome {
+    let mut outcome = Outcome::default();
     if text.len() > MAX_BYTES {
         let message = format!("the file has {} bytes, the limit is {MAX_BYTES}", text.len());
         let start = Some(Span::new(0, 0));
@@ -56,7 +64,27 @@ pub(super) fn parse_file(text: &str) -> Outcome {
         return outcome;
     }
     let buffer = TokenBuffer::new2(tokens);
-    let mut parser = Parser { text, cursor: buffer.begin(), end: text.len(), last: 0, depth: 0 };
-    parser.file(&mut outcome);
-    outcome
+    let sizes = model_body(buffer.begin()).map_or_else(Vec::new, |body| read_sizes(text, body, loops));
+    let read = |shared: &Shared, mut outcome: Outcome| {
+        Parser::new(text, buffer.begin(), shared).file(&mut outcome);
+        outcome
+    };
+    let shared = Shared::new(loops, sizes);
+    let first = read(&shared, outcome.clone());
+    // Which names have an index is known once the file has been read: order of items is free.
+    match shared.again() {
+        Some(shared) => read(&shared, outcome),
+        None => first,
+    }
+}
+
+/// What stands between the braces of the model.
+fn model_body(cursor: Cursor<'_>) -> Option<Cursor<'_>> {
+    let mut at = cursor;
+    loop {
+        if let Some((body, _, _)) = at.group(Delimiter::Brace) {
+            return Some(body);
+        }
+        at = at.token_tree()?.1;
+    }
 }

@@ -1,0 +1,112 @@
+//! What bodies declare: velocities, momenta and kinetic energy.
+//!
+//! Deliberately does not know: how expressions are evaluated, in which order.
+
+use super::values::Elaboration;
+use crate::expr::Rational;
+use crate::spec::ast::{BodyItem, BodyPart, Expr};
+use crate::spec::diagnostic::Span;
+use crate::spec::eval::Weighed;
+use crate::spec::shape::Shape;
+use crate::spec::value::Value;
+
+impl Elaboration<'_> {
+    /// A part of a body: `p'`, the angular velocity `w` with `hat(w) = R^T R'`, `m p'`, `I w`, and the kinetic energy
+    /// `m/2 p'.p' + 1/2 w.I w`. Nothing after a problem.
+    pub(super) fn part(&mut self, body: &BodyItem, part: BodyPart) -> Option<Weighed> {
+        let (translation, rotation) =
+            (body.mass.as_ref().zip(body.place.as_ref()), body.inertia.as_ref().zip(body.attitude.as_ref()));
+        match part {
+            BodyPart::Velocity => self.velocity(translation?.1),
+            BodyPart::Spin => self.spin(rotation?.1),
+            BodyPart::Momentum => self.momentum(translation?),
+            BodyPart::AngularMomentum => self.angular_momentum(rotation?),
+            BodyPart::Energy => {
+                let mut terms = Vec::new();
+                if let Some((mass, place)) = translation {
+                    let (v, p) = (self.velocity(place)?, self.momentum((mass, place))?);
+                    terms.push(self.half(v, p, place.span)?);
+                }
+                if let Some((inertia, attitude)) = rotation {
+                    let (w, l) = (self.spin(attitude)?, self.angular_momentum((inertia, attitude))?);
+                    terms.push(self.half(w, l, attitude.span)?);
+                }
+                let bits = terms.iter().map(|(_, bits)| *bits).max()?;
+                let entries: Vec<_> = terms.iter().flat_map(|(value, _)| value.entries().to_vec()).collect();
+                Some((Value::Scalar(self.builder.graph.sum(&entries)), bits + 8))
+            }
+        }
+    }
+
+    fn velocity(&mut self, place: &Expr) -> Option<Weighed> {
+        let (value, bits) = self.weighed(place)?;
+        let rates = self.builder.rates();
+        let mut evaluator = self.evaluator(&[], None);
+        evaluator.rates = Some(&rates);
+        Some((evaluator.rate_of_value(&value, place.span)?, bits + 16))
+    }
+
+    fn spin(&mut self, attitude: &Expr) -> Option<Weighed> {
+        let (value, bits) = self.weighed(attitude)?;
+        let rates = self.builder.rates();
+        let mut evaluator = self.evaluator(&[], None);
+        evaluator.rates = Some(&rates);
+        Some((evaluator.spin_of_value(&value, attitude.span)?, 2 * bits + 16))
+    }
+
+    fn weighed(&mut self, expr: &Expr) -> Option<Weighed> {
+        let rates = self.builder.rates();
+        let mut evaluator = self.evaluator(&[], None);
+        evaluator.rates = Some(&rates);
+        evaluator.eval(expr)
+    }
+
+    fn momentum(&mut self, (mass, place): (&Expr, &Expr)) -> Option<Weighed> {
+        let (v, bits) = self.velocity(place)?;
+        let (m, mass_bits) = self.weighed(mass)?;
+        let Value::Scalar(m) = m else {
+            self.problem(
+                mass.span,
+                format!("a mass is a number, found {}", m.shape()),
+                "one number for a body",
+            );
+            return None;
+        };
+        Some((v.scale(&mut self.builder.graph, m), bits + mass_bits))
+    }
+
+    fn angular_momentum(&mut self, (inertia, attitude): (&Expr, &Expr)) -> Option<Weighed> {
+        let (w, bits) = self.spin(attitude)?;
+        let (i, inertia_bits) = self.weighed(inertia)?;
+        let fits = match (w.shape(), i.shape()) {
+            (Shape::Scalar, Shape::Scalar) => true,
+            (Shape::Vector(n), Shape::Matrix(rows, columns)) => n == rows && n == columns,
+            _ => false,
+        };
+        if !fits {
+            let (wanted, help) = match w.shape() {
+                Shape::Scalar => ("a number", "in the plane a body has one moment of inertia"),
+                _ => ("matrix(3, 3)", "write `diag([I1, I2, I3])`, or declare a parameter `diagonal(3)`"),
+            };
+            self.problem(inertia.span, format!("the inertia has to be {wanted}, found {}", i.shape()), help);
+            return None;
+        }
+        Some((i.mul(&mut self.builder.graph, &w).ok()?, bits + inertia_bits + 8))
+    }
+
+    /// Half the product of a velocity and its momentum.
+    fn half(&mut self, (v, v_bits): Weighed, (p, p_bits): Weighed, span: Span) -> Option<Weighed> {
+        let g = &mut self.builder.graph;
+        let product = match (&v, &p) {
+            (Value::Scalar(a), Value::Scalar(b)) => g.mul(*a, *b),
+            (Value::Vector(_), Value::Vector(_)) => v.dot(g, &p).ok()?.scalar("dot").ok()?,
+            _ => {
+                let help = "write a vector for a place, such as `[x, y]`";
+                self.problem(span, format!("a place is a number or a vector, found {}", v.shape()), help);
+                return None;
+            }
+        };
+        let half = g.rational(Rational::new(1.into(), 2.into()));
+        Some((Value::Scalar(g.mul(half, product)), v_bits + p_bits + 8))
+    }
+}
