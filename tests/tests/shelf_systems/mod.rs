@@ -1,0 +1,4 @@
+//! The systems of the shelf in redundant coordinates.
+
+pub(crate) mod rolling;
+pub(crate) mod vehicles;
