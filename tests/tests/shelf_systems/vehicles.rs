@@ -144,3 +144,43 @@ impl Unreduced for CarWithTrailers {
             .number("v1", in_frame(q[2], [v[0], v[1]])[0])
     }
 }
+
+/// A plate on a blade, on an incline: coordinates are the place of the blade, the first downhill, and the heading.
+pub(crate) struct Skate {
+    m: f64,
+    moment: f64,
+    a: f64,
+    alpha: f64,
+    g: f64,
+}
+
+impl Unreduced for Skate {
+    fn new(p: &Parameters) -> Self {
+        let [m, moment, a, alpha, g] = ["m", "J", "a", "alpha", "g"].map(|name| p.get(name));
+        Skate { m, moment, a, alpha, g }
+    }
+
+    fn place(&self, random: &mut Random) -> Vec<f64> {
+        random_numbers(3, random)
+    }
+
+    fn lagrangian<R: Real>(&self, q: &[R], v: &[R], _t: R) -> R {
+        let (sin, cos) = (q[2].sin(), q[2].cos());
+        let [half, a, m] = [0.5, self.a, self.m].map(R::from_f64);
+        let centre = [v[0] - a * sin * v[2], v[1] + a * cos * v[2]];
+        let moment = R::from_f64(self.moment - self.m * self.a * self.a);
+        half * m * (centre[0] * centre[0] + centre[1] * centre[1])
+            + half * moment * v[2] * v[2]
+            + R::from_f64(self.m * self.g * self.alpha.sin()) * (q[0] + a * cos)
+    }
+
+    fn nonholonomic<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Vec<R> {
+        vec![in_frame(q[2], [v[0], v[1]])[1]]
+    }
+
+    fn state<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Variables<R> {
+        let down = in_frame(q[2], [R::from_f64(1.0), R::from_f64(0.0)]);
+        let rates = Variables::new().number("omega", v[2]).number("v1", in_frame(q[2], [v[0], v[1]])[0]);
+        rates.vector("d", &down).number("descent", q[0])
+    }
+}
