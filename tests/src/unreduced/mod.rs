@@ -137,8 +137,9 @@ fn corrected(x: &mut [f64], residual: &[f64], rows: &[Vec<f64>]) {
         return;
     }
     let matrix = DMatrix::from_fn(rows.len(), x.len(), |i, j| rows[i][j]);
-    let inverse = matrix.pseudo_inverse(1e-12).expect("the tolerance is positive");
-    let step = inverse * DVector::from_column_slice(residual);
+    let gram = (&matrix * matrix.transpose()).full_piv_lu();
+    let factors = gram.solve(&DVector::from_column_slice(residual)).expect("the equations are independent");
+    let step = matrix.transpose() * factors;
     x.iter_mut().zip(step.iter()).for_each(|(x, s)| *x -= s);
 }
 
@@ -187,7 +188,7 @@ pub fn random_motion<S: Unreduced>(system: &S, random: &mut Random) -> Motion {
     }
     let mut v: Vec<f64> = q.iter().map(|_| random.number()).collect();
     let t = 1.0 + random.number();
-    for _ in 0..2 {
+    for _ in 0..3 {
         let (_, mut rows) = slopes_of_places(system, &q);
         let mut residual: Vec<f64> = rows.iter().map(|row| dot(row, &v)).collect();
         let (rest, others) = slopes_of_rates(system, (&q, &v, t));
