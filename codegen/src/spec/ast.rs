@@ -147,6 +147,7 @@ pub(super) struct EventItem {
 #[derive(Clone, Debug)]
 pub(super) enum ItemKind {
     Source(String),
+    Topic(String),
     Param {
         name: Name,
         shape: Shape,

@@ -507,6 +507,8 @@ pub struct Model {
     pub doc: Vec<String>,
     /// Where the model comes from.
     pub sources: Vec<String>,
+    /// What a list of models shows the model under.
+    pub topic: Option<String>,
     /// Owner of all expressions.
     pub graph: Graph,
     /// The time `t`.

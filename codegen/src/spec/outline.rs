@@ -431,6 +431,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         ItemKind::View { name, .. } => vec![one(DeclarationKind::View, name, false)],
         ItemKind::Scene { name, .. } => vec![one(DeclarationKind::Scene, name, false)],
         ItemKind::Source(_)
+        | ItemKind::Topic(_)
         | ItemKind::Require(_)
         | ItemKind::Drive { .. }
         | ItemKind::Acceleration { .. }

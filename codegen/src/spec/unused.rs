@@ -202,6 +202,7 @@ fn effective(item: &Item) -> Vec<String> {
             mentions(arguments.iter().chain([around, at, attitude].into_iter().flatten()))
         }
         ItemKind::Source(_)
+        | ItemKind::Topic(_)
         | ItemKind::Param { .. }
         | ItemKind::Input { .. }
         | ItemKind::Require(_)

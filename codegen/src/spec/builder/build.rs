@@ -78,6 +78,7 @@ impl ModelBuilder {
             name: self.name,
             doc: self.doc,
             sources: self.sources,
+            topic: self.topic.map(|(text, _)| text),
             graph: self.graph,
             time: self.time,
             params: self.params,

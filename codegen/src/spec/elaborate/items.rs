@@ -163,6 +163,7 @@ impl Elaboration<'_> {
                 self.formulation(&name.text, formulation);
             }
             ItemKind::Source(_)
+            | ItemKind::Topic(_)
             | ItemKind::Input { .. }
             | ItemKind::Let { .. }
             | ItemKind::AlgebraName { .. }

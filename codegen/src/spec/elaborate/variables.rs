@@ -18,6 +18,9 @@ impl Elaboration<'_> {
                 ItemKind::Source(text) => {
                     self.builder.source(text);
                 }
+                ItemKind::Topic(text) => {
+                    self.builder.at(Some(item.span)).topic(text);
+                }
                 ItemKind::Param { name, shape, default, .. } => {
                     self.declare_numbers(item, "parameter", (name, shape), default.as_ref())
                 }
