@@ -87,7 +87,8 @@ mod tests {
     #[test]
     fn every_model_of_the_repository_is_shipped() {
         let of_folder = |folder: &str| {
-            let folder = std::fs::read_dir(format!("{}/../models/{folder}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+            let folder =
+                std::fs::read_dir(format!("{}/../models/{folder}", env!("CARGO_MANIFEST_DIR"))).unwrap();
             let names = folder.map(|file| file.unwrap().file_name().into_string().unwrap());
             let mut names: Vec<String> =
                 names.filter_map(|name| Some(name.strip_suffix(".hamel")?.to_owned())).collect();

@@ -63,3 +63,52 @@ fn particles_and_what_they_turn() {
     held::<particles::Toda>("toda_lattice", &[]);
     held::<particles::Flywheel>("heisenberg_flywheel", &[]);
 }
+
+/// Where a rattleback is told by its equations from a body that merely turns: one way it turns back, and soon.
+#[test]
+fn a_rattleback_turns_back() {
+    let scene = models::build_from_shelf("rattleback", scene::DEFAULT);
+    let tilt = 0.02_f64;
+    let start = |spin: f64| {
+        [
+            ("Omega1", 0.1),
+            ("Omega2", 0.0),
+            ("Omega3", spin),
+            ("Gamma1", 0.0),
+            ("Gamma2", tilt),
+            ("Gamma3", (1.0 - tilt * tilt).sqrt()),
+        ]
+    };
+    let spin = |from: f64| {
+        let mut last = from;
+        models::follow(&scene, &[], &start(from), &[5.0], |at| last = at.get("Omega3"));
+        last
+    };
+    let (back, on) = (spin(-5.0), spin(5.0));
+    assert!(back > 3.0, "{back}");
+    assert!(on > 3.0, "{on}");
+}
+
+/// Upside down after eight seconds, and without friction never.
+#[test]
+fn a_tippe_top_turns_over() {
+    let scene = models::build_from_shelf("tippe_top", scene::DEFAULT);
+    let start = [
+        ("Omega1", 0.0),
+        ("Omega2", 0.0),
+        ("Omega3", 155.0),
+        ("X1", 0.0),
+        ("X2", 0.0),
+        ("X3", 0.0),
+        ("Gamma1", 0.1),
+        ("Gamma2", 0.0),
+        ("Gamma3", 0.99_f64.sqrt()),
+    ];
+    let cosine = |mu: f64| {
+        let mut last = 1.0;
+        models::follow(&scene, &[("mu", mu)], &start, &[8.0], |at| last = at.get("Gamma3"));
+        last
+    };
+    assert!(cosine(0.3) < -0.99);
+    assert!(cosine(0.0) > 0.99);
+}

@@ -31,7 +31,8 @@ impl Parameters {
     /// Random ones near the defaults; those that are zero stay so.
     fn near_defaults(scene: &BuiltScene, random: &mut Random) -> Parameters {
         let names = scene.params().iter().map(|p| p.name.clone()).collect();
-        let values = scene.params().iter().map(|p| rational_to_f64(&p.default) * (1.0 + SPREAD * random.number()));
+        let values =
+            scene.params().iter().map(|p| rational_to_f64(&p.default) * (1.0 + SPREAD * random.number()));
         Parameters { names, values: values.collect() }
     }
 

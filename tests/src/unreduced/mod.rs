@@ -128,7 +128,11 @@ fn second(x: f64, outer: f64, inner: f64) -> Second {
 /// Values with infinitesimals along two directions: zero but for the entry `at` of the first.
 fn seeded(values: &[f64], at: Option<usize>, inner: &[f64]) -> Vec<Second> {
     let outer = |i: usize| f64::from(u8::from(at == Some(i)));
-    values.iter().enumerate().map(|(i, x)| second(*x, outer(i), inner.get(i).copied().unwrap_or(0.0))).collect()
+    values
+        .iter()
+        .enumerate()
+        .map(|(i, x)| second(*x, outer(i), inner.get(i).copied().unwrap_or(0.0)))
+        .collect()
 }
 
 /// The smallest correction of `x` that takes linear equations with this residual and these rows to zero.
@@ -148,9 +152,8 @@ fn slopes_of_places<S: Unreduced>(system: &S, q: &[f64]) -> (Vec<f64>, Vec<Vec<f
     let mut rows: Vec<Vec<f64>> = Vec::new();
     let mut values = Vec::new();
     for j in 0..q.len() {
-        let moved: Vec<Dual> = (q.iter().enumerate())
-            .map(|(i, x)| Dual::new(*x, f64::from(u8::from(i == j))))
-            .collect();
+        let moved: Vec<Dual> =
+            (q.iter().enumerate()).map(|(i, x)| Dual::new(*x, f64::from(u8::from(i == j)))).collect();
         let g = system.holonomic(&moved);
         rows.resize(g.len(), vec![0.0; q.len()]);
         values = g.iter().map(|g| g.value).collect();
@@ -165,9 +168,8 @@ fn slopes_of_rates<S: Unreduced>(system: &S, (q, v, t): (&[f64], &[f64], f64)) -
     let mut values = Vec::new();
     let at: Vec<Dual> = q.iter().map(|x| Dual::constant(*x)).collect();
     for j in 0..v.len() {
-        let moved: Vec<Dual> = (v.iter().enumerate())
-            .map(|(i, x)| Dual::new(*x, f64::from(u8::from(i == j))))
-            .collect();
+        let moved: Vec<Dual> =
+            (v.iter().enumerate()).map(|(i, x)| Dual::new(*x, f64::from(u8::from(i == j)))).collect();
         let c = system.nonholonomic(&at, &moved, Dual::constant(t));
         rows.resize(c.len(), vec![0.0; v.len()]);
         values = c.iter().map(|c| c.value).collect();

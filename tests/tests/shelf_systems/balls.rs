@@ -6,8 +6,8 @@ use hamel_runtime::Real;
 use hamel_tests::random::Random;
 use hamel_tests::unreduced::bodies::{
     M3, V3, body_rate, constant, cross, diagonal, difference, dot, kinetic_energy, matrix, matrix_sum,
-    orthogonality, product, random_numbers, random_rotation, scaled, space_rate, sum, times, transposed, turned,
-    vector,
+    orthogonality, product, random_numbers, random_rotation, scaled, space_rate, sum, times, transposed,
+    turned, vector,
 };
 use hamel_tests::unreduced::{Parameters, Unreduced, Variables};
 
@@ -160,7 +160,8 @@ impl Unreduced for Robot {
         let place = sum(x, times(attitude, down));
         kinetic_energy(self.masses[0], diagonal([along, across, across]), x_dot, rate)
             + kinetic_energy(self.masses[1], diagonal([self.j; 3]), sum(x_dot, times(turning, down)), turning)
-            - R::from_f64(self.g) * (R::from_f64(self.masses[0]) * x[2] + R::from_f64(self.masses[1]) * place[2])
+            - R::from_f64(self.g)
+                * (R::from_f64(self.masses[0]) * x[2] + R::from_f64(self.masses[1]) * place[2])
     }
 
     fn holonomic<R: Real>(&self, q: &[R]) -> Vec<R> {

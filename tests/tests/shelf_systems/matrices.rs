@@ -4,9 +4,7 @@
 
 use hamel_runtime::Real;
 use hamel_tests::random::Random;
-use hamel_tests::unreduced::bodies::{
-    cross, dot, matrix, product, random_numbers, scaled, transposed,
-};
+use hamel_tests::unreduced::bodies::{cross, dot, matrix, product, random_numbers, scaled, transposed};
 use hamel_tests::unreduced::{Parameters, Unreduced, Variables};
 
 /// A left-invariant metric on SO(4): coordinates are the sixteen entries, row by row.

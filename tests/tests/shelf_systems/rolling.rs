@@ -5,8 +5,8 @@
 use hamel_runtime::Real;
 use hamel_tests::random::Random;
 use hamel_tests::unreduced::bodies::{
-    self, M3, V3, body_rate, constant, difference, dot, kinetic_energy, matrix, orthogonality, random_numbers,
-    random_rotation, scaled, times, transposed, vector,
+    self, M3, V3, body_rate, constant, difference, dot, kinetic_energy, matrix, orthogonality,
+    random_numbers, random_rotation, scaled, times, transposed, vector,
 };
 use hamel_tests::unreduced::{Parameters, Unreduced, Variables};
 

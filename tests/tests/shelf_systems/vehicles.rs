@@ -41,10 +41,7 @@ impl Unreduced for RollerRacer {
 
     fn holonomic<R: Real>(&self, q: &[R]) -> Vec<R> {
         let [l1, l2] = self.lengths.map(R::from_f64);
-        vec![
-            q[3] - q[0] - l1 * q[2].cos() - l2 * q[5].cos(),
-            q[4] - q[1] - l1 * q[2].sin() - l2 * q[5].sin(),
-        ]
+        vec![q[3] - q[0] - l1 * q[2].cos() - l2 * q[5].cos(), q[4] - q[1] - l1 * q[2].sin() - l2 * q[5].sin()]
     }
 
     fn nonholonomic<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Vec<R> {
