@@ -1,8 +1,8 @@
 //! Rigid bodies by positions and entries of rotation matrices.
 //!
-//! A rotation matrix is nine coordinates, row by row, with six equations `R^T R = 1`; the kinetic energy is the integral
-//! of `|xdot + Rdot y|^2/2` over the body, `m |xdot|^2/2 + tr(Rdot E Rdot^T)/2` with second moments `E = tr(I)/2 - I`
-//! about the mass centre. Angular velocities occur only where a model's variables are computed.
+//! A rotation matrix is nine coordinates, row by row, with six equations `R^T R = 1`; the kinetic energy is the
+//! integral of `|xdot + Rdot y|^2/2` over the body, `m |xdot|^2/2 + tr(Rdot E Rdot^T)/2` with second moments `E =
+//! tr(I)/2 - I` about the mass centre. Angular velocities occur only where a model's variables are computed.
 //!
 //! Deliberately does not know: constraints, any system.
 

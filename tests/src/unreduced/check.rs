@@ -2,65 +2,20 @@
 //!
 //! Deliberately does not know: any system.
 
-use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::scene::BuiltScene;
 use hamel_runtime::Dual;
 
-use super::{Motion, Unreduced, random_motion};
+use super::motion::{Motion, Unreduced, random_motion};
+use super::parameters::Parameters;
 use crate::random::Random;
 
 /// States with parameters of their own.
 const N_STATES: u64 = 20;
 
-/// How far parameters are moved from their defaults, relative to them: little enough for every condition on them.
-const SPREAD: f64 = 0.03;
-
 /// Rates relative to the largest one. Both sides are computed in double precision, the unreduced one by elimination in
-/// a matrix with up to forty rows, whose condition (inertias of a small body beside ones of equations) costs digits; 4e-14
-/// is the most that was seen.
+/// a matrix with up to forty rows, whose condition (inertias of a small body beside ones of equations) costs digits;
+/// 4e-14 is the most that was seen.
 const BOUND: f64 = 1e-11;
-
-/// Parameters of a scene by name.
-#[derive(Clone, Debug)]
-pub struct Parameters {
-    names: Vec<String>,
-    values: Vec<f64>,
-}
-
-impl Parameters {
-    /// Random ones near the defaults; those that are zero stay so.
-    fn near_defaults(scene: &BuiltScene, random: &mut Random) -> Parameters {
-        let names = scene.params().iter().map(|p| p.name.clone()).collect();
-        let values =
-            scene.params().iter().map(|p| rational_to_f64(&p.default) * (1.0 + SPREAD * random.number()));
-        Parameters { names, values: values.collect() }
-    }
-
-    /// A parameter.
-    ///
-    /// # Panics
-    /// When there is none of this name.
-    pub fn get(&self, name: &str) -> f64 {
-        let at = self.names.iter().position(|n| n == name);
-        self.values[at.unwrap_or_else(|| panic!("no parameter {name}: {:?}", self.names))]
-    }
-
-    /// `name1, name2, ..`.
-    ///
-    /// # Panics
-    /// When there are none of these names.
-    pub fn vector<const N: usize>(&self, name: &str) -> [f64; N] {
-        std::array::from_fn(|k| self.get(&format!("{name}{}", k + 1)))
-    }
-
-    /// `name11, name12, name13, name22, name23, name33`.
-    ///
-    /// # Panics
-    /// When there are none of these names.
-    pub fn symmetric(&self, name: &str) -> [f64; 6] {
-        ["11", "12", "13", "22", "23", "33"].map(|k| self.get(&format!("{name}{k}")))
-    }
-}
 
 /// What was compared.
 #[derive(Clone, Debug)]
@@ -109,7 +64,7 @@ pub fn check<S: Unreduced>(scene: &BuiltScene, seed: u64) -> Compared {
             let motion = random_motion(&system, &mut random);
             let (state, expected) = seen(&system, &motion, &names);
             let at = (motion.t, state.as_slice());
-            let (found, energy) = rates(scene, &parameters.values, at);
+            let (found, energy) = rates(scene, parameters.values(), at);
             let largest = expected.iter().fold(f64::MIN_POSITIVE, |a: f64, x| a.max(x.abs()));
             for ((name, found), expected) in names.iter().zip(&found).zip(&expected) {
                 let off = (found - expected).abs() / largest;
@@ -119,7 +74,7 @@ pub fn check<S: Unreduced>(scene: &BuiltScene, seed: u64) -> Compared {
             let offset = energy.filter(|_| system.has_energy()).map_or(0.0, |e| e - motion.energy);
             differences.push((offset, motion.energy.abs()));
             for (j, matters) in matters.iter_mut().enumerate() {
-                let mut other = parameters.values.clone();
+                let mut other = parameters.values().to_vec();
                 other[j] *= 1.01;
                 let (changed, changed_energy) = rates(scene, &other, at);
                 let apart = |a: f64, b: f64, scale: f64| (a - b).abs() > 1e5 * BOUND * scale;
