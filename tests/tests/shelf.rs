@@ -81,7 +81,7 @@ fn a_rattleback_turns_back() {
     };
     let spin = |from: f64| {
         let mut last = from;
-        models::follow(&scene, &[], &start(from), &[5.0], |at| last = at.get("Omega3"));
+        models::follow(&scene, &[], &start(from), &[8.0], |at| last = at.get("Omega3"));
         last
     };
     let (back, on) = (spin(-5.0), spin(5.0));

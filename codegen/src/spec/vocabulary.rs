@@ -36,7 +36,7 @@ pub struct Word {
 /// Sentences of items, from their sections of the reference.
 const OF_ITEMS: &[(&str, &str)] = &[
     ("source", "Where the model comes from; any number of them."),
-    ("topic", "What a list of models shows the model under."),
+    ("topic", "What `hamel list` shows the model under."),
     (
         "param",
         "A parameter with its default: a constant expression without names, for vectors and matrices a \
