@@ -42,6 +42,11 @@ impl Repository {
         self.root.join("models/specs")
     }
 
+    /// Directory of the model files that are not compiled.
+    pub fn shelf_folder(&self) -> PathBuf {
+        self.root.join("models/shelf")
+    }
+
     /// A path as shown to people: relative to the repository when it is inside.
     pub fn shown(&self, path: &Path) -> String {
         path.strip_prefix(&self.root).unwrap_or(path).display().to_string()
@@ -52,15 +57,27 @@ impl Repository {
         std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
     }
 
-    /// Names and paths of all model files, sorted.
+    /// Names and paths of the model files that are compiled, sorted.
     ///
     /// # Errors
     /// [`Error::Io`] when the directory cannot be read.
     pub fn specs(&self) -> Result<Vec<(String, PathBuf)>, Error> {
-        let folder = self.specs_folder();
+        Repository::models_in(&self.specs_folder())
+    }
+
+    /// Names and paths of the model files that are not, sorted; none where there is no such folder.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the directory cannot be read.
+    pub fn shelf(&self) -> Result<Vec<(String, PathBuf)>, Error> {
+        let folder = self.shelf_folder();
+        if folder.is_dir() { Repository::models_in(&folder) } else { Ok(Vec::new()) }
+    }
+
+    fn models_in(folder: &Path) -> Result<Vec<(String, PathBuf)>, Error> {
         let fail = |e| Error::io(folder.display().to_string(), e);
         let mut specs = Vec::new();
-        for entry in std::fs::read_dir(&folder).map_err(fail)? {
+        for entry in std::fs::read_dir(folder).map_err(fail)? {
             let path = entry.map_err(fail)?.path();
             if path.extension().is_some_and(|e| e == "hamel")
                 && let Some(name) = path.file_stem().and_then(|s| s.to_str())

@@ -99,11 +99,11 @@ impl Session {
     /// # Errors
     /// [`Error::Io`] when the repository's directory cannot be read.
     pub fn all(&self) -> Result<Vec<ModelFile<'_>>, Error> {
-        Ok(match &self.models {
+        let mut all: Vec<ModelFile<'_>> = match &self.models {
             Models::Repository(repository) => {
-                let specs = repository.specs()?.into_iter();
-                let file = |(name, path)| ModelFile::new(self, name, Source::File(path), Some(repository));
-                specs.map(file).collect()
+                let shelf = repository.shelf()?.into_iter();
+                let file = |(name, path)| ModelFile::new(self, name, Source::File(path), None);
+                self.compiled()?.into_iter().chain(shelf.map(file)).collect()
             }
             Models::Shipped(shipped) => {
                 let file = |(name, text): &(&str, &'static str)| {
@@ -111,7 +111,41 @@ impl Session {
                 };
                 shipped.iter().map(file).collect()
             }
-        })
+        };
+        all.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(all)
+    }
+
+    /// The models that are compiled by rustc as part of the repository, sorted; none outside it.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the repository's directory cannot be read.
+    pub fn compiled(&self) -> Result<Vec<ModelFile<'_>>, Error> {
+        let Some(repository) = self.repository() else { return Ok(Vec::new()) };
+        let file = |(name, path)| ModelFile::new(self, name, Source::File(path), Some(repository));
+        Ok(repository.specs()?.into_iter().map(file).collect())
+    }
+
+    /// The compiled models of arguments; all of them when there are none.
+    ///
+    /// # Errors
+    /// [`Error::UnknownModel`] with the compiled models, also for one that is not compiled.
+    pub fn find_compiled(&self, arguments: &[String]) -> Result<Vec<ModelFile<'_>>, Error> {
+        let mut all = self.compiled()?;
+        if arguments.is_empty() {
+            return Ok(all);
+        }
+        let mut found = Vec::new();
+        for argument in arguments {
+            match all.iter().position(|file| file.name() == argument) {
+                Some(at) => found.push(all.swap_remove(at)),
+                None => {
+                    let known = self.compiled()?.into_iter().map(|file| file.name).collect();
+                    return Err(Error::UnknownModel { name: argument.clone(), known });
+                }
+            }
+        }
+        Ok(found)
     }
 
     /// The models of arguments; all when there are none.

@@ -3,58 +3,83 @@
 //! They are part of the program and not of the library: a change of a model builds the program anew, and not
 //! `cargo xtask`, which reads the files. The package for Python takes this file, too.
 //!
-//! `specs` is a link to the folder of the model files, which a package holds a copy of.
+//! `specs` and `shelf` are links to the folders of the model files, which a package holds copies of.
 //!
 //! Does not know: what is in a model.
 
 use hamel::session::Shipped;
 
 macro_rules! shipped {
-    ($($name:literal),* $(,)?) => {
-        &[$(($name, include_str!(concat!("../specs/", $name, ".hamel")))),*]
+    ($($folder:literal: [$($name:literal),* $(,)?]),* $(,)?) => {
+        &[$($(($name, include_str!(concat!("../", $folder, "/", $name, ".hamel"))),)*)*]
     };
 }
 
-/// Names and texts, sorted by name.
-pub(crate) const SHIPPED: Shipped = shipped![
-    "appell_machine",
-    "ball_on_rotating_table",
-    "camassa_holm",
-    "chaplygin_ball",
-    "chaplygin_gyro",
-    "chaplygin_sleigh",
-    "charged_particle",
-    "double_spherical_pendulum",
-    "euler_disk",
-    "euler_disk_advected",
-    "extended_pose",
-    "free_rigid_body",
-    "guiding_centre",
-    "heavy_top",
-    "kirchhoff_body",
-    "lotka_volterra",
-    "mobile_robot",
-    "point_vortices",
-    "rolling_ball",
-    "rolling_disk",
-    "second_grade_fluid",
-    "second_grade_fluid_3c",
-    "servo_ball",
-    "skew_sleigh",
-    "snake",
-    "snakeboard",
-    "suslov",
-    "tethered_body",
-    "two_arm_satellite",
-    "two_arm_satellite_routh",
-    "veselova",
-    "wong_particle",
-    "zeitlin_euler_3",
-    "zeitlin_euler_5",
-    "zeitlin_euler_7",
-    "zeitlin_mhd_3",
-    "zeitlin_mhd_5",
-];
+/// Names and texts, folder by folder, sorted by name within each.
+pub(crate) const SHIPPED: Shipped = shipped! {
+    "specs": [
+        "appell_machine",
+        "ball_on_rotating_table",
+        "camassa_holm",
+        "chaplygin_ball",
+        "chaplygin_gyro",
+        "chaplygin_sleigh",
+        "charged_particle",
+        "double_spherical_pendulum",
+        "euler_disk",
+        "euler_disk_advected",
+        "extended_pose",
+        "free_rigid_body",
+        "guiding_centre",
+        "heavy_top",
+        "kirchhoff_body",
+        "lotka_volterra",
+        "mobile_robot",
+        "point_vortices",
+        "rolling_ball",
+        "rolling_disk",
+        "second_grade_fluid",
+        "second_grade_fluid_3c",
+        "servo_ball",
+        "skew_sleigh",
+        "snake",
+        "snakeboard",
+        "suslov",
+        "tethered_body",
+        "two_arm_satellite",
+        "two_arm_satellite_routh",
+        "veselova",
+        "wong_particle",
+        "zeitlin_euler_3",
+        "zeitlin_euler_5",
+        "zeitlin_euler_7",
+        "zeitlin_mhd_3",
+        "zeitlin_mhd_5",
+    ],
+    "shelf": [
+        "ball_in_rotating_cylinder",
+        "ball_on_surface",
+        "car_with_trailers",
+        "clebsch_body",
+        "ellipsoid_on_plane",
+        "heisenberg_flywheel",
+        "kovalevskaya_gyrostat",
+        "magnetic_spherical_pendulum",
+        "manakov_top",
+        "pseudo_rigid_body",
+        "quadrotor_with_load",
+        "rattleback",
+        "roller_racer",
+        "satellite_with_wheels",
+        "skate_on_incline",
+        "spherical_robot",
+        "steklov_body",
+        "suslov_bianchi",
+        "tippe_top",
+        "toda_lattice",
+        "underwater_vehicle",
+    ],
+};
 
 #[cfg(test)]
 mod tests {
@@ -62,11 +87,20 @@ mod tests {
 
     #[test]
     fn every_model_of_the_repository_is_shipped() {
-        let folder = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/specs")).unwrap();
-        let names = folder.map(|file| file.unwrap().file_name().into_string().unwrap());
-        let mut names: Vec<String> =
-            names.filter_map(|name| Some(name.strip_suffix(".hamel")?.to_owned())).collect();
-        names.sort();
+        let of_folder = |folder: &str| {
+            let folder =
+                std::fs::read_dir(format!("{}/../models/{folder}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+            let names = folder.map(|file| file.unwrap().file_name().into_string().unwrap());
+            let mut names: Vec<String> =
+                names.filter_map(|name| Some(name.strip_suffix(".hamel")?.to_owned())).collect();
+            names.sort();
+            names
+        };
+        let names = [of_folder("specs"), of_folder("shelf")].concat();
         assert_eq!(SHIPPED.iter().map(|(name, _)| (*name).to_owned()).collect::<Vec<_>>(), names);
+        let mut unique = names.clone();
+        unique.sort();
+        unique.dedup();
+        assert_eq!(unique.len(), names.len(), "a name stands for one model");
     }
 }

@@ -99,7 +99,9 @@ fn fmt_writes_what_changed_and_nothing_where_anything_is_wrong() {
 fn repository() -> (&'static Path, Vec<String>) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let mut files = vec![root.join("cli/src/commands/starter.hamel")];
-    for folder in ["models/specs", "xtask/bench/models", "docs/book", "tests/downstream/models"] {
+    for folder in
+        ["models/specs", "models/shelf", "xtask/bench/models", "docs/book", "tests/downstream/models"]
+    {
         let listing = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
         files.extend(listing.filter(|path| path.extension().is_some_and(|e| e == "hamel")));
     }

@@ -321,8 +321,17 @@ fn models_are_listed_by_kind() {
     let json: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
     let keys = |value: &serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     assert_eq!((&json[0]["model"], &json[1]["model"]), (&"suslov".into(), &"free_rigid_body".into()));
-    assert_eq!(keys(&json[0]), ["model", "title", "sources", "scenes"]);
+    assert_eq!(keys(&json[0]), ["model", "title", "topic", "sources", "scenes"]);
     assert_eq!(keys(&json[0]["scenes"][0]), ["scene", "state", "params", "outputs", "has_energy"]);
+}
+
+#[test]
+fn all_models_are_listed_by_topic_and_every_one_has_a_topic() {
+    let list = text(&hamel(&["list"], "").stdout);
+    let at = |part: &str| list.find(part).unwrap_or_else(|| panic!("{part} in {list}"));
+    let order = ["[Rigid bodies]", "heavy_top ", "[Rolling and sliding bodies]", "rattleback ", "[Vehicles"];
+    assert!(order.windows(2).all(|pair| at(pair[0]) < at(pair[1])), "{list}");
+    assert!(!list.contains("[Others]"), "{list}");
 }
 
 #[test]

@@ -12,6 +12,7 @@ pub mod problem;
 pub mod reference;
 pub mod stages;
 pub mod tracked;
+pub mod unreduced;
 pub use hamel_measure::random;
 
 /// The heavy top's generated file under `include!`, the other way of using it besides `mod`.

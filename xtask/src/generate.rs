@@ -171,7 +171,7 @@ fn of_repository(
     session: &Session,
     names: &[String],
 ) -> Result<(Plan, Derived), Error> {
-    let all = session.all()?;
+    let all = session.compiled()?;
     let known: Vec<String> = all.iter().map(|file| file.name().to_owned()).collect();
     let unknown = names.iter().filter(|name| !known.contains(name));
     let unknown = unknown.map(|name| Error::UnknownModel { name: name.clone(), known: known.clone() });

@@ -149,12 +149,13 @@ fn contents(files: &[ModelFile<'_>], with_pages: bool) -> Result<String, Error> 
     let mut listed = Vec::new();
     for file in files {
         let model = file.model()?;
-        listed.push((model.kind(), file.name(), model::title(model)));
+        let topic = model.topic.clone().unwrap_or_else(|| "Others".to_owned());
+        listed.push((topic, file.name(), model::title(model)));
     }
     listed.sort();
     let mut text = String::new();
     for group in listed.chunk_by(|a, b| a.0 == b.0) {
-        let _ = writeln!(text, "<h2>{}</h2>\n<ul class=\"models\">", escaped(&group[0].0.to_string()));
+        let _ = writeln!(text, "<h2>{}</h2>\n<ul class=\"models\">", escaped(&group[0].0));
         for (_, name, title) in group {
             let page = if with_pages { format!("pages/{name}.html") } else { format!("models/{name}.hamel") };
             let _ = writeln!(

@@ -49,7 +49,7 @@ pub(crate) fn stress(
     arguments: &Arguments,
 ) -> Result<String, Error> {
     // Before minutes of compilation.
-    for file in session.find_all(&arguments.models)? {
+    for file in session.find_compiled(&arguments.models)? {
         file.model()?;
     }
     let build = cargo::cargo_build(repository, PACKAGE);

@@ -1,7 +1,8 @@
-//! `list`: models by kind, with their scenes, state variables, parameters and sources.
+//! `list`: all models by topic, or some by kind with their scenes, state variables, parameters and sources.
 //!
 //! Does not know: how a scene is evaluated.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use clap::Args;
@@ -18,25 +19,29 @@ use crate::run::info::Info;
 use crate::run::interpreted;
 use crate::session::{ModelFile, Session};
 
-/// Show models by kind, with their scenes, state variables, parameters and sources
+/// Show all models by topic, or some with their scenes, state variables, parameters and sources
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 Examples:
   hamel list
-  hamel list heavy_top
+  hamel list heavy_top rattleback
   hamel list --json")]
 pub struct Arguments {
     /// Print JSON: an array with one object per model
     #[arg(long)]
     pub json: bool,
-    /// Names of models; all when none is given
+    /// Names of models, or paths that end in .hamel; all models when none is given
     pub models: Vec<String>,
 }
+
+/// What models without a topic are shown under.
+const NO_TOPIC: &str = "Others";
 
 struct Listed {
     name: String,
     kind: Kind,
     title: String,
+    topic: Option<String>,
     sources: Vec<String>,
     scenes: Vec<(String, Info)>,
 }
@@ -46,6 +51,9 @@ struct Listed {
 /// # Errors
 /// Unknown names; the problems of all models together.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    if arguments.models.is_empty() && !arguments.json {
+        return by_topic(&session.all()?);
+    }
     let files = session.find_all(&arguments.models)?;
     let mut listed = Vec::new();
     let mut errors = Vec::new();
@@ -75,6 +83,33 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     Ok(text.trim_end().to_owned())
 }
 
+/// Names and titles under their topics. Nothing is derived.
+fn by_topic(files: &[ModelFile<'_>]) -> Result<String, Error> {
+    let mut listed: BTreeMap<&str, Vec<(&str, String)>> = BTreeMap::new();
+    let mut errors = Vec::new();
+    for (file, model) in files.iter().map(|file| (file, file.model())) {
+        match model {
+            Ok(model) => {
+                let topic = model.topic.as_deref().unwrap_or(NO_TOPIC);
+                listed.entry(topic).or_default().push((file.name(), model::title(model)));
+            }
+            Err(error) => errors.push(error),
+        }
+    }
+    Error::all_of(errors)?;
+    let longest = files.iter().map(|file| file.name().len()).max().unwrap_or(0);
+    let mut text = String::new();
+    for (topic, models) in listed {
+        let _ = writeln!(text, "{}\n", bold(&format!("[{topic}]")));
+        for (name, title) in models {
+            let _ = writeln!(text, "{}{}  {title}", bold(name), " ".repeat(longest - name.len()));
+        }
+        text.push('\n');
+    }
+    text.push_str("`list NAME ..` shows scenes, state, parameters and sources.");
+    Ok(text)
+}
+
 fn describe(file: &ModelFile<'_>) -> Result<Listed, Error> {
     let model = file.model()?;
     let mut scenes = Vec::new();
@@ -86,6 +121,7 @@ fn describe(file: &ModelFile<'_>) -> Result<Listed, Error> {
         name: model.name.clone(),
         kind: model.kind(),
         title: model::title(model),
+        topic: model.topic.clone(),
         sources: model.sources.clone(),
         scenes,
     })
@@ -110,6 +146,7 @@ impl Listed {
         let mut entry = Map::new();
         entry.insert("model".into(), self.name.clone().into());
         entry.insert("title".into(), self.title.clone().into());
+        entry.insert("topic".into(), self.topic.clone().into());
         entry.insert("sources".into(), self.sources.clone().into());
         entry.insert("scenes".into(), self.scenes.iter().map(scene).collect());
         entry.into()

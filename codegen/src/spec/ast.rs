@@ -198,6 +198,7 @@ impl BodyItem {
 #[derive(Clone, Debug)]
 pub(super) enum ItemKind {
     Source(String),
+    Topic(String),
     /// `size n = 5;`
     Size {
         name: Name,

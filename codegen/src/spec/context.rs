@@ -168,9 +168,8 @@ fn of_item(statement: &[&str]) -> Context {
         "carry" | "routh" => Context::Carried,
         "view" if last == "=" => Context::Solid,
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
-        | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source" | "multipliers" => {
-            Context::Anything
-        }
+        | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source" | "topic"
+        | "multipliers" => Context::Anything,
         "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
             Context::Anything
         }

@@ -65,6 +65,7 @@ macro_rules! visit {
             name: _,
             doc: _,
             sources: _,
+            topic: _,
             sizes: _,
             graph: $graph,
             time: _,

@@ -68,6 +68,8 @@ pub struct MatrixFluid {
     pub doc: Vec<String>,
     /// Where it is from.
     pub sources: Vec<String>,
+    /// What a list shows it under.
+    pub topic: Option<String>,
     /// Where it flows.
     pub surface: FluidSurface,
     /// Size of the matrices.
@@ -236,6 +238,7 @@ impl<'a> Reader<'a> {
             name: file.name.text.clone(),
             doc: file.doc.clone(),
             sources: Vec::new(),
+            topic: None,
             surface,
             n,
             vorticity: item.doc.join("\n"),
@@ -253,12 +256,16 @@ impl<'a> Reader<'a> {
             let help = "write `momentum omega in fluid as *;`";
             self.problem(item.span, "the vorticity is one vector, named after the basis", help);
         }
-        let (mut acts_right, mut has_energy, mut has_scene) = (false, false, false);
+        let (mut has_topic, mut acts_right, mut has_energy, mut has_scene) = (false, false, false, false);
         let mut taken = BTreeSet::new();
         names.iter().for_each(|name| self.name(name, &mut taken));
         for item in &file.items {
             match &item.kind {
                 ItemKind::Source(text) => fluid.sources.push(text.clone()),
+                ItemKind::Topic(text) => {
+                    self.once(&mut has_topic, "topic", item.span);
+                    fluid.topic = Some(text.clone());
+                }
                 ItemKind::Let { name, .. } => self.name(name, &mut taken),
                 ItemKind::AlgebraName { name, .. } if Some(name.text.as_str()) == self.momenta.algebra => {
                     self.name(name, &mut taken);

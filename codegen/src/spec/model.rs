@@ -508,6 +508,8 @@ pub struct Model {
     pub doc: Vec<String>,
     /// Where the model comes from.
     pub sources: Vec<String>,
+    /// What a list of models shows the model under.
+    pub topic: Option<String>,
     /// Sizes of the text, for the values that it was read with.
     pub sizes: Vec<FamilySize>,
     /// Owner of all expressions.

@@ -6,6 +6,7 @@ use super::want::Want;
 /// First words of the items of a model, each with the form of the item.
 pub(super) const ITEMS: &[(&str, &str)] = &[
     ("source", "source \"Author, year\";"),
+    ("topic", "topic \"Rolling bodies\";"),
     ("size", "size n = 5 where n >= 2;"),
     ("for", "for k in 1..n { let s[k] = k*r; }"),
     ("param", "param m = 1 where m > 0;` or `param chi: vector(3) = [0, 0, 1];"),

@@ -468,6 +468,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         ItemKind::Scene { name, .. } => vec![one(DeclarationKind::Scene, name, false)],
         ItemKind::Size { name, .. } => vec![one(DeclarationKind::Size, name, false)],
         ItemKind::Source(_)
+        | ItemKind::Topic(_)
         | ItemKind::Require(_)
         | ItemKind::Drive { .. }
         | ItemKind::Acceleration { .. }

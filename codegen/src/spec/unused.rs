@@ -214,6 +214,7 @@ fn effective(item: &Item) -> Vec<String> {
             mentions(arguments.iter().chain([around, at, attitude].into_iter().flatten()))
         }
         ItemKind::Source(_)
+        | ItemKind::Topic(_)
         | ItemKind::Size { .. }
         | ItemKind::Param { .. }
         | ItemKind::Input { .. }

@@ -36,6 +36,7 @@ pub struct Word {
 /// Sentences of items, from their sections of the reference.
 const OF_ITEMS: &[(&str, &str)] = &[
     ("source", "Where the model comes from; any number of them."),
+    ("topic", "What `hamel list` shows the model under."),
     (
         "size",
         "A file with sizes is a family of models, and the model is its member for the values that the file \

@@ -33,7 +33,7 @@ pub(crate) fn formulations(
     session: &Session,
     models: &[String],
 ) -> Result<String, Error> {
-    let files = session.find_all(models)?;
+    let files = if models.is_empty() { session.compiled()? } else { session.find_all(models)? };
     let bar = progress(files.len() as u64);
     let head = [
         "model",

@@ -41,7 +41,7 @@ pub(crate) struct Options {
 /// [`Error::Io`].
 pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options) -> Result<String, Error> {
     let Options { chosen, rounds, peers: has_peers } = options;
-    let files = session.find_all(&chosen.models)?;
+    let files = session.find_compiled(&chosen.models)?;
     let program = build(repository, chosen.target_cpu(), &[])?;
     let mut kernels = list(&program)?;
     kernels.retain(|k| k.is_copy() || files.iter().any(|file| file.name() == k.model));

@@ -87,7 +87,7 @@ impl StressRequest {
         let folder = (models.is_empty() && !short).then(|| root.join("docs"));
         let session = Session::of_repository(Repository::at(root));
         let mut scenes = Vec::new();
-        for file in session.find_all(&models)? {
+        for file in session.find_compiled(&models)? {
             let model = file.model()?;
             for scene in model.scene_names() {
                 let params = roles::all_params(model, &scene, &BTreeMap::new());

@@ -78,6 +78,7 @@ impl ModelBuilder {
             name: self.name,
             doc: self.doc,
             sources: self.sources,
+            topic: self.topic.map(|(text, _)| text),
             sizes: self.sizes,
             graph: self.graph,
             time: self.time,

@@ -281,6 +281,7 @@ pub struct ModelBuilder {
     pub(super) name: String,
     pub(super) doc: Vec<String>,
     pub(super) sources: Vec<String>,
+    pub(super) topic: Option<(String, Option<Span>)>,
     pub(super) sizes: Vec<FamilySize>,
     pub(super) time: SymbolId,
     pub(super) params: Vec<Param>,
@@ -365,6 +366,7 @@ impl ModelBuilder {
             name: name.to_owned(),
             doc: Vec::new(),
             sources: Vec::new(),
+            topic: None,
             sizes: Vec::new(),
             time,
             params: Vec::new(),
@@ -483,6 +485,16 @@ impl ModelBuilder {
     /// Adds a source.
     pub fn source(&mut self, text: &str) -> &mut Self {
         self.sources.push(text.to_owned());
+        self
+    }
+
+    /// What a list of models shows the model under; a second one is a problem.
+    pub fn topic(&mut self, text: &str) -> &mut Self {
+        let here = self.here;
+        match &self.topic {
+            Some((_, first)) => self.twice("topic", *first),
+            None => self.topic = Some((text.to_owned(), here)),
+        }
         self
     }
 

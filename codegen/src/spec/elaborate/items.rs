@@ -174,6 +174,7 @@ impl Elaboration<'_> {
                 self.formulation(&name.text, formulation);
             }
             ItemKind::Source(_)
+            | ItemKind::Topic(_)
             | ItemKind::Size { .. }
             | ItemKind::Input { .. }
             | ItemKind::Let { .. }

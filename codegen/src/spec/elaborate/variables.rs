@@ -18,6 +18,9 @@ impl Elaboration<'_> {
                 ItemKind::Source(text) => {
                     self.builder.source(text);
                 }
+                ItemKind::Topic(text) => {
+                    self.builder.at(Some(item.span)).topic(text);
+                }
                 ItemKind::Size { name, value, .. } => {
                     self.builder.at(Some(name.span)).size(&name.text, *value, &item.doc.join("\n"));
                 }

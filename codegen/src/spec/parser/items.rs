@@ -22,6 +22,10 @@ impl<'a> Parser<'a> {
                 Some(text) => ItemKind::Source(text),
                 None => return self.expected("a text in quotes"),
             },
+            "topic" => match self.string() {
+                Some(text) => ItemKind::Topic(text),
+                None => return self.expected("a text in quotes"),
+            },
             "size" => self.size_item()?,
             "param" => self.param()?,
             "input" => self.input()?,

@@ -241,6 +241,7 @@ fn token_soup_does_not_panic() {
         "where",
         "require",
         "source",
+        "topic",
         "\"x\"",
         "/// doc\n",
         "\n",

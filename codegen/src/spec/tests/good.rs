@@ -416,10 +416,11 @@ fn scenes() {
 
 #[test]
 fn documentation_and_sources_are_kept() {
-    let text = "/// Title\n///\n///  formula\nmodel m {\n source \"A\"; source r\"B\";\n/// one\n/// two\nparam a = 1;\n velocity x in R; lagrangian = a*x^2; }";
+    let text = "/// Title\n///\n///  formula\nmodel m {\n source \"A\"; source r\"B\"; topic \"T\";\n/// one\n/// two\nparam a = 1;\n velocity x in R; lagrangian = a*x^2; }";
     let m = parse("m.hamel", text).unwrap();
     assert_eq!(m.doc, ["Title", "", " formula"]);
     assert_eq!(m.sources, ["A", "B"]);
+    assert_eq!(m.topic.as_deref(), Some("T"));
     assert_eq!(m.params[0].doc, "one\ntwo");
     assert_eq!(m.origin.as_ref().unwrap().text, text);
 }

@@ -1,0 +1,9 @@
+//! The systems of the shelf in redundant coordinates.
+
+pub(crate) mod balls;
+pub(crate) mod flying;
+pub(crate) mod matrices;
+pub(crate) mod particles;
+pub(crate) mod rolling;
+pub(crate) mod spinning;
+pub(crate) mod vehicles;

@@ -1,0 +1,183 @@
+//! Plates on wheels in the plane, each by place and heading.
+//!
+//! Deliberately does not know: the models.
+
+use hamel_runtime::Real;
+use hamel_tests::random::Random;
+use hamel_tests::unreduced::bodies::random_numbers;
+use hamel_tests::unreduced::{Parameters, Unreduced, Variables};
+
+/// Components along a heading and across it.
+fn in_frame<R: Real>(heading: R, [a, b]: [R; 2]) -> [R; 2] {
+    let (sin, cos) = (heading.sin(), heading.cos());
+    [cos * a + sin * b, cos * b - sin * a]
+}
+
+/// Coordinates: places of the axles and headings of both plates, `x1, y1, a1, x2, y2, a2`.
+pub(crate) struct RollerRacer {
+    masses: [f64; 2],
+    moments: [f64; 2],
+    lengths: [f64; 2],
+    steering: [f64; 4],
+}
+
+impl Unreduced for RollerRacer {
+    fn new(p: &Parameters) -> Self {
+        let steering = ["A", "nu", "k", "c"].map(|name| p.get(name));
+        RollerRacer { masses: p.vector("m"), moments: p.vector("J"), lengths: p.vector("L"), steering }
+    }
+
+    fn place(&self, random: &mut Random) -> Vec<f64> {
+        random_numbers(6, random)
+    }
+
+    fn lagrangian<R: Real>(&self, _q: &[R], v: &[R], _t: R) -> R {
+        (0..2).fold(R::from_f64(0.0), |energy, k| {
+            let [x, y, a] = [v[3 * k], v[3 * k + 1], v[3 * k + 2]];
+            let (m, j) = (R::from_f64(0.5 * self.masses[k]), R::from_f64(0.5 * self.moments[k]));
+            energy + m * (x * x + y * y) + j * a * a
+        })
+    }
+
+    fn holonomic<R: Real>(&self, q: &[R]) -> Vec<R> {
+        let [l1, l2] = self.lengths.map(R::from_f64);
+        vec![q[3] - q[0] - l1 * q[2].cos() - l2 * q[5].cos(), q[4] - q[1] - l1 * q[2].sin() - l2 * q[5].sin()]
+    }
+
+    fn nonholonomic<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Vec<R> {
+        vec![in_frame(q[2], [v[0], v[1]])[1], in_frame(q[5], [v[3], v[4]])[1]]
+    }
+
+    fn force(&self, q: &[f64], v: &[f64], t: f64) -> Vec<f64> {
+        let [amplitude, nu, k, c] = self.steering;
+        let (angle, rate) = (q[5] - q[2], v[5] - v[2]);
+        let torque = k * (amplitude * (nu * t).sin() - angle) - c * rate;
+        vec![0.0, 0.0, -torque, 0.0, 0.0, torque]
+    }
+
+    fn state<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Variables<R> {
+        let (phi, phi_dot) = (q[5] - q[2], v[5] - v[2]);
+        let [l1, l2] = self.lengths.map(R::from_f64);
+        let forward = in_frame(q[2], [v[0], v[1]])[0];
+        // What is left of speed and turning when the share of the steering is taken away, along (L1 cos + L2, L1 sin).
+        let (c, s) = (l1 * phi.cos() + l2, l1 * phi.sin());
+        let square = c * c + s * s;
+        let rest = [forward - l1 * l2 * s / square * phi_dot, l1 * v[2] + l1 * l2 * c / square * phi_dot];
+        let along = (rest[0] * c + rest[1] * s) / square;
+        Variables::new().number("phi", phi).number("phi_dot", phi_dot).number("s", along)
+    }
+}
+
+/// Coordinates: places of the axles and headings of car and trailers, `x, y, a` of each, and the heading of the steered
+/// axle.
+pub(crate) struct CarWithTrailers {
+    masses: [f64; 3],
+    moments: [f64; 3],
+    axle: f64,
+    lengths: [f64; 3],
+    motor: [f64; 2],
+    steering: [f64; 4],
+}
+
+impl Unreduced for CarWithTrailers {
+    fn new(p: &Parameters) -> Self {
+        CarWithTrailers {
+            masses: p.vector("m"),
+            moments: p.vector("J"),
+            axle: p.get("Js"),
+            lengths: p.vector("d"),
+            motor: ["push", "drag"].map(|name| p.get(name)),
+            steering: ["A", "nu", "k", "c"].map(|name| p.get(name)),
+        }
+    }
+
+    fn place(&self, random: &mut Random) -> Vec<f64> {
+        random_numbers(10, random)
+    }
+
+    fn lagrangian<R: Real>(&self, _q: &[R], v: &[R], _t: R) -> R {
+        (0..3).fold(R::from_f64(0.5 * self.axle) * v[9] * v[9], |energy, k| {
+            let [x, y, a] = [v[3 * k], v[3 * k + 1], v[3 * k + 2]];
+            let (m, j) = (R::from_f64(0.5 * self.masses[k]), R::from_f64(0.5 * self.moments[k]));
+            energy + m * (x * x + y * y) + j * a * a
+        })
+    }
+
+    /// Each trailer is hitched to the axle before it.
+    fn holonomic<R: Real>(&self, q: &[R]) -> Vec<R> {
+        let hitch = |k: usize| {
+            let d = R::from_f64(self.lengths[k]);
+            let (a, before) = (q[3 * k + 2], 3 * (k - 1));
+            [q[3 * k] + d * a.cos() - q[before], q[3 * k + 1] + d * a.sin() - q[before + 1]]
+        };
+        [hitch(1), hitch(2)].concat()
+    }
+
+    fn nonholonomic<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Vec<R> {
+        let across = |k: usize| in_frame(q[3 * k + 2], [v[3 * k], v[3 * k + 1]])[1];
+        let d = R::from_f64(self.lengths[0]);
+        let front = [v[0] - d * q[2].sin() * v[2], v[1] + d * q[2].cos() * v[2]];
+        vec![across(0), across(1), across(2), in_frame(q[9], front)[1]]
+    }
+
+    fn force(&self, q: &[f64], v: &[f64], t: f64) -> Vec<f64> {
+        let [push, drag] = self.motor;
+        let [amplitude, nu, k, c] = self.steering;
+        let speed = in_frame(q[2], [v[0], v[1]])[0];
+        let motor = push - drag * speed;
+        let torque = k * (amplitude * (nu * t).sin() - q[9] + q[2]) - c * (v[9] - v[2]);
+        let mut force = vec![0.0; 10];
+        (force[0], force[1]) = (motor * q[2].cos(), motor * q[2].sin());
+        (force[2], force[9]) = (-torque, torque);
+        force
+    }
+
+    fn state<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Variables<R> {
+        Variables::new()
+            .number("phi", q[9] - q[2])
+            .number("psi1", q[5] - q[2])
+            .number("psi2", q[8] - q[5])
+            .number("phi_dot", v[9] - v[2])
+            .number("v1", in_frame(q[2], [v[0], v[1]])[0])
+    }
+}
+
+/// A plate on a blade, on an incline: coordinates are the place of the blade, the first downhill, and the heading.
+pub(crate) struct Skate {
+    m: f64,
+    moment: f64,
+    a: f64,
+    alpha: f64,
+    g: f64,
+}
+
+impl Unreduced for Skate {
+    fn new(p: &Parameters) -> Self {
+        let [m, moment, a, alpha, g] = ["m", "J", "a", "alpha", "g"].map(|name| p.get(name));
+        Skate { m, moment, a, alpha, g }
+    }
+
+    fn place(&self, random: &mut Random) -> Vec<f64> {
+        random_numbers(3, random)
+    }
+
+    fn lagrangian<R: Real>(&self, q: &[R], v: &[R], _t: R) -> R {
+        let (sin, cos) = (q[2].sin(), q[2].cos());
+        let [half, a, m] = [0.5, self.a, self.m].map(R::from_f64);
+        let centre = [v[0] - a * sin * v[2], v[1] + a * cos * v[2]];
+        let moment = R::from_f64(self.moment - self.m * self.a * self.a);
+        half * m * (centre[0] * centre[0] + centre[1] * centre[1])
+            + half * moment * v[2] * v[2]
+            + R::from_f64(self.m * self.g * self.alpha.sin()) * (q[0] + a * cos)
+    }
+
+    fn nonholonomic<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Vec<R> {
+        vec![in_frame(q[2], [v[0], v[1]])[1]]
+    }
+
+    fn state<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Variables<R> {
+        let down = in_frame(q[2], [R::from_f64(1.0), R::from_f64(0.0)]);
+        let rates = Variables::new().number("omega", v[2]).number("v1", in_frame(q[2], [v[0], v[1]])[0]);
+        rates.vector("d", &down).number("descent", q[0])
+    }
+}
