@@ -283,6 +283,7 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             // Linear in a velocity that stands for any element of the algebra.
             ExpressionRole::AdvectedAction(_) => false,
             ExpressionRole::Hamiltonian
+            | ExpressionRole::ConstraintPosition(_)
             | ExpressionRole::Algebroid
             | ExpressionRole::Frame
             | ExpressionRole::Given(_)

@@ -31,7 +31,12 @@ pub(in crate::reduction) fn constrain(
     let params: BTreeSet<SymbolId> = model.params.iter().map(|p| p.symbol).collect();
     let (linear, general) = constraint_rows(model);
     let displacements = displacement_rows(model);
-    let choice = Choice { independent: model.independent.as_deref(), multipliers: model.force_multipliers };
+    let determined = determined(model);
+    let choice = Choice {
+        independent: model.independent.as_deref(),
+        multipliers: model.force_multipliers,
+        determined: &determined,
+    };
     let setting = Setting { frame: &frame, quasi: &quasi, params: &params, signs };
     solve_rows(&mut model.graph, &setting, (linear, general), displacements, choice)
 }
@@ -51,6 +56,15 @@ pub(in crate::reduction) struct Choice<'a> {
     pub(in crate::reduction) independent: Option<&'a [usize]>,
     /// Whether multipliers are kept.
     pub(in crate::reduction) multipliers: bool,
+    /// Linear rows and the velocities that they are solved for: those of coordinates that equations give.
+    pub(in crate::reduction) determined: &'a [(usize, usize)],
+}
+
+/// Linear constraints and the base velocities of coordinates that they give.
+fn determined(model: &Model) -> Vec<(usize, usize)> {
+    let linear = model.constraints.iter().filter(|c| c.kind == ConstraintKind::Linear);
+    let rows = linear.enumerate().filter_map(|(row, c)| Some((row, c.position?.determines?)));
+    rows.filter(|(_, coordinate)| *coordinate < model.n_shape()).collect()
 }
 
 /// Constraints in the form that their equations take: those that are linear, and all as conditions on accelerations;
@@ -72,9 +86,9 @@ pub(in crate::reduction) fn solve_rows(
     let wanted = choice.independent.filter(|_| !keep_all);
     let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs };
     // Solving also detects dependent and inconsistent rows, so it runs even when multipliers are asked for.
-    let solved = solver.solve(&linear, wanted)?.filter(|_| !keep_all);
+    let solved = solver.solve(&linear, wanted, choice.determined)?.filter(|_| !keep_all);
     solver.quasi = &[];
-    let allowed = solver.solve(&displacements, None)?;
+    let allowed = solver.solve(&displacements, None, &[])?;
     if !displacements.is_empty() {
         // As many as the motion has constraints; quasi-velocities may be more than those leave.
         let n_unknowns = solved.as_ref().map(|s| s.psi.first().map_or(0, Vec::len));

@@ -9,6 +9,9 @@ use crate::expr::{ExprId, Graph, Sign, Style, SymbolId, Vanishing, sign_of};
 
 use super::{ConstraintRow, Unknown};
 
+/// Rows up to which a block is solved by cofactors; larger ones by elimination with the best pivots first.
+const MAX_COFACTORS: usize = 3;
+
 /// How good an expression is to divide by; smaller is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum PivotGrade {
@@ -71,7 +74,8 @@ impl Solver<'_> {
     /// Brings linear rows to the form `y = Psi u + psi0`; `None` when every choice of independent velocities would
     /// divide by something that can vanish on the domain.
     ///
-    /// `wanted`: columns that the model asks to be independent.
+    /// `wanted`: columns that the model asks to be independent. `given`: rows, and columns that the model says
+    /// they give together; what is divided by there is among the pivots, and no reason for another form.
     ///
     /// # Shapes
     /// `one_form` of every row: frame velocities, then quasi-velocities.
@@ -83,6 +87,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
+        given: &[(usize, usize)],
     ) -> Result<Option<Elimination>, Error> {
         if let Some(wanted) = wanted {
             let width = self.names.len() + self.quasi.len();
@@ -91,7 +96,9 @@ impl Solver<'_> {
                 return Err(Error::WrongNumberOfIndependent { found: wanted.len(), expected });
             }
         }
-        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved)?;
+        let determined = |(_, column): &&(usize, usize)| wanted.is_none_or(|w| !w.contains(column));
+        let determined: Vec<(usize, usize)> = given.iter().filter(determined).copied().collect();
+        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved, &determined)?;
         if echelon.state_dependent && wanted.is_none() {
             return Ok(None);
         }
@@ -110,7 +117,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<(Elimination, Vec<Vec<ExprId>>), Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Definite)?;
+        let echelon = self.echelon(rows, None, PivotGrade::Definite, &[])?;
         let left = echelon.open.iter().map(|&row| echelon.table[row].clone()).collect();
         Ok((self.solved_form(&echelon), left))
     }
@@ -127,7 +134,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<Elimination, Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Unproved)?;
+        let echelon = self.echelon(rows, None, PivotGrade::Unproved, &[])?;
         Ok(self.solved_form(&echelon))
     }
 
@@ -137,6 +144,7 @@ impl Solver<'_> {
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
         worst: PivotGrade,
+        determined: &[(usize, usize)],
     ) -> Result<Echelon, Error> {
         let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let allowed = |column: usize| column < m && wanted.is_none_or(|w| !w.contains(&column));
@@ -146,6 +154,8 @@ impl Solver<'_> {
         let mut solved: Vec<(usize, usize)> = Vec::new();
         let mut pivots = Vec::new();
         let mut state_dependent = false;
+        self.eliminate_together(rows, determined, &mut table, (&mut solved, &mut pivots))?;
+        open.retain(|row| solved.iter().all(|(done, _)| done != row));
         while !open.is_empty() {
             self.graph.within_budget()?;
             let mut best: Option<(PivotGrade, std::cmp::Reverse<usize>, usize)> = None;
@@ -194,6 +204,124 @@ impl Solver<'_> {
         Ok(Echelon { table, solved, open, pivots, state_dependent })
     }
 
+    /// Solves rows for columns that they give together: as far as it divides by what vanishes nowhere, one by one, and
+    /// what is left by cofactors, which divide by the determinant alone.
+    fn eliminate_together(
+        &mut self,
+        rows: &[ConstraintRow],
+        determined: &[(usize, usize)],
+        table: &mut [Vec<ExprId>],
+        (solved, pivots): (&mut Vec<(usize, usize)>, &mut Vec<(String, ExprId)>),
+    ) -> Result<(), Error> {
+        let (mut open, mut columns): (Vec<usize>, Vec<usize>) = determined.iter().copied().unzip();
+        while !open.is_empty() {
+            self.graph.within_budget()?;
+            let is_by_cofactors = (2..=MAX_COFACTORS).contains(&open.len());
+            let mut best: Option<(PivotGrade, usize, usize)> = None;
+            for &row in &open {
+                for &column in &columns {
+                    let entry = table[row][column];
+                    if entry != self.graph.zero() && self.graph.vanishing(entry) != Vanishing::Zero {
+                        let candidate = (self.grade(entry), row, column);
+                        best = Some(best.map_or(candidate, |b| b.min(candidate)));
+                    }
+                }
+            }
+            let Some((grade, row, column)) = best else {
+                return Err(self.undetermined(rows, &open, &columns));
+            };
+            if is_by_cofactors && grade > PivotGrade::Definite {
+                return self.eliminate_by_cofactors(rows, (&open, &columns), table, (solved, pivots));
+            }
+            if grade >= PivotGrade::ParameterOnly {
+                let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
+                pivots.push((name, table[row][column]));
+            }
+            self.eliminate(table, row, column);
+            open.retain(|r| *r != row);
+            columns.retain(|c| *c != column);
+            solved.push((row, column));
+        }
+        Ok(())
+    }
+
+    /// Solves some rows for as many columns by the adjugate of their coefficients.
+    fn eliminate_by_cofactors(
+        &mut self,
+        rows: &[ConstraintRow],
+        (open, columns): (&[usize], &[usize]),
+        table: &mut [Vec<ExprId>],
+        (solved, pivots): (&mut Vec<(usize, usize)>, &mut Vec<(String, ExprId)>),
+    ) -> Result<(), Error> {
+        let n = open.len();
+        let square: Vec<Vec<ExprId>> =
+            open.iter().map(|row| columns.iter().map(|column| table[*row][*column]).collect()).collect();
+        let all: Vec<usize> = (0..n).collect();
+        let determinant = self.minor(&square, &all, &all);
+        if self.graph.vanishing(determinant) == Vanishing::Zero {
+            return Err(self.undetermined(rows, open, columns));
+        }
+        let texts: Vec<&str> = open.iter().map(|row| rows[*row].text.as_str()).collect();
+        let mut texts: Vec<&str> = texts.into_iter().collect();
+        texts.dedup();
+        let names: Vec<&str> = columns.iter().map(|column| self.names[*column].as_str()).collect();
+        let name = format!("determinant of {} in {}", names.join(", "), texts.join(", "));
+        pivots.push((name, determinant));
+        let inverse = self.graph.powi(determinant, -1);
+        let width = table.first().map_or(0, Vec::len);
+        let mut made = vec![vec![self.graph.zero(); width]; n];
+        for (i, own) in made.iter_mut().enumerate() {
+            let weights: Vec<ExprId> = (0..n)
+                .map(|j| {
+                    let left: Vec<usize> = all.iter().copied().filter(|row| *row != j).collect();
+                    let kept: Vec<usize> = all.iter().copied().filter(|column| *column != i).collect();
+                    let minor = self.minor(&square, &left, &kept);
+                    if (i + j) % 2 == 0 { minor } else { self.graph.neg(minor) }
+                })
+                .collect();
+            for (column, entry) in own.iter_mut().enumerate() {
+                if let Some(at) = columns.iter().position(|c| *c == column) {
+                    *entry = if at == i { self.graph.one() } else { self.graph.zero() };
+                    continue;
+                }
+                let along: Vec<ExprId> = open.iter().map(|row| table[*row][column]).collect();
+                let sum = self.graph.dot(&weights, &along);
+                let sum = self.graph.cancel_zero(sum);
+                *entry = self.graph.mul(sum, inverse);
+            }
+        }
+        for (row, own) in open.iter().zip(made) {
+            table[*row] = own;
+        }
+        for (row, column) in open.iter().zip(columns) {
+            // The other rows of the block have a zero there.
+            self.eliminate(table, *row, *column);
+            solved.push((*row, *column));
+        }
+        Ok(())
+    }
+
+    /// The determinant of some rows and columns, by the first row.
+    fn minor(&mut self, square: &[Vec<ExprId>], rows: &[usize], columns: &[usize]) -> ExprId {
+        let Some((first, below)) = rows.split_first() else { return self.graph.one() };
+        let mut terms = Vec::with_capacity(columns.len());
+        for (k, column) in columns.iter().enumerate() {
+            let others: Vec<usize> = columns.iter().copied().filter(|other| other != column).collect();
+            let minor = self.minor(square, below, &others);
+            let term = self.graph.mul(square[*first][*column], minor);
+            terms.push(if k % 2 == 0 { term } else { self.graph.neg(term) });
+        }
+        let sum = self.graph.sum(&terms);
+        self.graph.cancel_zero(sum)
+    }
+
+    fn undetermined(&self, rows: &[ConstraintRow], open: &[usize], columns: &[usize]) -> Error {
+        let mut equations: Vec<String> = open.iter().map(|row| rows[*row].text.clone()).collect();
+        equations.dedup();
+        let names = columns.iter().map(|column| self.names[*column].clone()).collect();
+        Error::UndeterminedPositions { equations, names }
+    }
+
     fn eliminate(&mut self, table: &mut [Vec<ExprId>], row: usize, column: usize) {
         let g = &mut *self.graph;
         let inverse = g.powi(table[row][column], -1);
@@ -219,7 +347,7 @@ impl Solver<'_> {
         let wanted_columns = wanted.unwrap_or_default();
         let dependent =
             (0..names.len()).filter(|k| !wanted_columns.contains(k)).map(|k| names[k].clone()).collect();
-        let possible = match wanted.is_some().then(|| self.solve(rows, None)) {
+        let possible = match wanted.is_some().then(|| self.solve(rows, None, &[])) {
             Some(Ok(Some(s))) => s.dependent.iter().map(|k| names[*k].clone()).collect(),
             _ => vec!["no choice on the whole domain: write `multipliers;` instead".to_owned()],
         };

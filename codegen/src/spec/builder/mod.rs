@@ -16,6 +16,7 @@ mod inputs;
 mod momenta;
 mod outputs;
 mod params;
+mod positions;
 mod reconstruct;
 mod scenes;
 mod sections;
