@@ -5,7 +5,7 @@
 
 use crate::error::Error;
 use crate::expr::{ExprId, Rational};
-use crate::reduction::SolvedConstraint;
+use crate::reduction::{Response, SolvedConstraint};
 
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
@@ -26,10 +26,15 @@ impl Derivation<'_> {
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
         self.writer.begin("accelerations of the dependent velocities at udot = 0");
         let mut lag = vec![self.g.zero(); m];
-        for &alpha in &solved.dependent {
-            let value = solved.velocity(&mut self.g, alpha);
-            let drift = self.drift(value)?;
-            lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
+        match &solved.response {
+            Some(response) => self.lag_by_rows(solved, response, &mut lag)?,
+            None => {
+                for &alpha in &solved.dependent {
+                    let value = solved.velocity(&mut self.g, alpha);
+                    let drift = self.drift(value)?;
+                    lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
+                }
+            }
         }
         let mass_matrix = self.mass_matrix(solved)?;
         let displacements = self.displacements(solved)?;
@@ -56,6 +61,59 @@ impl Derivation<'_> {
         let (udot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
         let system = LinearSystem { mass_matrix, force, unknowns };
         self.motion_of(solved, system, (udot.clone(), udot, pivots), (&solved.psi, &lag))
+    }
+
+    /// The accelerations of dependent velocities at `udot = 0` by the rates `r_A` of the rows at fixed velocities:
+    /// `w_A . lag + r_A = 0`, row by row where its own velocity has a number before it and the others are known, and
+    /// `lag = R r` otherwise.
+    fn lag_by_rows(
+        &mut self,
+        solved: &SolvedConstraint,
+        response: &Response,
+        lag: &mut [ExprId],
+    ) -> Result<(), Error> {
+        let mut rates = Vec::with_capacity(solved.rows.len());
+        for row in &solved.rows {
+            let residual = row.written.unwrap_or_else(|| {
+                let raw: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.sym(*s)).collect();
+                let form = self.g.dot(&row.one_form[..raw.len()], &raw);
+                self.g.add(form, row.offset)
+            });
+            let rate = self.drift(residual)?;
+            rates.push(self.define(&format!("rate_{}", row.name), rate));
+        }
+        let mut left = response.pairs.clone();
+        while !left.is_empty() {
+            let is_known = |alpha: usize| left.iter().all(|(_, other)| *other != alpha);
+            let is_direct = |(row, own): &(usize, usize)| {
+                let form = &solved.rows[*row].one_form;
+                let others = (0..lag.len()).filter(|alpha| alpha != own && form[*alpha] != self.g.zero());
+                self.g.as_rational(form[*own]).is_some() && others.into_iter().all(is_known)
+            };
+            // The velocity with a divisor that is solved for last needs the others least.
+            let place = left.iter().position(is_direct);
+            let (row, own) = match place {
+                Some(place) => left.remove(place),
+                None => left.remove(left.len() - 1),
+            };
+            let value = if place.is_some() {
+                let form = solved.rows[row].one_form.clone();
+                let mut terms = vec![rates[row]];
+                for alpha in (0..lag.len()).filter(|alpha| *alpha != own) {
+                    terms.push(self.g.mul(form[alpha], lag[alpha]));
+                }
+                let sum = self.g.sum(&terms);
+                let inverse = self.g.powi(form[own], -1);
+                let value = self.g.mul(sum, inverse);
+                self.g.neg(value)
+            } else {
+                let terms: Vec<ExprId> =
+                    response.by_row[own].iter().zip(&rates).map(|(r, rate)| self.g.mul(*r, *rate)).collect();
+                self.g.sum(&terms)
+            };
+            lag[own] = self.define(&format!("lag_{}", self.names[own]), value);
+        }
+        Ok(())
     }
 
     /// `udot = B wdot` of `A wdot = f` along the rates of a recursion.

@@ -36,6 +36,7 @@ pub(in crate::reduction) fn constrain(
         independent: model.independent.as_deref(),
         multipliers: model.force_multipliers,
         determined: &determined,
+        has_positions: model.constraints.iter().any(|c| c.position.is_some()),
     };
     let setting = Setting { frame: &frame, quasi: &quasi, params: &params, signs };
     solve_rows(&mut model.graph, &setting, (linear, general), displacements, choice)
@@ -58,6 +59,8 @@ pub(in crate::reduction) struct Choice<'a> {
     pub(in crate::reduction) multipliers: bool,
     /// Linear rows and the velocities that they are solved for: those of coordinates that equations give.
     pub(in crate::reduction) determined: &'a [(usize, usize)],
+    /// Whether some row is the derivative of an equation between positions.
+    pub(in crate::reduction) has_positions: bool,
 }
 
 /// Linear constraints and the base velocities of coordinates that they give.
@@ -84,10 +87,11 @@ pub(in crate::reduction) fn solve_rows(
     let all_linear = linear.len() == general.len();
     let keep_all = (choice.multipliers && !general.is_empty()) || !all_linear;
     let wanted = choice.independent.filter(|_| !keep_all);
-    let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs };
+    let has_positions = choice.has_positions;
+    let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs, has_positions };
     // Solving also detects dependent and inconsistent rows, so it runs even when multipliers are asked for.
     let solved = solver.solve(&linear, wanted, choice.determined)?.filter(|_| !keep_all);
-    solver.quasi = &[];
+    (solver.quasi, solver.has_positions) = (&[], false);
     let allowed = solver.solve(&displacements, None, &[])?;
     if !displacements.is_empty() {
         // As many as the motion has constraints; quasi-velocities may be more than those leave.
@@ -135,6 +139,7 @@ pub(in crate::reduction) fn solve_rows(
         reactions,
         rows: linear,
         pivots,
+        response: solved.response,
     }))
 }
 

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Sign, Style, SymbolId, Vanishing, sign_of};
 
-use super::{ConstraintRow, Unknown};
+use super::{ConstraintRow, Response, Unknown};
 
 /// Rows up to which a block is solved by cofactors; larger ones by elimination with the best pivots first.
 const MAX_COFACTORS: usize = 3;
@@ -32,6 +32,9 @@ pub(in crate::reduction) struct Solver<'a> {
     pub(in crate::reduction) quasi: &'a [Unknown],
     pub(in crate::reduction) params: &'a BTreeSet<SymbolId>,
     pub(in crate::reduction) facts: &'a BTreeMap<ExprId, Sign>,
+    /// Whether some row is the derivative of an equation between positions: velocities that are left for as many rows
+    /// are then solved for together, and it is noted how they answer to the rows.
+    pub(in crate::reduction) has_positions: bool,
 }
 
 /// Rows solved as `y_dependent = -(rest)`.
@@ -40,6 +43,7 @@ pub(in crate::reduction) struct Elimination {
     pub(in crate::reduction) psi: Vec<Vec<ExprId>>,
     pub(in crate::reduction) psi0: Vec<ExprId>,
     pub(in crate::reduction) pivots: Vec<(String, ExprId)>,
+    pub(in crate::reduction) response: Option<Response>,
 }
 
 /// Rows eliminated as far as wanted.
@@ -150,6 +154,13 @@ impl Solver<'_> {
         let allowed = |column: usize| column < m && wanted.is_none_or(|w| !w.contains(&column));
         let mut table: Vec<Vec<ExprId>> =
             rows.iter().map(|r| [r.one_form.as_slice(), &[r.offset]].concat()).collect();
+        if self.has_positions {
+            let (zero, one) = (self.graph.zero(), self.graph.one());
+            let n = table.len();
+            for (a, row) in table.iter_mut().enumerate() {
+                row.extend((0..n).map(|b| if a == b { one } else { zero }));
+            }
+        }
         let mut open: Vec<usize> = (0..rows.len()).collect();
         let mut solved: Vec<(usize, usize)> = Vec::new();
         let mut pivots = Vec::new();
@@ -191,6 +202,21 @@ impl Solver<'_> {
             };
             if grade > worst {
                 break;
+            }
+            if self.has_positions && grade >= PivotGrade::StateDependent && wanted.is_some() {
+                let is_left = |column: &usize| allowed(*column) && solved.iter().all(|(_, c)| c != column);
+                let columns: Vec<usize> = (0..m).filter(is_left).collect();
+                if columns.len() == open.len() && (2..=MAX_COFACTORS).contains(&open.len()) {
+                    self.eliminate_by_cofactors(
+                        rows,
+                        (&open, &columns),
+                        &mut table,
+                        (&mut solved, &mut pivots),
+                    )?;
+                    state_dependent = true;
+                    open.clear();
+                    break;
+                }
             }
             state_dependent |= grade >= PivotGrade::StateDependent;
             if grade >= PivotGrade::ParameterOnly {
@@ -372,6 +398,16 @@ impl Solver<'_> {
             }
             psi0[column] = g.neg(table[row][width]);
         }
-        Elimination { dependent, psi, psi0, pivots: pivots.clone() }
+        let n_rows = if self.has_positions && self.quasi.is_empty() { table.len() } else { 0 };
+        let response = (n_rows > 0 && solved.len() == n_rows).then(|| {
+            let mut by_row = vec![vec![g.zero(); n_rows]; m];
+            for &(row, column) in solved {
+                for (a, entry) in by_row[column].iter_mut().enumerate() {
+                    *entry = g.neg(table[row][width + 1 + a]);
+                }
+            }
+            Response { pairs: solved.clone(), by_row }
+        });
+        Elimination { dependent, psi, psi0, pivots: pivots.clone(), response }
     }
 }

@@ -221,7 +221,9 @@ impl ModelBuilder {
         let occurring = self.occurring(e, &unknowns);
         if occurring.is_empty() && self.has_positions(e) {
             let position = PositionEquation { residual: e, determines: None };
-            return Some((self.along(e, rates), ConstraintKind::Linear, Some(position)));
+            let rate = self.along(e, rates);
+            return (!self.reports_rigid(rate, place, span))
+                .then_some((rate, ConstraintKind::Linear, Some(position)));
         }
         match self.graph.affine_parts(e, &occurring) {
             Some((slopes, _)) if slopes.iter().all(|s| *s == self.graph.zero()) => {

@@ -76,6 +76,9 @@ impl ModelBuilder {
                     PositionEquation { residual: e, determines: Some(*coordinate).filter(|_| is_own) };
                 let (name, text) = (name.clone(), text.clone());
                 let residual = self.along(e, rates);
+                if self.reports_rigid(residual, &place, span) {
+                    continue;
+                }
                 let kind = ConstraintKind::Linear;
                 result.push(Constraint { name, text, kind, residual, position: Some(position), span });
             }
@@ -108,6 +111,16 @@ impl ModelBuilder {
         let base = self.base.iter().map(|c| c.symbol);
         let advected = self.advected.iter().flat_map(|a| a.components.iter().map(|(_, symbol)| *symbol));
         base.chain(advected).any(|symbol| self.mentions(e, symbol))
+    }
+
+    /// An equation whose derivative vanishes restricts no motion.
+    pub(super) fn reports_rigid(&mut self, rate: ExprId, place: &str, span: Option<Span>) -> bool {
+        let is_rigid = self.graph.is_zero(rate);
+        if is_rigid {
+            let message = format!("{place} restricts no velocity: the motion keeps both sides apart as they are");
+            self.problem(span, message, "remove it, and choose initial values that satisfy it");
+        }
+        is_rigid
     }
 
     fn mentions(&self, e: ExprId, symbol: SymbolId) -> bool {
