@@ -5,7 +5,7 @@
 
 use crate::error::Error;
 use crate::expr::{ExprId, Rational};
-use crate::reduction::{Response, SolvedConstraint};
+use crate::reduction::SolvedConstraint;
 
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
@@ -26,8 +26,8 @@ impl Derivation<'_> {
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
         self.writer.begin("accelerations of the dependent velocities at udot = 0");
         let mut lag = vec![self.g.zero(); m];
-        match &solved.response {
-            Some(response) => self.lag_by_rows(solved, response, &mut lag)?,
+        match solved.response.as_ref().filter(|_| self.partial.is_some()) {
+            Some(response) => lag = self.lag_by_rows(solved, response)?,
             None => {
                 for &alpha in &solved.dependent {
                     let value = solved.velocity(&mut self.g, alpha);
@@ -60,60 +60,8 @@ impl Derivation<'_> {
         }
         let (udot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
         let system = LinearSystem { mass_matrix, force, unknowns };
-        self.motion_of(solved, system, (udot.clone(), udot, pivots), (&solved.psi, &lag))
-    }
-
-    /// The accelerations of dependent velocities at `udot = 0` by the rates `r_A` of the rows at fixed velocities:
-    /// `w_A . lag + r_A = 0`, row by row where its own velocity has a number before it and the others are known, and
-    /// `lag = R r` otherwise.
-    fn lag_by_rows(
-        &mut self,
-        solved: &SolvedConstraint,
-        response: &Response,
-        lag: &mut [ExprId],
-    ) -> Result<(), Error> {
-        let mut rates = Vec::with_capacity(solved.rows.len());
-        for row in &solved.rows {
-            let residual = row.written.unwrap_or_else(|| {
-                let raw: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.sym(*s)).collect();
-                let form = self.g.dot(&row.one_form[..raw.len()], &raw);
-                self.g.add(form, row.offset)
-            });
-            let rate = self.drift(residual)?;
-            rates.push(self.define(&format!("rate_{}", row.name), rate));
-        }
-        let mut left = response.pairs.clone();
-        while !left.is_empty() {
-            let is_known = |alpha: usize| left.iter().all(|(_, other)| *other != alpha);
-            let is_direct = |(row, own): &(usize, usize)| {
-                let form = &solved.rows[*row].one_form;
-                let others = (0..lag.len()).filter(|alpha| alpha != own && form[*alpha] != self.g.zero());
-                self.g.as_rational(form[*own]).is_some() && others.into_iter().all(is_known)
-            };
-            // The velocity with a divisor that is solved for last needs the others least.
-            let place = left.iter().position(is_direct);
-            let (row, own) = match place {
-                Some(place) => left.remove(place),
-                None => left.remove(left.len() - 1),
-            };
-            let value = if place.is_some() {
-                let form = solved.rows[row].one_form.clone();
-                let mut terms = vec![rates[row]];
-                for alpha in (0..lag.len()).filter(|alpha| *alpha != own) {
-                    terms.push(self.g.mul(form[alpha], lag[alpha]));
-                }
-                let sum = self.g.sum(&terms);
-                let inverse = self.g.powi(form[own], -1);
-                let value = self.g.mul(sum, inverse);
-                self.g.neg(value)
-            } else {
-                let terms: Vec<ExprId> =
-                    response.by_row[own].iter().zip(&rates).map(|(r, rate)| self.g.mul(*r, *rate)).collect();
-                self.g.sum(&terms)
-            };
-            lag[own] = self.define(&format!("lag_{}", self.names[own]), value);
-        }
-        Ok(())
+        let psi = self.partial_velocities(solved);
+        self.motion_of(solved, system, (udot.clone(), udot, pivots), (&psi, &lag))
     }
 
     /// `udot = B wdot` of `A wdot = f` along the rates of a recursion.
@@ -206,8 +154,16 @@ impl Derivation<'_> {
         })
     }
 
+    /// `Psi`, by names where they have any.
+    fn partial_velocities(&self, solved: &SolvedConstraint) -> Vec<Vec<ExprId>> {
+        self.partial.clone().unwrap_or_else(|| solved.psi.clone())
+    }
+
     /// The columns of `W` on the state.
     pub(super) fn displacements(&mut self, solved: &SolvedConstraint) -> Result<Vec<Vec<ExprId>>, Error> {
+        if let Some(partial) = self.partial.as_ref().filter(|_| solved.virtual_displacements == solved.psi) {
+            return Ok(partial.clone());
+        }
         let rows = solved.virtual_displacements.iter();
         rows.map(|row| row.iter().map(|e| self.replace(*e)).collect()).collect()
     }
@@ -222,6 +178,7 @@ impl Derivation<'_> {
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
         let symmetric_form = solved.virtual_displacements == solved.psi;
         let displacements = self.displacements(solved)?;
+        let psi = self.partial_velocities(solved);
         for b in 0..k {
             for a in 0..k {
                 if symmetric_form && a < b {
@@ -233,7 +190,7 @@ impl Derivation<'_> {
                     for beta in 0..m {
                         let (w, h) = (displacements[alpha][b], self.hessian[alpha][beta]);
                         if w != self.g.zero() && h != self.g.zero() {
-                            terms.push(self.g.product(&[w, h, solved.psi[beta][a]]));
+                            terms.push(self.g.product(&[w, h, psi[beta][a]]));
                         }
                     }
                 }
@@ -283,6 +240,19 @@ impl Derivation<'_> {
             return Ok(Vec::new());
         }
         self.writer.begin("multipliers E = lambda a");
+        if let Some(response) = solved.response.as_ref().filter(|_| solved.virtual_displacements == solved.psi) {
+            let mut reaction = vec![self.g.zero(); self.y.len()];
+            for &alpha in &solved.dependent {
+                let mut terms = vec![self.g.neg(self.drive[alpha])];
+                for (beta, ydot) in acceleration.iter().enumerate() {
+                    terms.push(self.g.mul(self.hessian[alpha][beta], *ydot));
+                }
+                reaction[alpha] = self.g.sum(&terms);
+            }
+            let values = self.multipliers_by_rows(response, &reaction);
+            let names = reactions.names.iter().map(|name| format!("lambda_{name}"));
+            return Ok(names.zip(values).collect());
+        }
         let mut matrix = Vec::new();
         let mut right = Vec::new();
         for &alpha in &reactions.on {
