@@ -150,6 +150,7 @@ fn the_linearised_equations_are_those_of_the_benchmark() {
 #[test]
 fn the_accelerations_are_those_of_basu_mandal() {
     let scene = built("moving");
+    println!("{}", scene.operation_columns());
     let lean = Dual::new(std::f64::consts::FRAC_PI_2 - 0.9501292851472, -0.6068425835418);
     let lean_rate = Dual::new(-0.6068425835418, 7.8555281128244);
     let pitch = Dual::new(std::f64::consts::PI - 3.1257073014894, 0.0119185528069);

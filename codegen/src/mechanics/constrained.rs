@@ -179,6 +179,17 @@ impl Derivation<'_> {
         let symmetric_form = solved.virtual_displacements == solved.psi;
         let displacements = self.displacements(solved)?;
         let psi = self.partial_velocities(solved);
+        // Momenta along the partial velocities, where these have names: each is part of several entries.
+        let mut momenta = vec![Vec::with_capacity(m); if self.partial.is_some() { k } else { 0 }];
+        for (a, along) in momenta.iter_mut().enumerate() {
+            for alpha in 0..m {
+                let column: Vec<ExprId> = psi.iter().map(|row| row[a]).collect();
+                let row = self.hessian[alpha].clone();
+                let sum = self.g.dot(&row, &column);
+                let name = format!("P_{}_{}", self.names[alpha], solved.unknowns[a].name);
+                along.push(self.define(&name, sum));
+            }
+        }
         for b in 0..k {
             for a in 0..k {
                 if symmetric_form && a < b {
@@ -186,7 +197,10 @@ impl Derivation<'_> {
                     continue;
                 }
                 let mut terms = Vec::new();
-                for alpha in 0..m {
+                if let Some(along) = momenta.get(a) {
+                    terms.extend((0..m).map(|alpha| self.g.mul(displacements[alpha][b], along[alpha])));
+                }
+                for alpha in 0..if momenta.is_empty() { m } else { 0 } {
                     for beta in 0..m {
                         let (w, h) = (displacements[alpha][b], self.hessian[alpha][beta]);
                         if w != self.g.zero() && h != self.g.zero() {
