@@ -122,6 +122,13 @@ pub enum Error {
         /// A choice that works.
         possible: Vec<String>,
     },
+    /// Equations that coordinates are to be given by do not determine their rates anywhere.
+    UndeterminedPositions {
+        /// The equations, as written.
+        equations: Vec<String>,
+        /// Rates of the coordinates.
+        names: Vec<String>,
+    },
     /// The mass matrix is singular everywhere.
     SingularMassMatrix {
         /// A direction of the velocity space with zero inertia.
@@ -382,6 +389,12 @@ impl Error {
             Error::NotSolvable { dependent, possible } => (
                 format!("constraints cannot be solved for {}", dependent.join(", ")),
                 format!("they can be solved for {}", possible.join(", ")),
+            ),
+            Error::UndeterminedPositions { equations, names } => (
+                format!("{} cannot be solved for {} anywhere", equations.join(", "), names.join(", ")),
+                "the derivatives of the equations by the coordinates that they give have a determinant that does not \
+                 vanish identically"
+                    .to_owned(),
             ),
             Error::EquationLeft { direction, equation, reason } => (
                 format!(

@@ -25,6 +25,7 @@ use crate::run::inputs::InputTable;
 use crate::run::interpreted::{self, Built};
 use crate::run::matrices::{self, Outcome};
 use crate::run::method::{MethodName, Steps};
+use crate::run::positions::Equations;
 use crate::run::simulation::{MAX_EVENTS, SimulateRequest};
 use crate::run::start;
 use crate::session::Session;
@@ -203,7 +204,8 @@ pub fn pictured(
     let info = full.info().clone();
     let values: Vec<f64> =
         info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
-    let chosen = start::Chosen { roles: &roles, preferred: &preferred, given };
+    let equations = Equations::of(model);
+    let chosen = start::Chosen { roles: &roles, preferred: &preferred, given, equations: &equations };
     let initial = start::state(&mut full, None, (&values, &[]), &Forms::of(model, &info)?, chosen)?;
     let request = SimulateRequest {
         params: values,

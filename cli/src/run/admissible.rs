@@ -84,7 +84,8 @@ pub(crate) fn is_judged_by(info: &Info) -> bool {
 /// ```
 ///
 /// with the velocities `v` and everything else `x`. What is left of a component that vanishes is rounding of the
-/// largest velocity, so that the sum of the terms' sizes would be no measure.
+/// largest velocity, so that the sum of the terms' sizes would be no measure. Of a residual without velocities it is
+/// `1e-9 sum_x max(|x|, 1) |dphi_A/dx|`: coordinates come from text too, and many of them are zero.
 ///
 /// # Errors
 /// [`Error::Inadmissible`] with the residuals that are more, and the nearest state with the same positions that keeps
@@ -102,10 +103,15 @@ pub fn check(dynamics: &dyn Dynamics, y: &[f64], n_group: usize) -> Result<(), E
         if near.iter().all(|near| *near) {
             return near;
         }
-        let of_positions = rounding_of_positions(dynamics, &places, y);
-        let each = linear.residual.iter().zip(&linear.sizes).zip(of_positions);
+        let of_positions = slopes_of_positions(dynamics, &places, y);
+        let each = linear.residual.iter().zip(&linear.sizes).zip(of_positions).zip(&linear.jacobian);
+        let rounding = |s: f64, Slopes { terms, unit }: Slopes, row: &[f64]| match is_of_positions(row) {
+            true => ROUNDING * unit,
+            false => ROUNDING * s + 16.0 * f64::EPSILON * terms,
+        };
         // What is not finite is no matter of the constraint: the integrator says what it is.
-        each.map(|((r, s), x)| r.abs() <= ROUNDING * s + x || !(r.is_finite() && s.is_finite())).collect()
+        each.map(|(((r, s), of), row)| r.abs() <= rounding(*s, of, row) || !(r.is_finite() && s.is_finite()))
+            .collect()
     };
     let linear = linearise(&mut outputs, &places, y)?;
     let kept = is_kept(&linear, y);
@@ -126,13 +132,22 @@ pub fn check(dynamics: &dyn Dynamics, y: &[f64], n_group: usize) -> Result<(), E
     Err(Error::Inadmissible { broken, nearest })
 }
 
-/// `16 eps sum_x |x dphi_A/dx|` for each residual, over all components that are no velocities.
-fn rounding_of_positions(dynamics: &dyn Dynamics, places: &Places, y: &[f64]) -> Vec<f64> {
-    let mut sums = vec![0.0; places.constraint.len()];
+/// What a residual is by components that are no velocities.
+#[derive(Clone, Copy, Debug, Default)]
+struct Slopes {
+    /// `sum_x |x dphi_A/dx|`.
+    terms: f64,
+    /// `sum_x max(|x|, 1) |dphi_A/dx|`.
+    unit: f64,
+}
+
+/// The slopes of each residual.
+fn slopes_of_positions(dynamics: &dyn Dynamics, places: &Places, y: &[f64]) -> Vec<Slopes> {
+    let mut sums = vec![Slopes::default(); places.constraint.len()];
     let mut moved = y.to_vec();
-    for k in (0..y.len()).filter(|k| !places.velocities.contains(k) && y[*k] != 0.0) {
+    for k in (0..y.len()).filter(|k| !places.velocities.contains(k)) {
         // Of an angle after many turns, no more than a thousandth.
-        let step = 1e-6 * y[k].abs().min(1e3);
+        let step = if y[k] == 0.0 { 1e-6 } else { 1e-6 * y[k].abs().min(1e3) };
         let mut at = |x: f64| {
             moved[k] = x;
             dynamics.outputs(0.0, &moved)
@@ -140,10 +155,15 @@ fn rounding_of_positions(dynamics: &dyn Dynamics, places: &Places, y: &[f64]) ->
         let (above, below) = (at(y[k] + step), at(y[k] - step));
         moved[k] = y[k];
         for (sum, at) in sums.iter_mut().zip(places.constraint.clone()) {
-            *sum += (y[k] * (above[at] - below[at]) / (2.0 * step)).abs();
+            let slope = ((above[at] - below[at]) / (2.0 * step)).abs();
+            // At zero a function may have no slope.
+            if y[k] != 0.0 || slope.is_finite() {
+                sum.terms += y[k].abs() * slope;
+                sum.unit += y[k].abs().max(1.0) * slope;
+            }
         }
     }
-    sums.iter().map(|sum| 16.0 * f64::EPSILON * sum).collect()
+    sums
 }
 
 /// Whether a residual with these slopes has no velocity in it: no change of velocities makes it smaller.
@@ -324,7 +344,7 @@ struct Missed {
 /// ```
 ///
 /// None when `J` has not full rank, or `M` is singular or not positive on the solution.
-fn least_change(jacobian: &[Vec<f64>], residual: &[f64], metric: Option<&[Vec<f64>]>) -> Option<Vec<f64>> {
+pub(super) fn least_change(jacobian: &[Vec<f64>], residual: &[f64], metric: Option<&[Vec<f64>]>) -> Option<Vec<f64>> {
     let (n, n_free) = (jacobian.len(), jacobian.first().map_or(0, Vec::len));
     // Column by column.
     let columns: Vec<Vec<f64>> = match metric {

@@ -25,6 +25,7 @@ mod machine;
 pub mod matrices;
 pub mod method;
 pub mod protocol;
+pub mod positions;
 pub(crate) mod ranks;
 mod record;
 pub mod remote;

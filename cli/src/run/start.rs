@@ -13,6 +13,7 @@ use super::evaluate::{EvalRequest, prepare};
 use super::forms::Forms;
 use super::info::Info;
 use super::interpreted::{self, Built};
+use super::positions::{self, Equations};
 use super::simulation::SimulateRequest;
 use crate::error::Error;
 use crate::model::Checked;
@@ -30,6 +31,8 @@ pub struct Chosen<'a> {
     pub preferred: &'a BTreeMap<String, f64>,
     /// Values that it has to have.
     pub given: &'a BTreeMap<String, f64>,
+    /// Equations between coordinates.
+    pub equations: &'a Equations,
 }
 
 /// A state of a scene in which `given` components have the given values, and others the `preferred` ones of the model.
@@ -48,7 +51,7 @@ pub fn state(
     forms: &Forms,
     chosen: Chosen<'_>,
 ) -> Result<Vec<f64>, Error> {
-    let Chosen { roles, preferred, given } = chosen;
+    let Chosen { roles, preferred, given, equations } = chosen;
     let n_state = backend.info().state.len();
     let mut constraint = constraint;
     let own = forms.own_form();
@@ -74,6 +77,15 @@ pub fn state(
             }
         }
         let own_state = |y: &[f64]| forms.convert(params.0, 0.0, y, [&asked, &own]);
+        let coordinates = equations.free(&asked_names, roles, &|name| given.contains_key(name));
+        if !coordinates.is_empty() {
+            match &mut constraint {
+                Some(other) => {
+                    meet_positions(&mut **other, params.1, &own_state, &mut y, (equations, &coordinates))?;
+                }
+                None => meet_positions(backend, params.0, &own_state, &mut y, (equations, &coordinates))?,
+            }
+        }
         if !free.is_empty() {
             match &mut constraint {
                 Some(other) => {
@@ -180,6 +192,32 @@ fn meet_constraint(
     }
 }
 
+/// Moves the coordinates at positions `free` until they satisfy the equations between coordinates.
+fn meet_positions(
+    backend: &mut dyn Backend,
+    params: &[f64],
+    own_state: OwnState<'_>,
+    y: &mut [f64],
+    (equations, free): (&Equations, &[usize]),
+) -> Result<(), Error> {
+    let constraint = backend.info().output_range(Want::Constraint.name());
+    let Some(residuals) = constraint.and_then(|range| equations.residuals(&range)) else { return Ok(()) };
+    let mut outputs = |states: Vec<Vec<f64>>| {
+        let states = states.iter().map(|y| own_state(y)).collect::<Result<_, Error>>()?;
+        Ok(backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs)
+    };
+    match positions::meet(&mut outputs, &residuals, y, free)? {
+        Outcome::Met => Ok(()),
+        Outcome::Missed { largest } => {
+            let reason = format!(
+                "the equations between coordinates are violated by {largest:e} and the coordinates that were not \
+                 given cannot meet them: give others"
+            );
+            Err(Error::State { path: "initial".into(), reason })
+        }
+    }
+}
+
 /// Chooses parameters and initial states of a scene.
 #[derive(Debug)]
 pub struct Starts<'a> {
@@ -222,7 +260,8 @@ impl<'a> Starts<'a> {
         let preferred = roles::initial_values(self.model, &all_params);
         let mut other = self.residuals.as_ref().map(Local::new);
         let other = other.as_mut().map(|local| local as &mut dyn Backend);
-        let chosen = Chosen { roles: &roles, preferred: &preferred, given };
+        let equations = Equations::of(self.model);
+        let chosen = Chosen { roles: &roles, preferred: &preferred, given, equations: &equations };
         let initial = state(backend, other, (&params, &params), &self.forms, chosen)?;
         // What the user gave may leave nothing to choose.
         if let Some(scene) = &self.residuals {

@@ -26,10 +26,15 @@ impl Derivation<'_> {
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
         self.writer.begin("accelerations of the dependent velocities at udot = 0");
         let mut lag = vec![self.g.zero(); m];
-        for &alpha in &solved.dependent {
-            let value = solved.velocity(&mut self.g, alpha);
-            let drift = self.drift(value)?;
-            lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
+        match solved.response.as_ref().filter(|_| self.partial.is_some()) {
+            Some(response) => lag = self.lag_by_rows(solved, response)?,
+            None => {
+                for &alpha in &solved.dependent {
+                    let value = solved.velocity(&mut self.g, alpha);
+                    let drift = self.drift(value)?;
+                    lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
+                }
+            }
         }
         let mass_matrix = self.mass_matrix(solved)?;
         let displacements = self.displacements(solved)?;
@@ -55,7 +60,8 @@ impl Derivation<'_> {
         }
         let (udot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
         let system = LinearSystem { mass_matrix, force, unknowns };
-        self.motion_of(solved, system, (udot.clone(), udot, pivots), (&solved.psi, &lag))
+        let psi = self.partial_velocities(solved);
+        self.motion_of(solved, system, (udot.clone(), udot, pivots), (&psi, &lag))
     }
 
     /// `udot = B wdot` of `A wdot = f` along the rates of a recursion.
@@ -148,8 +154,16 @@ impl Derivation<'_> {
         })
     }
 
+    /// `Psi`, by names where they have any.
+    fn partial_velocities(&self, solved: &SolvedConstraint) -> Vec<Vec<ExprId>> {
+        self.partial.clone().unwrap_or_else(|| solved.psi.clone())
+    }
+
     /// The columns of `W` on the state.
     pub(super) fn displacements(&mut self, solved: &SolvedConstraint) -> Result<Vec<Vec<ExprId>>, Error> {
+        if let Some(partial) = self.partial.as_ref().filter(|_| solved.virtual_displacements == solved.psi) {
+            return Ok(partial.clone());
+        }
         let rows = solved.virtual_displacements.iter();
         rows.map(|row| row.iter().map(|e| self.replace(*e)).collect()).collect()
     }
@@ -164,6 +178,18 @@ impl Derivation<'_> {
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
         let symmetric_form = solved.virtual_displacements == solved.psi;
         let displacements = self.displacements(solved)?;
+        let psi = self.partial_velocities(solved);
+        // Momenta along the partial velocities, where these have names: each is part of several entries.
+        let mut momenta = vec![Vec::with_capacity(m); if self.partial.is_some() { k } else { 0 }];
+        for (a, along) in momenta.iter_mut().enumerate() {
+            for alpha in 0..m {
+                let column: Vec<ExprId> = psi.iter().map(|row| row[a]).collect();
+                let row = self.hessian[alpha].clone();
+                let sum = self.g.dot(&row, &column);
+                let name = format!("P_{}_{}", self.names[alpha], solved.unknowns[a].name);
+                along.push(self.define(&name, sum));
+            }
+        }
         for b in 0..k {
             for a in 0..k {
                 if symmetric_form && a < b {
@@ -171,11 +197,14 @@ impl Derivation<'_> {
                     continue;
                 }
                 let mut terms = Vec::new();
-                for alpha in 0..m {
+                if let Some(along) = momenta.get(a) {
+                    terms.extend((0..m).map(|alpha| self.g.mul(displacements[alpha][b], along[alpha])));
+                }
+                for alpha in 0..if momenta.is_empty() { m } else { 0 } {
                     for beta in 0..m {
                         let (w, h) = (displacements[alpha][b], self.hessian[alpha][beta]);
                         if w != self.g.zero() && h != self.g.zero() {
-                            terms.push(self.g.product(&[w, h, solved.psi[beta][a]]));
+                            terms.push(self.g.product(&[w, h, psi[beta][a]]));
                         }
                     }
                 }
@@ -225,6 +254,19 @@ impl Derivation<'_> {
             return Ok(Vec::new());
         }
         self.writer.begin("multipliers E = lambda a");
+        if let Some(response) = solved.response.as_ref().filter(|_| solved.virtual_displacements == solved.psi) {
+            let mut reaction = vec![self.g.zero(); self.y.len()];
+            for &alpha in &solved.dependent {
+                let mut terms = vec![self.g.neg(self.drive[alpha])];
+                for (beta, ydot) in acceleration.iter().enumerate() {
+                    terms.push(self.g.mul(self.hessian[alpha][beta], *ydot));
+                }
+                reaction[alpha] = self.g.sum(&terms);
+            }
+            let values = self.multipliers_by_rows(response, &reaction);
+            let names = reactions.names.iter().map(|name| format!("lambda_{name}"));
+            return Ok(names.zip(values).collect());
+        }
         let mut matrix = Vec::new();
         let mut right = Vec::new();
         for &alpha in &reactions.on {

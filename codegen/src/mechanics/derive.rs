@@ -73,6 +73,8 @@ pub(super) struct Derivation<'a> {
     pub(super) rest_drive: Vec<ExprId>,
     /// The recursions along which the equations are derived.
     pub(super) recursion: Option<Recursion>,
+    /// `Psi` by names, where it is made row by row.
+    pub(super) partial: Option<Vec<Vec<ExprId>>>,
     /// `A = W^T L_yy Psi`, once it is made.
     pub(super) mass_matrix: Option<Vec<Vec<ExprId>>>,
     /// Factors of `A` (of `L_yy` in the multiplier form), where velocities follow from momenta.
@@ -143,6 +145,7 @@ impl<'a> Derivation<'a> {
             drive: Vec::new(),
             rest_drive: Vec::new(),
             recursion: None,
+            partial: None,
             mass_matrix: None,
             factors: None,
             n_known: 0,
@@ -161,6 +164,10 @@ impl<'a> Derivation<'a> {
         let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
         self.velocities_by_recursion()?;
         if self.recursion.is_some() {
+            return Ok(());
+        }
+        if let Some(response) = solved.response.as_ref().filter(|_| self.system.momenta.is_empty()) {
+            self.velocities_by_rows(solved, response);
             return Ok(());
         }
         self.writer.begin("velocities y = Psi u + psi0");

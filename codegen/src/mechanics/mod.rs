@@ -5,6 +5,7 @@
 //!
 //! [`ReducedSystem`]: crate::reduction::ReducedSystem
 
+mod answers;
 mod bracket;
 mod chart;
 mod coefficients;

@@ -294,6 +294,7 @@ impl Derivation<'_> {
                 energy_rate = power;
             }
         }
+        let mut kept: Vec<(String, ExprId)> = Vec::new();
         if let KinematicConstraint::Multipliers { rows, .. } = &system.constraint {
             let residuals = rows.iter().filter_map(|row| match row.source {
                 AccelerationSource::Differentiated(residual) => {
@@ -309,10 +310,12 @@ impl Derivation<'_> {
             }
             facts.energy_is_conserved_on_constraint =
                 !facts.energy_is_conserved && self.vanishes_with(energy_rate, &motion, &components);
-            if !components.is_empty() {
-                let doc = "residual of the constraints, zero along the motion";
-                outputs.push(Output::group(Want::Constraint, components, doc));
-            }
+            kept = components;
+        }
+        kept.extend(system.positions.iter().cloned());
+        if !kept.is_empty() {
+            let doc = "residual of the constraints, zero along the motion";
+            outputs.push(Output::group(Want::Constraint, kept, doc));
         }
         let positions = system.degeneracy.iter().flat_map(|found| found.positions.clone());
         let positions: Vec<(String, ExprId)> = positions.collect();

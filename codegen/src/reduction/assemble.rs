@@ -100,6 +100,9 @@ pub(super) fn on_algebroid(
     let blocks = blocks(&model);
     let algebra = model.n_shape()..velocities.len();
     let accelerations = model.given.as_deref().map(given::accelerations);
+    let positions = model.constraints.iter();
+    let positions = positions.filter_map(|c| Some((format!("position_{}", c.name), c.position?.residual)));
+    let positions = positions.collect();
     let (graph, side) = (&mut model.graph, model.action);
     let items = &model.reconstruction;
     let mut reconstruction: Vec<_> =
@@ -135,6 +138,7 @@ pub(super) fn on_algebroid(
         forces: model.forces,
         constraint,
         higher,
+        positions,
         degeneracy,
         unknowns,
         momenta,

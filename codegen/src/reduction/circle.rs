@@ -348,6 +348,7 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
             let own = model.constraints.iter().find(|c| c.text == *text);
             (format!("constraint `{text}`"), own.and_then(|c| c.span))
         }
+        Part::Position => ("an equation between coordinates".into(), first),
         Part::SolvedConstraint => ("the constraints".into(), first),
         Part::Degeneracy => ("the equations without accelerations".into(), model.places.lagrangian),
         Part::VirtualDisplacement => {

@@ -148,7 +148,7 @@ fn vertical_shift(
     let mut rows = forms.to_vec();
     rows.iter_mut().for_each(|row| row.one_form.rotate_left(n));
     let g = &mut model.graph;
-    let mut solver = Solver { graph: g, names: &names, quasi: &base, params: &params, facts: &facts };
+    let mut solver = Solver { graph: g, names: &names, quasi: &base, params: &params, facts: &facts, has_positions: false };
     let restricted = || Error::Unsupported {
         what: "a nonholonomic connection".into(),
         possible: "virtual displacements that leave all base velocities independent".into(),
@@ -283,6 +283,7 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             // Linear in a velocity that stands for any element of the algebra.
             ExpressionRole::AdvectedAction(_) => false,
             ExpressionRole::Hamiltonian
+            | ExpressionRole::ConstraintPosition(_)
             | ExpressionRole::Algebroid
             | ExpressionRole::Frame
             | ExpressionRole::Given(_)

@@ -361,13 +361,14 @@ impl Search<'_> {
         });
         let rows: Vec<ConstraintRow> = rows.collect();
         let mut solver =
-            Solver { graph: g, names: &names, quasi: &[], params: &self.params, facts: self.signs };
+            Solver { graph: g, names: &names, quasi: &[], params: &self.params, facts: self.signs, has_positions: false };
         let found = solver.solve_somewhere(&rows)?;
         // Back in the order of the frame.
         let free: Vec<usize> = (0..m).filter(|k| !found.dependent.contains(k)).map(|k| order[k]).collect();
         let mut ascending: Vec<usize> = (0..free.len()).collect();
         ascending.sort_by_key(|a| free[*a]);
         let form = &mut self.form;
+        form.response = None;
         form.dependent = found.dependent.iter().map(|k| order[*k]).collect();
         form.dependent.sort_unstable();
         form.unknowns = ascending.iter().map(|a| self.unknowns[free[*a]].clone()).collect();

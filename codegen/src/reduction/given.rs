@@ -30,6 +30,7 @@ pub(super) fn as_constraint(model: &Model, given: &[Given]) -> KinematicConstrai
         reactions: Reactions { names: Vec::new(), one_forms: Vec::new(), on: Vec::new() },
         rows: Vec::new(),
         pivots: Vec::new(),
+        response: None,
     })
 }
 

@@ -33,7 +33,7 @@ pub(crate) use connection::beside_connection;
 pub use connection::with_connection;
 pub use constraint::{
     AccelerationRow, AccelerationSource, CarriedAcceleration, ConstraintRow, HigherOrder,
-    KinematicConstraint, Reactions, SolvedConstraint, Unknown,
+    KinematicConstraint, Reactions, Response, SolvedConstraint, Unknown,
 };
 pub use degenerate::{Degeneracy, DegenerateOutcome, DegenerateStep};
 pub use domain::DomainCondition;

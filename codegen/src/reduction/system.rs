@@ -129,6 +129,9 @@ pub struct ReducedSystem {
     /// Accelerations along constraints of third order, which are base coordinates of the algebroid that no velocity
     /// moves.
     pub higher: HigherOrder,
+    /// Equations between coordinates, with names: what vanishes along the motion from initial values that satisfy them.
+    /// The constraint contains their derivatives.
+    pub positions: Vec<(String, ExprId)>,
     /// What equations without accelerations say, where the Lagrangian is degenerate; the constraint contains it.
     pub degeneracy: Option<Degeneracy>,
     /// The velocities that the state carries: independent ones and quasi-velocities, or all in the multiplier form.
@@ -213,6 +216,7 @@ impl ReducedSystem {
             forces,
             constraint,
             higher: HigherOrder { carried, accelerations: _ },
+            positions,
             degeneracy,
             unknowns: _,
             momenta,
@@ -246,6 +250,7 @@ impl ReducedSystem {
         list.extend(forces.iter_mut().enumerate().map(|(k, e)| (Part::Force(k), e)));
         list.extend(constraint.expressions_mut());
         list.extend(carried.iter_mut().map(|c| (Part::CarriedRate, &mut c.rate)));
+        list.extend(positions.iter_mut().map(|(_, e)| (Part::Position, e)));
         let conditions = degeneracy.iter_mut().flat_map(Degeneracy::expressions_mut);
         list.extend(conditions.map(|e| (Part::Degeneracy, e)));
         list.extend(casimirs.iter_mut().enumerate().map(|(k, c)| (Part::Casimir(k), &mut c.expr)));

@@ -293,7 +293,9 @@ fn items(model: &Model) -> Vec<Item> {
     for (role, e) in model.expressions() {
         // The parts of a constraint are told as one.
         let role = match role {
-            ExpressionRole::ConstraintAcceleration(k) => ExpressionRole::ConstraintResidual(k),
+            ExpressionRole::ConstraintAcceleration(k) | ExpressionRole::ConstraintPosition(k) => {
+                ExpressionRole::ConstraintResidual(k)
+            }
             _ => role,
         };
         match list.last_mut() {
@@ -313,7 +315,9 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
     Some(match role {
         ExpressionRole::Lagrangian => ("the lagrangian".into(), places.lagrangian),
         ExpressionRole::Hamiltonian => ("the hamiltonian".into(), places.lagrangian),
-        ExpressionRole::ConstraintResidual(k) | ExpressionRole::ConstraintAcceleration(k) => {
+        ExpressionRole::ConstraintResidual(k)
+        | ExpressionRole::ConstraintPosition(k)
+        | ExpressionRole::ConstraintAcceleration(k) => {
             let constraint = &model.constraints[k];
             (format!("constraint `{}`", constraint.text), constraint.span)
         }

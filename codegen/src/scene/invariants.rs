@@ -100,7 +100,21 @@ fn conserved(
     // Nobody computes these rates.
     let mut scratch = SectionWriter::new(g, BTreeSet::new(), &[]);
     let rates = linear.forward(g, &mut scratch, &[motion], |value, _| format!("rate_{value}"), str::to_owned);
-    candidates.into_iter().zip(rates).filter(|(_, rate)| g.is_zero(rate[0])).map(|(found, _)| found).collect()
+    // What multipliers keep is the derivative of an equation between coordinates: where it vanishes, the equation is
+    // kept.
+    let residuals = equations.outputs.iter().filter(|o| o.kind == OutputKind::Group(Want::Constraint));
+    let residuals: Vec<ExprId> = residuals.flat_map(|o| o.components.iter().map(|(_, e)| *e)).collect();
+    let positions: BTreeSet<ExprId> = equations.system.positions.iter().map(|(_, e)| *e).collect();
+    let mut is_kept = |value: ExprId, rate: ExprId| {
+        g.is_zero(rate)
+            || (positions.contains(&value) && residuals.iter().any(|residual| g.is_equal(rate, *residual)))
+    };
+    candidates
+        .into_iter()
+        .zip(rates)
+        .filter(|((_, value), rate)| is_kept(*value, rate[0]))
+        .map(|(found, _)| found)
+        .collect()
 }
 
 /// What may be conserved, in the order in which it is kept.

@@ -197,6 +197,9 @@ pub fn reconstructed(model: &Model) -> Vec<String> {
 /// # Errors
 /// What reduction can find.
 pub fn has_residuals(model: &Model) -> Result<bool, Diagnostics> {
+    if model.constraints.iter().any(|c| c.position.is_some()) {
+        return Ok(true);
+    }
     let KinematicConstraint::Multipliers { rows, .. } = reduce(model, &Formulation::of(model))?.constraint
     else {
         return Ok(false);

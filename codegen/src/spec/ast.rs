@@ -292,10 +292,12 @@ pub(super) enum ItemKind {
     InnerProduct(Expr),
     /// `inner_product = lagrangian;`
     LagrangianInnerProduct,
+    /// `coordinate a in angle;`, or `coordinate a in angle by f(a, b) = 0;`.
     Coordinate {
         names: Vec<Name>,
         shape: Shape,
         domain: DomainExpr,
+        by: Option<(Expr, Expr)>,
     },
     /// `advected a in space as a_* by action;`, the space being `R^n`, an algebra or `dual(algebra)`.
     Advected {

@@ -145,6 +145,7 @@ fn of_item(statement: &[&str]) -> Context {
         "input" if has("=") => Context::Expression,
         "drive" if !has("=") => Context::Input,
         "param" if has("=") || has("where") => Context::Expression,
+        "coordinate" if has("by") => Context::Expression,
         "coordinate" if last == ":" => Context::Shape,
         "coordinate" if last == "in" => Context::Domain,
         "coordinate" if has("in") && has("(") => Context::Expression,

@@ -35,6 +35,8 @@ pub enum ExpressionRole {
     Given(usize),
     /// Left side minus right side of a constraint.
     ConstraintResidual(usize),
+    /// Left side minus right side of an equation between positions.
+    ConstraintPosition(usize),
     /// A coefficient of the highest derivatives in a constraint on accelerations or their rates, and what is added to
     /// the acceleration that the state carries for it.
     ConstraintAcceleration(usize),
@@ -180,8 +182,11 @@ macro_rules! visit {
             $visit(ExpressionRole::Given(k), e);
         }
         for (k, constraint) in constraints.into_iter().enumerate() {
-            let Constraint { name: _, text: _, kind, residual, span: _ } = constraint;
+            let Constraint { name: _, text: _, kind, residual, position, span: _ } = constraint;
             $visit(ExpressionRole::ConstraintResidual(k), residual);
+            if let Some(PositionEquation { residual: position, determines: _ }) = position {
+                $visit(ExpressionRole::ConstraintPosition(k), position);
+            }
             match kind {
                 ConstraintKind::Linear | ConstraintKind::Nonlinear => {}
                 ConstraintKind::SecondOrder { acceleration } => {

@@ -301,6 +301,16 @@ pub struct CarriedAcceleration {
     pub doc: String,
 }
 
+/// An equation `f(x, a, t) = 0` between coordinates and advected parameters, whose derivative is a linear constraint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PositionEquation {
+    /// `f`, left side minus right side.
+    pub residual: ExprId,
+    /// The base coordinate that the equation gives, with others of its item where they are several; absent where the
+    /// equation is a constraint that says nothing about that.
+    pub determines: Option<usize>,
+}
+
 /// A scalar constraint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraint {
@@ -310,8 +320,10 @@ pub struct Constraint {
     pub text: String,
     /// Whether it restricts velocities linearly, velocities, or accelerations.
     pub kind: ConstraintKind,
-    /// Left side minus right side, without the highest derivatives.
+    /// Left side minus right side, without the highest derivatives; of an equation between positions, its derivative.
     pub residual: ExprId,
+    /// What the model says, where that is an equation between positions.
+    pub position: Option<PositionEquation>,
     /// Where it stands.
     pub span: Option<Span>,
 }
@@ -636,6 +648,9 @@ impl Model {
             Error::NotCyclic { parameter, .. } => self.places.carries.get(parameter).copied(),
             Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
                 constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)
+            }
+            Error::UndeterminedPositions { equations, .. } => {
+                constraints.chain(conditions).find(|(text, _)| equations.contains(text)).and_then(|(_, span)| span)
             }
             Error::NoResponse { .. } => self.constraints.first().and_then(|c| c.span),
             Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } => {

@@ -137,7 +137,7 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
         ItemKind::QuasiVelocity(names) => {
             names.iter().for_each(|name| add("quasi-velocity", name, alone(name), Vec::new()));
         }
-        ItemKind::Coordinate { names, shape, domain } => {
+        ItemKind::Coordinate { names, shape, domain, by: _ } => {
             let ends = match domain {
                 DomainExpr::Interval(low, high) => mentions([low, high]),
                 DomainExpr::Angle | DomainExpr::Real => Vec::new(),
@@ -205,6 +205,8 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::Event(event) => {
             mentions(std::iter::once(&event.value).chain(event.sets.iter().map(|(_, value)| value)))
         }
+        // The coordinate moves, whoever else mentions it.
+        ItemKind::Coordinate { by: Some((left, right)), .. } => mentions([left, right]),
         ItemKind::Momentum { velocity, .. } => vec![velocity.text.clone()],
         ItemKind::Carry(list) | ItemKind::Scene { carries: list, .. } => levels(list),
         ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {
@@ -228,7 +230,7 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::DerivedConnection(_)
         | ItemKind::LagrangianInnerProduct
         | ItemKind::Action(_)
-        | ItemKind::Coordinate { .. }
+        | ItemKind::Coordinate { by: None, .. }
         | ItemKind::Advected { .. }
         | ItemKind::Independent(_)
         | ItemKind::Multipliers => Vec::new(),

@@ -31,7 +31,13 @@ pub(in crate::reduction) fn constrain(
     let params: BTreeSet<SymbolId> = model.params.iter().map(|p| p.symbol).collect();
     let (linear, general) = constraint_rows(model);
     let displacements = displacement_rows(model);
-    let choice = Choice { independent: model.independent.as_deref(), multipliers: model.force_multipliers };
+    let determined = determined(model);
+    let choice = Choice {
+        independent: model.independent.as_deref(),
+        multipliers: model.force_multipliers,
+        determined: &determined,
+        has_positions: model.constraints.iter().any(|c| c.position.is_some()),
+    };
     let setting = Setting { frame: &frame, quasi: &quasi, params: &params, signs };
     solve_rows(&mut model.graph, &setting, (linear, general), displacements, choice)
 }
@@ -51,6 +57,17 @@ pub(in crate::reduction) struct Choice<'a> {
     pub(in crate::reduction) independent: Option<&'a [usize]>,
     /// Whether multipliers are kept.
     pub(in crate::reduction) multipliers: bool,
+    /// Linear rows and the velocities that they are solved for: those of coordinates that equations give.
+    pub(in crate::reduction) determined: &'a [(usize, usize)],
+    /// Whether some row is the derivative of an equation between positions.
+    pub(in crate::reduction) has_positions: bool,
+}
+
+/// Linear constraints and the base velocities of coordinates that they give.
+fn determined(model: &Model) -> Vec<(usize, usize)> {
+    let linear = model.constraints.iter().filter(|c| c.kind == ConstraintKind::Linear);
+    let rows = linear.enumerate().filter_map(|(row, c)| Some((row, c.position?.determines?)));
+    rows.filter(|(_, coordinate)| *coordinate < model.n_shape()).collect()
 }
 
 /// Constraints in the form that their equations take: those that are linear, and all as conditions on accelerations;
@@ -70,11 +87,12 @@ pub(in crate::reduction) fn solve_rows(
     let all_linear = linear.len() == general.len();
     let keep_all = (choice.multipliers && !general.is_empty()) || !all_linear;
     let wanted = choice.independent.filter(|_| !keep_all);
-    let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs };
+    let has_positions = choice.has_positions;
+    let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs, has_positions };
     // Solving also detects dependent and inconsistent rows, so it runs even when multipliers are asked for.
-    let solved = solver.solve(&linear, wanted)?.filter(|_| !keep_all);
-    solver.quasi = &[];
-    let allowed = solver.solve(&displacements, None)?;
+    let solved = solver.solve(&linear, wanted, choice.determined)?.filter(|_| !keep_all);
+    (solver.quasi, solver.has_positions) = (&[], false);
+    let allowed = solver.solve(&displacements, None, &[])?;
     if !displacements.is_empty() {
         // As many as the motion has constraints; quasi-velocities may be more than those leave.
         let n_unknowns = solved.as_ref().map(|s| s.psi.first().map_or(0, Vec::len));
@@ -121,6 +139,7 @@ pub(in crate::reduction) fn solve_rows(
         reactions,
         rows: linear,
         pivots,
+        response: solved.response,
     }))
 }
 

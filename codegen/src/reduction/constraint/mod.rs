@@ -52,6 +52,20 @@ pub struct SolvedConstraint {
     pub rows: Vec<ConstraintRow>,
     /// Expressions that were divided by and are not known to be non-zero, with what to call them.
     pub pivots: Vec<(String, ExprId)>,
+    /// How dependent velocities answer to the rows, where these contain derivatives of equations between positions.
+    pub response: Option<Response>,
+}
+
+/// How dependent velocities answer to the rows: with `b_A` added to row `A`, `y = Psi u + psi0 + R b`.
+///
+/// Their accelerations at `udot = 0` are the answer to the rates of the rows at fixed velocities, which is shorter than
+/// the rates of `Psi` where this has denominators.
+#[derive(Clone, Debug)]
+pub struct Response {
+    /// Each row with the velocity that it was solved for.
+    pub pairs: Vec<(usize, usize)>,
+    /// `R`, `[m][n_rows]`.
+    pub by_row: Vec<Vec<ExprId>>,
 }
 
 impl SolvedConstraint {
@@ -146,6 +160,7 @@ impl KinematicConstraint {
                     reactions: Reactions { names: _, one_forms, on: _ },
                     rows,
                     pivots,
+                    response,
                 } = solved;
                 for (k, row) in rows.iter_mut().enumerate() {
                     let ConstraintRow { name: _, text: _, one_form, offset, written } = row;
@@ -153,7 +168,9 @@ impl KinematicConstraint {
                         one_form.iter_mut().chain([offset]).chain(written).map(|e| (Part::Constraint(k), e)),
                     );
                 }
+                let by_row = response.iter_mut().flat_map(|r| r.by_row.iter_mut().flatten());
                 let parts = psi.iter_mut().flatten().chain(psi0).chain(pivots.iter_mut().map(|(_, e)| e));
+                let parts = parts.chain(by_row);
                 list.extend(parts.map(|e| (Part::SolvedConstraint, e)));
                 let parts = virtual_displacements.iter_mut().flatten().chain(one_forms.iter_mut().flatten());
                 list.extend(parts.map(|e| (Part::VirtualDisplacement, e)));

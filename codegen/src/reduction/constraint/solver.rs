@@ -7,7 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Sign, Style, SymbolId, Vanishing, sign_of};
 
-use super::{ConstraintRow, Unknown};
+use super::{ConstraintRow, Response, Unknown};
+
+/// Rows up to which a block is solved by cofactors; larger ones by elimination with the best pivots first.
+const MAX_COFACTORS: usize = 3;
 
 /// How good an expression is to divide by; smaller is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -29,6 +32,9 @@ pub(in crate::reduction) struct Solver<'a> {
     pub(in crate::reduction) quasi: &'a [Unknown],
     pub(in crate::reduction) params: &'a BTreeSet<SymbolId>,
     pub(in crate::reduction) facts: &'a BTreeMap<ExprId, Sign>,
+    /// Whether some row is the derivative of an equation between positions: velocities that are left for as many rows
+    /// are then solved for together, and it is noted how they answer to the rows.
+    pub(in crate::reduction) has_positions: bool,
 }
 
 /// Rows solved as `y_dependent = -(rest)`.
@@ -37,6 +43,7 @@ pub(in crate::reduction) struct Elimination {
     pub(in crate::reduction) psi: Vec<Vec<ExprId>>,
     pub(in crate::reduction) psi0: Vec<ExprId>,
     pub(in crate::reduction) pivots: Vec<(String, ExprId)>,
+    pub(in crate::reduction) response: Option<Response>,
 }
 
 /// Rows eliminated as far as wanted.
@@ -71,7 +78,8 @@ impl Solver<'_> {
     /// Brings linear rows to the form `y = Psi u + psi0`; `None` when every choice of independent velocities would
     /// divide by something that can vanish on the domain.
     ///
-    /// `wanted`: columns that the model asks to be independent.
+    /// `wanted`: columns that the model asks to be independent. `given`: rows, and columns that the model says
+    /// they give together; what is divided by there is among the pivots, and no reason for another form.
     ///
     /// # Shapes
     /// `one_form` of every row: frame velocities, then quasi-velocities.
@@ -83,6 +91,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
+        given: &[(usize, usize)],
     ) -> Result<Option<Elimination>, Error> {
         if let Some(wanted) = wanted {
             let width = self.names.len() + self.quasi.len();
@@ -91,7 +100,9 @@ impl Solver<'_> {
                 return Err(Error::WrongNumberOfIndependent { found: wanted.len(), expected });
             }
         }
-        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved)?;
+        let determined = |(_, column): &&(usize, usize)| wanted.is_none_or(|w| !w.contains(column));
+        let determined: Vec<(usize, usize)> = given.iter().filter(determined).copied().collect();
+        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved, &determined)?;
         if echelon.state_dependent && wanted.is_none() {
             return Ok(None);
         }
@@ -110,7 +121,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<(Elimination, Vec<Vec<ExprId>>), Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Definite)?;
+        let echelon = self.echelon(rows, None, PivotGrade::Definite, &[])?;
         let left = echelon.open.iter().map(|&row| echelon.table[row].clone()).collect();
         Ok((self.solved_form(&echelon), left))
     }
@@ -127,7 +138,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<Elimination, Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Unproved)?;
+        let echelon = self.echelon(rows, None, PivotGrade::Unproved, &[])?;
         Ok(self.solved_form(&echelon))
     }
 
@@ -137,15 +148,25 @@ impl Solver<'_> {
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
         worst: PivotGrade,
+        determined: &[(usize, usize)],
     ) -> Result<Echelon, Error> {
         let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let allowed = |column: usize| column < m && wanted.is_none_or(|w| !w.contains(&column));
         let mut table: Vec<Vec<ExprId>> =
             rows.iter().map(|r| [r.one_form.as_slice(), &[r.offset]].concat()).collect();
+        if self.has_positions {
+            let (zero, one) = (self.graph.zero(), self.graph.one());
+            let n = table.len();
+            for (a, row) in table.iter_mut().enumerate() {
+                row.extend((0..n).map(|b| if a == b { one } else { zero }));
+            }
+        }
         let mut open: Vec<usize> = (0..rows.len()).collect();
         let mut solved: Vec<(usize, usize)> = Vec::new();
         let mut pivots = Vec::new();
         let mut state_dependent = false;
+        self.eliminate_together(rows, determined, &mut table, (&mut solved, &mut pivots))?;
+        open.retain(|row| solved.iter().all(|(done, _)| done != row));
         while !open.is_empty() {
             self.graph.within_budget()?;
             let mut best: Option<(PivotGrade, std::cmp::Reverse<usize>, usize)> = None;
@@ -182,6 +203,21 @@ impl Solver<'_> {
             if grade > worst {
                 break;
             }
+            if self.has_positions && grade >= PivotGrade::StateDependent && wanted.is_some() {
+                let is_left = |column: &usize| allowed(*column) && solved.iter().all(|(_, c)| c != column);
+                let columns: Vec<usize> = (0..m).filter(is_left).collect();
+                if columns.len() == open.len() && (2..=MAX_COFACTORS).contains(&open.len()) {
+                    self.eliminate_by_cofactors(
+                        rows,
+                        (&open, &columns),
+                        &mut table,
+                        (&mut solved, &mut pivots),
+                    )?;
+                    state_dependent = true;
+                    open.clear();
+                    break;
+                }
+            }
             state_dependent |= grade >= PivotGrade::StateDependent;
             if grade >= PivotGrade::ParameterOnly {
                 let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
@@ -192,6 +228,124 @@ impl Solver<'_> {
             solved.push((row, column));
         }
         Ok(Echelon { table, solved, open, pivots, state_dependent })
+    }
+
+    /// Solves rows for columns that they give together: as far as it divides by what vanishes nowhere, one by one, and
+    /// what is left by cofactors, which divide by the determinant alone.
+    fn eliminate_together(
+        &mut self,
+        rows: &[ConstraintRow],
+        determined: &[(usize, usize)],
+        table: &mut [Vec<ExprId>],
+        (solved, pivots): (&mut Vec<(usize, usize)>, &mut Vec<(String, ExprId)>),
+    ) -> Result<(), Error> {
+        let (mut open, mut columns): (Vec<usize>, Vec<usize>) = determined.iter().copied().unzip();
+        while !open.is_empty() {
+            self.graph.within_budget()?;
+            let is_by_cofactors = (2..=MAX_COFACTORS).contains(&open.len());
+            let mut best: Option<(PivotGrade, usize, usize)> = None;
+            for &row in &open {
+                for &column in &columns {
+                    let entry = table[row][column];
+                    if entry != self.graph.zero() && self.graph.vanishing(entry) != Vanishing::Zero {
+                        let candidate = (self.grade(entry), row, column);
+                        best = Some(best.map_or(candidate, |b| b.min(candidate)));
+                    }
+                }
+            }
+            let Some((grade, row, column)) = best else {
+                return Err(self.undetermined(rows, &open, &columns));
+            };
+            if is_by_cofactors && grade > PivotGrade::Definite {
+                return self.eliminate_by_cofactors(rows, (&open, &columns), table, (solved, pivots));
+            }
+            if grade >= PivotGrade::ParameterOnly {
+                let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
+                pivots.push((name, table[row][column]));
+            }
+            self.eliminate(table, row, column);
+            open.retain(|r| *r != row);
+            columns.retain(|c| *c != column);
+            solved.push((row, column));
+        }
+        Ok(())
+    }
+
+    /// Solves some rows for as many columns by the adjugate of their coefficients.
+    fn eliminate_by_cofactors(
+        &mut self,
+        rows: &[ConstraintRow],
+        (open, columns): (&[usize], &[usize]),
+        table: &mut [Vec<ExprId>],
+        (solved, pivots): (&mut Vec<(usize, usize)>, &mut Vec<(String, ExprId)>),
+    ) -> Result<(), Error> {
+        let n = open.len();
+        let square: Vec<Vec<ExprId>> =
+            open.iter().map(|row| columns.iter().map(|column| table[*row][*column]).collect()).collect();
+        let all: Vec<usize> = (0..n).collect();
+        let determinant = self.minor(&square, &all, &all);
+        if self.graph.vanishing(determinant) == Vanishing::Zero {
+            return Err(self.undetermined(rows, open, columns));
+        }
+        let texts: Vec<&str> = open.iter().map(|row| rows[*row].text.as_str()).collect();
+        let mut texts: Vec<&str> = texts.into_iter().collect();
+        texts.dedup();
+        let names: Vec<&str> = columns.iter().map(|column| self.names[*column].as_str()).collect();
+        let name = format!("determinant of {} in {}", names.join(", "), texts.join(", "));
+        pivots.push((name, determinant));
+        let inverse = self.graph.powi(determinant, -1);
+        let width = table.first().map_or(0, Vec::len);
+        let mut made = vec![vec![self.graph.zero(); width]; n];
+        for (i, own) in made.iter_mut().enumerate() {
+            let weights: Vec<ExprId> = (0..n)
+                .map(|j| {
+                    let left: Vec<usize> = all.iter().copied().filter(|row| *row != j).collect();
+                    let kept: Vec<usize> = all.iter().copied().filter(|column| *column != i).collect();
+                    let minor = self.minor(&square, &left, &kept);
+                    if (i + j) % 2 == 0 { minor } else { self.graph.neg(minor) }
+                })
+                .collect();
+            for (column, entry) in own.iter_mut().enumerate() {
+                if let Some(at) = columns.iter().position(|c| *c == column) {
+                    *entry = if at == i { self.graph.one() } else { self.graph.zero() };
+                    continue;
+                }
+                let along: Vec<ExprId> = open.iter().map(|row| table[*row][column]).collect();
+                let sum = self.graph.dot(&weights, &along);
+                let sum = self.graph.cancel_zero(sum);
+                *entry = self.graph.mul(sum, inverse);
+            }
+        }
+        for (row, own) in open.iter().zip(made) {
+            table[*row] = own;
+        }
+        for (row, column) in open.iter().zip(columns) {
+            // The other rows of the block have a zero there.
+            self.eliminate(table, *row, *column);
+            solved.push((*row, *column));
+        }
+        Ok(())
+    }
+
+    /// The determinant of some rows and columns, by the first row.
+    fn minor(&mut self, square: &[Vec<ExprId>], rows: &[usize], columns: &[usize]) -> ExprId {
+        let Some((first, below)) = rows.split_first() else { return self.graph.one() };
+        let mut terms = Vec::with_capacity(columns.len());
+        for (k, column) in columns.iter().enumerate() {
+            let others: Vec<usize> = columns.iter().copied().filter(|other| other != column).collect();
+            let minor = self.minor(square, below, &others);
+            let term = self.graph.mul(square[*first][*column], minor);
+            terms.push(if k % 2 == 0 { term } else { self.graph.neg(term) });
+        }
+        let sum = self.graph.sum(&terms);
+        self.graph.cancel_zero(sum)
+    }
+
+    fn undetermined(&self, rows: &[ConstraintRow], open: &[usize], columns: &[usize]) -> Error {
+        let mut equations: Vec<String> = open.iter().map(|row| rows[*row].text.clone()).collect();
+        equations.dedup();
+        let names = columns.iter().map(|column| self.names[*column].clone()).collect();
+        Error::UndeterminedPositions { equations, names }
     }
 
     fn eliminate(&mut self, table: &mut [Vec<ExprId>], row: usize, column: usize) {
@@ -219,7 +373,7 @@ impl Solver<'_> {
         let wanted_columns = wanted.unwrap_or_default();
         let dependent =
             (0..names.len()).filter(|k| !wanted_columns.contains(k)).map(|k| names[k].clone()).collect();
-        let possible = match wanted.is_some().then(|| self.solve(rows, None)) {
+        let possible = match wanted.is_some().then(|| self.solve(rows, None, &[])) {
             Some(Ok(Some(s))) => s.dependent.iter().map(|k| names[*k].clone()).collect(),
             _ => vec!["no choice on the whole domain: write `multipliers;` instead".to_owned()],
         };
@@ -244,6 +398,16 @@ impl Solver<'_> {
             }
             psi0[column] = g.neg(table[row][width]);
         }
-        Elimination { dependent, psi, psi0, pivots: pivots.clone() }
+        let n_rows = if self.has_positions && self.quasi.is_empty() { table.len() } else { 0 };
+        let response = (n_rows > 0 && solved.len() == n_rows).then(|| {
+            let mut by_row = vec![vec![g.zero(); n_rows]; m];
+            for &(row, column) in solved {
+                for (a, entry) in by_row[column].iter_mut().enumerate() {
+                    *entry = g.neg(table[row][width + 1 + a]);
+                }
+            }
+            Response { pairs: solved.clone(), by_row }
+        });
+        Elimination { dependent, psi, psi0, pivots: pivots.clone(), response }
     }
 }

@@ -49,8 +49,17 @@ pub(super) fn with_old_unknowns(
     values: &BTreeMap<SymbolId, ExprId>,
 ) -> Result<KinematicConstraint, Error> {
     let KinematicConstraint::Solved(solved) = constraint else { return Ok(constraint) };
-    let SolvedConstraint { unknowns, dependent, psi, psi0, virtual_displacements, reactions, rows, pivots } =
-        solved;
+    let SolvedConstraint {
+        unknowns,
+        dependent,
+        psi,
+        psi0,
+        virtual_displacements,
+        reactions,
+        rows,
+        pivots,
+        response: _,
+    } = solved;
     let m = frame.matrix.len();
     let is_free = dependent.is_empty() && reactions.names.is_empty() && !has_momenta;
     let image = |g: &mut Graph, columns: &[Vec<ExprId>]| -> Vec<Vec<ExprId>> {
@@ -78,6 +87,8 @@ pub(super) fn with_old_unknowns(
         reactions: Reactions { names: reactions.names, one_forms, on },
         rows: rows.into_iter().map(|row| row_in(g, frame, row)).collect(),
         pivots,
+        // The rows are solved for other velocities.
+        response: None,
     }))
 }
 
@@ -100,8 +111,8 @@ fn determining(
         })
         .collect();
     let params = setting.params();
-    let mut solver = Solver { graph: g, names, quasi: &[], params: &params, facts: setting.signs };
-    let found = solver.solve(&rows, None)?;
+    let mut solver = Solver { graph: g, names, quasi: &[], params: &params, facts: setting.signs, has_positions: false };
+    let found = solver.solve(&rows, None, &[])?;
     found.map(|f| f.dependent).ok_or_else(|| Error::Unsupported {
         what: "a choice of components along the stages that determines the multipliers on the whole domain"
             .into(),

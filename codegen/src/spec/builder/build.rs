@@ -34,7 +34,7 @@ impl ModelBuilder {
         let stages = self.check_stages();
         let advected = self.check_advected();
         let connection = self.check_connection();
-        let constraints = self.check_constraints();
+        let constraints = self.check_constraints(&advected, connection.as_deref());
         let virtual_constraints = self.check_virtual_constraints();
         let independent = self.check_independent(&constraints);
         let accelerations = self.used_accelerations(&constraints, &virtual_constraints);

@@ -154,29 +154,38 @@ impl ModelBuilder {
         rows
     }
 
-    pub(super) fn check_constraints(&mut self) -> Vec<Constraint> {
+    /// `advected` and `connection` say how positions move.
+    pub(super) fn check_constraints(
+        &mut self,
+        advected: &[Advected],
+        connection: Option<&[Vec<ExprId>]>,
+    ) -> Vec<Constraint> {
+        let rates = self.rates_of_positions(advected, connection);
+        let given = self.check_determined(&rates);
         let mut result = Vec::new();
         let mut taken = BTreeMap::new();
         let mut n_unnamed = 0;
         for draft in self.constraints.clone() {
             for (name, place, e) in self.rows(&draft, "constraint", "c", &mut taken, &mut n_unnamed) {
-                if let Some((residual, kind)) = self.classify(e, &name, &place, draft.span) {
+                if let Some((residual, kind, position)) = self.classify(e, &name, &place, draft.span, &rates) {
                     let (text, span) = (draft.text.clone(), draft.span);
-                    result.push(Constraint { name, text, kind, residual, span });
+                    result.push(Constraint { name, text, kind, residual, position, span });
                 }
             }
         }
-        result
+        self.reports_taken(&given, &taken);
+        given.into_iter().chain(result).collect()
     }
 
-    /// The part without accelerations and the kind.
+    /// The part without accelerations and the kind; the derivative of an equation between positions, and that.
     fn classify(
         &mut self,
         e: ExprId,
         name: &str,
         place: &str,
         span: Option<Span>,
-    ) -> Option<(ExprId, ConstraintKind)> {
+        rates: &BTreeMap<SymbolId, ExprId>,
+    ) -> Option<(ExprId, ConstraintKind, Option<PositionEquation>)> {
         let e = self.simple_in_frame(e);
         let special = [Special::QuasiVelocity, Special::Acceleration, Special::Jerk];
         if self.reports_stray(e, span, place, &special) {
@@ -186,7 +195,8 @@ impl ModelBuilder {
         let jerks: Vec<SymbolId> = velocities.iter().filter_map(|v| self.jerks.get(v)).copied().collect();
         let highest = self.occurring(e, &jerks);
         if !highest.is_empty() {
-            return self.third_order(e, (name, place), span, (&highest, &jerks));
+            let (residual, kind) = self.third_order(e, (name, place), span, (&highest, &jerks))?;
+            return Some((residual, kind, None));
         }
         let accelerations: Vec<SymbolId> =
             velocities.iter().filter_map(|v| self.accelerations.get(v)).copied().collect();
@@ -204,25 +214,31 @@ impl ModelBuilder {
                 return None;
             }
             let acceleration = self.spread(&occurring, slopes, &accelerations);
-            return Some((residual, ConstraintKind::SecondOrder { acceleration }));
+            return Some((residual, ConstraintKind::SecondOrder { acceleration }, None));
         }
         let unknowns: Vec<SymbolId> =
             velocities.into_iter().chain(self.quasi_velocities.iter().map(|v| v.symbol)).collect();
         let occurring = self.occurring(e, &unknowns);
+        if occurring.is_empty() && self.has_positions(e) {
+            let position = PositionEquation { residual: e, determines: None };
+            let rate = self.along(e, rates);
+            return (!self.reports_rigid(rate, place, span))
+                .then_some((rate, ConstraintKind::Linear, Some(position)));
+        }
         match self.graph.affine_parts(e, &occurring) {
             Some((slopes, _)) if slopes.iter().all(|s| *s == self.graph.zero()) => {
                 if !self.broken.contains("velocity") {
                     self.problem(
                         span,
-                        format!("{place} contains no velocity"),
-                        "choose coordinates that satisfy it, or write its time derivative",
+                        format!("{place} contains neither a velocity nor a coordinate"),
+                        "a condition on parameters is a `require`",
                     );
                 }
                 None
             }
-            Some(_) => Some((e, ConstraintKind::Linear)),
+            Some(_) => Some((e, ConstraintKind::Linear, None)),
             None if self.reports_stray(e, span, &format!("nonlinear {place}"), &[]) => None,
-            None => Some((e, ConstraintKind::Nonlinear)),
+            None => Some((e, ConstraintKind::Nonlinear, None)),
         }
     }
 

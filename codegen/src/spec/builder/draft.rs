@@ -328,6 +328,8 @@ pub struct ModelBuilder {
     pub(super) hamiltonian: Option<(Value, Option<Span>)>,
     pub(super) constraints: Vec<ConstraintDraft>,
     pub(super) virtual_constraints: Vec<ConstraintDraft>,
+    /// Equations that coordinates are given by, with these.
+    pub(super) determined: Vec<(Vec<String>, ConstraintDraft)>,
     pub(super) independent: Option<(Vec<Located>, Option<Span>)>,
     pub(super) multipliers: Option<Option<Span>>,
     pub(super) forces: Vec<(String, Value, Option<Span>)>,
@@ -403,6 +405,7 @@ impl ModelBuilder {
             hamiltonian: None,
             constraints: Vec::new(),
             virtual_constraints: Vec::new(),
+            determined: Vec::new(),
             independent: None,
             multipliers: None,
             forces: Vec::new(),

@@ -241,7 +241,7 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
                 of_constraint(k)
             }
         },
-        ExpressionRole::ConstraintAcceleration(k) => of_constraint(k),
+        ExpressionRole::ConstraintAcceleration(k) | ExpressionRole::ConstraintPosition(k) => of_constraint(k),
         ExpressionRole::Lagrangian => ("the Lagrangian".to_owned(), places.lagrangian, FORCE),
         ExpressionRole::Hamiltonian => ("the Hamiltonian".to_owned(), places.lagrangian, FORCE),
         ExpressionRole::DomainEnd(k) => {

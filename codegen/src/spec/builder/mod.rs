@@ -17,6 +17,7 @@ mod inputs;
 mod momenta;
 mod outputs;
 mod params;
+mod positions;
 mod reconstruct;
 mod scenes;
 mod sections;

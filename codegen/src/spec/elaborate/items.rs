@@ -75,6 +75,17 @@ impl Elaboration<'_> {
                 }
                 None => _ = self.builder.broken.insert("constraint"),
             },
+            ItemKind::Coordinate { names, by: Some((left, right)), .. } => {
+                match self.equation(&[], left, right) {
+                    Some((l, r)) => {
+                        let place = left.span.to(right.span);
+                        let text = self.one_line(place);
+                        let names: Vec<&str> = names.iter().map(|n| n.text.as_str()).collect();
+                        self.builder.at(Some(place)).determined(&names, &text, &l, &r);
+                    }
+                    None => _ = self.builder.broken.insert("constraint"),
+                }
+            }
             ItemKind::Virtual { name, left, right } => match self.equation(&["delta", "ddt"], left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);
@@ -190,7 +201,7 @@ impl Elaboration<'_> {
             | ItemKind::Reconstruct { .. }
             | ItemKind::Initial { .. }
             | ItemKind::View { .. }
-            | ItemKind::Coordinate { .. } => {}
+            | ItemKind::Coordinate { by: None, .. } => {}
         }
     }
 

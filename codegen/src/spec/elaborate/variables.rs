@@ -168,7 +168,7 @@ impl Elaboration<'_> {
                         self.builder.at(Some(name.span)).quasi_velocity(&name.text, &item.doc.join("\n"));
                     }
                 }
-                ItemKind::Coordinate { names, shape, domain } => {
+                ItemKind::Coordinate { names, shape, domain, by: _ } => {
                     self.declare_coordinates(item, names, shape, domain)
                 }
                 ItemKind::Advected { name, space, labels, .. } => {

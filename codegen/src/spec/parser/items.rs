@@ -397,20 +397,36 @@ impl<'a> Parser<'a> {
         let names = self.comma_separated(|p| p.declared_coordinate("the name of a coordinate"))?;
         let shape = self.shape()?;
         self.require_word("in")?;
-        if let Some((mut inside, _)) = self.group(Delimiter::Parenthesis) {
-            let low = inside.expr()?;
-            inside.require_punct(",")?;
-            let high = inside.expr()?;
-            inside.finish("`)`")?;
-            return Ok(ItemKind::Coordinate { names, shape, domain: DomainExpr::Interval(low, high) });
-        }
-        let domain = match self.peek_ident().as_deref() {
-            Some("angle") => DomainExpr::Angle,
-            Some("real") => DomainExpr::Real,
-            _ => return self.expected("a domain: `(low, high)`, `angle` or `real`"),
+        let domain = match self.group(Delimiter::Parenthesis) {
+            Some((mut inside, _)) => {
+                let low = inside.expr()?;
+                inside.require_punct(",")?;
+                let high = inside.expr()?;
+                inside.finish("`)`")?;
+                DomainExpr::Interval(low, high)
+            }
+            None => {
+                let domain = match self.peek_ident().as_deref() {
+                    Some("angle") => DomainExpr::Angle,
+                    Some("real") => DomainExpr::Real,
+                    _ => return self.expected("a domain: `(low, high)`, `angle` or `real`"),
+                };
+                self.ident("")?;
+                domain
+            }
         };
-        self.ident("")?;
-        Ok(ItemKind::Coordinate { names, shape, domain })
+        if self.word("by").is_none() {
+            return Ok(ItemKind::Coordinate { names, shape, domain, by: None });
+        }
+        let left = self.expr()?;
+        if !self.peek_punct('=') {
+            let problem = self.unexpected("`=`");
+            let help = "what determines a coordinate is an equation such as `sin(a) = 2*sin(b)`";
+            return Err(Box::new(problem.with_help(help)));
+        }
+        self.equals()?;
+        let right = self.expr()?;
+        Ok(ItemKind::Coordinate { names, shape, domain, by: Some((left, right)) })
     }
 
     fn advected(&mut self) -> Parsed<ItemKind> {

@@ -16,11 +16,13 @@ fn model_of_everything() -> Model {
         stage translations = ideal(V);
         inner_product = diag([k, k, k, 1, 1, 1]);
         advected Gamma in R^3 by k*cross(Omega, Gamma);
-        lagrangian = k*dot(Omega, Omega) + dot(V, V) + theta_dot^2 + x_dot^2;
+        lagrangian = k*dot(Omega, Omega) + dot(V, V) + theta_dot^2 + x_dot^2 + z_dot^2;
         constraint k*Omega3 = x_dot;
+        coordinate z in real by z = k*x;
         constraint k*ddt(Omega1) = Omega2;
         virtual delta(Omega1) = 0;
         virtual k*delta(Omega3) = delta(x_dot);
+        virtual delta(z_dot) = 0;
         force Omega = -k*Omega;
         casimir length = k*dot(Gamma, Gamma);
         output speed = k*norm(V);
@@ -50,6 +52,7 @@ fn every_role_occurs_and_can_be_replaced() {
         "Condition",
         "Connection",
         "ConstraintAcceleration",
+        "ConstraintPosition",
         "ConstraintResidual",
         "DomainEnd",
         "Force",

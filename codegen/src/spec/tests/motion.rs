@@ -282,9 +282,9 @@ fn a_constraint_that_only_looks_nonlinear_is_linear() {
 #[test]
 fn bad_constraints() {
     check(
-        r#"model m { coordinate q in real; lagrangian = q_dot^2; constraint q^2 = 1; }"#,
+        r#"model m { param q = 1; coordinate x in real; lagrangian = x_dot^2; constraint q^2 = 1; }"#,
         expect![[
-            r#"1:66 constraint `q^2 = 1` contains no velocity [choose coordinates that satisfy it, or write its time derivative]"#
+            r#"1:79 constraint `q^2 = 1` contains neither a velocity nor a coordinate [a condition on parameters is a `require`]"#
         ]],
     );
     check(

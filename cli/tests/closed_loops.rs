@@ -1,0 +1,78 @@
+//! Coordinates that equations give, on the command line: initial values, what cannot be met, drift.
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+/// A four-bar linkage whose crank turns all the way round.
+const FOUR_BAR: &str = "/// Four-bar linkage
+model four_bar {
+    param a = 0.3 where a > 0;
+    param b = 0.9 where b > 0;
+    param c = 0.7 where c > 0;
+    param d = 0.8;
+    coordinate alpha in angle;
+    coordinate beta, gamma in angle by
+        a*[cos(alpha), sin(alpha)] + b*[cos(beta), sin(beta)] - c*[cos(gamma), sin(gamma)] = [d, 0];
+    lagrangian = alpha_dot^2 + beta_dot^2 + gamma_dot^2 - 9.81*(sin(beta) + sin(gamma))/4;
+    initial alpha = 1;
+    initial alpha_dot = 4;
+    initial beta = 0.5;
+    initial gamma = 1.5;
+    scene kept { want rhs, energy, invariants, constraint; }
+}
+";
+
+fn file() -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("four_bar.hamel");
+    std::fs::write(&path, FOUR_BAR).unwrap();
+    path
+}
+
+fn hamel(arguments: &[&str]) -> Output {
+    let path = file();
+    let (command, rest) = arguments.split_first().unwrap();
+    Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+        .arg(command)
+        .arg(path)
+        .args(rest)
+        .output()
+        .unwrap()
+}
+
+/// The number behind a word of the first line that contains it.
+fn number(text: &str, word: &str) -> f64 {
+    let line = text.lines().find(|line| line.contains(word)).unwrap_or_else(|| panic!("{word}: {text}"));
+    let behind = line.split(word).nth(1).unwrap().split_whitespace().next().unwrap();
+    behind.parse().unwrap_or_else(|e| panic!("{behind}: {e}"))
+}
+
+#[test]
+fn initial_values_are_found_on_the_branch_of_the_model_and_kept() {
+    let out = hamel(&["simulate", "--scene", "kept", "--method", "projected", "--t-final", "50"]);
+    let text = String::from_utf8(out.stdout).unwrap();
+    assert!(out.status.success(), "{text}{}", String::from_utf8_lossy(&out.stderr));
+    let (beta, gamma) = (number(&text, "beta"), number(&text, "gamma"));
+    let (a, b, c, d) = (0.3, 0.9, 0.7, 0.8);
+    let x = a * 1.0_f64.cos() + b * beta.cos() - c * gamma.cos() - d;
+    let y = a * 1.0_f64.sin() + b * beta.sin() - c * gamma.sin();
+    // Shortest digits of doubles.
+    assert!(x.abs() < 1e-15 && y.abs() < 1e-15, "{x} {y}");
+    assert!(0.0 < beta && beta < gamma && gamma < 1.6, "{text}");
+    // To rounding of lengths near one.
+    assert!(number(&text, "residual at most") < 4e-15, "{text}");
+}
+
+#[test]
+fn what_cannot_be_met_is_told_with_what_is_left() {
+    let out = hamel(&["simulate", "--set", "a=5", "--t-final", "1"]);
+    let text = String::from_utf8(out.stderr).unwrap();
+    assert!(!out.status.success() && text.contains("equations between coordinates are violated by"), "{text}");
+    let given = ["alpha=1", "beta=0.5", "gamma=1.5"];
+    let mut arguments = vec!["simulate", "--t-final", "1"];
+    given.iter().for_each(|value| arguments.extend(["--initial", value]));
+    let out = hamel(&arguments);
+    let text = String::from_utf8(out.stderr).unwrap();
+    // 0.3 cos 1 + 0.9 cos 0.5 - 0.7 cos 1.5 - 0.8.
+    assert!(!out.status.success() && text.contains("position_beta = 0.1023"), "{text}");
+}

@@ -1,0 +1,172 @@
+//! Dependent velocities row by row, where constraints contain derivatives of equations between positions.
+//!
+//! `C_d x + r = 0` is solved for the dependent components `x` with the rows `C` of the constraint as they are written: a
+//! row whose own velocity has a number before it gives this velocity by the others, and only what is left is solved for
+//! together, by the matrix that reduction inverted. Velocities, partial velocities and accelerations at `udot = 0` are
+//! all answers to some `r`, and share the coefficients of the rows.
+//!
+//! Deliberately does not know: how the rows were solved, what the velocities are.
+
+use crate::error::Error;
+use crate::expr::ExprId;
+use crate::reduction::{Response, SolvedConstraint};
+
+use super::derive::Derivation;
+
+/// Which rows give their velocity by others, in an order in which these are known, and which are solved together.
+struct Order {
+    direct: Vec<(usize, usize)>,
+    together: Vec<(usize, usize)>,
+}
+
+impl Derivation<'_> {
+    /// The order of the rows. As few as possible are solved together: those whose own velocity has no number before it,
+    /// and as many others as are needed where rows wait for each other.
+    fn order_of_rows(&self, solved: &SolvedConstraint, response: &Response) -> Order {
+        let form = |row: usize| &solved.rows[row].one_form;
+        let is_number = |(row, own): &(usize, usize)| self.g.as_rational(form(*row)[*own]).is_some();
+        let (mut numbers, mut together): (Vec<_>, Vec<_>) = response.pairs.iter().copied().partition(is_number);
+        loop {
+            let (mut direct, mut waiting) = (Vec::new(), numbers.clone());
+            loop {
+                let is_ready = |(row, own): &(usize, usize)| {
+                    let mut others = waiting.iter().filter(|(_, other)| other != own);
+                    others.all(|(_, other)| form(*row)[*other] == self.g.zero())
+                };
+                let Some(place) = waiting.iter().position(is_ready) else { break };
+                direct.push(waiting.remove(place));
+            }
+            match waiting.last() {
+                None => return Order { direct, together },
+                Some(last) => {
+                    let last = *last;
+                    numbers.retain(|pair| *pair != last);
+                    together.push(last);
+                }
+            }
+        }
+    }
+
+    /// The dependent components `x` with `C_d x + r = 0`, `r` by row; each gets a name, that of its velocity after
+    /// `prefix`. Other components are zero.
+    pub(super) fn answer(
+        &mut self,
+        solved: &SolvedConstraint,
+        response: &Response,
+        right: &[ExprId],
+        prefix: &str,
+    ) -> Vec<ExprId> {
+        let Order { direct, together } = self.order_of_rows(solved, response);
+        let zero = self.g.zero();
+        let mut x = vec![zero; self.y.len()];
+        if !together.is_empty() {
+            let mut before = vec![zero; self.y.len()];
+            for pair in &direct {
+                before[pair.1] = self.direct_answer(solved, *pair, right, &before);
+            }
+            let mut left = Vec::with_capacity(together.len());
+            for (row, own) in &together {
+                let form = &solved.rows[*row].one_form;
+                let mut terms = vec![right[*row]];
+                for (coefficient, value) in form.iter().zip(&before) {
+                    terms.push(self.g.mul(*coefficient, *value));
+                }
+                let sum = self.g.sum(&terms);
+                left.push((*row, self.define(&format!("{prefix}left_{}", self.names[*own]), sum)));
+            }
+            for (_, own) in &together {
+                let terms: Vec<ExprId> =
+                    left.iter().map(|(row, e)| self.g.mul(response.by_row[*own][*row], *e)).collect();
+                let sum = self.g.sum(&terms);
+                x[*own] = self.define(&format!("{prefix}{}", self.names[*own]), sum);
+            }
+        }
+        for pair in &direct {
+            let value = self.direct_answer(solved, *pair, right, &x);
+            x[pair.1] = self.define(&format!("{prefix}{}", self.names[pair.1]), value);
+        }
+        x
+    }
+
+    fn direct_answer(
+        &mut self,
+        solved: &SolvedConstraint,
+        (row, own): (usize, usize),
+        right: &[ExprId],
+        x: &[ExprId],
+    ) -> ExprId {
+        let form = &solved.rows[row].one_form;
+        let mut terms = vec![right[row]];
+        for (alpha, value) in x.iter().enumerate().filter(|(alpha, _)| *alpha != own) {
+            terms.push(self.g.mul(form[alpha], *value));
+        }
+        let sum = self.g.sum(&terms);
+        let inverse = self.g.powi(form[own], -1);
+        let value = self.g.mul(sum, inverse);
+        self.g.neg(value)
+    }
+
+    /// The velocities, and the partial velocities `Psi` by names.
+    pub(super) fn velocities_by_rows(&mut self, solved: &SolvedConstraint, response: &Response) {
+        self.writer.begin("partial velocities Psi, row by row");
+        let zero = self.g.zero();
+        let independent = solved.independent();
+        let mut psi = vec![vec![zero; independent.len()]; self.y.len()];
+        for (a, own) in independent.iter().enumerate() {
+            let right: Vec<ExprId> = solved.rows.iter().map(|row| row.one_form[*own]).collect();
+            let prefix = format!("d_{}_", self.names[*own]);
+            for (alpha, e) in self.answer(solved, response, &right, &prefix).into_iter().enumerate() {
+                psi[alpha][a] = e;
+            }
+            psi[*own][a] = self.g.one();
+        }
+        self.writer.begin("velocities y = Psi u + psi0");
+        let right: Vec<ExprId> = solved.rows.iter().map(|row| row.offset).collect();
+        let is_affine = right.iter().any(|e| *e != zero);
+        let own = if is_affine { self.answer(solved, response, &right, "psi0_") } else { vec![zero; self.y.len()] };
+        for &alpha in &solved.dependent {
+            let mut terms = vec![own[alpha]];
+            for (slope, k) in psi[alpha].iter().zip(&independent) {
+                terms.push(self.g.mul(*slope, self.y[*k]));
+            }
+            let sum = self.g.sum(&terms);
+            let named = self.writer.define(&mut self.g, &self.names[alpha], sum);
+            self.replacement.insert(self.system.velocities[alpha], named);
+            self.y[alpha] = named;
+        }
+        self.partial = Some(psi);
+    }
+
+    /// The accelerations of dependent velocities at `udot = 0`, which answer to the rates of the rows at fixed
+    /// velocities.
+    pub(super) fn lag_by_rows(
+        &mut self,
+        solved: &SolvedConstraint,
+        response: &Response,
+    ) -> Result<Vec<ExprId>, Error> {
+        let mut rates = Vec::with_capacity(solved.rows.len());
+        for row in &solved.rows {
+            let residual = row.written.unwrap_or_else(|| {
+                let raw: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.sym(*s)).collect();
+                let form = self.g.dot(&row.one_form[..raw.len()], &raw);
+                self.g.add(form, row.offset)
+            });
+            let rate = self.drift(residual)?;
+            rates.push(self.define(&format!("rate_{}", row.name), rate));
+        }
+        Ok(self.answer(solved, response, &rates, "lag_"))
+    }
+
+    /// `lambda = -R^T E` for the reactions `E = lambda_A form_A` along the rows; `reaction` by velocity.
+    pub(super) fn multipliers_by_rows(&mut self, response: &Response, reaction: &[ExprId]) -> Vec<ExprId> {
+        let n = response.pairs.len();
+        let mut values = Vec::with_capacity(n);
+        for row in 0..n {
+            let terms: Vec<ExprId> =
+                response.by_row.iter().zip(reaction).map(|(r, e)| self.g.mul(r[row], *e)).collect();
+            let sum = self.g.sum(&terms);
+            values.push(self.g.neg(sum));
+        }
+        values
+    }
+}

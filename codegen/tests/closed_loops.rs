@@ -1,0 +1,335 @@
+//! Linkages whose loops are closed by equations between coordinates, held to planar bodies in Cartesian coordinates with
+//! the forces of their pins: Newton's and Euler's equations, solved numerically together with the second derivatives of
+//! the pins.
+//!
+//! Deliberately does not know: how an equation between coordinates becomes a constraint.
+
+use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::spec;
+
+/// A planar body: mass, moment of inertia about its centre.
+struct Body(f64, f64);
+
+/// A point of a body, by its place from the centre in the frame of the body; none for the ground.
+type Point = (Option<usize>, [f64; 2]);
+
+/// What holds bodies: two points stay together, or a point stays on the line `y = 0`, or a body does not turn.
+enum Joint {
+    Pin(Point, Point),
+    OnAxis(usize, [f64; 2]),
+    NoTurning(usize),
+}
+
+/// Bodies with gravity along `-y`.
+struct Mechanism {
+    bodies: Vec<Body>,
+    joints: Vec<Joint>,
+    gravity: f64,
+}
+
+fn turned(angle: f64, [x, y]: [f64; 2]) -> [f64; 2] {
+    [angle.cos() * x - angle.sin() * y, angle.sin() * x + angle.cos() * y]
+}
+
+impl Mechanism {
+    /// Rows of `J` and what `J qddot` is for the angles and rates of the bodies.
+    fn rows(&self, angle: &[f64], rate: &[f64]) -> Vec<(Vec<f64>, f64)> {
+        let n = 3 * self.bodies.len();
+        let add = |row: &mut Vec<f64>, right: &mut f64, (body, place): Point, axis: usize, sign: f64| {
+            let Some(k) = body else { return };
+            let p = turned(angle[k], place);
+            row[3 * k + axis] += sign;
+            // v = v_c + w (-p_y, p_x), a = a_c + w' (-p_y, p_x) - w^2 p.
+            row[3 * k + 2] += sign * if axis == 0 { -p[1] } else { p[0] };
+            *right += sign * rate[k] * rate[k] * p[axis];
+        };
+        let mut rows = Vec::new();
+        for joint in &self.joints {
+            match joint {
+                Joint::Pin(a, b) => {
+                    for axis in 0..2 {
+                        let (mut row, mut right) = (vec![0.0; n], 0.0);
+                        add(&mut row, &mut right, *a, axis, 1.0);
+                        add(&mut row, &mut right, *b, axis, -1.0);
+                        rows.push((row, right));
+                    }
+                }
+                Joint::OnAxis(body, place) => {
+                    let (mut row, mut right) = (vec![0.0; n], 0.0);
+                    add(&mut row, &mut right, (Some(*body), *place), 1, 1.0);
+                    rows.push((row, right));
+                }
+                Joint::NoTurning(body) => {
+                    let mut row = vec![0.0; n];
+                    row[3 * body + 2] = 1.0;
+                    rows.push((row, 0.0));
+                }
+            }
+        }
+        rows
+    }
+
+    /// `(x'', y'', theta'')` of every body; the forces of the pins act along their rows.
+    fn accelerations(&self, angle: &[f64], rate: &[f64]) -> Vec<f64> {
+        let rows = self.rows(angle, rate);
+        let n = 3 * self.bodies.len();
+        let size = n + rows.len();
+        let mut matrix = vec![vec![0.0; size + 1]; size];
+        for (k, Body(mass, inertia)) in self.bodies.iter().enumerate() {
+            for (axis, value) in [*mass, *mass, *inertia].into_iter().enumerate() {
+                matrix[3 * k + axis][3 * k + axis] = value;
+            }
+            matrix[3 * k + 1][size] = -mass * self.gravity;
+        }
+        for (c, (row, right)) in rows.iter().enumerate() {
+            for (k, slope) in row.iter().enumerate() {
+                matrix[k][n + c] = *slope;
+                matrix[n + c][k] = *slope;
+            }
+            matrix[n + c][size] = *right;
+        }
+        let mut found = solve(matrix);
+        found.truncate(n);
+        found
+    }
+}
+
+/// Elimination with pivots; the right side is the last column.
+fn solve(mut rows: Vec<Vec<f64>>) -> Vec<f64> {
+    let n = rows.len();
+    for k in 0..n {
+        let pivot = (k..n).max_by(|a, b| rows[*a][k].abs().total_cmp(&rows[*b][k].abs())).unwrap();
+        rows.swap(k, pivot);
+        assert!(rows[k][k].abs() > 1e-12, "the mechanism is singular");
+        for i in 0..n {
+            if i == k {
+                continue;
+            }
+            let factor = rows[i][k] / rows[k][k];
+            let pivot = rows[k].clone();
+            rows[i].iter_mut().zip(&pivot).for_each(|(x, p)| *x -= factor * p);
+        }
+    }
+    (0..n).map(|k| rows[k][n] / rows[k][k]).collect()
+}
+
+fn built(text: &str) -> BuiltScene {
+    let model = spec::parse("loop.hamel", text).unwrap_or_else(|p| panic!("{p}"));
+    scene::build(&model, "default").unwrap_or_else(|p| panic!("{p}"))
+}
+
+/// The rate of a component of the state at a state given by names; what is not named is none of the state's.
+fn rates(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str) -> f64 + use<> {
+    let params: Vec<f64> = scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let interpreter = scene.prepare(&params).unwrap();
+    let names = scene.state_names();
+    let value = |name: &String| values.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name}")).1;
+    let y: Vec<f64> = names.iter().map(value).collect();
+    let mut dy = vec![0.0; y.len()];
+    interpreter.rhs(0.0, &y, &mut dy);
+    move |name| dy[names.iter().position(|n| n == name).unwrap_or_else(|| panic!("{name} of {names:?}"))]
+}
+
+fn close(what: &str, found: f64, expected: f64, scale: f64) {
+    // Elimination of some fifteen unknowns with pivots in two arithmetics.
+    assert!((found - expected).abs() <= 1e-12 * scale, "{what}: {found} instead of {expected}");
+}
+
+const A: f64 = 0.3;
+const B: f64 = 0.9;
+const C: f64 = 0.7;
+const D: f64 = 0.8;
+
+/// `extra`: items of the model.
+fn four_bar(extra: &str) -> String {
+    format!(
+        "model four_bar {{
+            param a = 0.3 where a > 0; param b = 0.9 where b > 0; param c = 0.7 where c > 0; param d = 0.8;
+            param g = 9.81;
+            coordinate alpha in angle;
+            coordinate beta, gamma in angle by
+                a*[cos(alpha), sin(alpha)] + b*[cos(beta), sin(beta)] - c*[cos(gamma), sin(gamma)] = [d, 0];
+            let v = a*alpha_dot*[-sin(alpha), cos(alpha)];
+            let w = v + b/2*beta_dot*[-sin(beta), cos(beta)];
+            lagrangian = 2*a^2*alpha_dot^2/6 + 3*dot(w, w)/2 + 3*b^2*beta_dot^2/24 + 1.5*c^2*gamma_dot^2/6
+                - g*(2*a*sin(alpha)/2 + 3*(a*sin(alpha) + b*sin(beta)/2) + 1.5*c*sin(gamma)/2);
+            {extra}
+        }}"
+    )
+}
+
+/// Angles of coupler and rocker for a crank, on the side where the rocker is above the ground.
+fn closed(alpha: f64) -> [f64; 2] {
+    let (mut beta, mut gamma) = (0.6_f64, 1.5_f64);
+    for _ in 0..50 {
+        let f = A * alpha.cos() + B * beta.cos() - C * gamma.cos() - D;
+        let h = A * alpha.sin() + B * beta.sin() - C * gamma.sin();
+        let step = solve(vec![
+            vec![-B * beta.sin(), C * gamma.sin(), -f],
+            vec![B * beta.cos(), -C * gamma.cos(), -h],
+        ]);
+        beta += step[0];
+        gamma += step[1];
+    }
+    [beta, gamma]
+}
+
+fn four_bar_in_space() -> Mechanism {
+    Mechanism {
+        bodies: vec![Body(2.0, 2.0 * A * A / 12.0), Body(3.0, 3.0 * B * B / 12.0), Body(1.5, 1.5 * C * C / 12.0)],
+        joints: vec![
+            Joint::Pin((None, [0.0, 0.0]), (Some(0), [-A / 2.0, 0.0])),
+            Joint::Pin((Some(0), [A / 2.0, 0.0]), (Some(1), [-B / 2.0, 0.0])),
+            Joint::Pin((Some(1), [B / 2.0, 0.0]), (Some(2), [C / 2.0, 0.0])),
+            Joint::Pin((None, [D, 0.0]), (Some(2), [-C / 2.0, 0.0])),
+        ],
+        gravity: 9.81,
+    }
+}
+
+#[test]
+fn a_four_bar_linkage_moves_as_its_bodies_do() {
+    let scene = built(&four_bar(""));
+    assert_eq!(scene.state_names(), ["alpha", "beta", "gamma", "alpha_dot"]);
+    let multipliers = built(&four_bar("multipliers;"));
+    for alpha in [0.2, 1.0, 2.5, 3.9, 5.5] {
+        let [beta, gamma] = closed(alpha);
+        let alpha_dot = 1.7;
+        let rate = rates(&scene, &[("alpha", alpha), ("beta", beta), ("gamma", gamma), ("alpha_dot", alpha_dot)]);
+        let (beta_dot, gamma_dot) = (rate("beta"), rate("gamma"));
+        // The loop stays closed.
+        let x = -A * alpha.sin() * alpha_dot - B * beta.sin() * beta_dot + C * gamma.sin() * gamma_dot;
+        let y = A * alpha.cos() * alpha_dot + B * beta.cos() * beta_dot - C * gamma.cos() * gamma_dot;
+        close("closing", x, 0.0, 1.0);
+        close("closing", y, 0.0, 1.0);
+        let expected = four_bar_in_space().accelerations(&[alpha, beta, gamma], &[alpha_dot, beta_dot, gamma_dot]);
+        let size = expected.iter().fold(1.0_f64, |max, x| max.max(x.abs()));
+        close("crank", rate("alpha_dot"), expected[2], size);
+        let all = [
+            ("alpha", alpha),
+            ("beta", beta),
+            ("gamma", gamma),
+            ("alpha_dot", alpha_dot),
+            ("beta_dot", beta_dot),
+            ("gamma_dot", gamma_dot),
+        ];
+        let rate = rates(&multipliers, &all);
+        close("crank with multipliers", rate("alpha_dot"), expected[2], size);
+        close("coupler with multipliers", rate("beta_dot"), expected[5], size);
+        close("rocker with multipliers", rate("gamma_dot"), expected[8], size);
+    }
+}
+
+#[test]
+fn a_slider_crank_moves_as_its_bodies_do() {
+    let scene = built(
+        "model slider_crank {
+            param r = 0.3 where r > 0; param l = 0.9 where l > r;
+            coordinate theta in angle;
+            coordinate phi in angle by r*sin(theta) + l*sin(phi) = 0;
+            coordinate x in real by x = r*cos(theta) + l*cos(phi);
+            let v = r*theta_dot*[-sin(theta), cos(theta)] + l/2*phi_dot*[-sin(phi), cos(phi)];
+            lagrangian = 2*r^2*theta_dot^2/6 + 3*dot(v, v)/2 + 3*l^2*phi_dot^2/24 + 4*x_dot^2/2
+                - 9.81*(2*r*sin(theta)/2 + 3*(r*sin(theta) + l*sin(phi)/2));
+        }",
+    );
+    assert_eq!(scene.state_names(), ["theta", "phi", "x", "theta_dot"]);
+    let (r, l) = (A, B);
+    let mechanism = Mechanism {
+        bodies: vec![Body(2.0, 2.0 * r * r / 12.0), Body(3.0, 3.0 * l * l / 12.0), Body(4.0, 1.0)],
+        joints: vec![
+            Joint::Pin((None, [0.0, 0.0]), (Some(0), [-r / 2.0, 0.0])),
+            Joint::Pin((Some(0), [r / 2.0, 0.0]), (Some(1), [-l / 2.0, 0.0])),
+            Joint::Pin((Some(1), [l / 2.0, 0.0]), (Some(2), [0.0, 0.0])),
+            Joint::OnAxis(2, [0.0, 0.0]),
+            Joint::NoTurning(2),
+        ],
+        gravity: 9.81,
+    };
+    for theta in [0.0_f64, 0.7, 1.6, 3.2, 5.0] {
+        let phi = -(r * theta.sin() / l).asin();
+        let x = r * theta.cos() + l * phi.cos();
+        let rate = rates(&scene, &[("theta", theta), ("phi", phi), ("x", x), ("theta_dot", -2.3)]);
+        let expected = mechanism.accelerations(&[theta, phi, 0.0], &[-2.3, rate("phi"), 0.0]);
+        let size = expected.iter().fold(1.0_f64, |max, x| max.max(x.abs()));
+        close("crank", rate("theta_dot"), expected[2], size);
+    }
+}
+
+#[test]
+fn a_five_bar_linkage_moves_as_its_bodies_do() {
+    let scene = built(
+        "model five_bar {
+            param l = 0.6 where l > 0; param d = 0.5;
+            coordinate a, b in angle;
+            coordinate p, q in angle by
+                l*[cos(a) + cos(p) - cos(b) - cos(q), sin(a) + sin(p) - sin(b) - sin(q)] = [d, 0];
+            let v = l*a_dot*[-sin(a), cos(a)] + l/2*p_dot*[-sin(p), cos(p)];
+            let w = l*b_dot*[-sin(b), cos(b)] + l/2*q_dot*[-sin(q), cos(q)];
+            lagrangian = l^2*(a_dot^2 + b_dot^2)/6 + (dot(v, v) + dot(w, w))/2 + l^2*(p_dot^2 + q_dot^2)/24
+                - 9.81*l*(3/2*sin(a) + 3/2*sin(b) + sin(p)/2 + sin(q)/2);
+        }",
+    );
+    assert_eq!(scene.state_names(), ["a", "b", "p", "q", "a_dot", "b_dot"]);
+    let l = 0.6;
+    let bar = || Body(1.0, l * l / 12.0);
+    let mechanism = Mechanism {
+        bodies: vec![bar(), bar(), bar(), bar()],
+        joints: vec![
+            Joint::Pin((None, [0.0, 0.0]), (Some(0), [-l / 2.0, 0.0])),
+            Joint::Pin((None, [0.5, 0.0]), (Some(1), [-l / 2.0, 0.0])),
+            Joint::Pin((Some(0), [l / 2.0, 0.0]), (Some(2), [-l / 2.0, 0.0])),
+            Joint::Pin((Some(1), [l / 2.0, 0.0]), (Some(3), [-l / 2.0, 0.0])),
+            Joint::Pin((Some(2), [l / 2.0, 0.0]), (Some(3), [l / 2.0, 0.0])),
+        ],
+        gravity: 9.81,
+    };
+    for (a, b) in [(2.0_f64, 1.1_f64), (1.9, 1.3), (1.7, 0.8)] {
+        // The tip above the two knees.
+        let (knee, other) = ([l * a.cos(), l * a.sin()], [0.5 + l * b.cos(), l * b.sin()]);
+        let half = [(other[0] - knee[0]) / 2.0, (other[1] - knee[1]) / 2.0];
+        let height = (l * l - half[0] * half[0] - half[1] * half[1]).sqrt();
+        let size = half[0].hypot(half[1]);
+        let up = [-half[1] / size * height, half[0] / size * height];
+        let p = (half[1] + up[1]).atan2(half[0] + up[0]);
+        let q = (up[1] - half[1]).atan2(up[0] - half[0]);
+        let state = [("a", a), ("b", b), ("p", p), ("q", q), ("a_dot", 1.1), ("b_dot", -0.4)];
+        let rate = rates(&scene, &state);
+        let expected = mechanism.accelerations(&[a, b, p, q], &[1.1, -0.4, rate("p"), rate("q")]);
+        let size = expected.iter().fold(1.0_f64, |max, x| max.max(x.abs()));
+        close("first", rate("a_dot"), expected[2], size);
+        close("second", rate("b_dot"), expected[5], size);
+    }
+}
+
+/// The equation of a constraint says nothing about what it gives: here no coordinate can be divided by everywhere, and
+/// multipliers keep it.
+#[test]
+fn a_constraint_between_positions_is_solved_where_it_can_be() {
+    let solved = built(
+        "model wire {
+            coordinate x, z in real;
+            constraint wire: z = x^2;
+            lagrangian = (x_dot^2 + z_dot^2)/2 - 9.81*z;
+        }",
+    );
+    assert_eq!(solved.state_names(), ["x", "z", "x_dot"]);
+    let rate = rates(&solved, &[("x", 0.5), ("z", 0.25), ("x_dot", 2.0)]);
+    // (1 + 4 x^2) x'' + 4 x x'^2 + 2 g x = 0.
+    close("wire", rate("x_dot"), -(4.0 * 0.5 * 4.0 + 2.0 * 9.81 * 0.5) / 2.0, 10.0);
+    let kept = built(
+        "model pendulum {
+            coordinate x, z in real;
+            constraint rod: x^2 + z^2 = 1;
+            lagrangian = (x_dot^2 + z_dot^2)/2 - 9.81*z;
+            scene default { want rhs, invariants, constraint, multipliers; }
+        }",
+    );
+    assert_eq!(kept.state_names(), ["x", "z", "x_dot", "z_dot"]);
+    // At the lowest point the rod carries the weight and turns the velocity.
+    let rate = rates(&kept, &[("x", 0.0), ("z", -1.0), ("x_dot", 2.0), ("z_dot", 0.0)]);
+    close("horizontal", rate("x_dot"), 0.0, 1.0);
+    close("vertical", rate("z_dot"), 4.0, 1.0);
+    let names = kept.invariant_names().unwrap();
+    assert!(names.contains(&"position_rod".to_owned()) && names.contains(&"residual_rod".to_owned()), "{names:?}");
+}
