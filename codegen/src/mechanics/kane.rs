@@ -15,7 +15,7 @@ use crate::expr::{ExprId, Rational, SymbolId};
 use crate::reduction::SolvedConstraint;
 
 use super::derive::Derivation;
-use super::recursion::{Directions, Recursion, Step};
+use super::recursion::{Recursion, Step};
 
 /// Rates of change along one direction, or along the motion at `udot = 0`.
 pub(super) struct Tangent {
@@ -60,13 +60,13 @@ impl Derivation<'_> {
     }
 
     /// An expression in parts and raw velocities by their values.
-    fn in_recursion(&mut self, recursion: &Recursion, e: ExprId) -> Result<ExprId, Error> {
+    pub(super) fn in_recursion(&mut self, recursion: &Recursion, e: ExprId) -> Result<ExprId, Error> {
         let value = self.g.subs(e, &recursion.values);
         value.map_err(|_| Error::DivisionByZero { place: "the velocities of linked bodies".into() })
     }
 
     /// `-rest / coefficient`.
-    fn solved_for(&mut self, rest: ExprId, coefficient: ExprId) -> ExprId {
+    pub(super) fn solved_for(&mut self, rest: ExprId, coefficient: ExprId) -> ExprId {
         let inverse = self.g.powi(coefficient, -1);
         let quotient = self.g.mul(rest, inverse);
         self.g.neg(quotient)
@@ -114,15 +114,13 @@ impl Derivation<'_> {
         Ok(Tangent { velocities, components })
     }
 
-    /// Partial velocities along the unknowns, and the accelerations at `udot = 0`, relative to the frames of the
-    /// squares in `components`.
-    fn tangents(
+    /// Partial velocities along the rates, relative to the frames of the squares in `components`.
+    fn partial_velocities(
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-    ) -> Result<(Vec<Tangent>, Tangent), Error> {
+    ) -> Result<Vec<Tangent>, Error> {
         self.writer.begin("partial velocities by recursion");
-        let one = self.g.one();
         let mut partial = Vec::with_capacity(solved.unknowns.len());
         for (b, along) in solved.unknowns.iter().enumerate() {
             let mut direction = BTreeMap::new();
@@ -133,7 +131,13 @@ impl Derivation<'_> {
             }
             partial.push(self.by_recursion(recursion, &format!("d_{}_", along.name), direction)?);
         }
+        Ok(partial)
+    }
+
+    /// The accelerations at `udot = 0`, relative to the frames of the squares in `components`.
+    pub(super) fn accelerations_at_rest(&mut self, recursion: &Recursion) -> Result<Tangent, Error> {
         self.writer.begin("accelerations of the recursion at udot = 0");
+        let one = self.g.one();
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
         let moving = base.chain([(self.system.time, one)]).filter(|(_, rate)| *rate != self.g.zero());
         let moving: BTreeMap<SymbolId, ExprId> = moving.collect();
@@ -150,20 +154,44 @@ impl Derivation<'_> {
                 drift.components[k][i] = self.define(&format!("a{}_{}", k + 1, i + 1), value);
             }
         }
-        Ok((partial, drift))
+        Ok(drift)
     }
 
-    /// The equations along the directions of the recursion.
-    pub(super) fn kane(&mut self, recursion: &Recursion, solved: &SolvedConstraint) -> Result<Kane, Error> {
-        let (partial, drift) = self.tangents(recursion, solved)?;
-        let m = self.y.len();
-        let mut rest_hessian = Vec::with_capacity(m);
+    /// The Hessian of the Lagrangian without squares of velocities.
+    pub(super) fn rest_hessian(&mut self, recursion: &Recursion) -> Result<Vec<Vec<ExprId>>, Error> {
+        let mut hessian = Vec::with_capacity(self.y.len());
         for y in &self.system.velocities {
             let p = self.g.diff(recursion.rest, *y);
             let row: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.diff(p, *s)).collect();
             let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<Vec<_>, _>>()?;
-            rest_hessian.push(row);
+            hessian.push(row);
         }
+        Ok(hessian)
+    }
+
+    /// The forces of everything but the squares, without what their Hessian gives the accelerations `drift`.
+    pub(super) fn net_of_rest(&mut self, rest_hessian: &[Vec<ExprId>], drift: &Tangent) -> Vec<ExprId> {
+        let mut net = Vec::with_capacity(rest_hessian.len());
+        for (alpha, row) in rest_hessian.iter().enumerate() {
+            let mut terms = vec![self.rest_drive[alpha]];
+            for (h, lag) in row.iter().zip(&drift.velocities) {
+                let product = self.g.mul(*h, *lag);
+                terms.push(self.g.neg(product));
+            }
+            net.push(self.g.sum(&terms));
+        }
+        net
+    }
+
+    /// The equations along the directions of the recursion, with the accelerations `drift` at `udot = 0`.
+    pub(super) fn kane(
+        &mut self,
+        recursion: &Recursion,
+        solved: &SolvedConstraint,
+        drift: &Tangent,
+    ) -> Result<Kane, Error> {
+        let partial = self.partial_velocities(recursion, solved)?;
+        let rest_hessian = self.rest_hessian(recursion)?;
         let k = solved.unknowns.len();
         self.writer.begin("mass matrix A = sum m V^T V");
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
@@ -185,16 +213,7 @@ impl Derivation<'_> {
             }
         }
         self.writer.begin("right side f = V^T (r - m a)");
-        let mut net = Vec::with_capacity(m);
-        for (alpha, row) in rest_hessian.iter().enumerate() {
-            let mut terms = vec![self.rest_drive[alpha]];
-            for (h, lag) in row.iter().zip(&drift.velocities) {
-                let product = self.g.mul(*h, *lag);
-                terms.push(self.g.neg(product));
-            }
-            let sum = self.g.sum(&terms);
-            net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
-        }
+        let net = self.net_of_rest(&rest_hessian, drift);
         let mut force = vec![self.g.zero(); k];
         let mut known: Vec<(BTreeMap<ExprId, Rational>, ExprId)> = Vec::new();
         for b in (0..k).rev() {
@@ -204,13 +223,8 @@ impl Derivation<'_> {
             let sum = self.g.sum(&terms);
             force[b] = self.define(&format!("f_{}", solved.unknowns[b].name), sum);
         }
-        Ok(Kane {
-            mass_matrix,
-            force,
-            directions: recursion.directions.clone(),
-            partial,
-            lag: drift.velocities,
-        })
+        let partial = partial.into_iter().map(|p| p.velocities).collect();
+        Ok(Kane { mass_matrix, force, partial })
     }
 
     /// Sums over the squares of `weight u . v`, one for each weight.
@@ -276,9 +290,6 @@ impl Derivation<'_> {
 pub(super) struct Kane {
     pub(super) mass_matrix: Vec<Vec<ExprId>>,
     pub(super) force: Vec<ExprId>,
-    pub(super) directions: Directions,
-    /// Partial velocities along the rates, `[k]`.
-    pub(super) partial: Vec<Tangent>,
-    /// `ydot` at `udot = 0`.
-    pub(super) lag: Vec<ExprId>,
+    /// Partial velocities of the frame along the rates, `[k][m]`.
+    pub(super) partial: Vec<Vec<ExprId>>,
 }

@@ -53,13 +53,14 @@ impl Derivation<'_> {
             let slope = self.g.diff(l, *x);
             let slope = self.replace(slope)?;
             let name = format!("dL_d{}", self.g.name(*x));
-            slopes.push(self.define(&name, slope));
+            // Along rates of linked bodies most of neighbouring slopes cancels.
+            let is_linked = self.recursion.is_some();
+            slopes.push(if is_linked { slope } else { self.define(&name, slope) });
         }
         for (alpha, p) in raw.iter().enumerate() {
             let value = self.drive_of(alpha, *p, &momentum, &slopes)?;
             if self.recursion.is_some() {
-                let rest = self.define(&format!("rest_r_{}", self.names[alpha]), value);
-                self.rest_drive.push(rest);
+                self.rest_drive.push(value);
             }
             let value = self.g.sub(value, inertia_forces[alpha]);
             let name = format!("r_{}", self.names[alpha]);

@@ -95,3 +95,31 @@ pub(crate) fn planar_pendulum(n: usize) -> String {
     let energies: Vec<String> = (1..=n).map(|k| format!("m{k}/2*(u{k}^2 + v{k}^2) - m{k}*g*h{k}")).collect();
     model("planar_pendulum", n, &items, &energies, "")
 }
+
+/// Pendulums in space, each at the end of the one before, by the angles from the vertical and around it.
+pub(crate) fn spherical_pendulum(n: usize) -> String {
+    let mut items = String::from("    param g = 9.81;\n");
+    for k in 1..=n {
+        let mass = 1.0 + 0.1 * k as f64;
+        let _ =
+            writeln!(items, "    param m{k} = {mass} where m{k} > 0;\n    param l{k} = 0.5 where l{k} > 0;");
+    }
+    items += &listed(n, |k| format!("    coordinate q{k} in (0, pi);\n    coordinate s{k} in angle;\n"));
+    items += "    let u0 = 0;\n    let v0 = 0;\n    let w0 = 0;\n    let h0 = 0;\n";
+    for k in 1..=n {
+        let before = k - 1;
+        let _ = writeln!(
+            items,
+            "    let u{k} = u{before} + l{k}*(cos(q{k})*cos(s{k})*q{k}_dot - sin(q{k})*sin(s{k})*s{k}_dot);"
+        );
+        let _ = writeln!(
+            items,
+            "    let v{k} = v{before} + l{k}*(cos(q{k})*sin(s{k})*q{k}_dot + sin(q{k})*cos(s{k})*s{k}_dot);"
+        );
+        let _ = writeln!(items, "    let w{k} = w{before} - l{k}*sin(q{k})*q{k}_dot;");
+        let _ = writeln!(items, "    let h{k} = h{before} + l{k}*cos(q{k});");
+    }
+    let energies: Vec<String> =
+        (1..=n).map(|k| format!("m{k}/2*(u{k}^2 + v{k}^2 + w{k}^2) - m{k}*g*h{k}")).collect();
+    model("spherical_pendulum", n, &items, &energies, "")
+}
