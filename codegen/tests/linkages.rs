@@ -8,7 +8,7 @@ mod families;
 
 use std::time::Instant;
 
-use families::{planar_arm, planar_pendulum, spherical_pendulum, wheeled_snake};
+use families::{planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake};
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::mechanics::{derive, is_recursive, same_motion};
 use hamel_codegen::program::Role;
@@ -186,6 +186,7 @@ fn measured() {
             "snake" => wheeled_snake(n),
             "arm" => planar_arm(n),
             "pendulum" => planar_pendulum(n),
+            "spatial" => spatial_arm(n),
             "spherical" => spherical_pendulum(n),
             other => panic!("no family {other}"),
         };

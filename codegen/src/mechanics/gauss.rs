@@ -19,7 +19,7 @@ use crate::expr::{ExprId, Graph, SymbolId, Vanishing};
 use crate::reduction::SolvedConstraint;
 
 use super::derive::Derivation;
-use super::kane::Tangent;
+use super::kane::AtRest;
 use super::recursion::{Recursion, Step};
 
 /// Forces of more terms are not multiplied out.
@@ -93,12 +93,12 @@ pub(super) struct Elimination {
 }
 
 impl Derivation<'_> {
-    /// Gauss's function, with the accelerations `drift` at `udot = 0`.
+    /// Gauss's function, with what there is at `rest`.
     fn gauss(
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-        drift: &Tangent,
+        rest: &AtRest,
     ) -> Result<Gauss, Error> {
         let directions = &recursion.directions;
         let mut gauss = Gauss {
@@ -148,22 +148,27 @@ impl Derivation<'_> {
         gauss.g = vec![self.g.zero(); gauss.variables.len()];
         self.writer.begin("masses and forces of the parts");
         for (k, square) in recursion.squares.iter().enumerate() {
+            let mut slopes = Vec::with_capacity(square.components.len());
             for (i, e) in recursion.components[k].iter().enumerate() {
-                let force = self.g.mul(square.weight, drift.components[k][i]);
-                let force = self.define(&format!("ma{}_{}", k + 1, i + 1), force);
-                let slopes = self.slopes(recursion, &gauss, *e)?;
-                for (n, (a, slope)) in slopes.iter().enumerate() {
+                let force = self.define(&format!("ma{}_{}", k + 1, i + 1), rest.forces[k][i]);
+                let own = self.slopes(recursion, &gauss, *e)?;
+                for (a, slope) in &own {
                     let along = self.g.mul(*slope, force);
                     gauss.g[*a] = self.g.add(gauss.g[*a], along);
-                    for (b, other) in &slopes[..=n] {
-                        let term = self.g.product(&[square.weight, *slope, *other]);
+                }
+                slopes.push(own);
+            }
+            for (i, j, weight) in &square.masses {
+                for (a, slope) in &slopes[*i] {
+                    for (b, other) in slopes[*j].iter().filter(|(b, _)| b <= a) {
+                        let term = self.g.product(&[*weight, *slope, *other]);
                         self.increase(&mut gauss, *a, *b, term);
                     }
                 }
             }
         }
         let rest_hessian = self.rest_hessian(recursion)?;
-        let net = self.net_of_rest(&rest_hessian, drift);
+        let net = self.net_of_rest(&rest_hessian, rest);
         let places: Vec<Option<usize>> =
             self.system.velocities.iter().map(|s| gauss.of_symbol.get(s).copied()).collect();
         for (alpha, a) in places.iter().enumerate() {
@@ -233,10 +238,10 @@ impl Derivation<'_> {
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-        drift: &Tangent,
+        rest: &AtRest,
         order: Order,
     ) -> Result<Option<Elimination>, Error> {
-        let gauss = self.gauss(recursion, solved, drift)?;
+        let gauss = self.gauss(recursion, solved, rest)?;
         self.writer.begin(match order {
             Order::Composite => "composite bodies, from the last to the first",
             Order::Articulated => "articulated bodies, from the last to the first",

@@ -16,13 +16,22 @@ use crate::reduction::SolvedConstraint;
 
 use super::derive::Derivation;
 use super::recursion::{Recursion, Step};
+use super::squares::{Square, cross};
 
-/// Rates of change along one direction, or along the motion at `udot = 0`.
+/// Rates of change along one direction, or along the motion at `udot = 0`, in the frames of the squares.
 pub(super) struct Tangent {
     /// Of the velocities of the frame.
     pub(super) velocities: Vec<ExprId>,
     /// Of the components of the squares.
     pub(super) components: Vec<Vec<ExprId>>,
+}
+
+/// What there is at `udot = 0`.
+pub(super) struct AtRest {
+    /// Accelerations of the velocities of the frame.
+    pub(super) velocities: Vec<ExprId>,
+    /// Accelerations of the squares times their masses, by their components.
+    pub(super) forces: Vec<Vec<ExprId>>,
 }
 
 impl Derivation<'_> {
@@ -134,27 +143,54 @@ impl Derivation<'_> {
         Ok(partial)
     }
 
-    /// The accelerations at `udot = 0`, relative to the frames of the squares in `components`.
-    pub(super) fn accelerations_at_rest(&mut self, recursion: &Recursion) -> Result<Tangent, Error> {
+    /// Accelerations at `udot = 0`, of squares times their masses.
+    pub(super) fn at_rest(&mut self, recursion: &Recursion) -> Result<AtRest, Error> {
         self.writer.begin("accelerations of the recursion at udot = 0");
         let one = self.g.one();
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
         let moving = base.chain([(self.system.time, one)]).filter(|(_, rate)| *rate != self.g.zero());
         let moving: BTreeMap<SymbolId, ExprId> = moving.collect();
-        let mut drift = self.by_recursion(recursion, "lag_", moving)?;
-        for (k, square) in recursion.squares.iter().enumerate() {
+        let drift = self.by_recursion(recursion, "lag_", moving)?;
+        let mut forces = Vec::with_capacity(recursion.squares.len());
+        for (k, (square, lag)) in recursion.squares.iter().zip(&drift.components).enumerate() {
             let mut v = Vec::new();
             for e in &recursion.components[k] {
                 let value = self.in_recursion(recursion, *e)?;
                 v.push(self.g.cancel_zero(value));
             }
-            let turned = square.turned(&mut self.g, &self.y, &v);
-            for (i, turned) in turned.into_iter().enumerate() {
-                let value = self.g.add(drift.components[k][i], turned);
-                drift.components[k][i] = self.define(&format!("a{}_{}", k + 1, i + 1), value);
+            let mut frame = recursion.frames[k];
+            for e in frame.iter_mut().flatten() {
+                *e = self.in_recursion(recursion, *e)?;
             }
+            forces.push(self.inertia_force(square, k, (&v, frame), lag));
         }
-        Ok(drift)
+        Ok(AtRest { velocities: drift.velocities, forces })
+    }
+
+    /// `J (dv/dx xdot + omega x v)`, or `J domega/dx xdot + omega x J omega`, with the rates `lag` at fixed velocities.
+    pub(super) fn inertia_force(
+        &mut self,
+        square: &Square,
+        k: usize,
+        (v, frame): (&[ExprId], Option<[ExprId; 3]>),
+        lag: &[ExprId],
+    ) -> Vec<ExprId> {
+        if square.is_spin()
+            && let Ok(omega) = <[ExprId; 3]>::try_from(v)
+        {
+            let momentum = square.momentum(&mut self.g, v);
+            let named = [0, 1, 2].map(|i| self.define(&format!("mu{}_{}", k + 1, i + 1), momentum[i]));
+            let turned = cross(&mut self.g, omega, named);
+            let forces = square.momentum(&mut self.g, lag);
+            return forces.iter().zip(turned).map(|(force, turned)| self.g.add(*force, turned)).collect();
+        }
+        let turned = square.turned(&mut self.g, &self.y, v, frame);
+        let mut accelerations = Vec::with_capacity(v.len());
+        for (i, (lag, turned)) in lag.iter().zip(turned).enumerate() {
+            let value = self.g.add(*lag, turned);
+            accelerations.push(self.define(&format!("a{}_{}", k + 1, i + 1), value));
+        }
+        square.momentum(&mut self.g, &accelerations)
     }
 
     /// The Hessian of the Lagrangian without squares of velocities.
@@ -169,12 +205,12 @@ impl Derivation<'_> {
         Ok(hessian)
     }
 
-    /// The forces of everything but the squares, without what their Hessian gives the accelerations `drift`.
-    pub(super) fn net_of_rest(&mut self, rest_hessian: &[Vec<ExprId>], drift: &Tangent) -> Vec<ExprId> {
+    /// The forces of everything but the squares, without what their Hessian gives the accelerations at `rest`.
+    pub(super) fn net_of_rest(&mut self, rest_hessian: &[Vec<ExprId>], rest: &AtRest) -> Vec<ExprId> {
         let mut net = Vec::with_capacity(rest_hessian.len());
         for (alpha, row) in rest_hessian.iter().enumerate() {
             let mut terms = vec![self.rest_drive[alpha]];
-            for (h, lag) in row.iter().zip(&drift.velocities) {
+            for (h, lag) in row.iter().zip(&rest.velocities) {
                 let product = self.g.mul(*h, *lag);
                 terms.push(self.g.neg(product));
             }
@@ -183,12 +219,12 @@ impl Derivation<'_> {
         net
     }
 
-    /// The equations along the directions of the recursion, with the accelerations `drift` at `udot = 0`.
+    /// The equations along the directions of the recursion, with what there is at `rest`.
     pub(super) fn kane(
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-        drift: &Tangent,
+        rest: &AtRest,
     ) -> Result<Kane, Error> {
         let partial = self.partial_velocities(recursion, solved)?;
         let rest_hessian = self.rest_hessian(recursion)?;
@@ -213,12 +249,12 @@ impl Derivation<'_> {
             }
         }
         self.writer.begin("right side f = V^T (r - m a)");
-        let net = self.net_of_rest(&rest_hessian, drift);
+        let net = self.net_of_rest(&rest_hessian, rest);
         let mut force = vec![self.g.zero(); k];
         let mut known: Vec<(BTreeMap<ExprId, Rational>, ExprId)> = Vec::new();
         for b in (0..k).rev() {
             let mut terms =
-                self.inertia_along(recursion, &partial[b].components, &drift.components, &mut known);
+                self.inertia_along(&partial[b].components, &rest.forces, &mut known);
             terms.extend((partial[b].velocities.iter().zip(&net)).map(|(w, n)| self.g.mul(*w, *n)));
             let sum = self.g.sum(&terms);
             force[b] = self.define(&format!("f_{}", solved.unknowns[b].name), sum);
@@ -231,8 +267,9 @@ impl Derivation<'_> {
     fn weighed(&mut self, recursion: &Recursion, u: &[Vec<ExprId>], v: &[Vec<ExprId>]) -> Vec<ExprId> {
         let mut by_weight: BTreeMap<ExprId, Vec<ExprId>> = BTreeMap::new();
         for ((square, u), v) in recursion.squares.iter().zip(u).zip(v) {
-            let products = u.iter().zip(v).map(|(u, v)| self.g.mul(*u, *v));
-            by_weight.entry(square.weight).or_default().extend(products);
+            for (i, j, weight) in &square.masses {
+                by_weight.entry(*weight).or_default().push(self.g.mul(u[*i], v[*j]));
+            }
         }
         let sums = by_weight.into_iter().map(|(weight, products)| {
             let sum = self.g.sum(&products);
@@ -241,23 +278,19 @@ impl Derivation<'_> {
         sums.collect()
     }
 
-    /// `-weight u . a` of all squares, gathered by the partial velocities, which many bodies have in common; sums of
-    /// `weight a` that are `known` from other directions are used in further ones.
+    /// `-u . J a` of all squares, gathered by the partial velocities, which many bodies have in common; sums of `J a`
+    /// that are `known` from other directions are used in further ones.
     fn inertia_along(
         &mut self,
-        recursion: &Recursion,
         u: &[Vec<ExprId>],
-        a: &[Vec<ExprId>],
+        forces: &[Vec<ExprId>],
         known: &mut Vec<(BTreeMap<ExprId, Rational>, ExprId)>,
     ) -> Vec<ExprId> {
         let mut by_velocity: BTreeMap<ExprId, BTreeMap<ExprId, Rational>> = BTreeMap::new();
-        for ((square, u), a) in recursion.squares.iter().zip(u).zip(a) {
-            for (u, a) in u.iter().zip(a) {
-                let force = self.g.mul(square.weight, *a);
-                if *u != self.g.zero() && force != self.g.zero() {
-                    let forces = by_velocity.entry(*u).or_default();
-                    *forces.entry(force).or_insert_with(Rational::zero) += Rational::one();
-                }
+        for (u, force) in u.iter().flatten().zip(forces.iter().flatten()) {
+            if *u != self.g.zero() && *force != self.g.zero() {
+                let forces = by_velocity.entry(*u).or_default();
+                *forces.entry(*force).or_insert_with(Rational::zero) += Rational::one();
             }
         }
         let mut terms = Vec::with_capacity(by_velocity.len());

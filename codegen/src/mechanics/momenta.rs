@@ -4,6 +4,7 @@
 
 use crate::error::Error;
 use crate::expr::ExprId;
+use crate::reduction::KinematicConstraint;
 
 use super::derive::Derivation;
 use super::squares::{Square, take_squares};
@@ -30,10 +31,14 @@ impl Derivation<'_> {
         self.hessian()?;
         let (squares, l) = match (&self.recursion, system.formulation.squares) {
             (Some(recursion), _) => (recursion.squares.clone(), recursion.rest),
-            (None, true) => take_squares(&mut self.g, system),
+            (None, true) => take_squares(&mut self.g, system, false),
             (None, false) => (Vec::new(), system.lagrangian),
         };
-        let inertia_forces = self.inertia_forces(&squares)?;
+        let inertia_forces = if self.recursion.is_some() && !self.has_reactions() {
+            vec![self.g.zero(); self.y.len()]
+        } else {
+            self.inertia_forces(&squares)?
+        };
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
         let mut momentum = self.momentum.clone();
         if !squares.is_empty() {
@@ -70,6 +75,14 @@ impl Derivation<'_> {
         Ok(())
     }
 
+    /// Whether anybody asks for multipliers of a solved constraint.
+    fn has_reactions(&self) -> bool {
+        match &self.system.constraint {
+            KinematicConstraint::Solved(solved) => !solved.reactions.names.is_empty(),
+            KinematicConstraint::Multipliers { .. } => true,
+        }
+    }
+
     /// `d^2 L / dy dy`, made once.
     pub(super) fn hessian(&mut self) -> Result<(), Error> {
         if !self.hessian.is_empty() {
@@ -100,14 +113,19 @@ impl Derivation<'_> {
         self.writer.begin("accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0");
         let mut forces = vec![Vec::new(); self.y.len()];
         for (k, (square, v)) in squares.iter().zip(velocities).enumerate() {
-            let turned = square.turned(&mut self.g, &self.y, &v);
-            for (i, (component, turned)) in square.components.iter().zip(turned).enumerate() {
-                let drift = self.drift(component.value)?;
-                let value = self.g.add(drift, turned);
-                let acceleration = self.define(&format!("a{}_{}", k + 1, i + 1), value);
+            let mut lag = Vec::with_capacity(v.len());
+            for component in &square.components {
+                lag.push(self.drift(component.value)?);
+            }
+            let mut frame = square.frame();
+            for e in frame.iter_mut().flatten() {
+                *e = self.replace(*e)?;
+            }
+            let force = self.inertia_force(square, k, (&v, frame), &lag);
+            for (component, force) in square.components.iter().zip(force) {
                 for (terms, slope) in forces.iter_mut().zip(&component.slopes) {
                     let slope = self.replace(*slope)?;
-                    terms.push(self.g.product(&[square.weight, slope, acceleration]));
+                    terms.push(self.g.mul(slope, force));
                 }
             }
         }

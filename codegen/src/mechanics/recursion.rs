@@ -34,6 +34,8 @@ pub(super) struct Recursion {
     pub(super) rest: ExprId,
     /// The components of the squares, by parts and velocities of the frame.
     pub(super) components: Vec<Vec<ExprId>>,
+    /// The angular velocities of their frames, where components say these, by the same.
+    pub(super) frames: Vec<Option<[ExprId; 3]>>,
     pub(super) steps: Vec<Step>,
     /// Parts that constraints keep at zero.
     pub(super) vanishing: BTreeSet<SymbolId>,
@@ -274,7 +276,7 @@ impl Recursion {
     pub(super) fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Recursion> {
         let solved = eliminated(system)?;
         let rows: Vec<ExprId> = solved.rows.iter().map(|row| row.written).collect::<Option<_>>()?;
-        let (squares, rest) = take_squares(g, system);
+        let (squares, rest) = take_squares(g, system, true);
         if squares.is_empty() {
             return None;
         }
@@ -284,15 +286,24 @@ impl Recursion {
             squares.iter().flat_map(|s| s.components.iter().map(|c| c.value)).collect();
         let n_components = roots.len();
         roots.extend(&rows);
+        roots.extend(squares.iter().filter_map(Square::frame).flatten());
         let shared = shared_sums(g, &roots, &velocities);
         let mut parts = Parts { shared, ..Parts::new(g, &velocities) };
         let roots = parts.read(&roots);
         let list = parts.list;
         let mut values = roots[..n_components].iter().copied();
         let components = sizes.iter().map(|n| values.by_ref().take(*n).collect()).collect();
-        let (steps, vanishing) = steps(g, system, solved, list, &roots[n_components..])?;
+        let (of_rows, of_frames) = roots[n_components..].split_at(rows.len());
+        let mut of_frames = of_frames.chunks_exact(3);
+        let frames = squares.iter().map(|square| {
+            square.frame()?;
+            let omega = of_frames.next()?;
+            Some([omega[0], omega[1], omega[2]])
+        });
+        let frames = frames.collect();
+        let (steps, vanishing) = steps(g, system, solved, list, of_rows)?;
         let directions = directions(g, solved, &steps);
-        Some(Recursion { squares, rest, components, steps, vanishing, values: BTreeMap::new(), directions })
+        Some(Recursion { squares, rest, components, frames, steps, vanishing, values: BTreeMap::new(), directions })
     }
 }
 
