@@ -3,7 +3,9 @@
 //! Does not know: constraints beyond what replaces the dependent velocities.
 
 use crate::error::Error;
-use crate::expr::ExprId;
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::expr::{ExprId, Node, SymbolId};
 use crate::reduction::KinematicConstraint;
 
 use super::derive::Derivation;
@@ -54,13 +56,15 @@ impl Derivation<'_> {
         let inertia = if squares.is_empty() { "" } else { " of the rest, and -m dv/dy . a" };
         self.writer.begin(&format!("{forces}{inertia}"));
         let mut slopes = Vec::new();
-        for x in system.algebroid.base() {
-            let slope = self.g.diff(l, *x);
-            let slope = self.replace(slope)?;
-            let name = format!("dL_d{}", self.g.name(*x));
-            // Along rates of linked bodies most of neighbouring slopes cancels.
-            let is_linked = self.recursion.is_some();
-            slopes.push(if is_linked { slope } else { self.define(&name, slope) });
+        if self.recursion.is_some() {
+            slopes = self.slopes_behind(l)?;
+        } else {
+            for x in system.algebroid.base() {
+                let slope = self.g.diff(l, *x);
+                let slope = self.replace(slope)?;
+                let name = format!("dL_d{}", self.g.name(*x));
+                slopes.push(self.define(&name, slope));
+            }
         }
         for (alpha, p) in raw.iter().enumerate() {
             let value = self.drive_of(alpha, *p, &momentum, &slopes)?;
@@ -73,6 +77,32 @@ impl Derivation<'_> {
             self.drive.push(named);
         }
         Ok(())
+    }
+
+    /// `dl/dx` for all coordinates at once, from the last value that others are computed from to the first: what linked
+    /// bodies share is differentiated once. Along rates most of neighbouring slopes cancels, so that they get no names.
+    ///
+    /// # Source
+    /// Griewank and Walther 2008, Evaluating Derivatives, section 3.2 (reverse mode).
+    fn slopes_behind(&mut self, l: ExprId) -> Result<Vec<ExprId>, Error> {
+        let base: Vec<ExprId> = self.system.algebroid.base().iter().map(|x| self.g.sym(*x)).collect();
+        let symbols: BTreeSet<SymbolId> = self.system.algebroid.base().iter().copied().collect();
+        let mut behind: BTreeMap<ExprId, Vec<ExprId>> = BTreeMap::from([(l, vec![self.g.one()])]);
+        for e in self.g.reachable(&[l]).into_iter().rev() {
+            if base.contains(&e) || !self.g.depends_on(e, &symbols) {
+                continue;
+            }
+            let Some(terms) = behind.remove(&e) else { continue };
+            let sum = self.g.sum(&terms);
+            let is_shared = terms.len() > 1 && !matches!(self.g.node(e), Node::Function(..));
+            let slope = if is_shared { self.define("behind", sum) } else { sum };
+            for (operand, partial) in self.g.partials(e, e) {
+                let partial = self.replace(partial)?;
+                let along = self.g.mul(slope, partial);
+                behind.entry(operand).or_default().push(along);
+            }
+        }
+        Ok(base.iter().map(|x| behind.get(x).map_or(self.g.zero(), |terms| self.g.sum(terms))).collect())
     }
 
     /// Whether anybody asks for multipliers of a solved constraint.
