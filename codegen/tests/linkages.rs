@@ -3,12 +3,14 @@
 //! `LINKAGES="snake:10 arm:6:expanded" cargo test -p hamel-codegen --test linkages measured -- --nocapture` prints what
 //! others take; with `TABLE=1`, by section.
 
+#[path = "linkages/articulated.rs"]
+mod articulated;
 #[path = "linkages/families.rs"]
 mod families;
 
 use std::time::Instant;
 
-use families::{planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake};
+use families::{IIWA, planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake};
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::mechanics::{derive, is_recursive, same_motion};
 use hamel_codegen::program::Role;
@@ -55,7 +57,7 @@ const TOLERANCE: f64 = 1e-10;
 
 #[test]
 fn by_recursion_bodies_move_as_multiplied_out() {
-    for text in [wheeled_snake(3), planar_arm(3), planar_pendulum(3), spherical_pendulum(2)] {
+    for text in [wheeled_snake(3), planar_arm(3), planar_pendulum(3), spherical_pendulum(2), spatial_arm(3)] {
         let model = parsed(&text);
         let [recursive, expanded] = [true, false].map(|recursive| built(&model, Some(recursive)));
         assert_eq!(recursive.state_names(), expanded.state_names());
@@ -125,6 +127,37 @@ fn arms_move_as_their_energy_in_space_says() {
             }
         }
     }
+}
+
+/// Accelerations of the seven joints by Pinocchio 4.1.0: `pinocchio.aba` without torques, for a model of the joints
+/// `JointModelRZ` and the bodies of [`IIWA`].
+#[test]
+fn an_arm_in_space_moves_as_others_compute_it() {
+    let angles = [0.3, -0.5, 0.7, 1.1, -0.2, 0.4, 0.9];
+    let speeds = [0.1, -0.3, 0.2, 0.5, -0.7, 0.4, 0.6];
+    let expected = [
+        -4.941736259959183,
+        -8.697724197133272,
+        7.823189167089321,
+        18.832860777802612,
+        -14.132857017222763,
+        30.798936675074824,
+        3.360544445130384,
+    ];
+    let (by_hand, most) = articulated::accelerations(&IIWA, &angles, &speeds);
+    let scene = built(&parsed(&spatial_arm(7)), Some(true));
+    // The scene leaves out the angle about the vertical.
+    let n_angles = scene.state.len() - speeds.len();
+    let state: Vec<f64> = angles[angles.len() - n_angles..].iter().chain(&speeds).copied().collect();
+    let found = rates(&scene, &state);
+    for ((found, by_hand), expected) in found[n_angles..].iter().zip(&by_hand).zip(expected) {
+        for (who, value) in [("by hand", by_hand), ("found", found)] {
+            assert!((value - expected).abs() <= 1e-10 * 30.0, "{who}: {value}, expected {expected}");
+        }
+    }
+    let (operations, _) = counted(&scene);
+    println!("{operations} operations, {most} as articulated bodies by hand");
+    assert!(5 * operations <= 6 * most, "{operations} operations, {most} as articulated bodies by hand");
 }
 
 #[test]

@@ -253,8 +253,7 @@ impl Derivation<'_> {
         let mut force = vec![self.g.zero(); k];
         let mut known: Vec<(BTreeMap<ExprId, Rational>, ExprId)> = Vec::new();
         for b in (0..k).rev() {
-            let mut terms =
-                self.inertia_along(&partial[b].components, &rest.forces, &mut known);
+            let mut terms = self.inertia_along(&partial[b].components, &rest.forces, &mut known);
             terms.extend((partial[b].velocities.iter().zip(&net)).map(|(w, n)| self.g.mul(*w, *n)));
             let sum = self.g.sum(&terms);
             force[b] = self.define(&format!("f_{}", solved.unknowns[b].name), sum);

@@ -68,8 +68,7 @@ impl Derivation<'_> {
                     continue;
                 }
             };
-            let mut n = self.n_operations(&motion);
-            if let Ok(w) = std::env::var("WAY") { eprintln!("{way:?} {n}"); if format!("{way:?}").contains(&w) { n = 0; } }
+            let n = self.n_operations(&motion);
             if best.as_ref().is_none_or(|(least, ..)| n + n / CLOSE < *least) {
                 best = Some((n, self.g.clone(), self.writer.clone(), motion));
             }

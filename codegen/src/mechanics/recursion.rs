@@ -303,7 +303,16 @@ impl Recursion {
         let frames = frames.collect();
         let (steps, vanishing) = steps(g, system, solved, list, of_rows)?;
         let directions = directions(g, solved, &steps);
-        Some(Recursion { squares, rest, components, frames, steps, vanishing, values: BTreeMap::new(), directions })
+        Some(Recursion {
+            squares,
+            rest,
+            components,
+            frames,
+            steps,
+            vanishing,
+            values: BTreeMap::new(),
+            directions,
+        })
     }
 }
 

@@ -113,7 +113,9 @@ impl Square {
         frame: Option<[ExprId; 3]>,
     ) -> Vec<ExprId> {
         let turns = match (&self.turning, frame, v) {
-            (Turning::With(_), Some(omega), [v1, v2, v3]) => return cross(g, omega, [*v1, *v2, *v3]).to_vec(),
+            (Turning::With(_), Some(omega), [v1, v2, v3]) => {
+                return cross(g, omega, [*v1, *v2, *v3]).to_vec();
+            }
             (Turning::Axes(turns), ..) => turns,
             _ => return vec![g.zero(); v.len()],
         };
@@ -409,7 +411,11 @@ fn turned_with(
             });
             if fits {
                 let turning = Turning::With([0, 1, 2].map(|i| signed(g, i, omega[i].value)));
-                return Some(Square { masses: (0..3).map(|i| (i, i, weight)).collect(), components, turning });
+                return Some(Square {
+                    masses: (0..3).map(|i| (i, i, weight)).collect(),
+                    components,
+                    turning,
+                });
             }
         }
     }

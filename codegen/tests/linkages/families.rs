@@ -125,31 +125,25 @@ pub(crate) fn spherical_pendulum(n: usize) -> String {
 }
 
 /// A body of an arm in space, in its own frame at its joint, whose axis is the third.
-struct Link {
+pub(crate) struct Link {
     /// The joint in the frame of the body before.
-    joint: [f64; 3],
+    pub(crate) joint: [f64; 3],
     /// Whether the frame is that of the body before by a quarter turn about its first axis, or by that and half a turn
     /// about its third one.
-    is_quarter: bool,
-    mass: f64,
+    pub(crate) is_quarter: bool,
+    pub(crate) mass: f64,
     /// The centre of mass.
-    centre: [f64; 3],
+    pub(crate) centre: [f64; 3],
     /// Principal moments of inertia about it.
-    moments: [f64; 3],
+    pub(crate) moments: [f64; 3],
 }
 
 /// The arm of seven joints LBR iiwa 14 R820; the first frame is that of the base.
 ///
 /// # Source
 /// Its description for ROS, package `iiwa_description` of <https://github.com/IFL-CAMP/iiwa_stack>.
-const IIWA: [Link; 7] = {
-    const fn link(
-        joint: [f64; 3],
-        is_quarter: bool,
-        mass: f64,
-        centre: [f64; 3],
-        moments: [f64; 3],
-    ) -> Link {
+pub(crate) const IIWA: [Link; 7] = {
+    const fn link(joint: [f64; 3], is_quarter: bool, mass: f64, centre: [f64; 3], moments: [f64; 3]) -> Link {
         Link { joint, is_quarter, mass, centre, moments }
     }
     [
@@ -175,15 +169,19 @@ pub(crate) fn spatial_arm(n: usize) -> String {
         let b = k - 1;
         // Components of a vector that are not zero, as parameters.
         let mut named = |what: &str, values: [f64; 3]| {
-            ["x", "y", "z"].into_iter().zip(values).map(|(axis, value)| {
-                if value == 0.0 {
-                    return "0".to_owned();
-                }
-                let name = format!("{what}{k}{axis}");
-                let condition = if what == "J" { format!(" where {name} > 0") } else { String::new() };
-                let _ = writeln!(items, "    param {name} = {value}{condition};");
-                name
-            }).collect::<Vec<String>>()
+            ["x", "y", "z"]
+                .into_iter()
+                .zip(values)
+                .map(|(axis, value)| {
+                    if value == 0.0 {
+                        return "0".to_owned();
+                    }
+                    let name = format!("{what}{k}{axis}");
+                    let condition = if what == "J" { format!(" where {name} > 0") } else { String::new() };
+                    let _ = writeln!(items, "    param {name} = {value}{condition};");
+                    name
+                })
+                .collect::<Vec<String>>()
         };
         let (r, c, j) = (named("r", link.joint), named("c", link.centre), named("J", link.moments));
         let _ = writeln!(items, "    param m{k} = {} where m{k} > 0;", link.mass);
@@ -203,20 +201,24 @@ pub(crate) fn spatial_arm(n: usize) -> String {
             let _ = writeln!(
                 lets,
                 "    let s{b}{axis} = v{b}{axis} + w{b}{p}*{} - w{b}{q}*{};",
-                r[at(q)], r[at(p)]
+                r[at(q)],
+                r[at(p)]
             );
         }
-        for (vector, from, extra) in [("w", "w", format!(" + q{k}_dot")), ("v", "s", String::new()), ("u", "u", String::new())] {
+        for (vector, from, extra) in
+            [("w", "w", format!(" + q{k}_dot")), ("v", "s", String::new()), ("u", "u", String::new())]
+        {
             let [x, y, z] = turned(from);
             let _ = writeln!(lets, "    let {vector}{k}x = cos(q{k})*({x}) + sin(q{k})*({y});");
             let _ = writeln!(lets, "    let {vector}{k}y = cos(q{k})*({y}) - sin(q{k})*({x});");
             let _ = writeln!(lets, "    let {vector}{k}z = {z}{extra};");
         }
+        let _ = writeln!(lets, "    let h{k} = h{b} + u{b}x*{} + u{b}y*{} + u{b}z*{};", r[0], r[1], r[2]);
         let _ = writeln!(
             lets,
-            "    let h{k} = h{b} + u{b}x*{} + u{b}y*{} + u{b}z*{};", r[0], r[1], r[2]
+            "    let c{k} = [v{k}x + w{k}y*{2} - w{k}z*{1}, v{k}y + w{k}z*{0} - w{k}x*{2}, v{k}z + w{k}x*{1} - w{k}y*{0}];",
+            c[0], c[1], c[2]
         );
-        let _ = writeln!(lets, "    let c{k} = [v{k}x + w{k}y*{2} - w{k}z*{1}, v{k}y + w{k}z*{0} - w{k}x*{2}, v{k}z + w{k}x*{1} - w{k}y*{0}];", c[0], c[1], c[2]);
         energies.push(format!(
             "m{k}/2*dot(c{k}, c{k}) + ({0}*w{k}x^2 + {1}*w{k}y^2 + {2}*w{k}z^2)/2 - m{k}*g*(h{k} + u{k}x*{3} + u{k}y*{4} + u{k}z*{5})",
             j[0], j[1], j[2], c[0], c[1], c[2]
