@@ -2,9 +2,9 @@
 //!
 //! Does not know: constraints beyond what replaces the dependent velocities.
 
-use crate::error::Error;
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::error::Error;
 use crate::expr::{ExprId, Node, SymbolId};
 use crate::reduction::KinematicConstraint;
 
@@ -95,7 +95,7 @@ impl Derivation<'_> {
             let Some(terms) = behind.remove(&e) else { continue };
             let sum = self.g.sum(&terms);
             let is_shared = terms.len() > 1 && !matches!(self.g.node(e), Node::Function(..));
-            let slope = if is_shared { self.define("behind", sum) } else { sum };
+            let slope = if is_shared { self.define("slope", sum) } else { sum };
             for (operand, partial) in self.g.partials(e, e) {
                 let partial = self.replace(partial)?;
                 let along = self.g.mul(slope, partial);
