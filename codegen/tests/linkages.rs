@@ -3,12 +3,14 @@
 //! `LINKAGES="snake:10 arm:6:expanded" cargo test -p hamel-codegen --test linkages measured -- --nocapture` prints what
 //! others take; with `TABLE=1`, by section.
 
+#[path = "linkages/articulated.rs"]
+mod articulated;
 #[path = "linkages/families.rs"]
 mod families;
 
 use std::time::Instant;
 
-use families::{planar_arm, planar_pendulum, wheeled_snake};
+use families::{IIWA, planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake};
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::mechanics::{derive, is_recursive, same_motion};
 use hamel_codegen::program::Role;
@@ -55,7 +57,7 @@ const TOLERANCE: f64 = 1e-10;
 
 #[test]
 fn by_recursion_bodies_move_as_multiplied_out() {
-    for text in [wheeled_snake(3), planar_arm(3), planar_pendulum(3)] {
+    for text in [wheeled_snake(3), planar_arm(3), planar_pendulum(3), spherical_pendulum(2), spatial_arm(3)] {
         let model = parsed(&text);
         let [recursive, expanded] = [true, false].map(|recursive| built(&model, Some(recursive)));
         assert_eq!(recursive.state_names(), expanded.state_names());
@@ -68,6 +70,101 @@ fn by_recursion_bodies_move_as_multiplied_out() {
                 assert!((a - b).abs() <= TOLERANCE * size, "{}: {a} and {b}", model.name);
             }
         }
+    }
+}
+
+/// Angular accelerations of a planar arm from the energy of its bodies by their angles in space:
+/// `A_jk = S_jk cos(t_j - t_k)`, solved by elimination.
+fn rates_of_arm(n: usize, state: &[f64]) -> Vec<f64> {
+    let (angles, rates) = state.split_at(n);
+    let sums = |list: &[f64]| -> Vec<f64> {
+        list.iter()
+            .scan(0.0, |sum, x| {
+                *sum += x;
+                Some(*sum)
+            })
+            .collect()
+    };
+    let (t, w) = (sums(angles), sums(rates));
+    let mass = |k: usize| 1.0 + 0.1 * (k + 1) as f64;
+    // Along body j, of body k: its own centre, or the end of one before it.
+    let arm = |j: usize, k: usize| if j == k { 0.2 } else { 0.5 };
+    let moment = |j: usize, k: usize| (j.max(k)..n).map(|i| mass(i) * arm(j, i) * arm(k, i)).sum::<f64>();
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for j in 0..n {
+        let entry = |k: usize| moment(j, k) * (t[j] - t[k]).cos() + if j == k { 0.1 } else { 0.0 };
+        let weight: f64 = (j..n).map(|i| mass(i) * 9.81 * arm(j, i)).sum();
+        let turning: f64 = (0..n).map(|k| moment(j, k) * (t[j] - t[k]).sin() * w[k] * w[k]).sum();
+        rows.push((0..n).map(entry).chain([-weight * t[j].cos() - turning]).collect());
+    }
+    for k in 0..n {
+        let pivot = rows[k].clone();
+        for row in rows.iter_mut().skip(k + 1) {
+            let factor = row[k] / pivot[k];
+            row.iter_mut().zip(&pivot).for_each(|(e, p)| *e -= factor * p);
+        }
+    }
+    let mut wdot = vec![0.0; n];
+    for k in (0..n).rev() {
+        let known: f64 = (k + 1..n).map(|j| rows[k][j] * wdot[j]).sum();
+        wdot[k] = (rows[k][n] - known) / rows[k][k];
+    }
+    (0..n).map(|k| if k == 0 { wdot[0] } else { wdot[k] - wdot[k - 1] }).collect()
+}
+
+/// Four bodies by the factors of the mass matrix, six as articulated bodies.
+#[test]
+fn arms_move_as_their_energy_in_space_says() {
+    for n in [4, 6] {
+        let scene = built(&parsed(&planar_arm(n)), Some(true));
+        for seed in 1..=5 {
+            let state = numbers(2 * n, seed);
+            let (a, b) = (rates(&scene, &state), rates_of_arm(n, &state));
+            let size = b.iter().fold(0.0_f64, |size, rate| size.max(rate.abs()));
+            assert!(size > 0.1, "nothing moves");
+            for (a, b) in a[n..].iter().zip(&b) {
+                assert!((a - b).abs() <= TOLERANCE * size, "{n} bodies: {a} and {b}");
+            }
+        }
+    }
+}
+
+/// Accelerations of the seven joints by Pinocchio 4.1.0: `pinocchio.aba` without torques, for a model of the joints
+/// `JointModelRZ` and the bodies of [`IIWA`].
+#[test]
+fn an_arm_in_space_moves_as_others_compute_it() {
+    let angles = [0.3, -0.5, 0.7, 1.1, -0.2, 0.4, 0.9];
+    let speeds = [0.1, -0.3, 0.2, 0.5, -0.7, 0.4, 0.6];
+    let expected = [
+        -4.941736259959183,
+        -8.697724197133272,
+        7.823189167089321,
+        18.832860777802612,
+        -14.132857017222763,
+        30.798936675074824,
+        3.360544445130384,
+    ];
+    let (by_hand, most) = articulated::accelerations(&IIWA, &angles, &speeds);
+    let scene = built(&parsed(&spatial_arm(7)), Some(true));
+    // The scene leaves out the angle about the vertical.
+    let n_angles = scene.state.len() - speeds.len();
+    let state: Vec<f64> = angles[angles.len() - n_angles..].iter().chain(&speeds).copied().collect();
+    let found = rates(&scene, &state);
+    for ((found, by_hand), expected) in found[n_angles..].iter().zip(&by_hand).zip(expected) {
+        for (who, value) in [("by hand", by_hand), ("found", found)] {
+            assert!((value - expected).abs() <= 1e-10 * 30.0, "{who}: {value}, expected {expected}");
+        }
+    }
+    let (operations, _) = counted(&scene);
+    println!("{operations} operations, {most} as articulated bodies by hand");
+    assert!(5 * operations <= 6 * most, "{operations} operations, {most} as articulated bodies by hand");
+}
+
+#[test]
+fn operations_of_an_arm_grow_with_its_bodies() {
+    for n in [3, 4, 6] {
+        let (operations, _) = counted(&built(&parsed(&planar_arm(n)), Some(true)));
+        assert!(operations <= 60 * n + n.pow(3) / 6, "{n} bodies: {operations} operations");
     }
 }
 
@@ -122,6 +219,8 @@ fn measured() {
             "snake" => wheeled_snake(n),
             "arm" => planar_arm(n),
             "pendulum" => planar_pendulum(n),
+            "spatial" => spatial_arm(n),
+            "spherical" => spherical_pendulum(n),
             other => panic!("no family {other}"),
         };
         let recursive = match words.get(2) {
@@ -142,6 +241,19 @@ fn measured() {
             start.elapsed().as_secs_f64(),
             scene.spent().bytes >> 20
         );
+        if std::env::var("SECTIONS").is_ok() {
+            let e = &scene.equations;
+            for s in &e.sections {
+                println!("# {}", s.title);
+                for d in &s.definitions {
+                    println!(
+                        "  {} = {}",
+                        e.system.graph.name(d.symbol),
+                        e.display(d.expr, hamel_codegen::expr::Style::Plain)
+                    );
+                }
+            }
+        }
         if std::env::var("TABLE").is_ok() {
             println!("{}", scene.operation_columns());
         }

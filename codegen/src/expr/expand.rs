@@ -44,6 +44,25 @@ impl Graph {
         image[&e]
     }
 
+    /// How many terms `e` has multiplied out, before any of them cancel.
+    pub(crate) fn n_terms_expanded(&self, e: ExprId) -> usize {
+        let mut n_terms: HashMap<ExprId, usize> = HashMap::new();
+        for e in self.reachable(&[e]) {
+            let n = match self.node(e) {
+                Node::Constant(_) | Node::Pi | Node::Symbol(_) | Node::Function(..) | Node::Atan2(..) => 1,
+                Node::Sum { terms, .. } => {
+                    terms.iter().fold(1_usize, |sum, (term, _)| sum.saturating_add(n_terms[term]))
+                }
+                Node::Product { factors, .. } => factors.iter().fold(1_usize, |product, (base, q)| {
+                    let power = q.numer().to_u32().filter(|_| q.is_integer());
+                    power.map_or(product, |power| product.saturating_mul(n_terms[base].saturating_pow(power)))
+                }),
+            };
+            n_terms.insert(e, n);
+        }
+        n_terms.get(&e).copied().unwrap_or(1)
+    }
+
     fn multiply_out(&mut self, total: ExprId, base: ExprId, q: &Rational) -> ExprId {
         let repeat = q.numer().to_i64().filter(|n| q.is_integer() && q.is_positive() && *n <= MAX_POWER);
         match repeat {

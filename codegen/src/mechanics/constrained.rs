@@ -4,22 +4,20 @@
 //! Does not know: how the constraint was solved, how a matrix is factored.
 
 use crate::error::Error;
-use crate::expr::{ExprId, Rational};
+use crate::expr::ExprId;
 use crate::reduction::SolvedConstraint;
 
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
-use super::kane::Kane;
-use super::recursion::Directions;
 use super::solve::{Factorisation, Pivot};
 
 impl Derivation<'_> {
     /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
     pub(super) fn solve_reduced(&mut self, solved: &SolvedConstraint) -> Result<Motion, Error> {
         if let Some(recursion) = self.recursion.take() {
-            let kane = self.kane(&recursion, solved)?;
+            let motion = self.solve_linked(&recursion, solved);
             self.recursion = Some(recursion);
-            return self.solve_along_rates(solved, kane);
+            return motion;
         }
         let m = self.y.len();
         let k = solved.unknowns.len();
@@ -60,45 +58,13 @@ impl Derivation<'_> {
         }
         let (udot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
         let system = LinearSystem { mass_matrix, force, unknowns };
-        let psi = self.partial_velocities(solved);
-        self.motion_of(solved, system, (udot.clone(), udot, pivots), (&psi, &lag))
-    }
-
-    /// `udot = B wdot` of `A wdot = f` along the rates of a recursion.
-    fn solve_along_rates(&mut self, solved: &SolvedConstraint, kane: Kane) -> Result<Motion, Error> {
-        let Kane { mass_matrix, force, directions: Directions { rates, inverse }, partial, lag } = kane;
-        let (wdot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
-        let psi: Vec<Vec<ExprId>> =
-            (0..lag.len()).map(|alpha| partial.iter().map(|p| p.velocities[alpha]).collect()).collect();
-        let udot = inverse.iter().map(|row| self.combined(row, &wdot)).collect();
-        let columns: Vec<Vec<Rational>> =
-            (0..rates.len()).map(|a| rates.iter().map(|row| row[a].clone()).collect()).collect();
-        // T^T A T and T^T f, for those who ask for them.
-        let half: Vec<Vec<ExprId>> = (mass_matrix.iter())
-            .map(|row| columns.iter().map(|column| self.combined(column, row)).collect())
-            .collect();
-        let rows = columns.iter().map(|column| {
-            (0..columns.len())
-                .map(|b| {
-                    let of_column: Vec<ExprId> = half.iter().map(|row| row[b]).collect();
-                    self.combined(column, &of_column)
-                })
-                .collect()
-        });
-        let mass_matrix: Vec<Vec<ExprId>> = rows.collect();
-        let force = columns.iter().map(|column| self.combined(column, &force)).collect();
-        let unknowns = solved.unknowns.iter().map(|u| u.name.clone()).collect();
-        let system = LinearSystem { mass_matrix, force, unknowns };
-        self.motion_of(solved, system, (wdot, udot, pivots), (&psi, &lag))
-    }
-
-    fn combined(&mut self, weights: &[Rational], values: &[ExprId]) -> ExprId {
-        let terms: Vec<(ExprId, Rational)> = values.iter().copied().zip(weights.iter().cloned()).collect();
-        self.g.linear_combination(&terms)
+        let psi = self.psi_by_names(solved);
+        let added = self.along(&psi, &udot);
+        self.motion_of(solved, system, (udot, pivots), (&added, &lag))
     }
 
     /// `A udot = f`, and the pivots.
-    fn solve_assembled(
+    pub(super) fn solve_assembled(
         &mut self,
         solved: &SolvedConstraint,
         mass_matrix: &[Vec<ExprId>],
@@ -122,23 +88,24 @@ impl Derivation<'_> {
         Ok((udot, pivots))
     }
 
-    /// Everything that follows from rates `wdot` and `udot`, with `ydot = Psi wdot + lag`.
-    fn motion_of(
+    /// `psi x`, by rows.
+    pub(super) fn along(&mut self, psi: &[Vec<ExprId>], x: &[ExprId]) -> Vec<ExprId> {
+        psi.iter().map(|row| self.g.dot(row, x)).collect()
+    }
+
+    /// Everything that follows from `udot`, with `ydot = added + lag`.
+    pub(super) fn motion_of(
         &mut self,
         solved: &SolvedConstraint,
         system: LinearSystem,
-        (wdot, unknown_rates, pivots): (Vec<ExprId>, Vec<ExprId>, Vec<Pivot>),
-        (psi, lag): (&[Vec<ExprId>], &[ExprId]),
+        (unknown_rates, pivots): (Vec<ExprId>, Vec<Pivot>),
+        (added, lag): (&[ExprId], &[ExprId]),
     ) -> Result<Motion, Error> {
         let m = self.y.len();
         self.writer.begin("accelerations ydot = Psi udot + lag");
         let mut acceleration = vec![self.g.zero(); m];
         for alpha in 0..m {
-            let mut terms = vec![lag[alpha]];
-            for (psi, rate) in psi[alpha].iter().zip(&wdot) {
-                terms.push(self.g.mul(*psi, *rate));
-            }
-            let sum = self.g.sum(&terms);
+            let sum = self.g.add(lag[alpha], added[alpha]);
             acceleration[alpha] = self.define(&format!("dot_{}", self.names[alpha]), sum);
         }
         let multipliers = self.multipliers_of(solved, &acceleration)?;
@@ -155,7 +122,7 @@ impl Derivation<'_> {
     }
 
     /// `Psi`, by names where they have any.
-    fn partial_velocities(&self, solved: &SolvedConstraint) -> Vec<Vec<ExprId>> {
+    fn psi_by_names(&self, solved: &SolvedConstraint) -> Vec<Vec<ExprId>> {
         self.partial.clone().unwrap_or_else(|| solved.psi.clone())
     }
 
@@ -178,7 +145,7 @@ impl Derivation<'_> {
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
         let symmetric_form = solved.virtual_displacements == solved.psi;
         let displacements = self.displacements(solved)?;
-        let psi = self.partial_velocities(solved);
+        let psi = self.psi_by_names(solved);
         // Momenta along the partial velocities, where these have names: each is part of several entries.
         let mut momenta = vec![Vec::with_capacity(m); if self.partial.is_some() { k } else { 0 }];
         for (a, along) in momenta.iter_mut().enumerate() {

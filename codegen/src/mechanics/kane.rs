@@ -15,14 +15,23 @@ use crate::expr::{ExprId, Rational, SymbolId};
 use crate::reduction::SolvedConstraint;
 
 use super::derive::Derivation;
-use super::recursion::{Directions, Recursion, Step};
+use super::recursion::{Recursion, Step};
+use super::squares::{Square, cross};
 
-/// Rates of change along one direction, or along the motion at `udot = 0`.
+/// Rates of change along one direction, or along the motion at `udot = 0`, in the frames of the squares.
 pub(super) struct Tangent {
     /// Of the velocities of the frame.
     pub(super) velocities: Vec<ExprId>,
     /// Of the components of the squares.
     pub(super) components: Vec<Vec<ExprId>>,
+}
+
+/// What there is at `udot = 0`.
+pub(super) struct AtRest {
+    /// Accelerations of the velocities of the frame.
+    pub(super) velocities: Vec<ExprId>,
+    /// Accelerations of the squares times their masses, by their components.
+    pub(super) forces: Vec<Vec<ExprId>>,
 }
 
 impl Derivation<'_> {
@@ -60,13 +69,13 @@ impl Derivation<'_> {
     }
 
     /// An expression in parts and raw velocities by their values.
-    fn in_recursion(&mut self, recursion: &Recursion, e: ExprId) -> Result<ExprId, Error> {
+    pub(super) fn in_recursion(&mut self, recursion: &Recursion, e: ExprId) -> Result<ExprId, Error> {
         let value = self.g.subs(e, &recursion.values);
         value.map_err(|_| Error::DivisionByZero { place: "the velocities of linked bodies".into() })
     }
 
     /// `-rest / coefficient`.
-    fn solved_for(&mut self, rest: ExprId, coefficient: ExprId) -> ExprId {
+    pub(super) fn solved_for(&mut self, rest: ExprId, coefficient: ExprId) -> ExprId {
         let inverse = self.g.powi(coefficient, -1);
         let quotient = self.g.mul(rest, inverse);
         self.g.neg(quotient)
@@ -114,15 +123,13 @@ impl Derivation<'_> {
         Ok(Tangent { velocities, components })
     }
 
-    /// Partial velocities along the unknowns, and the accelerations at `udot = 0`, relative to the frames of the
-    /// squares in `components`.
-    fn tangents(
+    /// Partial velocities along the rates, relative to the frames of the squares in `components`.
+    fn partial_velocities(
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-    ) -> Result<(Vec<Tangent>, Tangent), Error> {
+    ) -> Result<Vec<Tangent>, Error> {
         self.writer.begin("partial velocities by recursion");
-        let one = self.g.one();
         let mut partial = Vec::with_capacity(solved.unknowns.len());
         for (b, along) in solved.unknowns.iter().enumerate() {
             let mut direction = BTreeMap::new();
@@ -133,37 +140,94 @@ impl Derivation<'_> {
             }
             partial.push(self.by_recursion(recursion, &format!("d_{}_", along.name), direction)?);
         }
+        Ok(partial)
+    }
+
+    /// Accelerations at `udot = 0`, of squares times their masses.
+    pub(super) fn at_rest(&mut self, recursion: &Recursion) -> Result<AtRest, Error> {
         self.writer.begin("accelerations of the recursion at udot = 0");
+        let one = self.g.one();
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
         let moving = base.chain([(self.system.time, one)]).filter(|(_, rate)| *rate != self.g.zero());
         let moving: BTreeMap<SymbolId, ExprId> = moving.collect();
-        let mut drift = self.by_recursion(recursion, "lag_", moving)?;
-        for (k, square) in recursion.squares.iter().enumerate() {
+        let drift = self.by_recursion(recursion, "lag_", moving)?;
+        let mut forces = Vec::with_capacity(recursion.squares.len());
+        for (k, (square, lag)) in recursion.squares.iter().zip(&drift.components).enumerate() {
             let mut v = Vec::new();
             for e in &recursion.components[k] {
                 let value = self.in_recursion(recursion, *e)?;
                 v.push(self.g.cancel_zero(value));
             }
-            let turned = square.turned(&mut self.g, &self.y, &v);
-            for (i, turned) in turned.into_iter().enumerate() {
-                let value = self.g.add(drift.components[k][i], turned);
-                drift.components[k][i] = self.define(&format!("a{}_{}", k + 1, i + 1), value);
+            let mut frame = recursion.frames[k];
+            for e in frame.iter_mut().flatten() {
+                *e = self.in_recursion(recursion, *e)?;
             }
+            forces.push(self.inertia_force(square, k, (&v, frame), lag));
         }
-        Ok((partial, drift))
+        Ok(AtRest { velocities: drift.velocities, forces })
     }
 
-    /// The equations along the directions of the recursion.
-    pub(super) fn kane(&mut self, recursion: &Recursion, solved: &SolvedConstraint) -> Result<Kane, Error> {
-        let (partial, drift) = self.tangents(recursion, solved)?;
-        let m = self.y.len();
-        let mut rest_hessian = Vec::with_capacity(m);
+    /// `J (dv/dx xdot + omega x v)`, or `J domega/dx xdot + omega x J omega`, with the rates `lag` at fixed velocities.
+    pub(super) fn inertia_force(
+        &mut self,
+        square: &Square,
+        k: usize,
+        (v, frame): (&[ExprId], Option<[ExprId; 3]>),
+        lag: &[ExprId],
+    ) -> Vec<ExprId> {
+        if square.is_spin()
+            && let Ok(omega) = <[ExprId; 3]>::try_from(v)
+        {
+            let momentum = square.momentum(&mut self.g, v);
+            let named = [0, 1, 2].map(|i| self.define(&format!("mu{}_{}", k + 1, i + 1), momentum[i]));
+            let turned = cross(&mut self.g, omega, named);
+            let forces = square.momentum(&mut self.g, lag);
+            return forces.iter().zip(turned).map(|(force, turned)| self.g.add(*force, turned)).collect();
+        }
+        let turned = square.turned(&mut self.g, &self.y, v, frame);
+        let mut accelerations = Vec::with_capacity(v.len());
+        for (i, (lag, turned)) in lag.iter().zip(turned).enumerate() {
+            let value = self.g.add(*lag, turned);
+            accelerations.push(self.define(&format!("a{}_{}", k + 1, i + 1), value));
+        }
+        square.momentum(&mut self.g, &accelerations)
+    }
+
+    /// The Hessian of the Lagrangian without squares of velocities.
+    pub(super) fn rest_hessian(&mut self, recursion: &Recursion) -> Result<Vec<Vec<ExprId>>, Error> {
+        let mut hessian = Vec::with_capacity(self.y.len());
         for y in &self.system.velocities {
             let p = self.g.diff(recursion.rest, *y);
             let row: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.diff(p, *s)).collect();
             let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<Vec<_>, _>>()?;
-            rest_hessian.push(row);
+            hessian.push(row);
         }
+        Ok(hessian)
+    }
+
+    /// The forces of everything but the squares, without what their Hessian gives the accelerations at `rest`.
+    pub(super) fn net_of_rest(&mut self, rest_hessian: &[Vec<ExprId>], rest: &AtRest) -> Vec<ExprId> {
+        let mut net = Vec::with_capacity(rest_hessian.len());
+        for (alpha, row) in rest_hessian.iter().enumerate() {
+            let mut terms = vec![self.rest_drive[alpha]];
+            for (h, lag) in row.iter().zip(&rest.velocities) {
+                let product = self.g.mul(*h, *lag);
+                terms.push(self.g.neg(product));
+            }
+            net.push(self.g.sum(&terms));
+        }
+        net
+    }
+
+    /// The equations along the directions of the recursion, with what there is at `rest`.
+    pub(super) fn kane(
+        &mut self,
+        recursion: &Recursion,
+        solved: &SolvedConstraint,
+        rest: &AtRest,
+    ) -> Result<Kane, Error> {
+        let partial = self.partial_velocities(recursion, solved)?;
+        let rest_hessian = self.rest_hessian(recursion)?;
         let k = solved.unknowns.len();
         self.writer.begin("mass matrix A = sum m V^T V");
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
@@ -185,40 +249,26 @@ impl Derivation<'_> {
             }
         }
         self.writer.begin("right side f = V^T (r - m a)");
-        let mut net = Vec::with_capacity(m);
-        for (alpha, row) in rest_hessian.iter().enumerate() {
-            let mut terms = vec![self.rest_drive[alpha]];
-            for (h, lag) in row.iter().zip(&drift.velocities) {
-                let product = self.g.mul(*h, *lag);
-                terms.push(self.g.neg(product));
-            }
-            let sum = self.g.sum(&terms);
-            net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
-        }
+        let net = self.net_of_rest(&rest_hessian, rest);
         let mut force = vec![self.g.zero(); k];
         let mut known: Vec<(BTreeMap<ExprId, Rational>, ExprId)> = Vec::new();
         for b in (0..k).rev() {
-            let mut terms =
-                self.inertia_along(recursion, &partial[b].components, &drift.components, &mut known);
+            let mut terms = self.inertia_along(&partial[b].components, &rest.forces, &mut known);
             terms.extend((partial[b].velocities.iter().zip(&net)).map(|(w, n)| self.g.mul(*w, *n)));
             let sum = self.g.sum(&terms);
             force[b] = self.define(&format!("f_{}", solved.unknowns[b].name), sum);
         }
-        Ok(Kane {
-            mass_matrix,
-            force,
-            directions: recursion.directions.clone(),
-            partial,
-            lag: drift.velocities,
-        })
+        let partial = partial.into_iter().map(|p| p.velocities).collect();
+        Ok(Kane { mass_matrix, force, partial })
     }
 
     /// Sums over the squares of `weight u . v`, one for each weight.
     fn weighed(&mut self, recursion: &Recursion, u: &[Vec<ExprId>], v: &[Vec<ExprId>]) -> Vec<ExprId> {
         let mut by_weight: BTreeMap<ExprId, Vec<ExprId>> = BTreeMap::new();
         for ((square, u), v) in recursion.squares.iter().zip(u).zip(v) {
-            let products = u.iter().zip(v).map(|(u, v)| self.g.mul(*u, *v));
-            by_weight.entry(square.weight).or_default().extend(products);
+            for (i, j, weight) in &square.masses {
+                by_weight.entry(*weight).or_default().push(self.g.mul(u[*i], v[*j]));
+            }
         }
         let sums = by_weight.into_iter().map(|(weight, products)| {
             let sum = self.g.sum(&products);
@@ -227,23 +277,19 @@ impl Derivation<'_> {
         sums.collect()
     }
 
-    /// `-weight u . a` of all squares, gathered by the partial velocities, which many bodies have in common; sums of
-    /// `weight a` that are `known` from other directions are used in further ones.
+    /// `-u . J a` of all squares, gathered by the partial velocities, which many bodies have in common; sums of `J a`
+    /// that are `known` from other directions are used in further ones.
     fn inertia_along(
         &mut self,
-        recursion: &Recursion,
         u: &[Vec<ExprId>],
-        a: &[Vec<ExprId>],
+        forces: &[Vec<ExprId>],
         known: &mut Vec<(BTreeMap<ExprId, Rational>, ExprId)>,
     ) -> Vec<ExprId> {
         let mut by_velocity: BTreeMap<ExprId, BTreeMap<ExprId, Rational>> = BTreeMap::new();
-        for ((square, u), a) in recursion.squares.iter().zip(u).zip(a) {
-            for (u, a) in u.iter().zip(a) {
-                let force = self.g.mul(square.weight, *a);
-                if *u != self.g.zero() && force != self.g.zero() {
-                    let forces = by_velocity.entry(*u).or_default();
-                    *forces.entry(force).or_insert_with(Rational::zero) += Rational::one();
-                }
+        for (u, force) in u.iter().flatten().zip(forces.iter().flatten()) {
+            if *u != self.g.zero() && *force != self.g.zero() {
+                let forces = by_velocity.entry(*u).or_default();
+                *forces.entry(*force).or_insert_with(Rational::zero) += Rational::one();
             }
         }
         let mut terms = Vec::with_capacity(by_velocity.len());
@@ -276,9 +322,6 @@ impl Derivation<'_> {
 pub(super) struct Kane {
     pub(super) mass_matrix: Vec<Vec<ExprId>>,
     pub(super) force: Vec<ExprId>,
-    pub(super) directions: Directions,
-    /// Partial velocities along the rates, `[k]`.
-    pub(super) partial: Vec<Tangent>,
-    /// `ydot` at `udot = 0`.
-    pub(super) lag: Vec<ExprId>,
+    /// Partial velocities of the frame along the rates, `[k][m]`.
+    pub(super) partial: Vec<Vec<ExprId>>,
 }

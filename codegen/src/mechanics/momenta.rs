@@ -2,8 +2,11 @@
 //!
 //! Does not know: constraints beyond what replaces the dependent velocities.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use crate::error::Error;
-use crate::expr::ExprId;
+use crate::expr::{ExprId, Node, SymbolId};
+use crate::reduction::KinematicConstraint;
 
 use super::derive::Derivation;
 use super::squares::{Square, take_squares};
@@ -30,10 +33,14 @@ impl Derivation<'_> {
         self.hessian()?;
         let (squares, l) = match (&self.recursion, system.formulation.squares) {
             (Some(recursion), _) => (recursion.squares.clone(), recursion.rest),
-            (None, true) => take_squares(&mut self.g, system),
+            (None, true) => take_squares(&mut self.g, system, false),
             (None, false) => (Vec::new(), system.lagrangian),
         };
-        let inertia_forces = self.inertia_forces(&squares)?;
+        let inertia_forces = if self.recursion.is_some() && !self.has_reactions() {
+            vec![self.g.zero(); self.y.len()]
+        } else {
+            self.inertia_forces(&squares)?
+        };
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
         let mut momentum = self.momentum.clone();
         if !squares.is_empty() {
@@ -49,17 +56,20 @@ impl Derivation<'_> {
         let inertia = if squares.is_empty() { "" } else { " of the rest, and -m dv/dy . a" };
         self.writer.begin(&format!("{forces}{inertia}"));
         let mut slopes = Vec::new();
-        for x in system.algebroid.base() {
-            let slope = self.g.diff(l, *x);
-            let slope = self.replace(slope)?;
-            let name = format!("dL_d{}", self.g.name(*x));
-            slopes.push(self.define(&name, slope));
+        if self.recursion.is_some() {
+            slopes = self.slopes_behind(l)?;
+        } else {
+            for x in system.algebroid.base() {
+                let slope = self.g.diff(l, *x);
+                let slope = self.replace(slope)?;
+                let name = format!("dL_d{}", self.g.name(*x));
+                slopes.push(self.define(&name, slope));
+            }
         }
         for (alpha, p) in raw.iter().enumerate() {
             let value = self.drive_of(alpha, *p, &momentum, &slopes)?;
             if self.recursion.is_some() {
-                let rest = self.define(&format!("rest_r_{}", self.names[alpha]), value);
-                self.rest_drive.push(rest);
+                self.rest_drive.push(value);
             }
             let value = self.g.sub(value, inertia_forces[alpha]);
             let name = format!("r_{}", self.names[alpha]);
@@ -67,6 +77,40 @@ impl Derivation<'_> {
             self.drive.push(named);
         }
         Ok(())
+    }
+
+    /// `dl/dx` for all coordinates at once, from the last value that others are computed from to the first: what linked
+    /// bodies share is differentiated once. Along rates most of neighbouring slopes cancels, so that they get no names.
+    ///
+    /// # Source
+    /// Griewank and Walther 2008, Evaluating Derivatives, section 3.2 (reverse mode).
+    fn slopes_behind(&mut self, l: ExprId) -> Result<Vec<ExprId>, Error> {
+        let base: Vec<ExprId> = self.system.algebroid.base().iter().map(|x| self.g.sym(*x)).collect();
+        let symbols: BTreeSet<SymbolId> = self.system.algebroid.base().iter().copied().collect();
+        let mut behind: BTreeMap<ExprId, Vec<ExprId>> = BTreeMap::from([(l, vec![self.g.one()])]);
+        for e in self.g.reachable(&[l]).into_iter().rev() {
+            if base.contains(&e) || !self.g.depends_on(e, &symbols) {
+                continue;
+            }
+            let Some(terms) = behind.remove(&e) else { continue };
+            let sum = self.g.sum(&terms);
+            let is_shared = terms.len() > 1 && !matches!(self.g.node(e), Node::Function(..));
+            let slope = if is_shared { self.define("slope", sum) } else { sum };
+            for (operand, partial) in self.g.partials(e, e) {
+                let partial = self.replace(partial)?;
+                let along = self.g.mul(slope, partial);
+                behind.entry(operand).or_default().push(along);
+            }
+        }
+        Ok(base.iter().map(|x| behind.get(x).map_or(self.g.zero(), |terms| self.g.sum(terms))).collect())
+    }
+
+    /// Whether anybody asks for multipliers of a solved constraint.
+    fn has_reactions(&self) -> bool {
+        match &self.system.constraint {
+            KinematicConstraint::Solved(solved) => !solved.reactions.names.is_empty(),
+            KinematicConstraint::Multipliers { .. } => true,
+        }
     }
 
     /// `d^2 L / dy dy`, made once.
@@ -99,14 +143,19 @@ impl Derivation<'_> {
         self.writer.begin("accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0");
         let mut forces = vec![Vec::new(); self.y.len()];
         for (k, (square, v)) in squares.iter().zip(velocities).enumerate() {
-            let turned = square.turned(&mut self.g, &self.y, &v);
-            for (i, (component, turned)) in square.components.iter().zip(turned).enumerate() {
-                let drift = self.drift(component.value)?;
-                let value = self.g.add(drift, turned);
-                let acceleration = self.define(&format!("a{}_{}", k + 1, i + 1), value);
+            let mut lag = Vec::with_capacity(v.len());
+            for component in &square.components {
+                lag.push(self.drift(component.value)?);
+            }
+            let mut frame = square.frame();
+            for e in frame.iter_mut().flatten() {
+                *e = self.replace(*e)?;
+            }
+            let force = self.inertia_force(square, k, (&v, frame), &lag);
+            for (component, force) in square.components.iter().zip(force) {
                 for (terms, slope) in forces.iter_mut().zip(&component.slopes) {
                     let slope = self.replace(*slope)?;
-                    terms.push(self.g.product(&[square.weight, slope, acceleration]));
+                    terms.push(self.g.mul(slope, force));
                 }
             }
         }

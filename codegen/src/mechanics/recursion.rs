@@ -34,6 +34,8 @@ pub(super) struct Recursion {
     pub(super) rest: ExprId,
     /// The components of the squares, by parts and velocities of the frame.
     pub(super) components: Vec<Vec<ExprId>>,
+    /// The angular velocities of their frames, where components say these, by the same.
+    pub(super) frames: Vec<Option<[ExprId; 3]>>,
     pub(super) steps: Vec<Step>,
     /// Parts that constraints keep at zero.
     pub(super) vanishing: BTreeSet<SymbolId>,
@@ -58,8 +60,8 @@ pub fn is_recursive(system: &ReducedSystem) -> bool {
     let mut g = system.graph.clone();
     let velocities: BTreeSet<SymbolId> = velocities_of(system);
     let roots = squared_velocities(&mut g, system);
-    let mut parts = Parts { g: &mut g, sums: Vec::new(), list: Vec::new() };
-    parts.read(&roots, &velocities);
+    let mut parts = Parts::new(&mut g, &velocities);
+    parts.read(&roots);
     let list = parts.list;
     let mut depths: BTreeMap<SymbolId, usize> = BTreeMap::new();
     for (symbol, value) in list {
@@ -86,14 +88,22 @@ fn velocities_of(system: &ReducedSystem) -> BTreeSet<SymbolId> {
 /// Sums that share terms, as sums of each other.
 struct Parts<'a> {
     g: &'a mut Graph,
+    velocities: &'a BTreeSet<SymbolId>,
+    /// Terms that several sums have in common, from few to many.
+    shared: Vec<BTreeMap<ExprId, Rational>>,
     /// Terms of sums and the symbols that stand for them.
     sums: Vec<(BTreeMap<ExprId, Rational>, SymbolId)>,
     list: Vec<(SymbolId, ExprId)>,
 }
 
-impl Parts<'_> {
-    /// `e` with every sum of it that depends on `velocities` as a part.
-    fn read(&mut self, roots: &[ExprId], velocities: &BTreeSet<SymbolId>) -> Vec<ExprId> {
+impl<'a> Parts<'a> {
+    fn new(g: &'a mut Graph, velocities: &'a BTreeSet<SymbolId>) -> Parts<'a> {
+        Parts { g, velocities, shared: Vec::new(), sums: Vec::new(), list: Vec::new() }
+    }
+
+    /// `e` with every sum of it that depends on velocities as a part.
+    fn read(&mut self, roots: &[ExprId]) -> Vec<ExprId> {
+        let velocities = self.velocities;
         let mut image: HashMap<ExprId, ExprId> = HashMap::new();
         let mut moving: BTreeSet<ExprId> = BTreeSet::new();
         for e in self.g.reachable(roots) {
@@ -106,7 +116,10 @@ impl Parts<'_> {
             let new = match node {
                 _ if !moves => e,
                 Node::Constant(_) | Node::Pi | Node::Symbol(_) => e,
-                Node::Sum { constant, terms } => self.sum(&constant, &terms, &image),
+                Node::Sum { constant, terms } => {
+                    self.make_shared(&terms, &image);
+                    self.sum(&constant, &terms, &image)
+                }
                 Node::Product { coefficient, factors } => {
                     let factors: Vec<_> = factors.iter().map(|(b, q)| (image[b], q.clone())).collect();
                     let product = self.g.power_product(&factors).unwrap_or(e);
@@ -118,6 +131,33 @@ impl Parts<'_> {
             image.insert(e, new);
         }
         roots.iter().map(|e| image[e]).collect()
+    }
+
+    /// Makes those shared sums parts that a further sum is the first to have.
+    fn make_shared(&mut self, terms: &[(ExprId, Rational)], image: &HashMap<ExprId, ExprId>) {
+        let all: BTreeMap<ExprId, Rational> = terms.iter().cloned().collect();
+        self.g.charge(self.shared.len() * all.len());
+        let is_here = |sum: &BTreeMap<ExprId, Rational>| ratio(&all, sum).is_some();
+        let (here, others) = std::mem::take(&mut self.shared).into_iter().partition(is_here);
+        self.shared = others;
+        let here: Vec<BTreeMap<ExprId, Rational>> = here;
+        for sum in here.into_iter().filter(|sum| sum.len() < all.len()) {
+            let terms: Vec<(ExprId, Rational)> = sum.into_iter().collect();
+            self.sum(&Rational::zero(), &terms, image);
+        }
+    }
+
+    /// The terms along the velocity that was written last: those before them are the velocity of a joint.
+    fn along_last(&self, terms: &BTreeMap<ExprId, Rational>) -> BTreeSet<ExprId> {
+        let moving = |e: &ExprId| match self.g.node(*e) {
+            Node::Product { factors, .. } => {
+                factors.iter().map(|(base, _)| *base).find(|base| self.g.depends_on(*base, self.velocities))
+            }
+            _ => Some(*e),
+        };
+        let by_term: Vec<(ExprId, Option<ExprId>)> = terms.keys().map(|e| (*e, moving(e))).collect();
+        let last = by_term.iter().filter_map(|(_, velocity)| *velocity).max();
+        by_term.into_iter().filter(|(_, velocity)| *velocity == last).map(|(e, _)| e).collect()
     }
 
     /// A sum by the sums before it that leave the fewest of its terms.
@@ -148,6 +188,15 @@ impl Parts<'_> {
             summands.push((self.g.sym(symbol), ratio));
             left = remainder;
         }
+        if !summands.is_empty() && constant.is_zero() {
+            let last = self.along_last(&left);
+            if last.len() < left.len() {
+                let terms = terms.iter().filter(|(e, _)| !last.contains(e)).cloned();
+                let part = self.sum(constant, &terms.collect::<Vec<_>>(), image);
+                left.retain(|e, _| last.contains(e));
+                summands = vec![(part, Rational::one())];
+            }
+        }
         summands.extend(left.into_iter().map(|(e, q)| (image[&e], q)));
         summands.push((self.g.one(), constant.clone()));
         let value = self.g.linear_combination(&summands);
@@ -161,6 +210,47 @@ impl Parts<'_> {
         }
         self.g.sym(symbol)
     }
+}
+
+/// The factor by which the terms of a sum are among others, if they are.
+fn ratio(all: &BTreeMap<ExprId, Rational>, sum: &BTreeMap<ExprId, Rational>) -> Option<Rational> {
+    let (first, q) = sum.first_key_value()?;
+    let ratio = all.get(first)? / q;
+    sum.iter().all(|(e, q)| all.get(e).is_some_and(|own| *own == q * &ratio)).then_some(ratio)
+}
+
+/// What sums behind `roots` have in common, of two terms or more: velocities of joints, where the Lagrangian has those of
+/// the centres of the bodies beside them.
+fn shared_sums(
+    g: &mut Graph,
+    roots: &[ExprId],
+    velocities: &BTreeSet<SymbolId>,
+) -> Vec<BTreeMap<ExprId, Rational>> {
+    let mut sums: Vec<BTreeMap<ExprId, Rational>> = Vec::new();
+    for e in g.reachable(roots) {
+        if let Node::Sum { terms, .. } = g.node(e)
+            && terms.len() > 2
+            && g.depends_on(e, velocities)
+        {
+            sums.push(terms.iter().cloned().collect());
+        }
+    }
+    let mut found: BTreeSet<(usize, Vec<(ExprId, Rational)>)> = BTreeSet::new();
+    for (n, one) in sums.iter().enumerate() {
+        for other in sums[..n].iter().rev().take(MAX_SUMS) {
+            g.charge(one.len());
+            let mut by_ratio: BTreeMap<Rational, Vec<(ExprId, Rational)>> = BTreeMap::new();
+            for (e, q) in one {
+                if let Some(own) = other.get(e) {
+                    by_ratio.entry(own / q).or_default().push((*e, q.clone()));
+                }
+            }
+            let largest = by_ratio.into_values().max_by_key(Vec::len);
+            let is_shared = |terms: &Vec<_>| terms.len() > 1 && terms.len() < one.len().min(other.len());
+            found.extend(largest.filter(is_shared).map(|terms| (terms.len(), terms)));
+        }
+    }
+    found.into_iter().map(|(_, terms)| terms.into_iter().collect()).collect()
 }
 
 /// `terms - ratio other`.
@@ -186,7 +276,7 @@ impl Recursion {
     pub(super) fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Recursion> {
         let solved = eliminated(system)?;
         let rows: Vec<ExprId> = solved.rows.iter().map(|row| row.written).collect::<Option<_>>()?;
-        let (squares, rest) = take_squares(g, system);
+        let (squares, rest) = take_squares(g, system, true);
         if squares.is_empty() {
             return None;
         }
@@ -196,14 +286,33 @@ impl Recursion {
             squares.iter().flat_map(|s| s.components.iter().map(|c| c.value)).collect();
         let n_components = roots.len();
         roots.extend(&rows);
-        let mut parts = Parts { g, sums: Vec::new(), list: Vec::new() };
-        let roots = parts.read(&roots, &velocities);
+        roots.extend(squares.iter().filter_map(Square::frame).flatten());
+        let shared = shared_sums(g, &roots, &velocities);
+        let mut parts = Parts { shared, ..Parts::new(g, &velocities) };
+        let roots = parts.read(&roots);
         let list = parts.list;
         let mut values = roots[..n_components].iter().copied();
         let components = sizes.iter().map(|n| values.by_ref().take(*n).collect()).collect();
-        let (steps, vanishing) = steps(g, system, solved, list, &roots[n_components..])?;
+        let (of_rows, of_frames) = roots[n_components..].split_at(rows.len());
+        let mut of_frames = of_frames.chunks_exact(3);
+        let frames = squares.iter().map(|square| {
+            square.frame()?;
+            let omega = of_frames.next()?;
+            Some([omega[0], omega[1], omega[2]])
+        });
+        let frames = frames.collect();
+        let (steps, vanishing) = steps(g, system, solved, list, of_rows)?;
         let directions = directions(g, solved, &steps);
-        Some(Recursion { squares, rest, components, steps, vanishing, values: BTreeMap::new(), directions })
+        Some(Recursion {
+            squares,
+            rest,
+            components,
+            frames,
+            steps,
+            vanishing,
+            values: BTreeMap::new(),
+            directions,
+        })
     }
 }
 
@@ -217,6 +326,8 @@ pub(super) struct Directions {
     pub(super) rates: Vec<Vec<Rational>>,
     /// `B`.
     pub(super) inverse: Vec<Vec<Rational>>,
+    /// The parts that the rates are; none for the unknown itself.
+    pub(super) parts: Vec<Option<SymbolId>>,
 }
 
 /// Directions along which few bodies' frames turn: those of the rates `w` that parts without coordinates are, each in
@@ -232,6 +343,7 @@ fn directions(g: &mut Graph, solved: &SolvedConstraint, steps: &[Step]) -> Direc
     let mut parts: BTreeMap<SymbolId, Vec<Rational>> = BTreeMap::new();
     let mut by_rates: Vec<Option<Vec<Rational>>> = vec![None; k];
     let mut rates: Vec<Vec<Rational>> = (0..k).map(|a| unit(k, a)).collect();
+    let mut chosen = vec![None; k];
     for step in steps {
         let Step::Part(symbol, value) = step else { continue };
         let mut row = zeros.clone();
@@ -266,11 +378,12 @@ fn directions(g: &mut Graph, solved: &SolvedConstraint, steps: &[Step]) -> Direc
             }
             by_rates[last] = Some(own);
             rates[last].clone_from(&row);
+            chosen[last] = Some(*symbol);
         }
         parts.insert(*symbol, row);
     }
     let inverse = by_rates.into_iter().enumerate().map(|(a, row)| row.unwrap_or_else(|| unit(k, a)));
-    Directions { rates, inverse: inverse.collect() }
+    Directions { rates, inverse: inverse.collect(), parts: chosen }
 }
 
 fn unit(k: usize, a: usize) -> Vec<Rational> {

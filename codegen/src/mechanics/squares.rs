@@ -21,16 +21,35 @@ use crate::reduction::ReducedSystem;
 /// `v_alpha`.
 ///
 /// # Source
-/// Kane and Levinson 1985, Dynamics, section 4.11 (generalised inertia forces); the condition is Cartan's first
-/// structure equation.
+/// Or a term `1/2 J_ij omega_i omega_j` with constant `J` and the components of an angular velocity in its own frame,
+///
+/// ```text
+/// domega_alpha/dx . rho_beta - domega_beta/dx . rho_alpha + C^gamma_{alpha beta} omega_gamma = omega_alpha x omega_beta
+/// ```
+///
+/// whose part of `E_alpha` is `omega_alpha . (J omegadot + omega x J omega)`: the equation of Euler, along `omega_alpha`.
+///
+/// # Source
+/// Kane and Levinson 1985, Dynamics, section 4.11 (generalised inertia forces); the conditions are Cartan's first
+/// structure equation, and that of Maurer and Cartan.
 #[derive(Clone, Debug)]
 pub(super) struct Square {
-    /// Depends on parameters alone.
-    pub(super) weight: ExprId,
+    /// Masses and moments of inertia of pairs of components, first of each with itself; they depend on parameters alone.
+    pub(super) masses: Vec<(usize, usize, ExprId)>,
     /// The components of `v`.
     pub(super) components: Vec<Component>,
-    /// `K_beta`, by the velocity.
-    turning: Vec<Turn>,
+    turning: Turning,
+}
+
+/// The frame of a square.
+#[derive(Clone, Debug)]
+enum Turning {
+    /// It turns with `K_beta`, by the velocity.
+    Axes(Vec<Turn>),
+    /// It turns with the angular velocity of those components.
+    With([ExprId; 3]),
+    /// The square is that of the angular velocity itself.
+    Own,
 }
 
 /// A component of a velocity, affine in the velocities of the system.
@@ -62,10 +81,46 @@ const MAX_DIMENSION: usize = 3;
 type Turn = Option<(usize, usize)>;
 
 impl Square {
-    /// `omega x v` for the velocities `y` and the components `v`.
-    pub(super) fn turned(&self, g: &mut Graph, y: &[ExprId], v: &[ExprId]) -> Vec<ExprId> {
+    /// The angular velocity of the frame, where the square says so by its components.
+    pub(super) fn frame(&self) -> Option<[ExprId; 3]> {
+        match self.turning {
+            Turning::With(omega) => Some(omega),
+            Turning::Axes(_) | Turning::Own => None,
+        }
+    }
+
+    /// Whether what is squared is an angular velocity.
+    pub(super) fn is_spin(&self) -> bool {
+        matches!(self.turning, Turning::Own)
+    }
+
+    /// `J v`.
+    pub(super) fn momentum(&self, g: &mut Graph, v: &[ExprId]) -> Vec<ExprId> {
         let mut terms = vec![Vec::new(); v.len()];
-        for (turn, y) in self.turning.iter().zip(y) {
+        for (i, j, weight) in &self.masses {
+            terms[*i].push(g.mul(*weight, v[*j]));
+        }
+        terms.iter().map(|list| g.sum(list)).collect()
+    }
+
+    /// `omega x v` for the velocities `y` and the components `v`, with the angular velocity of the frame where the
+    /// square has one by its components; zero for an angular velocity.
+    pub(super) fn turned(
+        &self,
+        g: &mut Graph,
+        y: &[ExprId],
+        v: &[ExprId],
+        frame: Option<[ExprId; 3]>,
+    ) -> Vec<ExprId> {
+        let turns = match (&self.turning, frame, v) {
+            (Turning::With(_), Some(omega), [v1, v2, v3]) => {
+                return cross(g, omega, [*v1, *v2, *v3]).to_vec();
+            }
+            (Turning::Axes(turns), ..) => turns,
+            _ => return vec![g.zero(); v.len()],
+        };
+        let mut terms = vec![Vec::new(); v.len()];
+        for (turn, y) in turns.iter().zip(y) {
             if let Some((from, to)) = *turn {
                 terms[to].push(g.mul(*y, v[from]));
                 let back = g.mul(*y, v[to]);
@@ -76,6 +131,16 @@ impl Square {
     }
 }
 
+/// `a x b`.
+pub(super) fn cross(g: &mut Graph, a: [ExprId; 3], b: [ExprId; 3]) -> [ExprId; 3] {
+    [0, 1, 2].map(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let forward = g.mul(a[j], b[k]);
+        let backward = g.mul(a[k], b[j]);
+        g.sub(forward, backward)
+    })
+}
+
 /// A part `weight/2 component^2` of the Lagrangian.
 #[derive(Clone, Debug)]
 struct Single {
@@ -83,8 +148,9 @@ struct Single {
     component: Component,
 }
 
-/// Takes the squares of velocities out of the Lagrangian: these, and the rest.
-pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square>, ExprId) {
+/// Takes the squares of velocities out of the Lagrangian: these, and the rest; those of angular velocities as well, if
+/// `with_spins`.
+pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bool) -> (Vec<Square>, ExprId) {
     if system.algebroid.rank() > MAX_RANK {
         return (Vec::new(), system.lagrangian);
     }
@@ -95,6 +161,7 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square
     let mut rest = Vec::new();
     // A vector with a number for its mass is part of the Lagrangian's own sum, and several of one mass may be one sum.
     let mut singles: Vec<Single> = Vec::new();
+    let mut vectors: Vec<(ExprId, Vec<Component>, (ExprId, Rational))> = Vec::new();
     for (term, q) in g.summands(system.lagrangian) {
         let found = squared(g, term, &q, &varying);
         let found = found.filter(|(_, v)| v.iter().any(|v| g.depends_on(*v, &velocities)));
@@ -104,8 +171,9 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square
         });
         match found {
             Some((weight, components)) if (2..=MAX_DIMENSION).contains(&components.len()) => {
-                match square(g, weight, components) {
+                match square(g, weight, &components) {
                     Some(square) => squares.push(square),
+                    None if with_spins => vectors.push((weight, components, (term, q))),
                     None => rest.push((term, q)),
                 }
             }
@@ -116,6 +184,29 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square
         }
     }
     let half = Rational::new(1.into(), 2.into());
+    let mut spins: Vec<[Component; 3]> = Vec::new();
+    if with_spins {
+        let mut first = 0;
+        while first + 2 < singles.len() {
+            match spin(g, &singles, first) {
+                Some(mut places) => {
+                    let components = places.map(|k| singles[k].component.clone());
+                    let weights = places.map(|k| singles[k].weight);
+                    squares.push(spinning(g, &components, weights, &varying, &mut rest));
+                    spins.push(components);
+                    places.sort_unstable();
+                    places.into_iter().rev().for_each(|k| drop(singles.remove(k)));
+                }
+                None => first += 1,
+            }
+        }
+    }
+    for (weight, components, term) in vectors {
+        match turned_with(g, weight, components, &spins) {
+            Some(square) => squares.push(square),
+            None => rest.push(term),
+        }
+    }
     while !singles.is_empty() {
         let (square, mut taken) = vector(g, &singles).map_or((None, vec![0]), |(s, taken)| (Some(s), taken));
         taken.sort_unstable();
@@ -164,8 +255,8 @@ fn vector(g: &mut Graph, singles: &[Single]) -> Option<(Square, Vec<usize>)> {
     let triples = (1..n).flat_map(|a| (a + 1..n).map(move |b| vec![0, a, b]));
     let choices: Vec<Vec<usize>> = triples.chain((1..n).map(|a| vec![0, a])).chain([vec![0]]).collect();
     choices.into_iter().find_map(|choice| {
-        let components = choice.iter().map(|k| scaled[*k].1.clone()).collect();
-        let square = square(g, first.weight, components)?;
+        let components: Vec<Component> = choice.iter().map(|k| scaled[*k].1.clone()).collect();
+        let square = square(g, first.weight, &components)?;
         Some((square, choice.iter().map(|k| scaled[*k].0).collect()))
     })
 }
@@ -276,15 +367,116 @@ impl Component {
 }
 
 /// The square with the frame of its components, if they have one; symbols alone gain nothing.
-fn square(g: &mut Graph, weight: ExprId, components: Vec<Component>) -> Option<Square> {
+fn square(g: &mut Graph, weight: ExprId, components: &[Component]) -> Option<Square> {
     if components.iter().all(|c| matches!(g.node(c.value), Node::Symbol(_))) {
         return None;
     }
-    let turning = turning(g, &components)?;
+    let turning = turning(g, components)?;
     if turning.iter().any(Option::is_some) && components.iter().any(|c| c.has_offset) {
         return None;
     }
-    Some(Square { weight, components, turning })
+    let masses = (0..components.len()).map(|i| (i, i, weight)).collect();
+    Some(Square { masses, components: components.to_vec(), turning: Turning::Axes(turning) })
+}
+
+/// The square in the frame of one of the angular velocities, if it is in one of them.
+fn turned_with(
+    g: &mut Graph,
+    weight: ExprId,
+    components: Vec<Component>,
+    spins: &[[Component; 3]],
+) -> Option<Square> {
+    let v: &[Component; 3] = components.as_slice().try_into().ok()?;
+    if v.iter().any(|c| c.has_offset) {
+        return None;
+    }
+    // Components are known up to their order and signs. The angular velocity of a body is near its velocity in the text.
+    let n = v[0].slopes.len();
+    let choices = spins.iter().rev().flat_map(|omega| ORDERS.map(|order| order.map(|i| &omega[i])));
+    for omega in choices {
+        for signs in 0..8_u8 {
+            let signed = |g: &mut Graph, i: usize, e: ExprId| if signs >> i & 1 == 0 { e } else { g.neg(e) };
+            let slopes: Vec<[ExprId; 3]> =
+                (0..n).map(|beta| [0, 1, 2].map(|i| signed(g, i, omega[i].slopes[beta]))).collect();
+            let of = |alpha: usize| [0, 1, 2].map(|i| v[i].slopes[alpha]);
+            let fits = (0..n).all(|beta| {
+                (0..beta).all(|alpha| {
+                    let forward = cross(g, of(alpha), slopes[beta]);
+                    let backward = cross(g, of(beta), slopes[alpha]);
+                    (0..3).all(|i| {
+                        let expected = g.sub(forward[i], backward[i]);
+                        g.is_equal(v[i].torsion[beta][alpha], expected)
+                    })
+                })
+            });
+            if fits {
+                let turning = Turning::With([0, 1, 2].map(|i| signed(g, i, omega[i].value)));
+                return Some(Square {
+                    masses: (0..3).map(|i| (i, i, weight)).collect(),
+                    components,
+                    turning,
+                });
+            }
+        }
+    }
+    None
+}
+
+/// All orders of three components.
+const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+
+/// Places of the components of an angular velocity that begins with that at `first`.
+fn spin(g: &mut Graph, singles: &[Single], first: usize) -> Option<[usize; 3]> {
+    let near = |k: usize| k != first && k.abs_diff(first) <= MAX_SINGLES;
+    let places: Vec<usize> = (0..singles.len()).filter(|k| near(*k)).collect();
+    let pairs = places.iter().flat_map(|a| places.iter().filter(move |b| *b != a).map(move |b| (*a, *b)));
+    for (second, third) in pairs {
+        let omega = [first, second, third].map(|k| &singles[k].component);
+        let is_spin = (0..omega[0].slopes.len()).all(|beta| {
+            (0..beta).all(|alpha| {
+                (0..3).all(|i| {
+                    let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                    let forward = g.mul(omega[j].slopes[alpha], omega[k].slopes[beta]);
+                    let backward = g.mul(omega[k].slopes[alpha], omega[j].slopes[beta]);
+                    let expected = g.sub(forward, backward);
+                    g.is_equal(omega[i].torsion[beta][alpha], expected)
+                })
+            })
+        });
+        let turns = omega.iter().any(|c| c.torsion.iter().flatten().any(|e| *e != g.zero()));
+        if is_spin && turns && omega.iter().all(|c| !c.has_offset) {
+            return Some([first, second, third]);
+        }
+    }
+    None
+}
+
+/// The square of an angular velocity, with the products of its components that `rest` has.
+fn spinning(
+    g: &mut Graph,
+    components: &[Component; 3],
+    weights: [ExprId; 3],
+    varying: &BTreeSet<SymbolId>,
+    rest: &mut Vec<(ExprId, Rational)>,
+) -> Square {
+    let mut masses: Vec<(usize, usize, ExprId)> =
+        weights.into_iter().enumerate().map(|(i, weight)| (i, i, weight)).collect();
+    rest.retain(|(term, q)| {
+        let Node::Product { coefficient, factors } = g.node(*term).clone() else { return true };
+        let place = |i: usize| factors.iter().position(|(e, q)| *e == components[i].value && q.is_one());
+        let pair = [(0, 1), (0, 2), (1, 2)].into_iter().find_map(|(i, j)| Some((i, j, place(i)?, place(j)?)));
+        let Some((i, j, a, b)) = pair else { return true };
+        let fixed: Vec<_> =
+            factors.iter().enumerate().filter(|(k, _)| *k != a && *k != b).map(|(_, f)| f.clone()).collect();
+        let Ok(weight) = g.power_product(&fixed) else { return true };
+        if g.depends_on(weight, varying) {
+            return true;
+        }
+        let weight = g.scale(weight, &(coefficient * q));
+        masses.extend([(i, j, weight), (j, i, weight)]);
+        false
+    });
+    Square { masses, components: components.to_vec(), turning: Turning::Own }
 }
 
 /// The `K_beta`, if there are any: tried one velocity after the other, each against those before it.
