@@ -81,7 +81,8 @@ pub struct Arguments {
     /// Integrate one of N shares of the ensemble, into a store that the other shares have, too; implies --resume
     #[arg(long, value_name = "I/N", value_parser = Share::parse)]
     pub part: Option<Share>,
-    /// Statistics of all trajectories at each sample instead of the trajectories, gathered while they are integrated
+    /// Statistics of all trajectories at each sample instead of the trajectories, gathered while they are integrated; in
+    /// a store, too
     #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',')]
     pub statistics: Vec<Statistic>,
     /// Levels of --statistics quantiles

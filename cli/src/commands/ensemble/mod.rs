@@ -18,7 +18,8 @@ use crate::model;
 use crate::output::trajectories::Target;
 use crate::output::trajectories::chunk::{Chunk, Heading, Sink, Tally};
 use crate::output::trajectories::store::Store;
-use crate::output::trajectories::summary::{Summary, Wanted};
+use crate::output::trajectories::gathered::Wanted;
+use crate::output::trajectories::summary::Summary;
 use crate::output::trajectories::temporary;
 use crate::run::backend::Backend;
 use crate::run::dynamics::Factory as _;
@@ -106,13 +107,19 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         n: plan.len(),
         n_chunk: chunk_of(n_numbers).min(plan.len()),
     };
+    let wanted = (!arguments.statistics.is_empty()).then(|| Wanted {
+        statistics: arguments.statistics.clone(),
+        levels: arguments.quantiles.clone(),
+        bins: usize::from(arguments.bins),
+    });
     let resume = arguments.resume || arguments.part.is_some();
     let ranks = Ranks::join(resume)?;
     let store = match targets.iter().find(|target| target.is_store()) {
         Some(target) => {
             let request = request::document(&file.text()?, &info, &asked, &plan, arguments, heading.n_chunk);
             let open = |resume| {
-                Store::open(target.path(), &heading, &request, request::of_state(model, &info), resume)
+                let of_state = request::of_state(model, &info);
+                Store::open(target.path(), &heading, wanted.as_ref(), &request, of_state, resume)
             };
             // The first makes the store, the others go on with it.
             let first = ranks.is_first().then(|| open(resume));
@@ -130,18 +137,18 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         None => None,
     };
     let mut sinks: Vec<Box<dyn Sink + '_>> = Vec::new();
-    if arguments.statistics.is_empty() {
-        for target in &targets {
-            sinks.extend(target.sink(&heading)?);
+    match wanted {
+        None => {
+            for target in &targets {
+                sinks.extend(target.sink(&heading)?);
+            }
         }
-    } else {
-        let wanted = Wanted {
-            statistics: arguments.statistics.clone(),
-            levels: arguments.quantiles.clone(),
-            bins: usize::from(arguments.bins),
-        };
-        let (title, blocks) = (model::title(model), model::blocks::blocks(model));
-        sinks.push(Box::new(Summary::new(targets.clone(), &heading, wanted, title, blocks)));
+        Some(wanted) if store.is_none() => {
+            let (title, blocks) = (model::title(model), model::blocks::blocks(model));
+            sinks.push(Box::new(Summary::new(targets.clone(), &heading, wanted, title, blocks)));
+        }
+        // The store gathers them, as other processes do.
+        Some(_) => {}
     }
     watch_for_interrupts(store.as_ref());
     let mut work = Work::new(heading.n_chunks(), arguments.part, store.as_ref());
@@ -192,6 +199,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         Some(store) => {
             let left = (0..heading.n_chunks()).filter(|chunk| !store.is_finished(*chunk)).count();
             if left == 0 {
+                store.tell()?;
                 store.clean();
             }
             (store.tally()?, left)
@@ -224,11 +232,6 @@ fn targets(arguments: &Arguments) -> Result<Vec<Target>, Error> {
     {
         let reason = "is a figure of statistics over time: give --statistics, and --samples of at least 2";
         return Err(Error::unusable(shown(figure), reason));
-    }
-    if let (Some(store), true) = (targets.iter().find(|target| target.is_store()), statistics) {
-        let reason =
-            "is a store, which keeps trajectories: leave --statistics out, or write .csv, .npz or .svg";
-        return Err(Error::unusable(shown(store), reason));
     }
     if let (Some(file), true) =
         (targets.iter().find(|target| !target.is_store()), arguments.resume || arguments.part.is_some())

@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use clap::ValueEnum;
 use serde_json::{Map, Value, json};
 
 use super::arguments::Arguments;
@@ -36,7 +37,7 @@ pub(super) fn document(
         let value = set.get(&p.name).copied().unwrap_or(p.default);
         json!({"name": p.name, "value": value, "doc": p.doc})
     };
-    json!({
+    let mut document = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "model": info.model,
         "model_hash": fnv1a(model_text.bytes()),
@@ -58,7 +59,15 @@ pub(super) fn document(
         "max_steps": asked.max_steps,
         "lanes": match asked.width { Width::One => 1, Width::Four => 4 },
         "chunk": n_chunk,
-    })
+    });
+    // A store of trajectories says nothing of them, as those that are there do not.
+    if !arguments.statistics.is_empty() {
+        let names = arguments.statistics.iter().filter_map(ValueEnum::to_possible_value);
+        document["statistics"] = names.map(|name| name.get_name().to_owned()).collect::<Vec<String>>().into();
+        document["quantiles"] = arguments.quantiles.clone().into();
+        document["bins"] = arguments.bins.into();
+    }
+    document
 }
 
 /// What is said about the components of a state: units, meanings and the title of the model, as far as it says them.
