@@ -14,7 +14,7 @@ use hamel_codegen::program::{Point, Role};
 use hamel_codegen::scene::{self, BuiltScene, Scenes};
 use hamel_codegen::spec::{self, Model};
 use hamel_runtime::{Dop853, Integrator, Options};
-use hamel_tests::models::model;
+use hamel_tests::models::{Interpreted, State, model};
 use hamel_tests::random::Random;
 
 const TARGET: &str = "wasm32-unknown-unknown";
@@ -82,7 +82,7 @@ fn case(model: &Model, built: &BuiltScene) -> Case {
         run(&Role::Energy);
         built.outputs().iter().for_each(|output| run(&Role::Output(output.name.clone())));
     }
-    let interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{}: {e}", model.name));
+    let system = Interpreted(built.prepare(&params).unwrap_or_else(|e| panic!("{}: {e}", model.name)));
     let mut exact = Vec::new();
     let start = scene::initial_state(model, built).filter(|_| program.inputs.is_empty());
     input.extend(start.iter().flatten());
@@ -90,16 +90,16 @@ fn case(model: &Model, built: &BuiltScene) -> Case {
         exact = bounced(&params);
     } else if let Some(start) = start {
         let options = Options::adaptive(TOLERANCES.0, TOLERANCES.1);
-        let mut solver = Integrator::new(&interpreter, Dop853, 0.0, start, options).expect("a motion begins");
+        let mut solver = Integrator::new(&system, Dop853, 0.0, State(start), options).expect("a motion begins");
         solver.integrate_to(2.0).expect("a motion");
-        expected.extend(solver.state());
+        expected.extend(&solver.state().0);
     }
     Case { module: built.module_name(), input, expected, exact }
 }
 
 /// Height and velocity of the ball after two seconds, bounce by bounce.
 fn bounced(params: &[f64]) -> Vec<f64> {
-    let (e, g) = (params[1], 9.81);
+    let (e, g) = (params[1], 9.81_f64);
     let (mut t, mut v) = ((2.0 * 2.0 / g).sqrt(), e * (2.0 * 2.0 * g).sqrt());
     while t + 2.0 * v / g < 2.0 {
         (t, v) = (t + 2.0 * v / g, e * v);

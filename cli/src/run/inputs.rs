@@ -18,6 +18,8 @@ pub enum Between {
     Linear,
     /// Cubics whose slopes are continuous.
     Cubic,
+    /// The value of the row before, with a jump at every row.
+    Hold,
 }
 
 impl Between {
@@ -27,7 +29,7 @@ impl Between {
     /// [`Error::Request`] for other names.
     pub fn named(name: &str) -> Result<Between, Error> {
         <Between as clap::ValueEnum>::from_str(name, false).map_err(|_| {
-            Error::unusable("interpolation", format!("is {name:?}, but has to be linear or cubic"))
+            Error::unusable("interpolation", format!("is {name:?}, but has to be linear, cubic or hold"))
         })
     }
 }
@@ -77,6 +79,7 @@ impl InputTable {
         let interpolation = match between {
             Between::Linear => Interpolation::Linear,
             Between::Cubic => Interpolation::Cubic,
+            Between::Hold => Interpolation::Hold,
         };
         let mut columns = Vec::new();
         for (k, name) in names.iter().enumerate().filter(|(k, _)| *k != of_time) {

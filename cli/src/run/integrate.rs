@@ -40,7 +40,7 @@ pub fn simulate_at(
     factory: &dyn Factory,
     request: &SimulateRequest,
     times: &[f64],
-    progress: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<SimulateResponse, Error> {
     has_state(factory.info())?;
     request.validate(factory.info())?;
@@ -62,7 +62,7 @@ fn motion(
     dynamics: &PreparedScene<'_>,
     request: &SimulateRequest,
     times: &[f64],
-    progress: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<SimulateResponse, Error> {
     let run = Run { dynamics, request, times, progress };
     let purpose = Purpose::of_samples(request.samples);
@@ -86,8 +86,8 @@ struct Run<'r, 'a> {
     request: &'r SimulateRequest,
     /// Times of the samples.
     times: &'r [f64],
-    /// Is told the time reached after every step.
-    progress: &'r mut dyn FnMut(f64),
+    /// Is told the time reached after every step, and may end the motion there.
+    progress: &'r mut dyn FnMut(f64) -> ControlFlow<()>,
 }
 
 impl<'a> WithMethod<'a> for Run<'_, 'a> {
