@@ -31,6 +31,23 @@ def ensemble(
     threads: int | None,
 ) -> dict[str, Any]: ...
 
+def write_ensemble(
+    scene: Scene,
+    names: list[str],
+    values: _Array,
+    t_final: float,
+    samples: int,
+    options: dict[str, Any],
+    lanes: int,
+    threads: int | None,
+    out: str,
+    resume: bool,
+    part: tuple[int, int] | None,
+    statistics: list[str],
+    quantiles: list[float],
+    bins: int,
+) -> str: ...
+
 class Scene:
     @staticmethod
     def load(name: str, text: str | None, scene: str, budget: int, library: str | None) -> Scene: ...

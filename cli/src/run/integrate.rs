@@ -2,6 +2,8 @@
 //!
 //! Does not know: whether the scene is compiled or interpreted, how a request was written, files, figures.
 
+use std::ops::ControlFlow;
+
 use hamel_runtime::{Error as SolverError, Integrator, Method};
 
 use super::admissible;
@@ -29,10 +31,15 @@ pub fn simulate(
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
     let times: Vec<f64> = (0..request.samples).map(|k| request.sample_time(k)).collect();
-    simulate_at(factory, request, &times, progress)
+    let mut told = |t| {
+        progress(t);
+        ControlFlow::Continue(())
+    };
+    simulate_at(factory, request, &times, &mut told)
 }
 
-/// The same with samples at any `times`, from zero in the direction of the motion to its end at most.
+/// The same with samples at any `times`, from zero in the direction of the motion to its end at most. Where `progress`
+/// breaks, the motion ends with that step.
 ///
 /// # Errors
 /// As [`simulate`].

@@ -10,6 +10,7 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use super::arguments::Arguments;
 use crate::commands::options::assignments;
 use crate::error::{Error, Problem};
+use crate::hash::fnv1a;
 use crate::run::admissible;
 use crate::run::backend::Local;
 use crate::run::evaluate::prepare;
@@ -246,25 +247,5 @@ impl<'a> Plan<'a> {
         }
         let names = self.names.iter().take(n).flat_map(|name| name.bytes().chain([b',']));
         Some(fnv1a(names.chain(self.lines.iter().flatten().flat_map(|x| x.to_le_bytes()))))
-    }
-}
-
-/// The hash FNV-1a of 64 bits, in hexadecimal digits.
-///
-/// # Source
-/// Fowler, Noll and Vo, The FNV non-cryptographic hash algorithm (RFC 9923).
-pub(super) fn fnv1a(bytes: impl Iterator<Item = u8>) -> String {
-    let step = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-    format!("{:016x}", bytes.fold(0xcbf2_9ce4_8422_2325, step))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::fnv1a;
-
-    #[test]
-    fn hashes_are_those_of_the_source() {
-        assert_eq!(fnv1a("".bytes()), "cbf29ce484222325");
-        assert_eq!(fnv1a("foobar".bytes()), "85944171f73967e8");
     }
 }

@@ -9,9 +9,10 @@ use clap::ValueEnum;
 use serde_json::{Map, Value, json};
 
 use super::arguments::Arguments;
-use super::plan::{Plan, fnv1a};
+use super::plan::Plan;
 use crate::commands::options::{InputOptions, is_table};
 use crate::error::Error;
+use crate::hash::fnv1a;
 use crate::model::blocks::blocks;
 use crate::model::{Checked, Model, title};
 use crate::run::ensemble::{EnsembleRequest, Width};

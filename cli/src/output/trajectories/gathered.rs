@@ -25,6 +25,20 @@ pub enum Statistic {
     Histogram,
 }
 
+impl Statistic {
+    /// Those that have names.
+    ///
+    /// # Errors
+    /// What is wrong with a name.
+    pub fn named(names: &[String]) -> Result<Vec<Statistic>, String> {
+        let of_one = |name: &String| {
+            <Statistic as ValueEnum>::from_str(name, false)
+                .map_err(|_| format!("has {name:?}, but knows mean, variance, quantiles and histogram"))
+        };
+        names.iter().map(of_one).collect()
+    }
+}
+
 /// Which statistics are told.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Wanted {
