@@ -78,8 +78,8 @@ pub(crate) fn integrate(
     }
     let forms = Forms::of(&scene.model, info)?;
     let inputs = info.inputs.iter().map(|input| input.name.as_str());
-    let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).chain(inputs.clone()).collect();
-    let is_input = |name: &str| inputs.clone().any(|input| input == name);
+    let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).chain(inputs).collect();
+    let is_input = |name: &str| info.inputs.iter().any(|input| input.name == name);
     let of_inputs = names.iter().any(|name| is_input(name));
     let held = if of_inputs { held_inputs(scene)? } else { Vec::new() };
     let mut problems = Vec::new();
