@@ -460,7 +460,8 @@ fn inputs_vary_as_parameters_do() {
     }
     // Drawn around the model's own value, and one of two by an expression.
     let file = folder.file("drawn.csv");
-    let more = ["--spread", "push=0.5..1.5", "--count", "8", "--input", "pull=1", "--t-final", "2", "-o", &file];
+    let more =
+        ["--spread", "push=0.5..1.5", "--count", "8", "--input", "pull=1", "--t-final", "2", "-o", &file];
     ensemble(&model, &more);
     let drawn = folder.csv("drawn.csv");
     for row in 0..8 {
@@ -476,7 +477,18 @@ fn inputs_vary_as_parameters_do() {
     std::fs::write(&table, "t,push\n0,1\n1,-1\n").unwrap();
     let held = folder.file("held.csv");
     let out = run(&[
-        "simulate", &model, "--input", &table, "--interpolation", "hold", "--t-final", "2", "--samples", "2", "-o", &held,
+        "simulate",
+        &model,
+        "--input",
+        &table,
+        "--interpolation",
+        "hold",
+        "--t-final",
+        "2",
+        "--samples",
+        "2",
+        "-o",
+        &held,
     ]);
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let held = folder.csv("held.csv");

@@ -85,8 +85,10 @@ pub(crate) fn integrate(
     let mut problems = Vec::new();
     let given: Vec<(String, f64)> = names.iter().map(|name| (name.clone(), 0.0)).collect();
     assignments(&given, "y0 and params", "parameter or state variable", &known, &mut problems);
-    let of_state =
-        names.iter().map(String::as_str).filter(|name| info.params.iter().all(|p| p.name != *name) && !is_input(name));
+    let of_state = names
+        .iter()
+        .map(String::as_str)
+        .filter(|name| info.params.iter().all(|p| p.name != *name) && !is_input(name));
     if let Err(reason) = forms.form_of(of_state) {
         problems.push(Problem::Unusable { path: "y0".into(), reason });
     }
@@ -133,10 +135,13 @@ pub(crate) fn integrate(
 fn held_inputs(scene: &Scene) -> Result<Vec<(String, f64)>, Error> {
     let of_one = |input: &ParamEntry| match scene.table.as_deref().filter(|table| table.has(&input.name)) {
         None => Ok((input.name.clone(), input.default)),
-        Some(table) => table.held_value(&input.name).map(|held| (input.name.clone(), held)).ok_or_else(|| {
-            let reason = format!("vary, but {} is driven by a table: drive it by an expression", input.name);
-            Error::unusable("inputs", reason)
-        }),
+        Some(table) => {
+            table.held_value(&input.name).map(|held| (input.name.clone(), held)).ok_or_else(|| {
+                let reason =
+                    format!("vary, but {} is driven by a table: drive it by an expression", input.name);
+                Error::unusable("inputs", reason)
+            })
+        }
     };
     scene.info().inputs.iter().map(of_one).collect()
 }
@@ -183,10 +188,13 @@ pub(crate) fn write(
         lanes: asked.width,
         threads: asked.threads,
         resume: to.resume,
-        part: to.part.map(|(part, of)| Share::parse(&format!("{part}/{of}"))).transpose().map_err(|reason| {
-            Error::unusable("part", reason)
-        })?,
-        statistics: Statistic::named(&to.statistics).map_err(|reason| Error::unusable("statistics", reason))?,
+        part: to
+            .part
+            .map(|(part, of)| Share::parse(&format!("{part}/{of}")))
+            .transpose()
+            .map_err(|reason| Error::unusable("part", reason))?,
+        statistics: Statistic::named(&to.statistics)
+            .map_err(|reason| Error::unusable("statistics", reason))?,
         quantiles: to.quantiles,
         bins: to.bins,
         output: vec![to.out],

@@ -206,7 +206,9 @@ pub(crate) fn ensemble<'py>(
 
 /// The same into a file or a store; returns what became of them as text.
 #[pyfunction]
-#[pyo3(signature = (scene, names, values, t_final, samples, options, lanes, threads, out, resume, part, statistics, quantiles, bins))]
+#[pyo3(signature = (
+    scene, names, values, t_final, samples, options, lanes, threads, out, resume, part, statistics, quantiles, bins
+))]
 #[expect(clippy::too_many_arguments, reason = "arguments of Python, all given by name there")]
 pub(crate) fn write_ensemble(
     py: Python<'_>,

@@ -23,8 +23,12 @@ const N_ROUNDS: usize = 20;
 const TOLERANCES: (f64, f64) = (1e-9, 1e-11);
 
 /// What calls sine, cosine and square roots alone, which are the runtime's and the machine's own.
-const SCENES: [(&str, &str); 4] =
-    [("heavy_top", "default"), ("snakeboard", "controlled"), ("rolling_disk", "default"), ("euler_disk", "default")];
+const SCENES: [(&str, &str); 4] = [
+    ("heavy_top", "default"),
+    ("snakeboard", "controlled"),
+    ("rolling_disk", "default"),
+    ("euler_disk", "default"),
+];
 
 /// A ball that falls, and bounces from the ground.
 const BALL: &str = "model ball {
@@ -64,7 +68,8 @@ fn case(model: &Model, built: &BuiltScene) -> Case {
     let mut random = Random(20_261_124);
     let mut numbers = |n: usize| (0..n).map(|_| random.number()).collect::<Vec<f64>>();
     let defaults: Vec<f64> = built.params().iter().map(|p| rational_to_f64(&p.default)).collect();
-    let params: Vec<f64> = defaults.iter().zip(numbers(defaults.len())).map(|(x, r)| x * (1.0 + 0.05 * r)).collect();
+    let params: Vec<f64> =
+        defaults.iter().zip(numbers(defaults.len())).map(|(x, r)| x * (1.0 + 0.05 * r)).collect();
     let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{}: {e}", model.name));
     let slots = &prepared[..program.prepare.slots.len()];
     let (mut input, mut expected) = (params.clone(), Vec::new());
@@ -90,7 +95,8 @@ fn case(model: &Model, built: &BuiltScene) -> Case {
         exact = bounced(&params);
     } else if let Some(start) = start {
         let options = Options::adaptive(TOLERANCES.0, TOLERANCES.1);
-        let mut solver = Integrator::new(&system, Dop853, 0.0, State(start), options).expect("a motion begins");
+        let mut solver =
+            Integrator::new(&system, Dop853, 0.0, State(start), options).expect("a motion begins");
         solver.integrate_to(2.0).expect("a motion");
         expected.extend(&solver.state().0);
     }

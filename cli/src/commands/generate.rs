@@ -148,7 +148,8 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             return Err(Error::unusable(&fluid.name, reason));
         }
         if arguments.mod_file.is_some() {
-            let reason = "is a file for several scenes in Rust: leave it out, every scene has files of its own";
+            let reason =
+                "is a file for several scenes in Rust: leave it out, every scene has files of its own";
             return Err(Error::unusable("--mod-file", reason));
         }
     }

@@ -511,7 +511,9 @@ impl Dynamics for Interpreted<'_> {
 
     fn inputs_at(&self, t: f64) -> Option<Vec<f64>> {
         let drive = self.built.drive.as_ref().filter(|_| self.inputs.is_empty());
-        drive.map(|drive| drive.at(t)).or_else(|| Some(self.inputs.clone()).filter(|inputs| !inputs.is_empty()))
+        drive
+            .map(|drive| drive.at(t))
+            .or_else(|| Some(self.inputs.clone()).filter(|inputs| !inputs.is_empty()))
     }
 
     fn n_circles(&self) -> usize {

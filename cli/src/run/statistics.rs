@@ -87,7 +87,8 @@ impl Distribution {
         let mut centroid = || Some(Centroid::new(number()?, number()?));
         let centroids: Vec<Centroid> = (0..n_centroids).map(|_| centroid()).collect::<Option<_>>()?;
         let known = |x: f64| (n > 0).then_some(x);
-        let is_whole = if n > 0 { min.is_finite() && max.is_finite() && n_centroids > 0 } else { n_centroids == 0 };
+        let is_whole =
+            if n > 0 { min.is_finite() && max.is_finite() && n_centroids > 0 } else { n_centroids == 0 };
         let sketch = || TDigest::new(centroids, sum, n as f64, known(max), known(min), MAX_CENTROIDS);
         is_whole.then(|| Distribution { n, mean, m2, sketch: sketch() })
     }

@@ -58,7 +58,8 @@ pub struct Arguments {
     /// Seed of what is drawn
     #[arg(long, default_value_t = 0, requires = "spread")]
     pub seed: u64,
-    /// File (CSV) of parameters, components of initial states and inputs: a line of names, then a line for each trajectory
+    /// File (CSV) of parameters, components of initial states and inputs: a line of names, then a line for each
+    /// trajectory
     #[arg(long, value_name = "FILE")]
     pub table: Option<PathBuf>,
     /// From where, and how.
@@ -82,8 +83,8 @@ pub struct Arguments {
     /// Integrate one of N shares of the ensemble, into a store that the other shares have, too; implies --resume
     #[arg(long, value_name = "I/N", value_parser = Share::parse)]
     pub part: Option<Share>,
-    /// Statistics of all trajectories at each sample instead of the trajectories, gathered while they are integrated; in
-    /// a store, too
+    /// Statistics of all trajectories at each sample instead of the trajectories, gathered while they are integrated;
+    /// in a store, too
     #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',')]
     pub statistics: Vec<Statistic>,
     /// Levels of --statistics quantiles

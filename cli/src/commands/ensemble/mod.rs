@@ -20,10 +20,11 @@ use crate::error::Error;
 use crate::model;
 use crate::output::trajectories::Target;
 use crate::output::trajectories::chunk::{Chunk, Heading, Sink, Tally};
-use crate::output::trajectories::store::Store;
 use crate::output::trajectories::gathered::Wanted;
+use crate::output::trajectories::store::Store;
 use crate::output::trajectories::summary::Summary;
 use crate::output::trajectories::temporary;
+use crate::request::table::Table;
 use crate::run::backend::Backend;
 use crate::run::dynamics::Factory as _;
 use crate::run::ensemble::{EnsembleRequest, Member, Progress, pool};
@@ -34,7 +35,6 @@ use crate::run::method::Steps;
 use crate::run::ranks::Ranks;
 use crate::run::simulation::sample_time;
 use crate::run::start::Starts;
-use crate::request::table::Table;
 use crate::session::Session;
 use plan::{Beginning, Plan};
 use work::{Item, Work};
@@ -75,7 +75,8 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     }
     let mut backend = choice.open(&file)?;
     let text = file.text()?;
-    let subject = Subject { model, text: &text, built: &built, inputs: request::inputs(&arguments.scene.inputs)? };
+    let subject =
+        Subject { model, text: &text, built: &built, inputs: request::inputs(&arguments.scene.inputs)? };
     of_scene(&subject, &mut *backend, lines, arguments, watch_for_interrupts)
 }
 

@@ -104,7 +104,9 @@ pub(super) fn inputs(options: &InputOptions) -> Result<Value, Error> {
             return Ok(json!(input));
         }
         let bytes = std::fs::read(input).map_err(|e| Error::io(input.clone(), e))?;
-        Ok(json!({"table_hash": fnv1a(bytes.into_iter()), "interpolation": format!("{:?}", options.interpolation)}))
+        Ok(
+            json!({"table_hash": fnv1a(bytes.into_iter()), "interpolation": format!("{:?}", options.interpolation)}),
+        )
     };
     options.input.iter().map(one).collect::<Result<Vec<Value>, Error>>().map(Value::Array)
 }

@@ -24,7 +24,8 @@ use super::tree::Tree;
 use super::zarr::{self, Array, DOCUMENT, Kind};
 use crate::error::Error;
 
-/// Folder for locks, for files that have not taken their places, and for what is merged; gone when the store is complete.
+/// Folder for locks, for files that have not taken their places, and for what is merged; gone when the store is
+/// complete.
 const WORK: &str = ".hamel";
 /// Within it, the lock of the process that tells statistics.
 const TELLING: &str = "telling.lock";
@@ -254,7 +255,8 @@ impl<'a> Store<'a> {
         }
         let work = self.folder.join(WORK);
         let path = work.join(TELLING);
-        let lock = create_folder_of(&path).and_then(|()| File::options().create(true).append(true).open(&path));
+        let lock =
+            create_folder_of(&path).and_then(|()| File::options().create(true).append(true).open(&path));
         let told = lock.and_then(|lock| {
             // One after the other, as the first one ends with the removal of what the others would read.
             let _ = lock.lock();
@@ -435,7 +437,12 @@ impl<'a> Arrays<'a> {
                 if wanted.has(Statistic::Quantiles) {
                     let n = wanted.levels.len();
                     let doc = attributes([("description", json!("levels of the quantiles"))]);
-                    let level = Array { name: "level", kind: Kind::Float, axes: vec![("level", n, n)], attributes: doc };
+                    let level = Array {
+                        name: "level",
+                        kind: Kind::Float,
+                        axes: vec![("level", n, n)],
+                        attributes: doc,
+                    };
                     add(&level, Some(zarr::floats(&wanted.levels, n)));
                 }
                 tables.iter().for_each(|(_, array)| add(array, None));

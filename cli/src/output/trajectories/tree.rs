@@ -61,7 +61,10 @@ impl Tree<'_, '_> {
             if !are_there || parent.is_file() {
                 return Ok(());
             }
-            let lock = File::options().create(true).append(true).open(self.path(level + 1, at / 2).with_extension("lock"))?;
+            let lock = File::options()
+                .create(true)
+                .append(true)
+                .open(self.path(level + 1, at / 2).with_extension("lock"))?;
             // Another process is at it; on a file system without locks both are.
             if let Err(std::fs::TryLockError::WouldBlock) = lock.try_lock() {
                 return Ok(());

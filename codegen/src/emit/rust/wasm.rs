@@ -263,8 +263,12 @@ impl Writer<'_> {
         let names = |params: &[ParamText]| params.iter().map(|p| p.name.clone()).collect::<Vec<String>>();
         let state: Vec<String> = text.state.iter().map(|s| s.name.clone()).collect();
         let outputs: Vec<String> = self.output_components().map(str::to_owned).collect();
-        let arrays =
-            [("params", names(&text.params)), ("inputs", names(&text.inputs)), ("state", state), ("outputs", outputs)];
+        let arrays = [
+            ("params", names(&text.params)),
+            ("inputs", names(&text.inputs)),
+            ("state", state),
+            ("outputs", outputs),
+        ];
         for (array, names) in &arrays {
             lines.extend(wrapped(&format!("{array} = ["), names, "]"));
         }
