@@ -182,6 +182,22 @@ fn compile(folder: &Path, modules: &[String]) -> PathBuf {
     target.join(TARGET).join("debug/examples")
 }
 
+/// Runs the JavaScript of the book.
+fn run_book(folder: &Path, compiled: &Path) {
+    let page = include_str!("../../docs/book/wasm.md");
+    let block =
+        page.split_once("```js\n").and_then(|(_, rest)| rest.split_once("```")).expect("a block of js").0;
+    std::fs::copy(compiled.join("heavy_top.wasm"), folder.join("heavy_top.wasm")).expect("a module");
+    // The energy stays, and the time is the end.
+    let check = "const drift = Math.abs(top.energy(1) - energy);\n\
+        if (top.time !== 1 || !Number.isFinite(spin) || !(drift < 1e-7 * Math.abs(energy))) {\n  \
+            throw new Error(`${top.time} ${spin} ${drift}`);\n}\n";
+    let text = format!("{block}{check}");
+    std::fs::write(folder.join("book.mjs"), text).expect("a script");
+    let out = Command::new("node").current_dir(folder).arg("book.mjs").output().expect("node starts");
+    assert!(out.status.success() && out.stdout.is_empty(), "{out:?}");
+}
+
 #[test]
 fn scenes_in_webassembly_have_the_bits_of_the_interpreter() {
     if !is_there("node", "--version") || !has_target() {
@@ -207,6 +223,7 @@ fn scenes_in_webassembly_have_the_bits_of_the_interpreter() {
     let modules: Vec<String> = cases.iter().map(|case| case.module.clone()).collect();
     let compiled = compile(&folder, &modules);
     std::fs::write(folder.join("driver.mjs"), DRIVER).expect("a driver");
+    run_book(&folder, &compiled);
     for Case { module, input, expected, exact } in &cases {
         let files = ["in", "out"].map(|ending| folder.join(format!("{module}.{ending}")));
         let bytes: Vec<u8> = input.iter().flat_map(|x| x.to_le_bytes()).collect();
