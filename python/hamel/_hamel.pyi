@@ -1,10 +1,11 @@
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
+__all__: list[str]
 __version__: str
 
 def shipped() -> list[str]: ...
@@ -48,6 +49,7 @@ def write_ensemble(
     bins: int,
 ) -> str: ...
 
+@final
 class Scene:
     @staticmethod
     def load(name: str, text: str | None, scene: str, budget: int, library: str | None) -> Scene: ...
@@ -103,6 +105,7 @@ class Scene:
     def report(self) -> str: ...
     def measured(self, y: _Array, out: _Array, repeats: int) -> list[float]: ...
 
+@final
 class Motion:
     @property
     def t(self) -> _Array: ...

@@ -427,8 +427,9 @@ class Model:
         """
         if params or inputs:
             if inputs and "t" not in inputs and any(callable(value) for value in inputs.values()):
-                ends = sorted((0.0, _times(t, 1)[0]))
-                inputs = {"t": np.linspace(*ends, max(int(knots), 2)), **inputs}
+                t_end = _times(t, 1)[0]
+                at = np.linspace(min(t_end, 0.0), max(t_end, 0.0), max(int(knots), 2))
+                inputs = {"t": at, **inputs}
             driven = self.with_inputs(inputs, interpolation=interpolation) if inputs else self
             return driven.with_params(**(params or {})).simulate(
                 t, y0, method=method, rtol=rtol, atol=atol, step=step, samples=samples, events=events,
