@@ -9,6 +9,7 @@ pub mod cache;
 pub mod commands;
 pub mod editor;
 pub mod error;
+mod hash;
 pub mod model;
 pub mod names;
 pub mod output;

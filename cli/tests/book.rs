@@ -128,6 +128,8 @@ fn every_code_block_of_the_book_is_tested() {
                 "sh" | "console" | "rust" | "hamel" | "text" | "toml" => true,
                 // Compiled by tests/tests/c.rs, run by tests/peers/interfaces.py.
                 "c" | "cpp" => page.path.ends_with("c.md"),
+                // Run by tests/tests/wasm.rs.
+                "js" => page.path.ends_with("wasm.md"),
                 // By `python/tests/test_package.py`; of C, by tests/peers/interfaces.py.
                 "python" => page.path.ends_with("docs/book/python.md") || page.path.ends_with("c.md"),
                 _ => false,

@@ -426,3 +426,72 @@ fn arrays(bytes: &[u8]) -> BTreeMap<String, Array> {
     }
     arrays
 }
+
+/// A cart that is pushed and pulled: `x = (push + pull) t^2/(2 m)` from rest.
+const CART: &str = "model cart {
+    param m = 2;
+    input push = 1/2;
+    input pull = 0;
+    coordinate x in real;
+    lagrangian = 1/2*m*x_dot^2;
+    force x_dot = push + pull;
+    initial x = 0;
+    initial x_dot = 0;
+}";
+
+/// Inputs vary from trajectory to trajectory, in lanes too, with the bits of the motion in which they are held there.
+#[test]
+fn inputs_vary_as_parameters_do() {
+    let folder = Folder::new("inputs");
+    let (model, table) = (folder.file("cart.hamel"), folder.file("table.csv"));
+    std::fs::write(&model, CART).unwrap();
+    let grid = ["--sweep", "push=-1..1:5", "m=1..2:2", "--t-final", "2"];
+    for (via, name) in [("interpreter", "a.csv"), ("jit", "b.csv")] {
+        let file = folder.file(name);
+        let out = run(&[&["ensemble", &model, "--via", via][..], &grid, &["-o", &file]].concat());
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    }
+    assert_eq!(folder.bytes("a.csv"), folder.bytes("b.csv"));
+    let found = folder.csv("a.csv");
+    assert_eq!(found.rows.len(), 10);
+    for row in 0..10 {
+        let (push, m, x) = (found.number(row, "push"), found.number(row, "m"), found.number(row, "x"));
+        assert!((x - 2.0 * push / m).abs() < 1e-14, "{push} {m}: {x}");
+    }
+    // Drawn around the model's own value, and one of two by an expression.
+    let file = folder.file("drawn.csv");
+    let more =
+        ["--spread", "push=0.5..1.5", "--count", "8", "--input", "pull=1", "--t-final", "2", "-o", &file];
+    ensemble(&model, &more);
+    let drawn = folder.csv("drawn.csv");
+    for row in 0..8 {
+        let push = drawn.number(row, "push");
+        assert!((0.5..1.5).contains(&push) && (drawn.number(row, "x") - (push + 1.0)).abs() < 1e-14);
+    }
+    std::fs::write(&table, "t,pull\n0,0\n1,1\n").unwrap();
+    let out = run(&["ensemble", &model, "--sweep", "push=0..1:2", "--input", &table, "-o", &file]);
+    let message = String::from_utf8(out.stderr).unwrap();
+    assert_eq!(out.status.code(), Some(2), "{message}");
+    assert!(message.contains("drive the others by expressions"), "{message}");
+    // Held from row to row: adaptive steps find the jump.
+    std::fs::write(&table, "t,push\n0,1\n1,-1\n").unwrap();
+    let held = folder.file("held.csv");
+    let out = run(&[
+        "simulate",
+        &model,
+        "--input",
+        &table,
+        "--interpolation",
+        "hold",
+        "--t-final",
+        "2",
+        "--samples",
+        "2",
+        "-o",
+        &held,
+    ]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let held = folder.csv("held.csv");
+    let (x, v) = (held.number(1, "x"), held.number(1, "x_dot"));
+    assert!((x - 0.5).abs() < 1e-8 && v.abs() < 1e-8, "{x} {v}");
+}

@@ -244,13 +244,12 @@ fn files_that_do_not_suit_are_refused_before_anything_is_written() {
     let folder = Folder::new("refused");
     let [csv, svg, store] = ["out.csv", "out.svg", "out.zarr"].map(|name| folder.file(name));
     let some = ["ensemble", "heavy_top", "--sweep", "m=1..2:2"];
-    let cases: [(&[&str], &str); 7] = [
+    let cases: [(&[&str], &str); 6] = [
         (&["-o", &csv, "--resume"], "--resume needs a store, but"),
         (&["-o", &csv, "--part", "1/2"], "--part needs a store"),
         (&["-o", &store, "--part", "3/2"], "there is no part 3 of 2"),
         (&["-o", &store, "-o", &csv], "is written alone"),
         (&["-o", &svg], "is a figure of statistics"),
-        (&["-o", &store, "--statistics", "mean"], "keeps trajectories"),
         (&["-o", &store, "--method", "rk4"], "rk4"),
     ];
     for (arguments, hint) in cases {
@@ -293,4 +292,58 @@ fn statistics_are_those_of_the_trajectories_for_any_number_of_threads() {
     assert!((shares - 1.0).abs() < 1e-12);
     assert!(std::fs::read_to_string(&svg).unwrap().contains("<polygon"));
     assert!(std::fs::metadata(&npz).unwrap().len() > 1000);
+}
+
+/// Statistics of every kind, in a store that is whole, in shares, killed and shared: the numbers of a table, and the
+/// same bytes.
+#[test]
+fn stores_of_statistics_have_the_same_bytes_however_the_work_is_cut() {
+    const WHAT: [&str; 4] = ["--statistics", "mean,variance,quantiles,histogram", "--bins", "7"];
+    let folder = Folder::new("told");
+    let [whole, table] = ["whole.zarr", "table.csv"].map(|name| folder.file(name));
+    let told = done(&tops(&whole, &WHAT));
+    assert!(told.contains("heavy_top: 7784 trajectories, 0 stopped"), "{told}");
+    let expected = folder.files("whole.zarr");
+    assert!(!expected.keys().any(|path| path.starts_with("y") || path.starts_with(".hamel")));
+
+    // The numbers of a file, which one process writes chunk by chunk.
+    done(&tops(&table, &WHAT));
+    let text = std::fs::read_to_string(&table).unwrap();
+    let read = |name: &str| floats(&expected[Path::new(name)]);
+    let [mean, variance, quantiles, shares] =
+        ["mean/c/0/0", "variance/c/0/0", "quantiles/c/0/0/0", "histogram/c/0/0/0"].map(read);
+    assert_eq!((mean.len(), quantiles.len(), shares.len()), (101 * 7, 101 * 7 * 5, 101 * 7 * 7));
+    for row in 0..101 * 7 {
+        assert_eq!(cell(&text, row, "mean").to_bits(), mean[row].to_bits());
+        assert_eq!(cell(&text, row, "variance").to_bits(), variance[row].to_bits());
+        assert_eq!(cell(&text, row, "q0.75").to_bits(), quantiles[5 * row + 3].to_bits());
+        assert_eq!(cell(&text, row, "h3").to_bits(), shares[7 * row + 2].to_bits());
+    }
+    let numbers = expected[Path::new("n/c/0/0")].chunks(8).map(|n| u64::from_le_bytes(n.try_into().unwrap()));
+    assert!(numbers.eq(std::iter::repeat_n(7784, 101 * 7)));
+
+    let shares = folder.file("shares.zarr");
+    for part in ["3/3", "1/3"] {
+        let told = done(&tops(&shares, &[&WHAT[..], &["--part", part]].concat()));
+        assert!(told.contains(" are left"), "{told}");
+        assert!(!folder.0.join("shares.zarr/mean/c").exists());
+    }
+    done(&tops(&shares, &[&WHAT[..], &["--part", "2/3"]].concat()));
+    assert!(folder.files("shares.zarr") == expected);
+
+    let crowd = folder.file("crowd.zarr");
+    let more = [&WHAT[..], &["--resume", "--threads", "1"]].concat();
+    let start = || command(&tops(&crowd, &more)).stdout(Stdio::null()).spawn().unwrap();
+    let [mut killed, mut other] = [start(), start()];
+    wait_for_chunks(&folder, "crowd.zarr", &mut killed);
+    for child in [&mut killed, &mut other] {
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    assert!(folder.n_finished("crowd.zarr") < N_CHUNKS);
+    assert!(refused(&tops(&crowd, &["--resume"])).contains("statistics is"));
+    assert!([start(), start()].iter_mut().all(|child| child.wait().unwrap().success()));
+    assert!(folder.files("crowd.zarr") == expected);
+    assert!(done(&tops(&crowd, &more)).contains("0 of them now"));
+    assert!(folder.files("crowd.zarr") == expected);
 }

@@ -1,5 +1,7 @@
 //! Families of models: a file with sizes is what the text with its loops written out by hand is.
 
+// Not all of them are written with sizes here.
+#[allow(dead_code)]
 #[path = "linkages/families.rs"]
 mod families;
 

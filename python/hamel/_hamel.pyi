@@ -1,10 +1,11 @@
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
+__all__: list[str]
 __version__: str
 
 def shipped() -> list[str]: ...
@@ -31,6 +32,24 @@ def ensemble(
     threads: int | None,
 ) -> dict[str, Any]: ...
 
+def write_ensemble(
+    scene: Scene,
+    names: list[str],
+    values: _Array,
+    t_final: float,
+    samples: int,
+    options: dict[str, Any],
+    lanes: int,
+    threads: int | None,
+    out: str,
+    resume: bool,
+    part: tuple[int, int] | None,
+    statistics: list[str],
+    quantiles: list[float],
+    bins: int,
+) -> str: ...
+
+@final
 class Scene:
     @staticmethod
     def load(
@@ -93,6 +112,7 @@ class Scene:
     def report(self) -> str: ...
     def measured(self, y: _Array, out: _Array, repeats: int) -> list[float]: ...
 
+@final
 class Motion:
     @property
     def t(self) -> _Array: ...

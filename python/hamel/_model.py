@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Union
+from typing import Any, Union, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -219,16 +219,18 @@ class Model:
         inputs: Mapping[str, Any] | None = None,
         /,
         *,
-        interpolation: str = "linear",
+        interpolation: str | None = None,
         **more: Any,
     ) -> Model:
         """The same model with inputs driven; the default scene gives way to ``controlled``, which takes them.
 
         An input is a number (held), an expression of the model's language in ``t``, coordinates, velocities and
-        parameters (``"0.2*sin(t)"``), or an array ``(N,)`` of values at the times of the array ``t``, ``(N,)``, with
-        straight lines or cubics (``interpolation="cubic"``) between. An expression becomes a part of the text.
+        parameters (``"0.2*sin(t)"``), or an array ``(N,)`` of values at the times of the array ``t``, ``(N,)``, or a
+        function of one time, which is called at these times, once and for all. Between the times are straight lines
+        (``interpolation="linear"``), cubics (``"cubic"``; what is told where all columns are functions), or the value at
+        the time before (``"hold"``). An expression becomes a part of the text, and has no error.
 
-        Raises :class:`InputError` for names that are no inputs, and for what is none of these, functions included.
+        Raises :class:`InputError` for names that are no inputs, and for what is none of these.
         """
         given = {**(inputs or {}), **more}
         drives = [(name, value) for name, value in given.items() if isinstance(value, str)]
@@ -238,10 +240,7 @@ class Model:
             if isinstance(value, str):
                 continue
             if callable(value):
-                raise InputError(
-                    f"inputs {name} is a function: give an expression such as \"sin(t)\", or an array of its values at "
-                    "the times of an array `t`"
-                )
+                value = _sampled(name, value, given.get("t"))
             array = np.asarray(value, dtype=np.float64)
             if array.ndim > 1 or not np.all(np.isfinite(array)):
                 raise InputError(f"inputs {name} has to be a finite number or an array of finite numbers with one axis")
@@ -252,6 +251,9 @@ class Model:
         if columns and len({len(column) for column in columns.values()}) > 1:
             listed = ", ".join(f"{name} ({len(column)},)" for name, column in columns.items())
             raise InputError(f"inputs have arrays of several lengths: {listed}")
+        if interpolation is None:
+            known = [value for name, value in given.items() if name in columns and name != "t"]
+            interpolation = "cubic" if known and all(callable(value) for value in known) else "linear"
         native = self._native
         applied = self._applied
         if drives:
@@ -268,8 +270,16 @@ class Model:
         return made
 
     def with_scene(self, scene: str) -> Model:
-        """Another scene of the same model, with the values of the parameters that both have."""
+        """Another scene of the same model, with the values of the parameters that both have and the same inputs.
+
+        Raises :class:`InputError` where inputs are held or driven that the scene does not take.
+        """
         other = _loaded(self._native.file, self.text, scene, {}, self._native.budget, self._cache)
+        native = other._native
+        for each in self._applied:
+            native = native.with_inputs(*each)
+        other = Model(native, self._cache)
+        other._applied = self._applied
         shared = {name: value for name, value in self._params.items() if name in other._params}
         return other.with_params(**shared)
 
@@ -400,7 +410,8 @@ class Model:
         events: Sequence[str] = (),
         sensitivity: Sequence[str] = (),
         inputs: Mapping[str, Any] | None = None,
-        interpolation: str = "linear",
+        interpolation: str | None = None,
+        knots: int = 1001,
         outputs: bool = True,
         max_steps: int | None = None,
         max_events: int | None = None,
@@ -414,11 +425,16 @@ class Model:
         methods with fixed steps. Events of the model happen; ``events`` are further functions of the state to watch, in
         the language of models, such as ``"Omega1 rising"``, named ``section1``, ``section2``, .. in the result.
         ``sensitivity`` names parameters and components of the initial state to differentiate by. ``inputs`` are as
-        :meth:`with_inputs` takes them.
+        :meth:`with_inputs` takes them; functions of time without an array ``t`` are called at ``knots`` times at equal
+        distances from the beginning to the end, with cubics between them. An interrupt of the keyboard ends the motion.
 
         Raises :class:`IntegrationError` with the state reached, :class:`InputError`.
         """
         if params or inputs:
+            if inputs and "t" not in inputs and any(callable(value) for value in inputs.values()):
+                t_end = _times(t, 1)[0]
+                at = np.linspace(min(t_end, 0.0), max(t_end, 0.0), max(int(knots), 2))
+                inputs = {"t": at, **inputs}
             driven = self.with_inputs(inputs, interpolation=interpolation) if inputs else self
             return driven.with_params(**(params or {})).simulate(
                 t, y0, method=method, rtol=rtol, atol=atol, step=step, samples=samples, events=events,
@@ -432,6 +448,54 @@ class Model:
         for text in native.warnings:
             warnings.warn(text, RuntimeWarning, stacklevel=2)
         return Motion(self, native)
+
+    @overload
+    def ensemble(
+        self,
+        t: float,
+        y0: Mapping[str, ArrayLike] | ArrayLike | None = None,
+        params: Mapping[str, ArrayLike] | None = None,
+        *,
+        method: str = "dop853",
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        samples: int = 1,
+        max_steps: int | None = None,
+        lanes: int = 4,
+        threads: int | None = None,
+        inputs: Mapping[str, ArrayLike] | None = None,
+        out: None = None,
+        part: tuple[int, int] | None = None,
+        resume: bool = False,
+        statistics: Sequence[str] = (),
+        quantiles: Sequence[float] = (0.05, 0.25, 0.5, 0.75, 0.95),
+        bins: int = 50,
+    ) -> Ensemble: ...
+
+    @overload
+    def ensemble(
+        self,
+        t: float,
+        y0: Mapping[str, ArrayLike] | ArrayLike | None = None,
+        params: Mapping[str, ArrayLike] | None = None,
+        *,
+        method: str = "dop853",
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        samples: int = 1,
+        max_steps: int | None = None,
+        lanes: int = 4,
+        threads: int | None = None,
+        inputs: Mapping[str, ArrayLike] | None = None,
+        out: str | os.PathLike[str],
+        part: tuple[int, int] | None = None,
+        resume: bool = False,
+        statistics: Sequence[str] = (),
+        quantiles: Sequence[float] = (0.05, 0.25, 0.5, 0.75, 0.95),
+        bins: int = 50,
+    ) -> str: ...
 
     def ensemble(
         self,
@@ -447,12 +511,26 @@ class Model:
         max_steps: int | None = None,
         lanes: int = 4,
         threads: int | None = None,
-    ) -> Ensemble:
+        inputs: Mapping[str, ArrayLike] | None = None,
+        out: str | os.PathLike[str] | None = None,
+        part: tuple[int, int] | None = None,
+        resume: bool = False,
+        statistics: Sequence[str] = (),
+        quantiles: Sequence[float] = (0.05, 0.25, 0.5, 0.75, 0.95),
+        bins: int = 50,
+    ) -> Ensemble | str:
         """Many motions to the time ``t``, on all cores, four side by side in the registers of each.
 
         ``y0`` is an array ``(N, n)`` of complete states, or components by name; ``params`` parameters by name. Each of
         them is a number for all trajectories, or ``N`` numbers. Results depend on neither ``threads`` nor the machine.
-        A trajectory that stops says why in :attr:`Ensemble.errors`, and the others go on.
+        A trajectory that stops says why in :attr:`Ensemble.errors`, and the others go on. ``inputs`` are held at a number
+        for all trajectories, or at one for each; the scene has to take them.
+
+        With ``out`` trajectories are written while they are integrated, and what became of them is returned as text: to
+        a store (``.zarr``), CSV or NPZ, or ``statistics`` of them (``"mean"``, ``"variance"``, ``"quantiles"``,
+        ``"histogram"``) to these or a figure (``.svg``). A store is interrupted, gone on with (``resume``) and shared as
+        that of ``hamel ensemble``: ``part=(3, 16)`` integrates the third of sixteen shares, in a process of its own,
+        such as a worker of Dask, and the bytes are those of one process.
 
         Raises :class:`InputError` for what is wrong with all of them.
         """
@@ -468,6 +546,12 @@ class Model:
             if name in columns:
                 raise InputError(f"params gives {name}, which y0 gives as well: leave one of them out")
             columns[name] = np.asarray(value, dtype=np.float64)
+        known = self._native.inputs
+        for name, value in (inputs or {}).items():
+            if all(name != own for own, _, _ in known):
+                listed = ", ".join(own for own, _, _ in known) or "none"
+                raise InputError(f"scene {self.scene} of {self.name} has no input `{name}`\n  inputs: {listed}")
+            columns[name] = np.asarray(value, dtype=np.float64)
         shapes = {name: column.shape for name, column in columns.items() if column.ndim}
         if any(len(shape) > 1 for shape in shapes.values()) or len(set(shapes.values())) > 1:
             listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
@@ -477,6 +561,13 @@ class Model:
         for k, column in enumerate(columns.values()):
             values[:, k] = column
         options = _options(method, rtol, atol, step, max_steps)
+        if out is not None:
+            return _hamel.write_ensemble(
+                self._native, list(columns), values, float(t), int(samples), options, int(lanes), threads,
+                os.fspath(out), resume, part, list(statistics), [float(q) for q in quantiles], int(bins),
+            )  # fmt: skip
+        if part is not None or resume or statistics:
+            raise InputError("part, resume and statistics are of what is written: give out, such as \"runs.zarr\"")
         found = _hamel.ensemble(
             self._native, list(columns), values, float(t), int(samples), options, int(lanes), threads
         )
@@ -579,3 +670,13 @@ def _times(t: float | ArrayLike, samples: int) -> tuple[float, list[float]]:
     if samples == 1:
         return t_final, [t_final]
     return t_final, np.linspace(0.0, t_final, samples).tolist()
+
+
+def _sampled(name: str, function: Any, times: Any) -> Array:
+    """The values of a function of time at the times of a table."""
+    if times is None:
+        raise InputError(
+            f"inputs {name} is a function of time: give the times at which it is called as an array `t`, "
+            "or an expression such as \"sin(t)\""
+        )
+    return np.array([float(function(t)) for t in np.asarray(times, dtype=np.float64).ravel().tolist()])

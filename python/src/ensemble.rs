@@ -3,15 +3,20 @@
 //! Deliberately does not know: how a trajectory is integrated, how results look in Python.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
+use hamel::commands::ensemble::{Arguments, Lines, Subject, of_scene};
+use hamel::commands::options::{EndOptions, InputOptions, MotionOptions, SceneOptions};
 use hamel::error::{Error, Problem};
+use hamel::output::trajectories::Statistic;
+use hamel::request::share::Share;
 use hamel::run::admissible;
 use hamel::run::asked::assignments;
 use hamel::run::backend::{Backend as _, Local};
 use hamel::run::ensemble::{EnsembleRequest, Member, Progress, Width, pool};
 use hamel::run::evaluate::prepare;
 use hamel::run::forms::Forms;
-use hamel::run::info::Info;
+use hamel::run::info::{Info, ParamEntry};
 use hamel::run::interpreted::Built;
 use hamel::run::method::{MethodName, Steps};
 use hamel::run::simulation::sample_time;
@@ -72,12 +77,18 @@ pub(crate) fn integrate(
         return Err(Error::unusable("samples", "is 0, but the end is a sample: give at least 1"));
     }
     let forms = Forms::of(&scene.model, info)?;
-    let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).collect();
+    let inputs = info.inputs.iter().map(|input| input.name.as_str());
+    let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).chain(inputs).collect();
+    let is_input = |name: &str| info.inputs.iter().any(|input| input.name == name);
+    let of_inputs = names.iter().any(|name| is_input(name));
+    let held = if of_inputs { held_inputs(scene)? } else { Vec::new() };
     let mut problems = Vec::new();
     let given: Vec<(String, f64)> = names.iter().map(|name| (name.clone(), 0.0)).collect();
     assignments(&given, "y0 and params", "parameter or state variable", &known, &mut problems);
-    let of_state =
-        names.iter().map(String::as_str).filter(|name| info.params.iter().all(|p| p.name != *name));
+    let of_state = names
+        .iter()
+        .map(String::as_str)
+        .filter(|name| info.params.iter().all(|p| p.name != *name) && !is_input(name));
     if let Err(reason) = forms.form_of(of_state) {
         problems.push(Problem::Unusable { path: "y0".into(), reason });
     }
@@ -90,8 +101,12 @@ pub(crate) fn integrate(
     let start = |k: usize| -> Start {
         let row: BTreeMap<&str, f64> =
             names.iter().map(String::as_str).zip(values.row(k).iter().copied()).collect();
+        let inputs: Vec<f64> =
+            held.iter().map(|(name, held)| row.get(name.as_str()).copied().unwrap_or(*held)).collect();
+        let row = row.into_iter().filter(|(name, _)| !is_input(name)).collect();
         let start = if is_complete { complete(scene, &row) } else { chosen(scene, built, &starts, &row) };
-        let (params, y) = start.map_err(|e| e.to_string())?;
+        let (mut params, y) = start.map_err(|e| e.to_string())?;
+        params.extend(inputs);
         let prepared = prepare(built, &params).map_err(|e| e.to_string())?;
         admissible::check(&*prepared, &y, 0).map_err(|e| e.to_string())?;
         Ok((params, y))
@@ -111,6 +126,94 @@ pub(crate) fn integrate(
     };
     let integrated = Local::new(built).ensemble(&request)?;
     Ok(side_by_side(info, asked, &members, integrated))
+}
+
+/// Inputs with the values that they are held at, to take the place of what drives the scene.
+///
+/// # Errors
+/// [`Error::Request`] for an input that a table drives.
+fn held_inputs(scene: &Scene) -> Result<Vec<(String, f64)>, Error> {
+    let of_one = |input: &ParamEntry| match scene.table.as_deref().filter(|table| table.has(&input.name)) {
+        None => Ok((input.name.clone(), input.default)),
+        Some(table) => {
+            table.held_value(&input.name).map(|held| (input.name.clone(), held)).ok_or_else(|| {
+                let reason =
+                    format!("vary, but {} is driven by a table: drive it by an expression", input.name);
+                Error::unusable("inputs", reason)
+            })
+        }
+    };
+    scene.info().inputs.iter().map(of_one).collect()
+}
+
+/// Writes the trajectories of the rows of `values` as the command `ensemble` does, and says what became of them.
+///
+/// # Errors
+/// As the command `ensemble`.
+pub(crate) fn write(
+    scene: &Scene,
+    (names, rows): (Vec<String>, Vec<Vec<f64>>),
+    asked: &Asked,
+    to: Written,
+) -> Result<String, Error> {
+    let is_varied = |name: &str| names.iter().any(|varied| varied == name);
+    let own = scene.info().params.iter().zip(&scene.values).map(|(p, value)| (p.name.clone(), *value));
+    let (rtol, atol, step) = match asked.steps {
+        Steps::Adaptive { rtol, atol } => (Some(rtol), Some(atol), None),
+        Steps::Fixed { step } => (None, None, Some(step)),
+    };
+    let arguments = Arguments {
+        scene: SceneOptions {
+            model: scene.info().model.clone(),
+            scene: scene.info().scene.clone(),
+            via: None,
+            inputs: InputOptions::default(),
+        },
+        sweep: Vec::new(),
+        spread: Vec::new(),
+        count: None,
+        seed: 0,
+        table: None,
+        motion: MotionOptions {
+            set: own.filter(|(name, _)| !is_varied(name)).collect(),
+            initial: Vec::new(),
+            method: asked.method,
+            rtol,
+            atol,
+            step,
+            max_steps: asked.max_steps,
+        },
+        end: EndOptions { t_final: asked.t_final },
+        samples: asked.samples,
+        lanes: asked.width,
+        threads: asked.threads,
+        resume: to.resume,
+        part: to
+            .part
+            .map(|(part, of)| Share::parse(&format!("{part}/{of}")))
+            .transpose()
+            .map_err(|reason| Error::unusable("part", reason))?,
+        statistics: Statistic::named(&to.statistics)
+            .map_err(|reason| Error::unusable("statistics", reason))?,
+        quantiles: to.quantiles,
+        bins: to.bins,
+        output: vec![to.out],
+    };
+    let inputs = scene.drives();
+    let subject = Subject { model: &scene.model, text: scene.model_text(), built: scene.built(), inputs };
+    let lines = if names.is_empty() { Lines::none() } else { Lines::of((names, rows)) };
+    // Interrupts are those of Python.
+    of_scene(&subject, &mut Local::new(scene.built()), lines, &arguments, |_| {})
+}
+
+/// To where trajectories are written, and which.
+pub(crate) struct Written {
+    pub(crate) out: PathBuf,
+    pub(crate) resume: bool,
+    pub(crate) part: Option<(usize, usize)>,
+    pub(crate) statistics: Vec<String>,
+    pub(crate) quantiles: Vec<f64>,
+    pub(crate) bins: u16,
 }
 
 /// Parameters and state of a row that has all components.
@@ -159,7 +262,8 @@ fn side_by_side(info: &Info, asked: &Asked, members: &[Start], integrated: Vec<M
             Err(error) => (None, None, Member { error: Some(error.clone()), ..Member::default() }),
         };
         match params {
-            Some(params) => all.params.extend(params),
+            // Behind them are inputs.
+            Some(params) => all.params.extend(params.iter().take(n_params)),
             None => all.params.extend(nothing(n_params)),
         }
         match initial {

@@ -8,6 +8,7 @@
 mod arrays;
 mod ensemble;
 mod errors;
+mod interrupts;
 mod motion;
 mod pool;
 mod scene;
@@ -21,7 +22,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _hamel {
     #[pymodule_export]
-    use crate::motion::{Motion, ensemble, simulate};
+    use crate::motion::{Motion, ensemble, simulate, write_ensemble};
     #[pymodule_export]
     use crate::scene::Scene;
 

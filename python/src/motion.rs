@@ -29,6 +29,7 @@ use pyo3::types::PyDict;
 
 use crate::ensemble as many;
 use crate::errors::{OrRaise as _, exception};
+use crate::interrupts::Interrupts;
 use crate::scene::Scene;
 
 /// Arguments in Python.
@@ -77,6 +78,26 @@ impl Options {
         let steps = Steps::new(method, self.rtol, self.atol, self.step);
         Ok((method, steps.map_err(|reason| Error::unusable(ARGUMENTS.step, reason))?))
     }
+
+    /// How all trajectories of an ensemble are integrated.
+    ///
+    /// # Errors
+    /// As [`steps`](Self::steps), and for another number of lanes than 1 and 4.
+    fn many(
+        &self,
+        t_final: f64,
+        samples: usize,
+        lanes: usize,
+        threads: Option<usize>,
+    ) -> Result<many::Asked, Error> {
+        let (method, steps) = self.steps()?;
+        let width = match lanes {
+            1 => Width::One,
+            4 => Width::Four,
+            _ => return Err(Error::unusable("lanes", format!("is {lanes}, but has to be 1 or 4"))),
+        };
+        Ok(many::Asked { t_final, samples, method, steps, max_steps: self.max_steps, width, threads })
+    }
 }
 
 /// The motion from an initial state, of which components are given by name, with samples at the given times.
@@ -95,6 +116,7 @@ pub(crate) fn simulate(
     max_events: Option<u64>,
     outputs: bool,
 ) -> PyResult<Motion> {
+    let mut interrupts = Interrupts::new();
     let run = || -> Result<Motion, Error> {
         let (asked_method, steps) = options.steps()?;
         let built = scene.built();
@@ -129,7 +151,7 @@ pub(crate) fn simulate(
                           model: drive them by expressions";
             return Err(Error::unusable(ARGUMENTS.along, reason));
         }
-        let response = simulate_at(&built, &request, &times, &mut |_| {})?;
+        let response = simulate_at(&built, &request, &times, &mut |_| interrupts.look())?;
         Ok(Motion {
             model: Arc::clone(&scene.model),
             info: scene.info().clone(),
@@ -138,7 +160,9 @@ pub(crate) fn simulate(
             response,
         })
     };
-    py.detach(run).or_raise(py)
+    let made = py.detach(run);
+    interrupts.raised()?;
+    made.or_raise(py)
 }
 
 /// Many motions, one for each row of `values`, whose columns `names` names; arrays by name.
@@ -160,14 +184,7 @@ pub(crate) fn ensemble<'py>(
         (values.as_array().nrows(), scene.info().state.len(), scene.info().params.len());
     let rows = values.as_array();
     let run = || {
-        let (method, steps) = options.steps()?;
-        let width = match lanes {
-            1 => Width::One,
-            4 => Width::Four,
-            _ => return Err(Error::unusable("lanes", format!("is {lanes}, but has to be 1 or 4"))),
-        };
-        let max_steps = options.max_steps;
-        let asked = many::Asked { t_final, samples, method, steps, max_steps, width, threads };
+        let asked = options.many(t_final, samples, lanes, threads)?;
         many::integrate(scene, &names, rows, &asked)
     };
     let all = py.detach(run).or_raise(py)?;
@@ -185,6 +202,38 @@ pub(crate) fn ensemble<'py>(
     found.set_item("params", PyArray2::from_owned_array(py, of_two(n_params, all.params)?))?;
     found.set_item("y0", PyArray2::from_owned_array(py, of_two(n, all.initial)?))?;
     Ok(found)
+}
+
+/// The same into a file or a store; returns what became of them as text.
+#[pyfunction]
+#[pyo3(signature = (
+    scene, names, values, t_final, samples, options, lanes, threads, out, resume, part, statistics, quantiles, bins
+))]
+#[expect(clippy::too_many_arguments, reason = "arguments of Python, all given by name there")]
+pub(crate) fn write_ensemble(
+    py: Python<'_>,
+    scene: &Scene,
+    names: Vec<String>,
+    values: PyReadonlyArray2<'_, f64>,
+    t_final: f64,
+    samples: usize,
+    options: Options,
+    lanes: usize,
+    threads: Option<usize>,
+    out: std::path::PathBuf,
+    resume: bool,
+    part: Option<(usize, usize)>,
+    statistics: Vec<String>,
+    quantiles: Vec<f64>,
+    bins: u16,
+) -> PyResult<String> {
+    let rows: Vec<Vec<f64>> = values.as_array().rows().into_iter().map(|row| row.to_vec()).collect();
+    let run = || {
+        let asked = options.many(t_final, samples, lanes, threads)?;
+        let to = many::Written { out, resume, part, statistics, quantiles, bins };
+        many::write(scene, (names, rows), &asked, to)
+    };
+    py.detach(run).or_raise(py)
 }
 
 impl Motion {

@@ -76,6 +76,16 @@ impl Scene {
         self.built().info()
     }
 
+    /// The text of the model.
+    pub(crate) fn model_text(&self) -> &str {
+        &self.text
+    }
+
+    /// What drives the inputs, for a document; nothing where they are the model's own.
+    pub(crate) fn drives(&self) -> serde_json::Value {
+        self.table.as_ref().map_or(serde_json::Value::Null, |table| table.described())
+    }
+
     fn source(&self) -> (String, String, u64) {
         (self.file.clone(), self.text.clone(), self.budget)
     }

@@ -37,6 +37,41 @@ def test_expressions_and_tables_drive(cart):
     assert abs(curved.y_end[0] - exact) < abs(straight.y_end[0] - exact)
 
 
+def test_functions_are_called_at_the_times_of_a_table(cart):
+    start, t = [0.0, 0.0], np.linspace(0, 2, 41)
+    # x'' = t^2/2 from rest, and cubics are exact for parabolas.
+    for inputs in ({"t": t, "push": lambda t: t**2}, {"push": lambda t: t**2}):
+        motion = cart.simulate(2.0, start, inputs=inputs)
+        np.testing.assert_allclose(motion.y_end, [16 / 24, 8 / 6], rtol=1e-9)
+    back = cart.simulate(-2.0, start, inputs={"push": lambda t: t**2})
+    np.testing.assert_allclose(back.y_end, [16 / 24, -8 / 6], rtol=1e-9)
+    # Held from row to row: x'' = 1/2, then -1/2.
+    held = cart.simulate(2.0, start, inputs={"t": [0.0, 1.0], "push": [1.0, -1.0]}, interpolation="hold")
+    np.testing.assert_allclose(held.y_end, [0.5, 0.0], atol=1e-8)
+
+
+def test_ensembles_have_inputs_of_their_own(cart):
+    driven = cart.with_scene("controlled")
+    pushes = np.linspace(-1.0, 1.0, 7)
+    many = driven.ensemble(2.0, [0.0, 0.0], inputs={"push": pushes})
+    np.testing.assert_allclose(many.y_end[:, 0], pushes, rtol=1e-12, atol=1e-15)
+    for k, push in enumerate(pushes):
+        one = driven.ensemble(2.0, [0.0, 0.0], inputs={"push": push}, lanes=1)
+        alone = driven.with_inputs(push=push).simulate(2.0, [0.0, 0.0], method="dop853")
+        np.testing.assert_array_equal(one.y_end[0], alone.y_end)
+        np.testing.assert_allclose(many.y_end[k], alone.y_end, rtol=1e-12, atol=1e-15)
+    # With masses besides, and what is held already stays.
+    both = driven.with_inputs(push=4.0).ensemble(2.0, [0.0, 0.0], {"m": [1.0, 2.0, 4.0]})
+    np.testing.assert_allclose(both.y_end[:, 0], [8.0, 4.0, 2.0], rtol=1e-12)
+    with pytest.raises(hamel.InputError, match="pull"):
+        driven.ensemble(1.0, [0.0, 0.0], inputs={"pull": [1.0]})
+
+
+def test_another_scene_keeps_inputs(cart):
+    held = cart.with_inputs(push=3.0)
+    assert held.with_scene("controlled").inputs == {"push": 3.0}
+
+
 def test_what_is_no_input_is_refused(cart):
     with pytest.raises(hamel.InputError, match="pull"):
         cart.with_inputs(pull=1.0)

@@ -49,6 +49,16 @@ def test_types_are_those_that_are_written():
     assert found.returncode == 0, found.stdout
 
 
+def test_the_stub_is_what_the_native_module_has():
+    pytest.importorskip("mypy")
+    found = subprocess.run(
+        [sys.executable, "-m", "mypy.stubtest", "hamel._hamel", "--mypy-config-file", str(ROOT / "python/pyproject.toml")],
+        capture_output=True,
+        text=True,
+    )
+    assert found.returncode == 0, found.stdout + found.stderr
+
+
 @pytest.mark.parametrize("module", ["hamel", "hamel._model", "hamel._results"])
 def test_examples_of_docstrings_run(module):
     assert doctest.testmod(importlib.import_module(module)).failed == 0

@@ -1,4 +1,4 @@
-//! Inputs from a table: numbers at times, with straight lines or cubics between them.
+//! Inputs from a table: numbers at times, with straight lines, cubics or steps between them.
 //!
 //! The module deliberately does not know where the numbers come from, or what they drive.
 
@@ -15,6 +15,8 @@ pub enum Interpolation {
     /// Cubic Hermite pieces with the slopes of parabolas through three neighbouring rows: once continuously
     /// differentiable; exact for parabolas.
     Cubic,
+    /// The value of the row before, as a digital controller holds it: with a jump at every row, where the new value is.
+    Hold,
 }
 
 /// Why numbers are no table.
@@ -159,6 +161,13 @@ impl<'a, const M: usize> Table<'a, M> {
                 let cubic = s.mul_add(number(p + q - 2.0 * rise), number(3.0 * rise - 2.0 * p - q));
                 s.mul_add(s.mul_add(cubic, number(p)), number(a))
             }
+            Interpolation::Hold => {
+                // One from the next row on, before it zero: this is asked of every lane by itself.
+                let early = (t - number(self.times[k + 1])) * number(1e200);
+                let not_late = number(0.5) * (early - early.abs());
+                let step = R::ONE + not_late;
+                (number(0.5) * (step + step.abs())).mul_add(number(b - a), number(a))
+            }
         }
     }
 
@@ -235,8 +244,16 @@ mod tests {
     }
 
     #[test]
+    fn what_is_held_jumps_at_the_rows() {
+        let rows = [[3.0], [-1.0], [4.0], [1.0]];
+        let table = Table::new(&TIMES, &rows, Interpolation::Hold).unwrap();
+        let times = [-1.0, 0.0, 0.5_f64.next_down(), 0.5, 1.9, 2.0, 3.0_f64.next_down(), 3.0, 9.0];
+        assert_eq!(times.map(|t| at(&table, t)), [3.0, 3.0, 3.0, -1.0, -1.0, 4.0, 4.0, 1.0, 1.0]);
+    }
+
+    #[test]
     fn one_row_is_a_constant() {
-        for interpolation in [Interpolation::Linear, Interpolation::Cubic] {
+        for interpolation in [Interpolation::Linear, Interpolation::Cubic, Interpolation::Hold] {
             let table = Table::new(&[1.0], &[[7.0]], interpolation).unwrap();
             assert_eq!([0.0, 1.0, 2.0].map(|t| at(&table, t)), [7.0; 3]);
         }
@@ -259,7 +276,7 @@ mod tests {
         use crate::F64x4;
 
         let rows = [[3.0], [-1.0], [4.0], [1.0]];
-        for interpolation in [Interpolation::Linear, Interpolation::Cubic] {
+        for interpolation in [Interpolation::Linear, Interpolation::Cubic, Interpolation::Hold] {
             let table = Table::new(&TIMES, &rows, interpolation).unwrap();
             for times in
                 [[-1.0, 0.2, 1.1, 9.0], [0.6, 0.7, 1.1, 1.9], [2.0, 2.5, 3.0, 3.5], [5.0; 4], [-2.0; 4]]

@@ -169,6 +169,36 @@ def check_events(hamel, folder):
         close(f"{kind} ball", found["z"][-1], 0.25, MOTION)
 
 
+def check_tunable(folder):
+    """The same ball, whose weight is doubled while it falls; a parameter that is not finite is refused."""
+    import fmpy
+    from fmpy.fmi1 import FMICallException
+    from fmpy.fmi3 import FMU3Slave
+
+    path = str(folder / "ball.fmu")
+    description = fmpy.read_model_description(path, validate=True)
+    numbers = {variable.name: variable.valueReference for variable in description.modelVariables}
+    assert {v.variability for v in description.modelVariables if v.causality == "parameter"} == {"tunable"}
+    fmu = FMU3Slave(guid=description.guid, unzipDirectory=fmpy.extract(path), instanceName="one",
+                    modelIdentifier=description.coSimulation.modelIdentifier)
+    fmu.instantiate()
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=0.2)
+    fmu.setFloat64([numbers["g"]], [2 * 9.81])
+    fmu.doStep(currentCommunicationPoint=0.2, communicationStepSize=0.1)
+    expected = 1 - 9.81 * 0.2**2 / 2 - 9.81 * 0.2 * 0.1 - 2 * 9.81 * 0.1**2 / 2
+    close("tuned ball", fmu.getFloat64([numbers["z"]])[0], expected, MOTION)
+    try:
+        fmu.setFloat64([numbers["g"]], [float("nan")])
+        fmu.doStep(currentCommunicationPoint=0.3, communicationStepSize=0.1)
+    except FMICallException:
+        pass
+    else:
+        raise AssertionError("a parameter that is no number is taken")
+    fmu.freeInstance()
+
+
 def main():
     hamel = sys.argv[1] if len(sys.argv) > 1 else "hamel"
     with tempfile.TemporaryDirectory() as folder:
@@ -178,6 +208,7 @@ def main():
             check_fmu(hamel, model, folder)
         check_book(folder)
         check_events(hamel, folder)
+        check_tunable(folder)
     print("all as the reference data say")
 
 

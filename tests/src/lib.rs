@@ -43,6 +43,8 @@ mod docs {
     pub struct Derivatives;
     #[doc = include_str!("../../docs/book/no-std.md")]
     pub struct NoStd;
+    #[doc = include_str!("../../docs/book/wasm.md")]
+    pub struct Wasm;
     #[doc = include_str!("../../docs/book/site.md")]
     pub struct Site;
     #[doc = include_str!("../../docs/book/theory.md")]

@@ -1,4 +1,4 @@
-//! `generate`: models as Rust modules or as C, to be checked in.
+//! `generate`: models as Rust modules, as C or for WebAssembly, to be checked in.
 //!
 //! Does not know: how a scene becomes text.
 
@@ -30,6 +30,7 @@ Examples:
   hamel generate arm.hamel leg.hamel --out-dir src/generated --mod-file mod.rs
   hamel generate heavy_top --scene default --out-dir src
   hamel generate heavy_top --language c --out-dir src               heavy_top.h and heavy_top.c
+  hamel generate heavy_top --language wasm --out-dir src            for WebAssembly, with JavaScript
   hamel generate heavy_top --language fmu -o heavy_top.fmu          an FMU of FMI 3.0
   hamel generate my_model.hamel --out-dir src/generated --check     fail when something would be written"
 )]
@@ -68,6 +69,8 @@ pub enum Target {
     Cpp,
     /// The same as C with the right-hand side and its Jacobian for `casadi.external`
     Casadi,
+    /// The Rust module with the root of a crate for WebAssembly, and a module of JavaScript that calls it
+    Wasm,
     /// An FMU of FMI 3.0 for model exchange and co-simulation, by the C compiler of this machine
     Fmu,
 }
@@ -81,6 +84,7 @@ impl Target {
             Target::C | Target::Fmu => Language::C,
             Target::Cpp => Language::Cpp,
             Target::Casadi => Language::Casadi,
+            Target::Wasm => Language::Wasm,
         }
     }
 
@@ -91,6 +95,7 @@ impl Target {
             Target::C => "c",
             Target::Cpp => "cpp",
             Target::Casadi => "casadi",
+            Target::Wasm => "wasm",
             Target::Fmu => "fmu",
         }
     }
@@ -144,7 +149,8 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             return Err(Error::unusable(&fluid.name, reason));
         }
         if arguments.mod_file.is_some() {
-            let reason = "is a file of Rust: leave it out, C has a header for each scene";
+            let reason =
+                "is a file for several scenes in Rust: leave it out, every scene has files of its own";
             return Err(Error::unusable("--mod-file", reason));
         }
     }

@@ -15,7 +15,7 @@ use crate::model;
 use crate::output::terminal::{bold, width};
 use crate::request::json::number;
 use crate::run::dynamics::Factory as _;
-use crate::run::info::Info;
+use crate::run::info::{Info, ParamEntry};
 use crate::run::interpreted;
 use crate::session::{ModelFile, Session};
 
@@ -134,11 +134,14 @@ impl Listed {
             for group in &info.outputs {
                 outputs.insert(group.name.clone(), group.components.clone().into());
             }
-            let params: Value = info.params.iter().map(|p| (p.name.clone(), number(p.default))).collect();
+            let values = |entries: &[ParamEntry]| -> Value {
+                entries.iter().map(|p| (p.name.clone(), number(p.default))).collect()
+            };
             let mut entry = Map::new();
             entry.insert("scene".into(), name.clone().into());
             entry.insert("state".into(), info.state.clone().into());
-            entry.insert("params".into(), params);
+            entry.insert("params".into(), values(&info.params));
+            entry.insert("inputs".into(), values(&info.inputs));
             entry.insert("outputs".into(), outputs.into());
             entry.insert("has_energy".into(), info.has_energy.into());
             Value::from(entry)
@@ -163,13 +166,14 @@ impl Listed {
                 let _ = writeln!(text, "  {:8}  {line}", if k == 0 { label } else { "" });
             }
         };
-        let values = |info: &Info| {
-            info.params.iter().map(|p| format!("{} = {}", p.name, p.default)).collect::<Vec<String>>()
+        let values = |entries: &[ParamEntry]| {
+            entries.iter().map(|p| format!("{} = {}", p.name, p.default)).collect::<Vec<String>>()
         };
         for (k, (name, info)) in self.scenes.iter().enumerate() {
             if k == 0 {
                 row("state", info.state.clone(), " ");
-                row("params", values(info), ", ");
+                row("params", values(&info.params), ", ");
+                row("inputs", values(&info.inputs), ", ");
                 continue;
             }
             let default = &self.scenes[0].1;
@@ -181,6 +185,10 @@ impl Listed {
             }
             if info.state != default.state {
                 parts.push(format!("state {}", info.state.join(" ")));
+            }
+            if !info.inputs.is_empty() {
+                let names: Vec<&str> = info.inputs.iter().map(|input| input.name.as_str()).collect();
+                parts.push(format!("inputs {}", names.join(" ")));
             }
             let colon = if parts.is_empty() { "" } else { ": " };
             let line = format!("{name}{colon}{}", parts.join("; "));

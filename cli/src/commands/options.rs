@@ -81,7 +81,7 @@ impl InputOptions {
 }
 
 /// Whether inputs are given by a table.
-fn is_table(input: &str) -> bool {
+pub(crate) fn is_table(input: &str) -> bool {
     !input.contains('=') && Path::new(input).extension().is_some_and(|ending| ending == "csv")
 }
 

@@ -184,7 +184,8 @@ pub trait Factory: Sync {
     /// Names and meanings.
     fn info(&self) -> &Info;
 
-    /// Fixes the parameters, `values` in the order of [`Info::params`].
+    /// Fixes the parameters, `values` in the order of [`Info::params`]; behind them, or not, what all inputs are held
+    /// at, in the order of [`Info::inputs`], whatever drives them otherwise.
     ///
     /// # Errors
     /// The first condition on the parameters that does not hold.

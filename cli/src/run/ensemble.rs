@@ -37,7 +37,7 @@ pub enum Width {
 /// Many integrations from time zero that differ in parameters and initial state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EnsembleRequest {
-    /// Parameters and initial state of each trajectory.
+    /// Parameters and initial state of each trajectory; behind the parameters, or not, what its inputs are held at.
     pub members: Vec<(Vec<f64>, Vec<f64>)>,
     /// Time to reach.
     pub t_final: f64,

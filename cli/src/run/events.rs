@@ -29,7 +29,7 @@ pub(super) struct Watcher<'r, 'a> {
     events: &'a [SceneEvent],
     /// Whether each of them is the scene's own, and whether it is watched.
     own: Vec<(bool, bool)>,
-    progress: &'r mut dyn FnMut(f64),
+    progress: &'r mut dyn FnMut(f64) -> ControlFlow<()>,
     pub(super) log: Vec<EventRecord>,
     /// The event that has ended the motion.
     pub(super) ended_by: Option<String>,
@@ -42,7 +42,7 @@ impl<'r, 'a> Watcher<'r, 'a> {
     pub(super) fn new(
         dynamics: &'r dyn Dynamics,
         request: &'a SimulateRequest,
-        (record, progress): (Record<'r>, &'r mut dyn FnMut(f64)),
+        (record, progress): (Record<'r>, &'r mut dyn FnMut(f64) -> ControlFlow<()>),
     ) -> Result<Watcher<'r, 'a>, Error> {
         let (params, along) = (&request.params, &request.along);
         let (mut interpreter, mut saltation, mut own, mut events) = (None, None, Vec::new(), &[][..]);
@@ -149,8 +149,9 @@ impl<const K: usize> Observer<f64, VecState, K> for Watcher<'_, '_> {
 
     fn step(&mut self, t: f64, state: &VecState) -> ControlFlow<()> {
         let outcome = self.record.step(t, &state.0);
-        (self.progress)(t);
-        self.keep(outcome)
+        let told = (self.progress)(t);
+        self.keep(outcome)?;
+        told
     }
 
     fn values(&mut self, t: f64, state: &VecState) -> [f64; K] {

@@ -6,9 +6,11 @@ use std::fmt;
 use std::sync::Arc;
 
 use hamel_runtime::{Interpolation, Real, Signal, Table, TableError};
+use serde_json::{Value, json};
 
 use super::info::{Info, ParamEntry};
 use crate::error::Error;
+use crate::hash::fnv1a;
 
 /// What is between two rows of a table of inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -18,6 +20,8 @@ pub enum Between {
     Linear,
     /// Cubics whose slopes are continuous.
     Cubic,
+    /// The value of the row before, with a jump at every row.
+    Hold,
 }
 
 impl Between {
@@ -27,7 +31,7 @@ impl Between {
     /// [`Error::Request`] for other names.
     pub fn named(name: &str) -> Result<Between, Error> {
         <Between as clap::ValueEnum>::from_str(name, false).map_err(|_| {
-            Error::unusable("interpolation", format!("is {name:?}, but has to be linear or cubic"))
+            Error::unusable("interpolation", format!("is {name:?}, but has to be linear, cubic or hold"))
         })
     }
 }
@@ -77,6 +81,7 @@ impl InputTable {
         let interpolation = match between {
             Between::Linear => Interpolation::Linear,
             Between::Cubic => Interpolation::Cubic,
+            Between::Hold => Interpolation::Hold,
         };
         let mut columns = Vec::new();
         for (k, name) in names.iter().enumerate().filter(|(k, _)| *k != of_time) {
@@ -124,6 +129,18 @@ impl InputTable {
             Column::Held(value) if known == name => Some(*value),
             _ => None,
         })
+    }
+
+    /// What the inputs are, for a document: the values of those that are held, and a hash of each column.
+    pub fn described(&self) -> Value {
+        let of_column = |(name, column): &(String, Column)| {
+            let described = match column {
+                Column::Held(value) => json!(value),
+                Column::Rows(table) => json!({"table_hash": fnv1a(format!("{table:?}").bytes())}),
+            };
+            (name.clone(), described)
+        };
+        Value::Object(self.columns.iter().map(of_column).collect())
     }
 
     /// Whether a scene takes every input that the table has.

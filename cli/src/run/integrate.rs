@@ -2,6 +2,8 @@
 //!
 //! Does not know: whether the scene is compiled or interpreted, how a request was written, files, figures.
 
+use std::ops::ControlFlow;
+
 use hamel_runtime::{Error as SolverError, Integrator, Method};
 
 use super::admissible;
@@ -29,10 +31,15 @@ pub fn simulate(
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
     let times: Vec<f64> = (0..request.samples).map(|k| request.sample_time(k)).collect();
-    simulate_at(factory, request, &times, progress)
+    let mut told = |t| {
+        progress(t);
+        ControlFlow::Continue(())
+    };
+    simulate_at(factory, request, &times, &mut told)
 }
 
-/// The same with samples at any `times`, from zero in the direction of the motion to its end at most.
+/// The same with samples at any `times`, from zero in the direction of the motion to its end at most. Where `progress`
+/// breaks, the motion ends with that step.
 ///
 /// # Errors
 /// As [`simulate`].
@@ -40,7 +47,7 @@ pub fn simulate_at(
     factory: &dyn Factory,
     request: &SimulateRequest,
     times: &[f64],
-    progress: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<SimulateResponse, Error> {
     has_state(factory.info())?;
     request.validate(factory.info())?;
@@ -62,7 +69,7 @@ fn motion(
     dynamics: &PreparedScene<'_>,
     request: &SimulateRequest,
     times: &[f64],
-    progress: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<SimulateResponse, Error> {
     let run = Run { dynamics, request, times, progress };
     let purpose = Purpose::of_samples(request.samples);
@@ -86,8 +93,8 @@ struct Run<'r, 'a> {
     request: &'r SimulateRequest,
     /// Times of the samples.
     times: &'r [f64],
-    /// Is told the time reached after every step.
-    progress: &'r mut dyn FnMut(f64),
+    /// Is told the time reached after every step, and may end the motion there.
+    progress: &'r mut dyn FnMut(f64) -> ControlFlow<()>,
 }
 
 impl<'a> WithMethod<'a> for Run<'_, 'a> {

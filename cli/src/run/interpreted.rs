@@ -255,6 +255,11 @@ impl Built {
         self.drive.is_some()
     }
 
+    /// Parameters, and the inputs behind them, if there are any.
+    fn parted<'v, R>(&self, values: &'v [R]) -> (&'v [R], &'v [R]) {
+        values.split_at(self.info.params.len().min(values.len()))
+    }
+
     fn circles(&self) -> Option<&RunnableCircles> {
         let make = || {
             let circles = self.executable.circles()?;
@@ -341,11 +346,13 @@ impl Factory for Built {
     }
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
-        let interpreter = self.executable.prepare(values).map_err(bad_params)?;
+        let (params, inputs) = self.parted(values);
+        let interpreter = self.executable.prepare(params).map_err(bad_params)?;
         Ok(PreparedScene::new(Interpreted {
             built: self,
-            params: values.to_vec(),
-            interpreter: Driving { interpreter, drive: self.drive.clone() },
+            params: params.to_vec(),
+            inputs: inputs.to_vec(),
+            interpreter: Driving::held(interpreter).driven(&self.drive).holding(inputs),
             jet: OnceLock::new(),
             invariants: OnceLock::new(),
             splitting: OnceLock::new(),
@@ -354,15 +361,20 @@ impl Factory for Built {
     }
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
-        match self.executable.prepare_lanes(values) {
-            Some(lanes) => Ok(Box::new(lanes.map_err(bad_params)?.driven(&self.drive))),
+        let (params, inputs) = self.parted(values);
+        match self.executable.prepare_lanes(params) {
+            Some(lanes) => {
+                let OnLanes(lanes) = lanes.map_err(bad_params)?;
+                Ok(Box::new(OnLanes(lanes.driven(&self.drive).holding(inputs))))
+            }
             None => SideBySide::boxed(self, values),
         }
     }
 
     fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {
-        let interpreter = self.executable.prepare_over(values).map_err(bad_params)?;
-        Ok(Box::new(Driving { interpreter, drive: self.drive.clone() }))
+        let (params, inputs) = self.parted(values);
+        let interpreter = self.executable.prepare_over(params).map_err(bad_params)?;
+        Ok(Box::new(Driving::held(interpreter).driven(&self.drive).holding(inputs)))
     }
 }
 
@@ -377,6 +389,20 @@ impl<'a, R: Real> Driving<'a, R> {
     /// With inputs that stay where they are held.
     fn held(interpreter: Interpreter<'a, R>) -> Driving<'a, R> {
         Driving { interpreter, drive: None }
+    }
+
+    /// The same with what drives the inputs.
+    fn driven(self, drive: &Drive) -> Driving<'a, R> {
+        Driving { drive: drive.clone(), ..self }
+    }
+
+    /// The same with inputs that are held at these values, whatever drives them; as it is without values.
+    fn holding(mut self, inputs: &[R]) -> Driving<'a, R> {
+        if !inputs.is_empty() {
+            self.drive = None;
+            self.interpreter.set_inputs(inputs);
+        }
+        self
     }
 
     /// What evaluates the scene with the inputs of a time.
@@ -404,14 +430,6 @@ impl DualDynamics for Driving<'_, Dual> {
 
 /// The machine code of a scene on lanes.
 struct OnLanes<'a>(Driving<'a, F64x4>);
-
-impl OnLanes<'_> {
-    /// The same with other inputs.
-    fn driven(mut self, drive: &Drive) -> Self {
-        self.0.drive.clone_from(drive);
-        self
-    }
-}
 
 impl LaneDynamics for OnLanes<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
@@ -457,6 +475,8 @@ fn pivots<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R], visit: &mut 
 struct Interpreted<'a> {
     built: &'a Built,
     params: Vec<f64>,
+    /// What the inputs are held at in the place of what drives them; empty unless they are.
+    inputs: Vec<f64>,
     interpreter: Driving<'a>,
     /// The recurrence of Taylor coefficients, derived when first asked for.
     jet: OnceLock<Option<Jet>>,
@@ -490,7 +510,10 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn inputs_at(&self, t: f64) -> Option<Vec<f64>> {
-        self.built.drive.as_ref().map(|drive| drive.at(t))
+        let drive = self.built.drive.as_ref().filter(|_| self.inputs.is_empty());
+        drive
+            .map(|drive| drive.at(t))
+            .or_else(|| Some(self.inputs.clone()).filter(|inputs| !inputs.is_empty()))
     }
 
     fn n_circles(&self) -> usize {
@@ -511,8 +534,10 @@ impl Dynamics for Interpreted<'_> {
 
     fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
         let on_lanes = || {
-            let params: Vec<F64x4> = self.params.iter().copied().map(F64x4::splat).collect();
-            Some(self.built.executable.prepare_lanes(&params)?.ok()?.driven(&self.built.drive))
+            let [params, inputs] = [&self.params, &self.inputs]
+                .map(|values| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>());
+            let OnLanes(lanes) = self.built.executable.prepare_lanes(&params)?.ok()?;
+            Some(OnLanes(lanes.driven(&self.built.drive).holding(&inputs)))
         };
         match self.lanes.get_or_init(on_lanes) {
             Some(lanes) => lanes.rhs(t, y, dy),
@@ -530,7 +555,7 @@ impl Dynamics for Interpreted<'_> {
 
     fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool {
         // A table has no series beyond its next row.
-        if self.built.drive.is_some() {
+        if self.interpreter.drive.is_some() {
             return false;
         }
         let Some(jet) = self.jet.get_or_init(|| self.built.executable.jet().ok()) else { return false };

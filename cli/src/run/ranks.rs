@@ -6,7 +6,7 @@
 //! Does not know: what the work is.
 
 #[cfg(feature = "mpi")]
-use mpi::collective::{CommunicatorCollectives as _, Root as _};
+use mpi::collective::Root as _;
 #[cfg(feature = "mpi")]
 use mpi::topology::Communicator as _;
 

@@ -2,7 +2,7 @@
 //!
 //! Does not know: what the numbers are.
 
-use tdigest::TDigest;
+use tdigest::{Centroid, TDigest};
 
 /// Most centroids of a sketch.
 const MAX_CENTROIDS: usize = 200;
@@ -57,6 +57,40 @@ impl Distribution {
         self.m2 += other.m2 + difference * difference * (a * (b / (a + b)));
         let mine = std::mem::replace(&mut self.sketch, TDigest::new_with_size(1));
         self.sketch = TDigest::merge_digests(vec![mine, other.sketch]);
+    }
+
+    /// Writes everything that is kept, with every bit of it.
+    pub(crate) fn write(&self, bytes: &mut Vec<u8>) {
+        let Distribution { n, mean, m2, sketch } = self;
+        let centroids = sketch.centroids();
+        bytes.extend(n.to_le_bytes());
+        bytes.extend((centroids.len() as u64).to_le_bytes());
+        let extremes = [sketch.min(), sketch.max()].map(|x| x.unwrap_or(f64::NAN));
+        let numbers = [*mean, *m2, sketch.sum()].into_iter().chain(extremes);
+        let numbers = numbers.chain(centroids.iter().flat_map(|c| [c.mean(), c.weight()]));
+        bytes.extend(numbers.flat_map(f64::to_le_bytes));
+    }
+
+    /// Reads what was written, from the front of the bytes; none when they are nothing of the kind.
+    pub(crate) fn read(bytes: &mut &[u8]) -> Option<Distribution> {
+        let mut next = || -> Option<[u8; 8]> {
+            let (first, rest) = bytes.split_first_chunk::<8>()?;
+            *bytes = rest;
+            Some(*first)
+        };
+        let (n, n_centroids) = (u64::from_le_bytes(next()?), u64::from_le_bytes(next()?));
+        if n_centroids > MAX_CENTROIDS as u64 {
+            return None;
+        }
+        let mut number = || next().map(f64::from_le_bytes);
+        let (mean, m2, sum, min, max) = (number()?, number()?, number()?, number()?, number()?);
+        let mut centroid = || Some(Centroid::new(number()?, number()?));
+        let centroids: Vec<Centroid> = (0..n_centroids).map(|_| centroid()).collect::<Option<_>>()?;
+        let known = |x: f64| (n > 0).then_some(x);
+        let is_whole =
+            if n > 0 { min.is_finite() && max.is_finite() && n_centroids > 0 } else { n_centroids == 0 };
+        let sketch = || TDigest::new(centroids, sum, n as f64, known(max), known(min), MAX_CENTROIDS);
+        is_whole.then(|| Distribution { n, mean, m2, sketch: sketch() })
     }
 
     /// How many numbers.
@@ -163,6 +197,30 @@ mod tests {
             let exact = (-edge[0]).exp() - (-edge[1]).exp();
             assert!((share - exact).abs() < 0.01, "{edge:?} {share} {exact}");
         }
+    }
+
+    /// What was written and read merges to the same bits, and what is cut off is nothing.
+    #[test]
+    fn bytes_keep_every_bit() {
+        let values = exponential(5000);
+        let halves = || [&values[..2000], &values[2000..]].map(|v| Distribution::of(v.iter().copied()));
+        let [mut kept, other] = halves();
+        let mut bytes = Vec::new();
+        halves().iter().for_each(|half| half.write(&mut bytes));
+        let mut rest = bytes.as_slice();
+        let mut read = Distribution::read(&mut rest).unwrap();
+        let behind = Distribution::read(&mut rest).unwrap();
+        assert!(rest.is_empty());
+        kept.merge(other);
+        read.merge(behind);
+        let (mut first, mut second) = (Vec::new(), Vec::new());
+        kept.write(&mut first);
+        read.write(&mut second);
+        assert_eq!(first, second);
+        assert!(Distribution::read(&mut &first[..first.len() - 1]).is_none());
+        let mut none = Vec::new();
+        Distribution::of(std::iter::empty()).write(&mut none);
+        assert_eq!(Distribution::read(&mut none.as_slice()).unwrap().n(), 0);
     }
 
     #[test]

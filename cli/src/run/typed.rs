@@ -4,7 +4,7 @@
 
 use std::marker::PhantomData;
 
-use hamel_runtime::{Dual, F64x4, Failure, MAX_ORDER, Pivot, Real as _, Scene, System};
+use hamel_runtime::{Dual, F64x4, Failure, MAX_ORDER, ParamError, Pivot, Real, Scene, System};
 
 use super::dynamics::{
     BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PreparedDuals, PreparedLanes, PreparedScene,
@@ -59,7 +59,7 @@ where
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
         let duals: Vec<Dual> = values.iter().copied().map(Dual::constant).collect();
         let lanes: Vec<F64x4> = values.iter().copied().map(F64x4::splat).collect();
-        let (scene, lanes, dual) = (S::prepare(values)?, W::prepare(&lanes)?, D::prepare(&duals)?);
+        let (scene, lanes, dual) = (of::<f64, S>(values)?, of::<F64x4, W>(&lanes)?, of::<Dual, D>(&duals)?);
         Ok(PreparedScene::new(PreparedTyped { info: &self.info, scene, lanes, dual }))
     }
 
@@ -89,7 +89,7 @@ where
                 self.0.pivots(t, array(&y.0), visit);
             }
         }
-        Ok(Box::new(Prepared(W::prepare(values)?)))
+        Ok(Box::new(Prepared(of::<F64x4, W>(values)?)))
     }
 
     fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {
@@ -112,8 +112,18 @@ where
                 out
             }
         }
-        Ok(Box::new(Prepared(D::prepare(values)?)))
+        Ok(Box::new(Prepared(of::<Dual, D>(values)?)))
     }
+}
+
+/// The scene with parameters, and inputs where they are behind them.
+fn of<R: Real, S: Scene<R>>(values: &[R]) -> Result<S, ParamError> {
+    let (params, inputs) = values.split_at(S::INFO.params.len().min(values.len()));
+    let mut scene = S::prepare(params)?;
+    if !inputs.is_empty() {
+        scene.hold_inputs_of(inputs);
+    }
+    Ok(scene)
 }
 
 struct PreparedTyped<'a, S, W, D> {

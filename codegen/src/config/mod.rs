@@ -369,6 +369,15 @@ impl Config {
     fn texts_of(&self, model: &Model, scene: &BuiltScene) -> Result<Vec<(String, String)>, Error> {
         Ok(match self.writing.language {
             Language::Rust => vec![(format!("{}.rs", scene.module_name()), scene.emit_as(&self.writing)?)],
+            Language::Wasm => {
+                let name = scene.module_name();
+                let wasm = scene.emit_wasm(&self.writing, scene::initial_state(model, scene))?;
+                vec![
+                    (format!("{name}.rs"), scene.emit_as(&self.writing)?),
+                    (format!("{name}_wasm.rs"), wasm.root),
+                    (format!("{name}.mjs"), wasm.script),
+                ]
+            }
             Language::C | Language::Cpp | Language::Casadi => {
                 let c = scene.emit_c(&self.writing, scene::initial_state(model, scene))?;
                 let file = |ending: &str| format!("{}{ending}", c.prefix);
@@ -376,7 +385,7 @@ impl Config {
                 match self.writing.language {
                     Language::Cpp => files.push((file(".hpp"), c.cpp)),
                     Language::Casadi => files.push((file("_casadi.c"), c.casadi)),
-                    Language::Rust | Language::C => {}
+                    Language::Rust | Language::C | Language::Wasm => {}
                 }
                 files
             }

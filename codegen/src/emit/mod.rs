@@ -19,7 +19,7 @@ use crate::error::Error;
 use crate::program::{Jet, Program};
 
 pub use c::{CModule, Fmu};
-pub use rust::{SceneEntry, emit_include, emit_index, method_text};
+pub use rust::{SceneEntry, WasmModule, emit_include, emit_index, method_text};
 pub use text::{
     EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
     ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText, SceneText, StateText, SurfaceText,
@@ -62,6 +62,14 @@ pub fn emit_c(program: &Program, text: &SceneText) -> Result<CModule, Error> {
 /// As [`emit_c`]; [`Error::Emission`] for a text without an initial state.
 pub fn emit_fmu(program: &Program, text: &SceneText) -> Result<(CModule, Fmu), Error> {
     c::emit_fmu(program, text)
+}
+
+/// Emits what calls the module of [`emit_scene`], which is in `file`, from outside of WebAssembly.
+///
+/// # Errors
+/// As [`emit_scene`].
+pub fn emit_wasm(program: &Program, text: &SceneText, file: &str) -> Result<WasmModule, Error> {
+    rust::emit_wasm(program, text, file)
 }
 
 /// Emits the module of a fluid that is moved as products of matrices.

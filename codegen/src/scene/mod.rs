@@ -42,7 +42,7 @@ use build::{Derivations, build_planned, lower_scene};
 use dependence::{ignorable, left_out, needs};
 use plan::{Drops, Outputs, Plan};
 
-pub use crate::emit::{CModule, Fmu};
+pub use crate::emit::{CModule, Fmu, WasmModule};
 pub use built::BuiltScene;
 pub use defaults::{initial_state, warnings};
 pub use derivatives::{Derivative, Matrix, Product};

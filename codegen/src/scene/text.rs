@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, MatrixText, OutputText,
-    ParamText, ProductText, SceneEntry, SceneText, StateText,
+    ParamText, ProductText, SceneEntry, SceneText, StateText, WasmModule,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
@@ -49,13 +49,16 @@ pub enum Language {
     /// The same as C with `<module>_casadi.c`, which has the right-hand side and its Jacobian as CasADi calls functions
     /// of other sources; scenes have the derivatives that this takes, whether they want them or not.
     Casadi,
+    /// The module in Rust with `<module>_wasm.rs`, the root of a crate for WebAssembly, and `<module>.mjs`, which calls
+    /// that from JavaScript.
+    Wasm,
 }
 
 impl Language {
     /// Derivatives of the right-hand side that every scene has in that language; those by inputs where it takes any.
     pub fn derivatives(self) -> &'static [Derivative] {
         match self {
-            Language::Rust | Language::C | Language::Cpp => &[],
+            Language::Rust | Language::C | Language::Cpp | Language::Wasm => &[],
             Language::Casadi => &[
                 Derivative::Jacobian,
                 Derivative::TimeDerivative,
@@ -109,6 +112,17 @@ impl BuiltScene {
         self.within_bytes()?;
         let text = SceneText { initial, ..self.text(writing) };
         emit::emit_fmu(&self.program, &text)
+    }
+
+    /// What calls the scene's Rust module, which is in `<module>.rs`, from outside of WebAssembly; its state begins at
+    /// `initial`, and at zero without.
+    ///
+    /// # Errors
+    /// As [`emit_as`](Self::emit_as).
+    pub fn emit_wasm(&self, writing: &Writing, initial: Option<Vec<f64>>) -> Result<WasmModule, Error> {
+        self.within_bytes()?;
+        let text = SceneText { initial, ..self.text(writing) };
+        emit::emit_wasm(&self.program, &text, &format!("{}.rs", self.module_name()))
     }
 
     /// Refuses to write down what would take more memory than the budget has.

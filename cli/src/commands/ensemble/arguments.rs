@@ -12,11 +12,12 @@ use crate::request::share::Share;
 use crate::request::variation::{Spread, Sweep};
 use crate::run::ensemble::Width;
 
-/// Integrate a model many times, with parameters and initial states that vary; write a table or a store
+/// Integrate a model many times, with parameters, initial states and held inputs that vary; write a table or a store
 ///
 /// What varies takes every value of a grid (--sweep), is drawn at random (--spread), or is read from a table (--table).
 /// Several of these are combined: every line of the table, with every point of the grid, --count times. What is drawn
-/// depends on the seed, the name and the number of the trajectory alone. The rest of a state is chosen as by simulate,
+/// depends on the seed, the name and the number of the trajectory alone. What varies are parameters, components of the
+/// initial state, and inputs, which are held. The rest of a state is chosen as by simulate,
 /// for each trajectory anew, so that constraints hold.
 ///
 /// Four trajectories are integrated side by side in the registers of a core, and the cores share the work; results
@@ -57,7 +58,8 @@ pub struct Arguments {
     /// Seed of what is drawn
     #[arg(long, default_value_t = 0, requires = "spread")]
     pub seed: u64,
-    /// File (CSV) of parameters and components of initial states: a line of names, then a line for each trajectory
+    /// File (CSV) of parameters, components of initial states and inputs: a line of names, then a line for each
+    /// trajectory
     #[arg(long, value_name = "FILE")]
     pub table: Option<PathBuf>,
     /// From where, and how.
@@ -81,7 +83,8 @@ pub struct Arguments {
     /// Integrate one of N shares of the ensemble, into a store that the other shares have, too; implies --resume
     #[arg(long, value_name = "I/N", value_parser = Share::parse)]
     pub part: Option<Share>,
-    /// Statistics of all trajectories at each sample instead of the trajectories, gathered while they are integrated
+    /// Statistics of all trajectories at each sample instead of the trajectories, gathered while they are integrated;
+    /// in a store, too
     #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',')]
     pub statistics: Vec<Statistic>,
     /// Levels of --statistics quantiles

@@ -8,18 +8,23 @@ mod request;
 mod work;
 
 use std::fmt::Write as _;
+use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use std::time::Instant;
 
 pub use arguments::Arguments;
+pub use plan::Lines;
+pub use request::Subject;
 
 use crate::error::Error;
 use crate::model;
 use crate::output::trajectories::Target;
 use crate::output::trajectories::chunk::{Chunk, Heading, Sink, Tally};
+use crate::output::trajectories::gathered::Wanted;
 use crate::output::trajectories::store::Store;
-use crate::output::trajectories::summary::{Summary, Wanted};
+use crate::output::trajectories::summary::Summary;
 use crate::output::trajectories::temporary;
+use crate::request::table::Table;
 use crate::run::backend::Backend;
 use crate::run::dynamics::Factory as _;
 use crate::run::ensemble::{EnsembleRequest, Member, Progress, pool};
@@ -51,15 +56,48 @@ fn chunk_of(n_numbers: usize) -> usize {
 /// Everything that can be wrong with names, values and files; not what stops a trajectory, unless it stops all:
 /// [`Error::NoneArrived`], after the files have been written.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let (file, mut choice) = (arguments.scene.find(session)?, arguments.scene.choice()?);
+    let lines = match &arguments.table {
+        Some(path) => Lines::of(Table::read(path)?.full()?),
+        None => Lines::none(),
+    };
+    let model = file.model()?;
+    // Chooses initial states, here and on all threads; it agrees bit for bit with the compiled scene.
+    let mut built = interpreted::build(model, &choice.scene)?;
+    let of_inputs = Plan::varied(arguments, &lines).any(|name| model.inputs.iter().any(|i| i.name == *name));
+    if of_inputs && choice.scene == model::DEFAULT_SCENE && built.info().inputs.is_empty() {
+        choice.scene = model::CONTROLLED_SCENE.to_owned();
+        built = interpreted::build(model, &choice.scene)?;
+    }
+    if of_inputs && choice.table.is_some() {
+        let reason = "is a table, but inputs vary as well: drive the others by expressions, NAME=EXPRESSION";
+        return Err(Error::unusable("--input", reason));
+    }
+    let mut backend = choice.open(&file)?;
+    let text = file.text()?;
+    let subject =
+        Subject { model, text: &text, built: &built, inputs: request::inputs(&arguments.scene.inputs)? };
+    of_scene(&subject, &mut *backend, lines, arguments, watch_for_interrupts)
+}
+
+/// Integrates all trajectories of a scene that `backend` evaluates, as [`run`]; the names of model, scene and table in
+/// the arguments do not count. `on_store` is told the folder of the store, if there is one, before the first chunk.
+///
+/// # Errors
+/// As [`run`].
+pub fn of_scene(
+    subject: &Subject<'_>,
+    backend: &mut dyn Backend,
+    lines: Lines,
+    arguments: &Arguments,
+    on_store: impl FnOnce(Option<&Path>),
+) -> Result<String, Error> {
     let clock = Instant::now();
     let motion = &arguments.motion;
     let targets = targets(arguments)?;
     let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
         .map_err(|reason| Error::unusable("--step", reason))?;
-    let (file, choice) = (arguments.scene.find(session)?, arguments.scene.choice()?);
-    let model = file.model()?;
-    // Chooses initial states, here and on all threads; it agrees bit for bit with the compiled scene.
-    let built = interpreted::build(model, &choice.scene)?;
+    let Subject { model, built, .. } = *subject;
     has_state(built.info())?;
     let forms = Forms::of(model, built.info())?;
     if built.watched().is_some_and(|watched| watched.acts()) {
@@ -67,8 +105,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
                       scene without `events`";
         return Err(Error::unusable("--scene", reason));
     }
-    let plan = Plan::new(built.info(), &forms, arguments)?;
-    let mut backend = choice.open(&file)?;
+    let plan = Plan::new(built.info(), &forms, arguments, lines)?;
     let info = backend.info().clone();
     let n_numbers = arguments.samples.saturating_mul(info.state.len() + 2);
     if n_numbers.saturating_mul(MIN_CHUNK) > MAX_NUMBERS {
@@ -93,7 +130,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         progress: Progress { all: plan.len(), ..Progress::default() },
     };
     // What no trajectory can have, such as a method that does not suit the scene, is told before any file is begun.
-    let first = pool.install(|| plan.members(0..1, &starts, &built));
+    let first = pool.install(|| plan.members(0..1, &starts, built));
     let first = first.into_iter().filter_map(|(_, start)| start.ok()).collect();
     asked.options()?;
     backend.ensemble(&EnsembleRequest { members: first, max_steps: Some(1), ..asked.clone() })?;
@@ -106,13 +143,19 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         n: plan.len(),
         n_chunk: chunk_of(n_numbers).min(plan.len()),
     };
+    let wanted = (!arguments.statistics.is_empty()).then(|| Wanted {
+        statistics: arguments.statistics.clone(),
+        levels: arguments.quantiles.clone(),
+        bins: usize::from(arguments.bins),
+    });
     let resume = arguments.resume || arguments.part.is_some();
     let ranks = Ranks::join(resume)?;
     let store = match targets.iter().find(|target| target.is_store()) {
         Some(target) => {
-            let request = request::document(&file.text()?, &info, &asked, &plan, arguments, heading.n_chunk);
+            let request = request::document(subject, &info, &asked, &plan, arguments, heading.n_chunk);
             let open = |resume| {
-                Store::open(target.path(), &heading, &request, request::of_state(model, &info), resume)
+                let of_state = request::of_state(model, &info);
+                Store::open(target.path(), &heading, wanted.as_ref(), &request, of_state, resume)
             };
             // The first makes the store, the others go on with it.
             let first = ranks.is_first().then(|| open(resume));
@@ -130,20 +173,20 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         None => None,
     };
     let mut sinks: Vec<Box<dyn Sink + '_>> = Vec::new();
-    if arguments.statistics.is_empty() {
-        for target in &targets {
-            sinks.extend(target.sink(&heading)?);
+    match wanted {
+        None => {
+            for target in &targets {
+                sinks.extend(target.sink(&heading)?);
+            }
         }
-    } else {
-        let wanted = Wanted {
-            statistics: arguments.statistics.clone(),
-            levels: arguments.quantiles.clone(),
-            bins: usize::from(arguments.bins),
-        };
-        let (title, blocks) = (model::title(model), model::blocks::blocks(model));
-        sinks.push(Box::new(Summary::new(targets.clone(), &heading, wanted, title, blocks)));
+        Some(wanted) if store.is_none() => {
+            let (title, blocks) = (model::title(model), model::blocks::blocks(model));
+            sinks.push(Box::new(Summary::new(targets.clone(), &heading, wanted, title, blocks)));
+        }
+        // The store gathers them, as other processes do.
+        Some(_) => {}
     }
-    watch_for_interrupts(store.as_ref());
+    on_store(store.as_ref().map(Store::folder));
     let mut work = Work::new(heading.n_chunks(), arguments.part, store.as_ref());
     let found: usize = work.finished().map(|chunk| heading.range(chunk).len()).sum();
     asked.progress = Progress { done: found, found, ..asked.progress };
@@ -167,10 +210,10 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             while let Some(item) = work.next()? {
                 let range = heading.range(item.chunk);
                 let (first, n) = (range.start, range.len());
-                let members = pool.install(|| plan.members(range, &starts, &built));
+                let members = pool.install(|| plan.members(range, &starts, built));
                 let (inputs, members): (Vec<Vec<f64>>, Vec<_>) = members.into_iter().unzip();
                 asked.progress.seconds = clock.elapsed().as_secs_f64();
-                let results = integrate(&mut *backend, &mut asked, members)?;
+                let results = integrate(backend, &mut asked, members)?;
                 asked.progress.done += n;
                 let chunk = Chunk { at: item.chunk, first, inputs, results };
                 if to_writer.send((chunk, item)).is_err() {
@@ -192,6 +235,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         Some(store) => {
             let left = (0..heading.n_chunks()).filter(|chunk| !store.is_finished(*chunk)).count();
             if left == 0 {
+                store.tell()?;
                 store.clean();
             }
             (store.tally()?, left)
@@ -224,11 +268,6 @@ fn targets(arguments: &Arguments) -> Result<Vec<Target>, Error> {
     {
         let reason = "is a figure of statistics over time: give --statistics, and --samples of at least 2";
         return Err(Error::unusable(shown(figure), reason));
-    }
-    if let (Some(store), true) = (targets.iter().find(|target| target.is_store()), statistics) {
-        let reason =
-            "is a store, which keeps trajectories: leave --statistics out, or write .csv, .npz or .svg";
-        return Err(Error::unusable(shown(store), reason));
     }
     if let (Some(file), true) =
         (targets.iter().find(|target| !target.is_store()), arguments.resume || arguments.part.is_some())
@@ -270,8 +309,8 @@ fn integrate(
 }
 
 /// Lets an interrupt remove files that lack trajectories, and say how to go on.
-fn watch_for_interrupts(store: Option<&Store<'_>>) {
-    let store = store.map(|store| store.folder().display().to_string());
+fn watch_for_interrupts(store: Option<&Path>) {
+    let store = store.map(|store| store.display().to_string());
     let interrupted = move || {
         temporary::remove_all();
         match &store {

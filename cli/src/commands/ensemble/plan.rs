@@ -10,7 +10,7 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use super::arguments::Arguments;
 use crate::commands::options::assignments;
 use crate::error::{Error, Problem};
-use crate::request::table::Table;
+use crate::hash::fnv1a;
 use crate::run::admissible;
 use crate::run::backend::Local;
 use crate::run::evaluate::prepare;
@@ -21,6 +21,25 @@ use crate::run::start::Starts;
 
 /// Most trajectories: each has a number that a double holds exactly.
 const MAX_TRAJECTORIES: usize = usize::MAX >> 11;
+
+/// What varies along the lines of a table: names, and for each line a number for each of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lines {
+    names: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Lines {
+    /// Names, and as many numbers in each row.
+    pub fn of((names, rows): (Vec<String>, Vec<Vec<f64>>)) -> Lines {
+        Lines { names, rows }
+    }
+
+    /// One line of nothing.
+    pub fn none() -> Lines {
+        Lines { names: Vec::new(), rows: vec![Vec::new()] }
+    }
+}
 
 /// What each trajectory starts from: every line of the table, with every point of the grid, as often as values are
 /// drawn.
@@ -46,20 +65,23 @@ pub(super) type Beginning = Result<(Vec<f64>, Vec<f64>), String>;
 pub(super) type Start = (Vec<f64>, Beginning);
 
 impl<'a> Plan<'a> {
-    pub(super) fn new(info: &'a Info, forms: &Forms, arguments: &'a Arguments) -> Result<Plan<'a>, Error> {
+    pub(super) fn new(
+        info: &'a Info,
+        forms: &Forms,
+        arguments: &'a Arguments,
+        lines: Lines,
+    ) -> Result<Plan<'a>, Error> {
         if arguments.samples == 0 {
             return Err(Error::unusable("--samples", "is 0, but the end is a sample: give at least 1"));
         }
-        let (mut names, lines) = match &arguments.table {
-            Some(path) => Table::read(path)?.full()?,
-            None => (Vec::new(), vec![Vec::new()]),
-        };
+        let Lines { mut names, rows: lines } = lines;
         let zeros = |names: &mut dyn Iterator<Item = &String>| {
             names.map(|name| (name.clone(), 0.0)).collect::<Vec<(String, f64)>>()
         };
         let mut problems = Vec::new();
-        let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).collect();
-        let kind = "parameter or state variable";
+        let inputs = info.inputs.iter().map(|input| input.name.as_str());
+        let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).chain(inputs).collect();
+        let kind = "parameter, state variable or input";
         let set =
             assignments(&arguments.motion.set, "--set", "parameter", &info.param_names(), &mut problems);
         let given =
@@ -70,7 +92,8 @@ impl<'a> Plan<'a> {
         let spread = zeros(&mut arguments.spread.iter().map(|s| &s.name));
         let spread = assignments(&spread, "--spread", kind, &known, &mut problems);
         let all = given.keys().chain(of_table.keys()).chain(swept.keys()).chain(spread.keys());
-        if let Err(reason) = forms.form_of(all.map(String::as_str)) {
+        let is_input = |name: &&str| info.inputs.iter().any(|input| input.name == *name);
+        if let Err(reason) = forms.form_of(all.map(String::as_str).filter(|name| !is_input(name))) {
             problems.push(Problem::Unusable { path: "the initial state".into(), reason });
         }
         let sources = [("--set", &set), ("--initial", &given), ("--table", &of_table), ("--sweep", &swept)];
@@ -142,15 +165,27 @@ impl<'a> Plan<'a> {
         values
     }
 
+    /// Whether trajectories differ in their inputs.
+    pub(super) fn has_inputs(&self) -> bool {
+        self.names().iter().any(|name| self.info.inputs.iter().any(|input| input.name == *name))
+    }
+
     /// The starts of some trajectories in a row, on the threads of the current pool.
     pub(super) fn members(&self, range: Range<usize>, starts: &Starts<'_>, scene: &Built) -> Vec<Start> {
+        let of_inputs = self.has_inputs();
         let choose = |values: &[(&str, f64)]| {
             let (mut set, mut given) = (self.set.clone(), self.given.clone());
+            let mut inputs: Vec<f64> = self.info.inputs.iter().map(|input| input.default).collect();
             for (name, value) in values {
+                if let Some(k) = self.info.inputs.iter().position(|input| input.name == *name) {
+                    inputs[k] = *value;
+                    continue;
+                }
                 let is_param = self.info.params.iter().any(|p| p.name == *name);
                 if is_param { &mut set } else { &mut given }.insert((*name).to_owned(), *value);
             }
-            let chosen = starts.choose(&mut Local::new(scene), &set, &given).and_then(|(params, y)| {
+            let chosen = starts.choose(&mut Local::new(scene), &set, &given).and_then(|(mut params, y)| {
+                params.extend(inputs.iter().filter(|_| of_inputs));
                 admissible::check(&*prepare(scene, &params)?, &y, 0)?;
                 Ok((params, y))
             });
@@ -175,7 +210,8 @@ impl<'a> Plan<'a> {
             };
             let (params, state) = around;
             for spread in &self.arguments.spread {
-                let params_by_name = self.info.param_names().into_iter().zip(params);
+                let inputs = self.info.inputs.iter().map(|input| input.name.as_str());
+                let params_by_name = self.info.param_names().into_iter().chain(inputs).zip(params);
                 let center = match params_by_name.into_iter().find(|(name, _)| *name == spread.name) {
                     Some((_, x)) => *x,
                     None => match starts.value(params, state, &spread.name) {
@@ -197,31 +233,19 @@ impl<'a> Plan<'a> {
         range.into_par_iter().map(start).collect()
     }
 
-    /// A hash of the table: FNV-1a of its names and of the bits of its numbers.
+    /// Names of what varies: of the table, of the grid, and what is drawn.
+    pub(super) fn varied<'n>(arguments: &'n Arguments, lines: &'n Lines) -> impl Iterator<Item = &'n String> {
+        let swept = arguments.sweep.iter().map(|sweep| &sweep.name);
+        lines.names.iter().chain(swept).chain(arguments.spread.iter().map(|spread| &spread.name))
+    }
+
+    /// A hash of the table: FNV-1a of its names and of the bits of its numbers; none of no table.
     pub(super) fn table_hash(&self) -> Option<String> {
-        self.arguments.table.as_ref()?;
         let n = self.lines.first().map_or(0, Vec::len);
+        if n == 0 {
+            return None;
+        }
         let names = self.names.iter().take(n).flat_map(|name| name.bytes().chain([b',']));
         Some(fnv1a(names.chain(self.lines.iter().flatten().flat_map(|x| x.to_le_bytes()))))
-    }
-}
-
-/// The hash FNV-1a of 64 bits, in hexadecimal digits.
-///
-/// # Source
-/// Fowler, Noll and Vo, The FNV non-cryptographic hash algorithm (RFC 9923).
-pub(super) fn fnv1a(bytes: impl Iterator<Item = u8>) -> String {
-    let step = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-    format!("{:016x}", bytes.fold(0xcbf2_9ce4_8422_2325, step))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::fnv1a;
-
-    #[test]
-    fn hashes_are_those_of_the_source() {
-        assert_eq!(fnv1a("".bytes()), "cbf29ce484222325");
-        assert_eq!(fnv1a("foobar".bytes()), "85944171f73967e8");
     }
 }

@@ -3,21 +3,40 @@
 //! Does not know: where the document is kept.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
+use clap::ValueEnum;
 use serde_json::{Map, Value, json};
 
 use super::arguments::Arguments;
-use super::plan::{Plan, fnv1a};
+use super::plan::Plan;
+use crate::commands::options::{InputOptions, is_table};
+use crate::error::Error;
+use crate::hash::fnv1a;
 use crate::model::blocks::blocks;
-use crate::model::{Model, title};
+use crate::model::{Checked, Model, title};
 use crate::run::ensemble::{EnsembleRequest, Width};
 use crate::run::info::{Info, ParamEntry};
+use crate::run::interpreted::Built;
 use crate::run::method::Steps;
+
+/// The scene of an ensemble.
+#[derive(Debug)]
+pub struct Subject<'a> {
+    /// Its model.
+    pub model: &'a Arc<Checked>,
+    /// The text of the model.
+    pub text: &'a str,
+    /// The scene, to choose initial states.
+    pub built: &'a Built,
+    /// What drives its inputs, for the document of a store; nothing where they are the model's own.
+    pub inputs: Value,
+}
 
 /// Everything that decides about a bit of a result, and what people want to know of it; neither threads nor who
 /// evaluates.
 pub(super) fn document(
-    model_text: &str,
+    subject: &Subject<'_>,
     info: &Info,
     asked: &EnsembleRequest,
     plan: &Plan<'_>,
@@ -36,11 +55,11 @@ pub(super) fn document(
         let value = set.get(&p.name).copied().unwrap_or(p.default);
         json!({"name": p.name, "value": value, "doc": p.doc})
     };
-    json!({
+    let mut document = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "model": info.model,
-        "model_hash": fnv1a(model_text.bytes()),
-        "model_text": model_text,
+        "model_hash": fnv1a(subject.text.bytes()),
+        "model_text": subject.text,
         "scene": info.scene,
         "params": info.params.iter().map(param).collect::<Vec<Value>>(),
         "set": set,
@@ -58,7 +77,38 @@ pub(super) fn document(
         "max_steps": asked.max_steps,
         "lanes": match asked.width { Width::One => 1, Width::Four => 4 },
         "chunk": n_chunk,
-    })
+    });
+    if !subject.inputs.is_null() {
+        document["inputs"] = subject.inputs.clone();
+    }
+    // A store of trajectories says nothing of them, as those that are there do not.
+    if !arguments.statistics.is_empty() {
+        let names = arguments.statistics.iter().filter_map(ValueEnum::to_possible_value);
+        document["statistics"] = names.map(|name| name.get_name().to_owned()).collect::<Vec<String>>().into();
+        document["quantiles"] = arguments.quantiles.clone().into();
+        document["bins"] = arguments.bins.into();
+    }
+    document
+}
+
+/// What drives the inputs: expressions, and a hash of a table; nothing where nothing does.
+///
+/// # Errors
+/// [`Error::Io`].
+pub(super) fn inputs(options: &InputOptions) -> Result<Value, Error> {
+    if options.input.is_empty() {
+        return Ok(Value::Null);
+    }
+    let one = |input: &String| {
+        if !is_table(input) {
+            return Ok(json!(input));
+        }
+        let bytes = std::fs::read(input).map_err(|e| Error::io(input.clone(), e))?;
+        Ok(
+            json!({"table_hash": fnv1a(bytes.into_iter()), "interpolation": format!("{:?}", options.interpolation)}),
+        )
+    };
+    options.input.iter().map(one).collect::<Result<Vec<Value>, Error>>().map(Value::Array)
 }
 
 /// What is said about the components of a state: units, meanings and the title of the model, as far as it says them.

@@ -5,12 +5,14 @@
 
 pub(crate) mod chunk;
 mod csv;
+pub(crate) mod gathered;
 pub(crate) mod npz;
 pub(crate) mod store;
 pub(crate) mod summary;
 mod target;
 pub(crate) mod temporary;
+mod tree;
 pub(crate) mod zarr;
 
-pub use summary::Statistic;
+pub use gathered::Statistic;
 pub use target::Target;

@@ -5,7 +5,10 @@
 //! `status` is the last of its chunk. A chunk is finished when this file is there. Who writes a chunk does not matter,
 //! and a chunk that two processes write has the same bytes twice: locks save work and nothing else.
 //!
-//! Does not know: how trajectories were computed.
+//! A store of statistics keeps no trajectories: what is gathered of each chunk is merged in the working folder, and
+//! told once the last chunk is finished.
+//!
+//! Does not know: how trajectories were computed, how statistics are merged.
 
 use std::fs::{File, TryLockError};
 use std::io::{self, Write as _};
@@ -15,12 +18,17 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use serde_json::{Map, Value, json};
 
 use super::chunk::{Chunk, Heading, Tally};
+use super::gathered::{Gathered, Statistic, Table, Wanted, quantities};
 use super::temporary::Temporary;
+use super::tree::Tree;
 use super::zarr::{self, Array, DOCUMENT, Kind};
 use crate::error::Error;
 
-/// Folder for locks and for files that have not taken their places; gone when the store is complete.
+/// Folder for locks, for files that have not taken their places, and for what is merged; gone when the store is
+/// complete.
 const WORK: &str = ".hamel";
+/// Within it, the lock of the process that tells statistics.
+const TELLING: &str = "telling.lock";
 
 /// Status of a trajectory that reached the end.
 const ARRIVED: u8 = 0;
@@ -39,17 +47,31 @@ pub(crate) struct Store<'a> {
     arrays: Arrays<'a>,
 }
 
-/// The arrays that have a chunk for each chunk of trajectories.
+/// The arrays that are written with chunks, or after all of them.
 #[derive(Debug)]
 struct Arrays<'a> {
+    kept: Kept<'a>,
+    steps: Array<'a>,
+    error: Array<'a>,
+    status: Array<'a>,
+}
+
+/// What is kept of trajectories besides what became of them.
+#[derive(Debug)]
+enum Kept<'a> {
+    /// All, in arrays that have a chunk for each chunk of trajectories.
+    Trajectories(Box<Trajectories<'a>>),
+    /// Statistics, each table in an array of one chunk.
+    Statistics(Wanted, Vec<(Table, Array<'a>)>),
+}
+
+#[derive(Debug)]
+struct Trajectories<'a> {
     inputs: Option<Array<'a>>,
     y: Array<'a>,
     energy: Option<Array<'a>>,
-    steps: Array<'a>,
     stopped_t: Array<'a>,
     stopped_y: Array<'a>,
-    error: Array<'a>,
-    status: Array<'a>,
 }
 
 /// What a process may do with a chunk.
@@ -73,7 +95,8 @@ pub(crate) struct Hold {
 impl<'a> Store<'a> {
     /// Makes a store, or goes on with one whose documents are those of this request when `resume` is set.
     ///
-    /// `request` is everything that results depend on; `of_state` and `of_inputs` are attributes of the names.
+    /// `wanted` are the statistics that are kept in the place of trajectories; `request` is everything that results
+    /// depend on; `of_state` has the attributes of the names.
     ///
     /// # Errors
     /// [`Error::Request`] for a folder that is there and must not be, or is the store of another request, with what
@@ -81,11 +104,12 @@ impl<'a> Store<'a> {
     pub(crate) fn open(
         folder: &Path,
         heading: &Heading<'a>,
+        wanted: Option<&Wanted>,
         request: &Value,
         of_state: Map<String, Value>,
         resume: bool,
     ) -> Result<Store<'a>, Error> {
-        let arrays = Arrays::of(heading);
+        let arrays = Arrays::of(heading, wanted);
         let documents = arrays.documents(heading, request, of_state);
         let fail = |e| Error::io(folder.display().to_string(), e);
         if !folder.exists() {
@@ -150,17 +174,47 @@ impl<'a> Store<'a> {
     /// # Errors
     /// [`Error::Io`].
     pub(crate) fn add(&self, chunk: &Chunk) -> Result<(), Error> {
-        let Arrays { inputs, y, energy, steps, stopped_t, stopped_y, error, status } = &self.arrays;
+        let Arrays { kept, steps, error, status } = &self.arrays;
+        let results = &chunk.results;
+        let put = |array: &Array<'_>, bytes: Vec<u8>| self.put_chunk(array, chunk.at, &bytes);
+        match kept {
+            Kept::Trajectories(arrays) => self.add_trajectories(arrays, chunk)?,
+            Kept::Statistics(..) => {
+                let fail = |e| Error::io(self.folder.join(WORK).display().to_string(), e);
+                let gathered = Gathered::of(chunk, &self.heading);
+                let put = |path: &Path, bytes: &[u8]| {
+                    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or("node");
+                    self.put(path, name, bytes)
+                };
+                self.tree(&self.folder.join(WORK)).add(chunk.at, &gathered, &put).map_err(fail)?;
+            }
+        }
+        let counted: Vec<u64> = results.iter().map(|r| r.steps).collect();
+        put(steps, zarr::counts(&counted, steps.n_chunk()))?;
+        // Chunks of nothing but what stands for absent values are absent themselves.
+        if results.iter().any(|r| r.error.is_some()) {
+            let reasons = results.iter().map(|r| r.error.as_deref().unwrap_or_default());
+            put(error, zarr::texts(reasons, error.n_chunk()))?;
+        }
+        let codes: Vec<u8> = results
+            .iter()
+            .map(|r| match (&r.error, r.samples.is_empty()) {
+                (None, _) => ARRIVED,
+                (Some(_), false) => STOPPED,
+                (Some(_), true) => NOT_STARTED,
+            })
+            .collect();
+        put(status, zarr::codes(&codes, status.n_chunk()))
+    }
+
+    /// Writes the trajectories of a chunk.
+    fn add_trajectories(&self, arrays: &Trajectories<'_>, chunk: &Chunk) -> Result<(), Error> {
+        let Trajectories { inputs, y, energy, stopped_t, stopped_y } = arrays;
         let (heading, results) = (&self.heading, &chunk.results);
         let n_state = heading.info.state.len();
-        let put = |array: &Array<'_>, bytes: Vec<u8>| {
-            let path = self.folder.join(array.chunk(chunk.at));
-            let put = self.put(&path, &format!("{}-{}", array.name, chunk.at), &bytes);
-            put.or_else(
-                |e| if path.is_file() { Ok(()) } else { Err(Error::io(path.display().to_string(), e)) },
-            )
+        let floats = |array: &Array<'_>, values: Vec<f64>| {
+            self.put_chunk(array, chunk.at, &zarr::floats(&values, array.n_chunk()))
         };
-        let floats = |array: &Array<'_>, values: Vec<f64>| put(array, zarr::floats(&values, array.n_chunk()));
         if let Some(inputs) = inputs {
             floats(inputs, chunk.inputs.iter().flatten().copied().collect())?;
         }
@@ -177,9 +231,6 @@ impl<'a> Store<'a> {
         if let Some(energy) = energy {
             floats(energy, each().map(|s| s.and_then(|s| s.energy).unwrap_or(f64::NAN)).collect())?;
         }
-        let counted: Vec<u64> = results.iter().map(|r| r.steps).collect();
-        put(steps, zarr::counts(&counted, steps.n_chunk()))?;
-        // Chunks of nothing but what stands for absent values are absent themselves.
         if results.iter().any(|r| r.error.is_some()) {
             let last = |r: &'_ crate::run::ensemble::Member| match (&r.error, r.samples.last()) {
                 (Some(_), Some(last)) => (last.t, last.state.clone()),
@@ -188,18 +239,57 @@ impl<'a> Store<'a> {
             let (times, states): (Vec<f64>, Vec<Vec<f64>>) = results.iter().map(last).unzip();
             floats(stopped_t, times)?;
             floats(stopped_y, states.concat())?;
-            let reasons = results.iter().map(|r| r.error.as_deref().unwrap_or_default());
-            put(error, zarr::texts(reasons, error.n_chunk()))?;
         }
-        let codes: Vec<u8> = results
-            .iter()
-            .map(|r| match (&r.error, r.samples.is_empty()) {
-                (None, _) => ARRIVED,
-                (Some(_), false) => STOPPED,
-                (Some(_), true) => NOT_STARTED,
-            })
-            .collect();
-        put(status, zarr::codes(&codes, status.n_chunk()))
+        Ok(())
+    }
+
+    /// Tells statistics, once all chunks are finished; nothing for a store of trajectories.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(crate) fn tell(&self) -> Result<(), Error> {
+        let Kept::Statistics(wanted, tables) = &self.arrays.kept else { return Ok(()) };
+        let is_told = || tables.iter().all(|(_, array)| self.folder.join(array.chunk(0)).is_file());
+        if is_told() {
+            return Ok(());
+        }
+        let work = self.folder.join(WORK);
+        let path = work.join(TELLING);
+        let lock =
+            create_folder_of(&path).and_then(|()| File::options().create(true).append(true).open(&path));
+        let told = lock.and_then(|lock| {
+            // One after the other, as the first one ends with the removal of what the others would read.
+            let _ = lock.lock();
+            if is_told() { Ok(None) } else { self.tree(&work).all().map(Some) }
+        });
+        let gathered = match told {
+            Ok(Some(gathered)) => gathered,
+            Ok(None) => return Ok(()),
+            Err(_) if is_told() => return Ok(()),
+            Err(error) => return Err(Error::io(work.display().to_string(), error)),
+        };
+        tables.iter().try_for_each(|(table, array)| {
+            let values = gathered.table(*table, wanted);
+            let bytes = match array.kind {
+                // A number of trajectories is a whole number.
+                Kind::Count => {
+                    zarr::counts(&values.iter().map(|x| *x as u64).collect::<Vec<u64>>(), array.n_chunk())
+                }
+                Kind::Float | Kind::Code | Kind::Text => zarr::floats(&values, array.n_chunk()),
+            };
+            self.put_chunk(array, 0, &bytes)
+        })
+    }
+
+    fn tree<'t>(&'t self, folder: &'t Path) -> Tree<'t, 'a> {
+        Tree { folder, heading: &self.heading }
+    }
+
+    /// Writes a chunk of an array, which may be there already.
+    fn put_chunk(&self, array: &Array<'_>, at: usize, bytes: &[u8]) -> Result<(), Error> {
+        let path = self.folder.join(array.chunk(at));
+        let put = self.put(&path, &format!("{}-{at}", array.name), bytes);
+        put.or_else(|e| if path.is_file() { Ok(()) } else { Err(Error::io(path.display().to_string(), e)) })
     }
 
     /// Counts all trajectories that are there, whoever integrated them.
@@ -249,7 +339,7 @@ impl<'a> Store<'a> {
 }
 
 impl<'a> Arrays<'a> {
-    fn of(heading: &Heading<'a>) -> Arrays<'a> {
+    fn of(heading: &Heading<'a>, wanted: Option<&Wanted>) -> Arrays<'a> {
         let (n_state, n_inputs, n_samples) =
             (heading.info.state.len(), heading.input_names.len(), heading.times.len());
         let trajectory = ("trajectory", heading.n, heading.n_chunk);
@@ -261,25 +351,41 @@ impl<'a> Arrays<'a> {
             attributes: attributes([("description", json!(doc))]),
         };
         use Kind::{Code, Count, Float, Text};
-        Arrays {
+        let trajectories = || Trajectories {
             inputs: (n_inputs > 0).then(|| {
                 let axes = [trajectory, ("input", n_inputs, n_inputs)];
                 array("inputs", Float, &axes, "what varies: parameters and components of the initial state")
             }),
             y: array("y", Float, &[trajectory, t, state], "states; NaN where a trajectory has not come"),
             energy: heading.info.has_energy.then(|| array("energy", Float, &[trajectory, t], "energy")),
-            steps: array(
-                "steps",
-                Count,
-                &[trajectory],
-                "accepted steps, with those of the trajectories beside it",
-            ),
             stopped_t: array("stopped_t", Float, &[trajectory], "time of a stop; NaN where there was none"),
             stopped_y: array(
                 "stopped_y",
                 Float,
                 &[trajectory, state],
                 "state at a stop; NaN where there was none",
+            ),
+        };
+        let quantity = ("quantity", quantities(heading).len(), quantities(heading).len());
+        let told = |wanted: &Wanted, table: Table| {
+            let last = table.axis(wanted).map(|(name, n)| (name, n, n));
+            let axes: Vec<(&'a str, usize, usize)> = [t, quantity].into_iter().chain(last).collect();
+            let kind = if table == Table::Number { Count } else { Float };
+            (table, array(table.name(), kind, &axes, table.doc()))
+        };
+        Arrays {
+            kept: match wanted {
+                None => Kept::Trajectories(Box::new(trajectories())),
+                Some(wanted) => {
+                    let tables = wanted.tables().into_iter().map(|table| told(wanted, table)).collect();
+                    Kept::Statistics(wanted.clone(), tables)
+                }
+            },
+            steps: array(
+                "steps",
+                Count,
+                &[trajectory],
+                "accepted steps, with those of the trajectories beside it",
             ),
             error: array("error", Text, &[trajectory], "why a trajectory stopped; empty where it did not"),
             status: array(
@@ -298,7 +404,7 @@ impl<'a> Arrays<'a> {
         request: &Value,
         of_state: Map<String, Value>,
     ) -> Vec<(String, Vec<u8>)> {
-        let Arrays { inputs, y, energy, steps, stopped_t, stopped_y, error, status } = self;
+        let Arrays { kept, steps, error, status } = self;
         let (mut documents, mut of_arrays) = (Vec::new(), Map::new());
         let mut add = |array: &Array<'_>, bytes: Option<Vec<u8>>| {
             let document = array.document();
@@ -315,17 +421,53 @@ impl<'a> Arrays<'a> {
             let array = Array { name, kind: Kind::Text, axes: vec![(name, n, n)], attributes };
             add(&array, Some(zarr::texts(names.iter().map(String::as_str), n)));
         };
-        names("state", &heading.info.state, of_state);
-        if inputs.is_some() {
-            names("input", &heading.input_names, Map::new());
+        match kept {
+            Kept::Trajectories(arrays) => {
+                let Trajectories { inputs, y, energy, stopped_t, stopped_y } = &**arrays;
+                names("state", &heading.info.state, of_state);
+                if inputs.is_some() {
+                    names("input", &heading.input_names, Map::new());
+                }
+                let optional = inputs.iter().chain(energy);
+                let arrays = optional.chain([y, steps, stopped_t, stopped_y, error, status]);
+                arrays.for_each(|array| add(array, None));
+            }
+            Kept::Statistics(wanted, tables) => {
+                names("quantity", &quantities(heading), of_quantities(of_state, heading));
+                if wanted.has(Statistic::Quantiles) {
+                    let n = wanted.levels.len();
+                    let doc = attributes([("description", json!("levels of the quantiles"))]);
+                    let level = Array {
+                        name: "level",
+                        kind: Kind::Float,
+                        axes: vec![("level", n, n)],
+                        attributes: doc,
+                    };
+                    add(&level, Some(zarr::floats(&wanted.levels, n)));
+                }
+                tables.iter().for_each(|(_, array)| add(array, None));
+                [steps, error, status].into_iter().for_each(|array| add(array, None));
+            }
         }
-        let optional = inputs.iter().chain(energy);
-        optional.chain([y, steps, stopped_t, stopped_y, error, status]).for_each(|array| add(array, None));
         let group = zarr::group(&attributes([("hamel", request.clone())]), &of_arrays);
         // First, so that what differs between two requests is told by the document that says it best.
         documents.insert(0, (DOCUMENT.to_owned(), zarr::text(&group)));
         documents
     }
+}
+
+/// Attributes of the names of a state, for those of the quantities: the energy has no unit and meaning of the model.
+fn of_quantities(mut of_state: Map<String, Value>, heading: &Heading<'_>) -> Map<String, Value> {
+    let mut append = |key: &str, value: &str| {
+        if let Some(Value::Array(values)) = of_state.get_mut(key) {
+            values.push(value.into());
+        }
+    };
+    if heading.info.has_energy {
+        append("units", "");
+        append("descriptions", "energy");
+    }
+    of_state
 }
 
 fn attributes<const N: usize>(entries: [(&str, Value); N]) -> Map<String, Value> {

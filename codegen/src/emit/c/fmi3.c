@@ -396,12 +396,14 @@ FMI3_EXPORT fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueRefe
             continue;
         }
 #endif /* FMU_INPUTS */
-        if (m->data.mode > INITIALIZATION) {
-            return fail(m, "parameters and states are set until initialization ends");
+        const bool is_param = at >= FIRST_PARAM && at < FIRST_OUTPUT;
+        const bool is_between = m->data.mode == EVENT || m->data.mode == STEP;
+        if (m->data.mode > INITIALIZATION && !(is_param && is_between)) {
+            return fail(m, "states are set until initialization ends, parameters also in event mode and between steps");
         }
         if (at >= FIRST_STATE && at < FIRST_RATE) {
             m->data.y[at - FIRST_STATE] = values[k];
-        } else if (at >= FIRST_PARAM && at < FIRST_OUTPUT) {
+        } else if (is_param) {
             m->data.params[at - FIRST_PARAM] = values[k];
             m->data.is_stale = true;
         } else {

@@ -235,7 +235,7 @@ impl Writer<'_> {
             add(
                 &param.name,
                 format!(
-                    "causality=\"parameter\" variability=\"fixed\" initial=\"exact\" start=\"{start:?}\"{}",
+                    "causality=\"parameter\" variability=\"tunable\" initial=\"exact\" start=\"{start:?}\"{}",
                     description(&param.doc)
                 ),
             );

@@ -2,8 +2,8 @@
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `circles`, `matrices`,
 //! `implicit`, `flows`, `events`, `guards`, `inputs`, `loops`, `traits`, `series` and `nalgebra` write the items of a
-//! scene, `index` the list of modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which
-//! functions there are and why, the order of their statements.
+//! scene, `wasm` the root of a crate for WebAssembly over it, `index` the list of modules, `fluid` the module of a
+//! fluid of matrices, `format` text. Does not know: which functions there are and why, the order of their statements.
 
 mod circles;
 mod events;
@@ -25,6 +25,7 @@ mod prepared;
 mod series;
 mod tokens;
 mod traits;
+mod wasm;
 
 use proc_macro2::TokenStream;
 
@@ -71,6 +72,22 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         format::header(&text.command, text.formulation.as_deref()),
         format::format_module(tokens)?
     ))
+}
+
+/// A scene for WebAssembly.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WasmModule {
+    /// The text of the root of a crate, which takes the scene's module from the file beside it.
+    pub root: String,
+    /// The text of a module of JavaScript that calls it.
+    pub script: String,
+}
+
+/// The texts that call a scene's module, which is in `file`, from outside of WebAssembly.
+pub(super) fn emit_wasm(program: &Program, text: &SceneText, file: &str) -> Result<WasmModule, Error> {
+    let module = Module::new(&Rust, program, None, text)?;
+    let writer = Writer { module: &module, runtime: format::runtime_path(&text.runtime)? };
+    Ok(WasmModule { root: writer.wasm(file)?, script: writer.wasm_script() })
 }
 
 /// Writes the items of a module.
