@@ -249,7 +249,10 @@ impl Derivation<'_> {
             }
         }
         self.writer.begin("right side f = V^T (r - m a)");
-        let net = self.net_of_rest(&rest_hessian, rest);
+        let mut net = self.net_of_rest(&rest_hessian, rest);
+        for (alpha, force) in net.iter_mut().enumerate() {
+            *force = self.define(&format!("n_{}", self.names[alpha]), *force);
+        }
         let mut force = vec![self.g.zero(); k];
         let mut known: Vec<(BTreeMap<ExprId, Rational>, ExprId)> = Vec::new();
         for b in (0..k).rev() {

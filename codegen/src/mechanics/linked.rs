@@ -35,9 +35,9 @@ const WAYS: [Way; 3] =
 /// linkages measured`), and systems of more rates than this are taken for such.
 const MAX_PARTIAL: usize = 6;
 
-/// A way that is tried later has to take fewer operations by more than this part of them: lowering, which finds common
-/// divisors, changes what is written by more than that. Of the ways of a snake of five links, which are 342, 343 and
-/// 341 operations as written and 205, 197 and 209 lowered, the first is kept
+/// Another way than partial velocities has to take fewer operations by more than this part of them: lowering, which finds
+/// common divisors, changes what is written by more than that. Of the ways of a snake of five links, which are 342, 343
+/// and 341 operations as written and 205, 197 and 209 lowered, the first is kept
 /// (`LINKAGES="snake:5" cargo test -p hamel-codegen --test linkages measured`).
 const CLOSE: usize = 50;
 
@@ -51,6 +51,7 @@ impl Derivation<'_> {
         let rest = self.at_rest(recursion)?;
         let before = (self.g.clone(), self.writer.clone());
         let mut best: Option<(usize, Graph, SectionWriter, Motion)> = None;
+        let mut margin = 0;
         let mut failure = None;
         for way in WAYS {
             if matches!(way, Way::PartialVelocities) && solved.unknowns.len() > MAX_PARTIAL {
@@ -69,7 +70,9 @@ impl Derivation<'_> {
                 }
             };
             let n = self.n_operations(&motion);
-            if best.as_ref().is_none_or(|(least, ..)| n + n / CLOSE < *least) {
+            let is_first = matches!(way, Way::PartialVelocities);
+            if best.as_ref().is_none_or(|(least, ..)| n + margin < *least) {
+                margin = if is_first { n / CLOSE } else { 0 };
                 best = Some((n, self.g.clone(), self.writer.clone(), motion));
             }
         }
