@@ -644,9 +644,10 @@ impl Model {
             Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
                 constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)
             }
-            Error::UndeterminedPositions { equations, .. } => {
-                constraints.chain(conditions).find(|(text, _)| equations.contains(text)).and_then(|(_, span)| span)
-            }
+            Error::UndeterminedPositions { equations, .. } => constraints
+                .chain(conditions)
+                .find(|(text, _)| equations.contains(text))
+                .and_then(|(_, span)| span),
             Error::NoResponse { .. } => self.constraints.first().and_then(|c| c.span),
             Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } => {
                 self.places.independent.or(self.constraints.first().and_then(|c| c.span))
