@@ -67,7 +67,10 @@ fn initial_values_are_found_on_the_branch_of_the_model_and_kept() {
 fn what_cannot_be_met_is_told_with_what_is_left() {
     let out = hamel(&["simulate", "--set", "a=5", "--t-final", "1"]);
     let text = String::from_utf8(out.stderr).unwrap();
-    assert!(!out.status.success() && text.contains("equations between coordinates are violated by"), "{text}");
+    assert!(
+        !out.status.success() && text.contains("equations between coordinates are violated by"),
+        "{text}"
+    );
     let given = ["alpha=1", "beta=0.5", "gamma=1.5"];
     let mut arguments = vec!["simulate", "--t-final", "1"];
     given.iter().for_each(|value| arguments.extend(["--initial", value]));

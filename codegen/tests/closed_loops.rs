@@ -120,7 +120,8 @@ fn built(text: &str) -> BuiltScene {
 
 /// The rate of a component of the state at a state given by names; what is not named is none of the state's.
 fn rates(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str) -> f64 + use<> {
-    let params: Vec<f64> = scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let params: Vec<f64> =
+        scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
     let interpreter = scene.prepare(&params).unwrap();
     let names = scene.state_names();
     let value = |name: &String| values.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name}")).1;
@@ -176,7 +177,11 @@ fn closed(alpha: f64) -> [f64; 2] {
 
 fn four_bar_in_space() -> Mechanism {
     Mechanism {
-        bodies: vec![Body(2.0, 2.0 * A * A / 12.0), Body(3.0, 3.0 * B * B / 12.0), Body(1.5, 1.5 * C * C / 12.0)],
+        bodies: vec![
+            Body(2.0, 2.0 * A * A / 12.0),
+            Body(3.0, 3.0 * B * B / 12.0),
+            Body(1.5, 1.5 * C * C / 12.0),
+        ],
         joints: vec![
             Joint::Pin((None, [0.0, 0.0]), (Some(0), [-A / 2.0, 0.0])),
             Joint::Pin((Some(0), [A / 2.0, 0.0]), (Some(1), [-B / 2.0, 0.0])),
@@ -195,14 +200,16 @@ fn a_four_bar_linkage_moves_as_its_bodies_do() {
     for alpha in [0.2, 1.0, 2.5, 3.9, 5.5] {
         let [beta, gamma] = closed(alpha);
         let alpha_dot = 1.7;
-        let rate = rates(&scene, &[("alpha", alpha), ("beta", beta), ("gamma", gamma), ("alpha_dot", alpha_dot)]);
+        let rate =
+            rates(&scene, &[("alpha", alpha), ("beta", beta), ("gamma", gamma), ("alpha_dot", alpha_dot)]);
         let (beta_dot, gamma_dot) = (rate("beta"), rate("gamma"));
         // The loop stays closed.
         let x = -A * alpha.sin() * alpha_dot - B * beta.sin() * beta_dot + C * gamma.sin() * gamma_dot;
         let y = A * alpha.cos() * alpha_dot + B * beta.cos() * beta_dot - C * gamma.cos() * gamma_dot;
         close("closing", x, 0.0, 1.0);
         close("closing", y, 0.0, 1.0);
-        let expected = four_bar_in_space().accelerations(&[alpha, beta, gamma], &[alpha_dot, beta_dot, gamma_dot]);
+        let expected =
+            four_bar_in_space().accelerations(&[alpha, beta, gamma], &[alpha_dot, beta_dot, gamma_dot]);
         let size = expected.iter().fold(1.0_f64, |max, x| max.max(x.abs()));
         close("crank", rate("alpha_dot"), expected[2], size);
         let all = [
@@ -331,5 +338,8 @@ fn a_constraint_between_positions_is_solved_where_it_can_be() {
     close("horizontal", rate("x_dot"), 0.0, 1.0);
     close("vertical", rate("z_dot"), 4.0, 1.0);
     let names = kept.invariant_names().unwrap();
-    assert!(names.contains(&"position_rod".to_owned()) && names.contains(&"residual_rod".to_owned()), "{names:?}");
+    assert!(
+        names.contains(&"position_rod".to_owned()) && names.contains(&"residual_rod".to_owned()),
+        "{names:?}"
+    );
 }

@@ -344,7 +344,11 @@ struct Missed {
 /// ```
 ///
 /// None when `J` has not full rank, or `M` is singular or not positive on the solution.
-pub(super) fn least_change(jacobian: &[Vec<f64>], residual: &[f64], metric: Option<&[Vec<f64>]>) -> Option<Vec<f64>> {
+pub(super) fn least_change(
+    jacobian: &[Vec<f64>],
+    residual: &[f64],
+    metric: Option<&[Vec<f64>]>,
+) -> Option<Vec<f64>> {
     let (n, n_free) = (jacobian.len(), jacobian.first().map_or(0, Vec::len));
     // Column by column.
     let columns: Vec<Vec<f64>> = match metric {

@@ -73,7 +73,8 @@ pub(crate) fn meet(
     y: &mut [f64],
     free: &[usize],
 ) -> Result<Outcome, Error> {
-    let largest = |f: &[f64]| f.iter().fold(0.0, |max: f64, r| if r.is_nan() { f64::NAN } else { max.max(r.abs()) });
+    let largest =
+        |f: &[f64]| f.iter().fold(0.0, |max: f64, r| if r.is_nan() { f64::NAN } else { max.max(r.abs()) });
     let mut residual = at(outputs, residuals, vec![y.to_vec()])?.remove(0);
     for _ in 0..MAX_ROUNDS {
         let jacobian = slopes(outputs, residuals, y, free)?;

@@ -7,8 +7,10 @@
 //!
 //! Deliberately does not know: how the rows were solved, what the velocities are.
 
+use std::collections::BTreeMap;
+
 use crate::error::Error;
-use crate::expr::ExprId;
+use crate::expr::{ExprId, SymbolId};
 use crate::reduction::{Response, SolvedConstraint};
 
 use super::derive::Derivation;
@@ -25,7 +27,8 @@ impl Derivation<'_> {
     fn order_of_rows(&self, solved: &SolvedConstraint, response: &Response) -> Order {
         let form = |row: usize| &solved.rows[row].one_form;
         let is_number = |(row, own): &(usize, usize)| self.g.as_rational(form(*row)[*own]).is_some();
-        let (mut numbers, mut together): (Vec<_>, Vec<_>) = response.pairs.iter().copied().partition(is_number);
+        let (mut numbers, mut together): (Vec<_>, Vec<_>) =
+            response.pairs.iter().copied().partition(is_number);
         loop {
             let (mut direct, mut waiting) = (Vec::new(), numbers.clone());
             loop {
@@ -123,7 +126,8 @@ impl Derivation<'_> {
         self.writer.begin("velocities y = Psi u + psi0");
         let right: Vec<ExprId> = solved.rows.iter().map(|row| row.offset).collect();
         let is_affine = right.iter().any(|e| *e != zero);
-        let own = if is_affine { self.answer(solved, response, &right, "psi0_") } else { vec![zero; self.y.len()] };
+        let own =
+            if is_affine { self.answer(solved, response, &right, "psi0_") } else { vec![zero; self.y.len()] };
         for &alpha in &solved.dependent {
             let mut terms = vec![own[alpha]];
             for (slope, k) in psi[alpha].iter().zip(&independent) {
@@ -144,6 +148,10 @@ impl Derivation<'_> {
         solved: &SolvedConstraint,
         response: &Response,
     ) -> Result<Vec<ExprId>, Error> {
+        // In one pass over what the rows share, and not from a slope for each coordinate.
+        let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
+        let moving = base.chain([(self.system.time, self.g.one())]);
+        let moving: BTreeMap<SymbolId, ExprId> = moving.filter(|(_, rate)| *rate != self.g.zero()).collect();
         let mut rates = Vec::with_capacity(solved.rows.len());
         for row in &solved.rows {
             let residual = row.written.unwrap_or_else(|| {
@@ -151,7 +159,8 @@ impl Derivation<'_> {
                 let form = self.g.dot(&row.one_form[..raw.len()], &raw);
                 self.g.add(form, row.offset)
             });
-            let rate = self.drift(residual)?;
+            let rate = self.g.derivative_along(residual, &moving);
+            let rate = self.replace(rate)?;
             rates.push(self.define(&format!("rate_{}", row.name), rate));
         }
         Ok(self.answer(solved, response, &rates, "lag_"))

@@ -221,7 +221,9 @@ impl Derivation<'_> {
             return Ok(Vec::new());
         }
         self.writer.begin("multipliers E = lambda a");
-        if let Some(response) = solved.response.as_ref().filter(|_| solved.virtual_displacements == solved.psi) {
+        if let Some(response) =
+            solved.response.as_ref().filter(|_| solved.virtual_displacements == solved.psi)
+        {
             let mut reaction = vec![self.g.zero(); self.y.len()];
             for &alpha in &solved.dependent {
                 let mut terms = vec![self.g.neg(self.drive[alpha])];

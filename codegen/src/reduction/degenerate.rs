@@ -360,8 +360,14 @@ impl Search<'_> {
             ..row.clone()
         });
         let rows: Vec<ConstraintRow> = rows.collect();
-        let mut solver =
-            Solver { graph: g, names: &names, quasi: &[], params: &self.params, facts: self.signs, has_positions: false };
+        let mut solver = Solver {
+            graph: g,
+            names: &names,
+            quasi: &[],
+            params: &self.params,
+            facts: self.signs,
+            has_positions: false,
+        };
         let found = solver.solve_somewhere(&rows)?;
         // Back in the order of the frame.
         let free: Vec<usize> = (0..m).filter(|k| !found.dependent.contains(k)).map(|k| order[k]).collect();

@@ -11,6 +11,7 @@
 
 mod ast;
 mod builder;
+mod constraint_parts;
 mod context;
 mod diagnostic;
 mod elaborate;
@@ -45,6 +46,7 @@ mod written;
 
 pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
+pub use constraint_parts::{CarriedAcceleration, PositionEquation};
 pub use context::Context;
 pub use diagnostic::{Diagnostic, Diagnostics, Help, Origin, Replacement, Severity, Span};
 pub use event::{Event, EventDirection, OutputPart};
@@ -57,10 +59,10 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use model::{
-    Advected, Carried, CarriedAcceleration, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind,
-    Coordinate, Domain, FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named,
-    NamedVector, OwnAlgebroid, OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction,
-    ReconstructionKind, Scene, Side, Velocity, VelocitySection, VirtualConstraint, circle_names, diagnose,
+    Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
+    FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
+    OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
+    Velocity, VelocitySection, VirtualConstraint, circle_names, diagnose,
 };
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
 pub use shape::{Expected, Operation, Shape, ValueError};

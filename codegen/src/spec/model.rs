@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+pub(super) use super::constraint_parts::{CarriedAcceleration, PositionEquation};
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
 use super::family::FamilySize;
@@ -285,30 +286,6 @@ pub enum ConstraintKind {
         /// What the state carries.
         carried: CarriedAcceleration,
     },
-}
-
-/// The acceleration `s = w . ydot + offset(x, y, t)` along a constraint of third order, whose rate the constraint gives
-/// and which is a component of the state.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CarriedAcceleration {
-    /// Its name, `acceleration_` and that of the constraint.
-    pub name: String,
-    /// Its symbol.
-    pub symbol: SymbolId,
-    /// Zero in the velocities of the model as written; not zero where another connection changed these.
-    pub offset: ExprId,
-    /// Documentation.
-    pub doc: String,
-}
-
-/// An equation `f(x, a, t) = 0` between coordinates and advected parameters, whose derivative is a linear constraint.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PositionEquation {
-    /// `f`, left side minus right side.
-    pub residual: ExprId,
-    /// The base coordinate that the equation gives, with others of its item where they are several; absent where the
-    /// equation is a constraint that says nothing about that.
-    pub determines: Option<usize>,
 }
 
 /// A scalar constraint.
@@ -649,9 +626,10 @@ impl Model {
             Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
                 constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)
             }
-            Error::UndeterminedPositions { equations, .. } => {
-                constraints.chain(conditions).find(|(text, _)| equations.contains(text)).and_then(|(_, span)| span)
-            }
+            Error::UndeterminedPositions { equations, .. } => constraints
+                .chain(conditions)
+                .find(|(text, _)| equations.contains(text))
+                .and_then(|(_, span)| span),
             Error::NoResponse { .. } => self.constraints.first().and_then(|c| c.span),
             Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } => {
                 self.places.independent.or(self.constraints.first().and_then(|c| c.span))

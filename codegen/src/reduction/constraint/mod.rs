@@ -53,7 +53,7 @@ pub struct SolvedConstraint {
     /// Expressions that were divided by and are not known to be non-zero, with what to call them.
     pub pivots: Vec<(String, ExprId)>,
     /// How dependent velocities answer to the rows, where these contain derivatives of equations between positions.
-    pub response: Option<Response>,
+    pub response: Option<Box<Response>>,
 }
 
 /// How dependent velocities answer to the rows: with `b_A` added to row `A`, `y = Psi u + psi0 + R b`.

@@ -12,6 +12,9 @@ use super::{ConstraintRow, Response, Unknown};
 /// Rows up to which a block is solved by cofactors; larger ones by elimination with the best pivots first.
 const MAX_COFACTORS: usize = 3;
 
+/// Rows with the columns that they were solved for, and what was divided by.
+type Found<'a> = (&'a mut Vec<(usize, usize)>, &'a mut Vec<(String, ExprId)>);
+
 /// How good an expression is to divide by; smaller is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum PivotGrade {
@@ -43,7 +46,7 @@ pub(in crate::reduction) struct Elimination {
     pub(in crate::reduction) psi: Vec<Vec<ExprId>>,
     pub(in crate::reduction) psi0: Vec<ExprId>,
     pub(in crate::reduction) pivots: Vec<(String, ExprId)>,
-    pub(in crate::reduction) response: Option<Response>,
+    pub(in crate::reduction) response: Option<Box<Response>>,
 }
 
 /// Rows eliminated as far as wanted.
@@ -237,7 +240,7 @@ impl Solver<'_> {
         rows: &[ConstraintRow],
         determined: &[(usize, usize)],
         table: &mut [Vec<ExprId>],
-        (solved, pivots): (&mut Vec<(usize, usize)>, &mut Vec<(String, ExprId)>),
+        (solved, pivots): Found<'_>,
     ) -> Result<(), Error> {
         let (mut open, mut columns): (Vec<usize>, Vec<usize>) = determined.iter().copied().unzip();
         while !open.is_empty() {
@@ -277,7 +280,7 @@ impl Solver<'_> {
         rows: &[ConstraintRow],
         (open, columns): (&[usize], &[usize]),
         table: &mut [Vec<ExprId>],
-        (solved, pivots): (&mut Vec<(usize, usize)>, &mut Vec<(String, ExprId)>),
+        (solved, pivots): Found<'_>,
     ) -> Result<(), Error> {
         let n = open.len();
         let square: Vec<Vec<ExprId>> =
@@ -406,7 +409,7 @@ impl Solver<'_> {
                     *entry = g.neg(table[row][width + 1 + a]);
                 }
             }
-            Response { pairs: solved.clone(), by_row }
+            Box::new(Response { pairs: solved.clone(), by_row })
         });
         Elimination { dependent, psi, psi0, pivots: pivots.clone(), response }
     }

@@ -167,7 +167,8 @@ impl ModelBuilder {
         let mut n_unnamed = 0;
         for draft in self.constraints.clone() {
             for (name, place, e) in self.rows(&draft, "constraint", "c", &mut taken, &mut n_unnamed) {
-                if let Some((residual, kind, position)) = self.classify(e, &name, &place, draft.span, &rates) {
+                if let Some((residual, kind, position)) = self.classify(e, &name, &place, draft.span, &rates)
+                {
                     let (text, span) = (draft.text.clone(), draft.span);
                     result.push(Constraint { name, text, kind, residual, position, span });
                 }
@@ -222,8 +223,11 @@ impl ModelBuilder {
         if occurring.is_empty() && self.has_positions(e) {
             let position = PositionEquation { residual: e, determines: None };
             let rate = self.along(e, rates);
-            return (!self.reports_rigid(rate, place, span))
-                .then_some((rate, ConstraintKind::Linear, Some(position)));
+            return (!self.reports_rigid(rate, place, span)).then_some((
+                rate,
+                ConstraintKind::Linear,
+                Some(position),
+            ));
         }
         match self.graph.affine_parts(e, &occurring) {
             Some((slopes, _)) if slopes.iter().all(|s| *s == self.graph.zero()) => {

@@ -59,8 +59,13 @@ impl ModelBuilder {
             let (n, n_equations) = (coordinates.len(), residual.entries().len());
             if n != n_equations {
                 let counted = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
-                let message = format!("{} for {}", counted(n_equations, "equation"), counted(n, "coordinate"));
-                self.problem(span, message, "give as many equations as coordinates, as a list `[f, g] = [0, 0]`");
+                let message =
+                    format!("{} for {}", counted(n_equations, "equation"), counted(n, "coordinate"));
+                self.problem(
+                    span,
+                    message,
+                    "give as many equations as coordinates, as a list `[f, g] = [0, 0]`",
+                );
                 continue;
             }
             for (k, (coordinate, e)) in coordinates.iter().zip(residual.entries().to_vec()).enumerate() {
@@ -97,11 +102,19 @@ impl ModelBuilder {
         }
         if let Some(velocity) = self.velocity_symbols().into_iter().find(|v| self.mentions(e, *v)) {
             let message = format!("{place} contains the velocity `{}`", self.graph.name(velocity));
-            self.problem(span, message, "a coordinate is given by coordinates; restrict velocities by `constraint`");
+            self.problem(
+                span,
+                message,
+                "a coordinate is given by coordinates; restrict velocities by `constraint`",
+            );
             return false;
         }
         self.has_positions(e) || {
-            self.problem(span, format!("{place} contains no coordinate"), "write it in the coordinate it gives");
+            self.problem(
+                span,
+                format!("{place} contains no coordinate"),
+                "write it in the coordinate it gives",
+            );
             false
         }
     }
@@ -117,7 +130,8 @@ impl ModelBuilder {
     pub(super) fn reports_rigid(&mut self, rate: ExprId, place: &str, span: Option<Span>) -> bool {
         let is_rigid = self.graph.is_zero(rate);
         if is_rigid {
-            let message = format!("{place} restricts no velocity: the motion keeps both sides apart as they are");
+            let message =
+                format!("{place} restricts no velocity: the motion keeps both sides apart as they are");
             self.problem(span, message, "remove it, and choose initial values that satisfy it");
         }
         is_rigid
@@ -229,7 +243,8 @@ mod tests {
             let found = velocities.into_iter().chain(advected).find(|(n, _)| *n == name);
             found.unwrap_or_else(|| panic!("{name}")).1
         };
-        let [v, o1, o2, g1, g2] = ["x_dot", "Omega1", "Omega2", "Gamma1", "Gamma2"].map(|n| symbol(n, &model));
+        let [v, o1, o2, g1, g2] =
+            ["x_dot", "Omega1", "Omega2", "Gamma1", "Gamma2"].map(|n| symbol(n, &model));
         let g = &mut model.graph;
         let [v, o1, o2, g1, g2] = [v, o1, o2, g1, g2].map(|s| g.sym(s));
         let two = g.int(2);
