@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
-use super::family::FamilySize;
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
+use super::size::FamilySize;
 use super::view::Views;
 use super::want::Wanted;
 use crate::algebra::LieAlgebra;

@@ -4,21 +4,12 @@
 
 use std::collections::BTreeSet;
 
-use super::draft::ModelBuilder;
+use super::draft::{AppliedForce, ModelBuilder};
 use super::symbols::Special;
 use crate::expr::{ExprId, SymbolId};
-use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::diagnostic::Diagnostic;
 use crate::spec::rates::{Rates, rate_of};
 use crate::spec::value::Value;
-
-/// A force with what it acts on.
-#[derive(Clone, Debug)]
-pub(super) struct AppliedForce {
-    /// The velocity that it is paired with, by the velocities of the model.
-    velocity: Value,
-    force: Value,
-    span: Option<Span>,
-}
 
 impl ModelBuilder {
     /// A force along a velocity `u` that is linear in the velocities `y` of the model, such as that of a place of a

@@ -102,6 +102,8 @@ impl Elaboration<'_> {
         let (first, rest) = lets.needed_first(&frames::expressions(&file.items));
         self.define_lets(&lets, &first);
         self.define_frames(&file.items);
+        // They are in the velocities before the frame.
+        self.spins.clear();
         self.declare_momenta(&file.items);
         self.define_lets(&lets, &rest);
         for item in &file.items {
