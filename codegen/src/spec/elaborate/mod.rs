@@ -36,6 +36,7 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
         weights: BTreeMap::new(),
         poisoned: outcome.poisoned,
         is_spent: false,
+        has_families: !file.families.is_empty(),
         loops: file.indices.iter().map(|(_, scope)| *scope).collect(),
         withheld: BTreeSet::new(),
         spins: BTreeMap::new(),
