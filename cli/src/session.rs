@@ -13,7 +13,6 @@ use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{self, Checked, Model};
 use crate::repository::Repository;
-use crate::request::sizes;
 
 /// Names and texts of models that are part of a program.
 pub type Shipped = &'static [(&'static str, &'static str)];
@@ -246,21 +245,15 @@ impl<'s> ModelFile<'s> {
     /// Another member of the family that the file is: with sizes in the place of those of its text.
     #[must_use]
     pub fn sized(mut self, sizes: &[(String, i64)]) -> ModelFile<'s> {
+        if sizes.is_empty() {
+            return self;
+        }
         for (name, value) in sizes {
             self.sizes.retain(|(own, _)| own != name);
             self.sizes.push((name.clone(), *value));
         }
         self.model = OnceLock::new();
         self
-    }
-
-    /// The member of the family that a request in JSON asks for: with its `sizes`.
-    ///
-    /// # Errors
-    /// [`Error::NotJson`], [`Error::Request`].
-    pub fn asked_for(self, request: &str) -> Result<ModelFile<'s>, Error> {
-        let sizes = sizes::of_request(request)?;
-        Ok(if sizes.is_empty() { self } else { self.sized(&sizes) })
     }
 
     /// Whether inputs are driven by expressions.

@@ -44,7 +44,7 @@ const BOUNDS: [(&str, usize, usize); 37] = [
     ("second_grade_fluid_3c", 56, 406),
     ("servo_ball", 9, 54),
     ("skew_sleigh", 14, 69),
-    ("snake", 60, 260),
+    ("snake", 39, 336),
     ("snakeboard", 19, 71),
     ("suslov", 10, 46),
     ("tethered_body", 17, 88),

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::options::SceneOptions;
 use crate::error::Error;
-use crate::request::read_request;
+use crate::request::{read_request, sizes};
 use crate::run::backend::Backend;
 use crate::run::evaluate::EvalRequest;
 use crate::run::forms::Forms;
@@ -48,7 +48,7 @@ pub struct Arguments {
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = arguments.scene.find(session)?;
     let text = read_request("{\"states\": [{\"Omega1\": 0.1, ..}]}")?;
-    let file = file.asked_for(&text)?;
+    let file = file.sized(&sizes::of_request(&text)?);
     let mut backend = arguments.scene.choice()?.open(&file)?;
     if !EvalRequest::has_other_names(&text, backend.info())? {
         return eval_text(&mut *backend, &text);

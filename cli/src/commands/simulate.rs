@@ -18,7 +18,7 @@ use crate::output::fields::{fields, vorticity};
 use crate::output::files::{Run, Target};
 use crate::output::plot::field::{self, Field};
 use crate::output::terminal::bold;
-use crate::request::read_request;
+use crate::request::{read_request, sizes};
 use crate::run::asked::{Asked, Words};
 use crate::run::backend::Backend;
 use crate::run::choice::Via;
@@ -232,7 +232,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
 fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
     let (file, choice) = (scene.find(session)?, scene.choice()?);
     let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
-    let file = file.asked_for(&text)?;
+    let file = file.sized(&sizes::of_request(&text)?);
     let (reconstructs, asking) =
         (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asking_method(&text)?);
     let model = || file.model();

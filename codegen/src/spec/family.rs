@@ -7,17 +7,6 @@ use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::names;
 use super::parser;
 
-/// A size of the text, `size n = 5;`, with the value that a model was read with.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FamilySize {
-    /// Its name.
-    pub name: String,
-    /// Its value.
-    pub value: i64,
-    /// Its documentation.
-    pub doc: String,
-}
-
 /// The text of a model with other values of its sizes.
 ///
 /// The text that comes back is a model file, and its sizes are those asked for: who reads it, derives from it or keeps

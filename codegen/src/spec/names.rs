@@ -125,6 +125,9 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "abs",
 ];
 
+/// Functions whose names may be declared as well: parentheses tell them from values, and models had such names first.
+const FREE_FUNCTIONS: &[&str] = &["unit", "rot", "rate", "spin"];
+
 /// What to write instead of a function that has jumps or kinks, for expressions are differentiated; nothing for other
 /// words.
 pub(super) fn not_smooth(word: &str) -> Option<String> {
@@ -171,7 +174,9 @@ pub(super) fn refusal(name: &str) -> Option<&'static str> {
     if name == "pi" {
         return Some("it is the number pi");
     }
-    if FUNCTIONS.contains(&name) || OPERATORS.iter().any(|(operator, _)| *operator == name) {
+    if FUNCTIONS.contains(&name) && !FREE_FUNCTIONS.contains(&name)
+        || OPERATORS.iter().any(|(operator, _)| *operator == name)
+    {
         return Some("it is a function of the language");
     }
     if CONDITIONS.contains(&name) {

@@ -4,17 +4,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::applied::AppliedForce;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::event::EventDirection;
-use crate::spec::family::FamilySize;
 use crate::spec::group::Group;
 use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::shape::ValueError;
+use crate::spec::size::FamilySize;
 use crate::spec::value::Value;
 use crate::spec::view::View;
 
@@ -115,6 +114,15 @@ pub(super) struct AdvectedDraft {
     pub(super) components: Vec<(String, SymbolId)>,
     pub(super) action: Option<(Value, Option<Span>)>,
     pub(super) doc: String,
+    pub(super) span: Option<Span>,
+}
+
+/// A force with what it acts on.
+#[derive(Clone, Debug)]
+pub(super) struct AppliedForce {
+    /// The velocity that it is paired with, by the velocities of the model.
+    pub(super) velocity: Value,
+    pub(super) force: Value,
     pub(super) span: Option<Span>,
 }
 

@@ -4,7 +4,7 @@
 
 use super::draft::{DeclaredAs, ModelBuilder};
 use crate::spec::diagnostic::Span;
-use crate::spec::family::FamilySize;
+use crate::spec::size::FamilySize;
 
 impl ModelBuilder {
     /// A size of the family that the model is of, with its value and its documentation.

@@ -235,7 +235,7 @@ impl Elaboration<'_> {
         }
         for (k, (compare, _)) in comparison.rest.iter().enumerate() {
             let span = sides[k].span.to(sides[k + 1].span);
-            let text = match self.is_in_loop(span) {
+            let text = match self.is_read_otherwise(span) {
                 true => format!("{} {} {}", sides[k], compare, sides[k + 1]),
                 false => self.one_line(span),
             };

@@ -36,6 +36,7 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
         weights: BTreeMap::new(),
         poisoned: outcome.poisoned,
         is_spent: false,
+        has_families: !file.families.is_empty(),
         loops: file.indices.iter().map(|(_, scope)| *scope).collect(),
         withheld: BTreeSet::new(),
         spins: BTreeMap::new(),
@@ -102,6 +103,8 @@ impl Elaboration<'_> {
         let (first, rest) = lets.needed_first(&frames::expressions(&file.items));
         self.define_lets(&lets, &first);
         self.define_frames(&file.items);
+        // They are in the velocities before the frame.
+        self.spins.clear();
         self.declare_momenta(&file.items);
         self.define_lets(&lets, &rest);
         for item in &file.items {

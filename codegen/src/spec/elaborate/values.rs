@@ -22,6 +22,8 @@ pub(super) struct Elaboration<'a> {
     pub(super) is_spent: bool,
     /// Where names and numbers of the text stand for others in each turn.
     pub(super) loops: Vec<Span>,
+    /// Whether names are declared with an index.
+    pub(super) has_families: bool,
     /// Names of reconstructed coordinates; they have values only when everything else is done.
     pub(super) withheld: BTreeSet<String>,
     /// Angular velocities of rotations that have been made.
@@ -51,15 +53,17 @@ impl Elaboration<'_> {
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     }
 
-    /// Whether a place of the text is read several times.
-    pub(super) fn is_in_loop(&self, span: Span) -> bool {
-        self.loops.iter().any(|scope| scope.start <= span.start && span.end <= scope.end)
+    /// Whether a place of the text is read otherwise than it stands there: several times, or with names that have an
+    /// index.
+    pub(super) fn is_read_otherwise(&self, span: Span) -> bool {
+        let has_index = self.has_families && self.slice(span).contains('[');
+        has_index || self.loops.iter().any(|scope| scope.start <= span.start && span.end <= scope.end)
     }
 
     /// An equation as it stands in the text, or as a turn of a loop reads it.
     pub(super) fn equation_text(&self, left: &Expr, right: &Expr) -> String {
         let place = left.span.to(right.span);
-        if self.is_in_loop(place) { format!("{left} = {right}") } else { self.one_line(place) }
+        if self.is_read_otherwise(place) { format!("{left} = {right}") } else { self.one_line(place) }
     }
 
     pub(super) fn eval(&mut self, expr: &Expr) -> Option<Value> {

@@ -6,7 +6,7 @@ use proc_macro2::{Delimiter, Spacing};
 use syn::buffer::Cursor;
 
 use super::lexer::{Parsed, span_of, too_deep};
-use super::sizes::Shared;
+use super::scope::Shared;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::limits::MAX_DEPTH;

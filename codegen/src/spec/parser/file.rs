@@ -9,7 +9,7 @@ use syn::buffer::Cursor;
 
 use super::cursor::Parser;
 use super::lexer::span_of;
-use super::sizes::Loops;
+use super::scope::Loops;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::names;

@@ -7,7 +7,7 @@ use syn::buffer::Cursor;
 
 use super::cursor::Parser;
 use super::lexer::Parsed;
-use super::sizes::Loops;
+use super::scope::Loops;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::names;

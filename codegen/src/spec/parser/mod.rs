@@ -15,17 +15,18 @@ mod items;
 mod lexer;
 mod loops;
 mod recovery;
+mod scope;
 mod sizes;
 
 pub(super) use self::file::Outcome;
-pub(super) use self::sizes::Loops;
 
 use proc_macro2::Delimiter;
 use syn::buffer::{Cursor, TokenBuffer};
 
 use self::cursor::Parser;
 use self::lexer::{check_brackets, check_nesting, lex, without_hash_comments};
-use self::sizes::{Shared, read_sizes};
+use self::scope::{Loops, Shared};
+use self::sizes::read_sizes;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::limits::MAX_BYTES;
 
