@@ -3,14 +3,13 @@
 
 mod shelf_systems;
 
-use hamel_codegen::scene;
 use hamel_tests::models;
 use hamel_tests::unreduced::{Unreduced, check};
 use shelf_systems::{balls, flying, matrices, particles, rolling, spinning, vehicles};
 
 /// A model by its name against a system; `idle` are parameters that do nothing at their defaults.
 fn held<S: Unreduced>(name: &str, idle: &[&str]) {
-    let compared = check::<S>(&models::build_from_shelf(name, scene::DEFAULT), 7);
+    let compared = check::<S>(&models::build_from_shelf(name), 7);
     println!("{name}: {compared:?}");
     assert_eq!(compared.idle, idle, "{name}: parameters that change nothing");
 }
@@ -67,7 +66,7 @@ fn particles_and_what_they_turn() {
 /// Where a rattleback is told by its equations from a body that merely turns: one way it turns back, and soon.
 #[test]
 fn a_rattleback_turns_back() {
-    let scene = models::build_from_shelf("rattleback", scene::DEFAULT);
+    let scene = models::build_from_shelf("rattleback");
     let tilt = 0.02_f64;
     let start = |spin: f64| {
         [
@@ -92,7 +91,7 @@ fn a_rattleback_turns_back() {
 /// Upside down after eight seconds, and without friction never.
 #[test]
 fn a_tippe_top_turns_over() {
-    let scene = models::build_from_shelf("tippe_top", scene::DEFAULT);
+    let scene = models::build_from_shelf("tippe_top");
     let start = [
         ("Omega1", 0.0),
         ("Omega2", 0.0),
