@@ -111,3 +111,19 @@ fn a_tippe_top_turns_over() {
     assert!(cosine(0.3) < -0.99);
     assert!(cosine(0.0) > 0.99);
 }
+
+/// A model that nothing is held to is not on the shelf.
+#[test]
+fn every_model_of_the_shelf_is_checked() {
+    let checks = include_str!("shelf.rs");
+    let folder =
+        std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/shelf")).expect("the shelf");
+    let mut n = 0;
+    for file in folder {
+        let name = file.expect("a file").file_name().into_string().expect("a name in ASCII");
+        let Some(name) = name.strip_suffix(".hamel") else { continue };
+        assert!(checks.contains(&format!("(\"{name}\", &[")), "{name} has no check");
+        n += 1;
+    }
+    assert!(n > 0);
+}
