@@ -3,14 +3,13 @@
 
 mod shelf_systems;
 
-use hamel_codegen::scene;
 use hamel_tests::models;
 use hamel_tests::unreduced::{Unreduced, check};
 use shelf_systems::{balls, flying, matrices, particles, rolling, spinning, vehicles};
 
 /// A model by its name against a system; `idle` are parameters that do nothing at their defaults.
 fn held<S: Unreduced>(name: &str, idle: &[&str]) {
-    let compared = check::<S>(&models::build_from_shelf(name, scene::DEFAULT), 7);
+    let compared = check::<S>(&models::build_from_shelf(name), 7);
     println!("{name}: {compared:?}");
     assert_eq!(compared.idle, idle, "{name}: parameters that change nothing");
 }
@@ -67,7 +66,7 @@ fn particles_and_what_they_turn() {
 /// Where a rattleback is told by its equations from a body that merely turns: one way it turns back, and soon.
 #[test]
 fn a_rattleback_turns_back() {
-    let scene = models::build_from_shelf("rattleback", scene::DEFAULT);
+    let scene = models::build_from_shelf("rattleback");
     let tilt = 0.02_f64;
     let start = |spin: f64| {
         [
@@ -92,7 +91,7 @@ fn a_rattleback_turns_back() {
 /// Upside down after eight seconds, and without friction never.
 #[test]
 fn a_tippe_top_turns_over() {
-    let scene = models::build_from_shelf("tippe_top", scene::DEFAULT);
+    let scene = models::build_from_shelf("tippe_top");
     let start = [
         ("Omega1", 0.0),
         ("Omega2", 0.0),
@@ -111,4 +110,20 @@ fn a_tippe_top_turns_over() {
     };
     assert!(cosine(0.3) < -0.99);
     assert!(cosine(0.0) > 0.99);
+}
+
+/// A model that nothing is held to is not on the shelf.
+#[test]
+fn every_model_of_the_shelf_is_checked() {
+    let checks = include_str!("shelf.rs");
+    let folder =
+        std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/shelf")).expect("the shelf");
+    let mut n = 0;
+    for file in folder {
+        let name = file.expect("a file").file_name().into_string().expect("a name in ASCII");
+        let Some(name) = name.strip_suffix(".hamel") else { continue };
+        assert!(checks.contains(&format!("(\"{name}\", &[")), "{name} has no check");
+        n += 1;
+    }
+    assert!(n > 0);
 }

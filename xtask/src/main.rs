@@ -41,7 +41,8 @@ struct Cli {
 
 const TOP: &str = "\
 The commands of hamel are here as well, without installing it: cargo xtask explain is hamel explain, and examples of their
-help are written so. Models are files in models/specs; wherever a model is named, a path that ends in .hamel may stand as well.
+help are written so. Models are files in models/specs and models/shelf; wherever a model is named, a path that ends in
+.hamel may stand as well.
 Exit status: 0 done, 1 failed, 2 bad input.
 
 Examples:

@@ -144,7 +144,7 @@ fn pages(session: &Session, files: &[ModelFile<'_>], folder: &Path) -> Result<()
     if errors.is_empty() { Ok(()) } else { Err(Error::Several { errors }) }
 }
 
-/// The models by kind, each with links to its page and to the playground.
+/// The models by topic, each with links to its page and to the playground.
 fn contents(files: &[ModelFile<'_>], with_pages: bool) -> Result<String, Error> {
     let mut listed = Vec::new();
     for file in files {
