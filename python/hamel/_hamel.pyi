@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
-__all__: list[str]
+__all__ = ["Motion", "Scene", "__version__", "ensemble", "methods", "shipped", "simulate", "write_ensemble"]
 __version__: str
 
 def shipped() -> list[str]: ...
