@@ -18,7 +18,7 @@ impl ModelBuilder {
     /// let mut builder = ModelBuilder::new("chain");
     /// builder.size("n", 3, "Number of links.");
     /// let rates: Vec<_> = (1..=3).map(|k| builder.coordinate(&format!("q{k}"), Domain::Angle, "").1).collect();
-    /// let squares: Vec<_> = rates.iter().map(|rate| rate.dot(builder.graph(), rate).unwrap()).collect();
+    /// let squares: Vec<_> = rates.iter().map(|rate| rate.mul(builder.graph(), rate).unwrap()).collect();
     /// ```
     pub fn size(&mut self, name: &str, value: i64, doc: &str) -> &mut Self {
         if self.declare(name, DeclaredAs::Size) {
