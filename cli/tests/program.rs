@@ -322,7 +322,7 @@ fn models_are_listed_by_kind() {
     let keys = |value: &serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     assert_eq!((&json[0]["model"], &json[1]["model"]), (&"suslov".into(), &"free_rigid_body".into()));
     assert_eq!(keys(&json[0]), ["model", "title", "topic", "sources", "scenes"]);
-    assert_eq!(keys(&json[0]["scenes"][0]), ["scene", "state", "params", "outputs", "has_energy"]);
+    assert_eq!(keys(&json[0]["scenes"][0]), ["scene", "state", "params", "inputs", "outputs", "has_energy"]);
 }
 
 #[test]
