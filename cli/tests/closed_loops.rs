@@ -59,8 +59,8 @@ fn initial_values_are_found_on_the_branch_of_the_model_and_kept() {
     // Shortest digits of doubles.
     assert!(x.abs() < 1e-15 && y.abs() < 1e-15, "{x} {y}");
     assert!(0.0 < beta && beta < gamma && gamma < 1.6, "{text}");
-    // To rounding of lengths near one.
-    assert!(number(&text, "residual at most") < 4e-15, "{text}");
+    // A crank that has turned thirty times is rounded by 3e-14, of which its length, 0.3, comes into the residual.
+    assert!(number(&text, "residual at most") < 1e-14, "{text}");
 }
 
 #[test]
