@@ -245,9 +245,14 @@ fn shared_sums(
                     by_ratio.entry(own / q).or_default().push((*e, q.clone()));
                 }
             }
-            let largest = by_ratio.into_values().max_by_key(Vec::len);
-            let is_shared = |terms: &Vec<_>| terms.len() > 1 && terms.len() < one.len().min(other.len());
-            found.extend(largest.filter(is_shared).map(|terms| (terms.len(), terms)));
+            let largest = by_ratio.into_iter().max_by_key(|(_, terms)| terms.len());
+            // A sum that is another one and a single term needs nothing between them.
+            let is_shared = |(ratio, terms): &(Rational, Vec<_>)| {
+                terms.len() > 1
+                    && terms.len() < one.len().min(other.len())
+                    && without(other, one, ratio).len() > 1
+            };
+            found.extend(largest.filter(is_shared).map(|(_, terms)| (terms.len(), terms)));
         }
     }
     found.into_iter().map(|(_, terms)| terms.into_iter().collect()).collect()
