@@ -219,8 +219,8 @@ fn ratio(all: &BTreeMap<ExprId, Rational>, sum: &BTreeMap<ExprId, Rational>) -> 
     sum.iter().all(|(e, q)| all.get(e).is_some_and(|own| *own == q * &ratio)).then_some(ratio)
 }
 
-/// What sums behind `roots` have in common, of two terms or more: velocities of joints, where the Lagrangian has those of
-/// the centres of the bodies beside them.
+/// What sums behind `roots` have in common, of two terms or more: velocities of joints, where the Lagrangian has those
+/// of the centres of the bodies beside them.
 fn shared_sums(
     g: &mut Graph,
     roots: &[ExprId],
