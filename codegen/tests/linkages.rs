@@ -136,7 +136,8 @@ fn arms_move_as_their_energy_in_space_says() {
 }
 
 /// Ten bodies with masses 1 and 1000: the mass matrix has the condition number 4.4e4, by which rounding errors of 1e-16
-/// are amplified. Expected are the accelerations from the energy in space (as in [`rates_of_arm`]) in 50 digits, by mpmath.
+/// are amplified. Expected are the accelerations from the energy in space (as in [`rates_of_arm`]) in 50 digits, by
+/// mpmath.
 #[test]
 fn bodies_of_very_different_masses_lose_no_digits() {
     let expected = [

@@ -219,8 +219,8 @@ fn ratio(all: &BTreeMap<ExprId, Rational>, sum: &BTreeMap<ExprId, Rational>) -> 
     sum.iter().all(|(e, q)| all.get(e).is_some_and(|own| *own == q * &ratio)).then_some(ratio)
 }
 
-/// What sums behind `roots` have in common, of two terms or more: velocities of joints, where the Lagrangian has those of
-/// the centres of the bodies beside them.
+/// What sums behind `roots` have in common, of two terms or more: velocities of joints, where the Lagrangian has those
+/// of the centres of the bodies beside them.
 fn shared_sums(
     g: &mut Graph,
     roots: &[ExprId],
@@ -245,9 +245,14 @@ fn shared_sums(
                     by_ratio.entry(own / q).or_default().push((*e, q.clone()));
                 }
             }
-            let largest = by_ratio.into_values().max_by_key(Vec::len);
-            let is_shared = |terms: &Vec<_>| terms.len() > 1 && terms.len() < one.len().min(other.len());
-            found.extend(largest.filter(is_shared).map(|terms| (terms.len(), terms)));
+            let largest = by_ratio.into_iter().max_by_key(|(_, terms)| terms.len());
+            // A sum that is another one and a single term needs nothing between them.
+            let is_shared = |(ratio, terms): &(Rational, Vec<_>)| {
+                terms.len() > 1
+                    && terms.len() < one.len().min(other.len())
+                    && without(other, one, ratio).len() > 1
+            };
+            found.extend(largest.filter(is_shared).map(|(_, terms)| (terms.len(), terms)));
         }
     }
     found.into_iter().map(|(_, terms)| terms.into_iter().collect()).collect()

@@ -27,14 +27,16 @@ use crate::reduction::ReducedSystem;
 /// domega_alpha/dx . rho_beta - domega_beta/dx . rho_alpha + C^gamma_{alpha beta} omega_gamma = omega_alpha x omega_beta
 /// ```
 ///
-/// whose part of `E_alpha` is `omega_alpha . (J omegadot + omega x J omega)`: the equation of Euler, along `omega_alpha`.
+/// whose part of `E_alpha` is `omega_alpha . (J omegadot + omega x J omega)`: the equation of Euler, along
+/// `omega_alpha`.
 ///
 /// # Source
 /// Kane and Levinson 1985, Dynamics, section 4.11 (generalised inertia forces); the conditions are Cartan's first
 /// structure equation, and that of Maurer and Cartan.
 #[derive(Clone, Debug)]
 pub(super) struct Square {
-    /// Masses and moments of inertia of pairs of components, first of each with itself; they depend on parameters alone.
+    /// Masses and moments of inertia of pairs of components, first of each with itself; they depend on parameters
+    /// alone.
     pub(super) masses: Vec<(usize, usize, ExprId)>,
     /// The components of `v`.
     pub(super) components: Vec<Component>,
@@ -390,7 +392,8 @@ fn turned_with(
     if v.iter().any(|c| c.has_offset) {
         return None;
     }
-    // Components are known up to their order and signs. The angular velocity of a body is near its velocity in the text.
+    // Components are known up to their order and signs. The angular velocity of a body is near its velocity in the
+    // text.
     let n = v[0].slopes.len();
     let choices = spins.iter().rev().flat_map(|omega| ORDERS.map(|order| order.map(|i| &omega[i])));
     for omega in choices {
