@@ -420,33 +420,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
         let a1_1 = a1_dot * t5;
+        /// accelerations of the recursion at udot = 0
+        let [t7, lag_part7, lag_part5_scaled] = {
+            let t6 = (-t5).mul_add(a2_dot, a1_1);
+            let t7 = part3 * a1_dot;
+            let t8 = part3.mul_add(a2_dot, -t7);
+            [
+                t7,
+                (-t2).mul_add(t8, t3 * t6),
+                (-t3).mul_add(t8, (-t2).mul_add(t6, t7 - t7)),
+            ]
+        };
         /// partial velocities by recursion
-        let [d_omega_part7, d_omega_part5, t6] = {
+        let [d_omega_part7, d_omega_part5, t9] = {
             let d_omega_part7 = (-t3).mul_add(t4, self.l * t2 * t1);
             [d_omega_part7, t0.mul_add(t2, t1 * t3), self.c48 * d_omega_part7]
-        };
-        /// accelerations of the recursion at udot = 0
-        let [t8, lag_part7, lag_part5_scaled] = {
-            let t7 = (-t5).mul_add(a2_dot, a1_1);
-            let t8 = part3 * a1_dot;
-            let t9 = part3.mul_add(a2_dot, -t8);
-            [
-                t8,
-                (-t2).mul_add(t9, t3 * t7),
-                (-t3).mul_add(t9, (-t2).mul_add(t7, t8 - t8)),
-            ]
         };
         /// mass matrix A = sum m V^T V
         let [A_omega_omega_over_m, A_v1_omega_over_m, t11, t12, A_v1_v1_over_m] = {
             let t10 = d_omega_part5.mul_add(d_omega_part5, t1.mul_add(t1, R::ONE));
             let t11 = self.c4 * t0;
-            let t12 = self.c49 * t6;
+            let t12 = self.c49 * t9;
             [
                 t10.mul_add(self.c1, d_omega_part7.mul_add(d_omega_part7, t4 * t4)),
                 (-d_omega_part7).mul_add(self.c3 * d_omega_part5, self.c2 * t0 * t1),
                 t11,
                 t12,
-                t6.mul_add(t12, t0.mul_add(t11, t10)),
+                t9.mul_add(t12, t0.mul_add(t11, t10)),
             ]
         };
         /// right side f = V^T (r - m a)
@@ -454,12 +454,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             lag_part5_scaled
                 .mul_add(
                     t12,
-                    (-d_omega_part5).mul_add(lag_part7, (-t8).mul_add(t11, -(t1 * a1_1))),
+                    (-lag_part7).mul_add(d_omega_part5, (-t7).mul_add(t11, -(t1 * a1_1))),
                 ),
             (-self.c5)
                 .mul_add(
-                    d_omega_part5.mul_add(lag_part5_scaled, t1 * t8),
-                    (-d_omega_part7).mul_add(lag_part7, t4 * a1_1),
+                    lag_part5_scaled.mul_add(d_omega_part5, t1 * t7),
+                    (-lag_part7).mul_add(d_omega_part7, t4 * a1_1),
                 ),
         ];
         /// factors of A
@@ -512,8 +512,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
         let a1_1 = a1_dot * t1;
+        /// accelerations of the recursion at udot = 0
+        let [t3, lag_part7, lag_part5_scaled] = {
+            let t2 = (-t1).mul_add(a2_dot, a1_1);
+            let t3 = part3 * a1_dot;
+            let t4 = part3.mul_add(a2_dot, -t3);
+            [
+                t3,
+                (-sin_a2).mul_add(t4, cos_a2 * t2),
+                (-cos_a2).mul_add(t4, (-sin_a2).mul_add(t2, t3 - t3)),
+            ]
+        };
         /// partial velocities by recursion
-        let [d_omega_part7, d_omega_part5, t2] = {
+        let [d_omega_part7, d_omega_part5, t5] = {
             let d_omega_part7 = (-cos_a2).mul_add(t0, self.l * sin_a2 * cos_a1);
             [
                 d_omega_part7,
@@ -521,30 +532,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 self.c48 * d_omega_part7,
             ]
         };
-        /// accelerations of the recursion at udot = 0
-        let [t4, lag_part7, lag_part5_scaled] = {
-            let t3 = (-t1).mul_add(a2_dot, a1_1);
-            let t4 = part3 * a1_dot;
-            let t5 = part3.mul_add(a2_dot, -t4);
-            [
-                t4,
-                (-sin_a2).mul_add(t5, cos_a2 * t3),
-                (-cos_a2).mul_add(t5, (-sin_a2).mul_add(t3, t4 - t4)),
-            ]
-        };
         /// mass matrix A = sum m V^T V
         let [A_omega_omega_over_m, A_v1_omega_over_m, t7, t8, A_v1_v1_over_m] = {
             let t6 = d_omega_part5
                 .mul_add(d_omega_part5, cos_a1.mul_add(cos_a1, R::ONE));
             let t7 = self.c4 * sin_a1;
-            let t8 = self.c49 * t2;
+            let t8 = self.c49 * t5;
             [
                 t6.mul_add(self.c1, d_omega_part7.mul_add(d_omega_part7, t0 * t0)),
                 (-d_omega_part7)
                     .mul_add(self.c3 * d_omega_part5, self.c2 * sin_a1 * cos_a1),
                 t7,
                 t8,
-                t2.mul_add(t8, sin_a1.mul_add(t7, t6)),
+                t5.mul_add(t8, sin_a1.mul_add(t7, t6)),
             ]
         };
         /// right side f = V^T (r - m a)
@@ -552,13 +552,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             lag_part5_scaled
                 .mul_add(
                     t8,
-                    (-d_omega_part5)
-                        .mul_add(lag_part7, (-t4).mul_add(t7, -(cos_a1 * a1_1))),
+                    (-lag_part7)
+                        .mul_add(d_omega_part5, (-t3).mul_add(t7, -(cos_a1 * a1_1))),
                 ),
             (-self.c5)
                 .mul_add(
-                    d_omega_part5.mul_add(lag_part5_scaled, cos_a1 * t4),
-                    (-d_omega_part7).mul_add(lag_part7, t0 * a1_1),
+                    lag_part5_scaled.mul_add(d_omega_part5, cos_a1 * t3),
+                    (-lag_part7).mul_add(d_omega_part7, t0 * a1_1),
                 ),
         ];
         /// factors of A
@@ -739,17 +739,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t15 = self.c0 * t14;
             [t13, t14, t15, a2_1.mul_add(t13, a2_2.mul_add(t15, a1_2))]
         };
-        /// partial velocities by recursion
-        let [t16, d_v1_part5, t17, t18, d_omega_part5] = {
-            let t16 = t1 * t2;
-            let d_v1_part5 = (-t16).mul_add(self.c0, t3 * t5);
-            let t18 = t0 * t2;
-            [t16, d_v1_part5, self.c23 * d_v1_part5, t18, t1.mul_add(t3, t18)]
-        };
         /// accelerations of the recursion at udot = 0
-        let [lag_part7, t19, lag_part5] = {
-            let t19 = self.c0 * t8.mul_add(t12, (-t3).mul_add(t10, -t10) + t11);
-            [t2.mul_add(t10, t9), t19, (-t10).mul_add(self.c0, -t19)]
+        let [lag_part7, t16, lag_part5] = {
+            let t16 = self.c0 * t8.mul_add(t12, (-t3).mul_add(t10, -t10) + t11);
+            [t2.mul_add(t10, t9), t16, (-t10).mul_add(self.c0, -t16)]
+        };
+        /// partial velocities by recursion
+        let [t17, d_v1_part5, t18, t19, d_omega_part5] = {
+            let t17 = t1 * t2;
+            let d_v1_part5 = (-t17).mul_add(self.c0, t3 * t5);
+            let t19 = t0 * t2;
+            [t17, d_v1_part5, self.c23 * d_v1_part5, t19, t1.mul_add(t3, t19)]
         };
         /// mass matrix A = sum m V^T V
         let [A_omega_omega_over_m, t22, t23, A_v1_v1_over_m] = {
@@ -757,8 +757,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t21 = d_omega_part5.mul_add(d_omega_part5, t1 * t1);
             let t23 = self.c1 * d_v1_part5;
             [
-                t17.mul_add(t17, t21.mul_add(self.c1, t20.mul_add(self.c23, self.c1))),
-                self.c3 * (-t17).mul_add(d_omega_part5, -(t1 * t4)),
+                t18.mul_add(t18, t21.mul_add(self.c1, t20.mul_add(self.c23, self.c1))),
+                self.c3 * (-t18).mul_add(d_omega_part5, -(t1 * t4)),
                 t23,
                 d_v1_part5.mul_add(t23, t20.mul_add(self.c4, R::ONE) + t21),
             ]
@@ -770,9 +770,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-lag_part5)
                     .mul_add(
                         t23,
-                        (-d_omega_part5)
+                        (-lag_part7)
                             .mul_add(
-                                lag_part7,
+                                d_omega_part5,
                                 (-t10).mul_add(self.c4 * t0, -(t1 * a1_1)),
                             ),
                     ),
@@ -780,11 +780,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-lag_part5)
                     .mul_add(
                         self.c1 * d_omega_part5,
-                        t17
-                            .mul_add(
-                                lag_part7,
-                                (-t10).mul_add(self.c5 * t1, self.l * t24),
-                            ),
+                        lag_part7
+                            .mul_add(t18, (-t10).mul_add(self.c5 * t1, self.l * t24)),
                     ),
             ]
         };
@@ -805,11 +802,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t27 = t1.mul_add(dot_omega, t5 * dot_v1);
             [
                 (-t10).mul_add(self.c0, -dot_omega) - t27,
-                d_omega_part5.mul_add(dot_omega, d_v1_part5.mul_add(dot_v1, -t19)) + t27,
+                d_omega_part5.mul_add(dot_omega, d_v1_part5.mul_add(dot_v1, -t16)) + t27,
             ]
         };
-        let t28 = t0.mul_add(t3, t16);
-        let t29 = t1.mul_add(t3, -t18);
+        let t28 = t0.mul_add(t3, t17);
+        let t29 = t1.mul_add(t3, -t19);
         let t30 = t29.mul_add(self.l, t14);
         let t31 = self.c5 + t14;
         let t32 = dot_a2_dot
