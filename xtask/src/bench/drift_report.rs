@@ -212,7 +212,7 @@ equations by hand; its times are of calls from Python, a step each. IAS15 of reb
 particles and cannot be given these systems.
 
 Round-off that adds up as a random walk has the exponent 1/2 (Brouwer's law), a drift has 1, errors that are kept small
-have 0. The last column is fitted from 1e4 steps on; four runs leave it uncertain by about 0.2. The first five models are
+have 0. The exponent is fitted from 1e4 steps on; four runs leave it uncertain by about 0.2. The first five models are
 Hamiltonian, where symplectic methods keep a nearby energy; the others have nonholonomic constraints, where none is
 promised, and their motions are reversible.";
 
