@@ -238,6 +238,27 @@ fn parameter_only_factors_meet_across_definitions_used_once() {
 }
 
 #[test]
+fn what_is_one_value_in_two_expressions_cancels() {
+    // p = x y is a result as well; r = p - x y + z is z.
+    let mut f = fixture();
+    let [x, y, z] = f.x;
+    let p_expr = f.g.mul(x, y);
+    let p = f.g.define("p", p_expr);
+    let p_symbol = f.g.sym(p);
+    let sections =
+        [Section { title: "momentum".into(), definitions: vec![Definition { symbol: p, expr: p_expr }] }];
+    let difference = f.g.sub(p_symbol, p_expr);
+    let r = f.g.add(difference, z);
+    for (result, value) in [(r, STATE[2]), (difference, 0.0)] {
+        let requests = [request("f", &[result, p_symbol])];
+        let program =
+            lower(&mut f.g, &f.inputs, &sections, &[], &requests, &SearchBudget::default()).unwrap();
+        assert_eq!(program.functions[0].counts(), Counts { mul: 1, ..Counts::default() });
+        assert_eq!(f.run(&program), [value, STATE[0] * STATE[1]]);
+    }
+}
+
+#[test]
 fn conditions_are_checked_in_prepare() {
     let mut f = fixture();
     let conditions = [ParamCondition {

@@ -11,7 +11,7 @@
 #pragma GCC diagnostic ignored "-Wunused-variable"
 #endif
 
-#define FMU_TOKEN "aa3900c0ccb6ee57a42e2a3315a813c7"
+#define FMU_TOKEN "376e70a88b82aeafec20ab5a00c6019f"
 enum { FMU_STATE = 2, FMU_PARAMS = 2, FMU_OUTPUTS = 5, FMU_EVENTS = 1 };
 
 typedef bead_prepared fmu_prepared;

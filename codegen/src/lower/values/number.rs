@@ -345,7 +345,14 @@ impl Numbering<'_> {
                 Node::Product { coefficient, factors } => self.product(&(coefficient * q), factors),
                 _ => self.product(&q, &[(*term, Rational::one())]),
             };
-            groups[self.group(value.operand)].push(value);
+            // Terms that differ as expressions may be one value, where one of them was read through a definition.
+            let group = &mut groups[self.group(value.operand)];
+            match group.iter().position(|s| s.operand == value.operand && s.negative != value.negative) {
+                Some(place) => {
+                    group.remove(place);
+                }
+                None => group.push(value),
+            }
         }
         let mut total: Option<Signed> = None;
         for group in groups {
@@ -361,7 +368,9 @@ impl Numbering<'_> {
                 (a, b) => a.or(b),
             };
         }
-        let total = total.expect("a sum has terms");
+        let Some(total) = total else {
+            return Signed { negative: false, operand: self.pool.rational(Rational::zero()) };
+        };
         if divisor.is_one() {
             return total;
         }
