@@ -92,8 +92,8 @@ fn rates(scene: &BuiltScene, state: &[(&str, Dual)], torques: [Dual; 2]) -> impl
     move |name| dy[names.iter().position(|n| n == name).unwrap_or_else(|| panic!("{name} of {names:?}"))]
 }
 
-/// The motion near the upright one at speed `v`: derivatives of `(lean'', steer'')` by lean, steer, their rates, and the
-/// torques on lean and steer.
+/// The motion near the upright one at speed `v`: derivatives of `(lean'', steer'')` by lean, steer, their rates, and
+/// the torques on lean and steer.
 fn linearised(scene: &BuiltScene, v: f64) -> [[f64; 6]; 2] {
     let (sin, cos) = LAMBDA.sin_cos();
     let mut columns = [[0.0; 6]; 2];
@@ -150,7 +150,8 @@ fn the_linearised_equations_are_those_of_the_benchmark() {
     }
 }
 
-/// The state of table 1, and a bound on operations, a fused pair counting as two, lean `pi/2 - psi`, pitch `phi - pi`, steer `-psi_f`: their vertical is upwards.
+/// The state of table 1, and a bound on operations, a fused pair counting as two, lean `pi/2 - psi`, pitch `phi - pi`,
+/// steer `-psi_f`: their vertical is upwards.
 #[test]
 fn the_accelerations_are_those_of_basu_mandal() {
     let scene = built("moving");

@@ -1,6 +1,6 @@
-//! Linkages whose loops are closed by equations between coordinates, held to planar bodies in Cartesian coordinates with
-//! the forces of their pins: Newton's and Euler's equations, solved numerically together with the second derivatives of
-//! the pins.
+//! Linkages whose loops are closed by equations between coordinates, held to planar bodies in Cartesian coordinates
+//! with the forces of their pins: Newton's and Euler's equations, solved numerically together with the second
+//! derivatives of the pins.
 //!
 //! Deliberately does not know: how an equation between coordinates becomes a constraint.
 

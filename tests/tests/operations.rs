@@ -134,11 +134,12 @@ fn line(model: &str, scene: &str, [add, mul, div, functions, all]: [usize; 5]) -
 ///
 /// With four times the limit the Chaplygin gyroscope takes 20 s instead of 4 s to generate and the satellite 40 s
 /// instead of 2 s (optimised, one core of two shared ones).
-const STOPPED_EARLY: [(&str, &[&str], &[Limit]); 12] = [
+const STOPPED_EARLY: [(&str, &[&str], &[Limit]); 13] = [
     ("chaplygin_ball", &["rhs"], &[Limit::Divisors]),
     ("chaplygin_gyro", &["rhs", "multipliers"], &[Limit::Divisors]),
     ("double_spherical_pendulum", &["rhs"], &[Limit::Divisors]),
     ("extended_pose", &["rhs"], &[Limit::Divisors]),
+    ("snake", &["multipliers"], &[Limit::Divisors]),
     ("two_arm_satellite", &["rhs"], &[Limit::Divisors]),
     (
         "two_arm_satellite_routh",

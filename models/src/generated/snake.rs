@@ -394,7 +394,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 29 additions, 51 multiplications (27 fused), 2 divisions, 2 elementary functions.
+    /// 27 additions, 51 multiplications (26 fused), 2 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [a1, a2, omega, v1] = *y;
@@ -425,11 +425,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t6 = (-t5).mul_add(a2_dot, a1_1);
             let t7 = part3 * a1_dot;
             let t8 = part3.mul_add(a2_dot, -t7);
-            [
-                t7,
-                (-t2).mul_add(t8, t3 * t6),
-                (-t3).mul_add(t8, (-t2).mul_add(t6, t7 - t7)),
-            ]
+            [t7, (-t2).mul_add(t8, t3 * t6), (-t3).mul_add(t8, -(t2 * t6))]
         };
         /// partial velocities by recursion
         let [d_omega_part7, d_omega_part5, t9] = {
@@ -491,7 +487,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 29 additions, 55 multiplications (27 fused), 2 divisions, 2 sign changes.
+    /// 27 additions, 55 multiplications (26 fused), 2 divisions, 2 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
         let [_, _, omega, v1, cos_a1, sin_a1, cos_a2, sin_a2] = *y;
@@ -520,7 +516,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [
                 t3,
                 (-sin_a2).mul_add(t4, cos_a2 * t2),
-                (-cos_a2).mul_add(t4, (-sin_a2).mul_add(t2, t3 - t3)),
+                (-cos_a2).mul_add(t4, -(sin_a2 * t2)),
             ]
         };
         /// partial velocities by recursion

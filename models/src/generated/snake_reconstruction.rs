@@ -410,7 +410,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 29 additions, 53 multiplications (27 fused), 2 divisions, 3 elementary functions.
+    /// 27 additions, 53 multiplications (26 fused), 2 divisions, 3 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [a1, a2, omega, v1, theta, _, _] = *y;
@@ -441,11 +441,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t6 = (-t5).mul_add(a2_dot, a1_1);
             let t7 = part3 * a1_dot;
             let t8 = part3.mul_add(a2_dot, -t7);
-            [
-                t7,
-                (-t2).mul_add(t8, t3 * t6),
-                (-t3).mul_add(t8, (-t2).mul_add(t6, t7 - t7)),
-            ]
+            [t7, (-t2).mul_add(t8, t3 * t6), (-t3).mul_add(t8, -(t2 * t6))]
         };
         /// partial velocities by recursion
         let [d_omega_part7, d_omega_part5, t9] = {
@@ -508,7 +504,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 29 additions, 59 multiplications (27 fused), 2 divisions, 3 sign changes.
+    /// 27 additions, 59 multiplications (26 fused), 2 divisions, 3 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [_, _, omega, v1, _, _, _, cos_a1, sin_a1, cos_a2, sin_a2, cos_theta,
@@ -538,7 +534,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [
                 t3,
                 (-sin_a2).mul_add(t4, cos_a2 * t2),
-                (-cos_a2).mul_add(t4, (-sin_a2).mul_add(t2, t3 - t3)),
+                (-cos_a2).mul_add(t4, -(sin_a2 * t2)),
             ]
         };
         /// partial velocities by recursion

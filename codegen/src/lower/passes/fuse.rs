@@ -1,15 +1,16 @@
 //! Sums of products become fused multiplications and additions.
 //!
-//! A sum is taken apart with all sums that it alone uses, its constants and prepared numbers become one, and its terms
-//! are added in the order in which they are there. Every rewrite takes operations away or leaves their number as it is.
-//! Does not know: expressions, classes of values, whether the target has a fused instruction.
+//! A sum is taken apart with all sums that it alone uses, terms that are opposites vanish, its constants and prepared
+//! numbers become one, and its terms are added in the order in which they are there. Every rewrite takes operations
+//! away or leaves their number as it is. Does not know: expressions, classes of values, whether the target has a fused
+//! instruction.
 
 use std::collections::HashMap;
 
 use num_traits::{Signed as _, Zero};
 
 use crate::program::cost::{LATENCY_OF_A_SUM, latency};
-use crate::program::edit::{Additions, Signed, is_fixed, operand, position};
+use crate::program::edit::{Additions, Signed, drop_dead, is_fixed, operand, position};
 use crate::program::{Constant, Function, Instruction, Op, Operand, Program, Signs};
 
 /// Fuses the sums of every function; the prepare part runs once and keeps its products.
@@ -41,11 +42,18 @@ fn fused(function: &Function, program: &Program, additions: &mut Additions) -> F
     // A sum that one other sum uses is part of that; definitions keep their names.
     let is_part = |v: usize| is_sum(&old[v].op) && old[v].name.is_none() && n_uses[v] == 1 && n_sums[v] == 1;
     let mut sums: Vec<Option<Vec<Signed>>> = vec![None; old.len()];
+    let mut vanished = Vec::new();
     for root in 0..old.len() {
         if is_sum(&old[root].op) && !is_part(root) {
-            sums[root] = Some(with_one_number(terms(old, root, is_part), program, additions));
+            let mut terms = without_opposites(terms(old, root, is_part), &mut vanished);
+            if terms.is_empty() {
+                let zero = additions.constant(program, Constant::Rational(Zero::zero()));
+                terms.push(Signed { negative: false, operand: zero });
+            }
+            sums[root] = Some(with_one_number(terms, program, additions));
         }
     }
+    vanished.iter().filter_map(|o| position(*o)).for_each(|v| n_uses[v] -= 2);
     let is_fused = fused_products(old, &sums, &n_uses);
 
     let mut fusion = Fusion { values: vec![None; old.len()], ..Fusion::default() };
@@ -83,7 +91,28 @@ fn fused(function: &Function, program: &Program, additions: &mut Additions) -> F
     };
     new.map_outputs(|o| fusion.positive(o));
     new.instructions = fusion.new;
+    if !vanished.is_empty() {
+        let mut outputs: Vec<Operand> = new.outputs().collect();
+        drop_dead(&mut new.instructions, &mut outputs);
+        let mut outputs = outputs.into_iter();
+        new.map_outputs(|o| outputs.next().unwrap_or(o));
+    }
     new
+}
+
+/// The terms without pairs of opposites, which are told: sums of definitions that meet here for the first time.
+fn without_opposites(terms: Vec<Signed>, vanished: &mut Vec<Operand>) -> Vec<Signed> {
+    let mut left: Vec<Signed> = Vec::with_capacity(terms.len());
+    for term in terms {
+        match left.iter().position(|t| t.operand == term.operand && t.negative != term.negative) {
+            Some(place) => {
+                left.remove(place);
+                vanished.push(term.operand);
+            }
+            None => left.push(term),
+        }
+    }
+    left
 }
 
 /// What a sum adds up, in order and with signs, looking through the sums that are part of it.

@@ -345,14 +345,7 @@ impl Numbering<'_> {
                 Node::Product { coefficient, factors } => self.product(&(coefficient * q), factors),
                 _ => self.product(&q, &[(*term, Rational::one())]),
             };
-            // Terms that differ as expressions may be one value, where one of them was read through a definition.
-            let group = &mut groups[self.group(value.operand)];
-            match group.iter().position(|s| s.operand == value.operand && s.negative != value.negative) {
-                Some(place) => {
-                    group.remove(place);
-                }
-                None => group.push(value),
-            }
+            groups[self.group(value.operand)].push(value);
         }
         let mut total: Option<Signed> = None;
         for group in groups {
@@ -368,9 +361,7 @@ impl Numbering<'_> {
                 (a, b) => a.or(b),
             };
         }
-        let Some(total) = total else {
-            return Signed { negative: false, operand: self.pool.rational(Rational::zero()) };
-        };
+        let total = total.expect("a sum has terms");
         if divisor.is_one() {
             return total;
         }
