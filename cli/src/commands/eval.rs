@@ -47,14 +47,15 @@ pub struct Arguments {
 /// Everything that can be wrong with names, the request, parameters and states.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = arguments.scene.find(session)?;
+    let text = read_request("{\"states\": [{\"Omega1\": 0.1, ..}]}")?;
     // A request may ask for another member of a family. A wrong name of a scene is told before a missing request.
-    let text = read_request("{\"states\": [{\"Omega1\": 0.1, ..}]}");
-    let file = match &text {
-        Ok(text) => file.sized(&sizes::of_request(text)?),
+    let sizes = sizes::of_request(&text);
+    let file = match &sizes {
+        Ok(sizes) => file.sized(sizes),
         Err(_) => file,
     };
     let mut backend = arguments.scene.choice()?.open(&file)?;
-    let text = text?;
+    sizes?;
     if !EvalRequest::has_other_names(&text, backend.info())? {
         return eval_text(&mut *backend, &text);
     }
