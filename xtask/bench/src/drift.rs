@@ -18,7 +18,7 @@ use hamel_runtime::{
 use crate::body::{Body, Numbers};
 
 /// Runs of each method.
-pub const RUNS: u32 = 4;
+const RUNS: u32 = 4;
 /// Steps after which errors are told first.
 const FIRST: u64 = 1_000;
 /// Error at the end of the short motion, above which steps are too long; what the sum of its steps is rounded by.
