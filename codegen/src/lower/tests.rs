@@ -5,8 +5,8 @@ use num_traits::One;
 use super::*;
 use crate::expr::{Definition, Func, Node, Number, Rational, Scalar};
 use crate::program::{
-    Constant, Counts, Factors, FallBack, Limit, Literal, Op, Operand, Point, Signs, Table, completes_pair,
-    place_of_two,
+    Constant, Counts, Factors, FallBack, Instruction, Limit, Literal, Op, Operand, Point, Signs, Table,
+    completes_pair, place_of_two,
 };
 
 fn q(n: i64, d: i64) -> Rational {
@@ -238,23 +238,26 @@ fn parameter_only_factors_meet_across_definitions_used_once() {
 }
 
 #[test]
-fn what_is_one_value_in_two_expressions_cancels() {
-    // p = x y is a result as well; r = p - x y + z is z.
+fn opposites_that_meet_in_one_sum_vanish() {
+    // (x y - z) - x y = -z and x y - x y = 0, as they stand where definitions have been put into one another.
     let mut f = fixture();
-    let [x, y, z] = f.x;
-    let p_expr = f.g.mul(x, y);
-    let p = f.g.define("p", p_expr);
-    let p_symbol = f.g.sym(p);
-    let sections =
-        [Section { title: "momentum".into(), definitions: vec![Definition { symbol: p, expr: p_expr }] }];
-    let difference = f.g.sub(p_symbol, p_expr);
-    let r = f.g.add(difference, z);
-    for (result, value) in [(r, STATE[2]), (difference, 0.0)] {
-        let requests = [request("f", &[result, p_symbol])];
-        let program =
-            lower(&mut f.g, &f.inputs, &sections, &[], &requests, &SearchBudget::default()).unwrap();
-        assert_eq!(program.functions[0].counts(), Counts { mul: 1, ..Counts::default() });
-        assert_eq!(f.run(&program), [value, STATE[0] * STATE[1]]);
+    let [xy, difference] = [Operand::Value(0), Operand::Value(1)];
+    let z = Operand::State(2);
+    let product = Op::Mul(Operand::State(0), Operand::State(1));
+    let cases = [
+        (vec![product, Op::Sub(xy, z), Op::Sub(difference, xy)], -STATE[2], 1),
+        (vec![product, Op::Sub(xy, xy)], 0.0, 0),
+    ];
+    for (ops, value, n) in cases {
+        let mut program = f.lower(&[f.x[0]]);
+        let function = &mut program.functions[0];
+        function.results[0].1 = crate::program::edit::operand(ops.len() - 1);
+        function.instructions =
+            ops.into_iter().map(|op| Instruction { op, section: 0, name: None }).collect();
+        let (_, fuse) = super::passes::PASSES[0];
+        fuse(&mut program);
+        assert_eq!(program.functions[0].instructions.len(), n);
+        assert_eq!(f.run(&program), [value]);
     }
 }
 
