@@ -50,6 +50,18 @@ def test_functions_are_called_at_the_times_of_a_table(cart):
     np.testing.assert_allclose(held.y_end, [0.5, 0.0], atol=1e-8)
 
 
+def test_series_go_from_row_to_row(cart):
+    start, t = [0.0, 0.0], [0.0, 0.5, 2.0]
+    # x'' = u/2 along straight lines: cubics from row to row.
+    motion = cart.simulate(2.0, start, inputs={"t": t, "push": [0.0, 1.0, -2.0]}, method="taylor")
+    np.testing.assert_allclose(motion.y_end, [5 / 24, -1 / 4], rtol=1e-14)
+    held = cart.simulate(2.0, start, inputs={"t": [0, 1], "push": [1, -1]}, interpolation="hold", method="taylor")
+    np.testing.assert_allclose(held.y_end, [0.5, 0.0], atol=1e-15)
+    # A function is a cubic between the times at which it is called.
+    curved = cart.simulate(2.0, start, inputs={"push": lambda t: t**2}, method="taylor")
+    np.testing.assert_allclose(curved.y_end, [16 / 24, 8 / 6], rtol=1e-13)
+
+
 def test_ensembles_have_inputs_of_their_own(cart):
     driven = cart.with_scene("controlled")
     pushes = np.linspace(-1.0, 1.0, 7)
