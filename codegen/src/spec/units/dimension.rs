@@ -1,7 +1,7 @@
 //! Dimensions of quantities, and units as they are written in doc comments.
 //!
-//! A dimension is a product of rational powers of kg, m, s, A, K, mol and cd; an angle has none. A unit is a multiple of
-//! one, and remembers its angles. Deliberately does not know: models.
+//! A dimension is a product of rational powers of kg, m, s, A, K, mol and cd; an angle has none. A unit is a multiple
+//! of one, and remembers its angles. Deliberately does not know: models.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -152,8 +152,8 @@ impl Measure {
         Measure { dimension, angle: Exponent::zero(), factor: 1.0 }
     }
 
-    /// A unit such as `kg m^2/s`, `N m`, `1/(kg m)` or `m s^-2`; a slash divides by the next factor alone. Nothing for a
-    /// text that is no unit.
+    /// A unit such as `kg m^2/s`, `N m`, `1/(kg m)` or `m s^-2`; a slash divides by the next factor alone. Nothing for
+    /// a text that is no unit.
     pub(super) fn parse(text: &str) -> Option<Measure> {
         let mut rest = text.trim();
         let unit = product(&mut rest, 0)?;

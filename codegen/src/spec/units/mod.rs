@@ -102,7 +102,9 @@ pub(super) fn examine(model: &Model, definitions: &[DefinitionUnits]) -> (Units,
     check.outputs();
     check.reconstruction();
     check.conditions();
-    (check.units(check.found.is_empty()), check.found)
+    // Of grams and metres follows no joule.
+    let is_coherent = check.declared.values().all(|unit| unit.factor() == 1.0);
+    (check.units(is_coherent && check.found.is_empty()), check.found)
 }
 
 struct Check<'m> {
