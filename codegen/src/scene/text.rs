@@ -107,7 +107,7 @@ impl BuiltScene {
     /// The scene as C99, with what an FMU of FMI 3.0 has besides, which begins at `initial`.
     ///
     /// # Errors
-    /// [`Error::OverBudget`]; [`Error::Emission`] without an initial state.
+    /// [`Error::OverBudget`]; [`Error::NoInitialState`].
     pub fn emit_fmu(&self, writing: &Writing, initial: Option<Vec<f64>>) -> Result<(CModule, Fmu), Error> {
         self.within_bytes()?;
         let text = SceneText { initial, ..self.text(writing) };

@@ -45,14 +45,10 @@ impl Writer<'_> {
     /// The FMU.
     ///
     /// # Errors
-    /// [`Error::Emission`] without an initial state.
+    /// [`Error::NoInitialState`].
     pub(super) fn fmu(&self) -> Result<Fmu, Error> {
         if self.module.text.initial.is_none() {
-            let reason =
-                "an FMU has initial values of its states: give one of each component of the state, such as \
-                          `initial x = 1;`, in the model"
-                    .to_owned();
-            return Err(Error::Emission { model: self.module.text.model.clone(), reason });
+            return Err(Error::NoInitialState { model: self.module.text.model.clone() });
         }
         let body = self.fmu_functions()?;
         let description = self.description("TOKEN");
