@@ -17,6 +17,7 @@ use crate::error::Error;
 use crate::model::{Checked, Model, show_warnings};
 use crate::output::fmu::archive;
 use crate::run::backend::Local;
+use crate::run::dynamics::Factory as _;
 use crate::run::forms::Forms;
 use crate::run::interpreted;
 use crate::run::start::Starts;
@@ -225,7 +226,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         {
             let initial = start(model, &built)?;
             let (c, fmu) = built.emit_fmu(&Writing::default(), initial).map_err(|e| {
-                Error::unusable(format!("scene {} of {}", built.name, model.name), e.to_string())
+                Error::unusable(format!("scene {} of {}:", built.name, model.name), e.to_string())
             })?;
             let bytes = archive(&c, &fmu)?;
             let path = match (&arguments.output, &arguments.out_dir) {
