@@ -135,7 +135,8 @@ fn series_are_exact_from_row_to_row() {
             &file,
         ];
         for via in ["jit", "interpreter"] {
-            let out = hamel(&[&arguments[..], &["--rtol", "1e-13", "--atol", "1e-13", "--via", via]].concat(), "");
+            let out =
+                hamel(&[&arguments[..], &["--rtol", "1e-13", "--atol", "1e-13", "--via", via]].concat(), "");
             assert!(out.status.success(), "{}", text(&out.stderr));
         }
         last(&folder, "end.csv", "x")
@@ -145,10 +146,7 @@ fn series_are_exact_from_row_to_row() {
     let step = |[x, v]: [f64; 2], force: f64, slope: f64, h: f64| {
         let (rest, drift) = (x - force / 2.0, v - slope / 2.0);
         let (sin, cos) = (w * h).sin_cos();
-        [
-            rest * cos + drift / w * sin + (force + slope * h) / 2.0,
-            drift * cos - rest * w * sin + slope / 2.0,
-        ]
+        [rest * cos + drift / w * sin + (force + slope * h) / 2.0, drift * cos - rest * w * sin + slope / 2.0]
     };
     let held = step(step([1.0, 0.0], 0.0, 0.0, 0.75), 1.0, 0.0, 0.5);
     assert!((end("2", "hold") - step(held, -1.0, 0.0, 0.75)[0]).abs() < 1e-12);

@@ -7,8 +7,8 @@ use hamel_codegen::scene::{self, BuiltScene, Derivative, Writing};
 use hamel_codegen::spec;
 use hamel_runtime::{
     Controlled, ControlledJet, Differentiable, Dop853, Dual, F64x4, InputDifferentiable, Integrator,
-    Interpolation, Jet, Options, OverScalar, Polynomial, PolynomialSignal, Real, Scene, System, Table, Taylor,
-    Vern9, WithInput,
+    Interpolation, Jet, Options, OverScalar, Polynomial, PolynomialSignal, Real, Scene, System, Table,
+    Taylor, Vern9, WithInput,
 };
 
 /// The module, as a crate has it.

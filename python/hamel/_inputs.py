@@ -43,8 +43,8 @@ def _components(name: str, shape: tuple[int, ...], entries: Sequence[str | None]
         listed = ", ".join(str(length) for length in shape)
         comma = "," if n == 1 else ""
         raise InputError(
-            f"inputs {name} has shape {array.shape}, but has to have ({listed}{comma}), or that behind an axis of times "
-            "or trajectories"
+            f"inputs {name} has shape {array.shape}, but has to have ({listed}{comma}), or that behind an axis of "
+            "times or trajectories"
         )
     flat = array.reshape(*array.shape[: array.ndim - n], len(entries))
     found: dict[str, Any] = {}
@@ -52,7 +52,8 @@ def _components(name: str, shape: tuple[int, ...], entries: Sequence[str | None]
         expected = np.zeros(()) if component is None else found.setdefault(component, flat[..., k])
         if not np.array_equal(flat[..., k], np.broadcast_to(expected, flat.shape[:-1])):
             kind = "diagonal" if None in entries else "symmetric"
-            raise InputError(f"inputs {name} is a {kind} matrix, but its entry {np.unravel_index(k, shape)} is not of one")
+            at = tuple(int(i) for i in np.unravel_index(k, shape))
+            raise InputError(f"inputs {name} is a {kind} matrix, but its entry {at} is not of one")
     return found
 
 

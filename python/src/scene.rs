@@ -311,7 +311,8 @@ impl Scene {
         .collect()
     }
 
-    /// Inputs that form vectors and matrices: name, shape, and the input at each entry, row by row, none where it is zero.
+    /// Inputs that form vectors and matrices: name, shape, and the input at each entry, row by row, none where it is
+    /// zero.
     #[getter]
     fn input_arrays(&self) -> Vec<(String, Vec<usize>, Vec<Option<String>>)> {
         let of_one = |array: &ParamArray| {

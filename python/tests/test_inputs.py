@@ -87,9 +87,11 @@ def test_vectors_and_matrices_are_inputs():
         inputs = {**free, "u": u} if not isinstance(u, str) else {"u": u, "K": free["K"]}
         motion = pushed.simulate(2.0, np.zeros(4), inputs=inputs)
         np.testing.assert_allclose(motion.y_end, [4 / 3, 2 - 4 / 3, 2.0, 0.0], atol=1e-9)
-    many = pushed.with_inputs(K=np.zeros((2, 2))).ensemble(1.0, np.zeros(4), inputs={"u": [[2.0, 0.0], [0.0, 4.0]]})
+    still = pushed.with_inputs(K=np.zeros((2, 2)))
+    many = still.ensemble(1.0, np.zeros(4), inputs={"u": [[2.0, 0.0], [0.0, 4.0]]})
     np.testing.assert_allclose(many.y_end[:, :2], [[1.0, 0.0], [0.0, 2.0]], atol=1e-12)
-    for wrong, part in [({"u": [1.0]}, r"\(2,\)"), ({"K": [[1.0, 2.0], [3.0, 5.0]]}, "symmetric"), ({"K": 1.0}, r"\(2, 2\)")]:
+    askew = [[1.0, 2.0], [3.0, 5.0]]
+    for wrong, part in [({"u": [1.0]}, r"\(2,\)"), ({"K": askew}, "symmetric"), ({"K": 1.0}, r"\(2, 2\)")]:
         with pytest.raises(hamel.InputError, match=part):
             pushed.with_inputs(**wrong)
 

@@ -64,8 +64,8 @@ pub trait Dynamics: Send + Sync {
     /// All outputs, one after the other.
     fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64>;
 
-    /// Writes the Taylor coefficients of the solution through a state on the way from a time to another one, and says up
-    /// to which time they hold, as [`Jet::series_towards`]; none when the scene has no series.
+    /// Writes the Taylor coefficients of the solution through a state on the way from a time to another one, and says
+    /// up to which time they hold, as [`Jet::series_towards`]; none when the scene has no series.
     fn series(&self, way: (f64, f64), y: &[f64], out: &mut [VecState]) -> Option<f64>;
 
     /// Writes the derivatives of the right-hand side: row `i` has those of component `i`.
@@ -428,13 +428,7 @@ impl Jet<f64> for PreparedScene<'_> {
         Jet::series(&**self, t, y, workspace, out);
     }
 
-    fn series_towards(
-        &self,
-        way: (f64, f64),
-        y: &VecState,
-        workspace: &mut (),
-        out: &mut [VecState],
-    ) -> f64 {
+    fn series_towards(&self, way: (f64, f64), y: &VecState, workspace: &mut (), out: &mut [VecState]) -> f64 {
         Jet::series_towards(&**self, way, y, workspace, out)
     }
 }

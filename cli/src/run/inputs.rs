@@ -190,8 +190,8 @@ impl Driven {
         self.0.iter().map(value).collect()
     }
 
-    /// The coefficients of the inputs at a time on the way to another one, each order by itself, and the time up to which
-    /// they hold; see [`PolynomialSignal::piece`].
+    /// The coefficients of the inputs at a time on the way to another one, each order by itself, and the time up to
+    /// which they hold; see [`PolynomialSignal::piece`].
     pub fn piece(&self, (t, towards): (f64, f64)) -> (Vec<Vec<f64>>, f64) {
         let mut until = towards;
         let mut orders = vec![vec![0.0; self.0.len()]; Self::MAX_DEGREE + 1];

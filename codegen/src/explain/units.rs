@@ -12,7 +12,8 @@ impl Page {
         let (system, units) = (&scene.equations.system, &model.units);
         let mut known: Vec<(String, &Unit)> = Vec::new();
         for name in system.params.iter().chain(&system.inputs).map(|p| &p.name) {
-            known.extend(units.of(name).filter(|unit| unit.is_inferred()).map(|unit| (self.name(name), unit)));
+            known
+                .extend(units.of(name).filter(|unit| unit.is_inferred()).map(|unit| (self.name(name), unit)));
         }
         for state in &scene.equations.state {
             known.extend(units.of(&state.name).map(|unit| (self.name(&state.name), unit)));
@@ -28,7 +29,9 @@ impl Page {
                 known.extend(of(k).map(|unit| (self.name(component), unit)));
             }
         }
-        known.extend(units.energy().filter(|_| scene.equations.has_energy()).map(|unit| (self.name("E"), unit)));
+        known.extend(
+            units.energy().filter(|_| scene.equations.has_energy()).map(|unit| (self.name("E"), unit)),
+        );
         for (is_inferred, title) in [(false, "Units"), (true, "Units that follow from the others")] {
             let mut groups: Vec<(&str, Vec<String>)> = Vec::new();
             for (name, unit) in known.iter().filter(|(_, unit)| unit.is_inferred() == is_inferred) {

@@ -377,7 +377,8 @@ impl Interpreter<'_> {
         jet.series(&self.params, &self.prepared, t, y, out);
     }
 
-    /// The same where the inputs are polynomials in time, as [`Jet::series_with`] takes them, whatever they are held at.
+    /// The same where the inputs are polynomials in time, as [`Jet::series_with`] takes them, whatever they are held
+    /// at.
     ///
     /// # Panics
     /// When a size is wrong.

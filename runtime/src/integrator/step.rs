@@ -63,7 +63,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
                 StepSize::Adaptive { .. } if backward => R::from_f64(-step),
                 StepSize::Adaptive { .. } => R::from_f64(step),
             };
-            let (t, t_residue) = if landing { (t_last, R::ZERO) } else { two_sum(self.t, h + self.t_residue) };
+            let (t, t_residue) =
+                if landing { (t_last, R::ZERO) } else { two_sum(self.t, h + self.t_residue) };
             if !landing && !self.changes_time(h) {
                 return Err(self.too_small(h, failure));
             }

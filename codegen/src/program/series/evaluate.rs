@@ -11,8 +11,8 @@ use crate::program::interpret::Point;
 use crate::program::table::Factors;
 
 impl Jet {
-    /// Writes the Taylor coefficients of the solution through `(t, y)` to `out`, one state each from order zero on, with
-    /// inputs that are held where `prepared` has them.
+    /// Writes the Taylor coefficients of the solution through `(t, y)` to `out`, one state each from order zero on,
+    /// with inputs that are held where `prepared` has them.
     ///
     /// Coefficients beyond [`MAX_ORDER`] are left as they are.
     ///
@@ -23,8 +23,8 @@ impl Jet {
         self.series_with((params, prepared), (t, y), &[held], out);
     }
 
-    /// The same where the inputs are polynomials in time: `u` are the coefficients of each order, from zero on, and those
-    /// that are not there are zero.
+    /// The same where the inputs are polynomials in time: `u` are the coefficients of each order, from zero on, and
+    /// those that are not there are zero.
     ///
     /// # Shapes
     /// u: rows of \[n_inputs\].
