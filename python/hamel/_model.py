@@ -228,9 +228,10 @@ class Model:
         An input is a number (held), an expression of the model's language in ``t``, coordinates, velocities and
         parameters (``"0.2*sin(t)"``), or an array ``(N,)`` of values at the times of the array ``t``, ``(N,)``, or a
         function of one time, which is called at these times, once and for all. One that is a vector or a matrix is an
-        array of its shape ``(m,)`` or ``(m, k)``, with the times in front where it changes, ``(N, m)``. Between the times are straight lines
-        (``interpolation="linear"``), cubics (``"cubic"``; what is told where all columns are functions), or the value at
-        the time before (``"hold"``). An expression becomes a part of the text, and has no error.
+        array of its shape ``(m,)`` or ``(m, k)``, with the times in front where it changes, ``(N, m)``. Between the times
+        are straight lines (``interpolation="linear"``), cubics (``"cubic"``; what is told where all columns are
+        functions), or the value at the time before (``"hold"``). An expression becomes a part of the text, and has no
+        error.
 
         Raises :class:`InputError` for names that are no inputs, and for what is none of these.
         """
