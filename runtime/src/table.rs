@@ -157,7 +157,7 @@ impl<'a, const M: usize> Table<'a, M> {
     }
 
     /// Column `i` of the piece behind row `k` at a time in it.
-    fn piece<R: Real>(&self, k: usize, i: usize, t: R) -> R {
+    fn between<R: Real>(&self, k: usize, i: usize, t: R) -> R {
         let number = R::from_f64;
         let (start, width) = (self.times[k], self.times[k + 1] - self.times[k]);
         let (a, b) = (self.rows[k][i], self.rows[k + 1][i]);
@@ -187,7 +187,7 @@ impl<'a, const M: usize> Table<'a, M> {
         let mut sum = R::from_f64(self.rows[first][i]);
         for k in first..last {
             let (low, high) = (R::from_f64(self.times[k]), R::from_f64(self.times[k + 1]));
-            sum += self.piece(k, i, least(largest(t, low), high)) - R::from_f64(self.rows[k][i]);
+            sum += self.between(k, i, least(largest(t, low), high)) - R::from_f64(self.rows[k][i]);
         }
         sum
     }
@@ -203,7 +203,7 @@ impl<R: Real, S, const M: usize> Signal<R, S, M> for Table<'_, M> {
             } else if all == some && all > last {
                 R::from_f64(self.rows[last][i])
             } else if all == some {
-                self.piece(all - 1, i, t)
+                self.between(all - 1, i, t)
             } else {
                 self.across((all.saturating_sub(1), some.min(last)), i, t)
             }
@@ -232,7 +232,7 @@ impl<R: Real, const M: usize> PolynomialSignal<R, M> for Table<'_, M> {
                 continue;
             }
             let k = behind - 1;
-            put(0, self.piece(k, i, t));
+            put(0, self.between(k, i, t));
             let width = number(self.times[k + 1] - self.times[k]);
             if self.interpolation == Interpolation::Linear {
                 put(1, number(self.rows[k + 1][i] - self.rows[k][i]) / width);
