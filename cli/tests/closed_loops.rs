@@ -79,3 +79,27 @@ fn what_cannot_be_met_is_told_with_what_is_left() {
     // 0.3 cos 1 + 0.9 cos 0.5 - 0.7 cos 1.5 - 0.8.
     assert!(!out.status.success() && text.contains("position_beta = 0.1023"), "{text}");
 }
+
+#[test]
+fn an_fmu_begins_where_the_equations_are_met() {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("four_bar.fmu");
+    let out = hamel(&["generate", "--language", "fmu", "--output", path.to_str().unwrap()]);
+    let told = String::from_utf8_lossy(&out.stderr);
+    if told.contains("no C compiler") {
+        println!("skipped: {told}");
+        return;
+    }
+    assert!(out.status.success(), "{told}");
+    // What an FMU consists of is not compressed.
+    let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
+    let start = |name: &str| -> f64 {
+        let own = text.split(&format!("<Float64 name=\"{name}\"")).nth(1).unwrap();
+        own.split("start=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+    };
+    let (a, b, c, d) = (0.3, 0.9, 0.7, 0.8);
+    let [alpha, beta, gamma] = ["alpha", "beta", "gamma"].map(start);
+    assert_eq!(alpha, 1.0);
+    let x = a * alpha.cos() + b * beta.cos() - c * gamma.cos() - d;
+    let y = a * alpha.sin() + b * beta.sin() - c * gamma.sin();
+    assert!(x.abs() < 1e-15 && y.abs() < 1e-15, "{x} {y}");
+}

@@ -100,9 +100,60 @@ fn tables_drive_inputs_by_lines_and_cubics() {
     assert!((by_cubics - by_expression).abs() < 1e-8, "{by_cubics} and {by_expression}");
     // Lines lie below the sine by an eighth of the square of the distance of the rows.
     assert!((by_lines - by_expression).abs() < 1e-5 && (by_lines - by_cubics).abs() > 1e-8);
+    // Series go from row to row, and kinks cost them nothing.
+    for between in ["cubic", "linear"] {
+        let [by_series, by_stages] = ["taylor", "vern9"].map(|method| {
+            let tight = ["--rtol", "1e-12", "--atol", "1e-14", "--method", method];
+            end(&[&["--input", &table, "--interpolation", between][..], &tight].concat())
+        });
+        assert!((by_series - by_stages).abs() < 1e-10, "{between}: {by_series} and {by_stages}");
+    }
     // Lanes and numbers have the same inputs.
     let on_lanes = end(&["--input", &table, "--interpolation", "cubic", "--method", "gbs14"]);
     assert!((on_lanes - by_cubics).abs() < 1e-8);
+}
+
+#[test]
+fn series_are_exact_from_row_to_row() {
+    let (folder, path) = pushed("series");
+    let table = folder.join("push.csv").display().to_string();
+    std::fs::write(&table, "t,push\n0,0.5\n0.75,1.5\n1.25,-0.5\n").unwrap();
+    let end = |t: &str, interpolation: &str| {
+        let file = folder.join("end.csv").display().to_string();
+        let arguments = [
+            "simulate",
+            &path,
+            "--input",
+            &table,
+            "--interpolation",
+            interpolation,
+            "--method",
+            "taylor",
+            "--t-final",
+            t,
+            "-o",
+            &file,
+        ];
+        for via in ["jit", "interpreter"] {
+            let out =
+                hamel(&[&arguments[..], &["--rtol", "1e-13", "--atol", "1e-13", "--via", via]].concat(), "");
+            assert!(out.status.success(), "{}", text(&out.stderr));
+        }
+        last(&folder, "end.csv", "x")
+    };
+    // x'' = -2 x + u(t) - 1/2 from x = 1 at rest: by pieces, with u held or a straight line.
+    let w = 2.0_f64.sqrt();
+    let step = |[x, v]: [f64; 2], force: f64, slope: f64, h: f64| {
+        let (rest, drift) = (x - force / 2.0, v - slope / 2.0);
+        let (sin, cos) = (w * h).sin_cos();
+        [rest * cos + drift / w * sin + (force + slope * h) / 2.0, drift * cos - rest * w * sin + slope / 2.0]
+    };
+    let held = step(step([1.0, 0.0], 0.0, 0.0, 0.75), 1.0, 0.0, 0.5);
+    assert!((end("2", "hold") - step(held, -1.0, 0.0, 0.75)[0]).abs() < 1e-12);
+    let straight = step(step([1.0, 0.0], 0.0, 1.0 / 0.75, 0.75), 1.0, -4.0, 0.5);
+    assert!((end("2", "linear") - step(straight, -1.0, 0.0, 0.75)[0]).abs() < 1e-12);
+    // Where time goes back, the first row stays.
+    assert!((end("-1", "linear") - (-w).cos()).abs() < 1e-12);
 }
 
 #[test]

@@ -287,6 +287,11 @@ pub enum Error {
         /// What was given.
         text: String,
     },
+    /// An FMU, which has start values of its states, of a model that gives none.
+    NoInitialState {
+        /// The model.
+        model: String,
+    },
     /// Emitted text does not parse as Rust; a bug of the emitter, never of the model.
     Emission {
         /// The model.
@@ -504,6 +509,10 @@ impl Error {
             Error::NotAPath { text } => (
                 format!("`{text}` is not a path of a module"),
                 "write `::hamel_runtime` or `crate::runtime`".into(),
+            ),
+            Error::NoInitialState { model } => (
+                format!("an FMU has start values of its states, and {model} does not give them all"),
+                "give each component of the state a value, such as `initial x = 1;`".into(),
             ),
             Error::Emission { model, reason } => {
                 (format!("code emitted for {model} is not Rust: {reason}"), PLEASE_REPORT.into())

@@ -11,6 +11,7 @@ mod implicit;
 mod rates;
 mod sections;
 mod splitting;
+mod units;
 
 pub use self::rates::{brackets, rates};
 
@@ -161,7 +162,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     let head = Section { kind: SectionKind::Head, text: String::new() };
     let mut page = Page { style, head, rest: Vec::new() };
     page.header(model, scene);
-    page.parameters(scene);
+    page.parameters(model, scene);
     match &model.algebroid {
         Some(own) => page.own_algebroid(model, own),
         None => page.algebra(model, &scene.equations),
@@ -340,7 +341,7 @@ impl Page {
         }
     }
 
-    fn parameters(&mut self, scene: &BuiltScene) {
+    fn parameters(&mut self, model: &Model, scene: &BuiltScene) {
         let system = &scene.equations.system;
         self.begin(SectionKind::Inputs);
         if system.params.is_empty() {
@@ -370,6 +371,7 @@ impl Page {
         let names: Vec<String> = scene.equations.state.iter().map(|s| self.name(&s.name)).collect();
         let list = self.inline(&self.list(&names));
         self.line(&format!("State: {list}."));
+        self.units(model, scene);
     }
 
     fn number(&self, x: f64) -> String {

@@ -5,6 +5,8 @@
 
 use expect_test::expect_file;
 use hamel_codegen::config::{Config, Language};
+use hamel_codegen::explain;
+use hamel_codegen::expr::Style;
 use hamel_codegen::scene::{self, Scenes, Writing};
 use hamel_codegen::spec::{self, Model};
 
@@ -76,6 +78,69 @@ fn an_fmu_lists_what_rates_and_outputs_are_computed_from() {
         "<EventIndicator valueReference=",
     ] {
         assert!(fmu.description.contains(line), "{line} is not in\n{}", fmu.description);
+    }
+}
+
+#[test]
+fn an_fmu_defines_the_units_of_its_variables() {
+    let text = "model swing {
+        /// Mass [kg].
+        param m = 2 where m > 0;
+        /// Length [m].
+        param l = 0.5 where l > 0;
+        /// Gravity [m/s^2].
+        param g = 9.81;
+        /// Torque [N m].
+        input tau = 0;
+        coordinate theta in angle;
+        lagrangian = m*l^2*theta_dot^2/2 + m*g*l*cos(theta);
+        force theta_dot = tau;
+        output height = -l*cos(theta);
+        /// Angle in degrees, whose number this is not [deg].
+        output angle = theta;
+        initial theta = 1;
+        initial theta_dot = 0;
+    }";
+    let model = spec::parse("swing", text).unwrap_or_else(|e| panic!("{e}"));
+    assert!(model.warnings.to_string().is_empty(), "{}", model.warnings);
+    let built = scene::build(&model, scene::CONTROLLED).unwrap_or_else(|e| panic!("{e}"));
+    let initial = scene::initial_state(&model, &built);
+    let (_, fmu) = built.emit_fmu(&Writing::default(), initial).unwrap_or_else(|e| panic!("{e}"));
+    let variables: Vec<&str> = fmu.description.lines().filter(|line| line.contains("<Float64")).collect();
+    for (name, unit, base) in [
+        ("time", "s", "s=\"1\""),
+        ("theta", "rad", "rad=\"1\""),
+        ("theta_dot", "rad/s", "s=\"-1\" rad=\"1\""),
+        ("der(theta)", "rad/s", "s=\"-1\" rad=\"1\""),
+        ("der(theta_dot)", "rad/s^2", "s=\"-2\" rad=\"1\""),
+        ("m", "kg", "kg=\"1\""),
+        ("l", "m", "m=\"1\""),
+        ("g", "m/s^2", "m=\"1\" s=\"-2\""),
+        ("tau", "N m", "kg=\"1\" m=\"2\" s=\"-2\""),
+        // These follow.
+        ("energy", "kg m^2/s^2", "kg=\"1\" m=\"2\" s=\"-2\""),
+        ("height", "m", "m=\"1\""),
+        ("angle", "deg", "rad=\"1\" factor=\"0.017453292519943295\""),
+    ] {
+        let own = variables.iter().find(|line| line.contains(&format!("name=\"{name}\"")));
+        let own = own.unwrap_or_else(|| panic!("no {name} in\n{}", fmu.description));
+        assert!(own.contains(&format!(" unit=\"{unit}\"")), "{own}");
+        let definition = format!("<Unit name=\"{unit}\">\n      <BaseUnit {base}/>\n    </Unit>");
+        assert_eq!(fmu.description.matches(&definition).count(), 1, "{definition}\n{}", fmu.description);
+    }
+    let told = explain::explain(&model, &built, Style::Plain);
+    for line in [
+        "Units: theta [rad]; theta_dot [rad/s]; angle [deg].",
+        "Units that follow from the others: height [m]; E [kg m^2/s^2].",
+    ] {
+        assert!(told.contains(line), "{line} is not in\n{told}");
+    }
+    // Nothing follows where units contradict each other, are not there, or are not those of one system.
+    for wrong in ["Length [s]", "Length", "Length [mm]"] {
+        let text = text.replace("Length [m]", wrong);
+        let model = spec::parse("swing", &text).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(model.units.energy(), None, "{wrong}");
+        assert_eq!(model.units.of("theta_dot").map(|unit| unit.text()), Some("rad/s"));
     }
 }
 

@@ -6,8 +6,9 @@ use expect_test::expect_file;
 use hamel_codegen::scene::{self, BuiltScene, Derivative, Writing};
 use hamel_codegen::spec;
 use hamel_runtime::{
-    Controlled, Differentiable, Dop853, Dual, InputDifferentiable, Integrator, Interpolation, Jet, Options,
-    OverScalar, Scene, System, Table, WithInput,
+    Controlled, ControlledJet, Differentiable, Dop853, Dual, F64x4, InputDifferentiable, Integrator,
+    Interpolation, Jet, Options, OverScalar, Polynomial, PolynomialSignal, Real, Scene, System, Table,
+    Taylor, Vern9, WithInput,
 };
 
 /// The module, as a crate has it.
@@ -98,6 +99,94 @@ fn emitted_functions_have_the_bits_of_the_interpreter_at_any_inputs() {
         interpreter.series(&jet, t, &y, &mut slices);
         for (own, other) in own.iter().zip(&other) {
             assert_eq!(bits(own), bits(other));
+        }
+        // Held inputs are polynomials of degree zero; here they are of degree three.
+        let coefficients = [0, 1, 2, 3].map(|k| point(seed + 50 * k).2);
+        compiled.series_with(t, &y, &coefficients, &mut workspace, &mut own);
+        let rows = coefficients.map(|row| row.to_vec());
+        let mut slices: Vec<&mut [f64]> = other.iter_mut().map(Vec::as_mut_slice).collect();
+        interpreter.series_with(&jet, (t, &y), &rows, &mut slices);
+        for (own, other) in own.iter().zip(&other) {
+            assert_eq!(bits(own), bits(other));
+        }
+    }
+}
+
+/// The motion by pieces, each with a polynomial for its inputs, by a method that knows nothing of series.
+fn by_pieces(signal: &impl PolynomialSignal<f64, 2>, (mut t, end): (f64, f64), mut y: [f64; 5]) -> [f64; 5] {
+    let system = module::Prepared::prepare(&PARAMS).unwrap();
+    while t != end {
+        let mut coefficients = [[0.0; 2]; 4];
+        let until = signal.piece((t, end), &mut coefficients);
+        let driven = WithInput::new(system, Polynomial::new(t, coefficients));
+        let mut solver = Integrator::new(&driven, Vern9, t, y, Options::adaptive(1e-14, 1e-14)).unwrap();
+        solver.integrate_to(until).unwrap();
+        (t, y) = (until, *solver.state());
+    }
+    y
+}
+
+#[test]
+fn series_carry_inputs_that_are_polynomials_piece_by_piece() {
+    let system = module::Prepared::prepare(&PARAMS).unwrap();
+    let start = [0.1, 0.3, 0.2, -0.1, 0.5];
+    let close = |what: &str, found: &[f64; 5], expected: &[f64; 5]| {
+        for (a, b) in found.iter().zip(expected) {
+            assert!((a - b).abs() <= 1e-12 * (1.0 + b.abs()), "{what}: {a} and {b}");
+        }
+    };
+    let times = [0.25, 0.5, 1.25, 1.5];
+    let rows = [[1.0, -0.5], [0.3, 0.8], [-1.2, 0.1], [0.4, 0.6]];
+    for interpolation in [Interpolation::Linear, Interpolation::Cubic, Interpolation::Hold] {
+        let table = Table::new(&times, &rows, interpolation).unwrap();
+        let driven = WithInput::new(system, table);
+        for options in [Options::adaptive(1e-14, 1e-14), Options::fixed(0.004)] {
+            let mut solver = Integrator::new(&driven, Taylor::new(), 0.0, start, options).unwrap();
+            let mut reached = Vec::new();
+            while !solver.step_towards(2.0).unwrap().reached() {
+                reached.push(solver.t());
+            }
+            let what = format!("{interpolation:?}, {options:?}");
+            close(&what, solver.state(), &by_pieces(&table, (0.0, 2.0), start));
+            // A step ends at every row.
+            assert!(times.iter().all(|t| reached.contains(t)), "{what}: {reached:?}");
+            // And on the way back, to another place than where it came from.
+            let mut solver = Integrator::new(&driven, Taylor::new(), 2.0, start, options).unwrap();
+            solver.integrate_to(0.7).unwrap();
+            close(&what, solver.state(), &by_pieces(&table, (2.0, 0.7), start));
+            solver.integrate_to(0.0).unwrap();
+            close(&what, solver.state(), &by_pieces(&table, (2.0, 0.0), start));
+        }
+    }
+    let cubic = Polynomial::new(0.5, [[1.0, 0.2], [-0.5, 0.3], [0.25, 0.0], [0.0, -0.1]]);
+    let driven = WithInput::new(system, cubic);
+    let options = Options::adaptive(1e-14, 1e-14);
+    let mut solver = Integrator::new(&driven, Taylor::new(), 0.0, start, options).unwrap();
+    solver.integrate_to(2.0).unwrap();
+    close("polynomial", solver.state(), &by_pieces(&cubic, (0.0, 2.0), start));
+    // One expansion a step, and nothing but the motion says how long these are.
+    assert!(solver.stats().steps < 100, "{:?}", solver.stats());
+}
+
+#[test]
+fn lanes_have_polynomials_of_their_own() {
+    let system = module::Prepared::prepare(&PARAMS).unwrap();
+    let start = [0.1, 0.3, 0.2, -0.1, 0.5];
+    let slopes = [-1.0, 0.0, 0.5, 2.0];
+    let signal = |slope: F64x4| {
+        let [zero, one] = [0.0, 1.0].map(F64x4::splat);
+        Polynomial::new(zero, [[one, zero], [slope, one]])
+    };
+    let driven = WithInput::new(OverScalar::over(&system, F64x4::splat), signal(F64x4::from(slopes)));
+    let options = Options::adaptive(F64x4::splat(1e-14), F64x4::splat(1e-14));
+    let mut solver =
+        Integrator::new(&driven, Taylor::new(), F64x4::ZERO, start.map(F64x4::splat), options).unwrap();
+    solver.integrate_to(F64x4::splat(2.0)).unwrap();
+    for (lane, slope) in slopes.into_iter().enumerate() {
+        let alone = by_pieces(&Polynomial::new(0.0, [[1.0, 0.0], [slope, 1.0]]), (0.0, 2.0), start);
+        for (a, b) in solver.state().iter().zip(alone) {
+            let a = a.to_array()[lane];
+            assert!((a - b).abs() <= 1e-12 * (1.0 + b.abs()), "{slope}: {a} and {b}");
         }
     }
 }

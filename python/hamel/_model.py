@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _hamel
 from ._errors import InputError, ModelWarning
+from ._inputs import by_component
 from ._results import Ensemble, Motion, Outputs
 
 __all__ = ["Model", "Params", "load", "methods", "models"]
@@ -226,21 +227,21 @@ class Model:
 
         An input is a number (held), an expression of the model's language in ``t``, coordinates, velocities and
         parameters (``"0.2*sin(t)"``), or an array ``(N,)`` of values at the times of the array ``t``, ``(N,)``, or a
-        function of one time, which is called at these times, once and for all. Between the times are straight lines
-        (``interpolation="linear"``), cubics (``"cubic"``; what is told where all columns are functions), or the value at
-        the time before (``"hold"``). An expression becomes a part of the text, and has no error.
+        function of one time, which is called at these times, once and for all. One that is a vector or a matrix is an
+        array of its shape ``(m,)`` or ``(m, k)``, with the times in front where it changes, ``(N, m)``. Between the times
+        are straight lines (``interpolation="linear"``), cubics (``"cubic"``; what is told where all columns are
+        functions), or the value at the time before (``"hold"``). An expression becomes a part of the text, and has no
+        error.
 
         Raises :class:`InputError` for names that are no inputs, and for what is none of these.
         """
-        given = {**(inputs or {}), **more}
+        given, sampled = by_component(self._native.input_arrays, {**(inputs or {}), **more})
         drives = [(name, value) for name, value in given.items() if isinstance(value, str)]
         held: list[tuple[str, float]] = []
         columns: dict[str, Array] = {}
         for name, value in given.items():
             if isinstance(value, str):
                 continue
-            if callable(value):
-                value = _sampled(name, value, given.get("t"))
             array = np.asarray(value, dtype=np.float64)
             if array.ndim > 1 or not np.all(np.isfinite(array)):
                 raise InputError(f"inputs {name} has to be a finite number or an array of finite numbers with one axis")
@@ -252,8 +253,7 @@ class Model:
             listed = ", ".join(f"{name} ({len(column)},)" for name, column in columns.items())
             raise InputError(f"inputs have arrays of several lengths: {listed}")
         if interpolation is None:
-            known = [value for name, value in given.items() if name in columns and name != "t"]
-            interpolation = "cubic" if known and all(callable(value) for value in known) else "linear"
+            interpolation = "cubic" if sampled and sampled.issuperset(columns.keys() - {"t"}) else "linear"
         native = self._native
         applied = self._applied
         if drives:
@@ -547,7 +547,7 @@ class Model:
                 raise InputError(f"params gives {name}, which y0 gives as well: leave one of them out")
             columns[name] = np.asarray(value, dtype=np.float64)
         known = self._native.inputs
-        for name, value in (inputs or {}).items():
+        for name, value in by_component(self._native.input_arrays, inputs or {})[0].items():
             if all(name != own for own, _, _ in known):
                 listed = ", ".join(own for own, _, _ in known) or "none"
                 raise InputError(f"scene {self.scene} of {self.name} has no input `{name}`\n  inputs: {listed}")
@@ -670,13 +670,3 @@ def _times(t: float | ArrayLike, samples: int) -> tuple[float, list[float]]:
     if samples == 1:
         return t_final, [t_final]
     return t_final, np.linspace(0.0, t_final, samples).tolist()
-
-
-def _sampled(name: str, function: Any, times: Any) -> Array:
-    """The values of a function of time at the times of a table."""
-    if times is None:
-        raise InputError(
-            f"inputs {name} is a function of time: give the times at which it is called as an array `t`, "
-            "or an expression such as \"sin(t)\""
-        )
-    return np.array([float(function(t)) for t in np.asarray(times, dtype=np.float64).ravel().tolist()])

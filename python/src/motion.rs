@@ -123,7 +123,7 @@ pub(crate) fn simulate(
         let purpose = auto::Purpose::of_samples(times.len());
         let method = match (asked_method, steps) {
             (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
-                // Series have no derivatives along parameters, and tables no series.
+                // Series have no derivatives along parameters, and a table ends a step of theirs at every row.
                 let has_series = sensitivity.is_empty() && !built.is_driven();
                 auto::choose(rtol, Some(built.rhs_counts().cost()), has_series, purpose)
             }

@@ -18,7 +18,7 @@ use hamel::run::interpreted::{self, Built};
 use hamel::session::{Session, closed};
 use hamel_codegen::explain::{self, SectionKind};
 use hamel_codegen::expr::{Style, rational_to_f64};
-use hamel_codegen::spec;
+use hamel_codegen::spec::{self, ParamArray};
 use hamel_runtime::{Dual, F64x4};
 use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Ix2};
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
@@ -309,6 +309,18 @@ impl Scene {
             (input.name.clone(), held, input.doc.clone())
         })
         .collect()
+    }
+
+    /// Inputs that form vectors and matrices: name, shape, and the input at each entry, row by row, none where it is
+    /// zero.
+    #[getter]
+    fn input_arrays(&self) -> Vec<(String, Vec<usize>, Vec<Option<String>>)> {
+        let of_one = |array: &ParamArray| {
+            let name = |k: usize| self.model.graph.name(array.symbols[k]).to_owned();
+            let entries = array.layout.entries().into_iter().map(|at| at.map(name)).collect();
+            (array.name.clone(), array.layout.shape(), entries)
+        };
+        self.model.input_arrays.iter().map(of_one).collect()
     }
 
     /// Name of the model.

@@ -6,6 +6,8 @@ use core::marker::PhantomData;
 
 use crate::error::Failure;
 use crate::events::{Action, Direction, Events};
+use crate::jet::{Jet, MAX_ORDER};
+use crate::polynomial::PolynomialSignal;
 use crate::real::Real;
 use crate::system::{Differentiable, OverScalar, ParamInfo, Pivot, System};
 
@@ -42,6 +44,28 @@ pub trait InputDifferentiable<R: Real, const M: usize>: Controlled<R, M> {
     fn input_jacobian(&self, t: R, y: &Self::State, jacobian: &mut [[R; M]]);
 }
 
+/// A system that knows the Taylor coefficients of its solutions also where its inputs change, as polynomials in time.
+pub trait ControlledJet<R: Real, const M: usize>: Controlled<R, M> + Jet<R> {
+    /// Writes the Taylor coefficients of the solution through `y`, as [`Jet::series`] does, whatever the inputs are
+    /// held at.
+    ///
+    /// ```text
+    /// y(t + h) = sum_k out_k h^k    where    u(t + h) = sum_k u_k h^k
+    /// ```
+    ///
+    /// # Shapes
+    ///
+    /// u: any length; coefficients beyond it are zero. out: \[order + 1\].
+    fn series_with(
+        &self,
+        t: R,
+        y: &Self::State,
+        u: &[[R; M]],
+        workspace: &mut Self::Workspace,
+        out: &mut [Self::State],
+    );
+}
+
 /// What inputs are at a time and a state: a closure `|t, y| [..]`, or a [`Table`](crate::Table).
 pub trait Signal<R: Real, S, const M: usize> {
     /// The inputs.
@@ -62,7 +86,17 @@ impl<R: Real, S, const M: usize, F: Fn(R, &S) -> [R; M]> Signal<R, S, M> for F {
 /// ```
 ///
 /// A signal with a kink, such as a table with straight pieces, makes adaptive methods shorten their steps there; one
-/// with a jump is to be held from jump to jump, see [`Controlled`].
+/// with a jump is to be held from jump to jump, see [`Controlled`]. [`Taylor`](crate::Taylor) ends a step at every row
+/// of a table, whatever is between rows, and goes on from there with the next polynomial, so that kinks and jumps cost
+/// it no accuracy; it takes signals that are polynomials piece by piece, [`PolynomialSignal`], and no closures:
+///
+/// ```compile_fail
+/// # use hamel_runtime::{ControlledJet, Integrator, Options, Taylor, WithInput};
+/// fn series_of_a_closure<T: ControlledJet<f64, 1, State = [f64; 2]> + Clone>(system: T) {
+///     let driven = WithInput::new(system, |t: f64, _y: &[f64; 2]| [t]);
+///     let _ = Integrator::new(&driven, Taylor::new(), 0.0, [0.0; 2], Options::adaptive(1e-9, 1e-9));
+/// }
+/// ```
 ///
 /// ```
 /// use hamel_runtime::{Controlled, Integrator, Options, ParamInfo, System, Vern9, WithInput};
@@ -175,6 +209,40 @@ where
 {
     fn jacobian(&self, t: R, y: &Self::State, jacobian: &mut [Self::State]) {
         self.at(t, y).jacobian(t, y, jacobian);
+    }
+}
+
+/// The series of the motion while the inputs are the polynomial that the signal is there.
+impl<R, T, G, const M: usize> Jet<R> for WithInput<R, T, G, M>
+where
+    R: Real,
+    T: ControlledJet<R, M> + Clone,
+    G: Signal<R, T::State, M> + PolynomialSignal<R, M>,
+{
+    type Workspace = T::Workspace;
+
+    fn workspace(&self) -> Self::Workspace {
+        self.system.workspace()
+    }
+
+    #[inline]
+    fn series(&self, t: R, y: &Self::State, workspace: &mut Self::Workspace, out: &mut [Self::State]) {
+        self.series_towards((t, t), y, workspace, out);
+    }
+
+    fn series_towards(
+        &self,
+        way: (R, R),
+        y: &Self::State,
+        workspace: &mut Self::Workspace,
+        out: &mut [Self::State],
+    ) -> R {
+        // The highest order of the state is that of the inputs and one more.
+        let mut u = [[R::ZERO; M]; MAX_ORDER];
+        let u = &mut u[..out.len().saturating_sub(1).min(MAX_ORDER)];
+        let end = self.signal.piece(way, u);
+        self.system.series_with(way.0, y, u, workspace, out);
+        end
     }
 }
 

@@ -26,6 +26,25 @@ pub trait Jet<R: Real>: System<R> {
     ///
     /// out: \[order + 1\], with an order of at most [`MAX_ORDER`]; what is beyond is left as it is.
     fn series(&self, t: R, y: &Self::State, workspace: &mut Self::Workspace, out: &mut [Self::State]);
+
+    /// Writes the coefficients of the solution on its way from `t` towards another time, and returns the time up to
+    /// which they are those of one solution: `towards`, or an earlier one where what drives the system goes over into
+    /// another function of time, such as the next piece of a table. [`Taylor`](crate::Taylor) ends a step there.
+    ///
+    /// # Shapes
+    ///
+    /// As [`series`](Self::series).
+    #[inline]
+    fn series_towards(
+        &self,
+        (t, towards): (R, R),
+        y: &Self::State,
+        workspace: &mut Self::Workspace,
+        out: &mut [Self::State],
+    ) -> R {
+        self.series(t, y, workspace, out);
+        towards
+    }
 }
 
 impl<R: Real, S: Jet<R> + ?Sized> Jet<R> for &S {
@@ -38,6 +57,17 @@ impl<R: Real, S: Jet<R> + ?Sized> Jet<R> for &S {
     #[inline]
     fn series(&self, t: R, y: &Self::State, workspace: &mut Self::Workspace, out: &mut [Self::State]) {
         (**self).series(t, y, workspace, out);
+    }
+
+    #[inline]
+    fn series_towards(
+        &self,
+        way: (R, R),
+        y: &Self::State,
+        workspace: &mut Self::Workspace,
+        out: &mut [Self::State],
+    ) -> R {
+        (**self).series_towards(way, y, workspace, out)
     }
 }
 

@@ -98,6 +98,7 @@ mod methods;
 #[cfg(feature = "nalgebra")]
 mod on_vectors;
 mod options;
+mod polynomial;
 mod products;
 mod real;
 mod system;
@@ -110,7 +111,7 @@ pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
 pub use events::{Action, Direction, Event, Events, Observer};
 pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
-pub use inputs::{Controlled, InputDifferentiable, Signal, SignalOverScalar, WithInput};
+pub use inputs::{Controlled, ControlledJet, InputDifferentiable, Signal, SignalOverScalar, WithInput};
 pub use integrator::{Integrator, Progress, Stats};
 pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 #[cfg(feature = "lanes")]
@@ -128,6 +129,7 @@ pub use nalgebra;
 #[cfg(feature = "nalgebra")]
 pub use on_vectors::OnVectors;
 pub use options::{Norm, Options, StepSize};
+pub use polynomial::{Polynomial, PolynomialSignal};
 pub use products::Products;
 pub use real::Real;
 pub use system::{

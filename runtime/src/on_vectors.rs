@@ -187,10 +187,22 @@ where
 
     #[inline]
     fn series(&self, t: R, y: &Self::State, workspace: &mut Self::Workspace, out: &mut [Self::State]) {
+        self.series_towards((t, t), y, workspace, out);
+    }
+
+    #[inline]
+    fn series_towards(
+        &self,
+        way: (R, R),
+        y: &Self::State,
+        workspace: &mut Self::Workspace,
+        out: &mut [Self::State],
+    ) -> R {
         let mut terms = [[R::ZERO; N]; MAX_ORDER + 1];
         let wanted = out.len().min(terms.len());
-        self.system.series(t, array(y), workspace, &mut terms[..wanted]);
+        let end = self.system.series_towards(way, array(y), workspace, &mut terms[..wanted]);
         copy(terms, out);
+        end
     }
 }
 

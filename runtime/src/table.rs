@@ -3,6 +3,7 @@
 //! The module deliberately does not know where the numbers come from, or what they drive.
 
 use crate::inputs::{Signal, SignalOverScalar};
+use crate::polynomial::PolynomialSignal;
 use crate::real::Real;
 
 /// What is between two rows of a [`Table`].
@@ -146,8 +147,17 @@ impl<'a, const M: usize> Table<'a, M> {
         }
     }
 
+    /// Hermite's cubic of column `i` behind row `k`: the coefficients of the powers of the part of the piece that has
+    /// passed, from the first on.
+    fn cubic(&self, k: usize, i: usize) -> [f64; 3] {
+        let width = self.times[k + 1] - self.times[k];
+        let (p, q) = (width * self.slope(k, i), width * self.slope(k + 1, i));
+        let rise = self.rows[k + 1][i] - self.rows[k][i];
+        [p, 3.0 * rise - 2.0 * p - q, p + q - 2.0 * rise]
+    }
+
     /// Column `i` of the piece behind row `k` at a time in it.
-    fn piece<R: Real>(&self, k: usize, i: usize, t: R) -> R {
+    fn between<R: Real>(&self, k: usize, i: usize, t: R) -> R {
         let number = R::from_f64;
         let (start, width) = (self.times[k], self.times[k + 1] - self.times[k]);
         let (a, b) = (self.rows[k][i], self.rows[k + 1][i]);
@@ -155,11 +165,8 @@ impl<'a, const M: usize> Table<'a, M> {
         match self.interpolation {
             Interpolation::Linear => s.mul_add(number(b - a), number(a)),
             Interpolation::Cubic => {
-                let (p, q) = (width * self.slope(k, i), width * self.slope(k + 1, i));
-                let rise = b - a;
-                // Hermite's cubic in powers of s.
-                let cubic = s.mul_add(number(p + q - 2.0 * rise), number(3.0 * rise - 2.0 * p - q));
-                s.mul_add(s.mul_add(cubic, number(p)), number(a))
+                let [first, second, third] = self.cubic(k, i).map(number);
+                s.mul_add(s.mul_add(s.mul_add(third, second), first), number(a))
             }
             Interpolation::Hold => {
                 // One from the next row on, before it zero: this is asked of every lane by itself.
@@ -180,7 +187,7 @@ impl<'a, const M: usize> Table<'a, M> {
         let mut sum = R::from_f64(self.rows[first][i]);
         for k in first..last {
             let (low, high) = (R::from_f64(self.times[k]), R::from_f64(self.times[k + 1]));
-            sum += self.piece(k, i, least(largest(t, low), high)) - R::from_f64(self.rows[k][i]);
+            sum += self.between(k, i, least(largest(t, low), high)) - R::from_f64(self.rows[k][i]);
         }
         sum
     }
@@ -196,11 +203,52 @@ impl<R: Real, S, const M: usize> Signal<R, S, M> for Table<'_, M> {
             } else if all == some && all > last {
                 R::from_f64(self.rows[last][i])
             } else if all == some {
-                self.piece(all - 1, i, t)
+                self.between(all - 1, i, t)
             } else {
                 self.across((all.saturating_sub(1), some.min(last)), i, t)
             }
         })
+    }
+}
+
+impl<R: Real, const M: usize> PolynomialSignal<R, M> for Table<'_, M> {
+    fn piece(&self, (t, towards): (R, R), coefficients: &mut [[R; M]]) -> R {
+        let (n, number) = (self.rows.len(), R::from_f64);
+        let is_backward = t.all_gt(towards);
+        // The number of rows behind: at a row, that row on the way forward, and not on the way back.
+        let behind = self.times.partition_point(|time| {
+            let time = number(*time);
+            if is_backward { t.all_gt(time) } else { t.all_ge(time) }
+        });
+        coefficients.fill([R::ZERO; M]);
+        for i in 0..M {
+            let mut put = |k: usize, value: R| {
+                if let Some(row) = coefficients.get_mut(k) {
+                    row[i] = value;
+                }
+            };
+            if behind == 0 || behind == n || self.interpolation == Interpolation::Hold {
+                put(0, number(self.rows[behind.saturating_sub(1)][i]));
+                continue;
+            }
+            let k = behind - 1;
+            put(0, self.between(k, i, t));
+            let width = number(self.times[k + 1] - self.times[k]);
+            if self.interpolation == Interpolation::Linear {
+                put(1, number(self.rows[k + 1][i] - self.rows[k][i]) / width);
+                continue;
+            }
+            let [first, second, third] = self.cubic(k, i).map(number);
+            let s = (t - number(self.times[k])) / width;
+            let (two, three) = (number(2.0), number(3.0));
+            put(1, s.mul_add(s.mul_add(three * third, two * second), first) / width);
+            put(2, (three * s).mul_add(third, second) / (width * width));
+            put(3, third / (width * width * width));
+        }
+        let next = if is_backward { behind.checked_sub(1) } else { Some(behind) };
+        let next = next.and_then(|row| self.times.get(row)).map(|time| number(*time));
+        let is_before_end = |time: &R| if is_backward { time.all_gt(towards) } else { towards.all_gt(*time) };
+        next.filter(is_before_end).unwrap_or(towards)
     }
 }
 
@@ -216,7 +264,7 @@ impl<Q: Real, R: Real, SQ, S, const M: usize> SignalOverScalar<Q, R, SQ, S, M> f
 mod tests {
     use super::{Interpolation, Table, TableError};
     use crate::inputs::Signal;
-    use crate::{Dual, Real};
+    use crate::{Dual, PolynomialSignal, Real};
 
     const TIMES: [f64; 4] = [0.0, 0.5, 2.0, 3.0];
 
@@ -249,6 +297,43 @@ mod tests {
         let table = Table::new(&TIMES, &rows, Interpolation::Hold).unwrap();
         let times = [-1.0, 0.0, 0.5_f64.next_down(), 0.5, 1.9, 2.0, 3.0_f64.next_down(), 3.0, 9.0];
         assert_eq!(times.map(|t| at(&table, t)), [3.0, 3.0, 3.0, -1.0, -1.0, 4.0, 4.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn pieces_are_the_polynomials_between_rows_and_end_there() {
+        let rows = [[3.0], [-1.0], [4.0], [1.0]];
+        let far = 9.0;
+        for interpolation in [Interpolation::Linear, Interpolation::Cubic, Interpolation::Hold] {
+            let table = Table::new(&TIMES, &rows, interpolation).unwrap();
+            for (t, [before, after]) in [
+                (-1.0, [-far, 0.0]),
+                (0.0, [-far, 0.5]),
+                (0.3, [0.0, 0.5]),
+                (0.5, [0.0, 2.0]),
+                (1.7, [0.5, 2.0]),
+                (3.0, [2.0, far]),
+                (3.5, [3.0, far]),
+            ] {
+                let mut coefficients = [[7.0]; 6];
+                for (towards, end) in [(-far, before), (far, after), (t, t)] {
+                    assert_eq!(table.piece((t, towards), &mut coefficients), end, "{t} towards {towards}");
+                    for part in [0.25, 0.5, 0.75] {
+                        let h = part * (end - t);
+                        let value = coefficients.iter().rev().fold(0.0, |sum, [c]| sum * h + c);
+                        let expected = at(&table, t + h);
+                        // At a row, what is held on the way back is not what is held there.
+                        let is_row = h == 0.0;
+                        assert!(is_row || (value - expected).abs() < 1e-12 * f64::powi(1.0 + h.abs(), 3));
+                    }
+                }
+                assert_eq!(coefficients[0], [at(&table, t)]);
+                assert_eq!(coefficients[4..], [[0.0]; 2]);
+                // As many as are asked for.
+                let mut first = [[7.0]; 1];
+                table.piece((t, far), &mut first);
+                assert_eq!(first, [[at(&table, t)]]);
+            }
+        }
     }
 
     #[test]

@@ -98,6 +98,9 @@ def check_fmu(hamel, model, folder):
     assert not problems, problems
     description = fmpy.read_model_description(str(path), validate=True)
     known = {variable.name for variable in description.modelVariables}
+    defined = {unit.name for unit in description.unitDefinitions}
+    named = {variable.unit for variable in description.modelVariables if variable.unit is not None}
+    assert defined == named and "s" in defined, (defined, named)
     motion = reference(model)["trajectories"][0]
     start = {name: float(x) for source in ("params", "initial") for name, x in motion[source].items() if name in known}
     final = {name: float(x) for name, x in motion["final"].items() if name in known}

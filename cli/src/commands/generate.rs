@@ -2,17 +2,25 @@
 //!
 //! Does not know: how a scene becomes text.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use hamel_codegen::Config;
 use hamel_codegen::config::{Language, write_atomically};
-use hamel_codegen::scene::{self, Scenes, Writing};
+use hamel_codegen::scene::{self, BuiltScene, Scenes, Writing};
 
+use crate::cache::Cache;
 use crate::error::Error;
-use crate::model::{Model, show_warnings};
+use crate::model::{Checked, Model, show_warnings};
 use crate::output::fmu::archive;
+use crate::run::backend::Local;
+use crate::run::dynamics::Factory as _;
+use crate::run::forms::Forms;
+use crate::run::interpreted;
+use crate::run::start::Starts;
 use crate::session::Session;
 
 /// Write the scenes of models as Rust modules or as C, or check that they are up to date
@@ -216,9 +224,9 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         for built in
             scenes.build_all(&names).map_err(|problems| Error::Models { problems: vec![problems] })?
         {
-            let initial = scene::initial_state(model, &built);
+            let initial = start(model, &built)?;
             let (c, fmu) = built.emit_fmu(&Writing::default(), initial).map_err(|e| {
-                Error::unusable(format!("scene {} of {}", built.name, model.name), e.to_string())
+                Error::unusable(format!("scene {} of {}:", built.name, model.name), e.to_string())
             })?;
             let bytes = archive(&c, &fmu)?;
             let path = match (&arguments.output, &arguments.out_dir) {
@@ -234,4 +242,21 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         }
     }
     Ok(format!("{} FMUs written{}", written.len(), written.concat()))
+}
+
+/// Where an FMU begins: at the initial state of the model, whose coordinates satisfy the equations between them; none
+/// where the model does not say it all.
+///
+/// # Errors
+/// Why there are no such coordinates.
+fn start(model: &Model, built: &BuiltScene) -> Result<Option<Vec<f64>>, Error> {
+    if model.constraints.iter().all(|constraint| constraint.position.is_none()) {
+        return Ok(scene::initial_state(model, built));
+    }
+    let model = Arc::new(Checked::new(model.clone(), Cache::none()));
+    let scene = interpreted::build(&model, &built.name)?;
+    let (info, none) = (scene.info().clone(), BTreeMap::new());
+    let starts = Starts::new(&model, &info, Forms::of(&model, &info)?)?;
+    let (_, initial) = starts.choose(&mut Local::new(scene), &none, &none)?;
+    Ok(Some(initial))
 }

@@ -339,8 +339,9 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             // Compiled code does not say what it costs.
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
             let is_interpreted = choice.via(&file) == Via::Interpreter;
-            // Series have no derivatives along parameters.
+            // Series have no derivatives along parameters, and a table ends a step of theirs at every row.
             let has_series = arguments.sensitivity.is_empty()
+                && choice.table.is_none()
                 && (is_interpreted || model::wants(model, &choice.scene, Want::Taylor));
             auto::choose(rtol, Some(cost), has_series, auto::Purpose::of_samples(samples))
         }

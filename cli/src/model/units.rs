@@ -30,9 +30,13 @@ pub(crate) fn split_unit(doc: &str, position: usize) -> (String, String) {
     }
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let unit = units.get(position).or(units.last()).copied().unwrap_or_default();
+    (text.trim_end_matches('.').to_owned(), shown(unit))
+}
+
+/// A unit as pages and figures show it; empty for that of a number.
+pub(crate) fn shown(unit: &str) -> String {
     let unit = if unit == "-" || unit == "1" { "" } else { unit };
-    let unit = unit.replace("^2", "²").replace("^3", "³").replace(' ', "·");
-    (text.trim_end_matches('.').to_owned(), unit)
+    unit.replace("^2", "²").replace("^3", "³").replace(' ', "·")
 }
 
 #[cfg(test)]

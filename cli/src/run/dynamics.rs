@@ -64,8 +64,9 @@ pub trait Dynamics: Send + Sync {
     /// All outputs, one after the other.
     fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64>;
 
-    /// Writes the Taylor coefficients of the solution through a state; false when the scene has none.
-    fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool;
+    /// Writes the Taylor coefficients of the solution through a state on the way from a time to another one, and says
+    /// up to which time they hold, as [`Jet::series_towards`]; none when the scene has no series.
+    fn series(&self, way: (f64, f64), y: &[f64], out: &mut [VecState]) -> Option<f64>;
 
     /// Writes the derivatives of the right-hand side: row `i` has those of component `i`.
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]);
@@ -375,11 +376,16 @@ impl Jet<f64> for dyn Dynamics + '_ {
 
     fn workspace(&self) {}
 
-    fn series(&self, t: f64, y: &VecState, (): &mut (), out: &mut [VecState]) {
-        if !Dynamics::series(self, t, &y.0, out) {
+    fn series(&self, t: f64, y: &VecState, workspace: &mut (), out: &mut [VecState]) {
+        self.series_towards((t, t), y, workspace, out);
+    }
+
+    fn series_towards(&self, way: (f64, f64), y: &VecState, (): &mut (), out: &mut [VecState]) -> f64 {
+        Dynamics::series(self, way, &y.0, out).unwrap_or_else(|| {
             // The integrator reports what is not finite; who drives it asks first whether there are series.
             out.iter_mut().for_each(|state| state.0.fill(f64::NAN));
-        }
+            way.1
+        })
     }
 }
 
@@ -420,6 +426,10 @@ impl Jet<f64> for PreparedScene<'_> {
 
     fn series(&self, t: f64, y: &VecState, workspace: &mut (), out: &mut [VecState]) {
         Jet::series(&**self, t, y, workspace, out);
+    }
+
+    fn series_towards(&self, way: (f64, f64), y: &VecState, workspace: &mut (), out: &mut [VecState]) -> f64 {
+        Jet::series_towards(&**self, way, y, workspace, out)
     }
 }
 

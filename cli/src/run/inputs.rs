@@ -5,7 +5,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use hamel_runtime::{Interpolation, Real, Signal, Table, TableError};
+use hamel_runtime::{Interpolation, PolynomialSignal, Real, Signal, Table, TableError};
 use serde_json::{Value, json};
 
 use super::info::{Info, ParamEntry};
@@ -189,6 +189,25 @@ impl Driven {
         };
         self.0.iter().map(value).collect()
     }
+
+    /// The coefficients of the inputs at a time on the way to another one, each order by itself, and the time up to
+    /// which they hold; see [`PolynomialSignal::piece`].
+    pub fn piece(&self, (t, towards): (f64, f64)) -> (Vec<Vec<f64>>, f64) {
+        let mut until = towards;
+        let mut orders = vec![vec![0.0; self.0.len()]; Self::MAX_DEGREE + 1];
+        for (i, column) in self.0.iter().enumerate() {
+            let mut own = [[0.0]; Self::MAX_DEGREE + 1];
+            match column {
+                Column::Rows(table) => until = table.piece((t, until), &mut own),
+                Column::Held(value) => own[0] = [*value],
+            }
+            orders.iter_mut().zip(own).for_each(|(order, [coefficient])| order[i] = coefficient);
+        }
+        (orders, until)
+    }
+
+    /// Cubics are the pieces of the highest degree.
+    const MAX_DEGREE: usize = 3;
 }
 
 /// What drives a scene, shared by all that evaluate it.

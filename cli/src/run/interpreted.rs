@@ -250,7 +250,7 @@ impl Built {
         })
     }
 
-    /// Whether a table drives the inputs: there are no Taylor series then.
+    /// Whether inputs are driven by a table, or held elsewhere than in the model.
     pub fn is_driven(&self) -> bool {
         self.drive.is_some()
     }
@@ -553,15 +553,17 @@ impl Dynamics for Interpreted<'_> {
         self.interpreter.at(t).outputs(t, y)
     }
 
-    fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool {
-        // A table has no series beyond its next row.
-        if self.interpreter.drive.is_some() {
-            return false;
-        }
-        let Some(jet) = self.jet.get_or_init(|| self.built.executable.jet().ok()) else { return false };
+    fn series(&self, (t, towards): (f64, f64), y: &[f64], out: &mut [VecState]) -> Option<f64> {
+        let jet = self.jet.get_or_init(|| self.built.executable.jet().ok()).as_ref()?;
         let mut out: Vec<&mut [f64]> = out.iter_mut().map(|state| state.0.as_mut_slice()).collect();
-        self.interpreter.interpreter.series(jet, t, y, &mut out);
-        true
+        let Driving { interpreter, drive } = &self.interpreter;
+        let Some(drive) = drive else {
+            interpreter.series(jet, t, y, &mut out);
+            return Some(towards);
+        };
+        let (inputs, until) = drive.piece((t, towards));
+        interpreter.series_with(jet, (t, y), &inputs, &mut out);
+        Some(until)
     }
 
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]) {

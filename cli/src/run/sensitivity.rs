@@ -138,8 +138,8 @@ impl Dynamics for PreparedAlong<'_> {
         self.base.outputs(t, self.own(y))
     }
 
-    fn series(&self, _t: f64, _y: &[f64], _out: &mut [VecState]) -> bool {
-        false
+    fn series(&self, _way: (f64, f64), _y: &[f64], _out: &mut [VecState]) -> Option<f64> {
+        None
     }
 
     fn jacobian(&self, _t: f64, _y: &[f64], rows: &mut [VecState]) {

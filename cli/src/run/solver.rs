@@ -78,7 +78,8 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
                 let reason = "method auto chooses by tolerances: give these instead of a step".to_owned();
                 return Err(Error::Options { reason });
             };
-            let has_series = dynamics.series(0.0, y, &mut []);
+            // A table ends a step of a series at every row, and most have many.
+            let has_series = dynamics.series((0.0, f64::INFINITY), y, &mut []) == Some(f64::INFINITY);
             let chosen = auto::choose(rtol, dynamics.rhs_cost(), has_series, purpose);
             return with_method(chosen, steps, purpose, dynamics, y, user);
         }
@@ -154,7 +155,7 @@ where
 /// # Errors
 /// [`Error::Options`] when it has not.
 fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
-    if dynamics.series(0.0, y, &mut []) {
+    if dynamics.series((0.0, 0.0), y, &mut []).is_some() {
         return Ok(());
     }
     let info = dynamics.info();

@@ -187,14 +187,14 @@ where
         out
     }
 
-    fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool {
+    fn series(&self, (t, towards): (f64, f64), y: &[f64], out: &mut [VecState]) -> Option<f64> {
         let mut series = [[0.0; N]; MAX_ORDER + 1];
         let n = out.len().min(series.len());
         let known = self.scene.series_of(t, array(y), &mut series[..n]);
         for (out, coefficient) in out.iter_mut().zip(&series) {
             out.0.copy_from_slice(coefficient);
         }
-        known
+        known.then_some(towards)
     }
 
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]) {

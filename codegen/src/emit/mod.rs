@@ -23,6 +23,7 @@ pub use rust::{SceneEntry, WasmModule, emit_include, emit_index, method_text};
 pub use text::{
     EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
     ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText, SceneText, StateText, SurfaceText,
+    UnitText, UnitTexts,
 };
 
 /// Emits the module of one scene.
@@ -59,7 +60,7 @@ pub fn emit_c(program: &Program, text: &SceneText) -> Result<CModule, Error> {
 /// Emits a scene as C99, with what an FMU of FMI 3.0 has besides.
 ///
 /// # Errors
-/// As [`emit_c`]; [`Error::Emission`] for a text without an initial state.
+/// As [`emit_c`]; [`Error::NoInitialState`].
 pub fn emit_fmu(program: &Program, text: &SceneText) -> Result<(CModule, Fmu), Error> {
     c::emit_fmu(program, text)
 }

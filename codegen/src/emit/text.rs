@@ -40,6 +40,8 @@ pub struct SceneText {
     pub implicit: Option<ImplicitText>,
     /// The exact flows, the functions [`Role::Flow`] of the program.
     pub flows: Vec<FlowText>,
+    /// Units, as far as they are known.
+    pub units: UnitTexts,
     /// Events; their functions are the output `events`, what each sets is an output.
     pub events: Vec<EventText>,
     /// Formula lines of functions, by role.
@@ -151,6 +153,32 @@ impl GroupKind {
             GroupKind::PlanarPlace => Some(3),
         }
     }
+}
+
+/// Units of what a scene has, as far as they are known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct UnitTexts {
+    /// Of the time.
+    pub time: Option<UnitText>,
+    /// Of the energy.
+    pub energy: Option<UnitText>,
+    /// Of parameters, inputs and components of the state, by name.
+    pub of_name: BTreeMap<String, UnitText>,
+    /// Of the rates of components of the state, by the name of the component.
+    pub of_rate: BTreeMap<String, UnitText>,
+    /// Of components of outputs, by the name of the output and the position.
+    pub of_output: BTreeMap<(String, usize), UnitText>,
+}
+
+/// A unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnitText {
+    /// As it is written.
+    pub name: String,
+    /// Exponents of kg, m, s, A, K, mol, cd and rad.
+    pub exponents: [i64; 8],
+    /// How many of the product of base units it is.
+    pub factor: f64,
 }
 
 /// A parameter.

@@ -123,6 +123,7 @@ pub(super) fn on_algebroid(
         name: model.name,
         doc: model.doc,
         sources: model.sources,
+        units: model.units,
         time: model.time,
         params: model.params,
         param_arrays: model.param_arrays,

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::algebra::Algebroid;
 use crate::expr::{ExprId, Graph, Sign, SymbolId};
-use crate::spec::{Condition, Event, Named, NamedVector, Param, ParamArray, Side, VelocitySection};
+use crate::spec::{Condition, Event, Named, NamedVector, Param, ParamArray, Side, Units, VelocitySection};
 
 use super::change::{Change, Frame};
 use super::constraint::{HigherOrder, KinematicConstraint, Unknown};
@@ -102,6 +102,8 @@ pub struct ReducedSystem {
     pub time: SymbolId,
     /// Parameters that are not fixed.
     pub params: Vec<Param>,
+    /// Units of the model, by names.
+    pub units: Units,
     /// Which parameters of the model form vectors and matrices, those included of which some are fixed.
     pub param_arrays: Vec<ParamArray>,
     /// Inputs that are not held: arguments of every function, as time is, of which no rate is known.
@@ -201,6 +203,7 @@ impl ReducedSystem {
             name: _,
             doc: _,
             sources: _,
+            units: _,
             time: _,
             params: _,
             param_arrays: _,

@@ -377,6 +377,15 @@ impl Interpreter<'_> {
         jet.series(&self.params, &self.prepared, t, y, out);
     }
 
+    /// The same where the inputs are polynomials in time, as [`Jet::series_with`] takes them, whatever they are held
+    /// at.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn series_with(&self, jet: &Jet, (t, y): (f64, &[f64]), u: &[Vec<f64>], out: &mut [&mut [f64]]) {
+        jet.series_with((&self.params, &self.prepared), (t, y), u, out);
+    }
+
     /// The state with cosines and sines of the angles of [`Executable::circles`] behind it.
     ///
     /// # Shapes

@@ -6,12 +6,12 @@ use std::collections::BTreeMap;
 
 use crate::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, MatrixText, OutputText,
-    ParamText, ProductText, SceneEntry, SceneText, StateText, WasmModule,
+    ParamText, ProductText, SceneEntry, SceneText, StateText, UnitText, UnitTexts, WasmModule,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
 use crate::program::{Jet, Role};
-use crate::spec::{EventDirection, Want};
+use crate::spec::{EventDirection, Unit, Want};
 
 use super::built::BuiltScene;
 use super::built::legendre_role;
@@ -107,7 +107,7 @@ impl BuiltScene {
     /// The scene as C99, with what an FMU of FMI 3.0 has besides, which begins at `initial`.
     ///
     /// # Errors
-    /// [`Error::OverBudget`]; [`Error::Emission`] without an initial state.
+    /// [`Error::OverBudget`]; [`Error::NoInitialState`].
     pub fn emit_fmu(&self, writing: &Writing, initial: Option<Vec<f64>>) -> Result<(CModule, Fmu), Error> {
         self.within_bytes()?;
         let text = SceneText { initial, ..self.text(writing) };
@@ -214,6 +214,7 @@ impl BuiltScene {
             products: self.products.iter().map(product_text).chain(self.legendre_text()).collect(),
             implicit: self.implicit().map(implicit_text),
             flows: self.flows().iter().enumerate().map(flow_text).collect(),
+            units: self.unit_texts(),
             events: self.events().iter().map(event_text).collect(),
             formulas: BTreeMap::from(formulas),
             initial: None,
@@ -221,6 +222,11 @@ impl BuiltScene {
             groups: writing.nalgebra.then(|| groups(self)),
         }
     }
+}
+
+/// A unit whose exponents are integers.
+fn unit_text(unit: &Unit) -> Option<UnitText> {
+    Some(UnitText { name: unit.text().to_owned(), exponents: unit.exponents()?, factor: unit.factor() })
 }
 
 /// What an instruction takes as a syntax tree and as text, about.
@@ -254,6 +260,27 @@ fn implicit_text(implicit: &Implicit) -> ImplicitText {
 }
 
 impl BuiltScene {
+    fn unit_texts(&self) -> UnitTexts {
+        let system = &self.equations.system;
+        let units = &system.units;
+        let params = system.params.iter().chain(&system.inputs).map(|p| &p.name);
+        let state = || self.state.iter().map(|s| &s.name);
+        let named = |name: &String, unit: &Unit| Some((name.clone(), unit_text(unit)?));
+        let outputs = self.outputs.iter().flat_map(|o| (0..o.components.len()).map(move |k| (&o.name, k)));
+        UnitTexts {
+            time: units.time().and_then(unit_text),
+            energy: units.energy().and_then(unit_text),
+            of_name: params.chain(state()).filter_map(|name| named(name, units.of(name)?)).collect(),
+            of_rate: state()
+                .filter(|_| units.time().is_some())
+                .filter_map(|name| named(name, &units.of(name)?.rate()?))
+                .collect(),
+            of_output: outputs
+                .filter_map(|(name, k)| Some(((name.clone(), k), unit_text(units.of_output(name, k)?)?)))
+                .collect(),
+        }
+    }
+
     fn legendre_text(&self) -> Option<ProductText> {
         let legendre = self.legendre();
         if legendre.momenta.is_empty() {

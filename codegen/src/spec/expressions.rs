@@ -67,6 +67,7 @@ macro_rules! visit {
             name: _,
             doc: _,
             sources: _,
+            units: _,
             topic: _,
             sizes: _,
             graph: $graph,

@@ -33,20 +33,34 @@ impl Layout {
         }
     }
 
-    pub(super) fn assemble(self, g: &mut Graph, c: &[ExprId]) -> Value {
+    /// Numbers of entries along the axes: one of a vector, rows and columns of a matrix.
+    pub fn shape(self) -> Vec<usize> {
         match self {
-            Layout::Vector(_) => Value::Vector(c.to_vec()),
-            Layout::Diagonal(n) => {
-                let entries = (0..n * n).map(|k| if k / n == k % n { c[k / n] } else { g.zero() }).collect();
-                Value::Matrix { rows: n, columns: n, entries }
-            }
+            Layout::Vector(n) => vec![n],
+            Layout::Diagonal(n) | Layout::Symmetric(n) => vec![n, n],
+            Layout::Matrix(n, m) => vec![n, m],
+        }
+    }
+
+    /// The component at each entry, row by row; none where it is zero.
+    pub fn entries(self) -> Vec<Option<usize>> {
+        match self {
+            Layout::Vector(n) => (0..n).map(Some).collect(),
+            Layout::Diagonal(n) => (0..n * n).map(|k| (k / n == k % n).then_some(k / n)).collect(),
             Layout::Symmetric(n) => {
                 // Position of (i, j), i <= j, in the upper triangle.
                 let at = |i: usize, j: usize| i * n - i * (i + 1) / 2 + j;
-                let entries = (0..n * n).map(|k| c[at((k / n).min(k % n), (k / n).max(k % n))]).collect();
-                Value::Matrix { rows: n, columns: n, entries }
+                (0..n * n).map(|k| Some(at((k / n).min(k % n), (k / n).max(k % n)))).collect()
             }
-            Layout::Matrix(n, m) => Value::Matrix { rows: n, columns: m, entries: c.to_vec() },
+            Layout::Matrix(n, m) => (0..n * m).map(Some).collect(),
+        }
+    }
+
+    pub(super) fn assemble(self, g: &mut Graph, c: &[ExprId]) -> Value {
+        let entries = self.entries().into_iter().map(|at| at.map_or_else(|| g.zero(), |k| c[k])).collect();
+        match self.shape().as_slice() {
+            [rows, columns] => Value::Matrix { rows: *rows, columns: *columns, entries },
+            _ => Value::Vector(entries),
         }
     }
 }

@@ -8,6 +8,7 @@ use super::event::{Event, OutputPart};
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 use super::size::FamilySize;
+use super::units::Units;
 use super::view::Views;
 use super::want::Wanted;
 use crate::algebra::LieAlgebra;
@@ -583,6 +584,8 @@ pub struct Model {
     pub views: Views,
     /// Where its items stand.
     pub places: Places,
+    /// Units that doc comments say, and that follow from them; none for a model built in Rust.
+    pub units: Units,
     /// Declarations of the text that have no effect. A model built in Rust has none: rustc finds unused values there.
     pub warnings: Diagnostics,
     /// The text, when the model was read from one.

@@ -11,7 +11,7 @@
 #pragma GCC diagnostic ignored "-Wunused-variable"
 #endif
 
-#define FMU_TOKEN "376e70a88b82aeafec20ab5a00c6019f"
+#define FMU_TOKEN "cf30869025e8647376e14952a27eb1e3"
 enum { FMU_STATE = 2, FMU_PARAMS = 2, FMU_OUTPUTS = 5, FMU_EVENTS = 1 };
 
 typedef bead_prepared fmu_prepared;

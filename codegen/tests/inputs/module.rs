@@ -1167,23 +1167,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Events<R, 1> for Prepared<R> {
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
-    type Workspace = (::hamel_runtime::Convolutions<R, 10>,);
+    type Workspace = (::hamel_runtime::Convolutions<R, 13>,);
 
     fn workspace(&self) -> Self::Workspace {
         (::core::default::Default::default(),)
     }
 
-    /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
-    ///
-    /// # Operations
-    ///
-    /// At each order k: 19 additions, 29 multiplications (17 fused), 5 sign changes, and 10 sums of k - 1 products.
+    /// Writes the Taylor coefficients of the solution, with the inputs at the values that they are held at.
+    #[inline]
     fn series(
         &self,
         t: R,
@@ -1191,7 +1183,36 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         workspace: &mut Self::Workspace,
         out: &mut [[R; 5]],
     ) {
-        let [tau1, tau2] = self.inputs;
+        ::hamel_runtime::ControlledJet::series_with(
+            self,
+            t,
+            y,
+            &[self.inputs],
+            workspace,
+            out,
+        );
+    }
+}
+
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared<R> {
+    /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
+    ///
+    /// # Operations
+    ///
+    /// At each order k: 25 additions, 33 multiplications (22 fused), 4 sign changes, and 13 sums of k - 1 products.
+    fn series_with(
+        &self,
+        t: R,
+        y: &[R; 5],
+        u: &[[R; 2]],
+        workspace: &mut Self::Workspace,
+        out: &mut [[R; 5]],
+    ) {
         let mut orders = out.iter_mut().take(::hamel_runtime::MAX_ORDER + 1);
         if let Some(first) = orders.next() {
             *first = *y;
@@ -1210,9 +1231,13 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept9,
             kept10,
             kept11,
+            kept12,
+            kept13,
+            kept14,
             ],
         ) = {
-            let [x, theta, x_dot, theta_dot, u] = *y;
+            let [tau1, tau2] = u.first().copied().unwrap_or([R::ZERO; 2]);
+            let [x, theta, x_dot, theta_dot, u_2] = *y;
             let _ = t;
             /// factors of A
             let [t0, t1, t2, A_s1_2_2] = {
@@ -1232,7 +1257,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     theta_dot,
                     t6.mul_add(t7, self.c5 * t4),
                     self.c7 * t6,
-                    -(t8 * u),
+                    -(t8 * u_2),
                 ],
                 [
                     t0,
@@ -1242,11 +1267,14 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t3,
                     x.sin(),
                     t5,
+                    tau2,
                     t4,
                     t6,
                     A_s1_2_2.recip(),
                     t7,
+                    tau2 + tau2,
                     t8,
+                    u_2,
                 ],
             )
         };
@@ -1259,10 +1287,10 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             }
             let order = R::from_f64(f64::from(k));
             let inverse = R::ratio(1.0, f64::from(k));
-            let [x, theta, x_dot, theta_dot, u] = coefficient;
-            let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7, sum8, sum9] = workspace
-                .0
-                .sums();
+            let [tau1, tau2] = u.get(k as usize).copied().unwrap_or([R::ZERO; 2]);
+            let [x, theta, x_dot, theta_dot, u_2] = coefficient;
+            let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7, sum8, sum9, sum10,
+            sum11, sum12] = workspace.0.sums();
             /// factors of A
             let [t0, t1, t2, t3] = {
                 let t1 = -kept0.mul_add(theta, inverse * sum1);
@@ -1275,27 +1303,29 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 ]
             };
             let t4 = kept3.mul_add(theta_dot, sum3);
-            let t5 = kept0.mul_add(t4, kept4.mul_add(t0, sum4)) + -(self.c3 * x_dot);
+            let t5 = kept0.mul_add(t4, kept4.mul_add(t0, sum4))
+                + (-self.c3).mul_add(x_dot, self.c2 * tau1);
             let t6 = -kept5.mul_add(x, inverse * sum6);
-            let t7 = kept9
-                * (-kept8)
+            let t7 = kept10
+                * (-kept9)
                     .mul_add(
                         t3,
                         self
                             .c4
                             .mul_add(
-                                tau2
-                                    .mul_add(t6, -kept2.mul_add(t5, kept7.mul_add(t2, sum7))),
+                                kept7.mul_add(t6, kept6.mul_add(tau2, sum7))
+                                    - kept2.mul_add(t5, kept8.mul_add(t2, sum8)),
                                 t0,
-                            ) - sum8,
+                            ) - sum9,
                     );
             let t8 = self.c6 * t1;
-            let t9 = order * theta;
-            let t10 = order * x;
+            let t9 = kept12.mul_add(tau2, sum11);
+            let t10 = order * theta;
+            let t11 = order * x;
             workspace
                 .0
                 .push(
-                    [t9, t9, t1, theta_dot, t0, t10, t10, t2, t3, t7],
+                    [t10, t10, t1, theta_dot, t0, t11, t11, t6, t2, t3, t7, tau2, t9],
                     [
                         t1,
                         t0,
@@ -1304,17 +1334,20 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t4,
                         t6,
                         kept6.mul_add(x, inverse * sum5),
+                        tau2,
                         t5,
                         t7,
                         t8,
+                        tau2,
+                        u_2,
                     ],
                 );
             let derivative = [
                 x_dot,
                 theta_dot,
-                self.c5.mul_add(t5, kept8.mul_add(t8, kept10.mul_add(t7, sum9))),
+                self.c5.mul_add(t5, kept9.mul_add(t8, kept11.mul_add(t7, sum10))),
                 self.c7 * t7,
-                -(kept11 * u),
+                -kept13.mul_add(u_2, kept14.mul_add(t9, sum12)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

@@ -949,10 +949,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Differentiable<R> for Prepared<R
     }
 }
 
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     type Workspace = (::hamel_runtime::Convolutions<R, 6>,);
 
@@ -960,11 +956,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         (::core::default::Default::default(),)
     }
 
-    /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
-    ///
-    /// # Operations
-    ///
-    /// At each order k: 14 additions, 20 multiplications (12 fused), 4 sign changes, and 6 sums of k - 1 products.
+    /// Writes the Taylor coefficients of the solution, with the inputs at the values that they are held at.
+    #[inline]
     fn series(
         &self,
         t: R,
@@ -972,12 +965,41 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         workspace: &mut Self::Workspace,
         out: &mut [[R; 7]],
     ) {
-        let [tau1, tau2] = self.inputs;
+        ::hamel_runtime::ControlledJet::series_with(
+            self,
+            t,
+            y,
+            &[self.inputs],
+            workspace,
+            out,
+        );
+    }
+}
+
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared<R> {
+    /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
+    ///
+    /// # Operations
+    ///
+    /// At each order k: 16 additions, 20 multiplications (12 fused), 3 sign changes, and 6 sums of k - 1 products.
+    fn series_with(
+        &self,
+        t: R,
+        y: &[R; 7],
+        u: &[[R; 2]],
+        workspace: &mut Self::Workspace,
+        out: &mut [[R; 7]],
+    ) {
         let mut orders = out.iter_mut().take(::hamel_runtime::MAX_ORDER + 1);
         if let Some(first) = orders.next() {
             *first = *y;
         }
         let (mut coefficient, [kept0, kept1, kept2, kept3, kept4, kept5]) = {
+            let [tau1, tau2] = u.first().copied().unwrap_or([R::ZERO; 2]);
             let [_, _, psi1_dot, psi2_dot, theta, _, _] = *y;
             let _ = t;
             /// velocities y = Psi u + psi0
@@ -1020,6 +1042,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             }
             let order = R::from_f64(f64::from(k));
             let inverse = R::ratio(1.0, f64::from(k));
+            let [tau1, tau2] = u.get(k as usize).copied().unwrap_or([R::ZERO; 2]);
             let [_, _, psi1_dot, psi2_dot, theta, _, _] = coefficient;
             let [sum0, sum1, sum2, sum3, sum4, sum5] = workspace.0.sums();
             /// velocities y = Psi u + psi0
@@ -1027,12 +1050,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             /// right side f = W^T (r - L_yy lag)
             let [t1, t2] = {
                 let t1 = self.c0 * t0;
-                [t1, -kept0.mul_add(t1, kept1.mul_add(psi2_dot, sum0))]
+                [t1, tau1 - kept0.mul_add(t1, kept1.mul_add(psi2_dot, sum0))]
             };
             /// substitution through the factors of A
             let t3 = self.d_dot_psi2_dot_d_tau2
                 * (-self.A_l2_1)
-                    .mul_add(t2, kept2.mul_add(t1, kept1.mul_add(psi1_dot, sum1)));
+                    .mul_add(
+                        t2,
+                        kept2.mul_add(t1, kept1.mul_add(psi1_dot, sum1)) + tau2,
+                    );
             let t4 = kept4.mul_add(theta, inverse * sum2);
             let t5 = -kept3.mul_add(theta, inverse * sum3);
             let t6 = self.c2 * (psi1_dot + psi2_dot);

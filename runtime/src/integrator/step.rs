@@ -31,7 +31,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         if !backward && !t_end.all_gt(self.t) {
             return Err(Error::TimeNotFinite { value: signed(t_end) });
         }
-        let remaining = (t_end - self.t) - self.t_residue;
+        let t_last = self.last_time(t_end);
+        let remaining = (t_last - self.t) - self.t_residue;
         if !remaining.all_finite() {
             return Err(Error::TimeNotFinite { value: signed(t_end) });
         }
@@ -62,7 +63,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
                 StepSize::Adaptive { .. } if backward => R::from_f64(-step),
                 StepSize::Adaptive { .. } => R::from_f64(step),
             };
-            let (t, t_residue) = if landing { (t_end, R::ZERO) } else { two_sum(self.t, h + self.t_residue) };
+            let (t, t_residue) =
+                if landing { (t_last, R::ZERO) } else { two_sum(self.t, h + self.t_residue) };
             if !landing && !self.changes_time(h) {
                 return Err(self.too_small(h, failure));
             }
@@ -78,7 +80,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
                             self.control.accept(h.magnitude(), square)
                         });
                     }
-                    return Ok(if landing { Progress::Reached } else { Progress::Running });
+                    let is_reached = landing && t_last == t_end;
+                    return Ok(if is_reached { Progress::Reached } else { Progress::Running });
                 }
                 Err(Rejection::Failed(reason)) => {
                     if let StepSize::Fixed(_) = self.options.step {
@@ -99,14 +102,29 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         }
     }
 
+    /// The time at which the step ends at the latest: `t_end`, unless the method knows of an earlier one.
+    #[inline]
+    fn last_time(&mut self, t_end: R) -> R {
+        if const { !M::TABLEAU.is_series() } {
+            return t_end;
+        }
+        // The series at the current point takes the place of that of the last step.
+        self.dense = Dense::Lost;
+        self.ask(|method, storage, start| method.last_time(storage, start, t_end))
+    }
+
     /// The longest step that the method knows to be accurate; infinity if it knows none.
     #[inline]
     fn longest_step(&mut self) -> f64 {
         if const { !M::TABLEAU.is_series() } {
             return f64::INFINITY;
         }
-        // The series at the current point takes the place of that of the last step.
-        self.dense = Dense::Lost;
+        self.ask(M::longest_step)
+    }
+
+    /// What the method answers at the current point.
+    #[inline]
+    fn ask<T>(&mut self, question: impl FnOnce(&M, &mut M::Storage, Start<'_, R, S>) -> T) -> T {
         let point = &self.points[usize::from(self.current)];
         let ends = [&point.state, &point.state];
         let start = Start {
@@ -118,7 +136,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             work: &mut self.work,
             rhs_evals: &mut self.stats.rhs_evals,
         };
-        self.method.longest_step(&mut self.storage, start)
+        question(&self.method, &mut self.storage, start)
     }
 
     /// The largest distance to the end that a step of size `step` is stretched to cover, so that no sliver

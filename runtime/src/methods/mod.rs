@@ -92,8 +92,16 @@ pub trait Method<R: Real, S: System<R>>: Copy {
     /// [`stages`](Self::stages) for writing.
     fn stages_mut(storage: &mut Self::Storage) -> &mut [S::State];
 
+    /// The time at which the next step ends at the latest, on the way to `t_end`: what the method knows of the motion
+    /// does not hold beyond. Methods by series are asked once before each step, adaptive or fixed.
+    #[inline]
+    fn last_time(&self, _storage: &mut Self::Storage, start: Start<'_, R, S>, t_end: R) -> R {
+        let _ = start;
+        t_end
+    }
+
     /// The longest step from a point that is accurate, as far as the method knows before it takes the step; asked once
-    /// before each adaptive step.
+    /// before each adaptive step, after [`last_time`](Self::last_time).
     ///
     /// Most methods know none, which is infinity, and are judged by their error after the step.
     #[inline]

@@ -114,6 +114,11 @@ where
     }
 
     #[inline]
+    fn last_time(&self, storage: &mut Self::Storage, start: Start<'_, R, S>, t_end: R) -> R {
+        self.method.last_time(&mut storage.own, start, t_end)
+    }
+
+    #[inline]
     fn longest_step(&self, storage: &mut Self::Storage, start: Start<'_, R, S>) -> f64 {
         self.method.longest_step(&mut storage.own, start)
     }

@@ -129,6 +129,11 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
     }
 
     #[inline]
+    fn last_time(&self, storage: &mut Self::Storage, start: Start<'_, R, S>, t_end: R) -> R {
+        self.method.last_time(&mut storage.inner, start, t_end)
+    }
+
+    #[inline]
     fn longest_step(&self, storage: &mut Self::Storage, start: Start<'_, R, S>) -> f64 {
         self.method.longest_step(&mut storage.inner, start)
     }

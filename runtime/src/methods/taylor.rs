@@ -20,7 +20,8 @@ use crate::system::StateVector;
 /// The step is the largest for which each of the last two terms is within the tolerances: the norm of
 /// `c_k h^k / (atol + rtol |y|)` is at most one for `k = p - 1` and `k = p`. What is left out is smaller than the
 /// last term by about `e^2`. No step is rejected for its error. Dense output is the polynomial itself, as accurate
-/// as the steps. [`Stats::rhs_evals`](crate::Stats::rhs_evals) counts expansions and the derivative at
+/// as the steps. Where a system says that its series ends ([`Jet::series_towards`]), as that of one whose inputs are
+/// pieces of polynomials does, a step ends at that very time, a fixed one as well. [`Stats::rhs_evals`](crate::Stats::rhs_evals) counts expansions and the derivative at
 /// the start.
 ///
 /// ```
@@ -126,21 +127,28 @@ pub struct Expansion<R, V, W> {
     order: usize,
     coefficients: [V; MAX_ORDER + 1],
     workspace: W,
-    /// Time of the coefficients, once there are any.
-    t: Option<R>,
+    /// Time of the coefficients and the one on the way to which they were asked for, once there are any.
+    way: Option<(R, R)>,
+    /// Time up to which they hold.
+    until: R,
     /// Step size that the coefficients before allowed; zero at first.
     previous_step: f64,
 }
 
 impl<R: Real, V: StateVector<R>, W> Expansion<R, V, W> {
-    /// The coefficients at a point, unless they are there.
+    /// The coefficients at a point on the way to another time.
     #[inline]
-    fn expand<S: Jet<R, State = V, Workspace = W>>(&mut self, system: &S, t: R, y: &V, n_evals: &mut u64) {
-        if self.t != Some(t) {
-            system.series(t, y, &mut self.workspace, &mut self.coefficients[..=self.order]);
-            self.t = Some(t);
-            *n_evals += 1;
-        }
+    fn expand<S: Jet<R, State = V, Workspace = W>>(
+        &mut self,
+        system: &S,
+        way: (R, R),
+        y: &V,
+        n_evals: &mut u64,
+    ) {
+        let coefficients = &mut self.coefficients[..=self.order];
+        self.until = system.series_towards(way, y, &mut self.workspace, coefficients);
+        self.way = Some(way);
+        *n_evals += 1;
     }
 }
 
@@ -201,7 +209,8 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
             order: self.order(options).unwrap_or(Self::LEAST_ORDER),
             coefficients: core::array::from_fn(|_| y0.zeros_like()),
             workspace: system.workspace(),
-            t: None,
+            way: None,
+            until: R::ZERO,
             previous_step: 0.0,
         }
     }
@@ -217,9 +226,17 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
     }
 
     #[inline]
+    fn last_time(&self, storage: &mut Self::Storage, start: Start<'_, R, S>, t_end: R) -> R {
+        let way = (start.t, t_end);
+        if storage.way != Some(way) {
+            storage.expand(start.system, way, &start.point.state, start.rhs_evals);
+        }
+        storage.until
+    }
+
+    #[inline]
     fn longest_step(&self, storage: &mut Self::Storage, start: Start<'_, R, S>) -> f64 {
-        let Start { system, t, point, tolerances, norm, work, rhs_evals } = start;
-        storage.expand(system, t, &point.state, rhs_evals);
+        let Start { point, tolerances, norm, work, .. } = start;
         let (coefficients, p) = (&storage.coefficients, storage.order);
         // Square of the norm of a coefficient, in units of the tolerances.
         let mut square = |k: usize| {
@@ -273,11 +290,13 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
 
     #[inline]
     fn restart(&self, storage: &mut Self::Storage, _system: &S, _t: R, _y: &S::State) {
-        (storage.t, storage.previous_step) = (None, 0.0);
+        (storage.way, storage.previous_step) = (None, 0.0);
     }
 
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
-        storage.expand(step.system, step.t, &step.from.state, step.rhs_evals);
+        if storage.way.is_none_or(|(t, _)| t != step.t) {
+            storage.expand(step.system, (step.t, step.t + step.h), &step.from.state, step.rhs_evals);
+        }
         let (y, residue) = (step.from.state.as_slice(), step.from.residue.as_slice());
         let (out, out_residue) = (step.to.state.as_mut_slice(), step.to.residue.as_mut_slice());
         increments(&storage.coefficients[1..=storage.order], step.h, y.len(), |c, increment| {

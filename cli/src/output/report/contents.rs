@@ -11,7 +11,7 @@ use hamel_codegen::spec::{self, FluidMode, FluidSurface, MatrixFluid};
 
 use crate::error::Error;
 use crate::model::spelling::math_ml;
-use crate::model::units::split_unit;
+use crate::model::units::{shown, split_unit};
 use crate::model::{Checked, DEFAULT_SCENE, show_warnings};
 
 /// A parameter or a state variable as a page shows it.
@@ -150,6 +150,7 @@ pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
     show_warnings(&scene::warnings(model, std::slice::from_ref(scene)));
     let quantity = |name: &str, value: Option<f64>, doc: &str| {
         let (doc, unit) = split_unit(doc, 0);
+        let unit = model.units.of(name).map_or(unit, |known| shown(known.text()));
         Quantity { name: name.to_owned(), math: math_ml(name), value, unit, doc }
     };
     // The page has these in its own way.

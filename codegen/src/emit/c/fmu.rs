@@ -12,6 +12,7 @@ use super::dependence::{self, Inputs};
 use super::writer::Writer;
 use super::{kernel, trace};
 use crate::emit::module::OutputRoutine;
+use crate::emit::text::UnitText;
 use crate::error::Error;
 use crate::expr::rational_to_f64;
 use crate::program::{Operand, Role};
@@ -44,14 +45,10 @@ impl Writer<'_> {
     /// The FMU.
     ///
     /// # Errors
-    /// [`Error::Emission`] without an initial state.
+    /// [`Error::NoInitialState`].
     pub(super) fn fmu(&self) -> Result<Fmu, Error> {
         if self.module.text.initial.is_none() {
-            let reason =
-                "an FMU has initial values of its states: give one of each component of the state, such as \
-                          `initial x = 1;`, in the model"
-                    .to_owned();
-            return Err(Error::Emission { model: self.module.text.model.clone(), reason });
+            return Err(Error::NoInitialState { model: self.module.text.model.clone() });
         }
         let body = self.fmu_functions()?;
         let description = self.description("TOKEN");
@@ -206,14 +203,21 @@ impl Writer<'_> {
         let n = module.state.len();
         let mut variables: Vec<Variable> = Vec::new();
         let mut names: BTreeSet<String> = BTreeSet::new();
-        let mut add = |name: &str, attributes: String| {
+        let units = &text.units;
+        let mut defined: BTreeMap<String, UnitText> = BTreeMap::new();
+        let mut add = |name: &str, mut attributes: String, unit: Option<&UnitText>| {
             let mut own = name.to_owned();
             while !names.insert(own.clone()) {
                 own.push('_');
             }
+            if let Some(unit) = unit {
+                defined.insert(unit.name.clone(), unit.clone());
+                let _ = write!(attributes, " unit=\"{}\"", escaped(&unit.name));
+            }
             variables.push(Variable { name: own, attributes });
         };
-        add("time", "causality=\"independent\" variability=\"continuous\"".to_owned());
+        let time = "causality=\"independent\" variability=\"continuous\"".to_owned();
+        add("time", time, units.time.as_ref());
         let initial = text.initial.iter().flatten();
         for (state, start) in text.state.iter().zip(initial) {
             add(
@@ -222,13 +226,15 @@ impl Writer<'_> {
                     "causality=\"output\" variability=\"continuous\" initial=\"exact\" start=\"{start:?}\"{}",
                     description(&state.doc)
                 ),
+                units.of_name.get(&state.name),
             );
         }
         let calculated = |causality: &str, rest: String| {
             format!("causality=\"{causality}\" variability=\"continuous\" initial=\"calculated\"{rest}")
         };
         for (k, state) in text.state.iter().enumerate() {
-            add(&format!("der({})", state.name), calculated("local", format!(" derivative=\"{}\"", k + 1)));
+            let rate = calculated("local", format!(" derivative=\"{}\"", k + 1));
+            add(&format!("der({})", state.name), rate, units.of_rate.get(&state.name));
         }
         for param in &text.params {
             let start = rational_to_f64(&param.default);
@@ -238,6 +244,7 @@ impl Writer<'_> {
                     "causality=\"parameter\" variability=\"tunable\" initial=\"exact\" start=\"{start:?}\"{}",
                     description(&param.doc)
                 ),
+                units.of_name.get(&param.name),
             );
         }
         for input in &text.inputs {
@@ -246,6 +253,7 @@ impl Writer<'_> {
             add(
                 &input.name,
                 format!("causality=\"input\" variability=\"continuous\" start=\"{start:?}\"{doc}"),
+                units.of_name.get(&input.name),
             );
         }
         // Reference and inputs of what is computed.
@@ -258,7 +266,7 @@ impl Writer<'_> {
         }
         let first_output = reference;
         if let Some(energy) = &module.energy {
-            add("energy", calculated("output", description("Energy")));
+            add("energy", calculated("output", description("Energy")), units.energy.as_ref());
             inputs.extend(
                 dependence::of_results(program, energy.function).into_iter().map(|of| (reference, of)),
             );
@@ -266,21 +274,21 @@ impl Writer<'_> {
         }
         for output in self.shown_outputs() {
             let function = output.routine.function;
-            for (component, of) in
-                output.text.components.iter().zip(dependence::of_results(program, function))
-            {
+            let of_results = dependence::of_results(program, function);
+            for (k, (component, of)) in output.text.components.iter().zip(of_results).enumerate() {
                 let name = match output.is_scalar() {
                     true => output.text.name.clone(),
                     false => format!("{}.{component}", output.text.name),
                 };
-                add(&name, calculated("output", description(&output.text.doc)));
+                let unit = units.of_output.get(&(output.text.name.clone(), k));
+                add(&name, calculated("output", description(&output.text.doc)), unit);
                 inputs.insert(reference, of);
                 reference += 1;
             }
         }
         let first_event = reference;
         for event in &text.events {
-            add(&format!("event({})", event.name), calculated("local", String::new()));
+            add(&format!("event({})", event.name), calculated("local", String::new()), None);
             reference += 1;
         }
 
@@ -334,12 +342,14 @@ impl Writer<'_> {
              <fmiModelDescription fmiVersion=\"3.0\" modelName=\"{prefix}\" instantiationToken=\"{token}\"{doc} \
              generationTool=\"hamel {version}\" variableNamingConvention=\"flat\">\n  \
                  <ModelExchange {interface}/>\n  \
-                 <CoSimulation {interface} canHandleVariableCommunicationStepSize=\"true\"/>\n  \
+                 <CoSimulation {interface} canHandleVariableCommunicationStepSize=\"true\"/>\n\
+             {unit_definitions}  \
                  <LogCategories>\n    <Category name=\"logStatusError\"/>\n  </LogCategories>\n  \
                  <DefaultExperiment startTime=\"0\" stopTime=\"10\" tolerance=\"1e-8\"/>\n  \
                  <ModelVariables>\n{variables}  </ModelVariables>\n  \
                  <ModelStructure>\n{model_structure}  </ModelStructure>\n</fmiModelDescription>\n",
             doc = description(text.doc.first().map_or("", String::as_str)),
+            unit_definitions = unit_definitions(defined.values()),
             version = env!("CARGO_PKG_VERSION"),
         )
     }
@@ -355,6 +365,23 @@ fn functions(has_inputs: bool) -> String {
         text.push_str(after);
     }
     text
+}
+
+/// The element with the definitions of units, where there are any.
+fn unit_definitions<'a>(units: impl Iterator<Item = &'a UnitText>) -> String {
+    let definition = |unit: &UnitText| {
+        let bases = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"].iter().zip(unit.exponents);
+        let mut base: String = bases.filter(|(_, e)| *e != 0).map(|(b, e)| format!(" {b}=\"{e}\"")).collect();
+        if unit.factor != 1.0 {
+            let _ = write!(base, " factor=\"{:?}\"", unit.factor);
+        }
+        format!("    <Unit name=\"{}\">\n      <BaseUnit{base}/>\n    </Unit>\n", escaped(&unit.name))
+    };
+    let definitions: String = units.map(definition).collect();
+    match definitions.is_empty() {
+        true => definitions,
+        false => format!("  <UnitDefinitions>\n{definitions}  </UnitDefinitions>\n"),
+    }
 }
 
 /// The attribute with a description.

@@ -44,7 +44,7 @@ use crate::program::{Circles, Jet, Program};
 pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Result<String, Error> {
     let circles = Circles::of(program);
     let module = Module::new(&Rust, program, circles.as_ref(), text)?;
-    let series = jet.map(|jet| Series::new(&Rust, &module, jet, &series::LOCALS));
+    let series = jet.map(|jet| Series::new(&Rust, &module, jet, &series::locals(jet)));
     let writer = Writer { module: &module, runtime: format::runtime_path(&text.runtime)? };
     let items = [
         writer.info(),

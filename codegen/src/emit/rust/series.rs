@@ -16,18 +16,26 @@ use super::tokens::{
 use crate::emit::body::Code;
 use crate::emit::series::{INVERSE, ORDER, Part, Series};
 use crate::error::Error;
-use crate::program::{Factors, Literal, Operand, ProductKind};
+use crate::program::{Factors, Jet, Literal, Operand, ProductKind};
 
 /// Convolutions in one loop: their sums fill four vector registers of four lanes, which hides the latency of an
 /// addition and leaves room for the factors; with scalars that are vectors themselves they still fit the registers.
 const LANES: usize = 16;
 
 /// Variables of the method, besides the arguments of other functions and what [`Series`] names.
-pub(super) const LOCALS: [&str; 8] =
-    ["y", "workspace", "coefficient", "orders", "last", "k", "next", "derivative"];
+const LOCALS: [&str; 8] = ["y", "workspace", "coefficient", "orders", "last", "k", "next", "derivative"];
+
+/// The argument that has the coefficients of inputs, where there are any.
+const COEFFICIENTS_OF_INPUTS: &str = "u";
+
+/// The variables of the method for a recurrence.
+pub(super) fn locals(jet: &Jet) -> Vec<&'static str> {
+    let of_inputs = (!jet.program.inputs.is_empty()).then_some(COEFFICIENTS_OF_INPUTS);
+    LOCALS.into_iter().chain(of_inputs).collect()
+}
 
 impl Writer<'_> {
-    /// `impl Jet for Prepared`.
+    /// `impl Jet for Prepared`, by way of `ControlledJet` where there are inputs.
     pub(super) fn series(&self, series: &Series<'_>) -> Result<TokenStream, Error> {
         let (jet, rt, n) = (series.jet, &self.runtime, size(series.jet.n_state));
         let (start, step) = (&series.start.code, &series.step.code);
@@ -105,11 +113,18 @@ impl Writer<'_> {
             .then(|| quote! { let #inverse_name = R::ratio(1.0, f64::from(k)); });
         let time =
             reads(step, Operand::Time).then(|| quote! { let t = if k == 1 { R::ONE } else { R::ZERO }; });
-        let is_held = |i: u32| [start, step].iter().any(|code| code.reads.contains(&Operand::Input(i)));
-        let held_names: Vec<Option<&String>> =
-            series.held.iter().zip(0u32..).map(|(name, i)| is_held(i).then_some(name)).collect();
-        let names = pattern(held_names.iter().copied());
-        let held = held_names.iter().any(Option::is_some).then(|| quote! { let #names = self.inputs; });
+        let (m, u) = (size(series.held.len()), ident(COEFFICIENTS_OF_INPUTS));
+        let inputs_of = |code: &Code, coefficients: TokenStream| {
+            let read = |(name, i)| reads(code, Operand::Input(i)).then_some(name);
+            let names: Vec<Option<&String>> = series.held.iter().zip(0u32..).map(read).collect();
+            let is_read = names.iter().any(Option::is_some);
+            let names = pattern(names);
+            is_read.then(|| quote! { let #names = #coefficients.copied().unwrap_or([R::ZERO; #m]); })
+        };
+        let inputs_first = inputs_of(start, quote! { #u.first() });
+        let inputs_next = inputs_of(step, quote! { #u.get(k as usize) });
+        let is_unread = inputs_first.is_none() && inputs_next.is_none() && !series.held.is_empty();
+        let unused_inputs = is_unread.then(|| quote! { let _ = #u; });
         let unused_time = (!reads(start, Operand::Time)).then(|| quote! { let _ = t; });
         // Nothing to keep is an empty array: lints complain of a unit that is bound to a name.
         let (workspace, new_workspace) = match types.is_empty() {
@@ -148,51 +163,81 @@ impl Writer<'_> {
             doc.push(format!("Loops over tables of {}.", counted.join(" and ")));
         }
         let doc = doc_attributes(doc);
-        Ok(quote! {
-            #allow_locals
-            #numbers
-            #comments
-            impl<R: #rt::Real> #rt::Jet<R> for Prepared<R> {
-                type Workspace = #workspace;
-
-                fn workspace(&self) -> Self::Workspace {
-                    #new_workspace
+        let method = quote! {
+            #unused_inputs
+            let mut orders = out.iter_mut().take(#rt::MAX_ORDER + 1);
+            if let Some(first) = orders.next() {
+                *first = *y;
+            }
+            let #at_order_zero = {
+                #inputs_first
+                #coefficients
+                #unused_time
+                #first
+                #loops_first
+                #value_at_order_zero
+            };
+            #clear
+            #unused_workspace
+            let last = orders.len();
+            for (next, k) in orders.zip(1u32..) {
+                *next = coefficient;
+                if k as usize == last {
+                    break;
                 }
+                #order
+                #inverse
+                #time
+                #inputs_next
+                #next_coefficients
+                #read
+                #next
+                #write_rows
+                #loops_next
+                let derivative = #derivative_next;
+                let scale = R::ratio(1.0, f64::from(k + 1));
+                coefficient = derivative.map(|derivative| derivative * scale);
+            }
+        };
+        let allow = quote! { #allow_locals #numbers #comments };
+        let of_jet = quote! {
+            type Workspace = #workspace;
 
+            fn workspace(&self) -> Self::Workspace {
+                #new_workspace
+            }
+        };
+        let arguments = quote! { &self, t: R, y: &[R; #n] };
+        let results = quote! { workspace: &mut Self::Workspace, out: &mut [[R; #n]] };
+        if series.held.is_empty() {
+            return Ok(quote! {
+                #allow
+                impl<R: #rt::Real> #rt::Jet<R> for Prepared<R> {
+                    #of_jet
+
+                    #doc
+                    fn series(#arguments, #results) {
+                        #method
+                    }
+                }
+            });
+        }
+        Ok(quote! {
+            impl<R: #rt::Real> #rt::Jet<R> for Prepared<R> {
+                #of_jet
+
+                /// Writes the Taylor coefficients of the solution, with the inputs at the values that they are held at.
+                #[inline]
+                fn series(#arguments, #results) {
+                    #rt::ControlledJet::series_with(self, t, y, &[self.inputs], workspace, out);
+                }
+            }
+
+            #allow
+            impl<R: #rt::Real> #rt::ControlledJet<R, #m> for Prepared<R> {
                 #doc
-                fn series(&self, t: R, y: &[R; #n], workspace: &mut Self::Workspace, out: &mut [[R; #n]]) {
-                    #held
-                    let mut orders = out.iter_mut().take(#rt::MAX_ORDER + 1);
-                    if let Some(first) = orders.next() {
-                        *first = *y;
-                    }
-                    let #at_order_zero = {
-                        #coefficients
-                        #unused_time
-                        #first
-                        #loops_first
-                        #value_at_order_zero
-                    };
-                    #clear
-                    #unused_workspace
-                    let last = orders.len();
-                    for (next, k) in orders.zip(1u32..) {
-                        *next = coefficient;
-                        if k as usize == last {
-                            break;
-                        }
-                        #order
-                        #inverse
-                        #time
-                        #next_coefficients
-                        #read
-                        #next
-                        #write_rows
-                        #loops_next
-                        let derivative = #derivative_next;
-                        let scale = R::ratio(1.0, f64::from(k + 1));
-                        coefficient = derivative.map(|derivative| derivative * scale);
-                    }
+                fn series_with(#arguments, #u: &[[R; #m]], #results) {
+                    #method
                 }
             }
         })

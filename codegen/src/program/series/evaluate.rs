@@ -11,21 +11,50 @@ use crate::program::interpret::Point;
 use crate::program::table::Factors;
 
 impl Jet {
-    /// Writes the Taylor coefficients of the solution through `(t, y)` to `out`, one state each from order zero on.
+    /// Writes the Taylor coefficients of the solution through `(t, y)` to `out`, one state each from order zero on,
+    /// with inputs that are held where `prepared` has them.
     ///
     /// Coefficients beyond [`MAX_ORDER`] are left as they are.
     ///
     /// # Panics
     /// When a size is wrong.
     pub fn series<R: Real>(&self, params: &[R], prepared: &[R], t: R, y: &[R], out: &mut [&mut [R]]) {
+        let held = prepared[self.program.prepare.slots.len()..].to_vec();
+        self.series_with((params, prepared), (t, y), &[held], out);
+    }
+
+    /// The same where the inputs are polynomials in time: `u` are the coefficients of each order, from zero on, and
+    /// those that are not there are zero.
+    ///
+    /// # Shapes
+    /// u: rows of \[n_inputs\].
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn series_with<R: Real>(
+        &self,
+        (params, prepared): (&[R], &[R]),
+        (t, y): (R, &[R]),
+        u: &[Vec<R>],
+        out: &mut [&mut [R]],
+    ) {
         let n = self.n_state;
         let inputs = self.program.state.len();
-        let known = (params, prepared);
+        let mut prepared = prepared.to_vec();
+        let hold = |prepared: &mut [R], order: usize| {
+            let held = &mut prepared[self.program.prepare.slots.len()..];
+            match u.get(order) {
+                Some(u) => held.copy_from_slice(u),
+                None => held.fill(R::ZERO),
+            }
+        };
+        hold(&mut prepared, 0);
         let mut loops = Loops::new(self);
         let mut state = vec![R::ZERO; inputs];
         state[..n].copy_from_slice(y);
         let mut results = vec![R::ZERO; n + self.n_kept];
         let contract = |scalars: &[R]| loops.contract(0, y, scalars);
+        let known = (params, &prepared[..]);
         self.program.run_contracting(Self::FIRST, known, Point::of_state(t, &state), &mut results, contract);
         state[n + self.n_lanes..inputs - 2].copy_from_slice(&results[n..]);
         let mut coefficient = results[..n].to_vec();
@@ -51,9 +80,10 @@ impl Jet {
             state[inputs - 1] = inverse;
             let t = if k == 1 { R::ONE } else { R::ZERO };
             let contract = |scalars: &[R]| loops.contract(k, &coefficient, scalars);
+            hold(&mut prepared, k as usize);
             self.program.run_contracting(
                 Self::NEXT,
-                known,
+                (params, &prepared),
                 Point::of_state(t, &state),
                 &mut results,
                 contract,

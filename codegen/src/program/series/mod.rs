@@ -67,7 +67,8 @@ use crate::program::table::{Factors, Products};
 /// inverse    1          1/k
 /// ```
 ///
-/// and the time is 1 at order one and 0 beyond in `next`. `first` has the results `f_0` and `kept`; `next` has `f_k`
+/// and the time is 1 at order one and 0 beyond in `next`, where the inputs of the scene, too, are their coefficients of
+/// order k: of what is held, 0. `first` has the results `f_0` and `kept`; `next` has `f_k`
 /// and the rows `a_k` and then `b_k` of the convolutions.
 ///
 /// Both have the contractions of the right-hand side. Those of `next` are not what [`Program::run`] makes of them: with
@@ -275,13 +276,11 @@ impl<'p> Builder<'p> {
         match operand {
             Operand::Value(v) => self.values[v as usize],
             // `Jet::new` takes no function with a vector of its own.
-            Operand::Constant(_)
-            | Operand::Param(_)
-            | Operand::Slot(_)
-            | Operand::Input(_)
-            | Operand::Argument(_) => Series { first: operand, next: None },
+            Operand::Constant(_) | Operand::Param(_) | Operand::Slot(_) | Operand::Argument(_) => {
+                Series { first: operand, next: None }
+            }
             // Contracted values are results alone: the coefficients of both functions have the same numbers.
-            Operand::Time | Operand::State(_) | Operand::Contracted(_) => {
+            Operand::Time | Operand::State(_) | Operand::Input(_) | Operand::Contracted(_) => {
                 Series { first: operand, next: Some(operand) }
             }
         }
@@ -309,12 +308,12 @@ impl<'p> Builder<'p> {
     /// An operand of `first` where `next` needs it.
     fn keep(&mut self, first: Operand) -> Operand {
         match first {
-            Operand::Constant(_)
-            | Operand::Param(_)
-            | Operand::Slot(_)
+            Operand::Constant(_) | Operand::Param(_) | Operand::Slot(_) | Operand::Argument(_) => first,
+            Operand::Value(_)
+            | Operand::Time
+            | Operand::State(_)
             | Operand::Input(_)
-            | Operand::Argument(_) => first,
-            Operand::Value(_) | Operand::Time | Operand::State(_) | Operand::Contracted(_) => {
+            | Operand::Contracted(_) => {
                 let n = self.kept.len() as u32;
                 let index = *self.kept_index.entry(first).or_insert(n);
                 if index == n {

@@ -9,6 +9,7 @@ use crate::expr::Graph;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};
 use crate::spec::model::*;
 use crate::spec::names;
+use crate::spec::units::Units;
 use crate::spec::value::Value;
 use crate::spec::view::Views;
 
@@ -78,6 +79,7 @@ impl ModelBuilder {
             name: self.name,
             doc: self.doc,
             sources: self.sources,
+            units: Units::default(),
             topic: self.topic.map(|(text, _)| text),
             sizes: self.sizes,
             graph: self.graph,

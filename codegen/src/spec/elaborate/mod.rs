@@ -57,7 +57,9 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
     let mut model = built.map_err(|problems| problems.once_for(&loops))?;
     // Beside errors they would be noise: a name that is misspelt once is unused as well.
     let mut warnings = unused::warnings(&file.items);
-    warnings.extend(units::warnings(&model, &definitions));
+    let (known, contradictions) = units::examine(&model, &definitions);
+    model.units = known;
+    warnings.extend(contradictions);
     model.warnings = model.diagnostics(warnings).once_for(&loops);
     Ok(model)
 }

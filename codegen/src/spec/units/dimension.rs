@@ -1,12 +1,13 @@
 //! Dimensions of quantities, and units as they are written in doc comments.
 //!
-//! A dimension is a product of rational powers of kg, m, s, A, K, mol and cd; an angle has none. Deliberately does not
-//! know: models, magnitudes (a millimetre is a length).
+//! A dimension is a product of rational powers of kg, m, s, A, K, mol and cd; an angle has none. A unit is a multiple
+//! of one, and remembers its angles. Deliberately does not know: models.
 
+use std::f64::consts::PI;
 use std::fmt;
 
 use num_rational::Ratio;
-use num_traits::{CheckedAdd as _, CheckedMul as _, One as _, Signed as _, Zero as _};
+use num_traits::{CheckedAdd as _, CheckedMul as _, One as _, Signed as _, ToPrimitive as _, Zero as _};
 
 /// An exponent; products of exponents that do not fit into it belong to no quantity that anybody measures.
 pub(super) type Exponent = Ratio<i64>;
@@ -15,36 +16,59 @@ pub(super) type Exponent = Ratio<i64>;
 const N: usize = 7;
 /// The base units, in the order of exponents.
 const BASE: [&str; N] = ["kg", "m", "s", "A", "K", "mol", "cd"];
-/// Units with a name: exponents of the base units.
-const NAMED: &[(&str, [i64; N])] = &[
-    ("g", [1, 0, 0, 0, 0, 0, 0]),
-    ("t", [1, 0, 0, 0, 0, 0, 0]),
-    ("min", [0, 0, 1, 0, 0, 0, 0]),
-    ("h", [0, 0, 1, 0, 0, 0, 0]),
-    ("d", [0, 0, 1, 0, 0, 0, 0]),
-    ("Hz", [0, 0, -1, 0, 0, 0, 0]),
-    ("N", [1, 1, -2, 0, 0, 0, 0]),
-    ("J", [1, 2, -2, 0, 0, 0, 0]),
-    ("W", [1, 2, -3, 0, 0, 0, 0]),
-    ("Pa", [1, -1, -2, 0, 0, 0, 0]),
-    ("bar", [1, -1, -2, 0, 0, 0, 0]),
-    ("eV", [1, 2, -2, 0, 0, 0, 0]),
-    ("C", [0, 0, 1, 1, 0, 0, 0]),
-    ("V", [1, 2, -3, -1, 0, 0, 0]),
-    ("Ohm", [1, 2, -3, -2, 0, 0, 0]),
-    ("S", [-1, -2, 3, 2, 0, 0, 0]),
-    ("F", [-1, -2, 4, 2, 0, 0, 0]),
-    ("H", [1, 2, -2, -2, 0, 0, 0]),
-    ("Wb", [1, 2, -2, -1, 0, 0, 0]),
-    ("T", [1, 0, -2, -1, 0, 0, 0]),
+/// Units with a name: exponents of the base units, and how many of their product it is.
+const NAMED: &[(&str, [i64; N], f64)] = &[
+    ("g", [1, 0, 0, 0, 0, 0, 0], 1e-3),
+    ("t", [1, 0, 0, 0, 0, 0, 0], 1e3),
+    ("min", [0, 0, 1, 0, 0, 0, 0], 60.0),
+    ("h", [0, 0, 1, 0, 0, 0, 0], 3600.0),
+    ("d", [0, 0, 1, 0, 0, 0, 0], 86400.0),
+    ("Hz", [0, 0, -1, 0, 0, 0, 0], 1.0),
+    ("N", [1, 1, -2, 0, 0, 0, 0], 1.0),
+    ("J", [1, 2, -2, 0, 0, 0, 0], 1.0),
+    ("W", [1, 2, -3, 0, 0, 0, 0], 1.0),
+    ("Pa", [1, -1, -2, 0, 0, 0, 0], 1.0),
+    ("bar", [1, -1, -2, 0, 0, 0, 0], 1e5),
+    ("eV", [1, 2, -2, 0, 0, 0, 0], 1.602176634e-19),
+    ("C", [0, 0, 1, 1, 0, 0, 0], 1.0),
+    ("V", [1, 2, -3, -1, 0, 0, 0], 1.0),
+    ("Ohm", [1, 2, -3, -2, 0, 0, 0], 1.0),
+    ("S", [-1, -2, 3, 2, 0, 0, 0], 1.0),
+    ("F", [-1, -2, 4, 2, 0, 0, 0], 1.0),
+    ("H", [1, 2, -2, -2, 0, 0, 0], 1.0),
+    ("Wb", [1, 2, -2, -1, 0, 0, 0], 1.0),
+    ("T", [1, 0, -2, -1, 0, 0, 0], 1.0),
 ];
-/// Units of dimension one.
-const NONE: [&str; 8] = ["1", "-", "rad", "sr", "deg", "%", "\u{b0}", "turn"];
+/// Units of dimension one: exponents of the radian, and how many of its power they are.
+const NONE: [(&str, i64, f64); 8] = [
+    ("1", 0, 1.0),
+    ("-", 0, 1.0),
+    ("%", 0, 0.01),
+    ("rad", 1, 1.0),
+    ("sr", 2, 1.0),
+    ("deg", 1, PI / 180.0),
+    ("\u{b0}", 1, PI / 180.0),
+    ("turn", 1, 2.0 * PI),
+];
 /// Names that are shown behind the base units.
 const SHOWN: [&str; 10] = ["N", "J", "W", "Pa", "C", "V", "Ohm", "F", "Wb", "T"];
-/// Prefixes, which change no dimension.
-const PREFIXES: [&str; 14] =
-    ["da", "k", "M", "G", "T", "m", "u", "\u{b5}", "\u{3bc}", "n", "p", "c", "d", "h"];
+/// Prefixes, which change no dimension, with what they multiply by.
+const PREFIXES: [(&str, f64); 14] = [
+    ("da", 10.0),
+    ("k", 1e3),
+    ("M", 1e6),
+    ("G", 1e9),
+    ("T", 1e12),
+    ("m", 1e-3),
+    ("u", 1e-6),
+    ("\u{b5}", 1e-6),
+    ("\u{3bc}", 1e-6),
+    ("n", 1e-9),
+    ("p", 1e-12),
+    ("c", 1e-2),
+    ("d", 0.1),
+    ("h", 1e2),
+];
 
 /// A product of rational powers of the base units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,17 +106,18 @@ impl Dimension {
         Some(product)
     }
 
-    /// The dimension of a unit such as `kg m^2/s`, `N m`, `1/(kg m)` or `m s^-2`; a slash divides by the next factor
-    /// alone. Nothing for a text that is no unit.
+    /// The dimension of a unit as [`Measure::parse`] reads it.
     pub(super) fn parse(text: &str) -> Option<Dimension> {
-        let mut rest = text.trim();
-        let unit = product(&mut rest, 0)?;
-        rest.is_empty().then_some(unit)
+        Measure::parse(text).map(|unit| unit.dimension)
     }
-}
 
-impl fmt::Display for Dimension {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    /// Exponents of the base units, where all are integers.
+    pub(super) fn exponents(&self) -> Option<[i64; N]> {
+        self.0.iter().all(Exponent::is_integer).then(|| self.0.map(|e| e.to_integer()))
+    }
+
+    /// As a product of base units.
+    pub(super) fn in_base_units(&self) -> String {
         let power = |k: usize, e: &Exponent| match e {
             e if e.is_one() => BASE[k].to_owned(),
             e if e.is_integer() => format!("{}^{e}", BASE[k]),
@@ -104,13 +129,53 @@ impl fmt::Display for Dimension {
             (0..N).filter(|k| self.0[*k].is_negative()).map(|k| power(k, &-self.0[k])).collect();
         let above = if above.is_empty() { "1".to_owned() } else { above.join(" ") };
         match below.as_slice() {
-            [] => f.write_str(&above)?,
-            [one] => write!(f, "{above}/{one}")?,
-            several => write!(f, "{above}/({})", several.join(" "))?,
+            [] => above,
+            [one] => format!("{above}/{one}"),
+            several => format!("{above}/({})", several.join(" ")),
         }
-        let is_same = |(_, exponents): &&(&str, [i64; N])| Dimension::of(*exponents) == *self;
-        match NAMED.iter().filter(|(name, _)| SHOWN.contains(name)).find(is_same) {
-            Some((name, _)) => write!(f, " ({name})"),
+    }
+}
+
+/// A unit: a multiple of a product of powers of the base units and the radian.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Measure {
+    pub(super) dimension: Dimension,
+    /// Exponent of the radian.
+    pub(super) angle: Exponent,
+    /// How many of the product it is.
+    pub(super) factor: f64,
+}
+
+impl Measure {
+    /// A product of base units.
+    pub(super) fn of(dimension: Dimension) -> Measure {
+        Measure { dimension, angle: Exponent::zero(), factor: 1.0 }
+    }
+
+    /// A unit such as `kg m^2/s`, `N m`, `1/(kg m)` or `m s^-2`; a slash divides by the next factor alone. Nothing for
+    /// a text that is no unit.
+    pub(super) fn parse(text: &str) -> Option<Measure> {
+        let mut rest = text.trim();
+        let unit = product(&mut rest, 0)?;
+        rest.is_empty().then_some(unit)
+    }
+
+    /// `self * other^power`; nothing where an exponent is too long.
+    fn times(&self, other: &Measure, power: &Exponent) -> Option<Measure> {
+        Some(Measure {
+            dimension: self.dimension.times(&other.dimension, power)?,
+            angle: add_product(&self.angle, &other.angle, power)?,
+            factor: self.factor * other.factor.powf(power.to_f64()?),
+        })
+    }
+}
+
+impl fmt::Display for Dimension {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.in_base_units())?;
+        let is_same = |(_, exponents, _): &&(&str, [i64; N], f64)| Dimension::of(*exponents) == *self;
+        match NAMED.iter().filter(|(name, ..)| SHOWN.contains(name)).find(is_same) {
+            Some((name, ..)) => write!(f, " ({name})"),
             None => Ok(()),
         }
     }
@@ -121,30 +186,33 @@ pub(super) fn add_product(a: &Exponent, b: &Exponent, c: &Exponent) -> Option<Ex
     a.checked_add(&b.checked_mul(c)?)
 }
 
-/// The dimension of a word.
-fn word(text: &str) -> Option<Dimension> {
-    let exact = |text: &str| -> Option<Dimension> {
-        if NONE.contains(&text) {
-            return Some(Dimension::one());
+/// The unit of a word.
+fn word(text: &str) -> Option<Measure> {
+    let exact = |text: &str| -> Option<Measure> {
+        if let Some((_, angle, factor)) = NONE.iter().find(|(name, ..)| *name == text) {
+            let angle = Exponent::from_integer(*angle);
+            return Some(Measure { dimension: Dimension::one(), angle, factor: *factor });
         }
         if let Some(k) = BASE.iter().position(|base| *base == text) {
-            return Some(Dimension::of(std::array::from_fn(|j| i64::from(j == k))));
+            return Some(Measure::of(Dimension::of(std::array::from_fn(|j| i64::from(j == k)))));
         }
-        NAMED.iter().find(|(name, _)| *name == text).map(|(_, exponents)| Dimension::of(*exponents))
+        let (_, exponents, factor) = NAMED.iter().find(|(name, ..)| *name == text)?;
+        Some(Measure { factor: *factor, ..Measure::of(Dimension::of(*exponents)) })
     };
-    let prefixed = |prefix: &str| {
+    let prefixed = |(prefix, times): &(&str, f64)| {
         let unit = text.strip_prefix(prefix)?;
         // `kkg` is no unit, and neither is a thousand minutes.
         let is_scalable =
             !matches!(unit, "kg" | "min" | "h" | "d" | "1" | "-" | "%" | "deg" | "\u{b0}" | "turn");
-        exact(unit).filter(|_| is_scalable)
+        let unit = exact(unit).filter(|_| is_scalable)?;
+        Some(Measure { factor: times * unit.factor, ..unit })
     };
-    exact(text).or_else(|| PREFIXES.iter().find_map(|prefix| prefixed(prefix)))
+    exact(text).or_else(|| PREFIXES.iter().find_map(prefixed))
 }
 
 /// Factors up to a closing parenthesis or the end.
-fn product(rest: &mut &str, depth: usize) -> Option<Dimension> {
-    let mut unit = Dimension::one();
+fn product(rest: &mut &str, depth: usize) -> Option<Measure> {
+    let mut unit = Measure::of(Dimension::one());
     let (mut is_divided, mut is_empty) = (false, true);
     loop {
         *rest = rest.trim_start();
@@ -169,7 +237,7 @@ fn product(rest: &mut &str, depth: usize) -> Option<Dimension> {
     }
 }
 
-fn factor(rest: &mut &str, depth: usize) -> Option<Dimension> {
+fn factor(rest: &mut &str, depth: usize) -> Option<Measure> {
     let base = if let Some(inside) = rest.strip_prefix('(') {
         if depth == 4 {
             return None;
@@ -186,7 +254,7 @@ fn factor(rest: &mut &str, depth: usize) -> Option<Dimension> {
         unit
     };
     Some(match exponent(rest)? {
-        Some(power) => Dimension::one().times(&base, &power)?,
+        Some(power) => Measure::of(Dimension::one()).times(&base, &power)?,
         None => base,
     })
 }
@@ -221,7 +289,7 @@ fn exponent(rest: &mut &str) -> Option<Option<Exponent>> {
 
 #[cfg(test)]
 mod tests {
-    use super::Dimension;
+    use super::{Dimension, Measure};
 
     #[test]
     fn units_are_read_and_written() {
@@ -254,5 +322,25 @@ mod tests {
         {
             assert_eq!(Dimension::parse(text), None, "{text}");
         }
+    }
+
+    #[test]
+    fn units_are_multiples_of_products_of_base_units() {
+        let deg = std::f64::consts::PI / 180.0;
+        for (text, exponents, angle, factor) in [
+            ("rad/s", [0, 0, -1, 0, 0, 0, 0], 1, 1.0),
+            ("kN m", [1, 2, -2, 0, 0, 0, 0], 0, 1e3),
+            ("mm^2", [0, 2, 0, 0, 0, 0, 0], 0, 1e-6),
+            ("deg/s^2", [0, 0, -2, 0, 0, 0, 0], 1, deg),
+            ("km/h", [0, 1, -1, 0, 0, 0, 0], 0, 1e3 / 3600.0),
+            ("1/(g min)", [-1, 0, -1, 0, 0, 0, 0], 0, 1e3 / 60.0),
+            ("N m/rad", [1, 2, -2, 0, 0, 0, 0], -1, 1.0),
+        ] {
+            let unit = Measure::parse(text).unwrap();
+            assert_eq!(unit.dimension.exponents(), Some(exponents), "{text}");
+            assert_eq!((unit.angle.to_integer(), unit.angle.is_integer()), (angle, true), "{text}");
+            assert!((unit.factor / factor - 1.0).abs() < 1e-15, "{text}: {}", unit.factor);
+        }
+        assert_eq!(Dimension::parse("m^(1/2)").unwrap().exponents(), None);
     }
 }

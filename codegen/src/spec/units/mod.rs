@@ -2,13 +2,16 @@
 //!
 //! A model is checked where the doc comments of all its parameters and state variables have units, `[kg m^2]`. What has
 //! none, or one that is no product of powers of units, has the dimension that its equations give it, so that only
-//! contradictions are found. Numbers of the text have none. Deliberately does not know: text but doc comments,
-//! magnitudes, equations of motion.
+//! contradictions are found; where there are none, these are the units that [`Units`] infers. Numbers of the text have
+//! none. Deliberately does not know: text but doc comments, equations of motion.
 
 mod dimension;
+mod known;
 mod solve;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+
+pub use self::known::{Unit, Units};
 
 use self::dimension::{Dimension, Exponent};
 use self::solve::{Dimensions, Form, Mismatch};
@@ -50,9 +53,9 @@ fn units(doc: &str) -> Vec<&str> {
 }
 
 /// The unit of what a doc comment describes at a position, the last one where it has fewer.
-fn unit_at(doc: &str, position: usize) -> Option<Dimension> {
+fn unit_at(doc: &str, position: usize) -> Option<Unit> {
     let units = units(doc);
-    Dimension::parse(units.get(position).or(units.last())?)
+    Unit::declared(units.get(position).or(units.last())?)
 }
 
 /// Whether all parameters and state variables of a model have units; angles have theirs without saying so.
@@ -79,17 +82,19 @@ fn has_seconds(model: &Model) -> bool {
     docs.flat_map(|doc| units(doc)).filter_map(Dimension::parse).any(|unit| unit.has_time())
 }
 
-/// One warning for each item in which dimensions contradict each other.
-pub(super) fn warnings(model: &Model, definitions: &[DefinitionUnits]) -> Vec<Diagnostic> {
-    if !declares_units(model) {
-        return Vec::new();
-    }
+/// The units of a model, and one warning for each item in which dimensions contradict each other.
+pub(super) fn examine(model: &Model, definitions: &[DefinitionUnits]) -> (Units, Vec<Diagnostic>) {
     let all = model.all_velocities().into_iter().map(|(_, symbol)| symbol);
     let velocities = all.chain(model.quasi_velocities.iter().map(|v| v.symbol)).collect();
     let mut dimensions = Dimensions::default();
     let second = if has_seconds(model) { Form::of(Dimension::second()) } else { dimensions.unknown() };
-    let mut check = Check { model, velocities, second, dimensions, found: Vec::new() };
+    let (declared, energy) = (BTreeMap::new(), Form::one());
+    let mut check = Check { model, velocities, second, dimensions, declared, energy, found: Vec::new() };
     check.symbols();
+    if !declares_units(model) {
+        check.reconstruction();
+        return (check.units(false), Vec::new());
+    }
     check.structure();
     check.action();
     check.forces_and_constraints();
@@ -97,7 +102,9 @@ pub(super) fn warnings(model: &Model, definitions: &[DefinitionUnits]) -> Vec<Di
     check.outputs();
     check.reconstruction();
     check.conditions();
-    check.found
+    // Of grams and metres follows no joule.
+    let is_coherent = check.declared.values().all(|unit| unit.factor() == 1.0);
+    (check.units(is_coherent && check.found.is_empty()), check.found)
 }
 
 struct Check<'m> {
@@ -106,16 +113,33 @@ struct Check<'m> {
     /// Of the time: a second, or nothing that is known where no unit of the model has one.
     second: Form,
     dimensions: Dimensions,
+    /// What doc comments say.
+    declared: BTreeMap<SymbolId, Unit>,
+    energy: Form,
     found: Vec<Diagnostic>,
 }
 
 impl Check<'_> {
     fn declared(&mut self, symbol: SymbolId, doc: &str, position: usize) {
-        let form = match unit_at(doc, position) {
-            Some(dimension) => Form::of(dimension),
-            None => self.dimensions.unknown(),
-        };
-        self.dimensions.set(symbol, form);
+        match unit_at(doc, position) {
+            Some(unit) => self.known(symbol, unit),
+            None => {
+                let form = self.dimensions.unknown();
+                self.dimensions.set(symbol, form);
+            }
+        }
+    }
+
+    fn known(&mut self, symbol: SymbolId, unit: Unit) {
+        self.dimensions.set(symbol, Form::of(unit.dimension()));
+        self.declared.insert(symbol, unit);
+    }
+
+    /// Angles have radians without saying so.
+    fn angle(&mut self, symbol: SymbolId) {
+        if let Some(unit) = Unit::declared("rad") {
+            self.known(symbol, unit);
+        }
     }
 
     /// What doc comments say of symbols, and what rates are by their coordinates.
@@ -126,11 +150,15 @@ impl Check<'_> {
         for param in &model.params {
             self.declared(param.symbol, &param.doc, 0);
         }
+        let mut lines: Vec<&str> = Vec::new();
+        for input in &model.inputs {
+            let position = lines.iter().filter(|doc| **doc == input.doc).count();
+            lines.push(&input.doc);
+            self.declared(input.symbol, &input.doc, position);
+        }
         for (k, coordinate) in model.base.iter().enumerate() {
             match coordinate.domain {
-                Domain::Angle if units(&coordinate.doc).is_empty() => {
-                    self.dimensions.set(coordinate.symbol, Form::one());
-                }
+                Domain::Angle if units(&coordinate.doc).is_empty() => self.angle(coordinate.symbol),
                 _ => self.declared(coordinate.symbol, &coordinate.doc, 0),
             }
             let own = model.frame.as_ref().and_then(|frame| frame.docs.get(k)?.as_ref());
@@ -139,6 +167,10 @@ impl Check<'_> {
                 None => {
                     let rate = self.dimensions.of_symbol(coordinate.symbol).divided(&second);
                     self.dimensions.set(coordinate.velocity, rate);
+                    let unit = self.declared.get(&coordinate.symbol).filter(|_| has_seconds(model));
+                    if let Some(rate) = unit.and_then(Unit::rate) {
+                        self.declared.insert(coordinate.velocity, rate);
+                    }
                 }
             }
         }
@@ -360,6 +392,7 @@ impl Check<'_> {
         let model = self.model;
         let place = model.places.lagrangian;
         let energy = self.dimensions.unknown();
+        self.energy = energy.clone();
         for momentum in &model.momenta {
             for (name, symbol, of) in &momentum.components {
                 let expected = energy.divided(&self.velocity(*of));
@@ -452,8 +485,8 @@ impl Check<'_> {
         for (k, e) in entries.iter().enumerate() {
             let n = self.found.len();
             match unit_at(doc, k) {
-                Some(dimension) => {
-                    self.equal(what, span, *e, &Form::of(dimension), "its documentation says");
+                Some(unit) => {
+                    self.equal(what, span, *e, &Form::of(unit.dimension()), "its documentation says");
                 }
                 None => _ = self.inside(what, span, *e),
             }
@@ -515,7 +548,7 @@ impl Check<'_> {
                     // An angle first, and then places.
                     (ReconstructionKind::PlanarPose { .. }, 2..) => usize::from(k > 0),
                     (ReconstructionKind::PlanarPose { .. }, 1) if k == 0 => {
-                        self.dimensions.set(*symbol, Form::one());
+                        self.angle(*symbol);
                         continue;
                     }
                     (ReconstructionKind::Pose { .. }, _) => documented.saturating_sub(1),
@@ -540,5 +573,44 @@ impl Check<'_> {
             let Some(less) = self.inside(&what, condition.span, condition.less) else { continue };
             self.equal(&what, condition.span, condition.greater, &less, "the other side");
         }
+    }
+    /// What is known of units; those that no doc comment says where they are to be inferred.
+    fn units(&mut self, is_inferred: bool) -> Units {
+        let model = self.model;
+        let inferred = |check: &mut Self, form: &Form| {
+            check.dimensions.known(form).filter(|_| is_inferred).map(Unit::inferred)
+        };
+        let mut units = Units::default();
+        if has_seconds(model) {
+            units.time = Unit::declared("s");
+        }
+        let energy = self.energy.clone();
+        units.energy = inferred(self, &energy);
+        let params = model.params.iter().chain(&model.inputs).map(|p| p.symbol);
+        let base = model.base.iter().flat_map(|c| [c.symbol, c.velocity]);
+        let velocities = model.velocities.iter().chain(&model.quasi_velocities).map(|v| v.symbol);
+        let advected = model.advected.iter().flat_map(|a| a.components.iter().map(|(_, symbol)| *symbol));
+        let momenta = model.momenta.iter().flat_map(|m| m.components.iter().map(|(_, symbol, _)| *symbol));
+        let group = model.reconstruction.iter().flat_map(|item| item.symbols.iter().copied());
+        for symbol in params.chain(base).chain(velocities).chain(advected).chain(momenta).chain(group) {
+            let form = self.dimensions.of_symbol(symbol);
+            if let Some(unit) = self.declared.get(&symbol).cloned().or_else(|| inferred(self, &form)) {
+                units.of_name.insert(model.graph.name(symbol).to_owned(), unit);
+            }
+        }
+        let casimirs = model.casimirs.iter().map(|c| (&c.name, &c.doc, vec![c.expr]));
+        let own = model.outputs.iter().filter(|o| o.part == OutputPart::Own);
+        let outputs = own.map(|o| (&o.name, &o.doc, o.components.iter().map(|(_, e)| *e).collect()));
+        for (name, doc, entries) in casimirs.chain(outputs) {
+            let unit = |(k, e): (usize, &ExprId)| {
+                unit_at(doc, k).or_else(|| {
+                    let form = self.dimensions.of(&model.graph, *e, &mut Vec::new())?;
+                    inferred(self, &form)
+                })
+            };
+            let of_components = entries.iter().enumerate().map(unit).collect();
+            units.of_output.insert(name.clone(), of_components);
+        }
+        units
     }
 }

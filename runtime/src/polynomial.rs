@@ -1,0 +1,102 @@
+//! Inputs that are polynomials in time, piece by piece: what the Taylor series of a motion can carry.
+//!
+//! The module deliberately does not know who computes a series, or how long a step is.
+
+use crate::inputs::{Signal, SignalOverScalar};
+use crate::real::Real;
+
+/// A signal of time alone that consists of polynomials: a [`Table`](crate::Table), a [`Polynomial`].
+///
+/// Closures are not known to be polynomials: [`Taylor`](crate::Taylor) does not integrate what they drive.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not known to be a polynomial in time",
+    label = "the method `Taylor` needs inputs that are polynomials in time, piece by piece",
+    note = "drive the system by a `Table` or a `Polynomial`, hold its inputs, or choose a method without series"
+)]
+pub trait PolynomialSignal<R: Real, const M: usize> {
+    /// Writes the coefficients of the polynomial that the inputs are from `t` on, on the way towards another time
+    /// (towards `t` itself as towards a later one), and returns the end of it: `towards`, or an earlier time.
+    ///
+    /// ```text
+    /// u(t + h) = sum_k coefficients_k h^k
+    /// ```
+    ///
+    /// At the end of a piece, those of the piece that follows on the way. Lanes are to be at one time.
+    ///
+    /// # Shapes
+    ///
+    /// coefficients: \[order + 1\]; those beyond the degree are set to zero, those beyond the order left out.
+    fn piece(&self, way: (R, R), coefficients: &mut [[R; M]]) -> R;
+}
+
+/// Inputs that are one polynomial in time, of degree `K - 1`.
+///
+/// ```text
+/// u(t) = sum_k c_k (t - t_0)^k
+/// ```
+///
+/// ```
+/// use hamel_runtime::{Polynomial, PolynomialSignal, Signal};
+///
+/// let parabola = Polynomial::new(1.0, [[2.0], [0.0], [3.0]]);
+/// assert_eq!(Signal::<f64, (), 1>::at(&parabola, 3.0, &()), [14.0]);
+/// let mut around = [[0.0]; 4];
+/// let end = parabola.piece((3.0, 9.0), &mut around);
+/// assert_eq!((around, end), ([[14.0], [12.0], [3.0], [0.0]], 9.0));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Polynomial<R, const M: usize, const K: usize> {
+    start: R,
+    coefficients: [[R; M]; K],
+}
+
+impl<R: Real, const M: usize, const K: usize> Polynomial<R, M, K> {
+    /// The polynomial with these coefficients around the time `start`; of none, zero.
+    pub const fn new(start: R, coefficients: [[R; M]; K]) -> Self {
+        Self { start, coefficients }
+    }
+}
+
+impl<R: Real, S, const M: usize, const K: usize> Signal<R, S, M> for Polynomial<R, M, K> {
+    fn at(&self, t: R, _y: &S) -> [R; M] {
+        let mut values = [[R::ZERO; M]];
+        self.piece((t, t), &mut values);
+        values[0]
+    }
+}
+
+impl<R: Real, const M: usize, const K: usize> PolynomialSignal<R, M> for Polynomial<R, M, K> {
+    fn piece(&self, (t, towards): (R, R), coefficients: &mut [[R; M]]) -> R {
+        let h = t - self.start;
+        // Horner's rule, once for each coefficient that is wanted.
+        let mut shifted = self.coefficients;
+        for (k, out) in coefficients.iter_mut().enumerate() {
+            let Some((first, rest)) = shifted.get_mut(k..).and_then(<[_]>::split_first_mut) else {
+                *out = [R::ZERO; M];
+                continue;
+            };
+            let mut above = [R::ZERO; M];
+            for coefficient in rest.iter_mut().rev().chain([first]) {
+                for (value, above) in coefficient.iter_mut().zip(&mut above) {
+                    *value = above.mul_add(h, *value);
+                    *above = *value;
+                }
+            }
+            *out = shifted[k];
+        }
+        towards
+    }
+}
+
+impl<Q: Real, R: Real, SQ, S, const M: usize, const K: usize> SignalOverScalar<Q, R, SQ, S, M>
+    for Polynomial<R, M, K>
+{
+    type Over = Polynomial<Q, M, K>;
+
+    fn over(&self, convert: impl Fn(R) -> Q) -> Self::Over {
+        Polynomial {
+            start: convert(self.start),
+            coefficients: self.coefficients.map(|row| row.map(&convert)),
+        }
+    }
+}
