@@ -34,7 +34,7 @@ pub enum OutputKind {
     Component,
     /// What an event sets.
     After,
-    /// The gradients of the invariants.
+    /// The gradients of other outputs.
     Gradients,
     /// What the motion has besides the nonholonomic bracket with the energy.
     Remainder,
