@@ -169,7 +169,7 @@ impl<R, M, const K: usize, L, S> Method<R, S> for Projected<M, K, L>
 where
     R: Real,
     M: Method<R, S>,
-    L: Levels<R, S, K>,
+    L: Levels<R, S, K> + Copy,
     S: System<R>,
 {
     const TABLEAU: &'static Tableau = M::TABLEAU;
