@@ -79,3 +79,15 @@ fn what_cannot_be_met_is_told_with_what_is_left() {
     // 0.3 cos 1 + 0.9 cos 0.5 - 0.7 cos 1.5 - 0.8.
     assert!(!out.status.success() && text.contains("position_beta = 0.1023"), "{text}");
 }
+
+#[test]
+fn every_method_keeps_the_loop_closed() {
+    for method in [["vern9", "1e-6"], ["dopri5", "1e-4"]] {
+        let [name, rtol] = method;
+        let arguments = ["simulate", "--scene", "kept", "--method", name, "--rtol", rtol, "--t-final", "20"];
+        let out = hamel(&arguments);
+        let text = String::from_utf8(out.stdout).unwrap();
+        assert!(out.status.success(), "{text}{}", String::from_utf8_lossy(&out.stderr));
+        assert!(number(&text, "residual at most") < 1e-14, "{name}: {text}");
+    }
+}

@@ -13,10 +13,11 @@ use crate::system::{StateVector, System};
 const MAX_ROUNDS: usize = 60;
 /// Least part of a step that is tried.
 const LEAST_PART: f64 = 1e-6;
-/// Residual, by the size of its slopes and the coordinates, up to which an equation is met, in units of round-off.
+/// Residual, by the size of its terms, up to which an equation is met, and slope up to which it has none, in units of
+/// round-off.
 const MET: f64 = 4.5e3;
-/// Residual, by the size of its slopes at the start, below which an end that does not meet its equation is a singular
-/// position and no distance that cannot be bridged.
+/// Residual, by the size of its terms, below which an end that does not meet its equation is a singular position and no
+/// distance that cannot be bridged.
 const TOUCHED: f64 = 1e-9;
 
 /// Equations between the coordinates of a system, as generated code has them for a scene that wants `positions`.
@@ -110,25 +111,30 @@ pub fn consistent_by<R: Real, const K: usize, S: Positions<R, K>>(
     };
     let mut point = y.clone();
     let mut defects = defects_at(&point);
-    // Sums of the slopes of each function: here, and the largest on the way.
-    let (mut slopes, mut steepest) = ([0.0_f64; K], [0.0_f64; K]);
     let mut directions = Directions::new(y);
-    let mut has_moved = false;
+    let (mut has_moved, mut is_met) = (false, false);
+    // Sizes of the terms of each function.
+    let mut sizes = [0.0_f64; K];
     for _ in 0..MAX_ROUNDS {
         system.residual_gradients(t, &point, &mut directions.gradients);
-        for (k, gradient) in directions.gradients.iter_mut().enumerate() {
-            let each = gradient.as_mut_slice().iter_mut().zip(point.as_slice()).enumerate();
-            slopes[k] = 0.0;
-            for (c, (slope, y)) in each {
+        for (gradient, size) in directions.gradients.iter_mut().zip(&mut sizes) {
+            let mut free_size = 0.0;
+            *size = 0.0;
+            for (c, (slope, y)) in gradient.as_mut_slice().iter_mut().zip(point.as_slice()).enumerate() {
+                let own = slope.magnitude() * y.magnitude().max(1.0);
+                *size += own;
                 if free.contains(&c) {
-                    slopes[k] += slope.magnitude() * y.magnitude().max(1.0);
+                    free_size += own;
                 } else {
                     *slope = R::ZERO;
                 }
             }
-            steepest[k] = steepest[k].max(slopes[k]);
+            // What is left of a slope that vanishes is no direction.
+            if free_size <= MET * R::EPSILON * *size {
+                gradient.as_mut_slice().fill(R::ZERO);
+            }
         }
-        let is_met = is_within(&defects, &slopes, MET * R::EPSILON);
+        is_met = is_within(&defects, &sizes, MET * R::EPSILON);
         let factors = directions.orthogonalise(|_| true).factors(&defects);
         let mut part = 1.0;
         let better = loop {
@@ -148,27 +154,25 @@ pub fn consistent_by<R: Real, const K: usize, S: Positions<R, K>>(
                 break None;
             }
         };
-        let Some((moved, found)) = better else {
-            if is_met {
-                *y = point;
-                return Ok(());
-            }
-            break;
-        };
+        let Some((moved, found)) = better else { break };
         (point, defects, has_moved) = (moved, found, true);
+    }
+    if is_met {
+        *y = point;
+        return Ok(());
     }
     let (index, residual) = largest(&defects);
     let t = signed(t);
     // What no step changes, and what is a double zero.
-    if !has_moved || is_within(&defects, &steepest, TOUCHED) {
+    if !has_moved || is_within(&defects, &sizes, TOUCHED) {
         return Err(Error::PositionSingular { t, index, residual });
     }
     Err(Error::PositionMissed { t, index, residual })
 }
 
-/// Whether every defect is at most a part of the size of its slopes.
-fn is_within<R: Real, const K: usize>(defects: &[R; K], slopes: &[f64; K], part: f64) -> bool {
-    defects.iter().zip(slopes).all(|(defect, slopes)| defect.magnitude() <= part * slopes)
+/// Whether every defect is at most a part of the size of its terms.
+fn is_within<R: Real, const K: usize>(defects: &[R; K], sizes: &[f64; K], part: f64) -> bool {
+    defects.iter().zip(sizes).all(|(defect, size)| defect.magnitude() <= part * size)
 }
 
 /// The largest defect and where it is; infinite where one is not a number.

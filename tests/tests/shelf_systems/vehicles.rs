@@ -198,7 +198,13 @@ impl Unreduced for SnakeWithFriction {
     fn new(p: &Parameters) -> Self {
         let [m, moment, l] = ["m", "J", "l"].map(|name| p.get(name));
         let friction = ["ct", "cn"].map(|name| p.get(name));
-        SnakeWithFriction { m, moment, l, friction, motor: ["A", "nu", "beta", "k", "c"].map(|name| p.get(name)) }
+        SnakeWithFriction {
+            m,
+            moment,
+            l,
+            friction,
+            motor: ["A", "nu", "beta", "k", "c"].map(|name| p.get(name)),
+        }
     }
 
     fn place(&self, random: &mut Random) -> Vec<f64> {
@@ -207,7 +213,8 @@ impl Unreduced for SnakeWithFriction {
 
     fn lagrangian<R: Real>(&self, _q: &[R], v: &[R], _t: R) -> R {
         let (m, j) = (R::from_f64(0.5 * self.m), R::from_f64(0.5 * self.moment));
-        v.chunks_exact(3).fold(R::from_f64(0.0), |sum, v| sum + m * (v[0] * v[0] + v[1] * v[1]) + j * v[2] * v[2])
+        v.chunks_exact(3)
+            .fold(R::from_f64(0.0), |sum, v| sum + m * (v[0] * v[0] + v[1] * v[1]) + j * v[2] * v[2])
     }
 
     /// The rear end of a link is the front end of the next.
@@ -249,7 +256,8 @@ impl Unreduced for SnakeWithFriction {
         let differences = |q: &[R]| -> Vec<R> { (1..LINKS).map(|i| q[3 * i + 2] - q[3 * i - 1]).collect() };
         let rates = differences(v);
         let first = in_frame(q[2], [v[0], v[1]]);
-        let mut state = Variables::new().vector("a", &differences(q)).number("omega", v[2]).vector("v", &first);
+        let mut state =
+            Variables::new().vector("a", &differences(q)).number("omega", v[2]).vector("v", &first);
         for (i, rate) in rates.into_iter().enumerate() {
             state = state.number(&format!("a{}_dot", i + 1), rate);
         }
