@@ -91,3 +91,23 @@ fn every_method_keeps_the_loop_closed() {
         assert!(number(&text, "residual at most") < 1e-14, "{name}: {text}");
     }
 }
+
+#[test]
+fn a_dead_centre_is_told() {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("dead_centre.hamel");
+    let text = "model slider_crank {
+        param r = 0.3; param l = 0.9;
+        coordinate theta in angle;
+        coordinate phi in angle by r*sin(theta) + l*sin(phi) = 0;
+        lagrangian = theta_dot^2 + phi_dot^2;
+        initial theta = 0.4;
+        initial phi = pi/2;
+    }";
+    std::fs::write(&path, text).unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .args(["simulate", path.to_str().unwrap(), "--t-final", "1"])
+        .output()
+        .unwrap();
+    let text = String::from_utf8(out.stderr).unwrap();
+    assert!(!out.status.success() && text.contains("(position_phi), at a dead centre"), "{text}");
+}

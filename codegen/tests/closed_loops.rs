@@ -449,9 +449,13 @@ fn angles_on_circles_are_moved_along_them() {
     let text = four_bar("scene closed { want rhs, positions; circle beta, gamma; }");
     let scene = wanting(&text);
     let names = scene.executable().position_names();
-    assert_eq!(names, ["position_beta", "position_gamma", "circle_beta", "circle_gamma"]);
+    assert_eq!(names, ["position_beta", "position_gamma", "beta_circle", "gamma_circle"]);
     let state = scene.state_names();
     let closed = Closed::new(&scene);
+    // Off the circles these functions say so.
+    let off: Vec<f64> = (1..=state.len()).map(|k| k as f64).collect();
+    let values = closed.interpreter.positions(0.0, &off).unwrap();
+    assert_eq!(values[2..], [2.0 * 2.0 + 3.0 * 3.0, 4.0 * 4.0 + 5.0 * 5.0], "{state:?}");
     assert_eq!(closed.layout.moved.len(), 4, "{state:?}");
     let start = |name: &String| match name.as_str() {
         "beta_c" => 0.6_f64.cos(),

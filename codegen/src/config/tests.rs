@@ -280,28 +280,3 @@ fn a_scene_that_warns_is_made_again() {
     assert!(!first.is_empty());
     assert_eq!(warned(), first);
 }
-
-#[test]
-fn sizes_of_files_are_those_asked_for() {
-    let folder = Folder::new("sizes");
-    let path = folder.0.join("chain.hamel");
-    let text = "model chain { size n = 2 where n >= 1; coordinate q: vector(n) in real; \
-                lagrangian = sum(q_dot[k]^2 - q[k]^2 for k in 1..n); }";
-    std::fs::write(&path, text).unwrap();
-    let plain = folder.0.join("spring.hamel");
-    std::fs::write(&plain, SPRING).unwrap();
-    let generated = |config: &mut Config| {
-        config
-            .out_dir(folder.0.join("out"))
-            .compile(&[&path, &plain])
-            .map_err(|problems| problems.to_string())?;
-        Ok::<_, String>(std::fs::read_to_string(folder.0.join("out/chain.rs")).unwrap())
-    };
-    let two = generated(&mut Config::new()).unwrap();
-    let five = generated(Config::new().size("n", 5)).unwrap();
-    assert!(!two.contains("q5_dot") && five.contains("q5_dot"), "{five}");
-    let unknown = generated(Config::new().size("m", 5)).unwrap_err();
-    assert!(unknown.contains("size `m` was asked for, which is none of the models' sizes: n"), "{unknown}");
-    let refused = generated(Config::new().size("n", 0)).unwrap_err();
-    assert!(refused.contains("n >= 1"), "{refused}");
-}

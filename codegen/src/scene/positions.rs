@@ -61,7 +61,7 @@ pub(super) fn find(
         let point = [circle.cosine, circle.sine];
         if point.iter().any(|symbol| touched.contains(symbol)) {
             touched.extend(point);
-            functions.push((format!("circle_{}", circle.angle), sum_of_squares(g, &point)));
+            functions.push((format!("{}_circle", circle.angle), sum_of_squares(g, &point)));
         }
     }
     let advected = equations.system.blocks.iter().filter(|b| b.kind == BlockKind::Advected);
