@@ -249,7 +249,7 @@ fn blocks_of_scenes_and_frames_have_loops() {
         format!(
             "model joints {{
                 size n = 3;
-                param m1 = 1 where m1 > 0; param m2 = 2 where m2 > 0; param m3 = 3 where m3 > 0;
+                param m: vector(n) = [1, 2, 3] where m1 > 0, m2 > 0, m3 > 0;
                 coordinate q: vector(n) in angle;
                 frame {{ {frame} }}
                 lagrangian = sum(m[k]*u[k]^2/2 + cos(q[k]) for k in 1..n);

@@ -314,6 +314,11 @@ impl Built {
         found.map(|executable| Runnable::new(executable, self.is_in_memory))
     }
 
+    /// The components of the state that the equations between coordinates contain.
+    pub fn components_in_positions(&self) -> Vec<usize> {
+        self.with_positions().map_or_else(Vec::new, |found| found.components_in_positions())
+    }
+
     /// Names of the residuals of the equations between coordinates, and of what coordinates keep beside them.
     pub fn position_names(&self) -> Vec<String> {
         self.with_positions().map_or_else(Vec::new, |found| found.position_names())

@@ -200,7 +200,12 @@ fn meet_positions(
     let Some(found) = dynamics.positions() else { return Ok(()) };
     let mut free = found.moved.to_vec();
     if free.iter().any(|k| is_given(*k)) {
-        free = (0..y.len()).filter(|k| !is_given(*k)).collect();
+        free = scene.components_in_positions();
+        free.retain(|k| !is_given(*k));
+    }
+    // Who gives all of them is told what is violated.
+    if free.is_empty() {
+        return Ok(());
     }
     let mut state = VecState(std::mem::take(y));
     let met = consistent_by::<_, MAX_INVARIANTS, _>(&dynamics, 0.0, &mut state, &free);

@@ -4,6 +4,7 @@
 //! Does not know: how the program was made, which other ways there are to run one.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use hamel_runtime::{Dual, Real};
 
@@ -124,6 +125,14 @@ impl Executable {
     /// Number of invariants of the motion; zero if the scene does not want them.
     pub fn n_invariants(&self) -> usize {
         self.program.function(&Role::Output(INVARIANTS.to_owned())).map_or(0, |f| f.results.len())
+    }
+
+    /// The components of the state that the equations between coordinates contain; empty if the scene does not want
+    /// them.
+    pub fn components_in_positions(&self) -> Vec<usize> {
+        let pattern = self.patterns.iter().find(|pattern| pattern.name == positions::GRADIENTS);
+        let columns: BTreeSet<usize> = pattern.iter().flat_map(|p| &p.places).map(|(_, j)| *j).collect();
+        columns.into_iter().collect()
     }
 
     /// Names of the residuals of the equations between coordinates, and of what coordinates keep beside them; empty if
