@@ -74,8 +74,8 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
             if found.n_functions > MAX_INVARIANTS {
                 let (n, Info { scene, model, .. }) = (found.n_functions, dynamics.info());
                 let reason = format!(
-                    "scene {scene} of {model} has {n} equations between coordinates, but at most {MAX_INVARIANTS} can \
-                     be kept"
+                    "scene {scene} of {model} has {n} equations between coordinates, but at most {MAX_INVARIANTS} \
+                     can be kept"
                 );
                 return Err(Error::Options { reason });
             }

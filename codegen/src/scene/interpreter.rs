@@ -461,7 +461,8 @@ impl Interpreter<'_> {
         self.matrix_named(GRADIENTS, t, y)
     }
 
-    /// Residuals of the equations between coordinates, and behind them what coordinates keep, when the scene wants them.
+    /// Residuals of the equations between coordinates, and behind them what coordinates keep, when the scene wants
+    /// them.
     ///
     /// # Panics
     /// When the size of `y` is wrong.
