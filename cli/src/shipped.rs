@@ -72,6 +72,7 @@ pub(crate) const SHIPPED: Shipped = shipped! {
         "roller_racer",
         "satellite_with_wheels",
         "skate_on_incline",
+        "snake_with_friction",
         "spherical_robot",
         "steklov_body",
         "suslov_bianchi",

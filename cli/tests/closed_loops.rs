@@ -103,3 +103,35 @@ fn an_fmu_begins_where_the_equations_are_met() {
     let y = a * alpha.sin() + b * beta.sin() - c * gamma.sin();
     assert!(x.abs() < 1e-15 && y.abs() < 1e-15, "{x} {y}");
 }
+
+#[test]
+fn every_method_keeps_the_loop_closed() {
+    for method in [["vern9", "1e-6"], ["dopri5", "1e-4"]] {
+        let [name, rtol] = method;
+        let arguments = ["simulate", "--scene", "kept", "--method", name, "--rtol", rtol, "--t-final", "20"];
+        let out = hamel(&arguments);
+        let text = String::from_utf8(out.stdout).unwrap();
+        assert!(out.status.success(), "{text}{}", String::from_utf8_lossy(&out.stderr));
+        assert!(number(&text, "residual at most") < 1e-14, "{name}: {text}");
+    }
+}
+
+#[test]
+fn a_dead_centre_is_told() {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("dead_centre.hamel");
+    let text = "model slider_crank {
+        param r = 0.3; param l = 0.9;
+        coordinate theta in angle;
+        coordinate phi in angle by r*sin(theta) + l*sin(phi) = 0;
+        lagrangian = theta_dot^2 + phi_dot^2;
+        initial theta = 0.4;
+        initial phi = pi/2;
+    }";
+    std::fs::write(&path, text).unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .args(["simulate", path.to_str().unwrap(), "--t-final", "1"])
+        .output()
+        .unwrap();
+    let text = String::from_utf8(out.stderr).unwrap();
+    assert!(!out.status.success() && text.contains("(position_phi), at a dead centre"), "{text}");
+}

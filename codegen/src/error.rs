@@ -211,6 +211,11 @@ pub enum Error {
         /// Name of the scene.
         scene: String,
     },
+    /// A scene wants equations between coordinates that it does not have.
+    NoPositions {
+        /// Why not.
+        reason: String,
+    },
     /// A system has no nonholonomic bracket.
     NoBracket {
         /// Why not.
@@ -454,6 +459,10 @@ impl Error {
             Error::NothingConserved { scene } => (
                 format!("scene {scene} has no invariant besides components of its state"),
                 "claim one that you know with `casimir name = ..;`".into(),
+            ),
+            Error::NoPositions { reason } => (
+                format!("there are no equations between coordinates: {reason}"),
+                "remove `positions` from what the scene wants, or keep what they contain".into(),
             ),
             Error::NoBracket { reason } => (
                 format!("there is no nonholonomic bracket: {reason}"),

@@ -229,3 +229,52 @@ fn lengths_are_smooth_with_a_second_argument() {
         7,
     );
 }
+
+#[test]
+fn bodies_are_pictured_where_there_is_no_view() {
+    let text = |more: &str| {
+        format!(
+            "model two {{
+                param m = 2 where m > 0;
+                coordinate phi, theta in angle;
+                let R = rot(e3, phi)*rot(e1, theta);
+                /// A solid body.
+                body solid {{ mass m; place R*[0, 0, 1]; inertia diag([0.5, 1, 1.3]); attitude R; }}
+                body tip {{ mass 1; place R*[0, 0, 2]; }}
+                body wheel {{ inertia diag([1, 1, 2]); attitude R; }}
+                lagrangian = solid_energy + tip_energy + wheel_energy;
+                {more}
+            }}"
+        )
+    };
+    let parsed = |more: &str| spec::parse("two.hamel", &text(more)).unwrap_or_else(|e| panic!("{e}"));
+    let views = parsed("").views;
+    let names: Vec<(&str, &str)> = views.list.iter().map(|v| (v.name.as_str(), v.doc.as_str())).collect();
+    assert_eq!(names, [("solid", "A solid body."), ("tip", "")]);
+    let value = |name: &str| match name {
+        "phi" => Some(0.0),
+        "theta" => Some(std::f64::consts::FRAC_PI_2),
+        "m" => Some(2.0),
+        _ => None,
+    };
+    let numbers = views.numbers_at(&views.list[0], value).unwrap();
+    // m/12 (b^2 + c^2) = 0.5 and so on: a^2 = 5.4, b^2 = 2.4, c^2 = 0.6; e3 has turned to -e2.
+    for (found, expected) in
+        numbers[..6].iter().zip([5.4_f64.sqrt(), 2.4_f64.sqrt(), 0.6_f64.sqrt(), 0.0, -1.0, 0.0])
+    {
+        assert!((found - expected).abs() < 1e-15, "{numbers:?}");
+    }
+    let tip = views.numbers_at(&views.list[1], value).unwrap();
+    assert!((tip[1] + 2.0).abs() < 1e-15, "{tip:?}");
+    // A view says what is to be seen.
+    assert_eq!(parsed("view end = point(R*[0, 0, 2]);").views.list.len(), 1);
+    let plane = "model rod {
+        coordinate phi in angle;
+        let p = [sin(phi), -cos(phi)];
+        body rod { mass 4; place p; inertia 0.5; attitude phi; }
+        lagrangian = rod_energy - 4*9.81*p[2];
+    }";
+    let views = spec::parse("rod.hamel", plane).unwrap().views;
+    let numbers = views.numbers_at(&views.list[0], |_| Some(0.0)).unwrap();
+    assert_eq!(numbers[0], 0.5);
+}

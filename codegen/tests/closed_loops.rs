@@ -4,8 +4,9 @@
 //!
 //! Deliberately does not know: how an equation between coordinates becomes a constraint.
 
-use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::scene::{self, BuiltScene, Interpreter, PositionLayout};
 use hamel_codegen::spec;
+use hamel_runtime::{Error, Positions, StateVector, System, consistent, consistent_by};
 
 /// A planar body: mass, moment of inertia about its centre.
 struct Body(f64, f64);
@@ -160,7 +161,7 @@ fn four_bar(extra: &str) -> String {
 }
 
 /// Angles of coupler and rocker for a crank, on the side where the rocker is above the ground.
-fn closed(alpha: f64) -> [f64; 2] {
+fn closed_angles(alpha: f64) -> [f64; 2] {
     let (mut beta, mut gamma) = (0.6_f64, 1.5_f64);
     for _ in 0..50 {
         let f = A * alpha.cos() + B * beta.cos() - C * gamma.cos() - D;
@@ -198,7 +199,7 @@ fn a_four_bar_linkage_moves_as_its_bodies_do() {
     assert_eq!(scene.state_names(), ["alpha", "beta", "gamma", "alpha_dot"]);
     let multipliers = built(&four_bar("multipliers;"));
     for alpha in [0.2, 1.0, 2.5, 3.9, 5.5] {
-        let [beta, gamma] = closed(alpha);
+        let [beta, gamma] = closed_angles(alpha);
         let alpha_dot = 1.7;
         let rate =
             rates(&scene, &[("alpha", alpha), ("beta", beta), ("gamma", gamma), ("alpha_dot", alpha_dot)]);
@@ -342,4 +343,206 @@ fn a_constraint_between_positions_is_solved_where_it_can_be() {
         names.contains(&"position_rod".to_owned()) && names.contains(&"residual_rod".to_owned()),
         "{names:?}"
     );
+}
+
+#[derive(Clone, Debug)]
+struct State(Vec<f64>);
+
+impl StateVector<f64> for State {
+    fn as_slice(&self) -> &[f64] {
+        &self.0
+    }
+
+    fn as_mut_slice(&mut self) -> &mut [f64] {
+        &mut self.0
+    }
+}
+
+/// A scene that wants `positions`, with at most four functions.
+struct Closed<'a> {
+    interpreter: Interpreter<'a>,
+    layout: PositionLayout,
+}
+
+impl<'a> Closed<'a> {
+    fn new(scene: &'a BuiltScene) -> Closed<'a> {
+        let params: Vec<f64> =
+            scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+        Closed { interpreter: scene.prepare(&params).unwrap(), layout: scene.positions().unwrap().clone() }
+    }
+}
+
+impl System<f64> for Closed<'_> {
+    type State = State;
+
+    fn rhs(&self, t: f64, y: &State, dy: &mut State) {
+        self.interpreter.rhs(t, &y.0, &mut dy.0);
+    }
+}
+
+impl Positions<f64, 4> for Closed<'_> {
+    fn n_equations(&self) -> usize {
+        self.layout.n_equations
+    }
+
+    fn moved(&self) -> &[usize] {
+        &self.layout.moved
+    }
+
+    fn residuals(&self, t: f64, y: &State) -> [f64; 4] {
+        let values = self.interpreter.positions(t, &y.0).unwrap();
+        std::array::from_fn(|k| values.get(k).copied().unwrap_or(0.0))
+    }
+
+    fn residual_gradients(&self, t: f64, y: &State, gradients: &mut [State; 4]) {
+        gradients.iter_mut().for_each(|row| row.0.fill(0.0));
+        let rows = self.interpreter.position_gradients(t, &y.0).unwrap();
+        gradients.iter_mut().zip(rows).for_each(|(gradient, row)| gradient.0 = row);
+    }
+}
+
+/// The scene `closed` of a model.
+fn wanting(text: &str) -> BuiltScene {
+    let model = spec::parse("loop.hamel", text).unwrap_or_else(|p| panic!("{p}"));
+    scene::build(&model, "closed").unwrap_or_else(|p| panic!("{p}"))
+}
+
+#[test]
+fn equations_come_with_their_derivatives_and_are_solved() {
+    let scene = wanting(&four_bar("scene closed { want rhs, positions; }"));
+    assert_eq!(scene.executable().position_names(), ["position_beta", "position_gamma"]);
+    let closed = Closed::new(&scene);
+    assert_eq!(closed.layout, PositionLayout { n_equations: 2, moved: vec![1, 2] });
+    let y = [0.7_f64, 0.4, 1.3, 2.0];
+    let rows = closed.interpreter.position_gradients(0.0, &y).unwrap();
+    let expected = [
+        [-A * y[0].sin(), -B * y[1].sin(), C * y[2].sin(), 0.0],
+        [A * y[0].cos(), B * y[1].cos(), -C * y[2].cos(), 0.0],
+    ];
+    for (row, expected) in rows.iter().flatten().zip(expected.iter().flatten()) {
+        assert!((row - expected).abs() < 1e-15, "{rows:?}");
+    }
+    for alpha in [0.2, 1.0, 2.5, 3.9, 5.5] {
+        let mut y = State(vec![alpha, 0.6, 1.5, 2.0]);
+        consistent(&closed, 0.0, &mut y).unwrap();
+        let [beta, gamma] = closed_angles(alpha);
+        assert!((y.0[1] - beta).abs() < 1e-14 && (y.0[2] - gamma).abs() < 1e-14, "{y:?}");
+        assert_eq!((y.0[0], y.0[3]), (alpha, 2.0));
+        // The crank from the rocker.
+        let mut back = State(vec![alpha + 0.1, beta + 0.02, gamma, 2.0]);
+        consistent_by(&closed, 0.0, &mut back, &[0, 1]).unwrap();
+        assert!(closed.residuals(0.0, &back).iter().all(|f| f.abs() < 1e-15), "{back:?}");
+        assert_eq!(back.0[2], gamma);
+    }
+    // A crank that is longer than everything else together leaves 5 - 0.9 - 0.7 - 0.8 at least.
+    let long = wanting(&four_bar("scene closed { fix a = 5; want rhs, positions; }"));
+    let mut y = State(vec![1.0, 0.6, 1.5, 2.0]);
+    let Err(Error::PositionMissed { residual, .. }) = consistent(&Closed::new(&long), 0.0, &mut y) else {
+        panic!("{y:?}");
+    };
+    assert!(residual > 2.6 / 2.0_f64.sqrt(), "{residual}");
+    assert_eq!(y.0, [1.0, 0.6, 1.5, 2.0]);
+}
+
+#[test]
+fn angles_on_circles_are_moved_along_them() {
+    let text = four_bar("scene closed { want rhs, positions; circle beta, gamma; }");
+    let scene = wanting(&text);
+    let names = scene.executable().position_names();
+    assert_eq!(names, ["position_beta", "position_gamma", "beta_circle", "gamma_circle"]);
+    let state = scene.state_names();
+    let closed = Closed::new(&scene);
+    // Off the circles these functions say so.
+    let off: Vec<f64> = (1..=state.len()).map(|k| k as f64).collect();
+    let values = closed.interpreter.positions(0.0, &off).unwrap();
+    assert_eq!(values[2..], [2.0 * 2.0 + 3.0 * 3.0, 4.0 * 4.0 + 5.0 * 5.0], "{state:?}");
+    assert_eq!(closed.layout.moved.len(), 4, "{state:?}");
+    let start = |name: &String| match name.as_str() {
+        "beta_c" => 0.6_f64.cos(),
+        "beta_s" => 0.6_f64.sin(),
+        "gamma_c" => 1.5_f64.cos(),
+        "gamma_s" => 1.5_f64.sin(),
+        _ => 1.0,
+    };
+    let mut y = State(state.iter().map(start).collect());
+    consistent(&closed, 0.0, &mut y).unwrap();
+    let [beta, gamma] = closed_angles(1.0);
+    let moved: Vec<f64> = closed.layout.moved.iter().map(|k| y.0[*k]).collect();
+    for (found, expected) in moved.iter().zip([beta.cos(), beta.sin(), gamma.cos(), gamma.sin()]) {
+        assert!((found - expected).abs() < 1e-14, "{state:?}: {moved:?}");
+    }
+}
+
+#[test]
+fn a_slider_at_its_dead_centre_and_a_vertical_that_is_advected() {
+    let scene = wanting(
+        "model slider_crank {
+            param r = 0.3; param l = 0.9;
+            coordinate theta in angle;
+            coordinate phi in angle by r*sin(theta) + l*sin(phi) = 0;
+            lagrangian = theta_dot^2 + phi_dot^2;
+            scene closed { want rhs, positions; }
+        }",
+    );
+    let mut y = State(vec![0.4, std::f64::consts::FRAC_PI_2, 1.0]);
+    let found = consistent(&Closed::new(&scene), 0.0, &mut y);
+    let expected = 0.3 * 0.4_f64.sin() + 0.9;
+    let Err(Error::PositionSingular { index: 0, residual, .. }) = found else { panic!("{found:?}") };
+    assert!((residual - expected).abs() < 1e-15, "{residual}");
+    // A body that keeps an angle of its joint to the vertical: the vertical keeps its length.
+    let scene = wanting(
+        "model hanging {
+            velocity Omega in so(3);
+            coordinate phi in angle;
+            advected Gamma in R^3 by cross(Omega, Gamma);
+            constraint contact: Gamma3 = sin(phi)/2;
+            multipliers;
+            lagrangian = dot(Omega, Omega) + phi_dot^2 - Gamma3;
+            scene closed { want rhs, positions; }
+        }",
+    );
+    assert_eq!(scene.executable().position_names(), ["position_contact", "Gamma_dot_Gamma"]);
+    let closed = Closed::new(&scene);
+    let names = scene.state_names();
+    let value = |name: &String| match name.as_str() {
+        "phi" => 0.3,
+        "Gamma1" => 0.6,
+        "Gamma3" => 0.8,
+        _ => 0.0,
+    };
+    let mut y = State(names.iter().map(value).collect());
+    let free: Vec<usize> = (0..names.len()).filter(|k| names[*k] != "phi").collect();
+    consistent_by(&closed, 0.0, &mut y, &free).unwrap();
+    let at = |name: &str| y.0[names.iter().position(|n| n == name).unwrap()];
+    assert!((at("Gamma3") - 0.3_f64.sin() / 2.0).abs() < 1e-15 && at("phi") == 0.3, "{y:?}");
+    let square = at("Gamma1").powi(2) + at("Gamma2").powi(2) + at("Gamma3").powi(2);
+    assert!((square - 1.0).abs() < 1e-15, "{square}");
+}
+
+#[test]
+fn a_scene_without_the_coordinates_has_no_equations_between_them() {
+    let problem = |text: &str| {
+        let model = spec::parse("loop.hamel", text).unwrap_or_else(|p| panic!("{p}"));
+        scene::build(&model, "closed").unwrap_err().to_string()
+    };
+    let none = problem(
+        "model free { coordinate x in real; lagrangian = x_dot^2; scene closed { want positions; } }",
+    );
+    assert!(none.contains("there are no equations between coordinates: the model has none"), "{none}");
+    let dropped = problem(
+        "model line {
+            coordinate x in real; coordinate y in real by y = 2*x;
+            lagrangian = x_dot^2 + y_dot^2;
+            scene closed { want rhs, positions; drop x, y; }
+        }",
+    );
+    assert!(dropped.contains("position_y depends on a coordinate that the scene leaves out"), "{dropped}");
+}
+
+#[test]
+fn generated_code_has_the_equations() {
+    let text = wanting(&four_bar("scene closed { want rhs, positions; }")).emit().unwrap();
+    for part in ["Positions<R, 2> for Prepared<R>", "const MOVED: &'static [usize] = &[1, 2];"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
 }

@@ -136,3 +136,14 @@ fn definitions_at_the_origin_of_an_ignorable_coordinate_are_called_so() {
         }
     }
 }
+
+/// The search for moving energies makes numbers that the equations do not have, such as `-nu`.
+#[test]
+fn phases_behind_and_before_the_time_are_explained() {
+    let text = explained(
+        "param nu = 2; param beta = 1; coordinate x in real; lagrangian = x_dot^2/2;
+         force x_dot = sin(beta - nu*t) + cos(nu*t - 2*beta);",
+        Style::Unicode,
+    );
+    assert!(text.contains("sin(") && text.contains("nu"), "{text}");
+}

@@ -6,6 +6,7 @@
 mod families;
 
 use families::{planar_arm, planar_pendulum, wheeled_snake};
+use hamel_codegen::Config;
 use hamel_codegen::program::Program;
 use hamel_codegen::reduction::Formulation;
 use hamel_codegen::scene;
@@ -240,4 +241,62 @@ fn a_snake_of_any_length_moves_as_its_links_do() {
             assert!(expected.abs() > 1e-3, "{n} links: nothing happens");
         }
     }
+}
+
+#[test]
+fn blocks_of_scenes_and_frames_have_loops() {
+    let text = |frame: &str, scene: &str| {
+        format!(
+            "model joints {{
+                size n = 3;
+                param m: vector(n) = [1, 2, 3] where m1 > 0, m2 > 0, m3 > 0;
+                coordinate q: vector(n) in angle;
+                frame {{ {frame} }}
+                lagrangian = sum(m[k]*u[k]^2/2 + cos(q[k]) for k in 1..n);
+                scene alike {{ {scene} want rhs, energy; }}
+            }}"
+        )
+    };
+    let looped = text(
+        "for k in 1..n { /// Sum of rates.\n u[k] = sum(q_dot[j] for j in 1..k); }",
+        "for k in 2..n { fix m[k] = k; for j in k..k { circle q[j]; } }",
+    );
+    let by_hand = text(
+        "u1 = q1_dot; u2 = q1_dot + q2_dot; u3 = q1_dot + q2_dot + q3_dot;",
+        "fix m2 = 2, m3 = 3; circle q2; circle q3;",
+    );
+    let [looped, by_hand] = [looped, by_hand].map(|text| scene::build(&parsed(&text), "alike").unwrap());
+    assert_eq!(looped.state_names(), ["q1", "q2_c", "q2_s", "q3_c", "q3_s", "u1", "u2", "u3"]);
+    assert!(looped.program == by_hand.program);
+    assert_eq!(looped.params().len(), 1);
+    // What is wrong in a turn is told where it is written.
+    let wrong = text("for k in 1..n { u[k] = q_dot[k]; }", "for k in 2..n { fixed m[k] = 1; }");
+    let problems = spec::parse("family.hamel", &wrong).unwrap_err().to_string();
+    assert!(
+        problems.contains("expected `fix`, `input`, `want`") && problems.contains("or `for`"),
+        "{problems}"
+    );
+}
+
+#[test]
+fn a_build_script_asks_for_sizes() {
+    let folder = std::env::temp_dir().join(format!("hamel-sizes-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let [chain, spring] = ["chain.hamel", "spring.hamel"].map(|name| folder.join(name));
+    let text = "model chain { size n = 2 where n >= 1; coordinate q: vector(n) in real; \
+                lagrangian = sum(q_dot[k]^2 - q[k]^2 for k in 1..n); }";
+    std::fs::write(&chain, text).unwrap();
+    std::fs::write(&spring, "model spring { coordinate x in real; lagrangian = x_dot^2 - x^2; }").unwrap();
+    let generated = |config: &mut Config| {
+        let made = config.out_dir(&folder).compile(&[&chain, &spring]);
+        made.map(|()| std::fs::read_to_string(folder.join("chain.rs")).unwrap()).map_err(|e| e.to_string())
+    };
+    let two = generated(&mut Config::new()).unwrap();
+    let five = generated(Config::new().size("n", 5)).unwrap();
+    assert!(two.contains("q2_dot") && !two.contains("q5_dot") && five.contains("q5_dot"), "{five}");
+    let unknown = generated(Config::new().size("m", 5)).unwrap_err();
+    assert!(unknown.contains("size `m` was asked for, which is none of the models' sizes: n"), "{unknown}");
+    let refused = generated(Config::new().size("n", 0)).unwrap_err();
+    assert!(refused.contains("size `n` is 0, against `n >= 1`"), "{refused}");
+    std::fs::remove_dir_all(&folder).unwrap();
 }

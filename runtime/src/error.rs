@@ -187,6 +187,26 @@ pub enum Error {
         /// Position of the invariant.
         index: usize,
     },
+    /// An equation between coordinates is violated, and the coordinates that may be moved cannot meet it from where they
+    /// start.
+    PositionMissed {
+        /// Time of the evaluation.
+        t: f64,
+        /// Position of the equation.
+        index: usize,
+        /// What is left of it.
+        residual: f64,
+    },
+    /// An equation between coordinates does not change, in first order, with the coordinates that may be moved: a dead
+    /// centre, where branches meet.
+    PositionSingular {
+        /// Time of the evaluation.
+        t: f64,
+        /// Position of the equation.
+        index: usize,
+        /// What is left of it.
+        residual: f64,
+    },
     /// There is no Taylor method of this order.
     Order {
         /// The order asked for.
@@ -309,6 +329,20 @@ impl fmt::Display for Error {
                      projection"
                 )
             }
+            Self::PositionMissed { t, index, residual } => {
+                write!(
+                    f,
+                    "equation {index} between coordinates is violated by {residual:e} at t = {t}, and the coordinates \
+                     that may be moved cannot meet it: start from others"
+                )
+            }
+            Self::PositionSingular { t, index, residual } => {
+                write!(
+                    f,
+                    "equation {index} between coordinates is violated by {residual:e} at t = {t}, where the coordinates \
+                     that may be moved do not change it: a dead centre; start beside it"
+                )
+            }
             Self::Order { order, least, most } => {
                 write!(f, "order {order} is not available: take one from {least} to {most}")
             }
@@ -395,6 +429,8 @@ mod tests {
             Error::EventsAccumulate { t: 1.0, index: 0 },
             Error::TooManyEvents { t: 1.0, limit: 10 },
             Error::InvariantNotFinite { t: 1.0, index: 0 },
+            Error::PositionMissed { t: 1.0, index: 0, residual: 0.1 },
+            Error::PositionSingular { t: 1.0, index: 0, residual: 0.1 },
             Error::Order { order: 40, least: 2, most: 32 },
             Error::MatrixSize { n: 4, allowed: "an odd number from 3 on" },
             Error::Storage { given: 1, needed: 2 },

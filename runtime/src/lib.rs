@@ -99,6 +99,7 @@ mod methods;
 mod on_vectors;
 mod options;
 mod polynomial;
+mod positions;
 mod products;
 mod real;
 mod system;
@@ -118,9 +119,9 @@ pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
     Constant, Dla, DlaStorage, Dop853, Dopri5, Estimate, ExactFlows, ExplicitMethod, FixedPoint, Gauss,
-    Gauss4, Gauss6, Gauss8, Invariants, Method, Newton, OnCircles, Point, Projected, Projection, Rk4, Row,
-    Splitting, Splitting2, Splitting4, Splitting6, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Turning,
-    Vern9,
+    Gauss4, Gauss6, Gauss8, Invariants, Levels, Method, Newton, OfMotion, OfPositions, OnCircles, Point,
+    Projected, Projection, Rk4, Row, Splitting, Splitting2, Splitting4, Splitting6, Start, Step, Tableau,
+    Taylor, Tolerances, Tsit5, Turning, Vern9,
 };
 #[cfg(feature = "lanes")]
 pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};
@@ -130,6 +131,7 @@ pub use nalgebra;
 pub use on_vectors::OnVectors;
 pub use options::{Norm, Options, StepSize};
 pub use polynomial::{Polynomial, PolynomialSignal};
+pub use positions::{Positions, consistent, consistent_by};
 pub use products::Products;
 pub use real::Real;
 pub use system::{

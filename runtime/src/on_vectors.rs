@@ -10,6 +10,7 @@ use nalgebra::{ArrayStorage, SMatrix, SVector, Scalar};
 use crate::error::Failure;
 use crate::jet::{Jet, MAX_ORDER};
 use crate::methods::Invariants;
+use crate::positions::Positions;
 use crate::real::Real;
 use crate::system::{Differentiable, Pivot, SquareStorage, StateVector, System};
 
@@ -170,6 +171,34 @@ where
     fn gradients(&self, t: R, y: &Self::State, gradients: &mut [Self::State; K]) {
         let mut rows = [[R::ZERO; N]; K];
         self.system.gradients(t, array(y), &mut rows);
+        copy(rows, gradients);
+    }
+}
+
+impl<R, S, const N: usize, const K: usize> Positions<R, K> for OnVectors<S, N>
+where
+    R: Real + Scalar,
+    S: Positions<R, K, State = [R; N]>,
+{
+    #[inline]
+    fn n_equations(&self) -> usize {
+        self.system.n_equations()
+    }
+
+    #[inline]
+    fn moved(&self) -> &[usize] {
+        self.system.moved()
+    }
+
+    #[inline]
+    fn residuals(&self, t: R, y: &Self::State) -> [R; K] {
+        self.system.residuals(t, array(y))
+    }
+
+    #[inline]
+    fn residual_gradients(&self, t: R, y: &Self::State, gradients: &mut [Self::State; K]) {
+        let mut rows = [[R::ZERO; N]; K];
+        self.system.residual_gradients(t, array(y), &mut rows);
         copy(rows, gradients);
     }
 }

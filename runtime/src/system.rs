@@ -432,6 +432,35 @@ pub trait Scene<R: Real>: System<R> + Sized {
         let _ = (t, y, gradients);
     }
 
+    /// Number of functions of the equations between coordinates; zero if the scene was generated without them.
+    const N_POSITIONS: usize = 0;
+
+    /// How many of them have to vanish, as [`Positions::n_equations`](crate::Positions::n_equations).
+    const POSITION_EQUATIONS: usize = 0;
+
+    /// The components that are moved, as [`Positions::moved`](crate::Positions::moved).
+    const MOVED: &'static [usize] = &[];
+
+    /// Writes the functions at a state, as [`Positions::residuals`](crate::Positions::residuals).
+    ///
+    /// For drivers that serve any scene.
+    ///
+    /// # Shapes
+    ///
+    /// values: \[[`N_POSITIONS`](Self::N_POSITIONS)\].
+    fn positions_of(&self, t: R, y: &Self::State, values: &mut [R]) {
+        let _ = (t, y, values);
+    }
+
+    /// Writes their gradients, as [`Positions::residual_gradients`](crate::Positions::residual_gradients).
+    ///
+    /// # Shapes
+    ///
+    /// gradients: \[[`N_POSITIONS`](Self::N_POSITIONS)\].
+    fn position_gradients_of(&self, t: R, y: &Self::State, gradients: &mut [Self::State]) {
+        let _ = (t, y, gradients);
+    }
+
     /// Inputs in the order of [`hold_inputs_of`](Self::hold_inputs_of); none if the scene takes none.
     const INPUTS_OF: &'static [ParamInfo] = &[];
 

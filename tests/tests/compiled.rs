@@ -4,7 +4,7 @@ use hamel_codegen::program::{Point, Role, Run};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_jit::Compiled;
 use hamel_runtime::{Dual, F64x4, Failure, Real, Scene, StateVector};
-use hamel_tests::models::{build, model, names};
+use hamel_tests::models::{build, model, model_from_shelf, names, names_on_shelf};
 use hamel_tests::random::Random;
 
 fn same_bits(what: &str, compiled: &[f64], interpreted: &[f64]) {
@@ -190,6 +190,25 @@ macro_rules! compare_all {
 }
 
 hamel_models::for_each_scene!(compare_all);
+
+/// What runs a model that has no generated module.
+#[test]
+fn every_function_of_the_shelf_has_the_bits_of_the_interpreter() {
+    let names = names_on_shelf();
+    let compared: Vec<usize> = names
+        .iter()
+        .map(|name| {
+            let model = model_from_shelf(name);
+            let mut scenes = scene::Scenes::new(&model);
+            let mut own = scenes.names();
+            own.push(scene::DERIVATIVES.to_owned());
+            let built = scenes.build_all(&own).unwrap_or_else(|e| panic!("{e}"));
+            built.iter().map(compare_in_memory).sum()
+        })
+        .collect();
+    println!("{} models, {} numbers", names.len(), compared.iter().sum::<usize>());
+    assert!(compared.iter().all(|n| *n > 0), "{compared:?}");
+}
 
 #[test]
 fn every_compiled_scene_equals_the_interpreter_bit_for_bit() {

@@ -25,7 +25,6 @@ use crate::run::inputs::InputTable;
 use crate::run::interpreted::{self, Built};
 use crate::run::matrices::{self, Outcome};
 use crate::run::method::{MethodName, Steps};
-use crate::run::positions::Equations;
 use crate::run::simulation::{MAX_EVENTS, SimulateRequest};
 use crate::run::start;
 use crate::session::Session;
@@ -200,13 +199,12 @@ pub fn pictured(
     let (roles, preferred) = (roles::roles(model, &params), roles::initial_values(model, &params));
     let full = driven(interpreted::build_pictured(model, scene)?.in_memory(), table)?;
     let watched = full.watched();
-    let mut full = Local::new(full);
+    let mut backend = Local::new(&full);
     let info = full.info().clone();
     let values: Vec<f64> =
         info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
-    let equations = Equations::of(model);
-    let chosen = start::Chosen { roles: &roles, preferred: &preferred, given, equations: &equations };
-    let initial = start::state(&mut full, None, (&values, &[]), &Forms::of(model, &info)?, chosen)?;
+    let chosen = start::Chosen { roles: &roles, preferred: &preferred, given, positions: Some(&full) };
+    let initial = start::state(&mut backend, None, (&values, &[]), &Forms::of(model, &info)?, chosen)?;
     let request = SimulateRequest {
         params: values,
         initial,
@@ -221,7 +219,7 @@ pub fn pictured(
         watched,
         along: Vec::new(),
     };
-    let response = full.simulate(&request)?;
+    let response = backend.simulate(&request)?;
     let (fields, _) = fields(model, &info, &request, &response);
     let (blocks, pictures) = (blocks::blocks(model), Vec::new());
     Ok(Motion { info, blocks, request, response, precision: Precision::default(), fields, pictures })

@@ -164,7 +164,7 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
         Context::SceneStatement => {
             let words = ["fix", "want", "drop", "circle", "formulation"];
             found.language(WordKind::Part, |word| words.contains(&word));
-            found.language(WordKind::Item, |word| matches!(word, "carry" | "routh" | "input"));
+            found.language(WordKind::Item, |word| matches!(word, "carry" | "routh" | "input" | "for"));
         }
         Context::EventStatement => found.language(WordKind::Part, |word| matches!(word, "then" | "stop")),
         Context::BlockStatement => {

@@ -47,6 +47,11 @@ pub fn show_warnings(warnings: &Diagnostics) {
     }
 }
 
+/// Whether a model has equations between coordinates.
+pub fn has_positions(model: &Model) -> bool {
+    model.constraints.iter().any(|constraint| constraint.position.is_some())
+}
+
 /// Whether a model's scene says that it wants something, such as its invariants.
 pub fn wants(model: &Model, scene_name: &str, what: Want) -> bool {
     let own = model.scenes.iter().find(|scene| scene.name == scene_name);

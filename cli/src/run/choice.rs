@@ -5,6 +5,8 @@
 
 use std::sync::Arc;
 
+use hamel_codegen::spec::Want;
+
 use super::backend::{Backend, Local};
 use super::dynamics::Factory as _;
 use super::info::Info;
@@ -86,9 +88,12 @@ impl Choice {
     /// # Errors
     /// Problems of the model.
     pub fn suited_to(&self, file: &ModelFile<'_>, method: MethodName) -> Result<Choice, Error> {
-        let Some(needed) = method.asks_for().filter(|_| self.via(file) == Via::Compiled) else {
+        if self.via(file) != Via::Compiled {
             return Ok(self.clone());
-        };
+        }
+        // Every method keeps equations between coordinates.
+        let positions = model::has_positions(file.model()?).then_some(Want::Positions);
+        let Some(needed) = method.asks_for().or(positions) else { return Ok(self.clone()) };
         if model::wants(file.model()?, &self.scene, needed) {
             return Ok(self.clone());
         }

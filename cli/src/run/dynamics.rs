@@ -7,8 +7,8 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use hamel_runtime::{
-    Differentiable, Dual, ExactFlows, F64x4, Failure, Invariants, Jet, OverScalar, ParamError, Pivot, Real,
-    SquareStorage, StateVector, System,
+    Differentiable, Dual, ExactFlows, F64x4, Failure, Invariants, Jet, OverScalar, ParamError, Pivot,
+    Positions, Real, SquareStorage, StateVector, System,
 };
 
 use super::info::Info;
@@ -84,6 +84,21 @@ pub trait Dynamics: Send + Sync {
     /// Writes their gradients.
     fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]);
 
+    /// The equations between coordinates; none where there are none, or the scene was compiled without them.
+    fn positions(&self) -> Option<PositionEquations<'_>> {
+        None
+    }
+
+    /// Writes their residuals, and behind them what coordinates keep.
+    fn position_residuals(&self, t: f64, y: &[f64], values: &mut [f64]) {
+        let _ = (t, y, values);
+    }
+
+    /// Writes the gradients of these.
+    fn position_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
+        let _ = (t, y, gradients);
+    }
+
     /// Number of the exact flows whose generators add up to the right-hand side; why there are none otherwise.
     ///
     /// # Errors
@@ -110,6 +125,17 @@ pub trait Dynamics: Send + Sync {
 
     /// As [`System::pivots`].
     fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>));
+}
+
+/// How the equations between coordinates of a scene are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PositionEquations<'a> {
+    /// Number of functions.
+    pub n_functions: usize,
+    /// As [`Positions::n_equations`].
+    pub n_equations: usize,
+    /// As [`Positions::moved`].
+    pub moved: &'a [usize],
 }
 
 /// A scene with parameter values on four lanes, to be integrated; every lane has the bits of [`Dynamics`].
@@ -513,5 +539,29 @@ impl<const K: usize> Invariants<f64, K> for dyn Dynamics + '_ {
         gradients.iter_mut().for_each(|gradient| gradient.0.fill(0.0));
         let n = self.n_invariants().unwrap_or(0).min(K);
         Dynamics::invariant_gradients(self, t, &y.0, &mut gradients[..n]);
+    }
+}
+
+/// The equations between coordinates, and zeros beyond their number.
+impl<const K: usize> Positions<f64, K> for PreparedScene<'_> {
+    fn n_equations(&self) -> usize {
+        Dynamics::positions(&**self).map_or(0, |found| found.n_equations)
+    }
+
+    fn moved(&self) -> &[usize] {
+        Dynamics::positions(&**self).map_or(&[], |found| found.moved)
+    }
+
+    fn residuals(&self, t: f64, y: &VecState) -> [f64; K] {
+        let mut values = [0.0; K];
+        let n = Dynamics::positions(&**self).map_or(0, |found| found.n_functions).min(K);
+        self.position_residuals(t, &y.0, &mut values[..n]);
+        values
+    }
+
+    fn residual_gradients(&self, t: f64, y: &VecState, gradients: &mut [VecState; K]) {
+        gradients.iter_mut().for_each(|gradient| gradient.0.fill(0.0));
+        let n = Dynamics::positions(&**self).map_or(0, |found| found.n_functions).min(K);
+        self.position_gradients(t, &y.0, &mut gradients[..n]);
     }
 }

@@ -16,8 +16,8 @@ use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
 use serde::{Deserialize, Serialize};
 
 use super::dynamics::{
-    BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PreparedDuals, PreparedLanes, PreparedScene,
-    SideBySide, VecState, lane_by_lane,
+    BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PositionEquations, PreparedDuals,
+    PreparedLanes, PreparedScene, SideBySide, VecState, lane_by_lane,
 };
 use super::info::{Info, OutputEntry, ParamEntry};
 use super::inputs::{Drive, InputTable};
@@ -25,7 +25,7 @@ use super::machine::{self, Compiled};
 use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
-use crate::model::{Checked, Model};
+use crate::model::{self, Checked, Model};
 
 /// A program with what runs it: its machine code, or nothing where it is interpreted.
 #[derive(Debug)]
@@ -103,6 +103,8 @@ pub struct Built {
     circles: OnceLock<Option<RunnableCircles>>,
     /// The same with its invariants, when first asked for; none if there are none.
     invariants: OnceLock<Option<Runnable>>,
+    /// The same with its equations between coordinates; none if there are none.
+    positions: OnceLock<Option<Runnable>>,
     /// The same with its exact flows, or why there are none.
     splitting: OnceLock<Result<Runnable, String>>,
 }
@@ -193,6 +195,7 @@ impl Built {
             derived,
             circles: OnceLock::new(),
             invariants: OnceLock::new(),
+            positions: OnceLock::new(),
             splitting: OnceLock::new(),
         }
     }
@@ -219,6 +222,7 @@ impl Built {
             derived,
             circles: OnceLock::new(),
             invariants: OnceLock::new(),
+            positions: OnceLock::new(),
             splitting: OnceLock::new(),
         }
     }
@@ -246,6 +250,7 @@ impl Built {
             derived: OnceLock::new(),
             circles: OnceLock::new(),
             invariants: OnceLock::new(),
+            positions: OnceLock::new(),
             splitting: OnceLock::new(),
         })
     }
@@ -289,15 +294,34 @@ impl Built {
     }
 
     fn with_invariants(&self) -> Option<&Runnable> {
+        self.invariants.get_or_init(|| self.also("invariants", |scene| scene.with_invariants().ok())).as_ref()
+    }
+
+    fn with_positions(&self) -> Option<&Runnable> {
         let find = || {
-            let found = self.model.cached("invariants", &self.info.scene, || {
-                let scene = self.derived().and_then(|scene| scene.with_invariants().ok());
-                Ok(scene.map(|scene| scene.executable()))
-            });
-            let found: Option<Executable> = found.ok().flatten();
-            found.map(|executable| Runnable::new(executable, self.is_in_memory))
+            let has_some = model::has_positions(&self.model);
+            has_some.then(|| self.also("positions", |scene| scene.with_positions().ok())).flatten()
         };
-        self.invariants.get_or_init(find).as_ref()
+        self.positions.get_or_init(find).as_ref()
+    }
+
+    /// The scene with something else, kept by the name of that; none if it is not there.
+    fn also(&self, what: &str, with: impl Fn(&BuiltScene) -> Option<BuiltScene>) -> Option<Runnable> {
+        let found = self.model.cached(what, &self.info.scene, || {
+            Ok(self.derived().and_then(with).map(|scene| scene.executable()))
+        });
+        let found: Option<Executable> = found.ok().flatten();
+        found.map(|executable| Runnable::new(executable, self.is_in_memory))
+    }
+
+    /// The components of the state that the equations between coordinates contain.
+    pub fn components_in_positions(&self) -> Vec<usize> {
+        self.with_positions().map_or_else(Vec::new, |found| found.components_in_positions())
+    }
+
+    /// Names of the residuals of the equations between coordinates, and of what coordinates keep beside them.
+    pub fn position_names(&self) -> Vec<String> {
+        self.with_positions().map_or_else(Vec::new, |found| found.position_names())
     }
 
     /// The scene with its exact flows, or why it has none.
@@ -355,6 +379,7 @@ impl Factory for Built {
             interpreter: Driving::held(interpreter).driven(&self.drive).holding(inputs),
             jet: OnceLock::new(),
             invariants: OnceLock::new(),
+            positions: OnceLock::new(),
             splitting: OnceLock::new(),
             lanes: OnceLock::new(),
         }))
@@ -482,6 +507,8 @@ struct Interpreted<'a> {
     jet: OnceLock<Option<Jet>>,
     /// The interpreter of the scene with invariants.
     invariants: OnceLock<Option<Interpreter<'a>>>,
+    /// The interpreter of the scene with its equations between coordinates.
+    positions: OnceLock<Option<Interpreter<'a>>>,
     /// The interpreter of the scene with exact flows.
     splitting: OnceLock<Option<Interpreter<'a>>>,
     /// The same parameters on every lane, when first asked for; none where the scene is interpreted.
@@ -492,6 +519,11 @@ impl<'a> Interpreted<'a> {
     fn with_splitting(&self) -> Option<&Interpreter<'a>> {
         let prepare = || self.built.with_splitting().ok()?.prepare(&self.params).ok();
         self.splitting.get_or_init(prepare).as_ref()
+    }
+
+    fn with_positions(&self) -> Option<&Interpreter<'a>> {
+        let prepare = || self.built.with_positions()?.prepare(&self.params).ok();
+        self.positions.get_or_init(prepare).as_ref()
     }
 
     fn with_invariants(&self) -> Option<&Interpreter<'a>> {
@@ -587,6 +619,24 @@ impl Dynamics for Interpreted<'_> {
 
     fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
         let rows = self.with_invariants().and_then(|i| i.invariant_gradients(t, y)).unwrap_or_default();
+        gradients.iter_mut().zip(rows).for_each(|(gradient, row)| gradient.0 = row);
+    }
+
+    fn positions(&self) -> Option<PositionEquations<'_>> {
+        let found = self.built.with_positions()?;
+        let layout = found.positions.as_ref()?;
+        let n_functions = found.position_names().len();
+        Some(PositionEquations { n_functions, n_equations: layout.n_equations, moved: &layout.moved })
+    }
+
+    fn position_residuals(&self, t: f64, y: &[f64], values: &mut [f64]) {
+        if let Some(found) = self.with_positions().and_then(|i| i.positions(t, y)) {
+            values.copy_from_slice(&found);
+        }
+    }
+
+    fn position_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
+        let rows = self.with_positions().and_then(|i| i.position_gradients(t, y)).unwrap_or_default();
         gradients.iter_mut().zip(rows).for_each(|(gradient, row)| gradient.0 = row);
     }
 

@@ -24,7 +24,6 @@ mod least_squares;
 mod machine;
 pub mod matrices;
 pub mod method;
-pub mod positions;
 pub mod protocol;
 pub(crate) mod ranks;
 mod record;

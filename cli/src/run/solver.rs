@@ -2,9 +2,10 @@
 //!
 //! Does not know: what is integrated with a method, requests.
 
+use hamel_codegen::spec::Want;
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, OnCircles, Projected, Rk4,
-    Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, OfPositions, OnCircles, Projected,
+    Rk4, Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
 };
 
 use super::auto::{self, Purpose};
@@ -15,7 +16,7 @@ use super::method::{MethodName, Steps};
 use crate::error::Error;
 
 /// Most invariants that are projected onto.
-const MAX_INVARIANTS: usize = 64;
+pub(crate) const MAX_INVARIANTS: usize = 64;
 
 /// What is done with a method, whichever it is.
 pub(crate) trait WithMethod<'a>: Sized {
@@ -43,11 +44,49 @@ pub(crate) trait WithMethod<'a>: Sized {
     }
 }
 
-/// Calls `user` with the method of a name, for a scene with parameters at a state.
+/// Takes every method with a projection onto the equations between coordinates after each step.
+struct OnPositions<U>(U);
+
+impl<'a, U: WithMethod<'a>> WithMethod<'a> for OnPositions<U> {
+    type Output = U::Output;
+
+    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> U::Output {
+        self.0.single(Projected::<_, MAX_INVARIANTS, OfPositions>::onto_positions(method))
+    }
+}
+
+/// Calls `user` with the method of a name, for a scene with parameters at a state; equations between coordinates are
+/// kept by a projection after every step, whatever the method.
 ///
 /// # Errors
 /// [`Error::Options`] when the scene lacks what the method needs, or `auto` has no tolerance to go by.
 pub(crate) fn with_method<'a, U: WithMethod<'a>>(
+    method: MethodName,
+    steps: Steps,
+    purpose: Purpose,
+    dynamics: &dyn Dynamics,
+    y: &[f64],
+    user: U,
+) -> Result<U::Output, Error> {
+    match dynamics.positions() {
+        // Projection onto invariants keeps these equations, too.
+        Some(found) if method.asks_for() != Some(Want::Invariants) => {
+            if found.n_functions > MAX_INVARIANTS {
+                let (n, Info { scene, model, .. }) = (found.n_functions, dynamics.info());
+                let reason = format!(
+                    "scene {scene} of {model} has {n} equations between coordinates, but at most {MAX_INVARIANTS} \
+                     can be kept"
+                );
+                return Err(Error::Options { reason });
+            }
+            with_own_method(method, steps, purpose, dynamics, y, OnPositions(user))
+        }
+        _ => with_own_method(method, steps, purpose, dynamics, y, user),
+    }
+}
+
+/// The same without a thought for equations between coordinates.
+fn with_own_method<'a, U: WithMethod<'a>>(
     method: MethodName,
     steps: Steps,
     purpose: Purpose,
@@ -81,7 +120,7 @@ pub(crate) fn with_method<'a, U: WithMethod<'a>>(
             // A table ends a step of a series at every row, and most have many.
             let has_series = dynamics.series((0.0, f64::INFINITY), y, &mut []) == Some(f64::INFINITY);
             let chosen = auto::choose(rtol, dynamics.rhs_cost(), has_series, purpose);
-            return with_method(chosen, steps, purpose, dynamics, y, user);
+            return with_own_method(chosen, steps, purpose, dynamics, y, user);
         }
         MethodName::Isospectral => {
             let info = dynamics.info();

@@ -6,18 +6,20 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hamel_codegen::spec::Want;
+use hamel_runtime::consistent_by;
 
 use super::admissible::{self, Outcome, Places, project};
 use super::backend::{Backend, Local};
+use super::dynamics::VecState;
 use super::evaluate::{EvalRequest, prepare};
 use super::forms::Forms;
 use super::info::Info;
 use super::interpreted::{self, Built};
-use super::positions::{self, Equations};
 use super::simulation::SimulateRequest;
+use super::solver::MAX_INVARIANTS;
 use crate::error::Error;
-use crate::model::Checked;
 use crate::model::roles::{self, Role};
+use crate::model::{self, Checked};
 
 /// How often other values are tried when the scene has no value at the first ones.
 const N_ATTEMPTS: usize = 4;
@@ -31,8 +33,8 @@ pub struct Chosen<'a> {
     pub preferred: &'a BTreeMap<String, f64>,
     /// Values that it has to have.
     pub given: &'a BTreeMap<String, f64>,
-    /// Equations between coordinates.
-    pub equations: &'a Equations,
+    /// The scene, where its model has equations between coordinates.
+    pub positions: Option<&'a Built>,
 }
 
 /// A state of a scene in which `given` components have the given values, and others the `preferred` ones of the model.
@@ -51,7 +53,7 @@ pub fn state(
     forms: &Forms,
     chosen: Chosen<'_>,
 ) -> Result<Vec<f64>, Error> {
-    let Chosen { roles, preferred, given, equations } = chosen;
+    let Chosen { roles, preferred, given, positions } = chosen;
     let n_state = backend.info().state.len();
     let mut constraint = constraint;
     let own = forms.own_form();
@@ -77,14 +79,8 @@ pub fn state(
             }
         }
         let own_state = |y: &[f64]| forms.convert(params.0, 0.0, y, [&asked, &own]);
-        let coordinates = equations.free(&asked_names, roles, &|name| given.contains_key(name));
-        if !coordinates.is_empty() {
-            match &mut constraint {
-                Some(other) => {
-                    meet_positions(&mut **other, params.1, &own_state, &mut y, (equations, &coordinates))?;
-                }
-                None => meet_positions(backend, params.0, &own_state, &mut y, (equations, &coordinates))?,
-            }
+        if let Some(scene) = positions {
+            meet_positions(scene, params.0, &mut y, &|k| given.contains_key(&asked_names[k]))?;
         }
         if !free.is_empty() {
             match &mut constraint {
@@ -192,30 +188,44 @@ fn meet_constraint(
     }
 }
 
-/// Moves the coordinates at positions `free` until they satisfy the equations between coordinates.
+/// Moves the coordinates that equations give until they satisfy these; where some of them are given, all others in the
+/// equations. The components of `y` are those of the scene but for velocities, which no equation contains.
 fn meet_positions(
-    backend: &mut dyn Backend,
+    scene: &Built,
     params: &[f64],
-    own_state: OwnState<'_>,
-    y: &mut [f64],
-    (equations, free): (&Equations, &[usize]),
+    y: &mut Vec<f64>,
+    is_given: &dyn Fn(usize) -> bool,
 ) -> Result<(), Error> {
-    let constraint = backend.info().output_range(Want::Constraint.name());
-    let Some(residuals) = constraint.and_then(|range| equations.residuals(&range)) else { return Ok(()) };
-    let mut outputs = |states: Vec<Vec<f64>>| {
-        let states = states.iter().map(|y| own_state(y)).collect::<Result<_, Error>>()?;
-        Ok(backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs)
-    };
-    match positions::meet(&mut outputs, &residuals, y, free)? {
-        Outcome::Met => Ok(()),
-        Outcome::Missed { largest } => {
-            let reason = format!(
-                "the equations between coordinates are violated by {largest:e} and the coordinates that were not \
-                 given cannot meet them: give others"
-            );
-            Err(Error::State { path: "initial".into(), reason })
-        }
+    let dynamics = prepare(scene, params)?;
+    let Some(found) = dynamics.positions() else { return Ok(()) };
+    let mut free = found.moved.to_vec();
+    if free.iter().any(|k| is_given(*k)) {
+        free = scene.components_in_positions();
+        free.retain(|k| !is_given(*k));
     }
+    // Who gives all of them is told what is violated.
+    if free.is_empty() {
+        return Ok(());
+    }
+    let mut state = VecState(std::mem::take(y));
+    let met = consistent_by::<_, MAX_INVARIANTS, _>(&dynamics, 0.0, &mut state, &free);
+    *y = state.0;
+    let name = |index: usize| scene.position_names().get(index).cloned().unwrap_or_default();
+    let reason = match met {
+        Ok(()) => return Ok(()),
+        Err(hamel_runtime::Error::PositionMissed { index, residual, .. }) => format!(
+            "the equations between coordinates are violated by {residual:e} ({}) and the coordinates that were not \
+             given cannot meet them: give others",
+            name(index)
+        ),
+        Err(hamel_runtime::Error::PositionSingular { index, residual, .. }) => format!(
+            "the equations between coordinates are violated by {residual:e} ({}), at a dead centre, where the \
+             coordinates that were not given do not change that: give others beside it",
+            name(index)
+        ),
+        Err(other) => other.to_string(),
+    };
+    Err(Error::State { path: "initial".into(), reason })
 }
 
 /// Chooses parameters and initial states of a scene.
@@ -226,6 +236,8 @@ pub struct Starts<'a> {
     forms: Forms,
     /// Has the residual of the constraint where the scene itself leaves it out.
     residuals: Option<Built>,
+    /// The scene, where the model has equations between coordinates.
+    positions: Option<Built>,
 }
 
 impl<'a> Starts<'a> {
@@ -234,7 +246,9 @@ impl<'a> Starts<'a> {
     /// # Errors
     /// [`Error::Models`].
     pub fn new(model: &'a Arc<Checked>, info: &'a Info, forms: Forms) -> Result<Starts<'a>, Error> {
-        Ok(Starts { model, info, forms, residuals: residuals(model, info)? })
+        let positions =
+            model::has_positions(model).then(|| interpreted::build(model, &info.scene)).transpose()?;
+        Ok(Starts { model, info, forms, residuals: residuals(model, info)?, positions })
     }
 
     /// The value of a variable of some form at a state of the scene; none where there is no such variable.
@@ -260,8 +274,8 @@ impl<'a> Starts<'a> {
         let preferred = roles::initial_values(self.model, &all_params);
         let mut other = self.residuals.as_ref().map(Local::new);
         let other = other.as_mut().map(|local| local as &mut dyn Backend);
-        let equations = Equations::of(self.model);
-        let chosen = Chosen { roles: &roles, preferred: &preferred, given, equations: &equations };
+        let positions = self.positions.as_ref();
+        let chosen = Chosen { roles: &roles, preferred: &preferred, given, positions };
         let initial = state(backend, other, (&params, &params), &self.forms, chosen)?;
         // What the user gave may leave nothing to choose.
         if let Some(scene) = &self.residuals {

@@ -7,8 +7,8 @@ use std::marker::PhantomData;
 use hamel_runtime::{Dual, F64x4, Failure, MAX_ORDER, ParamError, Pivot, Real, Scene, System};
 
 use super::dynamics::{
-    BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PreparedDuals, PreparedLanes, PreparedScene,
-    VecState,
+    BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PositionEquations, PreparedDuals,
+    PreparedLanes, PreparedScene, VecState,
 };
 use super::info::Info;
 
@@ -223,6 +223,25 @@ where
     fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
         let mut rows = vec![[0.0; N]; gradients.len()];
         self.scene.invariant_gradients_of(t, array(y), &mut rows);
+        gradients.iter_mut().zip(&rows).for_each(|(gradient, row)| gradient.0.copy_from_slice(row));
+    }
+
+    fn positions(&self) -> Option<PositionEquations<'_>> {
+        let found = PositionEquations {
+            n_functions: S::N_POSITIONS,
+            n_equations: S::POSITION_EQUATIONS,
+            moved: S::MOVED,
+        };
+        (S::N_POSITIONS > 0).then_some(found)
+    }
+
+    fn position_residuals(&self, t: f64, y: &[f64], values: &mut [f64]) {
+        self.scene.positions_of(t, array(y), values);
+    }
+
+    fn position_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
+        let mut rows = vec![[0.0; N]; gradients.len()];
+        self.scene.position_gradients_of(t, array(y), &mut rows);
         gradients.iter_mut().zip(&rows).for_each(|(gradient, row)| gradient.0.copy_from_slice(row));
     }
 

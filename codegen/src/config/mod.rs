@@ -17,7 +17,7 @@ pub mod store;
 #[cfg(not(feature = "internals"))]
 mod store;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -62,9 +62,15 @@ pub fn read(path: impl AsRef<Path>) -> Result<Model, Problem> {
 }
 
 fn read_within(budget: Budget, path: &Path) -> Result<Model, Problem> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| Problem::Read { path: path.to_owned(), source })?;
-    spec::parse_within(budget, &path.display().to_string(), &text).map_err(Problem::Model)
+    parsed(budget, path, &text_of(path)?)
+}
+
+fn text_of(path: &Path) -> Result<String, Problem> {
+    std::fs::read_to_string(path).map_err(|source| Problem::Read { path: path.to_owned(), source })
+}
+
+fn parsed(budget: Budget, path: &Path, text: &str) -> Result<Model, Problem> {
+    spec::parse_within(budget, &path.display().to_string(), text).map_err(Problem::Model)
 }
 
 /// What is generated, and where it goes.
@@ -84,6 +90,7 @@ fn read_within(budget: Budget, path: &Path) -> Result<Model, Problem> {
 pub struct Config {
     out_dir: Option<PathBuf>,
     scenes: BTreeMap<String, Vec<String>>,
+    sizes: BTreeMap<String, i64>,
     include_file: Option<String>,
     emit_rerun_if_changed: bool,
     emit_warnings: bool,
@@ -110,6 +117,20 @@ impl Config {
         scenes: impl IntoIterator<Item = S>,
     ) -> &mut Config {
         self.scenes.insert(model.into(), scenes.into_iter().map(S::into).collect());
+        self
+    }
+
+    /// Reads model files as if a [size](spec::Model::sizes) had this value, whatever `size n = 3;` in a file says. Every
+    /// file that declares a size of this name is meant, and one has to.
+    ///
+    /// ```no_run
+    /// // build.rs
+    /// fn main() -> Result<(), hamel_codegen::config::Problems> {
+    ///     hamel_codegen::Config::new().size("n", 10).compile(&["models/chain.hamel"])
+    /// }
+    /// ```
+    pub fn size(&mut self, name: impl Into<String>, value: i64) -> &mut Config {
+        self.sizes.insert(name.into(), value);
         self
     }
 
@@ -200,9 +221,7 @@ impl Config {
         }
         let clock = Instant::now();
         let folder = self.folder(std::env::var_os("OUT_DIR"))?;
-        let models: Vec<Model> = collect(paths.iter().map(|path| {
-            read_within(self.budget.unwrap_or_default(), path.as_ref()).map_err(Problems::from)
-        }))?;
+        let models = self.read_all(paths)?;
         // A folder that was chosen holds what is checked in.
         let cache = self.out_dir.is_none().then(|| Cache::new(folder.join(CACHE)));
         self.compile_to(&folder, &models, cache.as_ref())?;
@@ -212,6 +231,32 @@ impl Config {
             }
         }
         Ok(())
+    }
+
+    /// The models of files, with the sizes that were asked for.
+    fn read_all(&self, paths: &[impl AsRef<Path>]) -> Result<Vec<Model>, Problems> {
+        let mut known: BTreeSet<String> = BTreeSet::new();
+        let models = collect(paths.iter().map(|path| {
+            let (path, budget) = (path.as_ref(), self.budget.unwrap_or_default());
+            let text = text_of(path)?;
+            let model = parsed(budget, path, &text)?;
+            let own: Vec<String> = model.sizes.iter().map(|size| size.name.clone()).collect();
+            let asked = self.sizes.iter().filter(|(name, _)| own.contains(name));
+            let asked: Vec<(String, i64)> = asked.map(|(name, value)| (name.clone(), *value)).collect();
+            known.extend(own);
+            if asked.is_empty() {
+                return Ok(model);
+            }
+            let text =
+                spec::with_sizes(&path.display().to_string(), &text, &asked).map_err(Problem::Model)?;
+            Ok(parsed(budget, path, &text)?)
+        }))?;
+        let known: Vec<String> = known.into_iter().collect();
+        let unknown = self.sizes.keys().filter(|name| !known.contains(name));
+        collect(unknown.map(|name| {
+            Err::<(), _>(Problem::UnknownSize { name: name.clone(), known: known.clone() }.into())
+        }))?;
+        Ok(models)
     }
 
     /// As [`Config::compile`] for models that are there already, such as those of [`spec::ModelBuilder`].

@@ -29,6 +29,13 @@ pub enum Problem {
         /// The models there are.
         known: Vec<String>,
     },
+    /// A size was asked for that no model file declares.
+    UnknownSize {
+        /// The name.
+        name: String,
+        /// The sizes there are.
+        known: Vec<String>,
+    },
     /// Two scenes whose modules would have the same name.
     SameModule {
         /// Name of the module.
@@ -77,6 +84,12 @@ impl fmt::Display for Problem {
             Problem::Model(diagnostics) => f.write_str(diagnostics.render(false).trim_end()),
             Problem::UnknownModel { name, known } => {
                 write!(f, "scenes of `{name}` were chosen, which is none of the models: {}", known.join(", "))
+            }
+            Problem::UnknownSize { name, known } if known.is_empty() => {
+                write!(f, "size `{name}` was asked for, and the models have none: declare `size {name} = 3;`")
+            }
+            Problem::UnknownSize { name, known } => {
+                write!(f, "size `{name}` was asked for, which is none of the models' sizes: {}", known.join(", "))
             }
             Problem::SameModule { module, scenes: [a, b] } => {
                 write!(f, "{a} and {b} would both be generated as {module}.rs: rename one of them")

@@ -8,7 +8,7 @@ use super::body::{Code, Segment, constant};
 use super::dialect::Dialect;
 use super::expression::{Formula, Text, operation};
 use super::names::Scope;
-use super::text::{FlowText, ImplicitText, MatrixText, OutputText, ProductText, SceneText};
+use super::text::{FlowText, ImplicitText, MatrixText, OutputText, PositionsText, ProductText, SceneText};
 use crate::error::Error;
 use crate::program::{Circles, Factors, Function, Operand, Program, Role};
 
@@ -359,6 +359,14 @@ impl<'a> Module<'a> {
         let gradients = self.matrix_function(GRADIENTS)?;
         let values = self.outputs.iter().find(|o| o.text.name == INVARIANTS)?;
         Some((values.text.components.len(), &values.name, gradients))
+    }
+
+    /// The equations between coordinates: number of functions, the functions of their values and gradients.
+    pub(super) fn positions(&self) -> Option<(&PositionsText, usize, &str, &str)> {
+        let text = self.text.positions.as_ref()?;
+        let gradients = self.matrix_function(&text.gradients)?;
+        let values = self.outputs.iter().find(|o| o.text.name == text.values)?;
+        Some((text, values.text.components.len(), &values.name, gradients))
     }
 
     /// The function that computes the functions of events; none where the scene has no events.

@@ -38,6 +38,8 @@ pub struct SceneText {
     pub products: Vec<ProductText>,
     /// The implicit form, where the scene wants it.
     pub implicit: Option<ImplicitText>,
+    /// The equations between coordinates, where the scene wants them.
+    pub positions: Option<PositionsText>,
     /// The exact flows, the functions [`Role::Flow`] of the program.
     pub flows: Vec<FlowText>,
     /// Units, as far as they are known.
@@ -53,6 +55,19 @@ pub struct SceneText {
     /// What parameters and components of the state form together, for a module that speaks in the types of
     /// `nalgebra`; none for a module that does without.
     pub groups: Option<GroupTexts>,
+}
+
+/// The equations between coordinates of a scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PositionsText {
+    /// The output with the residuals, and behind them what coordinates keep.
+    pub values: String,
+    /// The matrix whose rows are their gradients.
+    pub gradients: String,
+    /// How many of them have to vanish.
+    pub n_equations: usize,
+    /// Components of the state that are moved to solve the equations.
+    pub moved: Vec<usize>,
 }
 
 /// What the module of a fluid that is moved as products of matrices says.

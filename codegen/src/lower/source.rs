@@ -115,12 +115,17 @@ impl<'a> Source<'a> {
         signs
     }
 
-    /// The circles whose relation a function may use: all of them, unless it speaks of nothing but the circles, as one
-    /// does that asks how far the state has drifted off them.
+    /// The circles whose relation a function may use: all of them but those of which a result is a function, as one is
+    /// that asks how far the state has drifted off them; none if it speaks of nothing but the circles.
     pub(super) fn circles_for(&self, graph: &Graph, roots: &[ExprId]) -> Vec<[SymbolId; 2]> {
         let own: BTreeSet<SymbolId> = self.inputs.circles.iter().flatten().copied().collect();
         let is_about_circles = roots.iter().all(|e| graph.free_symbols(*e).is_subset(&own));
-        if is_about_circles { Vec::new() } else { self.inputs.circles.clone() }
+        let is_result = |circle: &[SymbolId; 2]| {
+            let both: BTreeSet<SymbolId> = circle.iter().copied().collect();
+            roots.iter().any(|e| graph.free_symbols(*e) == both)
+        };
+        let others = self.inputs.circles.iter().filter(|circle| !is_about_circles && !is_result(circle));
+        others.copied().collect()
     }
 }
 

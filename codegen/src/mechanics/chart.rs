@@ -39,7 +39,7 @@ impl Chart {
             Chart { coordinates: (0..n).collect(), determinant, values: BTreeMap::new(), definitions };
         let residuals = equations.outputs.iter().filter(|o| o.kind == OutputKind::Group(Want::Constraint));
         // The equations of motion are what they are beside equations between coordinates as well.
-        let positions: Vec<ExprId> = equations.system.positions.iter().map(|(_, e)| *e).collect();
+        let positions: Vec<ExprId> = equations.system.positions.iter().map(|p| p.residual).collect();
         let residuals = residuals.flat_map(|o| o.components.iter().map(|(_, e)| *e));
         let residuals: Vec<ExprId> = residuals.filter(|e| !positions.contains(e)).collect();
         if residuals.is_empty() {

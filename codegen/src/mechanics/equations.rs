@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::expr::{ExprId, Section, Sign, Style, SymbolId, Vanishing, sign_of};
+use crate::expr::{ExprId, Graph, Section, Sign, Style, SymbolId, Vanishing, sign_of};
 use crate::reduction::ReducedSystem;
 use crate::spec::Want;
 
@@ -34,7 +34,7 @@ pub enum OutputKind {
     Component,
     /// What an event sets.
     After,
-    /// The gradients of the invariants.
+    /// The gradients of other outputs.
     Gradients,
     /// What the motion has besides the nonholonomic bracket with the energy.
     Remainder,
@@ -263,7 +263,12 @@ impl Equations {
 
     /// Whether an expression depends on parameters alone, also through definitions.
     pub fn is_parameter_only(&self, e: ExprId) -> bool {
-        !self.system.graph.depends_on(e, &self.varying)
+        self.is_parameter_only_in(&self.system.graph, e)
+    }
+
+    /// The same for an expression of a graph that has grown from that of the equations.
+    pub(super) fn is_parameter_only_in(&self, g: &Graph, e: ExprId) -> bool {
+        !g.depends_on(e, &self.varying)
     }
 
     /// An expression of these equations as text.

@@ -410,7 +410,7 @@ impl Search<'_> {
         let mut speeds = vec![self.g.one()];
         let zero = self.g.zero();
         for number in numbers {
-            if number == zero || !equations.is_parameter_only(number) {
+            if number == zero || !equations.is_parameter_only_in(self.g, number) {
                 continue;
             }
             let factors: Vec<ExprId> = match self.g.node(number) {

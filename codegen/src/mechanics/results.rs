@@ -312,7 +312,7 @@ impl Derivation<'_> {
                 !facts.energy_is_conserved && self.vanishes_with(energy_rate, &motion, &components);
             kept = components;
         }
-        kept.extend(system.positions.iter().cloned());
+        kept.extend(system.positions.iter().map(|p| (p.name.clone(), p.residual)));
         if !kept.is_empty() {
             let doc = "residual of the constraints, zero along the motion";
             outputs.push(Output::group(Want::Constraint, kept, doc));

@@ -20,7 +20,7 @@ use super::given;
 use super::momenta::{self, CarriedMomentum};
 use super::reconstruction;
 use super::stages::Stages;
-use super::system::{Block, BlockKind, ReducedSystem, StateKind};
+use super::system::{Block, BlockKind, PositionResidual, ReducedSystem, StateKind};
 
 /// A model that says everything itself on its Lie algebroid: no connection is left to derive.
 ///
@@ -101,7 +101,12 @@ pub(super) fn on_algebroid(
     let algebra = model.n_shape()..velocities.len();
     let accelerations = model.given.as_deref().map(given::accelerations);
     let positions = model.constraints.iter();
-    let positions = positions.filter_map(|c| Some((format!("position_{}", c.name), c.position?.residual)));
+    let positions = positions.filter_map(|c| {
+        let position = c.position?;
+        let determines = position.determines.map(|k| model.base[k].symbol).into_iter().collect();
+        let name = format!("position_{}", c.name);
+        Some(PositionResidual { name, residual: position.residual, determines })
+    });
     let positions = positions.collect();
     let (graph, side) = (&mut model.graph, model.action);
     let items = &model.reconstruction;

@@ -121,6 +121,13 @@ pub fn with_circles(
         let (name, doc) = (t.circle.angle.clone(), t.doc.clone());
         Some(NamedVector { name, components, doc, part: OutputPart::Own })
     }));
+    for position in &mut system.positions {
+        let components = |symbol: &SymbolId| match turned.iter().find(|t| t.angle == *symbol) {
+            Some(Turned { circle, .. }) => vec![circle.cosine, circle.sine],
+            None => vec![*symbol],
+        };
+        position.determines = position.determines.iter().flat_map(components).collect();
+    }
     system.circles = turned.into_iter().map(|t| t.circle).collect();
     Ok(system)
 }

@@ -71,6 +71,18 @@ pub enum BlockKind {
     Reconstructed,
 }
 
+/// An equation between coordinates.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PositionResidual {
+    /// Its name: `position_` and that of the coordinate or the constraint.
+    pub name: String,
+    /// `f(x, a, t)`, zero along the motion from initial values that satisfy the equation.
+    pub residual: ExprId,
+    /// The components of the base that the equation gives, with others of its item; none where it says nothing about
+    /// that.
+    pub determines: Vec<SymbolId>,
+}
+
 /// An angle that a base carries as the point `(cos, sin)` of the unit circle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Circle {
@@ -131,9 +143,8 @@ pub struct ReducedSystem {
     /// Accelerations along constraints of third order, which are base coordinates of the algebroid that no velocity
     /// moves.
     pub higher: HigherOrder,
-    /// Equations between coordinates, with names: what vanishes along the motion from initial values that satisfy them.
-    /// The constraint contains their derivatives.
-    pub positions: Vec<(String, ExprId)>,
+    /// Equations between coordinates; the constraint contains their derivatives.
+    pub positions: Vec<PositionResidual>,
     /// What equations without accelerations say, where the Lagrangian is degenerate; the constraint contains it.
     pub degeneracy: Option<Degeneracy>,
     /// The velocities that the state carries: independent ones and quasi-velocities, or all in the multiplier form.
@@ -253,7 +264,7 @@ impl ReducedSystem {
         list.extend(forces.iter_mut().enumerate().map(|(k, e)| (Part::Force(k), e)));
         list.extend(constraint.expressions_mut());
         list.extend(carried.iter_mut().map(|c| (Part::CarriedRate, &mut c.rate)));
-        list.extend(positions.iter_mut().map(|(_, e)| (Part::Position, e)));
+        list.extend(positions.iter_mut().map(|p| (Part::Position, &mut p.residual)));
         let conditions = degeneracy.iter_mut().flat_map(Degeneracy::expressions_mut);
         list.extend(conditions.map(|e| (Part::Degeneracy, e)));
         list.extend(casimirs.iter_mut().enumerate().map(|(k, c)| (Part::Casimir(k), &mut c.expr)));

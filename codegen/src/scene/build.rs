@@ -18,7 +18,7 @@ use super::built::{BuiltScene, legendre_role};
 use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::pivots::sorted_pivots;
 use super::plan::{DEFAULT, Drops, Outputs, Plan};
-use super::{bracket, derivatives, events, implicit, invariants, splitting};
+use super::{bracket, derivatives, events, implicit, invariants, positions, splitting};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -221,6 +221,7 @@ pub(super) fn build_derived(
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
+            Error::NoPositions { .. } => place_of(Want::Positions.name()),
             Error::NoBracket { .. } => {
                 place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
             }
@@ -345,6 +346,15 @@ pub(super) fn lower_scene(
         matrices.push(found.gradients);
         own_sections.extend(found.sections);
     }
+    let mut layout = None;
+    if plan.positions {
+        let (found, how) = positions::find(&mut graph, &equations, &state)?;
+        graph.within_budget()?;
+        outputs.extend(found.outputs);
+        matrices.push(found.gradients);
+        own_sections.extend(found.sections);
+        layout = Some(how);
+    }
     if plan.phases {
         outputs.push(phases_of(&mut graph, &equations, &state)?);
     }
@@ -444,6 +454,7 @@ pub(super) fn lower_scene(
         matrices,
         products,
         implicit: implicit_form,
+        positions: layout,
         flows,
         events,
         wants_taylor,

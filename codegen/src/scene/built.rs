@@ -13,6 +13,7 @@ use super::dependence::outputs_of_model;
 use super::derivatives::{Matrix, Product};
 use super::events::SceneEvent;
 use super::implicit::Implicit;
+use super::positions::PositionLayout;
 
 /// A scene after the whole pipeline: its equations and its program.
 #[derive(Clone, Debug)]
@@ -31,6 +32,7 @@ pub struct BuiltScene {
     pub(super) matrices: Vec<Matrix>,
     pub(super) products: Vec<Product>,
     pub(super) implicit: Option<Implicit>,
+    pub(super) positions: Option<PositionLayout>,
     pub(super) flows: Vec<Vec<String>>,
     pub(super) events: Vec<SceneEvent>,
     /// Whether the emitted module has the Taylor coefficients of solutions.
@@ -89,6 +91,11 @@ impl BuiltScene {
     /// The implicit form, where the scene wants it.
     pub fn implicit(&self) -> Option<&Implicit> {
         self.implicit.as_ref()
+    }
+
+    /// How the equations between coordinates are solved, where the scene wants them.
+    pub fn positions(&self) -> Option<&PositionLayout> {
+        self.positions.as_ref()
     }
 
     /// The exact flows that the scene has, each by the linear forms of the state that its part of the Hamiltonian is a

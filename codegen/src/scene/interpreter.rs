@@ -4,6 +4,7 @@
 //! Does not know: how the program was made, which other ways there are to run one.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use hamel_runtime::{Dual, Real};
 
@@ -18,6 +19,7 @@ use super::events::SceneEvent;
 use super::implicit;
 use super::invariants::GRADIENTS;
 use super::plan::INVARIANTS;
+use super::positions::{self, PositionLayout};
 use super::splitting::flow_role;
 
 /// What it takes to run a scene: a plain value without equations, which the feature `serde` stores and reads back.
@@ -28,6 +30,8 @@ pub struct Executable {
     pub program: Program,
     /// The events, whose functions are the output `events`.
     pub events: Vec<SceneEvent>,
+    /// How the equations between coordinates are solved, where the scene wants them.
+    pub positions: Option<PositionLayout>,
     patterns: Vec<Pattern>,
 }
 
@@ -122,6 +126,21 @@ impl Executable {
     pub fn n_invariants(&self) -> usize {
         self.program.function(&Role::Output(INVARIANTS.to_owned())).map_or(0, |f| f.results.len())
     }
+
+    /// The components of the state that the equations between coordinates contain; empty if the scene does not want
+    /// them.
+    pub fn components_in_positions(&self) -> Vec<usize> {
+        let pattern = self.patterns.iter().find(|pattern| pattern.name == positions::GRADIENTS);
+        let columns: BTreeSet<usize> = pattern.iter().flat_map(|p| &p.places).map(|(_, j)| *j).collect();
+        columns.into_iter().collect()
+    }
+
+    /// Names of the residuals of the equations between coordinates, and of what coordinates keep beside them; empty if
+    /// the scene does not want them.
+    pub fn position_names(&self) -> Vec<String> {
+        let function = self.program.function(&Role::Output(Want::Positions.name().to_owned()));
+        function.map_or_else(Vec::new, |f| f.results.iter().map(|(name, _)| name.clone()).collect())
+    }
 }
 
 /// The recurrence of the Taylor coefficients of the solutions of a program's right-hand side.
@@ -139,7 +158,7 @@ impl BuiltScene {
     /// What it takes to run the scene.
     pub fn executable(&self) -> Executable {
         let (program, events) = (self.program.clone(), self.events().to_vec());
-        Executable { program, events, patterns: self.patterns() }
+        Executable { program, events, positions: self.positions().cloned(), patterns: self.patterns() }
     }
 
     fn patterns(&self) -> Vec<Pattern> {
@@ -449,6 +468,23 @@ impl Interpreter<'_> {
     /// When the size of `y` is wrong.
     pub fn invariant_gradients(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
         self.matrix_named(GRADIENTS, t, y)
+    }
+
+    /// Residuals of the equations between coordinates, and behind them what coordinates keep, when the scene wants
+    /// them.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn positions(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
+        self.values(&Role::Output(Want::Positions.name().to_owned()), t, y)
+    }
+
+    /// Their gradients, a row for each.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn position_gradients(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.matrix_named(positions::GRADIENTS, t, y)
     }
 
     /// The matrix `Pi` of the nonholonomic bracket, `y' = Pi dE + R`, when the scene wants it.

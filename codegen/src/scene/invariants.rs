@@ -12,25 +12,16 @@
 use std::collections::BTreeSet;
 
 use super::dependence::{left_out, needs};
-use super::derivatives::Matrix;
+use super::gradients::{WithGradients, Words, with_gradients};
 use crate::differentiate::Linearisation;
-use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, independent_rows, needed_sections};
+use crate::expr::{ExprId, Graph, SectionWriter, SymbolId, independent_rows, needed_sections};
 use crate::lower::Inputs;
-use crate::mechanics::{ConservedMomenta, Equations, Output, OutputKind, StateEquation};
+use crate::mechanics::{ConservedMomenta, Equations, OutputKind, StateEquation};
 use crate::reduction::Block;
 use crate::spec::Want;
 
 /// Name of the matrix of the gradients, a row for each invariant.
 pub(super) const GRADIENTS: &str = "invariant_gradients";
-
-/// The invariants of a scene, and what has to be lowered for them.
-pub(super) struct Invariants {
-    /// Values, and the entries of the gradients that do not vanish identically.
-    pub(super) outputs: [Output; 2],
-    pub(super) gradients: Matrix,
-    /// To come after the sections of the equations.
-    pub(super) sections: Vec<Section>,
-}
 
 /// Finds the invariants of the motion of `state`; none if nothing but components of it is conserved.
 pub(super) fn find(
@@ -38,48 +29,20 @@ pub(super) fn find(
     equations: &Equations,
     state: &[StateEquation],
     inputs: &Inputs,
-) -> Option<Invariants> {
-    let (names, values): (Vec<String>, Vec<ExprId>) =
-        conserved(g, equations, state, inputs).into_iter().unzip();
+) -> Option<WithGradients> {
+    let functions = conserved(g, equations, state, inputs);
     let moving: Vec<usize> = (0..state.len()).filter(|k| state[*k].derivative != g.zero()).collect();
-    let by: Vec<SymbolId> = moving.iter().map(|k| state[*k].symbol).collect();
-    let sections = needed_sections(g, &equations.sections, &values);
-    let linear = Linearisation::new(g, &sections, &values, &by);
-    let mut writer = SectionWriter::new(g, BTreeSet::new(), &[]);
-    let name = |value: &str, input: &str| format!("d_{value}_d_{input}");
-    let rows = linear.jacobian(g, &mut writer, name, |section| format!("derivatives of: {section}"));
-    let kept = independent_rows(g, &rows);
-    let (mut components, mut entries, mut pattern) = (Vec::new(), Vec::new(), Vec::new());
-    for (i, k) in kept.into_iter().enumerate() {
-        components.push((names[k].clone(), values[k]));
-        for (j, e) in moving.iter().zip(&rows[k]).filter(|(_, e)| **e != g.zero()) {
-            entries.push((name(&names[k], &state[*j].name), *e));
-            pattern.push((i, *j));
-        }
-    }
-    let shape = (components.len(), state.len());
-    let values = "functions of time and state that are constant along every motion";
-    let slopes = "entries of the gradients of the invariants that do not vanish identically, row by row";
-    (shape.0 > 0).then(|| Invariants {
-        outputs: [
-            Output::group(Want::Invariants, components, values),
-            Output {
-                kind: OutputKind::Gradients,
-                name: GRADIENTS.into(),
-                components: entries,
-                doc: slopes.into(),
-            },
-        ],
-        gradients: Matrix {
-            name: GRADIENTS,
-            shape,
-            pattern,
-            is_antisymmetric: false,
-            doc: "matrix of the derivatives of the invariants by the components of the state that move, a row for each \
-                  invariant",
-        },
-        sections: writer.finish().0,
-    })
+    let words = Words {
+        want: Want::Invariants,
+        values: "functions of time and state that are constant along every motion",
+        gradients: GRADIENTS,
+        doc: "matrix of the derivatives of the invariants by the components of the state that move, a row for each \
+              invariant",
+    };
+    let found = with_gradients(g, equations, state, (&functions, &moving), &words, |g, rows| {
+        independent_rows(g, rows)
+    });
+    (found.gradients.shape.0 > 0).then_some(found)
 }
 
 /// The candidates whose rate vanishes identically.
@@ -104,7 +67,7 @@ fn conserved(
     // kept.
     let residuals = equations.outputs.iter().filter(|o| o.kind == OutputKind::Group(Want::Constraint));
     let residuals: Vec<ExprId> = residuals.flat_map(|o| o.components.iter().map(|(_, e)| *e)).collect();
-    let positions: BTreeSet<ExprId> = equations.system.positions.iter().map(|(_, e)| *e).collect();
+    let positions: BTreeSet<ExprId> = equations.system.positions.iter().map(|p| p.residual).collect();
     let mut is_kept = |value: ExprId, rate: ExprId| {
         g.is_zero(rate)
             || (positions.contains(&value) && residuals.iter().any(|residual| g.is_equal(rate, *residual)))

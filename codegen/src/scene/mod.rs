@@ -18,12 +18,14 @@ mod dependence;
 mod derivatives;
 mod events;
 mod formulations;
+mod gradients;
 mod groups;
 mod implicit;
 mod interpreter;
 mod invariants;
 mod pivots;
 mod plan;
+mod positions;
 mod splitting;
 #[cfg(test)]
 mod tests;
@@ -51,6 +53,7 @@ pub use formulations::{Candidate, Formulations, LeftOut, Progress};
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
+pub use positions::PositionLayout;
 pub use text::{Language, Writing};
 
 /// The scenes of a model; what several of them share is derived once.
@@ -407,6 +410,16 @@ impl BuiltScene {
     /// [`Error::NothingConserved`], and what lowering can find.
     pub fn with_invariants(&self) -> Result<BuiltScene, Error> {
         let plan = Plan { invariants: true, ..self.bare_plan() };
+        lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
+    }
+
+    /// The scene with the same parameters and state that wants the right-hand side and the residuals of the equations
+    /// between coordinates.
+    ///
+    /// # Errors
+    /// [`Error::NoPositions`], and what lowering can find.
+    pub fn with_positions(&self) -> Result<BuiltScene, Error> {
+        let plan = Plan { positions: true, ..self.bare_plan() };
         lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
     }
 

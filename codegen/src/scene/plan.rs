@@ -37,6 +37,8 @@ pub(super) struct Plan {
     pub(super) energy: bool,
     pub(super) derivatives: BTreeSet<Derivative>,
     pub(super) invariants: bool,
+    /// Residuals of the equations between coordinates.
+    pub(super) positions: bool,
     /// Rates of geometric and dynamic phases.
     pub(super) phases: bool,
     /// The nonholonomic bracket.
@@ -56,7 +58,7 @@ pub(super) struct Plan {
     pub(super) chosen: Option<String>,
 }
 
-/// Outputs of a scene besides energy, derivatives and invariants.
+/// Outputs of a scene besides energy, derivatives, invariants and positions.
 #[derive(Clone, Debug)]
 pub(super) enum Outputs {
     All,
@@ -83,6 +85,7 @@ impl Plan {
             energy: false,
             derivatives: BTreeSet::new(),
             invariants: false,
+            positions: false,
             phases: false,
             bracket: false,
             hamiltonian_time: false,
@@ -118,6 +121,7 @@ impl Plan {
                     Wanted::Want(Want::Reconstruction) => plan.reconstructs = true,
                     Wanted::Want(Want::Taylor) => plan.taylor = true,
                     Wanted::Want(Want::Invariants) => plan.invariants = true,
+                    Wanted::Want(Want::Positions) => plan.positions = true,
                     Wanted::Want(Want::Phases) => plan.phases = true,
                     Wanted::Want(Want::Bracket) => plan.bracket = true,
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,

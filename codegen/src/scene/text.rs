@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, MatrixText, OutputText,
-    ParamText, ProductText, SceneEntry, SceneText, StateText, UnitText, UnitTexts, WasmModule,
+    ParamText, PositionsText, ProductText, SceneEntry, SceneText, StateText, UnitText, UnitTexts, WasmModule,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
@@ -20,6 +20,7 @@ use super::events::SceneEvent;
 use super::groups::groups;
 use super::implicit::{self, Implicit};
 use super::interpreter;
+use super::positions::{self, PositionLayout};
 use super::splitting::flow_role;
 
 /// How a scene's module is written down.
@@ -213,6 +214,7 @@ impl BuiltScene {
             matrices: self.matrices.iter().map(matrix_text).collect(),
             products: self.products.iter().map(product_text).chain(self.legendre_text()).collect(),
             implicit: self.implicit().map(implicit_text),
+            positions: self.positions().map(positions_text),
             flows: self.flows().iter().enumerate().map(flow_text).collect(),
             units: self.unit_texts(),
             events: self.events().iter().map(event_text).collect(),
@@ -256,6 +258,15 @@ fn implicit_text(implicit: &Implicit) -> ImplicitText {
         index: implicit.index,
         pattern: implicit.pattern.clone(),
         state: implicit.state.clone(),
+    }
+}
+
+fn positions_text(layout: &PositionLayout) -> PositionsText {
+    PositionsText {
+        values: Want::Positions.name().to_owned(),
+        gradients: positions::GRADIENTS.to_owned(),
+        n_equations: layout.n_equations,
+        moved: layout.moved.clone(),
     }
 }
 

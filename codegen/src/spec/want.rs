@@ -68,6 +68,8 @@ pub enum Want {
     Taylor,
     /// What the motion conserves, with gradients.
     Invariants,
+    /// Residuals of the equations between coordinates, with gradients.
+    Positions,
     /// The nonholonomic bracket of the components of the state.
     Bracket,
     /// The time in which the motion is Hamiltonian.
@@ -82,7 +84,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 34] = [
+    pub const ALL: [Want; 35] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -112,6 +114,7 @@ impl Want {
         Want::Phases,
         Want::Taylor,
         Want::Invariants,
+        Want::Positions,
         Want::Bracket,
         Want::HamiltonianTime,
         Want::Splitting,
@@ -151,6 +154,7 @@ impl Want {
             Want::Phases => "phases",
             Want::Taylor => "taylor",
             Want::Invariants => "invariants",
+            Want::Positions => "positions",
             Want::Bracket => "bracket",
             Want::HamiltonianTime => "hamiltonian_time",
             Want::Splitting => "splitting",
@@ -170,7 +174,7 @@ impl Want {
         use Want::{
             Bracket, Casimirs, Circles, Constraint, Events, Feedthrough, HamiltonianTime, Implicit,
             InputJacobian, Invariants, Linearization, Matrices, MomentumEquation, NonholonomicMomentum,
-            OutputJacobian, Outputs, Phases, Sections, Splitting, Taylor, Velocities,
+            OutputJacobian, Outputs, Phases, Positions, Sections, Splitting, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -186,6 +190,7 @@ impl Want {
                 | Taylor
                 | Velocities
                 | Invariants
+                | Positions
                 | Bracket
                 | HamiltonianTime
                 | Splitting

@@ -5,6 +5,7 @@
 //! the order conditions next to the printed numbers (Newton's iteration, least correction); `tests` checks all
 //! conditions to the last of these digits.
 
+mod directions;
 mod dla;
 mod dop853;
 mod dopri5;
@@ -25,6 +26,7 @@ mod taylor;
 mod tsit5;
 mod vern9;
 
+pub(crate) use directions::Directions;
 pub use dla::{Dla, DlaStorage};
 pub use dop853::Dop853;
 pub use dopri5::Dopri5;
@@ -35,7 +37,7 @@ pub use gauss::{Gauss16, Halves};
 #[cfg(feature = "lanes")]
 pub use gbs14::{Gbs14, Rows};
 pub use on_circles::{OnCircles, Turning};
-pub use projected::{Invariants, Projected, Projection};
+pub use projected::{Invariants, Levels, OfMotion, OfPositions, Projected, Projection};
 pub use rk4::Rk4;
 #[cfg(feature = "lanes")]
 pub use rows_in_turn::Turns;

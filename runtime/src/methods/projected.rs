@@ -3,9 +3,13 @@
 //! The module deliberately does not know what an invariant means: energy, Casimir, constraint, or the equations of a
 //! group in its coordinates.
 
+use core::marker::PhantomData;
+
+use super::directions::Directions;
 use super::{Method, Point, Start, Step, Tableau, two_sum};
 use crate::error::Error;
 use crate::options::{Options, signed};
+use crate::positions::Positions;
 use crate::real::Real;
 use crate::system::{StateVector, System};
 
@@ -33,6 +37,61 @@ impl<R: Real, const K: usize, S: Invariants<R, K> + ?Sized> Invariants<R, K> for
     }
 }
 
+/// Functions that a projection keeps at their levels.
+pub trait Levels<R: Real, S: System<R>, const K: usize> {
+    /// What the functions are kept at along the motion through a state.
+    fn levels(system: &S, t: R, y: &S::State) -> [R; K];
+
+    /// Their values.
+    fn values(system: &S, t: R, y: &S::State) -> [R; K];
+
+    /// Writes their gradients.
+    fn gradients(system: &S, t: R, y: &S::State, gradients: &mut [S::State; K]);
+}
+
+/// Projection onto the [`Invariants`] of the motion, at their values at the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OfMotion;
+
+impl<R: Real, S: Invariants<R, K>, const K: usize> Levels<R, S, K> for OfMotion {
+    #[inline]
+    fn levels(system: &S, t: R, y: &S::State) -> [R; K] {
+        system.values(t, y)
+    }
+
+    #[inline]
+    fn values(system: &S, t: R, y: &S::State) -> [R; K] {
+        system.values(t, y)
+    }
+
+    #[inline]
+    fn gradients(system: &S, t: R, y: &S::State, gradients: &mut [S::State; K]) {
+        system.gradients(t, y, gradients);
+    }
+}
+
+/// Projection onto the equations between coordinates alone: residuals are kept at zero, whatever they are at the start,
+/// which [`consistent`](crate::consistent) makes zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OfPositions;
+
+impl<R: Real, S: Positions<R, K>, const K: usize> Levels<R, S, K> for OfPositions {
+    #[inline]
+    fn levels(system: &S, t: R, y: &S::State) -> [R; K] {
+        system.levels(t, y)
+    }
+
+    #[inline]
+    fn values(system: &S, t: R, y: &S::State) -> [R; K] {
+        system.residuals(t, y)
+    }
+
+    #[inline]
+    fn gradients(system: &S, t: R, y: &S::State, gradients: &mut [S::State; K]) {
+        system.residual_gradients(t, y, gradients);
+    }
+}
+
 /// A method whose every step ends with a projection onto the `K` invariants of the system.
 ///
 /// ```text
@@ -53,21 +112,24 @@ impl<R: Real, const K: usize, S: Invariants<R, K> + ?Sized> Invariants<R, K> for
 /// equations costs less than exponentials in every stage, works in any method and with its dense output and error
 /// control, and the distance to the group does not grow.
 ///
+/// With [`OfPositions`] it is a projection onto the equations between coordinates of a system with [`Positions`].
+///
 /// # Source
 ///
 /// Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), algorithm IV.4.2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Projected<M, const K: usize> {
+pub struct Projected<M, const K: usize, L = OfMotion> {
     method: M,
     /// The first so many of the invariants are kept.
     kept: usize,
+    levels: PhantomData<L>,
 }
 
 impl<M, const K: usize> Projected<M, K> {
     /// The method with projection onto all invariants.
     #[must_use]
     pub const fn new(method: M) -> Self {
-        Self { method, kept: K }
+        Self { method, kept: K, levels: PhantomData }
     }
 
     /// The method with projection onto the first `kept` of the invariants, all of them if there are fewer.
@@ -77,7 +139,15 @@ impl<M, const K: usize> Projected<M, K> {
     /// invariants of a generated scene are Casimirs first, then the energy.
     #[must_use]
     pub const fn onto_first(method: M, kept: usize) -> Self {
-        Self { method, kept: if kept < K { kept } else { K } }
+        Self { method, kept: if kept < K { kept } else { K }, levels: PhantomData }
+    }
+}
+
+impl<M, const K: usize> Projected<M, K, OfPositions> {
+    /// The method with projection onto the equations between coordinates.
+    #[must_use]
+    pub const fn onto_positions(method: M) -> Self {
+        Self { method, kept: K, levels: PhantomData }
     }
 }
 
@@ -92,13 +162,16 @@ impl<M: Default, const K: usize> Default for Projected<M, K> {
 pub struct Projection<R, V, T, const K: usize> {
     inner: T,
     levels: [R; K],
-    /// Gradients, then what is left of each after those before it.
-    gradients: [V; K],
-    /// Diagonal of `W`.
-    weights: V,
+    directions: Directions<V, K>,
 }
 
-impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S> for Projected<M, K> {
+impl<R, M, const K: usize, L, S> Method<R, S> for Projected<M, K, L>
+where
+    R: Real,
+    M: Method<R, S>,
+    L: Levels<R, S, K> + Copy,
+    S: System<R>,
+{
     const TABLEAU: &'static Tableau = M::TABLEAU;
 
     const DENSE_BY_STEPS: bool = M::DENSE_BY_STEPS;
@@ -112,9 +185,8 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
     fn storage(&self, system: &S, t0: R, y0: &S::State, options: &Options<R>) -> Self::Storage {
         Projection {
             inner: self.method.storage(system, t0, y0, options),
-            levels: system.values(t0, y0),
-            gradients: core::array::from_fn(|_| y0.zeros_like()),
-            weights: y0.zeros_like(),
+            levels: L::levels(system, t0, y0),
+            directions: Directions::new(y0),
         }
     }
 
@@ -141,7 +213,7 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
     /// The levels are those of the state that the motion goes on from.
     fn restart(&self, storage: &mut Self::Storage, system: &S, t: R, y: &S::State) {
         self.method.restart(&mut storage.inner, system, t, y);
-        storage.levels = system.values(t, y);
+        storage.levels = L::levels(system, t, y);
     }
 
     #[inline]
@@ -151,7 +223,7 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
 
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
         self.method.advance(&mut storage.inner, step)?;
-        storage.project(step, self.kept)
+        storage.project::<L, S>(step, self.kept)
     }
 
     #[inline]
@@ -173,7 +245,7 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
 
 impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
     /// Moves the end of a step onto the levels of the first `kept` invariants.
-    fn project<S: Invariants<R, K, State = V>>(
+    fn project<L: Levels<R, S, K>, S: System<R, State = V>>(
         &mut self,
         step: &mut Step<'_, R, S>,
         kept: usize,
@@ -184,40 +256,31 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
         if !step.to.state.as_slice().iter().all(|y| y.all_finite()) {
             return Ok(());
         }
-        let Some(mut defects) = self.defects(t, step.system.values(t, &step.to.state), kept)? else {
+        let Some(mut defects) = self.defects(t, L::values(step.system, t, &step.to.state), kept)? else {
             return Ok(());
         };
-        step.system.gradients(t, &step.to.state, &mut self.gradients);
+        L::gradients(step.system, t, &step.to.state, &mut self.directions.gradients);
         // What has no gradient is no direction to move in.
-        for gradient in &mut self.gradients[kept..] {
+        for gradient in &mut self.directions.gradients[kept..] {
             gradient.as_mut_slice().fill(R::ZERO);
         }
         let size = R::from_f64(self.size_rounded_by_distance(&defects, &step.to.state));
-        for (weight, &y) in self.weights.as_mut_slice().iter_mut().zip(step.to.state.as_slice()) {
+        let weights = self.directions.weights.as_mut_slice();
+        for (weight, &y) in weights.iter_mut().zip(step.to.state.as_slice()) {
             let y = y / size;
             *weight = y.mul_add(y, R::ONE).recip();
         }
-        let (slants, squares) = self.orthogonalise(&step.to.state);
+        let independent = self.directions.orthogonalise(|gradient| is_resolved(gradient, &step.to.state));
         for _ in 0..MAX_ITERATIONS {
-            let mut factors = [R::ZERO; K];
-            for k in 0..K {
-                if squares[k] == R::ZERO {
-                    continue;
-                }
-                let met = (0..k).fold(R::ZERO, |sum, j| sum + slants[k][j] * factors[j] * squares[j]);
-                factors[k] = (defects[k] - met) / squares[k];
-            }
+            let factors = independent.factors(&defects);
             let state = step.to.state.as_mut_slice().iter_mut().zip(step.to.residue.as_mut_slice());
             for (c, (state, residue)) in state.enumerate() {
-                let correction =
-                    (0..K).fold(R::ZERO, |sum, k| sum + factors[k] * self.gradients[k].as_slice()[c]);
-                let weight = self.weights.as_slice()[c];
                 // The residue stays out of it: next to half a place it would be tipped over by the smallest
                 // correction, and the state moved by a whole place.
-                let (moved, lost) = two_sum(*state, weight * correction);
+                let (moved, lost) = two_sum(*state, self.directions.change(&factors, c));
                 (*state, *residue) = (moved, *residue + lost);
             }
-            let Some(left) = self.defects(t, step.system.values(t, &step.to.state), kept)? else {
+            let Some(left) = self.defects(t, L::values(step.system, t, &step.to.state), kept)? else {
                 return Ok(());
             };
             // Round-off ends the progress.
@@ -234,7 +297,7 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
     /// gradients.
     fn size_rounded_by_distance(&self, defects: &[R; K], state: &V) -> f64 {
         let mut distance = 0.0_f64;
-        for (gradient, defect) in self.gradients.iter().zip(defects) {
+        for (gradient, defect) in self.directions.gradients.iter().zip(defects) {
             if is_resolved(gradient, state) {
                 let steepest = gradient.as_slice().iter().fold(0.0_f64, |max, q| max.max(q.magnitude()));
                 distance = distance.max(defect.magnitude() / steepest);
@@ -251,43 +314,6 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
             return Err(Error::InvariantNotFinite { t: signed(t), index });
         }
         Ok(defects.iter().any(|defect| *defect != R::ZERO).then_some(defects))
-    }
-
-    /// Subtracts from each gradient its components along those before it.
-    ///
-    /// Returns these components, relative to the squares of what is left, and the squares; zero where nothing is.
-    fn orthogonalise(&mut self, state: &V) -> ([[R; K]; K], [R; K]) {
-        /// Below this part of its size, in units of round-off, what is left of a gradient is round-off.
-        const DEPENDENT: f64 = 4.5e5;
-        let dependent = DEPENDENT * R::EPSILON;
-        let weights = self.weights.as_slice();
-        let dot = |a: &V, b: &V| {
-            let both = a.as_slice().iter().zip(b.as_slice()).zip(weights);
-            both.fold(R::ZERO, |sum, ((&a, &b), &weight)| (weight * a).mul_add(b, sum))
-        };
-        let (mut slants, mut squares) = ([[R::ZERO; K]; K], [R::ZERO; K]);
-        for k in 0..K {
-            let (before, from) = self.gradients.split_at_mut(k);
-            let gradient = &mut from[0];
-            if !is_resolved(gradient, state) {
-                continue;
-            }
-            let whole = dot(gradient, gradient);
-            for (j, direction) in before.iter().enumerate() {
-                if squares[j] == R::ZERO {
-                    continue;
-                }
-                slants[k][j] = dot(gradient, direction) / squares[j];
-                for (out, &along) in gradient.as_mut_slice().iter_mut().zip(direction.as_slice()) {
-                    *out -= slants[k][j] * along;
-                }
-            }
-            let left = dot(gradient, gradient);
-            if left.all_gt(R::from_f64(dependent * dependent) * whole) && left.all_finite() {
-                squares[k] = left;
-            }
-        }
-        (slants, squares)
     }
 }
 

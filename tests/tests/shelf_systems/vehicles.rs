@@ -181,3 +181,86 @@ impl Unreduced for Skate {
         rates.vector("d", &down).number("descent", q[0])
     }
 }
+
+/// Links in a chain with friction on the ground: coordinates are `x, y, a` of each of the four.
+pub(crate) struct SnakeWithFriction {
+    m: f64,
+    moment: f64,
+    l: f64,
+    friction: [f64; 2],
+    motor: [f64; 5],
+}
+
+/// Number of links.
+const LINKS: usize = 4;
+
+impl Unreduced for SnakeWithFriction {
+    fn new(p: &Parameters) -> Self {
+        let [m, moment, l] = ["m", "J", "l"].map(|name| p.get(name));
+        let friction = ["ct", "cn"].map(|name| p.get(name));
+        SnakeWithFriction {
+            m,
+            moment,
+            l,
+            friction,
+            motor: ["A", "nu", "beta", "k", "c"].map(|name| p.get(name)),
+        }
+    }
+
+    fn place(&self, random: &mut Random) -> Vec<f64> {
+        random_numbers(3 * LINKS, random)
+    }
+
+    fn lagrangian<R: Real>(&self, _q: &[R], v: &[R], _t: R) -> R {
+        let (m, j) = (R::from_f64(0.5 * self.m), R::from_f64(0.5 * self.moment));
+        v.chunks_exact(3)
+            .fold(R::from_f64(0.0), |sum, v| sum + m * (v[0] * v[0] + v[1] * v[1]) + j * v[2] * v[2])
+    }
+
+    /// The rear end of a link is the front end of the next.
+    fn holonomic<R: Real>(&self, q: &[R]) -> Vec<R> {
+        let l = R::from_f64(self.l);
+        let pins = q.chunks_exact(3).zip(q.chunks_exact(3).skip(1));
+        pins.flat_map(|(p, q)| {
+            [p[0] - q[0] - l * (p[2].cos() + q[2].cos()), p[1] - q[1] - l * (p[2].sin() + q[2].sin())]
+        })
+        .collect()
+    }
+
+    /// Friction by Gauss's rule of two points, which is exact for forces that are linear along a link.
+    fn force(&self, q: &[f64], v: &[f64], t: f64) -> Vec<f64> {
+        let [along, across] = self.friction;
+        let [amplitude, nu, beta, k, c] = self.motor;
+        let mut force = vec![0.0; 3 * LINKS];
+        for (i, (q, v)) in q.chunks_exact(3).zip(v.chunks_exact(3)).enumerate() {
+            let (sin, cos) = q[2].sin_cos();
+            for x in [-self.l / 3.0_f64.sqrt(), self.l / 3.0_f64.sqrt()] {
+                let [u, s] = in_frame(q[2], [v[0] - x * sin * v[2], v[1] + x * cos * v[2]]);
+                let [fu, fs] = [-0.5 * along * u, -0.5 * across * s];
+                force[3 * i] += cos * fu - sin * fs;
+                force[3 * i + 1] += sin * fu + cos * fs;
+                force[3 * i + 2] += x * fs;
+            }
+        }
+        for i in 1..LINKS {
+            let (angle, rate) = (q[3 * i + 2] - q[3 * i - 1], v[3 * i + 2] - v[3 * i - 1]);
+            let wave = amplitude * (nu * t - (i as f64 - 1.0) * beta).sin();
+            let torque = k * (wave - angle) - c * rate;
+            force[3 * i + 2] += torque;
+            force[3 * i - 1] -= torque;
+        }
+        force
+    }
+
+    fn state<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Variables<R> {
+        let differences = |q: &[R]| -> Vec<R> { (1..LINKS).map(|i| q[3 * i + 2] - q[3 * i - 1]).collect() };
+        let rates = differences(v);
+        let first = in_frame(q[2], [v[0], v[1]]);
+        let mut state =
+            Variables::new().vector("a", &differences(q)).number("omega", v[2]).vector("v", &first);
+        for (i, rate) in rates.into_iter().enumerate() {
+            state = state.number(&format!("a{}_dot", i + 1), rate);
+        }
+        state
+    }
+}

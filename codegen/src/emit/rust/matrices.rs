@@ -172,4 +172,65 @@ impl Writer<'_> {
             }
         }
     }
+
+    /// What solving the equations between coordinates asks for.
+    pub(super) fn positions(&self) -> TokenStream {
+        let Some((text, n_functions, values, gradients)) = self.module.positions() else {
+            return TokenStream::new();
+        };
+        let (values, gradients) = (ident(values), ident(gradients));
+        let (rt, arguments) = (&self.runtime, self.arguments());
+        let (n, k) = (size(self.module.state.len()), size(n_functions));
+        let (n_equations, moved) = (size(text.n_equations), text.moved.iter().map(|at| size(*at)));
+        quote! {
+            impl<R: #rt::Real> #rt::Positions<R, #k> for Prepared<R> {
+                #[inline]
+                fn n_equations(&self) -> usize {
+                    #n_equations
+                }
+
+                #[inline]
+                fn moved(&self) -> &[usize] {
+                    &[#(#moved),*]
+                }
+
+                #[inline]
+                fn residuals(#arguments) -> [R; #k] {
+                    self.#values(t, y)
+                }
+
+                #[inline]
+                fn residual_gradients(#arguments, gradients: &mut [[R; #n]; #k]) {
+                    *gradients = self.#gradients(t, y);
+                }
+            }
+        }
+    }
+
+    /// The same for drivers that serve any scene.
+    pub(super) fn positions_of(&self) -> TokenStream {
+        let Some((text, n_functions, ..)) = self.module.positions() else { return TokenStream::new() };
+        let (rt, arguments) = (&self.runtime, self.arguments());
+        let (n, k) = (size(self.module.state.len()), size(n_functions));
+        let (n_equations, moved) = (size(text.n_equations), text.moved.iter().map(|at| size(*at)));
+        quote! {
+            const N_POSITIONS: usize = #k;
+
+            const POSITION_EQUATIONS: usize = #n_equations;
+
+            const MOVED: &'static [usize] = &[#(#moved),*];
+
+            fn positions_of(#arguments, values: &mut [R]) {
+                if let Ok(values) = <&mut [R; #k]>::try_from(values) {
+                    *values = #rt::Positions::residuals(self, t, y);
+                }
+            }
+
+            fn position_gradients_of(#arguments, gradients: &mut [[R; #n]]) {
+                if let Ok(gradients) = <&mut [[R; #n]; #k]>::try_from(gradients) {
+                    #rt::Positions::residual_gradients(self, t, y, gradients);
+                }
+            }
+        }
+    }
 }

@@ -60,6 +60,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.differentiable(),
         writer.adjoint(),
         writer.invariants(),
+        writer.positions(),
         writer.implicit(),
         writer.exact_flows(),
         writer.events()?,

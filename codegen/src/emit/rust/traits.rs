@@ -50,6 +50,7 @@ impl Writer<'_> {
         let conserves_energy = is_kept.then(|| quote! { const CONSERVES_ENERGY: bool = true; });
         let wrong_number = format!("the number of values is {n_params}");
         let (outputs, invariants, flows) = (self.outputs_of(), self.invariants_of(), self.flow_of());
+        let positions = self.positions_of();
         let fields = self.fields();
         let inputs = self.inputs_over();
         let over = if fields.is_empty() && inputs.is_empty() {
@@ -125,6 +126,8 @@ impl Writer<'_> {
                 #series
 
                 #invariants
+
+                #positions
 
                 #flows
 

@@ -260,6 +260,44 @@ pub(super) struct ReconstructionDraft {
 /// Declarations return the [`Value`] of what they declare. Problems are collected and reported by
 /// [`ModelBuilder::build`], all at once.
 ///
+/// What a text says by loops, `let`, `rot`, `spin` and `body`, Rust says by loops, variables and functions: such a model
+/// is made of [`ModelBuilder::rate`], products and sums.
+///
+/// ```
+/// use hamel_codegen::spec::{Domain, Func, Graph, ModelBuilder, Rational, Value};
+///
+/// /// `rot(phi)` of the text.
+/// fn rot(g: &mut Graph, phi: &Value) -> Value {
+///     let (c, s) = (phi.func(g, Func::Cos).unwrap(), phi.func(g, Func::Sin).unwrap());
+///     let minus_s = s.neg(g);
+///     let rows = [[c.clone(), minus_s], [s, c]].map(|row| Value::list(row.to_vec()).unwrap());
+///     Value::list(rows.to_vec()).unwrap()
+/// }
+///
+/// /// `B_energy` of a point with a mass in the text.
+/// fn energy(b: &mut ModelBuilder, mass: i64, place: &Value) -> Value {
+///     let u = b.rate(place).unwrap();
+///     let g = b.graph();
+///     let half = Value::number(g, Rational::new(mass.into(), 2.into()));
+///     u.dot(g, &u).unwrap().mul(g, &half).unwrap()
+/// }
+///
+/// let mut b = ModelBuilder::new("pendulums");
+/// let (mut place, mut lagrangian) = (None, None);
+/// for k in 1..=3 {
+///     let (phi, _) = b.coordinate(&format!("phi{k}"), Domain::Angle, "");
+///     let g = b.graph();
+///     let rod = Value::list([0, -1].map(|n| Value::number(g, Rational::from_integer(n.into()))).to_vec()).unwrap();
+///     let rod = rot(g, &phi).mul(g, &rod).unwrap();
+///     let end = place.map_or(Ok(rod.clone()), |p: Value| p.add(g, &rod)).unwrap();
+///     let own = energy(&mut b, 2, &end);
+///     lagrangian = Some(lagrangian.map_or(Ok(own.clone()), |sum: Value| sum.add(b.graph(), &own)).unwrap());
+///     place = Some(end);
+/// }
+/// b.lagrangian(&lagrangian.unwrap());
+/// assert_eq!(b.build().unwrap().base.len(), 3);
+/// ```
+///
 /// ```
 /// use hamel_codegen::spec::{Layout, LieAlgebra, ModelBuilder, Rational, Value};
 ///

@@ -1,10 +1,11 @@
-//! What bodies declare: velocities, momenta and kinetic energy.
+//! What bodies declare: velocities, momenta and kinetic energy; and what they look like.
 //!
 //! Deliberately does not know: how expressions are evaluated, in which order.
 
 use super::values::Elaboration;
-use crate::expr::Rational;
+use crate::expr::{ExprId, Func, Graph, Rational};
 use crate::spec::ast::{BodyItem, BodyPart, Expr};
+use crate::spec::builder::Placement;
 use crate::spec::diagnostic::Span;
 use crate::spec::eval::Weighed;
 use crate::spec::shape::Shape;
@@ -35,6 +36,57 @@ impl Elaboration<'_> {
                 let entries: Vec<_> = terms.iter().flat_map(|(value, _)| value.entries().to_vec()).collect();
                 Some((Value::Scalar(self.builder.graph.sum(&entries)), bits + 8))
             }
+        }
+    }
+
+    /// The view of a body: the cuboid of even density with its mass and inertia where the axes of its frame are
+    /// principal, `a_k = sqrt(6 (I1 + I2 + I3 - 2 I_k)/m)`, the disk `r = sqrt(2 I/m)` in the plane, and otherwise the
+    /// point of its place. A body without a place has no size, and is not drawn; nor is one whose place is a number.
+    pub(super) fn picture(&mut self, body: &BodyItem, doc: &str) {
+        let Some((mass, place)) = body.mass.as_ref().zip(body.place.as_ref()) else { return };
+        let (Some(Value::Scalar(mass)), Some(at)) = (self.eval(mass), self.located(place)) else { return };
+        if !matches!(at.0, Value::Vector(_)) {
+            return;
+        }
+        let rotation = body.inertia.as_ref().zip(body.attitude.as_ref());
+        let rotation = rotation.and_then(|(i, attitude)| Some((self.eval(i)?, self.located(attitude)?)));
+        let g = &mut self.builder.graph;
+        let length = |g: &mut Graph, sum: ExprId, factor: i64| {
+            let (factor, inverse) = (g.int(factor), g.powi(mass, -1));
+            let square = g.product(&[factor, sum, inverse]);
+            // Of a flat body it is zero, or rounding.
+            let square = g.func(Func::Abs, square);
+            g.sqrt(square)
+        };
+        let solid = rotation.and_then(|(inertia, attitude)| match (&inertia, &attitude.0) {
+            (Value::Scalar(i), Value::Scalar(_)) => {
+                let radius = length(g, *i, 2);
+                let tenth = g.rational(Rational::new(1.into(), 10.into()));
+                Some(("disk", vec![radius, g.mul(tenth, radius)], attitude))
+            }
+            (
+                Value::Matrix { rows: 3, columns: 3, entries: i },
+                Value::Matrix { rows: 3, columns: 3, .. },
+            ) if inertia.is_diagonal(g) => {
+                let principal = [i[0], i[4], i[8]];
+                let edges = (0..3).map(|k| {
+                    let own = g.neg(principal[k]);
+                    let sum = g.sum(&[principal[(k + 1) % 3], principal[(k + 2) % 3], own]);
+                    length(g, sum, 6)
+                });
+                Some(("box", edges.collect(), attitude))
+            }
+            _ => None,
+        });
+        let name = body.name.text.as_str();
+        let builder = self.builder.at(Some(body.name.span));
+        match solid {
+            Some((shape, sizes, attitude)) => {
+                let sizes: Vec<_> = sizes.into_iter().map(|size| (Value::Scalar(size), None)).collect();
+                let placement = Placement { at: Some(at), attitude: Some(attitude), ..Placement::default() };
+                builder.located_view(name, (shape, None), &sizes, placement, doc);
+            }
+            None => _ = builder.located_view(name, ("point", None), &[at], Placement::default(), doc),
         }
     }
 

@@ -123,18 +123,27 @@ impl Elaboration<'_> {
             }
         }
         // What figures show lives in a graph of its own, so that it leaves no trace in generated code.
-        if items_have_views(&file.items) {
+        // What is wrong with a body has been said.
+        let has_bodies = self.builder.problems.is_empty();
+        let pictured = pictured(&file.items, has_bodies);
+        if !pictured.is_empty() {
             self.builder.begin_views();
             // Their entries are expressions of the other graph.
             self.spins.clear();
-            for item in &file.items {
-                self.view(item);
+            for item in pictured {
+                match &item.kind {
+                    ItemKind::Body(body) => self.picture(body, &item.doc.join("\n")),
+                    _ => self.view(item),
+                }
             }
             self.builder.end_views();
         }
     }
 }
 
-fn items_have_views(items: &[Item]) -> bool {
-    items.iter().any(|item| matches!(item.kind, ItemKind::View { .. }))
+/// The views, and the bodies where there are none.
+fn pictured(items: &[Item], has_bodies: bool) -> Vec<&Item> {
+    let of = |kind: fn(&ItemKind) -> bool| items.iter().filter(|item| kind(&item.kind)).collect::<Vec<_>>();
+    let views = of(|kind| matches!(kind, ItemKind::View { .. }));
+    if views.is_empty() && has_bodies { of(|kind| matches!(kind, ItemKind::Body(_))) } else { views }
 }

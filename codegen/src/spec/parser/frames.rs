@@ -14,13 +14,18 @@ impl Parser<'_> {
     pub(super) fn frame(&mut self) -> Parsed<ItemKind> {
         let (mut body, _) = self.require_group(Delimiter::Brace, "`{` with the quasi-velocities")?;
         let mut velocities = Vec::new();
-        while velocities.is_empty() || !body.at_end() {
+        let form = "a quasi-velocity such as `u = r*phi_dot;`";
+        body.entries(&mut |body| {
             let doc = body.docs()?;
-            let name = body.declared("a quasi-velocity such as `u = r*phi_dot;`")?;
+            let name = body.declared(form)?;
             body.equals()?;
             let value = body.expr()?;
             body.require_punct(";")?;
             velocities.push(FrameVelocity { doc, name, value });
+            Ok(())
+        })?;
+        if velocities.is_empty() {
+            return body.expected(form);
         }
         Ok(ItemKind::Frame(velocities))
     }

@@ -577,7 +577,7 @@ impl<'a> Parser<'a> {
         let (mut fixed, mut wants) = (Vec::new(), Vec::new());
         let (mut drops, mut circles, mut carries) = (Vec::new(), Vec::new(), Vec::new());
         let (mut formulation, mut inputs) = (Vec::new(), Vec::new());
-        while !body.at_end() {
+        body.entries(&mut |body| {
             if body.word("fix").is_some() {
                 fixed.extend(body.comma_separated(|p| {
                     let name = p.named("the name of a parameter")?;
@@ -605,11 +605,12 @@ impl<'a> Parser<'a> {
                 });
                 formulation.push((word, what.transpose()?));
             } else {
-                return body
-                    .expected("`fix`, `input`, `want`, `drop`, `circle`, `carry`, `routh` or `formulation`");
+                return body.expected(
+                    "`fix`, `input`, `want`, `drop`, `circle`, `carry`, `routh`, `formulation` or `for`",
+                );
             }
-            body.require_punct(";")?;
-        }
+            body.require_punct(";").map(drop)
+        })?;
         Ok(ItemKind::Scene { name, fixed, inputs, wants, drops, circles, carries, formulation })
     }
 

@@ -1,4 +1,4 @@
-//! Loops over items, and lists and sums that are written once for all their entries.
+//! Loops over items and over entries of blocks, and lists and sums that are written once for all their entries.
 //!
 //! Deliberately does not know: which items there are, what an entry means.
 
@@ -71,6 +71,23 @@ impl<'a> Parser<'a> {
             if !turn(&mut body.in_turn(&turns.name, value)) {
                 break;
             }
+        }
+        Ok(())
+    }
+
+    /// The entries of a block up to its end, `entry;` and loops over such, `for k in 1..n { entry; }`.
+    pub(super) fn entries(&mut self, entry: &mut dyn FnMut(&mut Parser<'a>) -> Parsed<()>) -> Parsed<()> {
+        while !self.at_end() {
+            if self.peek_ident().as_deref() != Some("for") {
+                entry(self)?;
+                continue;
+            }
+            let mut outcome = Ok(());
+            self.for_items(|inside| {
+                outcome = inside.entries(entry);
+                outcome.is_ok()
+            })?;
+            outcome?;
         }
         Ok(())
     }

@@ -1,0 +1,102 @@
+//! Residuals of the equations between coordinates of a scene, with their gradients: what initial values have to satisfy
+//! and projection keeps.
+//!
+//! Coordinates that are points of circles and advected vectors stay on their circles and keep their lengths when they
+//! are moved to satisfy an equation: these functions follow the residuals, and are kept at their values.
+//!
+//! Deliberately does not know: how anything is differentiated, lowered or emitted, who solves the equations.
+
+use std::collections::BTreeSet;
+
+use super::dependence::{left_out, needs};
+use super::gradients::{WithGradients, Words, with_gradients};
+use crate::error::Error;
+use crate::expr::{ExprId, Graph, SymbolId};
+use crate::mechanics::{Equations, StateEquation};
+use crate::reduction::BlockKind;
+use crate::spec::Want;
+
+/// Name of the matrix of the gradients, a row for each residual.
+pub(super) const GRADIENTS: &str = "position_gradients";
+
+/// How the equations between coordinates of a scene are solved.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct PositionLayout {
+    /// The first so many functions have to vanish; the others keep their values.
+    pub n_equations: usize,
+    /// The components of the state that are moved: those that the equations give, where these are enough, and otherwise
+    /// all that the equations contain.
+    pub moved: Vec<usize>,
+}
+
+/// The residuals, and how they are solved.
+///
+/// # Errors
+/// [`Error::NoPositions`].
+pub(super) fn find(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+) -> Result<(WithGradients, PositionLayout), Error> {
+    let positions = &equations.system.positions;
+    if positions.is_empty() {
+        return Err(Error::NoPositions { reason: "the model has none".into() });
+    }
+    let left_out = left_out(equations, state);
+    if let Some(position) = positions.iter().find(|p| needs(g, equations, p.residual, &left_out)) {
+        let reason = format!("{} depends on a coordinate that the scene leaves out", position.name);
+        return Err(Error::NoPositions { reason });
+    }
+    let mut touched: BTreeSet<SymbolId> = BTreeSet::new();
+    for s in state {
+        let own = BTreeSet::from([s.symbol]);
+        if positions.iter().any(|p| needs(g, equations, p.residual, &own)) {
+            touched.insert(s.symbol);
+        }
+    }
+    let mut functions: Vec<(String, ExprId)> =
+        positions.iter().map(|p| (p.name.clone(), p.residual)).collect();
+    for circle in &equations.system.circles {
+        let point = [circle.cosine, circle.sine];
+        if point.iter().any(|symbol| touched.contains(symbol)) {
+            touched.extend(point);
+            functions.push((format!("{}_circle", circle.angle), sum_of_squares(g, &point)));
+        }
+    }
+    let advected = equations.system.blocks.iter().filter(|b| b.kind == BlockKind::Advected);
+    for vector in advected {
+        if vector.components.iter().any(|symbol| touched.contains(symbol)) {
+            touched.extend(&vector.components);
+            functions.push((format!("{0}_dot_{0}", vector.name), sum_of_squares(g, &vector.components)));
+        }
+    }
+    let places = |symbols: &BTreeSet<SymbolId>| -> Vec<usize> {
+        (0..state.len()).filter(|k| symbols.contains(&state[*k].symbol)).collect()
+    };
+    let touched = places(&touched);
+    let is_determined = positions.iter().all(|p| !p.determines.is_empty());
+    let determined: BTreeSet<SymbolId> =
+        positions.iter().flat_map(|p| p.determines.iter().copied()).filter(|_| is_determined).collect();
+    let moved = if is_determined { places(&determined) } else { touched.clone() };
+    let words = Words {
+        want: Want::Positions,
+        values: "residuals of the equations between coordinates, and what these coordinates keep",
+        gradients: GRADIENTS,
+        doc: "matrix of the derivatives of the functions `positions` by the components of the state, a row for each",
+    };
+    let all = |_: &mut Graph, rows: &[Vec<ExprId>]| (0..rows.len()).collect();
+    let found = with_gradients(g, equations, state, (&functions, &touched), &words, all);
+    Ok((found, PositionLayout { n_equations: positions.len(), moved }))
+}
+
+fn sum_of_squares(g: &mut Graph, symbols: &[SymbolId]) -> ExprId {
+    let squares: Vec<ExprId> = symbols
+        .iter()
+        .map(|symbol| {
+            let e = g.sym(*symbol);
+            g.powi(e, 2)
+        })
+        .collect();
+    g.sum(&squares)
+}
