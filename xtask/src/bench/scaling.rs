@@ -2,7 +2,7 @@
 //!
 //! The systems are synthetic: free motions on so(n) and su(n), on nilpotent groups, on these by stages, and with a
 //! metric that couples all velocities. Each is generated, compiled as a program of its own by one call of rustc, and
-//! timed.
+//! timed. Chains of bodies are another part ([`super::chains`]).
 //!
 //! Does not know: how anything is derived or emitted, how a table is drawn ([`super::scaling_report`]).
 
@@ -18,6 +18,7 @@ use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 
+use super::chains::chains;
 use super::family::{Family, Row};
 use super::program::{TargetCpu, progress, target_dir};
 use super::scaling_report::Report;
@@ -37,14 +38,17 @@ pub(crate) struct Options {
     pub(crate) rounds: u32,
     /// The instruction set.
     pub(crate) target_cpu: TargetCpu,
+    /// Whether Pinocchio moves the chains, too.
+    pub(crate) peers: bool,
 }
 
 impl Options {
     /// The command that repeats the measurement.
     fn command(&self) -> String {
         let short = if self.short { "--short " } else { "" };
+        let peers = if self.peers { " --peers" } else { "" };
         format!(
-            "cargo xtask bench scaling {short}--rounds {} --target-cpu {}",
+            "cargo xtask bench scaling {short}--rounds {} --target-cpu {}{peers}",
             self.rounds,
             self.target_cpu.name()
         )
@@ -75,7 +79,8 @@ pub(crate) fn scaling(repository: &Repository, options: &Options) -> Result<Stri
         rows.extend(fastest);
     }
     bar.finish_and_clear();
-    let report = Report { source: Source::here(options.command()), rows };
+    let chains = chains(repository, &toolchain, options)?;
+    let report = Report { source: Source::here(options.command()), rows, chains };
     let mut text = report.text();
     if options.short {
         text.push_str("docs/benchmarks is written without --short\n");
@@ -87,7 +92,7 @@ pub(crate) fn scaling(repository: &Repository, options: &Options) -> Result<Stri
     Ok(text)
 }
 
-fn failed(step: &str, status: impl std::fmt::Display) -> Error {
+pub(super) fn failed(step: &str, status: impl std::fmt::Display) -> Error {
     Error::Failed { step: step.into(), status: status.to_string() }
 }
 
@@ -168,7 +173,8 @@ impl Toolchain {
         let built = scene::build(&model, scene::DEFAULT).map_err(|e| failed(&name, e))?;
         let text = built.emit().map_err(|e| failed(&name, e))?;
         let generation = clock.elapsed();
-        let (rustc, output) = self.compile_and_run(&name, &text)?;
+        let (rustc, program) = self.compile(&name, "", [("main.rs", MAIN), ("scene.rs", &text)])?;
+        let output = output(&name, Command::new(&program))?;
         let (ns, result) = parse(&output).ok_or_else(|| failed(&name, format!("unexpected {output:?}")))?;
         if self.target_cpu == TargetCpu::Baseline && result != interpreted(&built) {
             return Err(failed(&name, "the compiled right-hand side differs from the interpreted one"));
@@ -188,30 +194,52 @@ impl Toolchain {
         })
     }
 
-    /// The time rustc takes for a module and the program around it, and what the program prints.
-    fn compile_and_run(&self, name: &str, module: &str) -> Result<(Duration, String), Error> {
-        for (file, text) in [("main.rs", MAIN), ("scene.rs", module)] {
-            let path = self.folder.join(file);
+    /// The time rustc takes for a program of these sources, the first of which is its root, in a folder of their own
+    /// within that of all, and the program.
+    ///
+    /// # Errors
+    /// [`Error::Failed`] with what rustc says when it does not build; [`Error::Io`].
+    pub(super) fn compile<'s>(
+        &self,
+        name: &str,
+        folder: &str,
+        sources: impl IntoIterator<Item = (&'s str, &'s str)>,
+    ) -> Result<(Duration, PathBuf), Error> {
+        let folder = self.folder.join(folder);
+        std::fs::create_dir_all(&folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
+        for (file, text) in sources {
+            let path = folder.join(file);
             std::fs::write(&path, text).map_err(|e| Error::io(path.display().to_string(), e))?;
         }
-        let program = self.folder.join(format!("scaling{}", std::env::consts::EXE_SUFFIX));
+        let program = folder.join(format!("scaling{}", std::env::consts::EXE_SUFFIX));
         let compiler = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
         let mut command = Command::new(compiler);
         command.current_dir(&self.root);
-        command.args(&self.arguments).arg("-o").arg(&program).arg(self.folder.join("main.rs"));
+        command.args(&self.arguments).arg("-o").arg(&program).arg(folder.join("main.rs"));
         let clock = Instant::now();
-        let output = command.output().map_err(|e| Error::io("rustc could not be started", e))?;
-        let elapsed = clock.elapsed();
-        if !output.status.success() {
-            return Err(failed(name, String::from_utf8_lossy(&output.stderr)));
-        }
-        let output = Command::new(&program).output();
-        let output = output.map_err(|e| Error::io(program.display().to_string(), e))?;
-        if !output.status.success() {
-            return Err(failed(name, String::from_utf8_lossy(&output.stderr)));
-        }
-        Ok((elapsed, String::from_utf8_lossy(&output.stdout).into_owned()))
+        output(name, command)?;
+        Ok((clock.elapsed(), program))
     }
+
+    /// Where sources and programs are.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The instruction set.
+    pub(super) fn target_cpu(&self) -> TargetCpu {
+        self.target_cpu
+    }
+}
+
+/// What a program prints.
+fn output(name: &str, mut command: Command) -> Result<String, Error> {
+    let shown = command.get_program().to_string_lossy().into_owned();
+    let output = command.output().map_err(|e| Error::io(shown, e))?;
+    if !output.status.success() {
+        return Err(failed(name, String::from_utf8_lossy(&output.stderr)));
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
 #[cfg(test)]

@@ -149,7 +149,7 @@ const BUILT_OF_SCENES: &[(&str, &str, f64)] =
 pub fn excesses(results: &Results) -> Vec<String> {
     let mut lines = Vec::new();
     for scene in &results.scenes {
-        let (model, name) = (scene.info.model, scene.info.scene);
+        let (model, name) = (scene.info.model.as_str(), scene.info.scene.as_str());
         let of = [&scene.rhs.terms, &scene.rhs.inputs, &scene.outputs.terms, &scene.outputs.inputs];
         let measured = of.map(|m| m.max());
         let Some((_, _, bounds)) = BOUNDS.iter().find(|b| (b.0, b.1) == (model, name)) else {
@@ -178,7 +178,7 @@ pub fn excesses(results: &Results) -> Vec<String> {
                     w.component,
                     w.value,
                     w.exact,
-                    w.sample.request(scene.info)
+                    w.sample.request(&scene.info)
                 )
             });
             let measured = scene.built.inputs.max();
@@ -188,7 +188,7 @@ pub fn excesses(results: &Results) -> Vec<String> {
         }
         for accuracy in [&scene.rhs, &scene.outputs, &scene.built, &scene.extreme] {
             if let Some((component, sample)) = &accuracy.first_silent {
-                let request = sample.request(scene.info);
+                let request = sample.request(&scene.info);
                 lines.push(format!(
                     "{model} {name}: {} results that are not finite without a reason, first {component}: {request}",
                     accuracy.silent
