@@ -79,6 +79,44 @@ fn by_recursion_bodies_move_as_multiplied_out() {
     }
 }
 
+/// The arm in space with products of inertia of its bodies.
+fn skew_arm(n: usize) -> String {
+    let mut text = spatial_arm(n);
+    let mut products = String::new();
+    for k in 1..=n {
+        text = text.replacen("{\n", &format!("{{\n    param P{k} = 0.004;\n    param R{k} = -0.003;\n"), 1);
+        products += &format!(" + P{k}*w{k}x*w{k}y + R{k}*w{k}y*w{k}z");
+    }
+    text.replacen("    lagrangian = ", &format!("    lagrangian = 0{products} + "), 1)
+}
+
+/// Their part of the forces is Euler's equation as well: as momenta they would take many more operations.
+#[test]
+fn products_of_inertia_are_part_of_a_spin() {
+    let model = parsed(&skew_arm(3));
+    let [recursive, expanded] = [true, false].map(|recursive| built(&model, Some(recursive)));
+    let without = built(&parsed(&spatial_arm(3)), Some(true));
+    for seed in 1..=5 {
+        let state = numbers(recursive.state.len(), seed);
+        let (a, b) = (rates(&recursive, &state), rates(&expanded, &state));
+        let size = b.iter().fold(0.0_f64, |size, rate| size.max(rate.abs()));
+        let moved = a.iter().zip(rates(&without, &state)).any(|(a, b)| (a - b).abs() > 1e-3 * size);
+        assert!(moved, "the products do nothing");
+        for (a, b) in a.iter().zip(&b) {
+            assert!((a - b).abs() <= TOLERANCE * size, "{a} and {b}");
+        }
+    }
+    let [(operations, _), (least, _)] = [&recursive, &without].map(counted);
+    assert!(operations <= least + 60, "{operations} operations, {least} without products");
+}
+
+/// Forty rates, more than the systems have whose squares are looked for where they are multiplied out.
+#[test]
+fn twenty_pendulums_in_space_are_linked_bodies() {
+    let model = parsed(&spherical_pendulum(20));
+    assert!(is_recursive(&reduce(&model, &Formulation::of(&model)).expect("reduces")));
+}
+
 /// Angular accelerations of a planar arm from the energy of its bodies by their angles in space:
 /// `A_jk = S_jk cos(t_j - t_k)`, solved by elimination.
 fn rates_of_arm(n: usize, state: &[f64]) -> Vec<f64> {

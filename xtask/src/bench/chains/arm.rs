@@ -10,21 +10,14 @@ use super::families::{IIWA, Link};
 /// A module with a function `kernels` for arms of these numbers of bodies.
 pub(super) fn module(sizes: &[usize]) -> String {
     let mut text = String::from(
-        "use hamel_runtime::SceneInfo;\nuse hamel_runtime::math::{mul_add, sin_cos};\n\nuse crate::kernel::Kernel;\n\n",
+        "use hamel_runtime::math::{mul_add, sin_cos};\n\nuse super::kernel;\nuse crate::kernel::Kernel;\n\n",
     );
     let mut kernels = String::new();
     for n in sizes {
         text += &function(&IIWA[..*n]);
-        let _ = writeln!(
-            kernels,
-            "    const INFO_{n}: SceneInfo = SceneInfo {{ model: \"spatial_arm_{n}\", scene: \"bare\", state: &[], \
-             params: &[], outputs: &[], has_energy: false }};\n    \
-             kernels.push(Kernel::new(&INFO_{n}, \"by hand\", 1, |_| (), rhs_{n}));"
-        );
+        let _ = write!(kernels, "kernel(\"spatial_arm_{n}\", |_| (), rhs_{n}), ");
     }
-    text + &format!(
-        "pub fn kernels() -> Vec<Kernel> {{\n    let mut kernels = Vec::new();\n{kernels}    kernels\n}}\n"
-    )
+    text + &format!("pub fn kernels() -> Vec<Kernel> {{\n    vec![{kernels}]\n}}\n")
 }
 
 /// The right-hand side, with the state that the scene has: all angles but the first, the rates of all.

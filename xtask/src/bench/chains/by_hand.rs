@@ -1,18 +1,18 @@
 //! Right-hand sides of the chains by recursions written by hand, each for its chain alone, in loops over the bodies;
-//! that of the arm in space is without loops, in `arm.rs`.
+//! that of the arm in space is without loops, in `spatial_arm.rs`.
 //!
 //! What depends on parameters alone is computed once. Masses and lengths are those of
 //! `codegen/tests/linkages/families.rs`.
 //!
 //! Does not know: the generated code, other than the order of its state.
 
-#[path = "arm.rs"]
-mod arm;
+#[path = "spatial_arm.rs"]
+mod spatial_arm;
 
 use hamel_runtime::SceneInfo;
 use hamel_runtime::math::{mul_add, sin_cos};
 
-use crate::kernel::Kernel;
+use crate::kernel::{Kernel, Rhs};
 
 const G: f64 = 9.81;
 
@@ -39,8 +39,8 @@ fn difference(a: f64, b: f64, c: f64, d: f64) -> f64 {
 /// x' = cos(a) x - sin(a) u,    u' = -sin(a) x - cos(a) u,    a_dot = (u' - u)/l
 /// ```
 ///
-/// The equations are `sum V^T D (V dot(y) + bias) = 0`, `D = diag(m, J/l^2)`, with the columns `(p, q)` and `(q, -p)`, up
-/// to a sign, of the products `V` of reflections.
+/// The equations are `sum V^T (D V z' + D b) = 0` with `D = diag(m, J/l^2)`, the products `V` of these reflections and
+/// `b = V' z`, where `z` has the velocities of the first link.
 ///
 /// # Source
 /// Kane and Levinson 1985, Dynamics (partial velocities)
@@ -55,19 +55,14 @@ mod snake {
         per_l: f64,
     }
 
-    pub fn prepare<const N: usize>(_: &[f64]) -> Prepared {
+    pub fn prepare(_: &[f64]) -> Prepared {
         let (m, moment, l) = (1.1, 0.1, 0.4);
         Prepared { m, j: moment / (l * l), l, per_l: 1.0 / l }
     }
 
     /// State: `N - 1` angles, `omega`, `v1`.
     #[inline(never)]
-    pub fn rhs<const N: usize, const DIM: usize>(
-        p: &Prepared,
-        _: f64,
-        y: &[f64; DIM],
-        dy: &mut [f64; DIM],
-    ) {
+    pub fn rhs<const N: usize, const DIM: usize>(p: &Prepared, _: f64, y: &[f64; DIM], dy: &mut [f64; DIM]) {
         let Prepared { m, j, l, per_l } = *p;
         let (mut x, mut u) = (y[N], l * y[N - 1]);
         // x and u by v1, by l omega, and what is left of their rates.
@@ -293,37 +288,34 @@ mod spherical_pendulum {
     }
 }
 
-macro_rules! kernels {
-    ($kernels:ident; $($model:literal: $prepare:path, $rhs:path, $($n:literal of $dim:literal),*;)*) => {
-        $($({
-            const INFO: SceneInfo = SceneInfo {
-                model: concat!($model, "_", $n),
-                scene: "bare",
-                state: &[],
-                params: &[],
-                outputs: &[],
-                has_energy: false,
-            };
-            $kernels.push(Kernel::new(&INFO, "by hand", 1, $prepare, $rhs));
-        })*)*
-    };
+/// A kernel; the process ends soon enough for what it keeps.
+fn kernel<P: 'static, const DIM: usize>(
+    model: &'static str,
+    prepare: fn(&[f64]) -> P,
+    rhs: Rhs<f64, P, DIM>,
+) -> Kernel {
+    let scene = "bare";
+    let info = SceneInfo { model, scene, state: &[], params: &[], outputs: &[], has_energy: false };
+    Kernel::new(Box::leak(Box::new(info)), "by hand", 1, prepare, rhs)
 }
 
-macro_rules! sizes {
+macro_rules! chains {
     ($kernels:ident, $(($n:literal, $snake:literal, $plane:literal, $space:literal))*) => { $(
-        kernels! { $kernels;
-            "wheeled_snake": snake::prepare::<$n>, snake::rhs::<$n, $snake>, $n of $snake;
-            "planar_arm": planar_arm::prepare::<$n>, planar_arm::rhs::<$n, $plane>, $n of $plane;
-            "planar_pendulum": Rods::<$n>::prepare, planar_pendulum::rhs::<$n, $plane>, $n of $plane;
-            "spherical_pendulum": Rods::<$n>::prepare, spherical_pendulum::rhs::<$n, $space>, $n of $space;
-        }
+        $kernels.extend([
+            kernel(concat!("wheeled_snake_", $n), snake::prepare, snake::rhs::<$n, $snake>),
+            kernel(concat!("planar_arm_", $n), planar_arm::prepare, planar_arm::rhs::<$n, $plane>),
+            kernel(concat!("planar_pendulum_", $n), Rods::prepare, planar_pendulum::rhs::<$n, $plane>),
+            kernel(concat!("spherical_pendulum_", $n), Rods::prepare, spherical_pendulum::rhs::<$n, $space>),
+        ]);
     )* };
 }
 
-/// The kernels.
+/// The kernels, by the number of bodies and the dimensions of the states.
 pub fn kernels() -> Vec<Kernel> {
-    let mut kernels = Vec::new();
-    sizes! { kernels, (2, 3, 4, 8) (3, 4, 6, 12) (5, 6, 10, 20) (8, 9, 16, 32) (10, 11, 20, 40) (14, 15, 28, 56) (20, 21, 40, 80) }
-    kernels.extend(arm::kernels());
+    let mut kernels = spatial_arm::kernels();
+    chains! {
+        kernels,
+        (2, 3, 4, 8) (3, 4, 6, 12) (5, 6, 10, 20) (8, 9, 16, 32) (10, 11, 20, 40) (14, 15, 28, 56) (20, 21, 40, 80)
+    }
     kernels
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! list                      one line a kernel: model/scene/kind and the number of lanes
-//! check                     reads lines `<kernel> <state>..`, prints the derivative for each
+//! check                     reads lines `<kernel>\t<state>..`, prints the derivative for each
 //! time <rounds> <kernel>..  a line `round` after each round, then `<kernel> <min> <median> <chain>` in ns
 //! call <n> <kernel>         sweeps n times over the inputs and prints the number of calls
 //! ```
@@ -30,11 +30,12 @@ fn select(names: &[String]) -> Result<Vec<Kernel>, String> {
 }
 
 fn check(line: &str) -> Result<(), String> {
-    let mut words = line.split_whitespace();
-    let kernel = select(&[words.next().unwrap_or_default().to_owned()])?.remove(0);
-    let state: Result<Vec<f64>, _> = words.map(str::parse).collect();
+    let (kernel, state) = line.split_once('\t').ok_or(format!("no tab in {line}"))?;
+    let kernel = select(&[kernel.to_owned()])?.remove(0);
+    let state: Result<Vec<f64>, _> = state.split_whitespace().map(str::parse).collect();
     let state = state.map_err(|e| format!("{line}: {e}"))?;
-    let params: Vec<f64> = kernel.info().map_or_else(Vec::new, |i| i.params.iter().map(|p| p.default).collect());
+    let params: Vec<f64> =
+        kernel.info().map_or_else(Vec::new, |i| i.params.iter().map(|p| p.default).collect());
     let rates: Vec<String> = kernel.evaluate(&params, 0.0, &state).iter().map(f64::to_string).collect();
     println!("{}", rates.join(" "));
     Ok(())

@@ -109,7 +109,7 @@ pub(super) fn chains(
     let mut chains = Chains::default();
     let sources = [("main.rs", MAIN), ("kernel.rs", KERNEL), ("kernels.rs", BY_HAND)];
     let arm = arm::module(Chain::SpatialArm.sizes(false));
-    let sources = sources.into_iter().chain([("arm.rs", arm.as_str())]);
+    let sources = sources.into_iter().chain([("spatial_arm.rs", arm.as_str())]);
     let (_, by_hand) = toolchain.compile("by hand", "by_hand", sources)?;
     let mut programs = vec![Program::open(by_hand)?];
     let wanted: Vec<String> = all.iter().map(|(chain, n)| chain.model(*n)).collect();
