@@ -38,10 +38,14 @@ def main():
     source = pathlib.Path(__file__).with_name("chains.cpp")
     command = [compiler, *FLAGS, *LIMITS, *march, "-isystem", str(include), "-isystem", str(include / "eigen3"),
                str(source), "-o", str(folder / "chains")]
-    outcome = subprocess.run(command, capture_output=True, text=True, check=False)
-    if outcome.returncode:
-        print(outcome.stderr[:4000], file=sys.stderr)
-        sys.exit(f"{compiler} does not compile chains.cpp")
+    # A minute or two, unless it was done before.
+    built, made_of = folder / "chains.built", "\n".join([*command, version, eigen, source.read_text()])
+    if not built.exists() or built.read_text() != made_of:
+        outcome = subprocess.run(command, capture_output=True, text=True, check=False)
+        if outcome.returncode:
+            print(outcome.stderr[:4000], file=sys.stderr)
+            sys.exit(f"{compiler} does not compile chains.cpp")
+        built.write_text(made_of)
     print("round")
     said = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
     print(f"using Pinocchio {version} (Eigen {eigen})")

@@ -20,20 +20,20 @@ pub(super) fn module(sizes: &[usize]) -> String {
     text + &format!("pub fn kernels() -> Vec<Kernel> {{\n    vec![{kernels}]\n}}\n")
 }
 
-/// The right-hand side, with the state that the scene has: all angles but the first, the rates of all.
+/// The right-hand side, by all angles, the first of which nothing depends on, and their rates.
 fn function(links: &[Link]) -> String {
     let n = links.len();
     // Operations do not depend on where they are noted, unless something vanishes there.
     let angles: Vec<f64> = (1..=n).map(|k| 0.3 + 0.1 * k as f64).collect();
     let (accelerations, operations) = articulated::accelerations(links, &angles, &angles);
-    let dim = 2 * n - 1;
+    let dim = 2 * n;
     let mut text =
         format!("#[inline(never)]\nfn rhs_{n}(_: &(), _: f64, y: &[f64; {dim}], dy: &mut [f64; {dim}]) {{\n");
     for k in 1..n {
-        let _ = writeln!(text, "    let (s{k}, c{k}) = sin_cos(y[{}]);", k - 1);
+        let _ = writeln!(text, "    let (s{k}, c{k}) = sin_cos(y[{k}]);");
     }
     for k in 0..n {
-        let _ = writeln!(text, "    let w{k} = y[{}];", n - 1 + k);
+        let _ = writeln!(text, "    let w{k} = y[{}];", n + k);
     }
     let mut n_uses = vec![0; operations.len()];
     let read = operations.iter().flat_map(|o| &o.operands).chain(&accelerations);
@@ -56,11 +56,11 @@ fn function(links: &[Link]) -> String {
         // A product that is fused is read by nobody.
         let _ = writeln!(text, "    let t{k} = {value};");
     }
-    for k in 1..n {
-        let _ = writeln!(text, "    dy[{}] = w{k};", k - 1);
+    for k in 0..n {
+        let _ = writeln!(text, "    dy[{k}] = w{k};");
     }
     for (k, acceleration) in accelerations.iter().enumerate() {
-        let _ = writeln!(text, "    dy[{}] = {};", n - 1 + k, written(*acceleration));
+        let _ = writeln!(text, "    dy[{}] = {};", n + k, written(*acceleration));
     }
     text + "}\n\n"
 }
