@@ -10,6 +10,7 @@ mod families;
 
 use std::time::Instant;
 
+use articulated::{Input, Number, Origin};
 use families::{IIWA, planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake};
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::mechanics::{derive, is_recursive, same_motion};
@@ -232,6 +233,37 @@ fn an_arm_in_space_moves_as_others_compute_it() {
     let (operations, _) = counted(&scene);
     println!("{operations} operations, {most} as articulated bodies by hand");
     assert!(5 * operations <= 6 * most, "{operations} operations, {most} as articulated bodies by hand");
+}
+
+/// What `cargo xtask bench scaling` writes as the algorithm of the arm.
+#[test]
+fn noted_operations_are_the_algorithm_at_any_state() {
+    let (accelerations, noted) = articulated::accelerations(&IIWA, &numbers(7, 1), &numbers(7, 11));
+    let (angles, speeds) = (numbers(7, 2), numbers(7, 12));
+    let (expected, _) = articulated::accelerations(&IIWA, &angles, &speeds);
+    let mut values: Vec<f64> = Vec::new();
+    let read = |number: &Number, values: &[f64]| {
+        let value = match number.origin {
+            Origin::Constant => return number.value,
+            Origin::Input(Input::Sine, k) => angles[k].sin(),
+            Origin::Input(Input::Cosine, k) => angles[k].cos(),
+            Origin::Input(Input::Rate, k) => speeds[k],
+            Origin::Operation(k) => values[k],
+        };
+        if number.is_negated { -value } else { value }
+    };
+    for operation in &noted {
+        let [a, b] = operation.operands.map(|number| read(&number, &values));
+        values.push(match operation.op {
+            '+' => a + b,
+            '*' => a * b,
+            _ => a / b,
+        });
+    }
+    for (found, expected) in accelerations.iter().zip(&expected) {
+        let found = read(found, &values);
+        assert!((found - expected.value).abs() <= 1e-12 * 100.0, "{found}, expected {}", expected.value);
+    }
 }
 
 #[test]

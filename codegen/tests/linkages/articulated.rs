@@ -213,11 +213,7 @@ struct Body {
 }
 
 /// Accelerations of the joints, and the operations that they take besides sines and cosines.
-pub(crate) fn accelerations(
-    links: &[Link],
-    angles: &[f64],
-    rates: &[f64],
-) -> (Vec<Number>, Vec<Operation>) {
+pub(crate) fn accelerations(links: &[Link], angles: &[f64], rates: &[f64]) -> (Vec<Number>, Vec<Operation>) {
     NOTED.with_borrow_mut(Vec::clear);
     let (mut omega, mut v) = ([ZERO; 3], [ZERO; 3]);
     let mut bodies = Vec::new();

@@ -40,9 +40,8 @@ impl Report {
     /// # Errors
     /// [`Error::Io`].
     pub(crate) fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
-        let drawn = |chart: &LogLog| {
-            loglog::svg(chart).map_err(|e| Error::io("the chart", std::io::Error::other(e)))
-        };
+        let drawn =
+            |chart: &LogLog| loglog::svg(chart).map_err(|e| Error::io("the chart", std::io::Error::other(e)));
         let files = [
             ("scaling.md", self.markdown()),
             ("scaling.csv", self.csv()),

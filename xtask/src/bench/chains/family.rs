@@ -23,13 +23,8 @@ pub(crate) enum Chain {
 
 impl Chain {
     /// All of them.
-    pub(crate) const ALL: [Chain; 5] = [
-        Chain::Snake,
-        Chain::PlanarArm,
-        Chain::PlanarPendulum,
-        Chain::SphericalPendulum,
-        Chain::SpatialArm,
-    ];
+    pub(crate) const ALL: [Chain; 5] =
+        [Chain::Snake, Chain::PlanarArm, Chain::PlanarPendulum, Chain::SphericalPendulum, Chain::SpatialArm];
 
     /// Its name in tables.
     pub(crate) fn name(self) -> &'static str {

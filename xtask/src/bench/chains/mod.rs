@@ -205,7 +205,10 @@ fn distances(made: &[Made], programs: &[Program]) -> Result<BTreeMap<String, f64
                 let distance = pairs.fold(0.0_f64, |d, (a, b)| d.max((a - b).abs())) / size;
                 let agrees = found.len() == expected.len() && size > 0.1 && distance <= AGREED;
                 if !agrees {
-                    return Err(failed(&model, format!("{who} differs by {distance:e}: {found:?}, {expected:?}")));
+                    return Err(failed(
+                        &model,
+                        format!("{who} differs by {distance:e}: {found:?}, {expected:?}"),
+                    ));
                 }
                 let largest = distances.entry(model.clone()).or_insert(0.0_f64);
                 *largest = largest.max(distance);

@@ -223,7 +223,16 @@ mod tests {
             };
             let own = Speed { ns: n as f64, instructions: None };
             let (rustc, by_hand) = (Duration::from_millis(n as u64), Some(own));
-            ChainRow { chain: Chain::Snake, n, generated, rustc, own, by_hand, pinocchio: None, distance: 1e-15 }
+            ChainRow {
+                chain: Chain::Snake,
+                n,
+                generated,
+                rustc,
+                own,
+                by_hand,
+                pinocchio: None,
+                distance: 1e-15,
+            }
         };
         Chains { rows: [2, 4, 8, 16].map(row).to_vec(), ..Chains::default() }
     }
@@ -232,7 +241,10 @@ mod tests {
     fn growth_is_that_of_the_bodies() {
         let text = chains().growth().text();
         let line = text.lines().find(|l| l.starts_with("snake")).unwrap_or_default();
-        assert_eq!(line.split_whitespace().collect::<Vec<_>>(), ["snake", "2.00", "1.00", "1.00", "1.00", "1.00"]);
+        assert_eq!(
+            line.split_whitespace().collect::<Vec<_>>(),
+            ["snake", "2.00", "1.00", "1.00", "1.00", "1.00"]
+        );
     }
 
     #[test]
