@@ -91,7 +91,7 @@ fn skew_arm(n: usize) -> String {
     text.replacen("    lagrangian = ", &format!("    lagrangian = 0{products} + "), 1)
 }
 
-/// Their part of the forces is Euler's equation as well: as momenta they would take many more operations.
+/// Their part of the forces is Euler's equation as well; two products a body take up to twenty operations.
 #[test]
 fn products_of_inertia_are_part_of_a_spin() {
     let model = parsed(&skew_arm(3));
