@@ -23,6 +23,7 @@ mod scaling;
 mod scaling_report;
 mod source;
 mod table;
+mod toolchain;
 mod trajectory;
 mod wp;
 mod wp_report;
@@ -174,9 +175,9 @@ Examples:
     /// Growing systems: time of generation and of rustc, lines, and time of one call
     ///
     /// Generates free motions on so(n), su(n) and nilpotent groups of dimension 6 to 78, and chains of 2 to 20 bodies,
-    /// compiles each with one call of rustc and times its right-hand side, that of a chain beside a recursion written by
-    /// hand; prints tables and how times grow, and writes docs/benchmarks/scaling.md, scaling.csv and scaling.svg, of
-    /// the chains scaling_chains.csv and scaling_chains.svg.
+    /// compiles each with one call of rustc and times its right-hand side, that of a chain beside a recursion written
+    /// by hand; prints tables and how times grow, and writes docs/benchmarks/scaling.md, scaling.csv and scaling.svg,
+    /// of the chains scaling_chains.csv and scaling_chains.svg.
     #[command(after_help = "\
 Examples:
   cargo xtask bench scaling                          everything; writes docs/benchmarks
@@ -229,7 +230,8 @@ impl Bench {
             Bench::Scaling { generate: Some(file), .. } => chains::generate(&file),
             Bench::Scaling { short, rounds, target_cpu, peers, generate: None } => {
                 let target_cpu = or_host(target_cpu);
-                scaling::scaling(repository, &scaling::Options { short, rounds, target_cpu, peers })
+                let options = toolchain::Options { short, rounds, target_cpu, peers };
+                scaling::scaling(repository, &options)
             }
         }
     }

@@ -1,4 +1,5 @@
-//! Scenes behind objects, evaluated with numbers that know their error: compiled ones, and others operation by operation.
+//! Scenes behind objects, evaluated with numbers that know their error: compiled ones, and others operation by
+//! operation.
 //!
 //! Deliberately does not know: how states are chosen.
 

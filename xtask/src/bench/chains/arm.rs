@@ -4,8 +4,8 @@
 
 use std::fmt::Write as _;
 
-use super::articulated::{self, Input, Number, Operation, Origin};
-use super::families::{IIWA, Link};
+use super::linkages::articulated::{self, Input, Number, Operation, Origin};
+use super::linkages::families::{IIWA, Link};
 
 /// A module with a function `kernels` for arms of these numbers of bodies.
 pub(super) fn module(sizes: &[usize]) -> String {

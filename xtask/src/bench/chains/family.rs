@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use super::families::{self, IIWA};
+use super::linkages::families::{self, IIWA};
 
 /// A family of chains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

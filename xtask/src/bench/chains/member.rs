@@ -12,7 +12,7 @@ use hamel_codegen::scene;
 use hamel_codegen::spec;
 use serde::{Deserialize, Serialize};
 
-use crate::bench::scaling::failed;
+use crate::bench::toolchain::failed;
 
 /// What generation took, and what came of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

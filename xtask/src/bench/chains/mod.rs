@@ -8,13 +8,9 @@
 
 mod arm;
 mod family;
+mod linkages;
 mod member;
 mod report;
-
-#[path = "../../../../codegen/tests/linkages/articulated.rs"]
-mod articulated;
-#[path = "../../../../codegen/tests/linkages/families.rs"]
-mod families;
 
 use std::collections::BTreeMap;
 use std::io::Write as _;
@@ -28,7 +24,7 @@ use hamel::repository::Repository;
 use super::peers;
 use super::program::progress;
 use super::rhs::{self, Program};
-use super::scaling::{Options, Toolchain, failed};
+use super::toolchain::{Options, Toolchain, failed};
 pub(super) use family::Chain;
 pub(super) use member::{Generated, generate};
 
