@@ -10,6 +10,7 @@ mod families;
 
 use std::time::Instant;
 
+use articulated::{Input, Number, Origin};
 use families::{IIWA, planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake};
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::mechanics::{derive, is_recursive, same_motion};
@@ -77,6 +78,44 @@ fn by_recursion_bodies_move_as_multiplied_out() {
             }
         }
     }
+}
+
+/// The arm in space with products of inertia of its bodies.
+fn skew_arm(n: usize) -> String {
+    let mut text = spatial_arm(n);
+    let mut products = String::new();
+    for k in 1..=n {
+        text = text.replacen("{\n", &format!("{{\n    param P{k} = 0.004;\n    param R{k} = -0.003;\n"), 1);
+        products += &format!(" + P{k}*w{k}x*w{k}y + R{k}*w{k}y*w{k}z");
+    }
+    text.replacen("    lagrangian = ", &format!("    lagrangian = 0{products} + "), 1)
+}
+
+/// Their part of the forces is Euler's equation as well; two products a body take up to twenty operations.
+#[test]
+fn products_of_inertia_are_part_of_a_spin() {
+    let model = parsed(&skew_arm(3));
+    let [recursive, expanded] = [true, false].map(|recursive| built(&model, Some(recursive)));
+    let without = built(&parsed(&spatial_arm(3)), Some(true));
+    for seed in 1..=5 {
+        let state = numbers(recursive.state.len(), seed);
+        let (a, b) = (rates(&recursive, &state), rates(&expanded, &state));
+        let size = b.iter().fold(0.0_f64, |size, rate| size.max(rate.abs()));
+        let moved = a.iter().zip(rates(&without, &state)).any(|(a, b)| (a - b).abs() > 1e-3 * size);
+        assert!(moved, "the products do nothing");
+        for (a, b) in a.iter().zip(&b) {
+            assert!((a - b).abs() <= TOLERANCE * size, "{a} and {b}");
+        }
+    }
+    let [(operations, _), (least, _)] = [&recursive, &without].map(counted);
+    assert!(operations <= least + 60, "{operations} operations, {least} without products");
+}
+
+/// Forty rates, more than the systems have whose squares are looked for where they are multiplied out.
+#[test]
+fn twenty_pendulums_in_space_are_linked_bodies() {
+    let model = parsed(&spherical_pendulum(20));
+    assert!(is_recursive(&reduce(&model, &Formulation::of(&model)).expect("reduces")));
 }
 
 /// Angular accelerations of a planar arm from the energy of its bodies by their angles in space:
@@ -178,20 +217,53 @@ fn an_arm_in_space_moves_as_others_compute_it() {
         30.798936675074824,
         3.360544445130384,
     ];
-    let (by_hand, most) = articulated::accelerations(&IIWA, &angles, &speeds);
+    let (by_hand, noted) = articulated::accelerations(&IIWA, &angles, &speeds);
+    // Sine and cosine of an angle are one.
+    let most = noted.len() + angles.len() - 1;
     let scene = built(&parsed(&spatial_arm(7)), Some(true));
     // The scene leaves out the angle about the vertical.
     let n_angles = scene.state.len() - speeds.len();
     let state: Vec<f64> = angles[angles.len() - n_angles..].iter().chain(&speeds).copied().collect();
     let found = rates(&scene, &state);
     for ((found, by_hand), expected) in found[n_angles..].iter().zip(&by_hand).zip(expected) {
-        for (who, value) in [("by hand", by_hand), ("found", found)] {
+        for (who, value) in [("by hand", &by_hand.value), ("found", found)] {
             assert!((value - expected).abs() <= 1e-10 * 30.0, "{who}: {value}, expected {expected}");
         }
     }
     let (operations, _) = counted(&scene);
     println!("{operations} operations, {most} as articulated bodies by hand");
     assert!(5 * operations <= 6 * most, "{operations} operations, {most} as articulated bodies by hand");
+}
+
+/// What `cargo xtask bench scaling` writes as the algorithm of the arm.
+#[test]
+fn noted_operations_are_the_algorithm_at_any_state() {
+    let (accelerations, noted) = articulated::accelerations(&IIWA, &numbers(7, 1), &numbers(7, 11));
+    let (angles, speeds) = (numbers(7, 2), numbers(7, 12));
+    let (expected, _) = articulated::accelerations(&IIWA, &angles, &speeds);
+    let mut values: Vec<f64> = Vec::new();
+    let read = |number: &Number, values: &[f64]| {
+        let value = match number.origin {
+            Origin::Constant => return number.value,
+            Origin::Input(Input::Sine, k) => angles[k].sin(),
+            Origin::Input(Input::Cosine, k) => angles[k].cos(),
+            Origin::Input(Input::Rate, k) => speeds[k],
+            Origin::Operation(k) => values[k],
+        };
+        if number.is_negated { -value } else { value }
+    };
+    for operation in &noted {
+        let [a, b] = operation.operands.map(|number| read(&number, &values));
+        values.push(match operation.op {
+            '+' => a + b,
+            '*' => a * b,
+            _ => a / b,
+        });
+    }
+    for (found, expected) in accelerations.iter().zip(&expected) {
+        let found = read(found, &values);
+        assert!((found - expected.value).abs() <= 1e-12 * 100.0, "{found}, expected {}", expected.value);
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! `stress`: starts the program that measures rounding errors and drifts of the compiled models.
+//! `stress`: starts the program that measures rounding errors and drifts of the models.
 //!
 //! Does not know: generated code, and what is measured.
 
@@ -16,7 +16,8 @@ const PACKAGE: &str = "hamel-stress";
 /// Measure rounding errors of all right-hand sides and drifts of long runs
 ///
 /// Every scene is evaluated in f64 and in double-double numbers at random states, at extreme parameters and next to
-/// singularities; selected models are integrated for long. A run of all models that is not short writes
+/// singularities, those of models without generated code operation by operation; selected models are integrated for
+/// long. A run of all models that is not short writes
 /// docs/stress.md, docs/stress.csv and docs/stress_runs.csv. A short run compares the errors with pinned bounds and
 /// fails above them.
 #[derive(Debug, Args)]
@@ -49,7 +50,7 @@ pub(crate) fn stress(
     arguments: &Arguments,
 ) -> Result<String, Error> {
     // Before minutes of compilation.
-    for file in session.find_compiled(&arguments.models)? {
+    for file in session.find_all(&arguments.models)? {
         file.model()?;
     }
     let build = cargo::cargo_build(repository, PACKAGE);

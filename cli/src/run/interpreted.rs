@@ -343,6 +343,11 @@ impl Built {
         Watched::of(&self.executable)
     }
 
+    /// What it takes to run the scene, over any scalar.
+    pub fn executable(&self) -> &Executable {
+        &self.executable
+    }
+
     /// Operations of one evaluation of the right-hand side.
     pub fn rhs_counts(&self) -> Counts {
         // Every scene has a right-hand side.

@@ -72,8 +72,8 @@ pub(super) struct Component {
 const MAX_TRIALS: usize = 500;
 /// Components of one weight that are tried together.
 const MAX_SINGLES: usize = 8;
-/// In larger systems, which are algebras rather than bodies, no frames are looked for: the work grows with the square
-/// of the rank.
+/// In larger systems that are multiplied out, which are algebras rather than bodies, no frames are looked for: the work
+/// grows with the square of the rank.
 const MAX_RANK: usize = 24;
 /// Components of the velocity of a point.
 const MAX_DIMENSION: usize = 3;
@@ -150,10 +150,10 @@ struct Single {
     component: Component,
 }
 
-/// Takes the squares of velocities out of the Lagrangian: these, and the rest; those of angular velocities as well, if
-/// `with_spins`.
+/// Takes the squares of velocities out of the Lagrangian: these, and the rest; those of angular velocities as well, and
+/// of systems of any size, `with_spins`, for a recursion.
 pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bool) -> (Vec<Square>, ExprId) {
-    if system.algebroid.rank() > MAX_RANK {
+    if !with_spins && system.algebroid.rank() > MAX_RANK {
         return (Vec::new(), system.lagrangian);
     }
     let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
@@ -226,9 +226,6 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
 
 /// The velocities whose squares the Lagrangian is written in, whatever frames they belong to.
 pub(super) fn squared_velocities(g: &mut Graph, system: &ReducedSystem) -> Vec<ExprId> {
-    if system.algebroid.rank() > MAX_RANK {
-        return Vec::new();
-    }
     let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
     let varying: BTreeSet<SymbolId> =
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();

@@ -1,48 +1,83 @@
-//! The articulated-body algorithm for the arm in space, written for its zeros and ones, on numbers that count.
+//! The articulated-body algorithm for the arm in space, written for its zeros and ones, on numbers that note what is
+//! done with them.
 //!
-//! What depends on constants alone is not counted, nor are products by zero and by one and sums with zero: somebody who
+//! What depends on constants alone is not noted, nor are products by zero and by one and sums with zero: somebody who
 //! writes the algorithm for one arm writes none of these. Deliberately does not know: models, what else is measured.
 //!
 //! # Source
 //! Featherstone 2008, Rigid Body Dynamics Algorithms, table 7.1; turns about an axis as in section A.4.
 
-use std::cell::Cell;
+use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::families::Link;
 
 thread_local! {
-    static OPERATIONS: Cell<usize> = const { Cell::new(0) };
+    static NOTED: RefCell<Vec<Operation>> = const { RefCell::new(Vec::new()) };
 }
 
-/// A number, and whether it depends on lengths, masses and moments alone.
+/// Where a number comes from.
 #[derive(Clone, Copy, Debug)]
-struct Number {
-    value: f64,
-    is_constant: bool,
+pub(crate) enum Origin {
+    /// Lengths, masses and moments alone.
+    Constant,
+    /// Sine or cosine of an angle, or the rate of a joint.
+    Input(Input, usize),
+    /// The result of an operation.
+    Operation(usize),
+}
+
+/// What differs from call to call, of the joint with an index.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Input {
+    Sine,
+    Cosine,
+    Rate,
+}
+
+/// A number, where it comes from, and its sign there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Number {
+    pub(crate) value: f64,
+    pub(crate) origin: Origin,
+    pub(crate) is_negated: bool,
+}
+
+/// `a op b`, op one of `+`, `*` and `/`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Operation {
+    pub(crate) op: char,
+    pub(crate) operands: [Number; 2],
 }
 
 const ZERO: Number = constant(0.0);
 
 const fn constant(value: f64) -> Number {
-    Number { value, is_constant: true }
+    Number { value, origin: Origin::Constant, is_negated: false }
 }
 
-fn variable(value: f64) -> Number {
-    Number { value, is_constant: false }
+fn variable(value: f64, input: Input, joint: usize) -> Number {
+    Number { value, origin: Origin::Input(input, joint), is_negated: false }
 }
 
 impl Number {
-    fn is(self, value: f64) -> bool {
-        self.is_constant && self.value == value
+    fn is_constant(self) -> bool {
+        matches!(self.origin, Origin::Constant)
     }
 
-    fn computed(value: f64, from: [Number; 2]) -> Number {
-        let is_constant = from.iter().all(|n| n.is_constant);
-        if !is_constant {
-            OPERATIONS.with(|n| n.set(n.get() + 1));
+    fn is(self, value: f64) -> bool {
+        self.is_constant() && self.value == value
+    }
+
+    fn computed(value: f64, op: char, operands: [Number; 2]) -> Number {
+        if operands.iter().all(|n| n.is_constant()) {
+            return constant(value);
         }
-        Number { value, is_constant }
+        let place = NOTED.with_borrow_mut(|noted| {
+            noted.push(Operation { op, operands });
+            noted.len() - 1
+        });
+        Number { value, origin: Origin::Operation(place), is_negated: false }
     }
 }
 
@@ -52,7 +87,7 @@ impl Add for Number {
         match () {
             () if self.is(0.0) => other,
             () if other.is(0.0) => self,
-            () => Number::computed(self.value + other.value, [self, other]),
+            () => Number::computed(self.value + other.value, '+', [self, other]),
         }
     }
 }
@@ -61,7 +96,7 @@ impl Add for Number {
 impl Neg for Number {
     type Output = Number;
     fn neg(self) -> Number {
-        Number { value: -self.value, ..self }
+        Number { value: -self.value, is_negated: !self.is_negated, ..self }
     }
 }
 
@@ -79,7 +114,7 @@ impl Mul for Number {
             () if self.is(0.0) || other.is(0.0) => ZERO,
             () if self.is(1.0) => other,
             () if other.is(1.0) => self,
-            () => Number::computed(self.value * other.value, [self, other]),
+            () => Number::computed(self.value * other.value, '*', [self, other]),
         }
     }
 }
@@ -87,7 +122,7 @@ impl Mul for Number {
 impl Div for Number {
     type Output = Number;
     fn div(self, other: Number) -> Number {
-        Number::computed(self.value / other.value, [self, other])
+        Number::computed(self.value / other.value, '/', [self, other])
     }
 }
 
@@ -177,18 +212,21 @@ struct Body {
     force: Number,
 }
 
-/// Accelerations of the joints, and the operations that they take; sine and cosine of an angle are one.
-pub(crate) fn accelerations(links: &[Link], angles: &[f64], rates: &[f64]) -> (Vec<f64>, usize) {
-    OPERATIONS.with(|n| n.set(angles.len() - 1));
+/// Accelerations of the joints, and the operations that they take besides sines and cosines.
+pub(crate) fn accelerations(links: &[Link], angles: &[f64], rates: &[f64]) -> (Vec<Number>, Vec<Operation>) {
+    NOTED.with_borrow_mut(Vec::clear);
     let (mut omega, mut v) = ([ZERO; 3], [ZERO; 3]);
     let mut bodies = Vec::new();
     let mut inertias = Vec::new();
     for (k, link) in links.iter().enumerate().take(angles.len()) {
         // The motion depends on the first angle in no way: gravity is along its axis.
         let (sin, cos) = angles[k].sin_cos();
-        let (sin, cos) = if k == 0 { (ZERO, constant(1.0)) } else { (variable(sin), variable(cos)) };
+        let (sin, cos) = match k {
+            0 => (ZERO, constant(1.0)),
+            _ => (variable(sin, Input::Sine, k), variable(cos, Input::Cosine, k)),
+        };
         let turn = Turn { cos, sin, is_first: k == 0, is_quarter: link.is_quarter };
-        let rate = variable(rates[k]);
+        let rate = variable(rates[k], Input::Rate, k);
         let joint = link.joint.map(constant);
         v = turn.to_body(add(v, cross(omega, joint)));
         omega = turn.to_body(omega);
@@ -296,7 +334,7 @@ pub(crate) fn accelerations(links: &[Link], angles: &[f64], rates: &[f64]) -> (V
         let terms = [0, 1, 2].map(|i| along[i] * turning[i] + across[i] * moving[i]);
         let acceleration = (body.force - (terms[0] + terms[1] + terms[2])) / body.divisor;
         turning[2] = turning[2] + acceleration;
-        found.push(acceleration.value);
+        found.push(acceleration);
     }
-    (found, OPERATIONS.with(Cell::get))
+    (found, NOTED.with_borrow_mut(std::mem::take))
 }

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how anything is measured or shown.
 
+mod chains;
 mod chosen;
 mod drift;
 mod drift_report;
@@ -22,9 +23,12 @@ mod scaling;
 mod scaling_report;
 mod source;
 mod table;
+mod toolchain;
 mod trajectory;
 mod wp;
 mod wp_report;
+
+use std::path::PathBuf;
 
 use clap::Subcommand;
 use hamel::Error;
@@ -170,13 +174,15 @@ Examples:
     },
     /// Growing systems: time of generation and of rustc, lines, and time of one call
     ///
-    /// Generates free motions on so(n), su(n) and nilpotent groups of dimension 6 to 78, compiles each with one call of
-    /// rustc and times its right-hand side; prints a table and how times grow with the number of operations, and writes
-    /// docs/benchmarks/scaling.md, scaling.csv and scaling.svg.
+    /// Generates free motions on so(n), su(n) and nilpotent groups of dimension 6 to 78, and chains of 2 to 20 bodies,
+    /// compiles each with one call of rustc and times its right-hand side, that of a chain beside a recursion written
+    /// by hand; prints tables and how times grow, and writes docs/benchmarks/scaling.md, scaling.csv and scaling.svg,
+    /// of the chains scaling_chains.csv and scaling_chains.svg.
     #[command(after_help = "\
 Examples:
   cargo xtask bench scaling                          everything; writes docs/benchmarks
   cargo xtask bench scaling --short                  small systems; writes nothing
+  cargo xtask bench scaling --peers                  Pinocchio as well; see tests/peers/README.md
   cargo xtask bench scaling --target-cpu baseline    compares results with the interpreter, bit for bit, as well")]
     Scaling {
         /// Small systems only, and write nothing
@@ -188,6 +194,12 @@ Examples:
         /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
         #[arg(long, value_enum)]
         target_cpu: Option<TargetCpu>,
+        /// Measure Pinocchio on the chains, too, where it is installed; PYTHON names the interpreter
+        #[arg(long)]
+        peers: bool,
+        /// Generate one model and tell what that takes, for the measurement itself
+        #[arg(long, value_name = "FILE", hide = true)]
+        generate: Option<PathBuf>,
     },
 }
 
@@ -215,9 +227,11 @@ impl Bench {
                 let options = nonholonomic::Options { chosen, steps, methods };
                 nonholonomic::nonholonomic(repository, session, &options)
             }
-            Bench::Scaling { short, rounds, target_cpu } => {
+            Bench::Scaling { generate: Some(file), .. } => chains::generate(&file),
+            Bench::Scaling { short, rounds, target_cpu, peers, generate: None } => {
                 let target_cpu = or_host(target_cpu);
-                scaling::scaling(repository, &scaling::Options { short, rounds, target_cpu })
+                let options = toolchain::Options { short, rounds, target_cpu, peers };
+                scaling::scaling(repository, &options)
             }
         }
     }

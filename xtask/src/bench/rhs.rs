@@ -43,10 +43,10 @@ pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options)
     let Options { chosen, rounds, peers: has_peers } = options;
     let files = session.find_compiled(&chosen.models)?;
     let program = build(repository, chosen.target_cpu(), &[])?;
-    let mut kernels = list(&program)?;
-    kernels.retain(|k| k.is_copy() || files.iter().any(|file| file.name() == k.model));
-    kernels.retain(|k| k.scene != RECONSTRUCTION_SCENE);
-    let mut programs = vec![Program { path: program, kernels }];
+    let mut own = Program::open(program)?;
+    own.kernels.retain(|k| k.is_copy() || files.iter().any(|file| file.name() == k.model));
+    own.kernels.retain(|k| k.scene != RECONSTRUCTION_SCENE);
+    let mut programs = vec![own];
     let mut notes = Vec::new();
     let mut using = None;
     if *has_peers {
@@ -54,7 +54,7 @@ pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options)
         let models: Vec<&str> = models.filter(|m| peers::PEERS.iter().any(|p| p.model == *m)).collect();
         match peers::generate(repository, chosen.target_cpu(), &models) {
             Ok(made) => {
-                programs.push(Program { kernels: list(&made.program)?, path: made.program });
+                programs.push(Program::open(made.program)?);
                 notes.extend(made.notes);
                 using = Some(made.using);
             }
@@ -76,16 +76,38 @@ pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options)
 }
 
 /// A program that measures, and those of its kernels that are wanted.
-struct Program {
+pub(super) struct Program {
     path: PathBuf,
-    kernels: Vec<Kernel>,
+    pub(super) kernels: Vec<Kernel>,
+}
+
+impl Program {
+    /// With all of its kernels.
+    ///
+    /// # Errors
+    /// [`Error::Failed`] when it does not tell them; [`Error::Io`].
+    pub(super) fn open(path: PathBuf) -> Result<Program, Error> {
+        Ok(Program { kernels: list(&path)?, path })
+    }
+
+    /// Where it is.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
 }
 
 /// How often the programs take turns: each start lays memory out anew, which some kernels feel.
 const TURNS: u32 = 4;
 
 /// Times and counts the kernels of all programs, which take turns; a list of rows a program.
-fn measure(programs: &[Program], rounds: u32, notes: &mut Vec<String>) -> Result<Vec<Vec<Row>>, Error> {
+///
+/// # Errors
+/// [`Error::Failed`] when a program does not run.
+pub(super) fn measure(
+    programs: &[Program],
+    rounds: u32,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Vec<Row>>, Error> {
     let counter = instructions::Counter::find();
     let kernels = programs.iter().map(|p| p.kernels.len() as u64).sum::<u64>();
     let n_rounds = u64::from(rounds) * programs.len() as u64;

@@ -2,54 +2,29 @@
 //!
 //! The systems are synthetic: free motions on so(n) and su(n), on nilpotent groups, on these by stages, and with a
 //! metric that couples all velocities. Each is generated, compiled as a program of its own by one call of rustc, and
-//! timed.
+//! timed. Chains of bodies are another part ([`super::chains`]).
 //!
 //! Does not know: how anything is derived or emitted, how a table is drawn ([`super::scaling_report`]).
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use hamel::Error;
 use hamel::repository::Repository;
-use hamel::run::cargo;
 use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 
+use super::chains::chains;
 use super::family::{Family, Row};
-use super::program::{TargetCpu, progress, target_dir};
+use super::program::{TargetCpu, progress};
 use super::scaling_report::Report;
 use super::source::Source;
+use super::toolchain::{Options, Toolchain, failed, output};
 
-/// The runtime, which every program is linked with.
-const RUNTIME: &str = "hamel-runtime";
 /// The program around a generated module.
 const MAIN: &str = include_str!("scaling_main.rs");
-
-/// What to measure, and how.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Options {
-    /// Small systems only, and nothing is written.
-    pub(crate) short: bool,
-    /// How often each system is generated and compiled; the fastest time of each counts.
-    pub(crate) rounds: u32,
-    /// The instruction set.
-    pub(crate) target_cpu: TargetCpu,
-}
-
-impl Options {
-    /// The command that repeats the measurement.
-    fn command(&self) -> String {
-        let short = if self.short { "--short " } else { "" };
-        format!(
-            "cargo xtask bench scaling {short}--rounds {} --target-cpu {}",
-            self.rounds,
-            self.target_cpu.name()
-        )
-    }
-}
 
 /// Measures, writes `docs/benchmarks/scaling.*` unless it is a short run, and returns the table.
 ///
@@ -75,7 +50,8 @@ pub(crate) fn scaling(repository: &Repository, options: &Options) -> Result<Stri
         rows.extend(fastest);
     }
     bar.finish_and_clear();
-    let report = Report { source: Source::here(options.command()), rows };
+    let chains = chains(repository, &toolchain, options)?;
+    let report = Report { source: Source::here(options.command()), rows, chains };
     let mut text = report.text();
     if options.short {
         text.push_str("docs/benchmarks is written without --short\n");
@@ -85,10 +61,6 @@ pub(crate) fn scaling(repository: &Repository, options: &Options) -> Result<Stri
         }
     }
     Ok(text)
-}
-
-fn failed(step: &str, status: impl std::fmt::Display) -> Error {
-    Error::Failed { step: step.into(), status: status.to_string() }
 }
 
 /// Where the measuring program evaluates: component `k` of the state.
@@ -116,46 +88,7 @@ fn parse(output: &str) -> Option<(f64, Vec<u64>)> {
     Some((ns.parse().ok()?, bits.collect::<Option<_>>()?))
 }
 
-/// rustc, with the compiled runtime.
-#[derive(Clone, Debug)]
-pub(crate) struct Toolchain {
-    /// Arguments of every call.
-    arguments: Vec<String>,
-    /// Where sources and programs are.
-    folder: PathBuf,
-    /// The folder that decides which rustc it is.
-    root: PathBuf,
-    target_cpu: TargetCpu,
-}
-
 impl Toolchain {
-    /// Builds the runtime for an instruction set.
-    ///
-    /// # Errors
-    /// [`Error::Failed`] when it does not build; [`Error::Io`].
-    pub(crate) fn new(repository: &Repository, target_cpu: TargetCpu) -> Result<Toolchain, Error> {
-        let mut cargo = cargo::cargo_build(repository, RUNTIME);
-        let flags = target_cpu.rustflags();
-        cargo
-            .args(["--features", "std"])
-            .arg("--target-dir")
-            .arg(target_dir(repository))
-            .env("RUSTFLAGS", &flags);
-        let library = cargo::run_library_build(cargo, "hamel_runtime", "building the runtime")?;
-        let library = library.ok_or_else(|| failed("building hamel-runtime", "see above"))?;
-        let mut arguments: Vec<String> =
-            ["--edition", "2024", "-C", "opt-level=3"].map(str::to_owned).to_vec();
-        arguments.extend(flags.split_whitespace().map(str::to_owned));
-        arguments.push("--extern".into());
-        arguments.push(format!("hamel_runtime={}", library.display()));
-        arguments.push("-L".into());
-        let beside = library.parent().unwrap_or(Path::new("."));
-        arguments.push(format!("dependency={}", beside.join("deps").display()));
-        let folder = target_dir(repository).join(format!("scaling-{}", target_cpu.name()));
-        std::fs::create_dir_all(&folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
-        Ok(Toolchain { arguments, folder, root: repository.root().to_owned(), target_cpu })
-    }
-
     /// Generates, compiles and times the system of a family with matrices of size `n`.
     ///
     /// # Errors
@@ -168,9 +101,10 @@ impl Toolchain {
         let built = scene::build(&model, scene::DEFAULT).map_err(|e| failed(&name, e))?;
         let text = built.emit().map_err(|e| failed(&name, e))?;
         let generation = clock.elapsed();
-        let (rustc, output) = self.compile_and_run(&name, &text)?;
+        let (rustc, program) = self.compile(&name, "", [("main.rs", MAIN), ("scene.rs", &text)])?;
+        let output = output(&name, Command::new(&program))?;
         let (ns, result) = parse(&output).ok_or_else(|| failed(&name, format!("unexpected {output:?}")))?;
-        if self.target_cpu == TargetCpu::Baseline && result != interpreted(&built) {
+        if self.target_cpu() == TargetCpu::Baseline && result != interpreted(&built) {
             return Err(failed(&name, "the compiled right-hand side differs from the interpreted one"));
         }
         let program = &built.program;
@@ -186,31 +120,6 @@ impl Toolchain {
             rustc,
             ns,
         })
-    }
-
-    /// The time rustc takes for a module and the program around it, and what the program prints.
-    fn compile_and_run(&self, name: &str, module: &str) -> Result<(Duration, String), Error> {
-        for (file, text) in [("main.rs", MAIN), ("scene.rs", module)] {
-            let path = self.folder.join(file);
-            std::fs::write(&path, text).map_err(|e| Error::io(path.display().to_string(), e))?;
-        }
-        let program = self.folder.join(format!("scaling{}", std::env::consts::EXE_SUFFIX));
-        let compiler = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-        let mut command = Command::new(compiler);
-        command.current_dir(&self.root);
-        command.args(&self.arguments).arg("-o").arg(&program).arg(self.folder.join("main.rs"));
-        let clock = Instant::now();
-        let output = command.output().map_err(|e| Error::io("rustc could not be started", e))?;
-        let elapsed = clock.elapsed();
-        if !output.status.success() {
-            return Err(failed(name, String::from_utf8_lossy(&output.stderr)));
-        }
-        let output = Command::new(&program).output();
-        let output = output.map_err(|e| Error::io(program.display().to_string(), e))?;
-        if !output.status.success() {
-            return Err(failed(name, String::from_utf8_lossy(&output.stderr)));
-        }
-        Ok((elapsed, String::from_utf8_lossy(&output.stdout).into_owned()))
     }
 }
 

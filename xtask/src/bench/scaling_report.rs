@@ -11,9 +11,10 @@ use std::time::Duration;
 use hamel::Error;
 use hamel::output::plot::loglog::{self, Curve, LogLog};
 
+use super::chains::Chains;
 use super::family::{Family, Row};
 use super::source::Source;
-use super::table::{Table, cells, number, write_files};
+use super::table::{Table, cells, exponent, number, write_files};
 
 /// All that was measured, and on what.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,23 +23,32 @@ pub(crate) struct Report {
     pub(crate) source: Source,
     /// The measurements, each family from small to large.
     pub(crate) rows: Vec<Row>,
+    /// The chains of bodies.
+    pub(crate) chains: Chains,
 }
 
 impl Report {
     /// The report for a terminal.
     pub(crate) fn text(&self) -> String {
         let (measured, growth) = (self.measured().text(), self.growth().text());
-        format!("{}\n{measured}\n{GROWTH}:\n\n{growth}\n", self.source.text())
+        let chains = self.chains.text();
+        format!("{}\n{measured}\n{GROWTH}:\n\n{growth}\n{chains}\n", self.source.text())
     }
 
-    /// Writes `scaling.md`, `scaling.csv` and `scaling.svg`; the files written.
+    /// Writes `scaling.md`, `scaling.csv` and `scaling.svg`, and the latter two of the chains; the files written.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub(crate) fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
-        let chart = loglog::svg(&self.chart());
-        let chart = chart.map_err(|e| Error::io("the chart", std::io::Error::other(e)))?;
-        let files = [("scaling.md", self.markdown()), ("scaling.csv", self.csv()), ("scaling.svg", chart)];
+        let drawn =
+            |chart: &LogLog| loglog::svg(chart).map_err(|e| Error::io("the chart", std::io::Error::other(e)));
+        let files = [
+            ("scaling.md", self.markdown()),
+            ("scaling.csv", self.csv()),
+            ("scaling.svg", drawn(&self.chart())?),
+            ("scaling_chains.csv", self.chains.csv(&self.source)),
+            ("scaling_chains.svg", drawn(&self.chains.chart(&self.source))?),
+        ];
         write_files(folder, files.map(|(name, text)| (name.to_owned(), text)))
     }
 
@@ -93,10 +103,11 @@ impl Report {
     fn markdown(&self) -> String {
         format!(
             "# Scaling\n\n{INTRODUCTION}\n\n{}.\n\n![Time against operations](scaling.svg)\n\n{}\n\
-             {GROWTH}:\n\n{}",
+             {GROWTH}:\n\n{}\n{}",
             self.source.markdown(),
             self.measured().markdown(),
-            self.growth().markdown()
+            self.growth().markdown(),
+            self.chains.markdown()
         )
     }
 
@@ -146,21 +157,6 @@ fn milliseconds(time: Duration) -> f64 {
     1e3 * time.as_secs_f64()
 }
 
-/// The `p` of `y = c x^p` through the largest half of the points, at least two, by least squares of logarithms.
-fn exponent(points: impl ExactSizeIterator<Item = [f64; 2]>) -> Option<f64> {
-    let skipped = (points.len() / 2).min(points.len().saturating_sub(2));
-    let logs: Vec<[f64; 2]> = points.skip(skipped).map(|p| p.map(f64::ln)).collect();
-    let n = logs.len() as f64;
-    let mean = |k: usize| logs.iter().map(|p| p[k]).sum::<f64>() / n;
-    let (x, y) = (mean(0), mean(1));
-    let (mut above, mut below) = (0.0, 0.0);
-    for p in &logs {
-        above += (p[0] - x) * (p[1] - y);
-        below += (p[0] - x).powi(2);
-    }
-    (below > 0.0).then_some(above / below)
-}
-
 const GROWTH: &str = "\
 Exponents p of time = c operations^p over the larger half of each family (generation and rustc: operations of all functions)";
 
@@ -176,6 +172,7 @@ mod tests {
     use std::time::Duration;
 
     use super::{Report, exponent};
+    use crate::bench::chains::Chains;
     use crate::bench::family::{Family, Row};
     use crate::bench::source::Source;
 
@@ -191,7 +188,7 @@ mod tests {
             ns: dim as f64,
         };
         let rows = [8, 16, 32].map(row).to_vec();
-        Report { source: Source::of_test("bench scaling"), rows }
+        Report { source: Source::of_test("bench scaling"), rows, chains: Chains::default() }
     }
 
     #[test]

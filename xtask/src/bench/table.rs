@@ -1,4 +1,4 @@
-//! Tables of text, and the files that reports are.
+//! Tables of text, what they say of growth, and the files that reports are.
 //!
 //! Does not know: what is in a table.
 
@@ -52,6 +52,21 @@ pub(super) fn cells<const N: usize>(cells: [&str; N]) -> Vec<String> {
 /// A number, or an empty cell.
 pub(super) fn number(x: Option<f64>, digits: usize) -> String {
     x.filter(|x| x.is_finite()).map_or_else(String::new, |x| format!("{x:.digits$}"))
+}
+
+/// The `p` of `y = c x^p` through the largest half of the points, at least two, by least squares of logarithms.
+pub(super) fn exponent(points: impl ExactSizeIterator<Item = [f64; 2]>) -> Option<f64> {
+    let skipped = (points.len() / 2).min(points.len().saturating_sub(2));
+    let logs: Vec<[f64; 2]> = points.skip(skipped).map(|p| p.map(f64::ln)).collect();
+    let n = logs.len() as f64;
+    let mean = |k: usize| logs.iter().map(|p| p[k]).sum::<f64>() / n;
+    let (x, y) = (mean(0), mean(1));
+    let (mut above, mut below) = (0.0, 0.0);
+    for p in &logs {
+        above += (p[0] - x) * (p[1] - y);
+        below += (p[0] - x).powi(2);
+    }
+    (below > 0.0).then_some(above / below)
 }
 
 /// Writes files into a folder and returns their paths.

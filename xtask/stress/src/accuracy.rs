@@ -8,7 +8,8 @@
 //!
 //! Deliberately does not know: how states are chosen, and models.
 
-use hamel_runtime::{Real, SceneInfo};
+use hamel::run::info::Info;
+use hamel_runtime::Real;
 use serde_json::{Map, Value, json};
 
 use crate::subject::{Prepared, Subject};
@@ -36,9 +37,9 @@ pub struct Sample {
 
 impl Sample {
     /// The place as `cargo xtask eval` reads it.
-    pub fn request(&self, info: &SceneInfo) -> String {
-        let params = info.params.iter().zip(&self.params).map(|(p, x)| (p.name.to_owned(), json!(x)));
-        let state = info.state.iter().zip(&self.y).map(|(name, x)| ((*name).to_owned(), json!(x)));
+    pub fn request(&self, info: &Info) -> String {
+        let params = info.params.iter().zip(&self.params).map(|(p, x)| (p.name.clone(), json!(x)));
+        let state = info.state.iter().zip(&self.y).map(|(name, x)| (name.clone(), json!(x)));
         let (params, state): (Map<String, Value>, Map<String, Value>) = (params.collect(), state.collect());
         json!({ "params": params, "states": [state], "t": self.t }).to_string()
     }
@@ -148,12 +149,12 @@ impl Accuracy {
     pub fn add(&mut self, subject: &dyn Subject, function: Function, sample: &Sample) {
         let info = subject.info();
         let lift = |x: &[f64]| x.iter().map(|x| Both::input(*x)).collect::<Vec<_>>();
-        let Ok(prepared) = subject.prepare(&lift(&sample.params)) else {
+        let Some(prepared) = subject.prepare(&lift(&sample.params)) else {
             self.rejected += 1;
             return;
         };
         let (t, y) = (Both::input(sample.t), lift(&sample.y));
-        if prepared.check(t, &y).is_err() {
+        if prepared.is_refused(t, &y) {
             self.refused += 1;
             return;
         }
@@ -210,7 +211,7 @@ fn evaluate(prepared: &dyn Prepared, function: Function, t: Both, y: &[Both]) ->
 }
 
 /// Name of a component of a function.
-fn component(info: &SceneInfo, function: Function, at: usize) -> String {
+fn component(info: &Info, function: Function, at: usize) -> String {
     let output = |at: usize| {
         let names = info.outputs.iter().flat_map(|o| o.components.iter().map(|c| format!("{}.{c}", o.name)));
         names.chain(["energy".to_owned()]).nth(at).unwrap_or_default()
@@ -234,7 +235,7 @@ fn conditions(subject: &dyn Subject, function: Function, sample: &Sample, at: &[
         let (params, rest) = shifted.split_at(sample.params.len());
         let (y, t) = rest.split_at(sample.y.len());
         // The values in f64 are unchanged, and so are the conditions on them.
-        let Ok(prepared) = subject.prepare(params) else { continue };
+        let Some(prepared) = subject.prepare(params) else { continue };
         let moved = evaluate(&*prepared, function, t[0], y);
         for ((sum, to), from) in sums.iter_mut().zip(&moved).zip(at) {
             let change = (to.exact - from.exact).hi().abs() / SHIFT;

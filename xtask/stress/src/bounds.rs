@@ -14,9 +14,15 @@ use crate::run::Results;
 const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("appell_machine", "default", [5.0, 32.0, 5.0, 32.0]),
     ("appell_machine", "minimal", [6.0, 32.0, 4.0, 32.0]),
+    ("ball_in_rotating_cylinder", "default", [5.0, 32.0, 5.0, 32.0]),
+    ("ball_in_rotating_cylinder", "reconstruction", [5.0, 32.0, 5.0, 32.0]),
     ("ball_on_rotating_table", "default", [4.0, 32.0, 5.0, 32.0]),
     ("ball_on_rotating_table", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("ball_on_surface", "default", [10.0, 1e14, 11.0, 1e15]),
+    ("ball_on_surface", "reconstruction", [9.0, 1e14, 12.0, 1e14]),
     ("camassa_holm", "default", [8.0, 32.0, 8.0, 32.0]),
+    ("car_with_trailers", "default", [6.0, 32.0, 5.0, 1e14]),
+    ("car_with_trailers", "reconstruction", [6.0, 32.0, 5.0, 1e13]),
     ("chaplygin_ball", "default", [8.0, 32.0, 5.0, 32.0]),
     ("chaplygin_ball", "invariants", [8.0, 32.0, 4.0, 32.0]),
     ("chaplygin_ball", "momenta", [8.0, 32.0, 10.0, 32.0]),
@@ -32,8 +38,12 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("charged_particle", "default", [4.0, 32.0, 3.0, 32.0]),
     ("charged_particle", "drift", [5.0, 32.0, 2.0, 32.0]),
     ("charged_particle", "implicit", [5.0, 32.0, 5.0, 32.0]),
+    ("clebsch_body", "default", [3.0, 32.0, 4.0, 32.0]),
+    ("clebsch_body", "reconstruction", [4.0, 32.0, 3.0, 32.0]),
     ("double_spherical_pendulum", "default", [15.0, 1e14, 12.0, 32.0]),
     ("double_spherical_pendulum", "reconstruction", [13.0, 1e14, 7.0, 32.0]),
+    ("ellipsoid_on_plane", "default", [7.0, 32.0, 4.0, 32.0]),
+    ("ellipsoid_on_plane", "reconstruction", [6.0, 1000.0, 4.0, 32.0]),
     ("euler_disk", "circle", [5.0, 32.0, 5.0, 32.0]),
     ("euler_disk", "default", [6.0, 32.0, 4.0, 32.0]),
     ("euler_disk", "flat", [4.0, 32.0, 4.0, 32.0]),
@@ -62,29 +72,48 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("heavy_top", "splitting", [4.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "symmetric", [4.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "taylor", [4.0, 32.0, 4.0, 32.0]),
+    ("heisenberg_flywheel", "default", [5.0, 32.0, 4.0, 32.0]),
+    ("heisenberg_flywheel", "reconstruction", [5.0, 32.0, 3.0, 1000.0]),
     ("kirchhoff_body", "default", [8.0, 32.0, 4.0, 32.0]),
     ("kirchhoff_body", "invariants", [7.0, 32.0, 5.0, 32.0]),
     ("kirchhoff_body", "momenta", [8.0, 32.0, 6.0, 32.0]),
     ("kirchhoff_body", "reconstruction", [7.0, 32.0, 5.0, 32.0]),
     ("kirchhoff_body", "splitting", [8.0, 32.0, 6.0, 32.0]),
     ("kirchhoff_body", "uncoupled", [4.0, 32.0, 4.0, 32.0]),
+    ("kovalevskaya_gyrostat", "default", [3.0, 32.0, 5.0, 32.0]),
+    ("kovalevskaya_gyrostat", "reconstruction", [3.0, 32.0, 5.0, 32.0]),
     ("lotka_volterra", "default", [2.0, 32.0, 2.0, 32.0]),
+    ("magnetic_spherical_pendulum", "default", [4.0, 32.0, 3.0, 32.0]),
+    ("magnetic_spherical_pendulum", "reconstruction", [3.0, 32.0, 3.0, 32.0]),
+    ("manakov_top", "default", [4.0, 32.0, 3.0, 32.0]),
     ("mobile_robot", "controlled", [7.0, 32.0, 8.0, 32.0]),
     ("mobile_robot", "default", [7.0, 32.0, 8.0, 32.0]),
     ("mobile_robot", "minimal", [7.0, 32.0, 4.0, 32.0]),
     ("mobile_robot", "reconstruction", [7.0, 32.0, 6.0, 32.0]),
     ("point_vortices", "default", [7.0, 32.0, 4.0, 32.0]),
     ("point_vortices", "taylor", [6.0, 32.0, 4.0, 32.0]),
+    ("pseudo_rigid_body", "default", [8.0, 1e14, 5.0, 32.0]),
+    ("pseudo_rigid_body", "reconstruction", [9.0, 1e14, 4.0, 32.0]),
+    ("quadrotor_with_load", "default", [7.0, 1e10, 6.0, 1e6]),
+    ("quadrotor_with_load", "reconstruction", [7.0, 1e8, 6.0, 1e14]),
+    ("rattleback", "default", [11.0, 10000.0, 9.0, 1000.0]),
+    ("rattleback", "reconstruction", [11.0, 10000.0, 7.0, 10000.0]),
+    ("roller_racer", "default", [9.0, 1e14, 7.0, 1e14]),
+    ("roller_racer", "reconstruction", [7.0, 1e13, 7.0, 1e15]),
     ("rolling_ball", "default", [4.0, 32.0, 4.0, 32.0]),
     ("rolling_ball", "minimal", [4.0, 32.0, 4.0, 32.0]),
     ("rolling_ball", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("rolling_disk", "default", [4.0, 32.0, 4.0, 32.0]),
     ("rolling_disk", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("satellite_with_wheels", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("satellite_with_wheels", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
     ("second_grade_fluid", "default", [8.0, 32.0, 4.0, 32.0]),
     ("second_grade_fluid_3c", "default", [5.0, 32.0, 5.0, 32.0]),
     ("servo_ball", "default", [5.0, 32.0, 4.0, 32.0]),
     ("servo_ball", "minimal", [5.0, 32.0, 4.0, 32.0]),
     ("servo_ball", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
+    ("skate_on_incline", "default", [4.0, 32.0, 3.0, 32.0]),
+    ("skate_on_incline", "reconstruction", [3.0, 32.0, 3.0, 32.0]),
     ("skew_sleigh", "default", [5.0, 32.0, 4.0, 32.0]),
     ("skew_sleigh", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
     // Joints next to links that lie on one another, see `findings.md`.
@@ -97,11 +126,21 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("snakeboard", "minimal", [4.0, 32.0, 4.0, 32.0]),
     ("snakeboard", "reconstruction", [4.0, 32.0, 5.0, 32.0]),
     ("snakeboard", "taylor", [4.0, 32.0, 4.0, 32.0]),
+    ("spherical_robot", "default", [11.0, 1e9, 7.0, 1e5]),
+    ("spherical_robot", "reconstruction", [13.0, 1e12, 6.0, 1e6]),
+    ("steklov_body", "default", [5.0, 32.0, 4.0, 32.0]),
+    ("steklov_body", "reconstruction", [6.0, 32.0, 4.0, 32.0]),
     ("suslov", "default", [4.0, 32.0, 4.0, 32.0]),
     ("suslov", "invariants", [5.0, 32.0, 4.0, 32.0]),
     ("suslov", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("suslov_bianchi", "default", [6.0, 1000.0, 7.0, 32.0]),
+    ("suslov_bianchi", "reconstruction", [6.0, 1000.0, 8.0, 32.0]),
     ("tethered_body", "default", [4.0, 32.0, 4.0, 32.0]),
     ("tethered_body", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("tippe_top", "default", [8.0, 1e14, 6.0, 32.0]),
+    ("tippe_top", "reconstruction", [7.0, 1e12, 7.0, 1e9]),
+    ("toda_lattice", "default", [2.0, 32.0, 4.0, 32.0]),
+    ("toda_lattice", "reconstruction", [2.0, 32.0, 5.0, 32.0]),
     ("two_arm_satellite", "controlled", [8.0, 1e8, 5.0, 32.0]),
     ("two_arm_satellite", "default", [7.0, 1e8, 5.0, 32.0]),
     ("two_arm_satellite", "invariants", [8.0, 1e8, 6.0, 32.0]),
@@ -112,6 +151,8 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("two_arm_satellite_routh", "invariants", [8.0, 100000.0, 7.0, 1e14]),
     ("two_arm_satellite_routh", "reconstruction", [10.0, 32.0, 7.0, 32.0]),
     ("two_arm_satellite_routh", "taylor", [8.0, 10000.0, 7.0, 32.0]),
+    ("underwater_vehicle", "default", [6.0, 32.0, 4.0, 32.0]),
+    ("underwater_vehicle", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
     ("veselova", "default", [4.0, 32.0, 4.0, 32.0]),
     ("veselova", "derivatives", [5.0, 32.0, 5.0, 1e17]),
     ("veselova", "hamiltonized", [5.0, 1e17, 5.0, 32.0]),
@@ -132,11 +173,21 @@ const BUILT: f64 = 64.0;
 
 /// Models that exceed [`BUILT`], and by how much they may: `findings.md` has the reasons.
 const BUILT_OF: &[(&str, f64)] = &[
+    ("ball_on_surface", 1e16),
+    ("car_with_trailers", 1e4),
     ("chaplygin_ball", 1e13),
     ("chaplygin_gyro", 1e14),
     ("double_spherical_pendulum", 1e14),
+    ("ellipsoid_on_plane", 1e14),
+    ("manakov_top", 1e6),
     ("mobile_robot", 1e3),
+    ("pseudo_rigid_body", 1e14),
+    ("quadrotor_with_load", 1e13),
+    ("rattleback", 1e11),
+    ("roller_racer", 1e15),
     ("snake", 2e7),
+    ("spherical_robot", 1e14),
+    ("tippe_top", 1e13),
     ("two_arm_satellite", 1e9),
     ("two_arm_satellite_routh", 1e10),
 ];
@@ -145,11 +196,20 @@ const BUILT_OF: &[(&str, f64)] = &[
 const BUILT_OF_SCENES: &[(&str, &str, f64)] =
     &[("snakeboard", "controlled", 1e10), ("veselova", "hamiltonized", 1e17)];
 
+/// Models that may have results which are not finite and nobody gave a reason for, and what they are at.
+const SILENT: &[(&str, &str)] = &[
+    (
+        "pseudo_rigid_body",
+        "strains that no motion leads to, of negative determinant, whose logarithm there is not",
+    ),
+    ("quadrotor_with_load", "extreme parameters, with inertias lost beside that of the load"),
+];
+
 /// What exceeds its bound or has none, one line each.
 pub fn excesses(results: &Results) -> Vec<String> {
     let mut lines = Vec::new();
     for scene in &results.scenes {
-        let (model, name) = (scene.info.model, scene.info.scene);
+        let (model, name) = (scene.info.model.as_str(), scene.info.scene.as_str());
         let of = [&scene.rhs.terms, &scene.rhs.inputs, &scene.outputs.terms, &scene.outputs.inputs];
         let measured = of.map(|m| m.max());
         let Some((_, _, bounds)) = BOUNDS.iter().find(|b| (b.0, b.1) == (model, name)) else {
@@ -178,7 +238,7 @@ pub fn excesses(results: &Results) -> Vec<String> {
                     w.component,
                     w.value,
                     w.exact,
-                    w.sample.request(scene.info)
+                    w.sample.request(&scene.info)
                 )
             });
             let measured = scene.built.inputs.max();
@@ -186,9 +246,10 @@ pub fn excesses(results: &Results) -> Vec<String> {
                 "{model} {name}, parameters 10^+-3: {measured:.1} eps, at most {bound} allowed; {place}"
             ));
         }
+        let may_be_silent = SILENT.iter().any(|(of, _)| *of == model);
         for accuracy in [&scene.rhs, &scene.outputs, &scene.built, &scene.extreme] {
-            if let Some((component, sample)) = &accuracy.first_silent {
-                let request = sample.request(scene.info);
+            if let Some((component, sample)) = accuracy.first_silent.as_ref().filter(|_| !may_be_silent) {
+                let request = sample.request(&scene.info);
                 lines.push(format!(
                     "{model} {name}: {} results that are not finite without a reason, first {component}: {request}",
                     accuracy.silent

@@ -1,4 +1,4 @@
-//! Measures the compiled models for `cargo xtask stress`; started by it, not by hand.
+//! Measures the models for `cargo xtask stress`; started by it, not by hand.
 
 use std::process::ExitCode;
 

@@ -99,11 +99,11 @@ fn places(scenes: &[SceneResult], of: impl Fn(&SceneResult) -> &Accuracy) -> Str
                 worst.component,
                 worst.value,
                 worst.exact,
-                worst.sample.request(scene.info)
+                worst.sample.request(&scene.info)
             );
         }
         if let Some((component, sample)) = &of(scene).first_silent {
-            let request = sample.request(scene.info);
+            let request = sample.request(&scene.info);
             let _ = writeln!(text, "- {}, {component} is not finite: `{request}`", title(scene));
         }
     }
@@ -255,7 +255,7 @@ pub fn csv(results: &Results) -> String {
             ("extreme", &scene.extreme),
         ];
         for (part, a) in parts {
-            line(part, scene.info.model, scene.info.scene, "", a);
+            line(part, &scene.info.model, &scene.info.scene, "", a);
         }
     }
     for result in &results.sweeps {

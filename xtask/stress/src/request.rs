@@ -1,12 +1,14 @@
-//! What is looked at: scenes, and what their generated code does not say.
+//! What is looked at: scenes, and what their code does not say.
 //!
 //! Does not know: generated code, and what is measured.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Parser;
 use hamel::Error;
+use hamel::model::Checked;
 use hamel::model::roles::{self, Role};
 use hamel::repository::Repository;
 use hamel::session::Session;
@@ -45,11 +47,13 @@ pub struct StressRequest {
     pub folder: Option<PathBuf>,
 }
 
-/// A scene, and what its generated code does not say.
+/// A scene, and what its code does not say.
 #[derive(Clone, Debug)]
 pub struct SceneRequest {
-    /// Name of the model.
-    pub model: String,
+    /// The model.
+    pub model: Arc<Checked>,
+    /// Whether it was generated and compiled; otherwise its scenes are derived, and run operation by operation.
+    pub is_compiled: bool,
     /// Name of the scene within the model.
     pub scene: String,
     /// What the possible state variables are.
@@ -64,10 +68,10 @@ pub struct SceneRequest {
 
 impl SceneRequest {
     /// Puts roles and initial values in the order of the state.
-    pub fn order(&mut self, state: &[&str]) {
-        let role = |name: &&str| self.roles_by_name.get(*name).copied().unwrap_or(Role::Velocity);
+    pub fn order(&mut self, state: &[String]) {
+        let role = |name: &String| self.roles_by_name.get(name).copied().unwrap_or(Role::Velocity);
         self.roles = state.iter().map(role).collect();
-        let initial = |(name, role): (&&str, &Role)| match (self.initial_by_name.get(*name), role) {
+        let initial = |(name, role): (&String, &Role)| match (self.initial_by_name.get(name), role) {
             (Some(value), _) => *value,
             (None, Role::Bounded { from, to }) => 0.5 * (from + to),
             (None, Role::Group { identity }) => *identity,
@@ -87,12 +91,13 @@ impl StressRequest {
         let folder = (models.is_empty() && !short).then(|| root.join("docs"));
         let session = Session::of_repository(Repository::at(root));
         let mut scenes = Vec::new();
-        for file in session.find_compiled(&models)? {
+        for file in session.find_all(&models)? {
             let model = file.model()?;
             for scene in model.scene_names() {
                 let params = roles::all_params(model, &scene, &BTreeMap::new());
                 scenes.push(SceneRequest {
-                    model: model.name.clone(),
+                    model: Arc::clone(model),
+                    is_compiled: file.repository().is_some(),
                     roles_by_name: roles::roles(model, &params),
                     initial_by_name: roles::initial_values(model, &params),
                     scene,

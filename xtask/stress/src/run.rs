@@ -6,9 +6,10 @@ use std::sync::Mutex;
 
 use hamel::Error;
 use hamel::run::dynamics::Factory;
+use hamel::run::info::Info;
+use hamel::run::interpreted;
 use hamel_measure::both::Both;
 use hamel_measure::random::Random;
-use hamel_runtime::SceneInfo;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::accuracy::{Accuracy, Function, Sample};
@@ -42,7 +43,7 @@ const DRAWS: usize = 1_000;
 #[derive(Debug)]
 pub struct SceneResult {
     /// Names and defaults.
-    pub info: &'static SceneInfo,
+    pub info: Info,
     /// The right-hand side near the default parameters.
     pub rhs: Accuracy,
     /// Outputs and energy there.
@@ -107,12 +108,12 @@ fn random(name: &str) -> Random {
 
 fn scene_result(subject: &dyn Subject, scene: &SceneRequest, samples: u64) -> SceneResult {
     let info = subject.info();
-    let defaults: Vec<f64> = info.params.iter().map(|p| p.default).collect();
+    let defaults = info.defaults();
     let mut random = random(&format!("{} {}", info.model, info.scene));
     // A sequence of its own, so that the states of one part do not depend on the draws of another.
     let mut random_built = self::random(&format!("{} {} built", info.model, info.scene));
     let [rhs, outputs, built, extreme] = [(); 4].map(|()| Accuracy::default());
-    let mut result = SceneResult { info, rhs, outputs, built, extreme };
+    let mut result = SceneResult { info: info.clone(), rhs, outputs, built, extreme };
     for k in 0..samples {
         let region = Region::ALL[k as usize % Region::ALL.len()];
         let y = state(scene, region, &mut random);
@@ -138,13 +139,13 @@ fn scene_result(subject: &dyn Subject, scene: &SceneRequest, samples: u64) -> Sc
 /// A state with parameters of a machine that one builds: such as the conditions of the model allow, unless hardly any
 /// do.
 fn built_sample(subject: &dyn Subject, scene: &SceneRequest, region: Region, random: &mut Random) -> Sample {
-    let defaults: Vec<f64> = subject.info().params.iter().map(|p| p.default).collect();
+    let defaults = subject.info().defaults();
     let y = state(scene, region, random);
     let t = random.number();
     let mut params = scaled_params(&defaults, BUILT, random);
     for _ in 0..DRAWS {
         let lifted: Vec<Both> = params.iter().map(|x| Both::input(*x)).collect();
-        if subject.prepare(&lifted).is_ok() {
+        if subject.prepare(&lifted).is_some() {
             break;
         }
         params = scaled_params(&defaults, BUILT, random);
@@ -159,8 +160,8 @@ fn sweep_result(
     samples: u64,
 ) -> SweepResult {
     let info = subject.info();
-    let defaults: Vec<f64> = info.params.iter().map(|p| p.default).collect();
-    let param_names: Vec<&str> = info.params.iter().map(|p| p.name).collect();
+    let defaults = info.defaults();
+    let (names, param_names) = (info.state_names(), info.param_names());
     let mut random = random(sweep.what);
     let at = DISTANCES.map(|distance| {
         let mut accuracy = Accuracy::default();
@@ -170,7 +171,7 @@ fn sweep_result(
             // Not the power of ten itself, whose digits may be lucky.
             let distance = distance * magnitude(&mut random, -0.1, 0.1).abs();
             let mut place =
-                Place { names: info.state, y: &mut y, param_names: &param_names, params: &mut params };
+                Place { names: &names, y: &mut y, param_names: &param_names, params: &mut params };
             (sweep.place)(&mut place, distance);
             let sample = Sample { params, y, t: 0.0, origin: format!("d = {distance:e}") };
             accuracy.add(subject, Function::Rhs, &sample);
@@ -184,8 +185,8 @@ fn sweep_result(
 /// Measures what the request asks for, with long runs of the scenes in `long`, prints a summary and writes the files.
 ///
 /// # Errors
-/// [`Error::Failed`] when a bound of a short run is exceeded or missing; [`Error::NotCompiled`] for a scene that was
-/// not generated; [`Error::Io`].
+/// [`Error::Failed`] when a bound of a short run is exceeded or missing; [`Error::NotCompiled`] for a scene of
+/// a compiled model that was not generated; [`Error::Io`].
 pub fn run(
     subjects: &[Box<dyn Subject>],
     long: &[Box<dyn Factory + Sync>],
@@ -193,20 +194,32 @@ pub fn run(
 ) -> Result<(), Error> {
     let StressRequest { mut scenes, short, samples, steps, folder } = request;
     let samples = samples.unwrap_or(if short { SHORT } else { SAMPLES });
+    let bar = ProgressBar::new(scenes.len() as u64);
+    let template = "  {bar:40.cyan/blue} {pos}/{len}  {elapsed}  {eta} left";
+    // The template is a constant that indicatif accepts.
+    bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
+    let derived = parallel(&scenes, &bar, |scene| {
+        let is_wanted = !scene.is_compiled;
+        is_wanted.then(|| interpreted::build(&scene.model, &scene.scene)).transpose()
+    });
+    let derived = derived.into_iter().collect::<Result<Vec<_>, _>>()?;
     let mut chosen: Vec<(&dyn Subject, &SceneRequest)> = Vec::new();
-    for scene in &mut scenes {
-        let is_it = |s: &&dyn Subject| s.info().model == scene.model && s.info().scene == scene.scene;
-        let subject = subjects.iter().map(|s| &**s).find(is_it).ok_or_else(|| Error::NotCompiled {
-            what: format!("{} {}", scene.model, scene.scene),
+    for (scene, derived) in scenes.iter_mut().zip(&derived) {
+        let is_it = |s: &&dyn Subject| s.info().model == scene.model.name && s.info().scene == scene.scene;
+        let compiled = || subjects.iter().map(|s| &**s).find(is_it);
+        let subject = derived.as_ref().map(|built| built as &dyn Subject).or_else(compiled);
+        let subject = subject.ok_or_else(|| Error::NotCompiled {
+            what: format!("{} {}", scene.model.name, scene.scene),
             reason: "it has not been generated".into(),
         })?;
-        scene.order(subject.info().state);
+        scene.order(&subject.info().state);
         chosen.push((subject, scene));
     }
     let sweeps: Vec<_> = SWEEPS
         .iter()
         .filter_map(|sweep| {
-            let found = chosen.iter().find(|(s, _)| (s.info().model, s.info().scene) == sweep.scene)?;
+            let is_it = |s: &Info| (s.model.as_str(), s.scene.as_str()) == sweep.scene;
+            let found = chosen.iter().find(|(subject, _)| is_it(subject.info()))?;
             Some((found.0, found.1, sweep))
         })
         .collect();
@@ -215,7 +228,7 @@ pub fn run(
     for factory in long {
         let info = factory.info();
         let is_it = |(_, scene): &&(&dyn Subject, &SceneRequest)| {
-            (&scene.model, &scene.scene) == (&info.model, &info.scene)
+            (&scene.model.name, &scene.scene) == (&info.model, &info.scene)
         };
         if let Some((_, scene)) = chosen.iter().find(is_it) {
             runs.extend(METHODS.iter().map(|method| (&**factory, *scene, *method)));
@@ -223,10 +236,7 @@ pub fn run(
     }
     let steps = steps.unwrap_or(if short { SHORT_STEPS } else { STEPS });
 
-    let bar = ProgressBar::new((chosen.len() + sweeps.len() + runs.len()) as u64);
-    let template = "  {bar:40.cyan/blue} {pos}/{len}  {elapsed}  {eta} left";
-    // The template is a constant that indicatif accepts.
-    bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
+    bar.inc_length((chosen.len() + sweeps.len() + runs.len()) as u64);
     let results = Results {
         scenes: parallel(&chosen, &bar, |(subject, scene)| scene_result(*subject, scene, samples)),
         sweeps: parallel(&sweeps, &bar, |(subject, scene, sweep)| {

@@ -1,26 +1,28 @@
-//! Scenes behind objects, evaluated with numbers that know their error.
+//! Scenes behind objects, evaluated with numbers that know their error: compiled ones, and others operation by
+//! operation.
 //!
 //! Deliberately does not know: how states are chosen.
 
 use std::marker::PhantomData;
 
-use hamel_runtime::{Failure, ParamError, Scene, SceneInfo, System};
+use hamel::run::dynamics::Factory;
+use hamel::run::info::Info;
+use hamel::run::interpreted::Built;
+use hamel_codegen::scene::Interpreter;
+use hamel_runtime::{Scene, System};
 
 use hamel_measure::both::Both;
 
-/// A compiled scene.
+/// A scene.
 pub trait Subject: Sync {
     /// Names, defaults and meanings.
-    fn info(&self) -> &'static SceneInfo;
+    fn info(&self) -> &Info;
 
-    /// Fixes the parameters.
-    ///
-    /// # Errors
-    /// The first condition on the parameters that does not hold.
-    fn prepare(&self, params: &[Both]) -> Result<Box<dyn Prepared>, ParamError>;
+    /// Fixes the parameters; none where a condition on them does not hold.
+    fn prepare(&self, params: &[Both]) -> Option<Box<dyn Prepared + '_>>;
 }
 
-/// A compiled scene with parameters.
+/// A scene with parameters.
 pub trait Prepared {
     /// The derivative of the state at `y`.
     fn rhs(&self, t: Both, y: &[Both]) -> Vec<Both>;
@@ -28,31 +30,33 @@ pub trait Prepared {
     /// All outputs, one after the other, and the energy at the end where the scene has one.
     fn outputs(&self, t: Both, y: &[Both]) -> Vec<Both>;
 
-    /// Says why the right-hand side has no value at a point.
-    ///
-    /// # Errors
-    /// The reason, if the scene knows one.
-    fn check(&self, t: Both, y: &[Both]) -> Result<(), Failure>;
+    /// Whether the scene knows a reason why the right-hand side has no value at a point.
+    fn is_refused(&self, t: Both, y: &[Both]) -> bool;
 }
 
-/// The scene `S`, whose state has `N` components.
-#[derive(Debug, Default)]
-pub struct Typed<S, const N: usize>(PhantomData<fn() -> S>);
+/// The compiled scene `S`, whose state has `N` components.
+#[derive(Debug)]
+pub struct Typed<S, const N: usize> {
+    info: Info,
+    scene: PhantomData<fn() -> S>,
+}
 
-impl<S, const N: usize> Typed<S, N> {
+impl<S: Scene<Both>, const N: usize> Typed<S, N> {
     /// The scene `S`.
+    #[expect(clippy::new_without_default, reason = "nobody asks for a default scene")]
     pub fn new() -> Self {
-        Typed(PhantomData)
+        Typed { info: Info::of::<Both, S>(), scene: PhantomData }
     }
 }
 
 impl<S: Scene<Both> + System<Both, State = [Both; N]> + 'static, const N: usize> Subject for Typed<S, N> {
-    fn info(&self) -> &'static SceneInfo {
-        const { &S::INFO }
+    fn info(&self) -> &Info {
+        &self.info
     }
 
-    fn prepare(&self, params: &[Both]) -> Result<Box<dyn Prepared>, ParamError> {
-        Ok(Box::new(Fixed::<S, N>(S::prepare(params)?)))
+    fn prepare(&self, params: &[Both]) -> Option<Box<dyn Prepared + '_>> {
+        let scene = S::prepare(params).ok()?;
+        Some(Box::new(Fixed::<S, N>(scene)))
     }
 }
 
@@ -76,7 +80,37 @@ impl<S: Scene<Both> + System<Both, State = [Both; N]>, const N: usize> Prepared 
         out
     }
 
-    fn check(&self, t: Both, y: &[Both]) -> Result<(), Failure> {
-        System::check(&self.0, t, array(y))
+    fn is_refused(&self, t: Both, y: &[Both]) -> bool {
+        System::check(&self.0, t, array(y)).is_err()
+    }
+}
+
+/// A scene that this process derived.
+impl Subject for Built {
+    fn info(&self) -> &Info {
+        Factory::info(self)
+    }
+
+    fn prepare(&self, params: &[Both]) -> Option<Box<dyn Prepared + '_>> {
+        let interpreter = self.executable().prepare_over(params).ok()?;
+        Some(Box::new(interpreter))
+    }
+}
+
+impl Prepared for Interpreter<'_, Both> {
+    fn rhs(&self, t: Both, y: &[Both]) -> Vec<Both> {
+        let mut dy = vec![Both::default(); y.len()];
+        Interpreter::rhs(self, t, y, &mut dy);
+        dy
+    }
+
+    fn outputs(&self, t: Both, y: &[Both]) -> Vec<Both> {
+        let mut out = Interpreter::outputs(self, t, y);
+        out.extend(self.energy(t, y));
+        out
+    }
+
+    fn is_refused(&self, t: Both, y: &[Both]) -> bool {
+        self.check(t, y).is_err()
     }
 }
