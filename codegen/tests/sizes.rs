@@ -252,7 +252,7 @@ fn blocks_of_scenes_and_frames_have_loops() {
                 param m: vector(n) = [1, 2, 3] where m1 > 0, m2 > 0, m3 > 0;
                 coordinate q: vector(n) in angle;
                 frame {{ {frame} }}
-                lagrangian = sum(m[k]*u[k]^2/2 + cos(q[k]) for k in 1..n);
+                lagrangian = (m1*u1^2 + m2*u2^2 + m3*u3^2)/2 + sum(cos(q[k]) for k in 1..n);
                 scene alike {{ {scene} want rhs, energy; }}
             }}"
         )
