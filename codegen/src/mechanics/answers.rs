@@ -21,6 +21,12 @@ struct Order {
     together: Vec<(usize, usize)>,
 }
 
+/// A velocity by others, `y_own = by y`, of a row.
+pub(super) struct Direct {
+    pub(super) own: usize,
+    pub(super) by: Vec<(usize, ExprId)>,
+}
+
 impl Derivation<'_> {
     /// The order of the rows. As few as possible are solved together: those whose own velocity has no number before it,
     /// and as many others as are needed where rows wait for each other.
@@ -91,6 +97,22 @@ impl Derivation<'_> {
         x
     }
 
+    /// The rows that give their velocity by others, the last first, as `y = c y + ..`.
+    pub(super) fn direct_rows(&mut self, solved: &SolvedConstraint, response: &Response) -> Vec<Direct> {
+        let Order { direct, .. } = self.order_of_rows(solved, response);
+        let mut rows = Vec::with_capacity(direct.len());
+        for (row, own) in direct.into_iter().rev() {
+            let form = &solved.rows[row].one_form[..self.y.len()];
+            let inverse = self.g.powi(form[own], -1);
+            let factor = self.g.neg(inverse);
+            let others = form.iter().enumerate().filter(|(alpha, e)| *alpha != own && **e != self.g.zero());
+            let others: Vec<(usize, ExprId)> = others.map(|(alpha, e)| (alpha, *e)).collect();
+            let by = others.into_iter().map(|(alpha, e)| (alpha, self.g.mul(factor, e)));
+            rows.push(Direct { own, by: by.collect() });
+        }
+        rows
+    }
+
     fn direct_answer(
         &mut self,
         solved: &SolvedConstraint,
@@ -107,6 +129,13 @@ impl Derivation<'_> {
         let inverse = self.g.powi(form[own], -1);
         let value = self.g.mul(sum, inverse);
         self.g.neg(value)
+    }
+
+    /// Gives a dependent velocity its value.
+    fn known(&mut self, alpha: usize, value: ExprId) {
+        let named = self.writer.define(&mut self.g, &self.names[alpha], value);
+        self.replacement.insert(self.system.velocities[alpha], named);
+        self.y[alpha] = named;
     }
 
     /// The velocities, and the partial velocities `Psi` by names.
@@ -128,15 +157,19 @@ impl Derivation<'_> {
         let is_affine = right.iter().any(|e| *e != zero);
         let own =
             if is_affine { self.answer(solved, response, &right, "psi0_") } else { vec![zero; self.y.len()] };
-        for &alpha in &solved.dependent {
+        let Order { direct, together } = self.order_of_rows(solved, response);
+        for (_, alpha) in together {
             let mut terms = vec![own[alpha]];
             for (slope, k) in psi[alpha].iter().zip(&independent) {
                 terms.push(self.g.mul(*slope, self.y[*k]));
             }
             let sum = self.g.sum(&terms);
-            let named = self.writer.define(&mut self.g, &self.names[alpha], sum);
-            self.replacement.insert(self.system.velocities[alpha], named);
-            self.y[alpha] = named;
+            self.known(alpha, sum);
+        }
+        for pair in direct {
+            let y = self.y.clone();
+            let value = self.direct_answer(solved, pair, &right, &y);
+            self.known(pair.1, value);
         }
         self.partial = Some(psi);
     }
