@@ -78,6 +78,7 @@ pub(crate) const SHIPPED: Shipped = shipped! {
         "tippe_top",
         "toda_lattice",
         "underwater_vehicle",
+        "whipple_bicycle",
     ],
 };
 

@@ -34,7 +34,7 @@ impl Derivation<'_> {
         response: &Response,
         net: &[ExprId],
     ) -> Condensed {
-        let rows = self.direct_rows(solved, response);
+        let rows = self.direct_rows(response);
         let before = (self.g.clone(), self.writer.clone());
         let mut best = self.tried(solved, &rows, net, &vec![false; rows.len()], &before);
         let all = self.tried(solved, &rows, net, &vec![true; rows.len()], &before);

@@ -24,7 +24,8 @@ impl Derivation<'_> {
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
         self.writer.begin("accelerations of the dependent velocities at udot = 0");
         let mut lag = vec![self.g.zero(); m];
-        match solved.response.as_ref().filter(|_| self.partial.is_some()) {
+        let response = self.response.take();
+        match &response {
             Some(response) => lag = self.lag_by_rows(solved, response)?,
             None => {
                 for &alpha in &solved.dependent {
@@ -34,9 +35,7 @@ impl Derivation<'_> {
                 }
             }
         }
-        let response = solved.response.as_ref();
-        let by_rows =
-            response.filter(|_| self.partial.is_some() && solved.virtual_displacements == solved.psi);
+        let by_rows = response.as_ref().filter(|_| solved.virtual_displacements == solved.psi);
         let (mass_matrix, force) = match by_rows {
             Some(response) => {
                 self.writer.begin("right side r - L_yy lag");
