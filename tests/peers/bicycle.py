@@ -305,7 +305,7 @@ def by_casadi():
     out = ca.cse(ca.vertcat(steer_dot, gamma_dot, x1, x2, x3))
     function = ca.Function("f", [ca.vertcat(*p.values()), ca.vertcat(*state)], [out])
     elapsed = time.time() - start
-    front = ca.Function("front", [ca.vertcat(*p.values()), ca.vertcat(*state)], [third])
+    front = ca.Function("front", [ca.vertcat(*p.values()), ca.vertcat(*state)], [ca.vertcat(first, third)])
     return of_casadi("casadi", function), list(p), list(VALUES.values()), names, elapsed, front
 
 
@@ -392,25 +392,43 @@ __attribute__((noinline)) static void sympy_rates(const double *y, double *dy) {
   }
 }
 """
-# 6 inverses, l: 15, updates: 2 (30 + 20 + 12 + 6 + 2 + 0) .. counted as the loops run.
+# What `hamel generate --language c` writes, called like the others.
+OWN = """
+static whipple_bicycle_moving_prepared hamel_prepared;
+static void hamel_prepare(const double *p) {
+  (void)p;
+  whipple_bicycle_moving_params defaults = whipple_bicycle_moving_params_default();
+  whipple_bicycle_moving_prepare(&defaults, &hamel_prepared);
+}
+__attribute__((noinline)) static void hamel_rates(const double *y, double *dy) {
+  whipple_bicycle_moving_rhs(&hamel_prepared, 0.0, y, dy);
+}
+"""
+# Operations of these loops.
 N_SOLVED = 6 + sum((5 - k) * (1 + 2 * (6 - k)) for k in range(6)) + sum(2 * (5 - i) + 1 for i in range(6))
 
 
 def main():
     folder = pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else None
     sympy_code, sympy_params, sympy_values, sympy_state, sympy_time = by_sympy()
-    casadi_code, casadi_params, casadi_values, casadi_state, casadi_time, front = by_casadi()
+    casadi_code, casadi_params, casadi_values, casadi_state, casadi_time, solved = by_casadi()
     n_sympy = sympy_code.count(sympy_state)
     print(f"sympy {sp.__version__}: {n_sympy} operations after cse, {N_SOLVED} more for the 6x6 system, {sympy_time:.1f} s")
     print(f"casadi {ca.__version__}: {casadi_code.count(casadi_state)} operations, {casadi_time:.1f} s")
     state = in_frame()
     # SymPy's axes point forwards, to the left and upwards; the steer axis points downwards in both.
-    front_rate = float(front(casadi_values, state))
+    omega2, front_rate = (float(x) for x in ca.vertsplit(solved(casadi_values, state)))
     at_sympy = [0.0, LEAN[0], -PITCH[0], STEER[0], LEAN[1], -REAR[0], STEER[1], -YAW_RATE, -PITCH[1], -front_rate]
     kernels = [("sympy", "sympy_rates", at_sympy), ("casadi", "casadi", state)]
     text = sympy_code.c(sympy_params, sympy_state) + SOLVED + casadi_code.c(casadi_params, casadi_state)
+    prepared = [("sympy", sympy_values), ("casadi", casadi_values)]
+    if folder:
+        steer, g1, g2, g3, steer_dot, omega1, s_r = state
+        kernels.append(("hamel", "hamel_rates", [steer, steer_dot, omega1, s_r + omega2, g1, g2, g3]))
+        prepared.append(("hamel", [0.0]))
+        text += f'\n#include "{(folder / "whipple_bicycle_moving.c").resolve()}"\n' + OWN
     setup = []
-    for name, values in [("sympy", sympy_values), ("casadi", casadi_values)]:
+    for name, values in prepared:
         setup.append(f"  {{ const double p[] = {{{', '.join(map(repr, values))}}}; {name}_prepare(p); }}")
     for k, (_, _, at) in enumerate(kernels):
         setup.append(f"  {{ const double at[] = {{{', '.join(map(repr, at))}}};")
@@ -425,7 +443,18 @@ def main():
         source.write_text(main_text)
         binary = pathlib.Path(made) / "bicycle"
         subprocess.run([os.environ.get("CC", "gcc"), *FLAGS, str(source), "-o", str(binary), "-lm"], check=True)
-        print(subprocess.run([str(binary)], check=True, capture_output=True, text=True).stdout)
+        lines = subprocess.run([str(binary)], check=True, capture_output=True, text=True).stdout.splitlines()
+    rows = [[float(x) for x in line.split()] for line in lines[:n]]
+    # Accelerations of steer and of the rear wheel against the frame.
+    found = {"sympy": (rows[0][2], -rows[0][1]), "casadi": (rows[1][4], rows[1][6])}
+    for name, values in found.items():
+        for value, expected in zip(values, (STEER[2], REAR[1])):
+            assert abs(value - expected) < 1e-11, (name, values)
+    if folder:
+        assert abs(rows[2][1] - STEER[2]) < 1e-11, rows[2]
+    for line in lines[n:]:
+        name, ns = line.split()
+        print(f"{name}: {ns} ns")
 
 
 if __name__ == "__main__":

@@ -33,7 +33,13 @@ fn vehicles_on_wheels_and_blades() {
     held::<vehicles::RollerRacer>("roller_racer", &[]);
     held::<vehicles::CarWithTrailers>("car_with_trailers", &[]);
     held::<vehicles::Skate>("skate_on_incline", &["a"]);
+}
+
+#[test]
+fn bicycles_on_two_wheels() {
     held::<bicycles::Whipple>("whipple_bicycle", &[]);
+    held::<bicycles::ByMultipliers>("whipple_bicycle_multipliers", &[]);
+    held::<bicycles::Ridden>("bicycle_with_rider", &[]);
 }
 
 #[test]

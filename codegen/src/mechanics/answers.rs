@@ -10,8 +10,8 @@
 use std::collections::BTreeMap;
 
 use crate::error::Error;
-use crate::expr::{ExprId, Node, Style, SymbolId};
-use crate::reduction::{ConstraintRow, Response, SolvedConstraint};
+use crate::expr::{ExprId, Style, SymbolId};
+use crate::reduction::{Response, SolvedConstraint};
 
 use super::derive::Derivation;
 
@@ -58,12 +58,7 @@ impl Derivation<'_> {
 
     /// The dependent components `x` with `C_d x + r = 0`, `r` by row; each gets a name, that of its velocity after
     /// `prefix`. Other components are zero.
-    pub(super) fn answer(
-        &mut self,
-        response: &Response,
-        right: &[ExprId],
-        prefix: &str,
-    ) -> Vec<ExprId> {
+    pub(super) fn answer(&mut self, response: &Response, right: &[ExprId], prefix: &str) -> Vec<ExprId> {
         let Order { direct, together } = self.order_of_rows(response);
         let zero = self.g.zero();
         let mut x = vec![zero; self.y.len()];
@@ -83,7 +78,8 @@ impl Derivation<'_> {
                 left.push((*row, self.define(&format!("{prefix}left_{}", self.names[*own]), sum)));
             }
             for (_, own) in &together {
-                let terms: Vec<ExprId> = left.iter().map(|(row, e)| self.g.mul(response.by_row[*own][*row], *e)).collect();
+                let terms: Vec<ExprId> =
+                    left.iter().map(|(row, e)| self.g.mul(response.by_row[*own][*row], *e)).collect();
                 let sum = self.g.sum(&terms);
                 x[*own] = self.define(&format!("{prefix}{}", self.names[*own]), sum);
             }
@@ -168,12 +164,7 @@ impl Derivation<'_> {
         response
     }
 
-    fn direct_answer(
-        &mut self,
-        (row, own): (usize, usize),
-        right: &[ExprId],
-        x: &[ExprId],
-    ) -> ExprId {
+    fn direct_answer(&mut self, (row, own): (usize, usize), right: &[ExprId], x: &[ExprId]) -> ExprId {
         let form = &self.forms[row].clone();
         let mut terms = vec![right[row]];
         for (alpha, value) in x.iter().enumerate().filter(|(alpha, _)| *alpha != own) {
@@ -238,8 +229,7 @@ impl Derivation<'_> {
         self.writer.begin("velocities y = Psi u + psi0");
         let right: Vec<ExprId> = solved.rows.iter().map(|row| row.offset).collect();
         let is_affine = right.iter().any(|e| *e != zero);
-        let own =
-            if is_affine { self.answer(response, &right, "psi0_") } else { vec![zero; self.y.len()] };
+        let own = if is_affine { self.answer(response, &right, "psi0_") } else { vec![zero; self.y.len()] };
         let Order { direct, together } = self.order_of_rows(response);
         for (_, alpha) in together {
             let mut terms = vec![own[alpha]];
@@ -293,56 +283,12 @@ impl Derivation<'_> {
                 let rate = self.replace(rate)?;
                 let other = self.define(&format!("rate_{}", row.name), rate);
                 candidates.push(other);
-                if let Some(rate) = self.rate_by_position(row, written, &moving)? {
-                    candidates.push(self.define(&format!("rate_{}", row.name), rate));
-                }
             }
             let n = |e: &ExprId| self.n_operations(&[rates.as_slice(), &[*e]].concat());
             let best = candidates.into_iter().min_by_key(n).unwrap_or_else(|| self.g.zero());
             rates.push(best);
         }
         Ok(self.answer(response, &rates, "lag_"))
-    }
-
-    /// The rate at fixed velocities of a row that is the derivative of an equation `f(x, t) = 0` between positions:
-    /// the second derivative of `f` along the motion, which shares more than the rates of the row's coefficients.
-    fn rate_by_position(
-        &mut self,
-        row: &ConstraintRow,
-        written: ExprId,
-        moving: &BTreeMap<SymbolId, ExprId>,
-    ) -> Result<Option<ExprId>, Error> {
-        let system = self.system;
-        let Some((_, f)) = system.positions.iter().find(|(name, _)| *name == row.name) else { return Ok(None) };
-        let (one, zero) = (self.g.one(), self.g.zero());
-        let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.sym(*s)).collect();
-        let mut along_raw = BTreeMap::from([(system.time, one)]);
-        // `xdot` by names, and its rates at fixed velocities.
-        let mut first = BTreeMap::from([(system.time, one)]);
-        let mut second = moving.clone();
-        for (i, x) in system.algebroid.base().iter().enumerate() {
-            let anchor: Vec<ExprId> = (0..raw.len()).map(|alpha| system.algebroid.anchor(i, alpha)).collect();
-            along_raw.insert(*x, self.g.dot(&anchor, &raw));
-            if self.rates[i] == zero {
-                continue;
-            }
-            let Node::Symbol(rate) = *self.g.node(self.rates[i]) else { return Ok(None) };
-            first.insert(*x, self.rates[i]);
-            let y = self.y.clone();
-            let turning: Vec<ExprId> =
-                anchor.iter().map(|e| self.g.derivative_along(*e, moving)).collect();
-            let value = self.g.dot(&turning, &y);
-            let value = self.replace(value)?;
-            let name = format!("ddot_{}", self.g.name(*x));
-            let named = self.define(&name, value);
-            second.insert(rate, named);
-        }
-        let derivative = self.g.derivative_along(*f, &along_raw);
-        if !self.g.is_equal(derivative, written) {
-            return Ok(None);
-        }
-        let rate = self.g.derivative_along(*f, &first);
-        Ok(Some(self.g.derivative_along(rate, &second)))
     }
 
     /// `lambda = -R^T E` for the reactions `E = lambda_A form_A` along the rows; `reaction` by velocity.
