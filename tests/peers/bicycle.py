@@ -27,7 +27,6 @@ import casadi as ca
 import sympy as sp
 import sympy.physics.mechanics.tests.test_kane3 as test_kane3
 
-HERE = pathlib.Path(__file__).resolve().parent
 FLAGS = ["-O2", "-march=native", "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math"]
 LAMBDA = math.pi / 10
 VALUES = {
@@ -84,7 +83,8 @@ class Code:
 
         read = [f"  const double {name} = {{}}[{k}];" for k, name in enumerate(params)]
         return "\n".join(
-            [f"static double {self.name}_k[{max(len(kept), 1)}];", f"static void {self.name}_prepare(const double *p) {{"]
+            [f"static double {self.name}_k[{max(len(kept), 1)}];"]
+            + [f"static void {self.name}_prepare(const double *p) {{"]
             + [line.format("p") for line in read] + list(lines(fixed))
             + [f"  {self.name}_k[{k}] = {name};" for k, name in enumerate(kept)] + ["}"]
             + [f"__attribute__((noinline)) static void {self.name}(const double *y, double *dy) {{"]
@@ -196,7 +196,8 @@ def of_casadi(name, function):
 def by_sympy():
     """The mass matrix (6x6) and the right side of SymPy's own test: code, its parameters and their values."""
     source = pathlib.Path(test_kane3.__file__).read_text()
-    model = textwrap.dedent(re.search(r"def test_bicycle\(\):\n(.*?)(?=    # This is the start of entering)", source, re.S)[1])
+    model = re.search(r"def test_bicycle\(\):\n(.*?)(?=    # This is the start of entering)", source, re.S)[1]
+    model = textwrap.dedent(model)
     values = textwrap.dedent(re.search(r"\n(    PaperRadRear .*?)(?=    # Here is the final)", source, re.S)[1])
     numbers = re.search(r"val_dict = \{(.*?g: 9.81)", source, re.S)[1]
     scope = dict(vars(test_kane3))
@@ -413,7 +414,8 @@ def main():
     sympy_code, sympy_params, sympy_values, sympy_state, sympy_time = by_sympy()
     casadi_code, casadi_params, casadi_values, casadi_state, casadi_time, solved = by_casadi()
     n_sympy = sympy_code.count(sympy_state)
-    print(f"sympy {sp.__version__}: {n_sympy} operations after cse, {N_SOLVED} more for the 6x6 system, {sympy_time:.1f} s")
+    solve = f"{N_SOLVED} more for the 6x6 system"
+    print(f"sympy {sp.__version__}: {n_sympy} operations after cse, {solve}, {sympy_time:.1f} s")
     print(f"casadi {ca.__version__}: {casadi_code.count(casadi_state)} operations, {casadi_time:.1f} s")
     state = in_frame()
     # SymPy's axes point forwards, to the left and upwards; the steer axis points downwards in both.
