@@ -59,6 +59,7 @@ pub(crate) const SHIPPED: Shipped = shipped! {
     "shelf": [
         "ball_in_rotating_cylinder",
         "ball_on_surface",
+        "bicycle_with_rider",
         "car_with_trailers",
         "clebsch_body",
         "ellipsoid_on_plane",
@@ -79,6 +80,8 @@ pub(crate) const SHIPPED: Shipped = shipped! {
         "tippe_top",
         "toda_lattice",
         "underwater_vehicle",
+        "whipple_bicycle",
+        "whipple_bicycle_multipliers",
     ],
 };
 

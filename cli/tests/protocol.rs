@@ -11,7 +11,6 @@ use hamel::run::backend::{Backend, Local};
 use hamel::run::choice::{Choice, Via};
 use hamel::run::forms::Forms;
 use hamel::run::interpreted;
-use hamel::run::positions::Equations;
 use hamel::run::start::Chosen;
 use hamel_codegen::spec;
 use serde_json::{Value, json};
@@ -507,8 +506,7 @@ fn the_default_initial_state_meets_the_constraint() {
     let given = [("Omega1".to_owned(), 2.0)].into();
     let start = |backend: &mut Local<interpreted::Built>, given| {
         let none = Default::default();
-        let equations = Equations::of(&model);
-        let chosen = Chosen { roles: &roles, preferred: &none, given, equations: &equations };
+        let chosen = Chosen { roles: &roles, preferred: &none, given, positions: None };
         let forms = Forms::own(backend.info());
         hamel::run::start::state(backend, None, (&values, &[]), &forms, chosen).unwrap()
     };

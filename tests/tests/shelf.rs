@@ -5,7 +5,7 @@ mod shelf_systems;
 
 use hamel_tests::models;
 use hamel_tests::unreduced::{Unreduced, check};
-use shelf_systems::{balls, flying, matrices, particles, rolling, spinning, vehicles};
+use shelf_systems::{balls, bicycles, flying, matrices, particles, rolling, spinning, vehicles};
 
 /// A model by its name against a system; `idle` are parameters that do nothing at their defaults.
 fn held<S: Unreduced>(name: &str, idle: &[&str]) {
@@ -34,6 +34,13 @@ fn vehicles_on_wheels_and_blades() {
     held::<vehicles::CarWithTrailers>("car_with_trailers", &[]);
     held::<vehicles::Skate>("skate_on_incline", &["a"]);
     held::<vehicles::SnakeWithFriction>("snake_with_friction", &[]);
+}
+
+#[test]
+fn bicycles_on_two_wheels() {
+    held::<bicycles::Whipple>("whipple_bicycle", &[]);
+    held::<bicycles::ByMultipliers>("whipple_bicycle_multipliers", &[]);
+    held::<bicycles::Ridden>("bicycle_with_rider", &[]);
 }
 
 #[test]

@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 
 use crate::error::Error;
-use crate::expr::{ExprId, SymbolId};
+use crate::expr::{ExprId, Style, SymbolId};
 use crate::reduction::{Response, SolvedConstraint};
 
 use super::derive::Derivation;
@@ -21,11 +21,17 @@ struct Order {
     together: Vec<(usize, usize)>,
 }
 
+/// A velocity by others, `y_own = by y`, of a row.
+pub(super) struct Direct {
+    pub(super) own: usize,
+    pub(super) by: Vec<(usize, ExprId)>,
+}
+
 impl Derivation<'_> {
     /// The order of the rows. As few as possible are solved together: those whose own velocity has no number before it,
     /// and as many others as are needed where rows wait for each other.
-    fn order_of_rows(&self, solved: &SolvedConstraint, response: &Response) -> Order {
-        let form = |row: usize| &solved.rows[row].one_form;
+    fn order_of_rows(&self, response: &Response) -> Order {
+        let form = |row: usize| &self.forms[row];
         let is_number = |(row, own): &(usize, usize)| self.g.as_rational(form(*row)[*own]).is_some();
         let (mut numbers, mut together): (Vec<_>, Vec<_>) =
             response.pairs.iter().copied().partition(is_number);
@@ -52,24 +58,18 @@ impl Derivation<'_> {
 
     /// The dependent components `x` with `C_d x + r = 0`, `r` by row; each gets a name, that of its velocity after
     /// `prefix`. Other components are zero.
-    pub(super) fn answer(
-        &mut self,
-        solved: &SolvedConstraint,
-        response: &Response,
-        right: &[ExprId],
-        prefix: &str,
-    ) -> Vec<ExprId> {
-        let Order { direct, together } = self.order_of_rows(solved, response);
+    pub(super) fn answer(&mut self, response: &Response, right: &[ExprId], prefix: &str) -> Vec<ExprId> {
+        let Order { direct, together } = self.order_of_rows(response);
         let zero = self.g.zero();
         let mut x = vec![zero; self.y.len()];
         if !together.is_empty() {
             let mut before = vec![zero; self.y.len()];
             for pair in &direct {
-                before[pair.1] = self.direct_answer(solved, *pair, right, &before);
+                before[pair.1] = self.direct_answer(*pair, right, &before);
             }
             let mut left = Vec::with_capacity(together.len());
             for (row, own) in &together {
-                let form = &solved.rows[*row].one_form;
+                let form = &self.forms[*row];
                 let mut terms = vec![right[*row]];
                 for (coefficient, value) in form.iter().zip(&before) {
                     terms.push(self.g.mul(*coefficient, *value));
@@ -85,20 +85,87 @@ impl Derivation<'_> {
             }
         }
         for pair in &direct {
-            let value = self.direct_answer(solved, *pair, right, &x);
+            let value = self.direct_answer(*pair, right, &x);
             x[pair.1] = self.define(&format!("{prefix}{}", self.names[pair.1]), value);
         }
         x
     }
 
-    fn direct_answer(
-        &mut self,
-        solved: &SolvedConstraint,
-        (row, own): (usize, usize),
-        right: &[ExprId],
-        x: &[ExprId],
-    ) -> ExprId {
-        let form = &solved.rows[row].one_form;
+    /// The rows that give their velocity by others, the last first, as `y = c y + ..`.
+    pub(super) fn direct_rows(&mut self, response: &Response) -> Vec<Direct> {
+        let Order { direct, .. } = self.order_of_rows(response);
+        let mut rows = Vec::with_capacity(direct.len());
+        for (row, own) in direct.into_iter().rev() {
+            let form = &self.forms[row].clone()[..self.y.len()];
+            let inverse = self.g.powi(form[own], -1);
+            let factor = self.g.neg(inverse);
+            let others = form.iter().enumerate().filter(|(alpha, e)| *alpha != own && **e != self.g.zero());
+            let others: Vec<(usize, ExprId)> = others.map(|(alpha, e)| (alpha, *e)).collect();
+            let by = others.into_iter().map(|(alpha, e)| (alpha, self.g.mul(factor, e)));
+            rows.push(Direct { own, by: by.collect() });
+        }
+        rows
+    }
+
+    /// The response with the coefficients by names, as far as rows are solved together.
+    fn response_by_names(&mut self, solved: &SolvedConstraint, response: &Response) -> Response {
+        let Order { direct, together } = self.order_of_rows(response);
+        let mut response = response.clone();
+        let n = together.len();
+        if !(2..=3).contains(&n) {
+            return response;
+        }
+        self.writer.begin("response of what is solved together");
+        let zero = self.g.zero();
+        let right = vec![zero; solved.rows.len()];
+        let mut matrix = vec![vec![zero; n]; n];
+        for (j, (_, column)) in together.iter().enumerate() {
+            let mut x = vec![zero; self.y.len()];
+            x[*column] = self.g.one();
+            for pair in &direct {
+                x[pair.1] = self.direct_answer(*pair, &right, &x);
+            }
+            for (i, (row, own)) in together.iter().enumerate() {
+                let form = self.forms[*row][..x.len()].to_vec();
+                let sum = self.g.dot(&form, &x);
+                let name = format!("C_{}_{}", self.names[*own], self.names[*column]);
+                matrix[i][j] = self.define(&name, sum);
+            }
+        }
+        let minor = |d: &mut Self, i: usize, j: usize| -> ExprId {
+            let rows: Vec<usize> = (0..n).filter(|k| *k != i).collect();
+            let columns: Vec<usize> = (0..n).filter(|k| *k != j).collect();
+            if n == 2 {
+                return matrix[rows[0]][columns[0]];
+            }
+            let forward = d.g.mul(matrix[rows[0]][columns[0]], matrix[rows[1]][columns[1]]);
+            let backward = d.g.mul(matrix[rows[0]][columns[1]], matrix[rows[1]][columns[0]]);
+            d.g.sub(forward, backward)
+        };
+        let mut cofactors = vec![vec![zero; n]; n];
+        for (i, row) in cofactors.iter_mut().enumerate() {
+            for (j, entry) in row.iter_mut().enumerate() {
+                let value = minor(self, i, j);
+                let value = self.g.cancel_zero(value);
+                *entry = if (i + j) % 2 == 0 { value } else { self.g.neg(value) };
+            }
+        }
+        let determinant = self.g.dot(&matrix[0], &cofactors[0]);
+        let inverse = self.g.powi(determinant, -1);
+        let inverse = self.define("R", inverse);
+        for (j, (_, own)) in together.iter().enumerate() {
+            for (i, (row, _)) in together.iter().enumerate() {
+                let product = self.g.mul(cofactors[i][j], inverse);
+                let name = format!("R_{}_{}", self.names[*own], solved.rows[*row].name);
+                let named = self.define(&name, product);
+                response.by_row[*own][*row] = self.g.neg(named);
+            }
+        }
+        response
+    }
+
+    fn direct_answer(&mut self, (row, own): (usize, usize), right: &[ExprId], x: &[ExprId]) -> ExprId {
+        let form = &self.forms[row].clone();
         let mut terms = vec![right[row]];
         for (alpha, value) in x.iter().enumerate().filter(|(alpha, _)| *alpha != own) {
             terms.push(self.g.mul(form[alpha], *value));
@@ -109,16 +176,52 @@ impl Derivation<'_> {
         self.g.neg(value)
     }
 
+    /// Gives a dependent velocity its value.
+    fn known(&mut self, alpha: usize, value: ExprId) {
+        let named = self.writer.define(&mut self.g, &self.names[alpha], value);
+        self.replacement.insert(self.system.velocities[alpha], named);
+        self.y[alpha] = named;
+    }
+
+    /// Names for the coefficients of the rows that vary.
+    fn name_coefficients(&mut self, solved: &SolvedConstraint) {
+        self.writer.begin("coefficients of the constraint");
+        let mut known: BTreeMap<ExprId, ExprId> = BTreeMap::new();
+        for row in &solved.rows {
+            let mut form = Vec::with_capacity(row.one_form.len());
+            for e in &row.one_form {
+                let (q, stem) = self.g.split_coefficient(*e);
+                if !self.writer.varies(&self.g, stem) {
+                    form.push(*e);
+                    continue;
+                }
+                let named = match known.get(&stem) {
+                    Some(named) => *named,
+                    None => {
+                        let named = self.define(&format!("k{}", self.coefficients.len() + 1), stem);
+                        self.coefficients.push((named, stem));
+                        known.insert(stem, named);
+                        named
+                    }
+                };
+                form.push(self.g.scale(named, &q));
+            }
+            self.forms.push(form);
+        }
+    }
+
     /// The velocities, and the partial velocities `Psi` by names.
     pub(super) fn velocities_by_rows(&mut self, solved: &SolvedConstraint, response: &Response) {
+        self.name_coefficients(solved);
+        let response = &self.response_by_names(solved, response);
         self.writer.begin("partial velocities Psi, row by row");
         let zero = self.g.zero();
         let independent = solved.independent();
         let mut psi = vec![vec![zero; independent.len()]; self.y.len()];
         for (a, own) in independent.iter().enumerate() {
-            let right: Vec<ExprId> = solved.rows.iter().map(|row| row.one_form[*own]).collect();
+            let right: Vec<ExprId> = self.forms.iter().map(|form| form[*own]).collect();
             let prefix = format!("d_{}_", self.names[*own]);
-            for (alpha, e) in self.answer(solved, response, &right, &prefix).into_iter().enumerate() {
+            for (alpha, e) in self.answer(response, &right, &prefix).into_iter().enumerate() {
                 psi[alpha][a] = e;
             }
             psi[*own][a] = self.g.one();
@@ -126,19 +229,23 @@ impl Derivation<'_> {
         self.writer.begin("velocities y = Psi u + psi0");
         let right: Vec<ExprId> = solved.rows.iter().map(|row| row.offset).collect();
         let is_affine = right.iter().any(|e| *e != zero);
-        let own =
-            if is_affine { self.answer(solved, response, &right, "psi0_") } else { vec![zero; self.y.len()] };
-        for &alpha in &solved.dependent {
+        let own = if is_affine { self.answer(response, &right, "psi0_") } else { vec![zero; self.y.len()] };
+        let Order { direct, together } = self.order_of_rows(response);
+        for (_, alpha) in together {
             let mut terms = vec![own[alpha]];
             for (slope, k) in psi[alpha].iter().zip(&independent) {
                 terms.push(self.g.mul(*slope, self.y[*k]));
             }
             let sum = self.g.sum(&terms);
-            let named = self.writer.define(&mut self.g, &self.names[alpha], sum);
-            self.replacement.insert(self.system.velocities[alpha], named);
-            self.y[alpha] = named;
+            self.known(alpha, sum);
+        }
+        for pair in direct {
+            let y = self.y.clone();
+            let value = self.direct_answer(pair, &right, &y);
+            self.known(pair.1, value);
         }
         self.partial = Some(psi);
+        self.response = Some(response.clone());
     }
 
     /// The accelerations of dependent velocities at `udot = 0`, which answer to the rates of the rows at fixed
@@ -152,18 +259,36 @@ impl Derivation<'_> {
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
         let moving = base.chain([(self.system.time, self.g.one())]);
         let moving: BTreeMap<SymbolId, ExprId> = moving.filter(|(_, rate)| *rate != self.g.zero()).collect();
-        let mut rates = Vec::with_capacity(solved.rows.len());
-        for row in &solved.rows {
-            let residual = row.written.unwrap_or_else(|| {
-                let raw: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.sym(*s)).collect();
-                let form = self.g.dot(&row.one_form[..raw.len()], &raw);
-                self.g.add(form, row.offset)
-            });
-            let rate = self.g.derivative_along(residual, &moving);
-            let rate = self.replace(rate)?;
-            rates.push(self.define(&format!("rate_{}", row.name), rate));
+        let mut of_coefficients: BTreeMap<ExprId, ExprId> = BTreeMap::new();
+        for (named, value) in self.coefficients.clone() {
+            let rate = self.g.derivative_along(value, &moving);
+            let name = format!("rate_{}", self.g.display(named, Style::Plain));
+            of_coefficients.insert(named, self.define(&name, rate));
         }
-        Ok(self.answer(solved, response, &rates, "lag_"))
+        let mut rates: Vec<ExprId> = Vec::with_capacity(solved.rows.len());
+        for (row, form) in solved.rows.iter().zip(self.forms.clone()) {
+            let mut terms = vec![self.g.derivative_along(row.offset, &moving)];
+            for (e, y) in form.iter().zip(self.y.clone()) {
+                let (q, stem) = self.g.split_coefficient(*e);
+                if let Some(rate) = of_coefficients.get(&stem) {
+                    let product = self.g.mul(*rate, y);
+                    terms.push(self.g.scale(product, &q));
+                }
+            }
+            let sum = self.g.sum(&terms);
+            let sum = self.replace(sum)?;
+            let mut candidates = vec![self.define(&format!("rate_{}", row.name), sum)];
+            if let Some(written) = row.written {
+                let rate = self.g.derivative_along(written, &moving);
+                let rate = self.replace(rate)?;
+                let other = self.define(&format!("rate_{}", row.name), rate);
+                candidates.push(other);
+            }
+            let n = |e: &ExprId| self.n_operations(&[rates.as_slice(), &[*e]].concat());
+            let best = candidates.into_iter().min_by_key(n).unwrap_or_else(|| self.g.zero());
+            rates.push(best);
+        }
+        Ok(self.answer(response, &rates, "lag_"))
     }
 
     /// `lambda = -R^T E` for the reactions `E = lambda_A form_A` along the rows; `reaction` by velocity.

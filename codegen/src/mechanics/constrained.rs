@@ -24,7 +24,8 @@ impl Derivation<'_> {
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
         self.writer.begin("accelerations of the dependent velocities at udot = 0");
         let mut lag = vec![self.g.zero(); m];
-        match solved.response.as_ref().filter(|_| self.partial.is_some()) {
+        let response = self.response.take();
+        match &response {
             Some(response) => lag = self.lag_by_rows(solved, response)?,
             None => {
                 for &alpha in &solved.dependent {
@@ -34,33 +35,52 @@ impl Derivation<'_> {
                 }
             }
         }
-        let mass_matrix = self.mass_matrix(solved)?;
-        let displacements = self.displacements(solved)?;
-        let mut force = Vec::new();
-        self.writer.begin("right side f = W^T (r - L_yy lag)");
-        let mut net = Vec::new();
-        for alpha in 0..m {
-            let mut terms = vec![self.drive[alpha]];
-            for beta in 0..m {
-                let product = self.g.mul(self.hessian[alpha][beta], lag[beta]);
-                terms.push(self.g.neg(product));
+        let by_rows = response.as_ref().filter(|_| solved.virtual_displacements == solved.psi);
+        let (mass_matrix, force) = match by_rows {
+            Some(response) => {
+                self.writer.begin("right side r - L_yy lag");
+                let net = self.net(&lag);
+                let (mass_matrix, force) = self.condensed(solved, response, &net);
+                self.mass_matrix = Some(mass_matrix.clone());
+                (mass_matrix, force)
             }
-            let sum = self.g.sum(&terms);
-            net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
-        }
-        for b in 0..k {
-            let mut terms = Vec::new();
-            for alpha in 0..m {
-                terms.push(self.g.mul(displacements[alpha][b], net[alpha]));
+            None => {
+                let mass_matrix = self.mass_matrix(solved)?;
+                let displacements = self.displacements(solved)?;
+                self.writer.begin("right side f = W^T (r - L_yy lag)");
+                let net = self.net(&lag);
+                let mut force = Vec::new();
+                for b in 0..k {
+                    let mut terms = Vec::new();
+                    for alpha in 0..m {
+                        terms.push(self.g.mul(displacements[alpha][b], net[alpha]));
+                    }
+                    let sum = self.g.sum(&terms);
+                    force.push(self.define(&format!("f_{}", unknowns[b]), sum));
+                }
+                (mass_matrix, force)
             }
-            let sum = self.g.sum(&terms);
-            force.push(self.define(&format!("f_{}", unknowns[b]), sum));
-        }
+        };
         let (udot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
         let system = LinearSystem { mass_matrix, force, unknowns };
         let psi = self.psi_by_names(solved);
         let added = self.along(&psi, &udot);
         self.motion_of(solved, system, (udot, pivots), (&added, &lag))
+    }
+
+    /// `r - L_yy lag`, by velocity.
+    fn net(&mut self, lag: &[ExprId]) -> Vec<ExprId> {
+        let mut net = Vec::new();
+        for alpha in 0..lag.len() {
+            let mut terms = vec![self.drive[alpha]];
+            for (beta, lag) in lag.iter().enumerate() {
+                let product = self.g.mul(self.hessian[alpha][beta], *lag);
+                terms.push(self.g.neg(product));
+            }
+            let sum = self.g.sum(&terms);
+            net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
+        }
+        net
     }
 
     /// `A udot = f`, and the pivots.
@@ -122,7 +142,7 @@ impl Derivation<'_> {
     }
 
     /// `Psi`, by names where they have any.
-    fn psi_by_names(&self, solved: &SolvedConstraint) -> Vec<Vec<ExprId>> {
+    pub(super) fn psi_by_names(&self, solved: &SolvedConstraint) -> Vec<Vec<ExprId>> {
         self.partial.clone().unwrap_or_else(|| solved.psi.clone())
     }
 
@@ -146,17 +166,6 @@ impl Derivation<'_> {
         let symmetric_form = solved.virtual_displacements == solved.psi;
         let displacements = self.displacements(solved)?;
         let psi = self.psi_by_names(solved);
-        // Momenta along the partial velocities, where these have names: each is part of several entries.
-        let mut momenta = vec![Vec::with_capacity(m); if self.partial.is_some() { k } else { 0 }];
-        for (a, along) in momenta.iter_mut().enumerate() {
-            for alpha in 0..m {
-                let column: Vec<ExprId> = psi.iter().map(|row| row[a]).collect();
-                let row = self.hessian[alpha].clone();
-                let sum = self.g.dot(&row, &column);
-                let name = format!("P_{}_{}", self.names[alpha], solved.unknowns[a].name);
-                along.push(self.define(&name, sum));
-            }
-        }
         for b in 0..k {
             for a in 0..k {
                 if symmetric_form && a < b {
@@ -164,10 +173,7 @@ impl Derivation<'_> {
                     continue;
                 }
                 let mut terms = Vec::new();
-                if let Some(along) = momenta.get(a) {
-                    terms.extend((0..m).map(|alpha| self.g.mul(displacements[alpha][b], along[alpha])));
-                }
-                for alpha in 0..if momenta.is_empty() { m } else { 0 } {
+                for alpha in 0..m {
                     for beta in 0..m {
                         let (w, h) = (displacements[alpha][b], self.hessian[alpha][beta]);
                         if w != self.g.zero() && h != self.g.zero() {

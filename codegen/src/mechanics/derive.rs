@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
-use crate::reduction::{KinematicConstraint, ReducedSystem};
+use crate::reduction::{KinematicConstraint, ReducedSystem, Response};
 
 use super::equations::{Equations, LinearSystem};
 use super::recursion::Recursion;
@@ -75,6 +75,12 @@ pub(super) struct Derivation<'a> {
     pub(super) recursion: Option<Recursion>,
     /// `Psi` by names, where it is made row by row.
     pub(super) partial: Option<Vec<Vec<ExprId>>>,
+    /// Coefficients of the rows of the constraint by names, where it is answered row by row.
+    pub(super) forms: Vec<Vec<ExprId>>,
+    /// How dependent velocities answer to the rows, by names.
+    pub(super) response: Option<Response>,
+    /// Those names with their values.
+    pub(super) coefficients: Vec<(ExprId, ExprId)>,
     /// `A = W^T L_yy Psi`, once it is made.
     pub(super) mass_matrix: Option<Vec<Vec<ExprId>>>,
     /// Factors of `A` (of `L_yy` in the multiplier form), where velocities follow from momenta.
@@ -146,6 +152,9 @@ impl<'a> Derivation<'a> {
             rest_drive: Vec::new(),
             recursion: None,
             partial: None,
+            forms: Vec::new(),
+            response: None,
+            coefficients: Vec::new(),
             mass_matrix: None,
             factors: None,
             n_known: 0,

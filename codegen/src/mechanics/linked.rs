@@ -69,7 +69,9 @@ impl Derivation<'_> {
                     continue;
                 }
             };
-            let n = self.n_operations(&motion);
+            let roots: Vec<ExprId> =
+                motion.acceleration.iter().chain(&motion.unknown_rates).copied().collect();
+            let n = self.n_operations(&roots);
             let is_first = matches!(way, Way::PartialVelocities);
             if best.as_ref().is_none_or(|(least, ..)| n + margin < *least) {
                 margin = if is_first { n / CLOSE } else { 0 };
@@ -185,14 +187,13 @@ impl Derivation<'_> {
         self.g.linear_combination(&terms)
     }
 
-    /// Operations behind the accelerations as they are written, on values that change.
-    fn n_operations(&self, motion: &Motion) -> usize {
+    /// Operations behind these values as they are written, on values that change.
+    pub(super) fn n_operations(&self, roots: &[ExprId]) -> usize {
         let g = &self.g;
-        let roots: Vec<ExprId> = motion.acceleration.iter().chain(&motion.unknown_rates).copied().collect();
         let (sections, varying) = self.writer.clone().finish();
-        let needed = needed_sections(g, &sections, &roots);
+        let needed = needed_sections(g, &sections, roots);
         let mut all: Vec<ExprId> = needed.iter().flat_map(|s| &s.definitions).map(|d| d.expr).collect();
-        all.extend(&roots);
+        all.extend(roots);
         let mut moving: HashSet<ExprId> = HashSet::new();
         let mut n = 0;
         for e in g.reachable(&all) {

@@ -9,6 +9,7 @@ mod answers;
 mod bracket;
 mod chart;
 mod coefficients;
+mod condensed;
 mod constrained;
 mod derive;
 mod dirac;

@@ -25,7 +25,7 @@ fn in_body<R: Real>(q: &[R], v: &[R]) -> (V3<R>, V3<R>) {
 }
 
 /// Force and torque in the body, paired with `xdot, Rdot`: their power is that of the entries of `R^T Rdot`.
-fn in_space(r: M3<f64>, force: V3<f64>, torque: V3<f64>) -> Vec<f64> {
+pub(super) fn in_space(r: M3<f64>, force: V3<f64>, torque: V3<f64>) -> Vec<f64> {
     let rows = r.into_iter().flat_map(|row| [torque[2] * row[1], torque[0] * row[2], torque[1] * row[0]]);
     times(r, force).into_iter().chain(rows).collect()
 }

@@ -1,6 +1,7 @@
 //! The systems of the shelf in redundant coordinates.
 
 pub(crate) mod balls;
+pub(crate) mod bicycles;
 pub(crate) mod flying;
 pub(crate) mod matrices;
 pub(crate) mod particles;
