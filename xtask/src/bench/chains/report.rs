@@ -187,10 +187,10 @@ largest memory is shown.";
 const CALLS: &str = "\
 *By hand* are recursions written for each chain alone (`xtask/src/bench/chains`): the snake by products of reflections, the
 pendulums by the forces along their rods, which are a tridiagonal system, the planar arm as articulated bodies in the plane,
-all of them loops; the arm in space as articulated bodies without what its zeros and ones save, in a line. Lengths and masses
-of that one are numbers in the code, those of all others are data. Sines and cosines are those of the runtime for both. The
-distance is the largest one of a rate from those of the others, relative to the largest rate: more than 1e-10 ends the
-measurement.";
+all of them loops; the arm in space as articulated bodies, without loops and without the operations that its zeros and ones
+save. Lengths and masses of that one are numbers in the code, those of all others are data. Sines and cosines are those of the
+runtime for hamel and by hand. The distance is the largest one of a rate from those of the others, relative to the largest
+rate: more than 1e-10 ends the measurement.";
 
 const GROWTH: &str = "Exponents p of c n^p in the number n of bodies, over the larger half of each chain";
 
