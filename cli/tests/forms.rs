@@ -13,7 +13,6 @@ use hamel::run::backend::{Backend, Local};
 use hamel::run::evaluate::EvalRequest;
 use hamel::run::forms::Forms;
 use hamel::run::interpreted::{self, Built};
-use hamel::run::positions::Equations;
 use hamel::run::simulation::SimulateRequest;
 use hamel::run::start::{self, Chosen};
 use hamel_codegen::spec;
@@ -151,8 +150,7 @@ fn started(text: &str, scene: &str, given: &[(&str, f64)]) -> Result<BTreeMap<St
     let given = given.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
     let forms = Forms::of(&model, backend.info()).unwrap();
     let values = backend.info().defaults();
-    let equations = Equations::of(&model);
-    let chosen = Chosen { roles: &roles, preferred: &preferred, given: &given, equations: &equations };
+    let chosen = Chosen { roles: &roles, preferred: &preferred, given: &given, positions: None };
     let y = start::state(&mut backend, None, (&values, &values), &forms, chosen)?;
     Ok(backend.info().state.iter().cloned().zip(y).collect())
 }
