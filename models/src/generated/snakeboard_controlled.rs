@@ -916,11 +916,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Differentiable<R> for Prepared<R
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     type Workspace = (::hamel_runtime::Convolutions<R, 9>,);
 
@@ -928,11 +923,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         (::core::default::Default::default(),)
     }
 
-    /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
-    ///
-    /// # Operations
-    ///
-    /// At each order k: 16 additions, 20 multiplications (15 fused), 3 sign changes, and 9 sums of k - 1 products.
+    /// Writes the Taylor coefficients of the solution, with the inputs at the values that they are held at.
+    #[inline]
     fn series(
         &self,
         t: R,
@@ -940,7 +932,36 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         workspace: &mut Self::Workspace,
         out: &mut [[R; 5]],
     ) {
-        let [tau1, tau2] = self.inputs;
+        ::hamel_runtime::ControlledJet::series_with(
+            self,
+            t,
+            y,
+            &[self.inputs],
+            workspace,
+            out,
+        );
+    }
+}
+
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared<R> {
+    /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
+    ///
+    /// # Operations
+    ///
+    /// At each order k: 18 additions, 22 multiplications (16 fused), 2 sign changes, and 9 sums of k - 1 products.
+    fn series_with(
+        &self,
+        t: R,
+        y: &[R; 5],
+        u: &[[R; 2]],
+        workspace: &mut Self::Workspace,
+        out: &mut [[R; 5]],
+    ) {
         let mut orders = out.iter_mut().take(::hamel_runtime::MAX_ORDER + 1);
         if let Some(first) = orders.next() {
             *first = *y;
@@ -959,6 +980,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept9,
             ],
         ) = {
+            let [tau1, tau2] = u.first().copied().unwrap_or([R::ZERO; 2]);
             let [_, phi, psi_dot, phi_dot, s] = *y;
             let _ = t;
             /// factors of A
@@ -990,6 +1012,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             }
             let order = R::from_f64(f64::from(k));
             let inverse = R::ratio(1.0, f64::from(k));
+            let [tau1, tau2] = u.get(k as usize).copied().unwrap_or([R::ZERO; 2]);
             let [_, phi, psi_dot, phi_dot, s] = coefficient;
             let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7, sum8] = workspace
                 .0
@@ -1003,7 +1026,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             let t4 = kept4.mul_add(phi_dot, kept5.mul_add(s, sum4));
             let t5 = kept1.mul_add(t4, kept6.mul_add(t1, sum5));
-            let t6 = kept8 * (-kept7).mul_add(t3, self.c2.mul_add(t5, -sum6));
+            let t6 = kept8 * (-kept7).mul_add(t3, self.c2.mul_add(t5, tau1) - sum6);
             let t7 = order * phi;
             workspace
                 .0
@@ -1014,8 +1037,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 psi_dot,
                 phi_dot,
-                kept9.mul_add(t6, kept7.mul_add(t2, sum7)) + -t5,
-                R::ZERO,
+                kept9.mul_add(t6, kept7.mul_add(t2, sum7)) + self.c3.mul_add(tau1, -t5),
+                self.d_dot_phi_dot_d_tau2 * tau2,
                 -kept0.mul_add(t6, kept7.mul_add(t0, sum8)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));

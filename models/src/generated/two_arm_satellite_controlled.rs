@@ -1326,11 +1326,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Circles<R> for Prepared<R> {
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     type Workspace = (
         ::hamel_runtime::Convolutions<R, 16>,
@@ -1349,11 +1344,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         )
     }
 
-    /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
-    ///
-    /// # Operations
-    ///
-    /// At each order k: 178 additions, 165 multiplications (134 fused), 6 sign changes, and 69 sums of k - 1 products.
+    /// Writes the Taylor coefficients of the solution, with the inputs at the values that they are held at.
+    #[inline]
     fn series(
         &self,
         t: R,
@@ -1361,7 +1353,36 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         workspace: &mut Self::Workspace,
         out: &mut [[R; 7]],
     ) {
-        let [tau1, tau2] = self.inputs;
+        ::hamel_runtime::ControlledJet::series_with(
+            self,
+            t,
+            y,
+            &[self.inputs],
+            workspace,
+            out,
+        );
+    }
+}
+
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
+impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared<R> {
+    /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
+    ///
+    /// # Operations
+    ///
+    /// At each order k: 180 additions, 165 multiplications (136 fused), 4 sign changes, and 69 sums of k - 1 products.
+    fn series_with(
+        &self,
+        t: R,
+        y: &[R; 7],
+        u: &[[R; 2]],
+        workspace: &mut Self::Workspace,
+        out: &mut [[R; 7]],
+    ) {
         let mut orders = out.iter_mut().take(::hamel_runtime::MAX_ORDER + 1);
         if let Some(first) = orders.next() {
             *first = *y;
@@ -1432,6 +1453,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept61,
             ],
         ) = {
+            let [tau1, tau2] = u.first().copied().unwrap_or([R::ZERO; 2]);
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
             let _ = t;
             /// velocities v in squares m/2 |v|^2
@@ -1690,6 +1712,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             }
             let order = R::from_f64(f64::from(k));
             let inverse = R::ratio(1.0, f64::from(k));
+            let [tau1, tau2] = u.get(k as usize).copied().unwrap_or([R::ZERO; 2]);
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = coefficient;
             let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7, sum8, sum9, sum10,
             sum11, sum12, sum13, sum14, sum15] = workspace.0.sums();
@@ -1782,13 +1805,13 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let t35 = self.c9 * Omega3;
                 [
                     t30,
-                    -(self.ka * alpha) - kept1.mul_add(t20, kept28.mul_add(t2, sum33))
-                        - t30,
+                    (-self.ka).mul_add(alpha, tau1)
+                        - kept1.mul_add(t20, kept28.mul_add(t2, sum33)) - t30,
                     (-self.c8)
                         .mul_add(
                             kept2.mul_add(t28, kept30.mul_add(t3, sum35))
                                 + kept3.mul_add(t29, kept29.mul_add(t4, sum34)),
-                            -(self.kb * beta),
+                            (-self.kb).mul_add(beta, tau2),
                         ),
                     t33,
                     t34,
