@@ -187,8 +187,8 @@ pub enum Error {
         /// Position of the invariant.
         index: usize,
     },
-    /// An equation between coordinates is violated, and the coordinates that may be moved cannot meet it from where they
-    /// start.
+    /// An equation between coordinates is violated, and the coordinates that may be moved cannot meet it from where
+    /// they start.
     PositionMissed {
         /// Time of the evaluation.
         t: f64,

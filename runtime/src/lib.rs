@@ -82,6 +82,7 @@ extern crate std;
 
 mod adjoint;
 mod controller;
+mod directions;
 mod double_double;
 mod dual;
 mod error;
@@ -112,7 +113,9 @@ pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
 pub use events::{Action, Direction, Event, Events, Observer};
 pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
-pub use inputs::{Controlled, ControlledJet, InputDifferentiable, Signal, SignalOverScalar, WithInput};
+pub use inputs::{
+    Controlled, ControlledJet, InputDifferentiable, PolynomialSignal, Signal, SignalOverScalar, WithInput,
+};
 pub use integrator::{Integrator, Progress, Stats};
 pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 #[cfg(feature = "lanes")]
@@ -130,7 +133,7 @@ pub use nalgebra;
 #[cfg(feature = "nalgebra")]
 pub use on_vectors::OnVectors;
 pub use options::{Norm, Options, StepSize};
-pub use polynomial::{Polynomial, PolynomialSignal};
+pub use polynomial::Polynomial;
 pub use positions::{Positions, consistent, consistent_by};
 pub use products::Products;
 pub use real::Real;

@@ -1,33 +1,9 @@
-//! Inputs that are polynomials in time, piece by piece: what the Taylor series of a motion can carry.
+//! Inputs that are one polynomial in time.
 //!
 //! The module deliberately does not know who computes a series, or how long a step is.
 
-use crate::inputs::{Signal, SignalOverScalar};
+use crate::inputs::{PolynomialSignal, Signal, SignalOverScalar};
 use crate::real::Real;
-
-/// A signal of time alone that consists of polynomials: a [`Table`](crate::Table), a [`Polynomial`].
-///
-/// Closures are not known to be polynomials: [`Taylor`](crate::Taylor) does not integrate what they drive.
-#[diagnostic::on_unimplemented(
-    message = "`{Self}` is not known to be a polynomial in time",
-    label = "the method `Taylor` needs inputs that are polynomials in time, piece by piece",
-    note = "drive the system by a `Table` or a `Polynomial`, hold its inputs, or choose a method without series"
-)]
-pub trait PolynomialSignal<R: Real, const M: usize> {
-    /// Writes the coefficients of the polynomial that the inputs are from `t` on, on the way towards another time
-    /// (towards `t` itself as towards a later one), and returns the end of it: `towards`, or an earlier time.
-    ///
-    /// ```text
-    /// u(t + h) = sum_k coefficients_k h^k
-    /// ```
-    ///
-    /// At the end of a piece, those of the piece that follows on the way. Lanes are to be at one time.
-    ///
-    /// # Shapes
-    ///
-    /// coefficients: \[order + 1\]; those beyond the degree are set to zero, those beyond the order left out.
-    fn piece(&self, way: (R, R), coefficients: &mut [[R; M]]) -> R;
-}
 
 /// Inputs that are one polynomial in time, of degree `K - 1`.
 ///

@@ -3,8 +3,8 @@
 //! The module deliberately does not know what the coordinates are, or how a motion keeps the equations
 //! ([`Projected::onto_positions`](crate::Projected::onto_positions)).
 
+use crate::directions::Directions;
 use crate::error::Error;
-use crate::methods::Directions;
 use crate::options::signed;
 use crate::real::Real;
 use crate::system::{StateVector, System};

@@ -2,8 +2,7 @@
 //!
 //! The module deliberately does not know where the numbers come from, or what they drive.
 
-use crate::inputs::{Signal, SignalOverScalar};
-use crate::polynomial::PolynomialSignal;
+use crate::inputs::{PolynomialSignal, Signal, SignalOverScalar};
 use crate::real::Real;
 
 /// What is between two rows of a [`Table`].

@@ -27,7 +27,7 @@ Examples:
   cargo xtask stress euler_disk         one model; writes nothing
   cargo xtask stress                    all models; takes half an hour")]
 pub(crate) struct Arguments {
-    /// Few states and short runs, against pinned bounds
+    /// Few states and short runs, against pinned bounds; default scenes alone of models without generated code
     #[arg(long)]
     short: bool,
     /// Number of random states per scene [default: 20000, short: 2000]

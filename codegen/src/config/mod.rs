@@ -120,8 +120,8 @@ impl Config {
         self
     }
 
-    /// Reads model files as if a [size](spec::Model::sizes) had this value, whatever `size n = 3;` in a file says. Every
-    /// file that declares a size of this name is meant, and one has to.
+    /// Reads model files as if a [size](spec::Model::sizes) had this value, whatever `size n = 3;` in a file says.
+    /// Every file that declares a size of this name is meant, and one has to.
     ///
     /// ```no_run
     /// // build.rs

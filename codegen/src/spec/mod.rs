@@ -37,6 +37,7 @@ mod rates;
 mod shape;
 mod size;
 mod tokens;
+mod unit;
 mod units;
 mod unused;
 mod value;
@@ -68,7 +69,7 @@ pub use model::{
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use size::FamilySize;
-pub use units::{Unit, Units};
+pub use unit::{Unit, Units};
 pub use value::Value;
 pub use view::{View, ViewShape, Views};
 pub use vocabulary::{Word, WordKind, vocabulary};

@@ -8,7 +8,7 @@ use super::event::{Event, OutputPart};
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 use super::size::FamilySize;
-use super::units::Units;
+use super::unit::Units;
 use super::view::Views;
 use super::want::Wanted;
 use crate::algebra::LieAlgebra;

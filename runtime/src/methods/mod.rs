@@ -5,7 +5,6 @@
 //! the order conditions next to the printed numbers (Newton's iteration, least correction); `tests` checks all
 //! conditions to the last of these digits.
 
-mod directions;
 mod dla;
 mod dop853;
 mod dopri5;
@@ -26,7 +25,6 @@ mod taylor;
 mod tsit5;
 mod vern9;
 
-pub(crate) use directions::Directions;
 pub use dla::{Dla, DlaStorage};
 pub use dop853::Dop853;
 pub use dopri5::Dopri5;

@@ -5,8 +5,8 @@
 
 use core::marker::PhantomData;
 
-use super::directions::Directions;
 use super::{Method, Point, Start, Step, Tableau, two_sum};
+use crate::directions::Directions;
 use crate::error::Error;
 use crate::options::{Options, signed};
 use crate::positions::Positions;

@@ -21,8 +21,8 @@ use crate::system::StateVector;
 /// `c_k h^k / (atol + rtol |y|)` is at most one for `k = p - 1` and `k = p`. What is left out is smaller than the
 /// last term by about `e^2`. No step is rejected for its error. Dense output is the polynomial itself, as accurate
 /// as the steps. Where a system says that its series ends ([`Jet::series_towards`]), as that of one whose inputs are
-/// pieces of polynomials does, a step ends at that very time, a fixed one as well. [`Stats::rhs_evals`](crate::Stats::rhs_evals) counts expansions and the derivative at
-/// the start.
+/// pieces of polynomials does, a step ends at that very time, a fixed one as well.
+/// [`Stats::rhs_evals`](crate::Stats::rhs_evals) counts expansions and the derivative at the start.
 ///
 /// ```
 /// # use hamel_runtime::{Convolutions, Integrator, Jet, Options, System, Taylor};

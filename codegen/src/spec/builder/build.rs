@@ -9,7 +9,7 @@ use crate::expr::Graph;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};
 use crate::spec::model::*;
 use crate::spec::names;
-use crate::spec::units::Units;
+use crate::spec::unit::Units;
 use crate::spec::value::Value;
 use crate::spec::view::Views;
 

@@ -260,8 +260,8 @@ pub(super) struct ReconstructionDraft {
 /// Declarations return the [`Value`] of what they declare. Problems are collected and reported by
 /// [`ModelBuilder::build`], all at once.
 ///
-/// What a text says by loops, `let`, `rot`, `spin` and `body`, Rust says by loops, variables and functions: such a model
-/// is made of [`ModelBuilder::rate`], products and sums.
+/// What a text says by loops, `let`, `rot`, `spin` and `body`, Rust says by loops, variables and functions: such a
+/// model is made of [`ModelBuilder::rate`], products and sums.
 ///
 /// ```
 /// use hamel_codegen::spec::{Domain, Func, Graph, ModelBuilder, Rational, Value};

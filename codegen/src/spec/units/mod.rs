@@ -5,19 +5,15 @@
 //! contradictions are found; where there are none, these are the units that [`Units`] infers. Numbers of the text have
 //! none. Deliberately does not know: text but doc comments, equations of motion.
 
-mod dimension;
-mod known;
 mod solve;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-pub use self::known::{Unit, Units};
-
-use self::dimension::{Dimension, Exponent};
 use self::solve::{Dimensions, Form, Mismatch};
 use super::diagnostic::{Diagnostic, Span};
 use super::event::{Event, OutputPart};
 use super::model::*;
+use super::unit::{Dimension, Exponent, Unit, Units};
 use crate::expr::{ExprId, Style, SymbolId};
 
 /// Longest term that is shown in a message.

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use num_traits::{One as _, ToPrimitive as _, Zero as _};
 
-use super::dimension::{Dimension, Exponent, add_product};
 use crate::expr::{ExprId, Func, Graph, Node, Rational, SymbolId};
+use crate::spec::unit::{Dimension, Exponent, add_product};
 
 /// `known * prod_k unknown_k ^ exponent_k`.
 #[derive(Clone, Debug, PartialEq, Eq)]

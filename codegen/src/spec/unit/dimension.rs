@@ -10,7 +10,7 @@ use num_rational::Ratio;
 use num_traits::{CheckedAdd as _, CheckedMul as _, One as _, Signed as _, ToPrimitive as _, Zero as _};
 
 /// An exponent; products of exponents that do not fit into it belong to no quantity that anybody measures.
-pub(super) type Exponent = Ratio<i64>;
+pub(in crate::spec) type Exponent = Ratio<i64>;
 
 /// Number of base units.
 const N: usize = 7;
@@ -72,16 +72,16 @@ const PREFIXES: [(&str, f64); 14] = [
 
 /// A product of rational powers of the base units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Dimension([Exponent; N]);
+pub(in crate::spec) struct Dimension([Exponent; N]);
 
 impl Dimension {
     /// That of a number.
-    pub(super) fn one() -> Dimension {
+    pub(in crate::spec) fn one() -> Dimension {
         Dimension([Exponent::zero(); N])
     }
 
     /// That of a time.
-    pub(super) fn second() -> Dimension {
+    pub(in crate::spec) fn second() -> Dimension {
         Dimension::of([0, 0, 1, 0, 0, 0, 0])
     }
 
@@ -89,16 +89,16 @@ impl Dimension {
         Dimension(exponents.map(Exponent::from_integer))
     }
 
-    pub(super) fn has_time(&self) -> bool {
+    pub(in crate::spec) fn has_time(&self) -> bool {
         !self.0[2].is_zero()
     }
 
-    pub(super) fn is_one(&self) -> bool {
+    pub(in crate::spec) fn is_one(&self) -> bool {
         self.0.iter().all(num_traits::Zero::is_zero)
     }
 
     /// `self * other^power`; nothing where an exponent is too long.
-    pub(super) fn times(&self, other: &Dimension, power: &Exponent) -> Option<Dimension> {
+    pub(in crate::spec) fn times(&self, other: &Dimension, power: &Exponent) -> Option<Dimension> {
         let mut product = *self;
         for (mine, theirs) in product.0.iter_mut().zip(&other.0).filter(|(_, theirs)| !theirs.is_zero()) {
             *mine = add_product(mine, theirs, power)?;
@@ -107,17 +107,17 @@ impl Dimension {
     }
 
     /// The dimension of a unit as [`Measure::parse`] reads it.
-    pub(super) fn parse(text: &str) -> Option<Dimension> {
+    pub(in crate::spec) fn parse(text: &str) -> Option<Dimension> {
         Measure::parse(text).map(|unit| unit.dimension)
     }
 
     /// Exponents of the base units, where all are integers.
-    pub(super) fn exponents(&self) -> Option<[i64; N]> {
+    pub(in crate::spec) fn exponents(&self) -> Option<[i64; N]> {
         self.0.iter().all(Exponent::is_integer).then(|| self.0.map(|e| e.to_integer()))
     }
 
     /// As a product of base units.
-    pub(super) fn in_base_units(&self) -> String {
+    pub(in crate::spec) fn in_base_units(&self) -> String {
         let power = |k: usize, e: &Exponent| match e {
             e if e.is_one() => BASE[k].to_owned(),
             e if e.is_integer() => format!("{}^{e}", BASE[k]),
@@ -138,23 +138,23 @@ impl Dimension {
 
 /// A unit: a multiple of a product of powers of the base units and the radian.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Measure {
-    pub(super) dimension: Dimension,
+pub(in crate::spec) struct Measure {
+    pub(in crate::spec) dimension: Dimension,
     /// Exponent of the radian.
-    pub(super) angle: Exponent,
+    pub(in crate::spec) angle: Exponent,
     /// How many of the product it is.
-    pub(super) factor: f64,
+    pub(in crate::spec) factor: f64,
 }
 
 impl Measure {
     /// A product of base units.
-    pub(super) fn of(dimension: Dimension) -> Measure {
+    pub(in crate::spec) fn of(dimension: Dimension) -> Measure {
         Measure { dimension, angle: Exponent::zero(), factor: 1.0 }
     }
 
     /// A unit such as `kg m^2/s`, `N m`, `1/(kg m)` or `m s^-2`; a slash divides by the next factor alone. Nothing for
     /// a text that is no unit.
-    pub(super) fn parse(text: &str) -> Option<Measure> {
+    pub(in crate::spec) fn parse(text: &str) -> Option<Measure> {
         let mut rest = text.trim();
         let unit = product(&mut rest, 0)?;
         rest.is_empty().then_some(unit)
@@ -182,7 +182,7 @@ impl fmt::Display for Dimension {
 }
 
 /// `a + b*c`.
-pub(super) fn add_product(a: &Exponent, b: &Exponent, c: &Exponent) -> Option<Exponent> {
+pub(in crate::spec) fn add_product(a: &Exponent, b: &Exponent, c: &Exponent) -> Option<Exponent> {
     a.checked_add(&b.checked_mul(c)?)
 }
 

@@ -2,11 +2,15 @@
 //!
 //! Deliberately does not know: how dimensions are solved for, warnings.
 
+mod dimension;
+
 use std::collections::BTreeMap;
 
 use num_traits::ToPrimitive as _;
 
-use super::dimension::{Dimension, Measure};
+use self::dimension::Measure;
+
+pub(in crate::spec) use self::dimension::{Dimension, Exponent, add_product};
 
 /// The unit of a quantity.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,18 +23,18 @@ pub struct Unit {
 
 impl Unit {
     /// One as it stands in a doc comment; nothing where it is no product of powers of units.
-    pub(super) fn declared(text: &str) -> Option<Unit> {
+    pub(in crate::spec) fn declared(text: &str) -> Option<Unit> {
         let measure = Measure::parse(text)?;
         let text = if text == "-" { "1" } else { text };
         Some(Unit { text: text.to_owned(), measure, is_inferred: false })
     }
 
     /// One that follows from others.
-    pub(super) fn inferred(dimension: Dimension) -> Unit {
+    pub(in crate::spec) fn inferred(dimension: Dimension) -> Unit {
         Unit { text: dimension.in_base_units(), measure: Measure::of(dimension), is_inferred: true }
     }
 
-    pub(super) fn dimension(&self) -> Dimension {
+    pub(in crate::spec) fn dimension(&self) -> Dimension {
         self.measure.dimension
     }
 
@@ -75,12 +79,12 @@ impl Unit {
 /// Units of a model by names, as far as they are known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Units {
-    pub(super) time: Option<Unit>,
-    pub(super) energy: Option<Unit>,
+    pub(in crate::spec) time: Option<Unit>,
+    pub(in crate::spec) energy: Option<Unit>,
     /// Of parameters, inputs, state variables and reconstructed coordinates.
-    pub(super) of_name: BTreeMap<String, Unit>,
+    pub(in crate::spec) of_name: BTreeMap<String, Unit>,
     /// Of outputs and Casimirs, component by component.
-    pub(super) of_output: BTreeMap<String, Vec<Option<Unit>>>,
+    pub(in crate::spec) of_output: BTreeMap<String, Vec<Option<Unit>>>,
 }
 
 impl Units {
