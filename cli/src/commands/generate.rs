@@ -14,7 +14,7 @@ use hamel_codegen::scene::{self, BuiltScene, Scenes, Writing};
 
 use crate::cache::Cache;
 use crate::error::Error;
-use crate::model::{Checked, Model, show_warnings};
+use crate::model::{Checked, Model, has_positions, show_warnings};
 use crate::output::fmu::archive;
 use crate::run::backend::Local;
 use crate::run::dynamics::Factory as _;
@@ -250,7 +250,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
 /// # Errors
 /// Why there are no such coordinates.
 fn start(model: &Model, built: &BuiltScene) -> Result<Option<Vec<f64>>, Error> {
-    if model.constraints.iter().all(|constraint| constraint.position.is_none()) {
+    if !has_positions(model) {
         return Ok(scene::initial_state(model, built));
     }
     let model = Arc::new(Checked::new(model.clone(), Cache::none()));
