@@ -82,6 +82,45 @@ impl<R: Real, const K: usize, S: Positions<R, K> + ?Sized> Positions<R, K> for &
 /// with the derivatives `J` of the residuals by the components that [`Positions::moved`] names, so that with more of
 /// them than equations the change is the least. Ends with residuals that are rounding.
 ///
+/// ```
+/// use hamel_runtime::{Positions, System, consistent};
+///
+/// /// The angle `phi` of the rod of a slider-crank by that of the crank: `0.3 sin(theta) + 0.9 sin(phi) = 0`.
+/// struct SliderCrank;
+///
+/// impl System<f64> for SliderCrank {
+///     type State = [f64; 2];
+///
+///     fn rhs(&self, _t: f64, [theta, phi]: &[f64; 2], dy: &mut [f64; 2]) {
+///         *dy = [1.0, -theta.cos() / (3.0 * phi.cos())];
+///     }
+/// }
+///
+/// // As generated code has it.
+/// impl Positions<f64, 1> for SliderCrank {
+///     fn n_equations(&self) -> usize {
+///         1
+///     }
+///
+///     fn moved(&self) -> &[usize] {
+///         &[1]
+///     }
+///
+///     fn residuals(&self, _t: f64, [theta, phi]: &[f64; 2]) -> [f64; 1] {
+///         [0.3 * theta.sin() + 0.9 * phi.sin()]
+///     }
+///
+///     fn residual_gradients(&self, _t: f64, [theta, phi]: &[f64; 2], gradients: &mut [[f64; 2]; 1]) {
+///         *gradients = [[0.3 * theta.cos(), 0.9 * phi.cos()]];
+///     }
+/// }
+///
+/// let mut y = [0.4, 0.0];
+/// consistent(&SliderCrank, 0.0, &mut y)?;
+/// assert!((y[1] + (0.4_f64.sin() / 3.0).asin()).abs() < 1e-15);
+/// # Ok::<(), hamel_runtime::Error>(())
+/// ```
+///
 /// # Errors
 ///
 /// [`Error::PositionMissed`] and [`Error::PositionSingular`], with `y` as it was.
