@@ -84,25 +84,13 @@ pub fn build(name: &str, scene: &str) -> BuiltScene {
     scene::build(&model(name), scene).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// A model of the shelf by its name.
-///
-/// # Panics
-/// When there is none, or it has mistakes.
-pub fn model_from_shelf(name: &str) -> Model {
-    spec::parse(name, &text_from_shelf(name)).unwrap_or_else(|e| panic!("{e}"))
-}
-
-fn text_from_shelf(name: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/shelf").join(format!("{name}.hamel"));
-    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-}
-
 /// Right-hand side and energy of a model of the shelf.
 ///
 /// # Panics
 /// When there is no such model, or it cannot be built.
 pub fn build_from_shelf(name: &str) -> BuiltScene {
-    let text = text_from_shelf(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/shelf").join(format!("{name}.hamel"));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let body = text.trim_end().strip_suffix('}').expect("a model ends with a brace");
     // Less than the default scene, which costs several times as much to derive.
     let text = format!("{body}\nscene checked {{ want rhs, energy; }}\n}}\n");
