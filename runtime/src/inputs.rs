@@ -78,7 +78,7 @@ impl<R: Real, S, const M: usize, F: Fn(R, &S) -> [R; M]> Signal<R, S, M> for F {
     }
 }
 
-/// A signal of time alone that consists of polynomials: a [`Table`](crate::Table), a [`Polynomial`].
+/// A signal of time alone that consists of polynomials: a [`Table`](crate::Table), a [`Polynomial`](crate::Polynomial).
 ///
 /// Closures are not known to be polynomials: [`Taylor`](crate::Taylor) does not integrate what they drive.
 #[diagnostic::on_unimplemented(
