@@ -130,10 +130,15 @@ impl<M, L> Ensemble<M, L> {
             progress(width);
             done
         };
-        let groups: Vec<Vec<Trajectory<Y, E>>> =
-            (0..n.div_ceil(L::LANES)).into_par_iter().map(|g| group(g * L::LANES)).collect();
+        let groups = share_out(n.div_ceil(L::LANES), &|g| group(g * L::LANES));
         Ok(groups.into_iter().flatten().collect())
     }
+}
+
+/// The tasks `0..n` on the threads of the current pool, their results in order. What a task does is behind a pointer, so
+/// that this is compiled once for each type of results, not for each system and method.
+fn share_out<T: Send>(n: usize, task: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
+    (0..n).into_par_iter().map(task).collect()
 }
 
 /// What every trajectory of an ensemble is asked for.

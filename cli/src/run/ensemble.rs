@@ -104,16 +104,31 @@ impl Member {
 /// # Errors
 /// [`Error::Options`] for a time, tolerances, a method or a number of threads that suit none of them.
 pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
-    let job = Job { factory, request };
-    // What a scene can do depends on the scene alone, but takes parameters that are allowed.
-    let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
-    match &any {
-        Some((dynamics, y)) => {
-            with_method(request.method, request.steps, Purpose::Ensemble, &**dynamics, y, job)?
-        }
-        // No trajectory will start, whatever the method.
-        None => job.explicit(hamel_runtime::Dop853),
-    }
+    let options = request.options()?;
+    let pool = pool(request.threads)?;
+    let (params, initial): (Vec<&[f64]>, Vec<VecState>) =
+        request.members.iter().map(|(params, y)| (params.as_slice(), VecState(y.clone()))).unzip();
+    let times: Vec<f64> =
+        (0..request.samples).map(|k| sample_time(request.t_final, request.samples, k)).collect();
+    let bar = progress_bar(request.progress);
+    let progress = |n: usize| bar.inc(n as u64);
+    let members = pool.install(|| {
+        let (params, initial, times) = (&params, &initial, &times);
+        let job = Job { factory, request, options, params, initial, times, progress: &progress };
+        // What a scene can do depends on the scene alone, but takes parameters that are allowed.
+        let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
+        let trajectories = match &any {
+            Some((dynamics, y)) => {
+                with_method(request.method, request.steps, Purpose::Ensemble, &**dynamics, y, job)?
+            }
+            // No trajectory will start, whatever the method.
+            None => job.explicit(hamel_runtime::Dop853),
+        }?;
+        let one = |(trajectory, params): (_, &&[f64])| member(factory, trajectory, params, times);
+        Ok(trajectories.into_par_iter().zip(params).map(one).collect())
+    });
+    bar.finish_and_clear();
+    members
 }
 
 /// The scenes of a factory for all parameters.
@@ -147,13 +162,23 @@ impl<'a> Source<F64x4> for Scenes<'a> {
     }
 }
 
-struct Job<'a> {
+/// An ensemble that waits for its method, on the threads of the current pool.
+struct Job<'a, 'r> {
     factory: &'a dyn Factory,
-    request: &'a EnsembleRequest,
+    request: &'r EnsembleRequest,
+    options: Options<f64>,
+    params: &'r [&'r [f64]],
+    initial: &'r [VecState],
+    /// Times of the samples.
+    times: &'r [f64],
+    /// Is told how many more trajectories are done.
+    progress: &'r (dyn Fn(usize) + Sync),
 }
 
-impl<'a> WithMethod<'a> for Job<'a> {
-    type Output = Result<Vec<Member>, Error>;
+type Trajectories = Vec<Trajectory<VecState, BadParams>>;
+
+impl<'a> WithMethod<'a> for Job<'a, '_> {
+    type Output = Result<Trajectories, Error>;
 
     fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
         self.run::<f64, M>(method)
@@ -180,63 +205,56 @@ impl<'a> WithMethod<'a> for Job<'a> {
     }
 }
 
-impl<'a> Job<'a> {
-    fn run<L, M>(&self, method: M) -> Result<Vec<Member>, Error>
+impl<'a> Job<'a, '_> {
+    fn run<L, M>(&self, method: M) -> Result<Trajectories, Error>
     where
         L: Lanes,
         Scenes<'a>: Source<L, Error = BadParams>,
         M: Method<f64, PreparedScene<'a>> + Method<L, <Scenes<'a> as Source<L>>::System> + Sync,
     {
-        let request = self.request;
-        let refused = |e: hamel_runtime::Error| Error::Options { reason: e.to_string() };
-        let options = request.options()?;
-        Method::<f64, PreparedScene<'a>>::validate(&method, &options).map_err(refused)?;
-        let (params, initial): (Vec<&[f64]>, Vec<VecState>) =
-            request.members.iter().map(|(params, y)| (params.as_slice(), VecState(y.clone()))).unzip();
-        let times: Vec<f64> =
-            (0..request.samples).map(|k| sample_time(request.t_final, request.samples, k)).collect();
-        let ensemble = Ensemble::new(method, options).with_lanes::<L>();
-        let bar = progress_bar(request.progress);
-        let members = pool(request.threads)?.install(|| {
-            let scenes = Scenes(self.factory);
-            let progress = |n: usize| bar.inc(n as u64);
-            let trajectories =
-                ensemble.run_from(&scenes, &params, &initial, request.t_final, &times, progress);
-            let one = |(trajectory, params): (_, &&[f64])| self.member(trajectory, params, &times);
-            Ok(trajectories?.into_par_iter().zip(&params).map(one).collect())
-        });
-        bar.finish_and_clear();
+        let refused = |reason: String| Error::Options { reason };
+        Method::<f64, PreparedScene<'a>>::validate(&method, &self.options)
+            .map_err(|e| refused(e.to_string()))?;
+        let ensemble = Ensemble::new(method, self.options).with_lanes::<L>();
+        let (scenes, t_final) = (Scenes(self.factory), self.request.t_final);
+        let trajectories =
+            ensemble.run_from(&scenes, self.params, self.initial, t_final, self.times, self.progress);
         // As many parameters as states, by construction.
-        members.map_err(|e: hamel_ensemble::Error| Error::Options { reason: e.to_string() })
+        trajectories.map_err(|e| refused(e.to_string()))
     }
+}
 
-    /// A trajectory with times, energies and words.
-    fn member(&self, trajectory: Trajectory<VecState, BadParams>, params: &[f64], times: &[f64]) -> Member {
-        let info = self.factory.info();
-        let mut error = trajectory.stop.as_ref().map(|stop| match stop {
-            Stop::Params(bad) => bad.to_string(),
-            Stop::Integration(error) => why_stopped(info, error),
-            other => format!("{other:?}"),
-        });
-        // With a known reason the parameters may not be allowed, and then there is no state either.
-        let Ok(dynamics) = self.factory.prepare(params) else { return Member { error, ..Member::default() } };
-        let has_started = trajectory.stats.rhs_evals > 0;
-        let reached = times.iter().copied().zip(trajectory.samples);
-        let is_new = has_started && error.is_some();
-        let last = is_new.then_some((trajectory.t, trajectory.state));
-        let mut samples: Vec<Sample> = Vec::with_capacity(reached.len() + 1);
-        for (t, state) in reached.chain(last) {
-            if samples.last().is_some_and(|s| s.t == t) {
-                continue;
-            }
-            let energy = dynamics.energy(t, &state.0).filter(|e| e.is_finite());
-            if info.has_energy && energy.is_none() {
-                error.get_or_insert_with(|| format!("the energy is not finite at t = {t:?}"));
-            }
-            samples.push(Sample { t, state: state.0, energy, outputs: Vec::new(), along: Vec::new() });
+/// A trajectory with times, energies and words.
+fn member(
+    factory: &dyn Factory,
+    trajectory: Trajectory<VecState, BadParams>,
+    params: &[f64],
+    times: &[f64],
+) -> Member {
+    let info = factory.info();
+    let mut error = trajectory.stop.as_ref().map(|stop| match stop {
+        Stop::Params(bad) => bad.to_string(),
+        Stop::Integration(error) => why_stopped(info, error),
+        other => format!("{other:?}"),
+    });
+    // With a known reason the parameters may not be allowed, and then there is no state either.
+    let Ok(dynamics) = factory.prepare(params) else { return Member { error, ..Member::default() } };
+    let has_started = trajectory.stats.rhs_evals > 0;
+    let reached = times.iter().copied().zip(trajectory.samples);
+    let is_new = has_started && error.is_some();
+    let last = is_new.then_some((trajectory.t, trajectory.state));
+    let mut samples: Vec<Sample> = Vec::with_capacity(reached.len() + 1);
+    for (t, state) in reached.chain(last) {
+        if samples.last().is_some_and(|s| s.t == t) {
+            continue;
         }
-        Member { samples, steps: trajectory.stats.steps, error }
+        let energy = dynamics.energy(t, &state.0).filter(|e| e.is_finite());
+        if info.has_energy && energy.is_none() {
+            error.get_or_insert_with(|| format!("the energy is not finite at t = {t:?}"));
+        }
+        samples.push(Sample { t, state: state.0, energy, outputs: Vec::new(), along: Vec::new() });
     }
+    Member { samples, steps: trajectory.stats.steps, error }
 }
 
 /// Most threads: several for each core of a large machine, and far fewer than a system refuses.

@@ -42,6 +42,11 @@ pub(crate) trait WithMethod<'a>: Sized {
     {
         self.single(OnCircles::new(method))
     }
+
+    /// With a method that projects each step onto the invariants of a scene.
+    fn projected<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
+        self.single(method)
+    }
 }
 
 /// Takes every method with a projection onto the equations between coordinates after each step.
@@ -52,6 +57,11 @@ impl<'a, U: WithMethod<'a>> WithMethod<'a> for OnPositions<U> {
 
     fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> U::Output {
         self.0.single(Projected::<_, MAX_INVARIANTS, OfPositions>::onto_positions(method))
+    }
+
+    /// Projection onto invariants keeps these equations, too.
+    fn projected<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> U::Output {
+        self.0.projected(method)
     }
 }
 
@@ -162,9 +172,9 @@ where
 {
     // Storage has a size known to the compiler: rounded up, with invariants that are always met.
     Ok(match dynamics.n_invariants() {
-        Some(1..=4) => user.single(Projected::<_, 4>::new(method)),
-        Some(5..=16) => user.single(Projected::<_, 16>::new(method)),
-        Some(17..=MAX_INVARIANTS) => user.single(Projected::<_, MAX_INVARIANTS>::new(method)),
+        Some(1..=4) => user.projected(Projected::<_, 4>::new(method)),
+        Some(5..=16) => user.projected(Projected::<_, 16>::new(method)),
+        Some(17..=MAX_INVARIANTS) => user.projected(Projected::<_, MAX_INVARIANTS>::new(method)),
         n_invariants => return Err(not_projected(name, dynamics.info(), n_invariants)),
     })
 }

@@ -38,9 +38,6 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         after: [R; K],
         mut functions: impl FnMut(R, &S::State) -> [R; K],
     ) -> Result<bool, Error> {
-        if K == 0 {
-            return Ok(false);
-        }
         let (mut signs, mut n_changes) = (before.map(sign), [0; K]);
         let mut note = |values: [R; K]| {
             for ((own, n), value) in signs.iter_mut().zip(&mut n_changes).zip(values) {
