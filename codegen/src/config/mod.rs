@@ -322,6 +322,15 @@ impl Config {
         self.generate_cached(models, note, None)
     }
 
+    /// As [`Config::generate`], with scenes that an earlier run has left in a folder, as [`Config::compile`] finds them.
+    ///
+    /// # Errors
+    /// As [`Config::generate`].
+    #[cfg(feature = "internals")]
+    pub fn generate_within(&self, models: &[Model], cache: &Path) -> Result<Bundle, Problems> {
+        self.generate_cached(models, &|_| {}, Some(&Cache::new(cache.to_owned())))
+    }
+
     fn generate_cached(
         &self,
         models: &[Model],

@@ -39,7 +39,8 @@ impl Key {
         }))
     }
 
-    pub(super) fn name(self) -> String {
+    /// Its digits, the name of the file that is kept.
+    pub fn name(self) -> String {
         format!("{:016x}{:016x}", self.0[0], self.0[1])
     }
 }

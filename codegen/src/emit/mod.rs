@@ -83,6 +83,3 @@ pub fn emit_fluid(text: &FluidText) -> Result<String, Error> {
         other => other,
     })
 }
-
-#[cfg(test)]
-mod tests;

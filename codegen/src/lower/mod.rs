@@ -177,6 +177,3 @@ fn written(
     let (form, search) = form::cheapest(graph, &source, digits, budget, &rest)?;
     Ok((Form { rolled: Some(rolled), ..form }, search))
 }
-
-#[cfg(test)]
-pub(crate) mod tests;

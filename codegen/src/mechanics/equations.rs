@@ -186,7 +186,7 @@ impl Equations {
     }
 
     /// Every result in order, what a scene can ask for and what `explain` shows, to be replaced by equal ones.
-    pub(super) fn results_mut(&mut self) -> Vec<&mut ExprId> {
+    pub fn results_mut(&mut self) -> Vec<&mut ExprId> {
         let Equations {
             system: _,
             sections: _,
@@ -234,7 +234,7 @@ impl Equations {
     }
 
     /// Every result in the order of [`Equations::results_mut`].
-    pub(super) fn results(&mut self) -> Vec<ExprId> {
+    pub fn results(&mut self) -> Vec<ExprId> {
         self.results_mut().into_iter().map(|e| *e).collect()
     }
 

@@ -55,6 +55,7 @@ pub use hamiltonization::{BracketFacts, Jacobi};
 pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};
 pub use measure::{Density, Factor};
 pub use phases::{Phase, phases};
+pub use rates::rates;
 pub use recursion::is_recursive;
 pub use routh::Routhian;
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};

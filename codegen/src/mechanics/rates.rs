@@ -10,12 +10,7 @@ use crate::expr::{ExprId, Graph, SectionWriter, SymbolId, needed_sections};
 use super::equations::{Equations, StateEquation};
 
 /// Time derivatives along the motion of expressions in the state and the definitions of the equations.
-pub(super) fn rates(
-    g: &mut Graph,
-    equations: &Equations,
-    state: &[StateEquation],
-    of: &[ExprId],
-) -> Vec<ExprId> {
+pub fn rates(g: &mut Graph, equations: &Equations, state: &[StateEquation], of: &[ExprId]) -> Vec<ExprId> {
     let sections = needed_sections(g, &equations.sections, of);
     let mut by: Vec<SymbolId> = state.iter().map(|s| s.symbol).collect();
     let mut motion: Vec<ExprId> = state.iter().map(|s| s.derivative).collect();

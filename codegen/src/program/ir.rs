@@ -313,7 +313,7 @@ pub fn completes_pair(instructions: &[Instruction], k: usize) -> bool {
 ///
 /// Such neighbours are one call: they are emitted as `x.sin_cos_of_two(y)`, which has the bits of `x.sin_cos()` and of
 /// `y.sin_cos()`.
-pub(crate) fn place_of_two(instructions: &[Instruction], k: usize) -> Option<usize> {
+pub fn place_of_two(instructions: &[Instruction], k: usize) -> Option<usize> {
     let is_pair = |k: usize| k + 1 < instructions.len() && completes_pair(instructions, k + 1);
     let is_two = |first: usize| {
         let second = first + 2;

@@ -27,10 +27,9 @@ pub use crate::expr::Relation;
 pub use circles::Circles;
 pub use counts::Counts;
 pub use interpret::{Point, Run, ViolatedCondition};
-pub(crate) use ir::place_of_two;
 pub use ir::{
     Condition, Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program, Signs, Slot,
-    completes_pair,
+    completes_pair, place_of_two,
 };
 pub use report::{FallBack, Limit, Report, Search};
 pub use role::Role;

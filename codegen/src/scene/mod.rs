@@ -27,8 +27,6 @@ mod pivots;
 mod plan;
 mod positions;
 mod splitting;
-#[cfg(test)]
-mod tests;
 mod text;
 
 use std::collections::BTreeSet;
@@ -50,6 +48,8 @@ pub use defaults::{initial_state, warnings};
 pub use derivatives::{Derivative, Matrix, Product};
 pub use events::SceneEvent;
 pub use formulations::{Candidate, Formulations, LeftOut, Progress};
+#[cfg(feature = "internals")]
+pub use groups::groups;
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};

@@ -80,9 +80,6 @@ pub use crate::algebra::{Block, Bracket, LieAlgebra, Matrix, Representation};
 /// Expressions and exact numbers, for [`ModelBuilder`] and those who look at a [`Model`].
 pub use crate::expr::{Budget, DivisionByZero, ExprId, Func, Graph, Rational, Relation, SymbolId, Vanishing};
 
-#[cfg(test)]
-mod tests;
-
 /// The words that begin items and their parts, for those who show the text of a model.
 pub fn keywords() -> Vec<&'static str> {
     let parts = [

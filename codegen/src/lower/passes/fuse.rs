@@ -333,3 +333,49 @@ impl Fusion<'_> {
         total.expect("a sum has terms")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::fuse;
+    use crate::program::{Function, Instruction, Op, Operand, Prepare, Program, Report, Role};
+
+    #[test]
+    fn opposites_that_meet_in_one_sum_vanish() {
+        // (x y - z) - x y = -z and x y - x y = 0, as they stand where definitions have been put into one another.
+        let [xy, difference] = [Operand::Value(0), Operand::Value(1)];
+        let [x, y, z] = [0, 1, 2].map(Operand::State);
+        let product = Op::Mul(x, y);
+        let state = [0.9, 1.6, 0.35];
+        let cases = [
+            (vec![product, Op::Sub(xy, z), Op::Sub(difference, xy)], Operand::Value(2), -state[2], 1),
+            (vec![product, Op::Sub(xy, xy)], Operand::Value(1), 0.0, 0),
+        ];
+        for (ops, result, value, n) in cases {
+            let function = Function {
+                role: Role::Output("f".into()),
+                instructions: (ops.into_iter())
+                    .map(|op| Instruction { op, section: 0, name: None })
+                    .collect(),
+                results: vec![("f".into(), result)],
+                ..Function::default()
+            };
+            let mut program = Program {
+                params: Vec::new(),
+                time: "t".into(),
+                inputs: Vec::new(),
+                state: ["x", "y", "z"].map(String::from).to_vec(),
+                constants: Vec::new(),
+                tables: Vec::new(),
+                sections: vec!["results".into()],
+                prepare: Prepare::default(),
+                functions: vec![function],
+                report: Report::default(),
+            };
+            fuse(&mut program);
+            assert_eq!(program.functions[0].instructions.len(), n);
+            let mut out = [f64::NAN];
+            program.run(0, &[], &[], 0.4, &state, &mut out);
+            assert_eq!(out, [value]);
+        }
+    }
+}

@@ -6,7 +6,9 @@ mod expressions;
 mod formulation;
 mod fuzz;
 mod good;
+mod kind;
 mod motion;
+mod positions;
 
 /// The specifications of the crate `hamel-models`.
 pub(super) const SPECS: &[(&str, &str)] = &[

@@ -1,7 +1,7 @@
 //! Random text never makes the front end panic, and its messages always render.
 
 use super::SPECS;
-use crate::spec::parse;
+use hamel_codegen::spec::parse;
 
 const SEED: u64 = 0x5eed_0000_2024_0817;
 

@@ -1,11 +1,11 @@
 //! What is wrong, and what is said about it: `line:column message [help]`, one line per problem.
 //!
 //! Whole classes of problems, with rendered reports, are in `codegen/tests/bad`; here are the variants. Write the
-//! messages anew with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --lib spec`.
+//! messages anew with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test modules spec`.
 
 use expect_test::{Expect, expect};
 
-use crate::spec::parse;
+use hamel_codegen::spec::parse;
 
 fn report(text: &str) -> String {
     let Err(problems) = parse("bad.hamel", text) else { return "no problem".to_owned() };

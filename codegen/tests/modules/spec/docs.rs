@@ -1,6 +1,6 @@
 //! The examples and the messages of `docs/model-language.md` are true, and the models of the book.
 
-use crate::spec::{Want, Wanted, matrix_fluid, parse};
+use hamel_codegen::spec::{Want, Wanted, matrix_fluid, parse};
 
 const DOC: &str = include_str!("../../../../docs/model-language.md");
 /// Pages with models, and how many they have at least.

@@ -1,8 +1,8 @@
 //! Scenes of small models: what is solved, refused and watched.
 
-use super::*;
-use crate::program::Role;
-use crate::spec;
+use hamel_codegen::program::Role;
+use hamel_codegen::scene::*;
+use hamel_codegen::spec;
 
 fn built(text: &str) -> BuiltScene {
     let model = spec::parse("m", text).expect("a valid model");

@@ -3,7 +3,7 @@
 use expect_test::expect;
 
 use super::bad::check;
-use crate::spec::{FormulationSearch, parse};
+use hamel_codegen::spec::{FormulationSearch, parse};
 
 fn scene(items: &str) -> String {
     format!("model m {{ velocity w in R; lagrangian = w^2; scene s {{ {items} }} }}")

@@ -3,9 +3,9 @@
 use num_traits::Zero;
 
 use super::SPECS;
-use crate::algebra::LieAlgebra;
-use crate::expr::{ExprId, Graph, Rational, Style, parse_decimal};
-use crate::spec::{
+use hamel_codegen::algebra::LieAlgebra;
+use hamel_codegen::expr::{ExprId, Graph, Rational, Style, parse_decimal};
+use hamel_codegen::spec::{
     CarriedBy, Compare, Domain, InnerProduct, Layout, Model, ModelBuilder, Relation, Side, Value, Wanted,
     diagnose, parse,
 };
@@ -197,8 +197,9 @@ fn builder_and_file_give_one_heavy_top() {
         |m: &Model| m.conditions.iter().map(|c| (c.text.clone(), c.subject.clone())).collect::<Vec<_>>();
     assert_eq!(texts(&built), texts(&file));
     let scenes = |m: &Model| {
-        let parts =
-            |s: &crate::spec::Scene| (s.name.clone(), s.fixed.clone(), s.wants.clone(), s.carries.clone());
+        let parts = |s: &hamel_codegen::spec::Scene| {
+            (s.name.clone(), s.fixed.clone(), s.wants.clone(), s.carries.clone())
+        };
         m.scenes.iter().map(parts).collect::<Vec<_>>()
     };
     assert_eq!(scenes(&built), scenes(&file));

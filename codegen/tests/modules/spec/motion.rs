@@ -3,9 +3,11 @@
 use expect_test::{Expect, expect};
 
 use super::bad::check;
-use crate::algebra::LieAlgebra;
-use crate::expr::{ExprId, Rational};
-use crate::spec::{ConstraintKind, Group, Model, ModelBuilder, ReconstructionKind, Value, Wanted, parse};
+use hamel_codegen::algebra::LieAlgebra;
+use hamel_codegen::expr::{ExprId, Rational};
+use hamel_codegen::spec::{
+    ConstraintKind, Group, Model, ModelBuilder, ReconstructionKind, Value, Wanted, parse,
+};
 
 #[track_caller]
 fn model(items: &str) -> Model {
@@ -709,7 +711,7 @@ fn the_builder_makes_the_same_servo_ball() {
     let two = |n: i64| Rational::new(n.into(), 10.into());
     let kappa = b.param("kappa", two(15), "");
     let c = b.param("c", two(2), "");
-    let (a, a_dot) = b.coordinate_vector("a", 2, crate::spec::Domain::Real, "");
+    let (a, a_dot) = b.coordinate_vector("a", 2, hamel_codegen::spec::Domain::Real, "");
     let xi = b.velocities(LieAlgebra::so(3).unwrap(), &["xi"]).remove(0);
     let component = |v: &Value, k: usize| v.row(k).unwrap();
     let accelerations = [b.ddt(&component(&a_dot, 1)).unwrap(), b.ddt(&component(&xi, 3)).unwrap()];

@@ -2,11 +2,14 @@ use std::collections::BTreeMap;
 
 use num_traits::One;
 
-use super::*;
-use crate::expr::{Definition, Func, Node, Number, Rational, Scalar};
-use crate::program::{
-    Constant, Counts, Factors, FallBack, Instruction, Limit, Literal, Op, Operand, Point, Signs, Table,
-    completes_pair, place_of_two,
+use hamel_codegen::error::Error;
+use hamel_codegen::expr::{
+    Definition, ExprId, Func, Graph, Node, Number, Rational, Scalar, Section, Sign, SymbolId,
+};
+use hamel_codegen::lower::*;
+use hamel_codegen::program::{
+    Constant, Counts, Factors, FallBack, Limit, Literal, Op, Operand, Point, Program, Relation, Role, Signs,
+    Table, completes_pair, place_of_two, verify,
 };
 
 fn q(n: i64, d: i64) -> Rational {
@@ -235,30 +238,6 @@ fn parameter_only_factors_meet_across_definitions_used_once() {
     let s = f.g.add(ax, by);
     let r = f.g.div(s, f.p[2]).unwrap();
     assert_eq!(f.lower(&[r]).functions[0].counts(), Counts { add: 1, mul: 2, fma: 1, ..Counts::default() });
-}
-
-#[test]
-fn opposites_that_meet_in_one_sum_vanish() {
-    // (x y - z) - x y = -z and x y - x y = 0, as they stand where definitions have been put into one another.
-    let mut f = fixture();
-    let [xy, difference] = [Operand::Value(0), Operand::Value(1)];
-    let z = Operand::State(2);
-    let product = Op::Mul(Operand::State(0), Operand::State(1));
-    let cases = [
-        (vec![product, Op::Sub(xy, z), Op::Sub(difference, xy)], -STATE[2], 1),
-        (vec![product, Op::Sub(xy, xy)], 0.0, 0),
-    ];
-    for (ops, value, n) in cases {
-        let mut program = f.lower(&[f.x[0]]);
-        let function = &mut program.functions[0];
-        function.results[0].1 = crate::program::edit::operand(ops.len() - 1);
-        function.instructions =
-            ops.into_iter().map(|op| Instruction { op, section: 0, name: None }).collect();
-        let (_, fuse) = super::passes::PASSES[0];
-        fuse(&mut program);
-        assert_eq!(program.functions[0].instructions.len(), n);
-        assert_eq!(f.run(&program), [value]);
-    }
 }
 
 #[test]
@@ -494,7 +473,7 @@ fn units_are_chosen_that_leave_the_fewest_numbers() {
     let lowered = |f: &mut Fixture| {
         lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[e])], &SearchBudget::default()).unwrap()
     };
-    let values = crate::expr::inlined(&mut f.g, &sections[0].definitions);
+    let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
     let whole = f.g.subs(e, &values).unwrap();
     let plain = lowered(&mut f);
     check(&mut f, &plain, &[whole]);
@@ -534,7 +513,7 @@ fn a_pivot_in_other_units_is_checked_as_it_is_divided_by() {
     program.run(1, &PARAMS, &prepared, TIME, &STATE, &mut checked);
     // The rounding of the checked value is that of the sums without fusion.
     assert!((divisor[0] - checked[0]).abs() <= 4.0 * f64::EPSILON * divisor[0], "{divisor:?} {checked:?}");
-    let values = crate::expr::inlined(&mut f.g, &sections[0].definitions);
+    let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
     let inertia = values[&sections[0].definitions[1].symbol];
     let inertia = f.g.eval_f64(inertia, &f.values()).unwrap();
     assert!((inertia - checked[0]).abs() > 0.01, "{inertia} and {checked:?} are in different units");
@@ -772,7 +751,7 @@ fn searches_stop_at_their_limits_and_say_so() {
         f.inputs.signs.extend([(f.p[0], Sign::Positive), (f.p[2], Sign::Positive)]);
         let requests = [Request { role: Role::Rate, ..request("f", &[e]) }];
         let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests, &budget).unwrap();
-        let values = crate::expr::inlined(&mut f.g, &sections[0].definitions);
+        let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
         let whole = f.g.subs(e, &values).unwrap();
         check(&mut f, &program, &[whole]);
         let (role, search) = &program.report.searches[0];
@@ -790,7 +769,7 @@ fn searches_stop_at_their_limits_and_say_so() {
     let (plain, searched) = (lowered(&none), lowered(&all));
     assert!(plain.report.incomplete().next().is_some() && plain.cost() > searched.cost());
     assert_eq!(searched.report.to_string(), "");
-    let values = crate::expr::inlined(&mut f.g, &sections[0].definitions);
+    let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
     let whole = f.g.subs(e, &values).unwrap();
     check(&mut f, &plain, &[whole]);
 }
@@ -928,7 +907,7 @@ fn what_has_to_be_computed_straight_is_not_rolled() {
     let (a, b) = (f.g.add(a, x), f.g.add(xyz, x));
     let requests = [request("f", &[a, b])];
     let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests, &ROLLED()).unwrap();
-    let values = crate::expr::inlined(&mut f.g, &sections[0].definitions);
+    let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
     let whole = [a, b].map(|e| f.g.subs(e, &values).unwrap());
     check(&mut f, &program, &whole);
     let function = &program.functions[0];
@@ -1006,7 +985,7 @@ fn taylor_coefficients_of_loops_are_those_of_straight_lines() {
         assert!(!rolled.functions[0].contractions.is_empty());
         let straight = f.lower(&rates);
         let series = |program: &Program| {
-            let jet = crate::program::Jet::new(program, 0).unwrap();
+            let jet = hamel_codegen::program::Jet::new(program, 0).unwrap();
             let params = PARAMS.map(DoubleDouble::from);
             let prepared = program.prepare(&params).unwrap();
             let mut out = vec![vec![DoubleDouble::ZERO; 3]; 13];
@@ -1034,6 +1013,6 @@ fn a_function_of_a_vector_has_no_taylor_coefficients() {
     let along = [x, y, z].map(|x| g.mul(x, v));
     let program =
         lower(&mut g, &inputs, &[], &[], &[request("f", &along)], &SearchBudget::default()).unwrap();
-    let refused = crate::program::Jet::new(&program, 0).unwrap_err();
+    let refused = hamel_codegen::program::Jet::new(&program, 0).unwrap_err();
     assert_eq!(refused, Error::ShapeMismatch { what: "vector of f".into(), found: 1, expected: 0 });
 }

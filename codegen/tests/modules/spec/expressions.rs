@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::spec::{ExpressionRole, Model, parse};
+use hamel_codegen::spec::{ExpressionRole, Model, parse};
 
 /// A model in which the parameter `k` occurs in an expression of every role.
 fn model_of_everything() -> Model {
