@@ -53,7 +53,9 @@ pub(crate) fn stress(
     for file in session.find_all(&arguments.models)? {
         file.model()?;
     }
-    let build = cargo::cargo_build(repository, PACKAGE);
+    // Millions of steps are worth minutes of compilation, a few are not.
+    let profile = if arguments.short { cargo::Profile::OfThisProgram } else { cargo::Profile::Release };
+    let build = cargo::cargo_build(repository, PACKAGE, profile);
     let program = cargo::run_build(build, PACKAGE, "building the stress tests")?.ok_or_else(|| {
         Error::NotCompiled { what: "stress".into(), reason: "the compiled models do not build".into() }
     })?;

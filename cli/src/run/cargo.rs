@@ -12,11 +12,26 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::error::Error;
 use crate::repository::Repository;
 
-/// The command that builds a package of the workspace, optimised; for [`run_build`].
-pub fn cargo_build(repository: &Repository, package: &str) -> Command {
+/// How much the compiler optimises what is built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// As this program was, so that both share what they depend on.
+    OfThisProgram,
+    /// Fully: what is built measures times, or runs for long.
+    Release,
+}
+
+/// The command that builds a package of the workspace with a program or library of the same name; for [`run_build`].
+pub fn cargo_build(repository: &Repository, package: &str, profile: Profile) -> Command {
     let mut command = Command::new(Repository::cargo());
+    if profile == Profile::OfThisProgram && cfg!(debug_assertions) {
+        // With the features of the whole workspace, as its tests are built.
+        command.args(["build", "--workspace", "--bin", package]);
+    } else {
+        command.args(["build", "--release", "--package", package]);
+    }
     command
-        .args(["build", "--quiet", "--release", "--message-format", "json", "--package", package])
+        .args(["--quiet", "--message-format", "json"])
         .arg("--manifest-path")
         .arg(repository.manifest())
         .stdin(Stdio::null());

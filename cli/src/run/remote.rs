@@ -157,9 +157,9 @@ impl Drop for Process {
 
 /// Builds the program with the compiled models, which takes no time when nothing changed, and returns its path.
 fn build(repository: &Repository, model: &str) -> Result<PathBuf, Error> {
-    cargo::run_build(cargo::cargo_build(repository, PACKAGE), PACKAGE, "building the compiled models")?
-        .ok_or_else(|| Error::NotCompiled {
-            what: model.to_owned(),
-            reason: "the compiled models do not build".into(),
-        })
+    let build = cargo::cargo_build(repository, PACKAGE, cargo::Profile::OfThisProgram);
+    cargo::run_build(build, PACKAGE, "building the compiled models")?.ok_or_else(|| Error::NotCompiled {
+        what: model.to_owned(),
+        reason: "the compiled models do not build".into(),
+    })
 }

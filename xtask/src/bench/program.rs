@@ -97,7 +97,7 @@ pub(super) fn build_in(
     cpu: TargetCpu,
     features: &[&str],
 ) -> Result<PathBuf, Error> {
-    let mut cargo = cargo::cargo_build(repository, PACKAGE);
+    let mut cargo = cargo::cargo_build(repository, PACKAGE, cargo::Profile::Release);
     cargo.args(features).arg("--target-dir").arg(folder).env("RUSTFLAGS", cpu.rustflags());
     cargo::run_build(cargo, PACKAGE, "building the benchmarks")?.ok_or_else(|| Error::Failed {
         step: format!("building {PACKAGE}"),

@@ -63,7 +63,7 @@ impl Toolchain {
     /// # Errors
     /// [`Error::Failed`] when it does not build; [`Error::Io`].
     pub(crate) fn new(repository: &Repository, target_cpu: TargetCpu) -> Result<Toolchain, Error> {
-        let mut cargo = cargo::cargo_build(repository, RUNTIME);
+        let mut cargo = cargo::cargo_build(repository, RUNTIME, cargo::Profile::Release);
         let flags = target_cpu.rustflags();
         cargo
             .args(["--features", "std"])
