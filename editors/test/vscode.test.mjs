@@ -6,9 +6,9 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { existsSync } from "node:fs";
-import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
+import { mkdir, mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
-import { delimiter, dirname, join } from "node:path";
+import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
@@ -19,7 +19,7 @@ const HAMEL = process.env.HAMEL ?? join(ROOT, "target/release/hamel");
 const USUAL = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
 const BROWSER = process.env.CHROMIUM ?? USUAL.find(existsSync);
 // A loaded machine.
-const PATIENCE = 120_000;
+const PATIENCE = Number(process.env.PATIENCE ?? 120_000);
 
 const TOP = await readFile(join(ROOT, "models/specs/heavy_top.hamel"), "utf8");
 // Not in form, and with a name that nobody declares.
@@ -29,6 +29,7 @@ let server;
 let browser;
 let page;
 let folder;
+let address;
 
 const shot = (name) => process.env.SHOTS && page.screenshot({ path: join(process.env.SHOTS, `${name}.png`) });
 
@@ -36,14 +37,14 @@ before(async () => {
   folder = await mkdtemp(join(tmpdir(), "hamel-vscode-"));
   await writeFile(join(folder, "top.hamel"), TOP);
   await writeFile(join(folder, "wrong.hamel"), WRONG);
+  await settings(folder, HAMEL);
   const words = [
     join(VSCODE, "package/lib/vscode/out/server-main.js"), "--host", "127.0.0.1", "--port", "0",
     "--without-connection-token", "--accept-server-license-terms", "--server-data-dir", join(VSCODE, "data"),
     "--telemetry-level", "off",
   ];
-  const path = [dirname(HAMEL), process.env.PATH].join(delimiter);
-  server = spawn(process.execPath, words, { env: { ...process.env, PATH: path } });
-  const address = await new Promise((resolve, reject) => {
+  server = spawn(process.execPath, words);
+  address = await new Promise((resolve, reject) => {
     let said = "";
     const listen = (bytes) => {
       said += bytes;
@@ -55,11 +56,7 @@ before(async () => {
     server.on("exit", (code) => reject(new Error(`the server ended with ${code}: ${said}`)));
   });
   browser = await chromium.launch({ executablePath: BROWSER, args: ["--no-sandbox"] });
-  page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
-  page.setDefaultTimeout(PATIENCE);
-  await page.goto(`${address}/?folder=${folder}`);
-  const trust = page.getByRole("button", { name: /Yes, I trust/ });
-  await trust.click();
+  page = await show(folder);
 }, { timeout: 2 * PATIENCE });
 
 after(async () => {
@@ -68,12 +65,24 @@ after(async () => {
   await rm(folder, { recursive: true, force: true });
 });
 
-/** Opens a file by its name. */
+/** Says where the program is. */
+async function settings(folder, program) {
+  await mkdir(join(folder, ".vscode"));
+  await writeFile(join(folder, ".vscode/settings.json"), JSON.stringify({ "hamel.path": program }));
+}
+
+/** Opens a folder in a page of its own. */
+async function show(folder) {
+  const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
+  page.setDefaultTimeout(PATIENCE);
+  await page.goto(`${address}/?folder=${folder}`);
+  await page.getByRole("button", { name: /Yes, I trust/ }).click();
+  return page;
+}
+
+/** Opens a file of the folder, from the list at the side: search needs ripgrep, which npm does not have. */
 async function open(name) {
-  await page.keyboard.press("Control+p");
-  await page.locator(".quick-input-box input").fill(name);
-  await page.locator(".quick-input-list .label-name", { hasText: name }).first().waitFor();
-  await page.keyboard.press("Enter");
+  await page.locator(`.explorer-folders-view .monaco-list-row[aria-label^="${name}"]`).dblclick();
   await page.locator(`.tab.active[aria-label^="${name}"]`).waitFor();
 }
 
@@ -94,12 +103,11 @@ test("words have colours by what they are", async () => {
 });
 
 test("the server gives words the colours of what they stand for", async () => {
-  // A parameter and a velocity are names alike for the grammar.
+  // For the grammar a name is text like a semicolon.
   await page.waitForFunction(() => {
     const spans = [...document.querySelectorAll(".view-line span span")];
-    const of = (name) => spans.find((span) => span.textContent.trim() === name);
-    const [param, velocity] = [of("chi"), of("Omega")];
-    return param && velocity && getComputedStyle(param).color !== getComputedStyle(velocity).color;
+    const [name, text] = ["chi", ";"].map((word) => spans.find((span) => span.textContent.trim() === word));
+    return name && text && getComputedStyle(name).color !== getComputedStyle(text).color;
   });
   assert.equal(await page.locator(".squiggly-error").count(), 0);
 });
@@ -153,4 +161,18 @@ test("completion knows what the place takes", async () => {
   await page.keyboard.press("Control+Space");
   await page.locator(".suggest-widget .monaco-list-row", { hasText: "advected" }).first().waitFor();
   await shot("completion");
+});
+
+test("a program that is not there is told, with what to do", async () => {
+  const other = join(folder, "other");
+  await mkdir(other);
+  await writeFile(join(other, "top.hamel"), TOP);
+  await settings(other, "/nowhere/hamel");
+  await page.close();
+  page = await show(other);
+  await open("top.hamel");
+  const told = page.locator(".notification-toast", { hasText: "could not be started" });
+  await told.waitFor();
+  assert.match(await told.textContent(), /ENOENT.*hamel\.path/);
+  await shot("missing");
 });
