@@ -589,7 +589,10 @@ fn a_model_begins_where_its_equations_are_met() {
     // A crank that is longer than the rod, across.
     let model = crank("initial theta = 1.6; initial phi = 0.2;");
     let message = start(&model, "long").unwrap_err().to_string();
-    assert!(message.contains("slider_crank violates") && message.contains("position_phi is 1.0"), "{message}");
+    assert!(
+        message.contains("slider_crank violates") && message.contains("position_phi is 1.0"),
+        "{message}"
+    );
     let model = crank("initial theta = 0.4; initial phi = pi/2;");
     let message = start(&model, "default").unwrap_err().to_string();
     assert!(message.contains("position_phi") && message.contains("dead centre"), "{message}");

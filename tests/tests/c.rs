@@ -283,9 +283,8 @@ fn an_fmu_casadi_and_cpp_take_inputs() {
     let model = hamel_codegen::spec::parse("pushed", text).unwrap_or_else(|e| panic!("{e}"));
     let mut scenes = scene::Scenes::new(&model).with_derivatives(Language::Casadi.derivatives());
     let built = scenes.build("controlled").unwrap_or_else(|e| panic!("{e}"));
-    let (c, fmu) = built
-        .emit_fmu(&Writing::default(), initial_state(&model, &built))
-        .unwrap_or_else(|e| panic!("{e}"));
+    let (c, fmu) =
+        built.emit_fmu(&Writing::default(), initial_state(&model, &built)).unwrap_or_else(|e| panic!("{e}"));
     // Time 0, states 1 to 4, rates 5 to 8, k 9, inputs 10 to 12, energy 13, power 14.
     for line in [
         "<Float64 name=\"u\" valueReference=\"10\" causality=\"input\" variability=\"continuous\" start=\"0.5\"/>",

@@ -29,7 +29,9 @@ pub(super) fn met(scene: &BuiltScene, params: &[f64], state: Vec<f64>) -> Result
             &of_equations
         }
     };
-    let (Some(layout), Ok(interpreter)) = (scene.positions(), scene.prepare(params)) else { return Ok(state) };
+    let (Some(layout), Ok(interpreter)) = (scene.positions(), scene.prepare(params)) else {
+        return Ok(state);
+    };
     let names = scene.executable().position_names();
     let system = &scene.equations.system;
     let no_start = |reason| Error::NoStart { model: system.name.clone(), reason };
@@ -45,7 +47,10 @@ pub(super) fn met(scene: &BuiltScene, params: &[f64], state: Vec<f64>) -> Result
             format!("{} is {residual:e} at the nearest coordinates", name(index))
         }
         hamel_runtime::Error::PositionSingular { index, residual, .. } => {
-            format!("{} is {residual:e} at a dead centre, where the coordinates do not change it", name(index))
+            format!(
+                "{} is {residual:e} at a dead centre, where the coordinates do not change it",
+                name(index)
+            )
         }
         other => other.to_string(),
     }))
