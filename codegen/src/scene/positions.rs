@@ -82,8 +82,8 @@ pub(super) fn find(
     Ok((found, PositionLayout { n_equations: positions.len(), moved }))
 }
 
-/// The equations between what the scene carries. An equation with a coordinate that the scene leaves out, and that is in
-/// no other one, says nothing about the rest: it gives that coordinate.
+/// The equations between what the scene carries. An equation with a coordinate that the scene leaves out, and that is
+/// in no other one, says nothing about the rest: it gives that coordinate.
 fn within_scene<'a>(
     g: &Graph,
     equations: &'a Equations,

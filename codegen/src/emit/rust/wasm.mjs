@@ -67,7 +67,7 @@ export class System {
     return this.numbers(this.exports.outputs(), this.exports.n_outputs());
   }
 
-  /** Moves the coordinates that equations give until they satisfy these; a scene without such equations keeps its state. */
+  /** Moves the coordinates that equations give until they satisfy these; without equations the state stays. */
   consistent(t = 0) {
     if (this.exports.consistent) this.done(this.exports.consistent(t));
     return this.state;
