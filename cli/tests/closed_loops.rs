@@ -48,6 +48,44 @@ fn number(text: &str, word: &str) -> f64 {
 }
 
 #[test]
+fn a_scene_without_a_coordinate_keeps_the_equations_of_the_others() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    let simulate = |name: &str, text: &str, scene: &str| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).unwrap();
+        Command::new(env!("CARGO_BIN_EXE_hamel"))
+            .args(["simulate", path.to_str().unwrap(), "--scene", scene, "--t-final", "1"])
+            .output()
+            .unwrap()
+    };
+    let crank = "model crank {
+        coordinate theta in angle;
+        coordinate phi in angle by sin(theta) + 3*sin(phi) = 0;
+        coordinate x in real by x = cos(theta) + 3*cos(phi);
+        lagrangian = theta_dot^2*(2 + cos(phi)) + phi_dot^2;
+        initial theta = 1/2; initial theta_dot = 1;
+    }";
+    for scene in ["default", "minimal"] {
+        let out = simulate("crank.hamel", crank, scene);
+        let text = String::from_utf8(out.stdout).unwrap();
+        assert_eq!(text.contains("\n  x "), scene == "default", "{text}");
+        let phi = number(&text, "  phi");
+        assert!((phi + (0.5_f64.sin() / 3.0).asin()).abs() < 1e-15, "{scene}: {phi}");
+    }
+    // Both equations contain the coordinate that is left out.
+    let tied = "model tied {
+        coordinate theta in angle;
+        coordinate phi, psi in angle by [sin(theta) + 3*sin(phi) + psi, phi + 2*psi - theta] = [0, 0];
+        lagrangian = theta_dot^2*(2 + cos(phi));
+        initial theta = 1/2; initial theta_dot = 1;
+        scene without { drop psi; want rhs; }
+    }";
+    let out = simulate("tied.hamel", tied, "without");
+    let text = String::from_utf8(out.stderr).unwrap();
+    assert!(!out.status.success() && text.contains("leaves out a coordinate"), "{text}");
+}
+
+#[test]
 fn initial_values_are_found_on_the_branch_of_the_model_and_kept() {
     let out = hamel(&["simulate", "--scene", "kept", "--method", "projected", "--t-final", "50"]);
     let text = String::from_utf8(out.stdout).unwrap();

@@ -297,6 +297,13 @@ pub enum Error {
         /// The model.
         model: String,
     },
+    /// No coordinates near a model's initial values satisfy the equations between them.
+    NoStart {
+        /// The model.
+        model: String,
+        /// Which equation is not met, and by how much.
+        reason: String,
+    },
     /// Emitted text does not parse as Rust; a bug of the emitter, never of the model.
     Emission {
         /// The model.
@@ -522,6 +529,11 @@ impl Error {
             Error::NoInitialState { model } => (
                 format!("an FMU has start values of its states, and {model} does not give them all"),
                 "give each component of the state a value, such as `initial x = 1;`".into(),
+            ),
+            Error::NoStart { model, reason } => (
+                format!("the initial state of {model} violates an equation between coordinates: {reason}"),
+                "give `initial` coordinates for which the equations can be met, or other defaults of the parameters"
+                    .into(),
             ),
             Error::Emission { model, reason } => {
                 (format!("code emitted for {model} is not Rust: {reason}"), PLEASE_REPORT.into())

@@ -38,7 +38,7 @@ fn the_texts_are_those_that_were_looked_at() {
         .unwrap_or_else(|e| panic!("{e}"));
     let command = Some("UPDATE_EXPECT=1 cargo test -p hamel-codegen --test c".to_owned());
     let writing = Writing { command, ..Writing::default() };
-    let initial = scene::initial_state(&model, &built);
+    let initial = scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(initial, Some(vec![1.0, 0.5]));
     let (c, fmu) = built.emit_fmu(&writing, initial).unwrap_or_else(|e| panic!("{e}"));
     expect_file!["c/bead.h"].assert_eq(&c.header);
@@ -55,7 +55,7 @@ fn an_fmu_needs_an_initial_state() {
     let text = TEXT.replace("initial theta_dot = 1/2;", "");
     let model = spec::parse("bead", &text).unwrap_or_else(|e| panic!("{e}"));
     let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
-    let initial = scene::initial_state(&model, &built);
+    let initial = scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(initial, None);
     let error = built.emit_fmu(&Writing::default(), initial).unwrap_err();
     assert!(error.to_string().contains("initial x = 1;"), "{error}");
@@ -104,7 +104,7 @@ fn an_fmu_defines_the_units_of_its_variables() {
     let model = spec::parse("swing", text).unwrap_or_else(|e| panic!("{e}"));
     assert!(model.warnings.to_string().is_empty(), "{}", model.warnings);
     let built = scene::build(&model, scene::CONTROLLED).unwrap_or_else(|e| panic!("{e}"));
-    let initial = scene::initial_state(&model, &built);
+    let initial = scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}"));
     let (_, fmu) = built.emit_fmu(&Writing::default(), initial).unwrap_or_else(|e| panic!("{e}"));
     let variables: Vec<&str> = fmu.description.lines().filter(|line| line.contains("<Float64")).collect();
     for (name, unit, base) in [

@@ -546,3 +546,54 @@ fn generated_code_has_the_equations() {
         assert!(text.contains(part), "{part}: {text}");
     }
 }
+
+#[test]
+fn a_model_begins_where_its_equations_are_met() {
+    let crank = |initial: &str| {
+        let text = format!(
+            "model slider_crank {{
+                param r = 0.3; param l = 0.9;
+                coordinate theta in angle;
+                coordinate phi in angle by r*sin(theta) + l*sin(phi) = 0;
+                coordinate x in real by x = r*cos(theta) + l*cos(phi);
+                momentum p = theta_dot;
+                lagrangian = theta_dot^2*(1 + sin(theta)^2) + phi_dot^2;
+                initial theta_dot = 3; initial x = 0; {initial}
+                scene momenta {{ carry p; want rhs; }}
+                scene without {{ drop x; want rhs, positions; }}
+                scene long {{ fix r = 2; want rhs; }}
+            }}"
+        );
+        spec::parse("crank.hamel", &text).unwrap_or_else(|p| panic!("{p}"))
+    };
+    let start = |model: &spec::Model, scene: &str| {
+        let built = scene::build(model, scene).unwrap_or_else(|p| panic!("{p}"));
+        scene::initial_state(model, &built).map(|y| (built.state_names(), y.expect("an initial state")))
+    };
+    // Each branch from its side.
+    for (phi, branch) in [(0.2, 0.0), (3.0, std::f64::consts::PI)] {
+        let model = crank(&format!("initial theta = 0.4; initial phi = {phi};"));
+        let shift = (0.3 * 0.4_f64.sin() / 0.9).asin();
+        let angle = if branch == 0.0 { -shift } else { branch + shift };
+        let expected = [0.4, angle, 0.3 * 0.4_f64.cos() + 0.9 * angle.cos()];
+        for scene in ["default", "momenta", "minimal", "without"] {
+            let (names, y) = start(&model, scene).unwrap_or_else(|e| panic!("{scene}: {e}"));
+            // A scene without the slider has the rod's equation alone.
+            let n = if names.contains(&"x".to_owned()) { 3 } else { 2 };
+            assert_eq!(n == 3, scene == "default" || scene == "momenta", "{names:?}");
+            for (found, expected) in y.iter().zip(&expected[..n]) {
+                assert!((found - expected).abs() < 1e-14, "{scene}: {names:?} {y:?}");
+            }
+        }
+    }
+    // A crank that is longer than the rod, across.
+    let model = crank("initial theta = 1.6; initial phi = 0.2;");
+    let message = start(&model, "long").unwrap_err().to_string();
+    assert!(
+        message.contains("slider_crank violates") && message.contains("position_phi is 1.0"),
+        "{message}"
+    );
+    let model = crank("initial theta = 0.4; initial phi = pi/2;");
+    let message = start(&model, "default").unwrap_err().to_string();
+    assert!(message.contains("position_phi") && message.contains("dead centre"), "{message}");
+}

@@ -22,6 +22,13 @@ const TYPES = {
 // Deriving in WebAssembly on a loaded machine.
 const PATIENCE = 120_000;
 
+const LOOP = `model crank {
+  coordinate theta in angle;
+  coordinate phi in angle by sin(theta) + 3*sin(phi) = 0;
+  lagrangian = theta_dot^2 + phi_dot^2;
+  initial theta = pi/6; initial phi = 0; initial theta_dot = 1;
+}`;
+
 let server;
 let browser;
 let page;
@@ -112,6 +119,26 @@ test("the front page leads to pages of models and to the playground", async () =
     assert.equal((await front.goto(address(link))).status(), 200, link);
   }
   await front.close();
+});
+
+test("a closed loop begins where its equations are met", async () => {
+  await page.fill("#text", LOOP);
+  assert.equal(await press("simulate"), 0, await page.textContent("#answer"));
+  // sin(phi) = -sin(pi/6)/3, which the guess 0 is not.
+  assert.match(await page.textContent("#answer"), /phi\s+-0\.16744/);
+});
+
+test("the book is there, with its pages", { skip: !existsSync(join(SITE, "book")) }, async () => {
+  const book = await browser.newPage();
+  await book.goto(address("book/index.html"));
+  const pages = await book.$$eval("a[href$='.html']", (found) => found.map((link) => new URL(link.href).pathname));
+  assert.ok(pages.some((path) => path.endsWith("book/start.html")), pages.join(" "));
+  for (const path of new Set(pages)) {
+    assert.equal((await book.goto(address(path.slice(1)))).status(), 200, path);
+    const images = await book.$$eval("img", (found) => found.map((image) => [image.src, image.naturalWidth]));
+    assert.deepEqual(images.filter(([, width]) => width === 0), [], path);
+  }
+  await book.close();
 });
 
 test("no page had an error", () => {

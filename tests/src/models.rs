@@ -5,9 +5,9 @@ use std::path::Path;
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::mechanics::{Equations, derive};
 use hamel_codegen::reduction::{Formulation, reduce};
-use hamel_codegen::scene::{self, BuiltScene, Interpreter};
+use hamel_codegen::scene::{self, BuiltScene, Interpreter, PositionLayout};
 use hamel_codegen::spec::{self, Model};
-use hamel_runtime::{Dop853, Integrator, Options, StateVector, System};
+use hamel_runtime::{Dop853, Integrator, Options, Positions, StateVector, System};
 
 /// The text of a model file.
 ///
@@ -139,6 +139,38 @@ impl System<f64> for Interpreted<'_> {
     type State = State;
     fn rhs(&self, t: f64, y: &State, dy: &mut State) {
         self.0.rhs(t, &y.0, &mut dy.0);
+    }
+}
+
+/// A prepared scene that has the equations between its coordinates: `K` functions.
+pub struct Closed<'a, const K: usize> {
+    /// The system.
+    pub interpreter: Interpreter<'a>,
+    /// How the equations are solved.
+    pub layout: &'a PositionLayout,
+}
+
+impl<const K: usize> System<f64> for Closed<'_, K> {
+    type State = State;
+    fn rhs(&self, t: f64, y: &State, dy: &mut State) {
+        self.interpreter.rhs(t, &y.0, &mut dy.0);
+    }
+}
+
+impl<const K: usize> Positions<f64, K> for Closed<'_, K> {
+    fn n_equations(&self) -> usize {
+        self.layout.n_equations
+    }
+    fn moved(&self) -> &[usize] {
+        &self.layout.moved
+    }
+    fn residuals(&self, t: f64, y: &State) -> [f64; K] {
+        let values = self.interpreter.positions(t, &y.0).expect("equations between coordinates");
+        values.try_into().expect("number of equations")
+    }
+    fn residual_gradients(&self, t: f64, y: &State, gradients: &mut [State; K]) {
+        let rows = self.interpreter.position_gradients(t, &y.0).expect("equations between coordinates");
+        gradients.iter_mut().zip(rows).for_each(|(gradient, row)| gradient.0 = row);
     }
 }
 

@@ -11,6 +11,7 @@ use hamel_codegen::config::Language;
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::program::{Function, Point, Role};
 use hamel_codegen::scene::{self, BuiltScene, Writing};
+use hamel_codegen::spec::Model;
 use hamel_tests::models::{build, model, names};
 use hamel_tests::random::Random;
 
@@ -23,6 +24,10 @@ struct Case {
     built: BuiltScene,
     input: Vec<f64>,
     expected: Vec<f64>,
+}
+
+fn initial_state(model: &Model, built: &BuiltScene) -> Option<Vec<f64>> {
+    scene::initial_state(model, built).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// The compilers that are there.
@@ -230,7 +235,7 @@ fn every_scene_in_c_equals_the_interpreter_bit_for_bit() {
         let model = model(&name);
         for scene in scene::names(&model) {
             let built = build(&name, &scene);
-            let initial = scene::initial_state(&model, &built);
+            let initial = initial_state(&model, &built);
             scenes.push((built, initial));
         }
     }
@@ -254,7 +259,7 @@ fn inputs_are_held_and_have_derivatives() {
     let mut scenes = vec![(built, None)];
     for name in ["snakeboard", "mobile_robot", "two_arm_satellite"] {
         let built = build(name, "controlled");
-        let initial = scene::initial_state(&hamel_tests::models::model(name), &built);
+        let initial = initial_state(&hamel_tests::models::model(name), &built);
         scenes.push((built, initial));
     }
     compare("c_inputs", scenes);
@@ -278,9 +283,8 @@ fn an_fmu_casadi_and_cpp_take_inputs() {
     let model = hamel_codegen::spec::parse("pushed", text).unwrap_or_else(|e| panic!("{e}"));
     let mut scenes = scene::Scenes::new(&model).with_derivatives(Language::Casadi.derivatives());
     let built = scenes.build("controlled").unwrap_or_else(|e| panic!("{e}"));
-    let (c, fmu) = built
-        .emit_fmu(&Writing::default(), scene::initial_state(&model, &built))
-        .unwrap_or_else(|e| panic!("{e}"));
+    let (c, fmu) =
+        built.emit_fmu(&Writing::default(), initial_state(&model, &built)).unwrap_or_else(|e| panic!("{e}"));
     // Time 0, states 1 to 4, rates 5 to 8, k 9, inputs 10 to 12, energy 13, power 14.
     for line in [
         "<Float64 name=\"u\" valueReference=\"10\" causality=\"input\" variability=\"continuous\" start=\"0.5\"/>",
@@ -418,7 +422,7 @@ fn the_blocks_of_the_book_compile_and_run() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("c_book");
     std::fs::create_dir_all(&folder).expect("a folder for tests");
     let built = build("heavy_top", scene::DEFAULT);
-    let initial = scene::initial_state(&model("heavy_top"), &built);
+    let initial = initial_state(&model("heavy_top"), &built);
     let c = built.emit_c(&Writing::default(), initial).unwrap_or_else(|e| panic!("{e}"));
     let print = "    printf(\"%.17g\\n\", dy[2]);\n    return 0;\n";
     let in_c = program_of(&book("c"), &format!("    (void)energy, (void)spin;\n{print}"));

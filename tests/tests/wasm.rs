@@ -13,8 +13,8 @@ use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::program::{Point, Role};
 use hamel_codegen::scene::{self, BuiltScene, Scenes};
 use hamel_codegen::spec::{self, Model};
-use hamel_runtime::{Dop853, Integrator, Options};
-use hamel_tests::models::{Interpreted, State, model};
+use hamel_runtime::{Dop853, Integrator, Method, OfPositions, Options, Projected, System};
+use hamel_tests::models::{Closed, Interpreted, State, model};
 use hamel_tests::random::Random;
 
 const TARGET: &str = "wasm32-unknown-unknown";
@@ -40,6 +40,17 @@ const BALL: &str = "model ball {
     initial z = 2;
     initial z_dot = 0;
     scene bouncing { want rhs, energy, events; }
+}";
+
+/// A crank, a rod and a slider, whose guesses satisfy no equation.
+const CRANK: &str = "model crank {
+    param r = 0.3; param l = 0.9;
+    coordinate theta in angle;
+    coordinate phi in angle by r*sin(theta) + l*sin(phi) = 0;
+    coordinate x in real by x = r*cos(theta) + l*cos(phi);
+    lagrangian = theta_dot^2 + phi_dot^2 + x_dot^2 - 9.81*sin(theta);
+    initial theta = 0.4; initial phi = 0.2; initial x = 0; initial theta_dot = 3;
+    scene turning { want rhs, energy; }
 }";
 
 /// Numbers for a scene, and those that have to come out.
@@ -89,18 +100,43 @@ fn case(model: &Model, built: &BuiltScene) -> Case {
     }
     let system = Interpreted(built.prepare(&params).unwrap_or_else(|e| panic!("{}: {e}", model.name)));
     let mut exact = Vec::new();
-    let start = scene::initial_state(model, built).filter(|_| program.inputs.is_empty());
+    let start = scene::initial_state(model, built).unwrap_or_else(|e| panic!("{e}"));
+    let start = start.filter(|_| program.inputs.is_empty());
     input.extend(start.iter().flatten());
     if model.name == "ball" {
         exact = bounced(&params);
     } else if let Some(start) = start {
         let options = Options::adaptive(TOLERANCES.0, TOLERANCES.1);
-        let mut solver =
-            Integrator::new(&system, Dop853, 0.0, State(start), options).expect("a motion begins");
-        solver.integrate_to(2.0).expect("a motion");
-        expected.extend(&solver.state().0);
+        match built.positions() {
+            None => expected.extend(moved(&system, Dop853, start, options)),
+            Some(layout) => {
+                let system = Closed { interpreter: system.0, layout };
+                let method = Projected::<_, 2, OfPositions>::onto_positions(Dop853);
+                expected.extend(moved(&system, method, start, options));
+                exact = closed();
+            }
+        }
     }
     Case { module: built.module_name(), input, expected, exact }
+}
+
+/// The state after two seconds.
+fn moved<S: System<f64, State = State>>(
+    system: &S,
+    method: impl Method<f64, S>,
+    start: Vec<f64>,
+    options: Options,
+) -> Vec<f64> {
+    let mut solver = Integrator::new(system, method, 0.0, State(start), options).expect("a motion begins");
+    solver.integrate_to(2.0).expect("a motion");
+    solver.state().0.clone()
+}
+
+/// Where the crank is for what the driver gives.
+fn closed() -> Vec<f64> {
+    let (r, l, theta) = (0.5_f64, 0.8, 0.7_f64);
+    let phi = std::f64::consts::PI + (r * theta.sin() / l).asin();
+    vec![theta, phi, r * theta.cos() + l * phi.cos(), 1.0]
 }
 
 /// Height and velocity of the ball after two seconds, bounce by bounce.
@@ -145,6 +181,19 @@ if (at < given.length) {
   if (system.state.some((x, k) => !Object.is(x, start[k]))) console.log('another initial state');
   out.push(...system.integrate(0, 2, { rtol: Number(rtol), atol: Number(atol) }));
   if (system.time !== 2) throw new Error('time');
+}
+if (system.exports.consistent) {
+  system.params.set([0.5, 0.8]);
+  system.prepare();
+  system.state.set([0.7, 3, 0, 1]);
+  out.push(...system.consistent());
+  system.params.set([3, 0.8]);
+  system.prepare();
+  system.state.set([1, 3, 5, 2]);
+  let told = 'nothing';
+  try { system.consistent(); } catch (error) { told = error.message; }
+  if (!told.includes('between coordinates')) throw new Error(`a crank that is too long: ${told}`);
+  if (system.state.join() !== '1,3,5,2') throw new Error(`${system.state}`);
 }
 system.params[0] = NaN;
 let told = 'nothing';
@@ -208,8 +257,10 @@ fn scenes_in_webassembly_have_the_bits_of_the_interpreter() {
     std::fs::create_dir_all(&folder).expect("a folder for tests");
     let mut cases = Vec::new();
     let ball = spec::parse("ball.hamel", BALL).unwrap_or_else(|e| panic!("{e}"));
+    let crank = spec::parse("crank.hamel", CRANK).unwrap_or_else(|e| panic!("{e}"));
     let models = SCENES.map(|(name, scene)| (model(name), scene));
-    for (model, scene) in models.iter().map(|(model, scene)| (model, *scene)).chain([(&ball, "bouncing")]) {
+    let own = [(&ball, "bouncing"), (&crank, "turning")];
+    for (model, scene) in models.iter().map(|(model, scene)| (model, *scene)).chain(own) {
         let mut config = Config::new();
         config.language(Language::Wasm).scenes(&model.name, [scene]);
         let bundle = config.generate(std::slice::from_ref(model)).unwrap_or_else(|e| panic!("{e}"));
@@ -217,7 +268,8 @@ fn scenes_in_webassembly_have_the_bits_of_the_interpreter() {
         for (name, text) in &bundle.files {
             std::fs::write(folder.join(name), text).expect("a file for tests");
         }
-        let built = Scenes::new(model).build_all(&[scene.to_owned()]).unwrap_or_else(|e| panic!("{e}"));
+        let mut scenes = Scenes::new(model).with_positions(Language::Wasm.positions());
+        let built = scenes.build_all(&[scene.to_owned()]).unwrap_or_else(|e| panic!("{e}"));
         cases.push(case(model, &built[0]));
     }
     let modules: Vec<String> = cases.iter().map(|case| case.module.clone()).collect();
@@ -241,7 +293,7 @@ fn scenes_in_webassembly_have_the_bits_of_the_interpreter() {
         let found: Vec<f64> = found.as_chunks::<8>().0.iter().map(|x| f64::from_le_bytes(*x)).collect();
         assert_eq!(found.len(), expected.len() + exact.len(), "{module}");
         for (found, exact) in found[expected.len()..].iter().zip(exact) {
-            // Bounces are located to rounding, and the method is exact for parabolas.
+            // Bounces are located to rounding, and the method is exact for parabolas; equations are met to rounding.
             assert!((found - exact).abs() < 1e-12, "{module}: {found}, exactly {exact}");
         }
         for (k, (found, expected)) in found.iter().zip(expected).enumerate() {

@@ -92,6 +92,7 @@ pub(crate) fn run(
         let mut mdbook = Command::new("mdbook");
         mdbook.args(["build", "docs", "--dest-dir"]).arg(book).current_dir(repository.root());
         step("mdbook", "cargo install mdbook, or leave the book out with --no-book", &mut mdbook)?;
+        bring_linked(repository.root(), &folder)?;
     }
     Ok(format!("wrote {}: {} models; any web server shows it", folder.display(), files.len()))
 }
@@ -167,6 +168,76 @@ fn contents(files: &[ModelFile<'_>], with_pages: bool) -> Result<String, Error> 
         text.push_str("</ul>\n");
     }
     Ok(text)
+}
+
+/// Brings the files of the repository that the book links to and that are no chapters: the root of the repository is
+/// where the root of the site is, and the book is `docs`. mdbook calls every Markdown a page.
+///
+/// # Errors
+/// [`Error::Failed`] for a link that leads nowhere; files.
+fn bring_linked(root: &Path, site: &Path) -> Result<(), Error> {
+    for page in pages_in(&site.join("book"))? {
+        let text = read(&page)?;
+        for link in text.split("href=\"").skip(1).filter_map(|rest| rest.split(['"', '#']).next()) {
+            if link.is_empty() || link.contains(':') {
+                continue;
+            }
+            let Some(target) = inside(site, &page, link).filter(|target| !site.join(target).exists()) else {
+                continue;
+            };
+            let source = root
+                .join(target.strip_prefix("book").map_or(target.clone(), |own| Path::new("docs").join(own)));
+            let markdown = source.with_extension("md");
+            let place = site.join(&target);
+            make(place.parent().unwrap_or(site))?;
+            if source.is_file() {
+                copy(&source, &place)?;
+            } else if markdown.is_file() {
+                let text = escaped(&read(&markdown)?);
+                let title = escaped(&markdown.file_name().unwrap_or_default().to_string_lossy());
+                let page = format!(
+                    "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>{title}</title>\n\
+                     <pre>{text}</pre>\n</html>\n"
+                );
+                write(&place, page.as_bytes())?;
+            } else {
+                let step = format!("the link {link} of {}", page.display());
+                return Err(Error::Failed { step, status: "it leads to no file of the repository".into() });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Where a link of a page leads, from the root of the site; none where that is outside.
+fn inside(site: &Path, page: &Path, link: &str) -> Option<PathBuf> {
+    let mut parts: Vec<&str> =
+        page.parent()?.strip_prefix(site).ok()?.iter().filter_map(|p| p.to_str()).collect();
+    for part in link.split('/') {
+        match part {
+            "" | "." => {}
+            ".." => _ = parts.pop()?,
+            name => parts.push(name),
+        }
+    }
+    Some(parts.iter().collect())
+}
+
+/// The pages of a folder and of those in it, but for the book in one piece, whose links are those of its root.
+fn pages_in(folder: &Path) -> Result<Vec<PathBuf>, Error> {
+    let failed = |e| Error::io(folder.display().to_string(), e);
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.is_dir() {
+            found.extend(pages_in(&path)?);
+        } else if path.extension().is_some_and(|ending| ending == "html") {
+            found.push(path);
+        }
+    }
+    found.retain(|path| !["print.html", "404.html", "toc.html"].iter().any(|name| path.ends_with(name)));
+    found.sort();
+    Ok(found)
 }
 
 fn escaped(text: &str) -> String {

@@ -251,7 +251,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
 /// Why there are no such coordinates.
 fn start(model: &Model, built: &BuiltScene) -> Result<Option<Vec<f64>>, Error> {
     if !has_positions(model) {
-        return Ok(scene::initial_state(model, built));
+        return scene::initial_state(model, built).map_err(|e| Error::unusable(&model.name, e.to_string()));
     }
     let model = Arc::new(Checked::new(model.clone(), Cache::none()));
     let scene = interpreted::build(&model, &built.name)?;

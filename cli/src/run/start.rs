@@ -80,7 +80,9 @@ pub fn state(
         }
         let own_state = |y: &[f64]| forms.convert(params.0, 0.0, y, [&asked, &own]);
         if let Some(scene) = positions {
-            meet_positions(scene, params.0, &mut y, &|k| given.contains_key(&asked_names[k]))?;
+            let is_given = |k: usize| given.contains_key(&asked_names[k]);
+            let is_place = |k: usize| !matches!(roles.get(&of_velocities[k]), Some(Role::Velocity));
+            meet_positions(scene, params.0, &mut y, &is_given, (0..n_state).filter(|k| is_place(*k)))?;
         }
         if !free.is_empty() {
             match &mut constraint {
@@ -189,15 +191,27 @@ fn meet_constraint(
 }
 
 /// Moves the coordinates that equations give until they satisfy these; where some of them are given, all others in the
-/// equations. The components of `y` are those of the scene but for velocities, which no equation contains.
+/// equations. The components of `y` are those of the scene but for velocities, which no equation contains; `places` are
+/// all others.
 fn meet_positions(
     scene: &Built,
     params: &[f64],
     y: &mut Vec<f64>,
     is_given: &dyn Fn(usize) -> bool,
+    mut places: impl Iterator<Item = usize>,
 ) -> Result<(), Error> {
     let dynamics = prepare(scene, params)?;
-    let Some(found) = dynamics.positions() else { return Ok(()) };
+    let Some(found) = dynamics.positions() else {
+        if places.all(is_given) {
+            return Ok(());
+        }
+        let reason = format!(
+            "scene {} leaves out a coordinate that the equations between the others contain: give all others, or take \
+             a scene that keeps it",
+            scene.info().scene
+        );
+        return Err(Error::State { path: "initial".into(), reason });
+    };
     let mut free = found.moved.to_vec();
     if free.iter().any(|k| is_given(*k)) {
         free = scene.components_in_positions();

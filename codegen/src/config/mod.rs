@@ -382,7 +382,9 @@ impl Config {
         // What is kept is one file a scene.
         let cache = cache.filter(|_| self.writing.language == Language::Rust);
         let kept = cache.and_then(|cache| cache.of(model, &self.writing, &self.budget.unwrap_or_default()));
-        let mut scenes = Scenes::new(model).with_derivatives(self.writing.language.derivatives());
+        let language = self.writing.language;
+        let mut scenes =
+            Scenes::new(model).with_derivatives(language.derivatives()).with_positions(language.positions());
         let names = match (self.scenes.get(&model.name), &kept) {
             (Some(chosen), _) => chosen.clone(),
             (None, None) => scenes.names(),
@@ -425,7 +427,7 @@ impl Config {
             Language::Rust => vec![(format!("{}.rs", scene.module_name()), scene.emit_as(&self.writing)?)],
             Language::Wasm => {
                 let name = scene.module_name();
-                let wasm = scene.emit_wasm(&self.writing, scene::initial_state(model, scene))?;
+                let wasm = scene.emit_wasm(&self.writing, scene::initial_state(model, scene)?)?;
                 vec![
                     (format!("{name}.rs"), scene.emit_as(&self.writing)?),
                     (format!("{name}_wasm.rs"), wasm.root),
@@ -433,7 +435,7 @@ impl Config {
                 ]
             }
             Language::C | Language::Cpp | Language::Casadi => {
-                let c = scene.emit_c(&self.writing, scene::initial_state(model, scene))?;
+                let c = scene.emit_c(&self.writing, scene::initial_state(model, scene)?)?;
                 let file = |ending: &str| format!("{}{ending}", c.prefix);
                 let mut files = vec![(file(".h"), c.header), (file(".c"), c.source)];
                 match self.writing.language {

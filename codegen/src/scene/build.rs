@@ -17,7 +17,7 @@ use crate::spec::{self, Diagnostics, Model, Want, Wanted};
 use super::built::{BuiltScene, legendre_role};
 use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::pivots::sorted_pivots;
-use super::plan::{DEFAULT, Drops, Outputs, Plan};
+use super::plan::{DEFAULT, Drops, Outputs, Plan, Share};
 use super::{bracket, derivatives, events, implicit, invariants, positions, splitting};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
@@ -347,13 +347,19 @@ pub(super) fn lower_scene(
         own_sections.extend(found.sections);
     }
     let mut layout = None;
-    if plan.positions {
-        let (found, how) = positions::find(&mut graph, &equations, &state)?;
+    if plan.positions != Share::None {
+        let found = positions::find(&mut graph, &equations, &state);
         graph.within_budget()?;
-        outputs.extend(found.outputs);
-        matrices.push(found.gradients);
-        own_sections.extend(found.sections);
-        layout = Some(how);
+        match found {
+            Err(Error::NoPositions { .. }) if plan.positions == Share::Possible => {}
+            found => {
+                let (found, how) = found?;
+                outputs.extend(found.outputs);
+                matrices.push(found.gradients);
+                own_sections.extend(found.sections);
+                layout = Some(how);
+            }
+        }
     }
     if plan.phases {
         outputs.push(phases_of(&mut graph, &equations, &state)?);

@@ -7,11 +7,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::error::Error;
 use crate::expr::{ExprId, Graph, Node, Style, SymbolId, inlined, rational_to_f64};
 use crate::spec::{ConstraintKind, Diagnostic, Diagnostics, ExpressionRole, Model, Span};
 
 use super::built::BuiltScene;
 use super::interpreter::Interpreter;
+use super::start;
 
 /// Symbols and values that are told in a message, and characters of an expression.
 const MAX_NAMED: usize = 4;
@@ -36,12 +38,17 @@ pub fn warnings(model: &Model, scenes: &[BuiltScene]) -> Diagnostics {
 }
 
 /// The initial state that a model gives a scene, for its defaults of the parameters: momenta by their velocities where
-/// the model has these; none where a component has no value.
-pub fn initial_state(model: &Model, scene: &BuiltScene) -> Option<Vec<f64>> {
+/// the model has these, and coordinates that satisfy the equations between them; none where a component has no value.
+///
+/// # Errors
+/// [`Error::NoStart`].
+pub fn initial_state(model: &Model, scene: &BuiltScene) -> Result<Option<Vec<f64>>, Error> {
     let defaults = Defaults::new(model, scene);
     let values: Vec<f64> = scene.params().iter().map(|p| defaults.params[&p.symbol]).collect();
-    let state = defaults.initial_state(&scene.prepare(&values).ok()?)?;
-    state.iter().all(|x| x.is_finite()).then_some(state)
+    let Ok(interpreter) = scene.prepare(&values) else { return Ok(None) };
+    let Some(state) = defaults.state() else { return Ok(None) };
+    let state = defaults.with_momenta(&interpreter, start::met(scene, &values, state)?);
+    Ok(state.filter(|state| state.iter().all(|x| x.is_finite())))
 }
 
 struct Defaults<'a> {
@@ -166,7 +173,7 @@ impl<'a> Defaults<'a> {
     fn at_start(&self) -> Option<Diagnostic> {
         let values: Vec<f64> = self.scene.params().iter().map(|p| self.params[&p.symbol]).collect();
         let interpreter = self.scene.prepare(&values).ok()?;
-        let state = self.initial_state(&interpreter)?;
+        let state = self.with_momenta(&interpreter, self.state()?)?;
         if let Err(name) = interpreter.check(0.0, &state) {
             let pivot = self.scene.equations.pivots.iter().find(|p| p.name == name);
             return Some(pivot.map_or_else(
@@ -183,19 +190,23 @@ impl<'a> Defaults<'a> {
         Some(Diagnostic::warning(span, message).with_help(HELP_AT_START))
     }
 
-    /// The initial state of the model, momenta by their velocities where it gives these.
-    fn initial_state(&self, interpreter: &Interpreter<'_>) -> Option<Vec<f64>> {
+    /// The initial state of the model, with zero for momenta that it does not give.
+    fn state(&self) -> Option<Vec<f64>> {
+        let legendre = self.scene.legendre();
+        let is_momentum = |name: &str| legendre.momenta.iter().any(|(own, _)| own == name);
+        let state = self.scene.state.iter();
+        let given = |s: &SymbolId| self.start.get(s).copied();
+        state.map(|s| given(&s.symbol).or_else(|| is_momentum(&s.name).then_some(0.0))).collect()
+    }
+
+    /// The state with momenta by the velocities of the model, where it does not give the momenta.
+    fn with_momenta(&self, interpreter: &Interpreter<'_>, mut state: Vec<f64>) -> Option<Vec<f64>> {
         let legendre = self.scene.legendre();
         let given = |s: &SymbolId| self.start.get(s).copied();
-        let velocities: Option<Vec<f64>> = legendre.velocities.iter().map(|(_, s)| given(s)).collect();
-        let is_momentum = |name: &str| legendre.momenta.iter().any(|(own, _)| own == name);
-        // What is a momentum may be missing until the transform has it.
-        let state = self.scene.state.iter();
-        let state = state.map(|s| given(&s.symbol).or_else(|| is_momentum(&s.name).then_some(0.0)));
-        let mut state: Vec<f64> = state.collect::<Option<_>>()?;
         if self.scene.state.iter().all(|s| given(&s.symbol).is_some()) {
             return Some(state);
         }
+        let velocities: Option<Vec<f64>> = legendre.velocities.iter().map(|(_, s)| given(s)).collect();
         let momenta = interpreter.legendre(0.0, &state, &velocities?)?;
         for ((name, _), value) in legendre.momenta.iter().zip(momenta) {
             let at = self.scene.state.iter().position(|s| s.name == *name)?;

@@ -27,6 +27,7 @@ mod pivots;
 mod plan;
 mod positions;
 mod splitting;
+mod start;
 mod text;
 
 use std::collections::BTreeSet;
@@ -40,7 +41,7 @@ use crate::spec::{self, Carried, CarriedBy, Diagnostics, Model, Want, Wanted};
 
 use build::{Derivations, build_planned, lower_scene};
 use dependence::{ignorable, left_out, needs};
-use plan::{Drops, Outputs, Plan};
+use plan::{Drops, Outputs, Plan, Share};
 
 pub use crate::emit::{CModule, Fmu, WasmModule};
 pub use built::BuiltScene;
@@ -74,17 +75,24 @@ pub struct Scenes<'m> {
     derivations: Derivations<'m>,
     /// What every scene has besides what it wants.
     derivatives: Vec<Derivative>,
+    positions: bool,
 }
 
 impl<'m> Scenes<'m> {
     /// None of them built.
     pub fn new(model: &'m Model) -> Scenes<'m> {
-        Scenes { derivations: Derivations::new(model), derivatives: Vec::new() }
+        Scenes { derivations: Derivations::new(model), derivatives: Vec::new(), positions: false }
     }
 
     /// The same with derivatives of the right-hand side in every scene, besides those that it wants.
     pub fn with_derivatives(mut self, derivatives: &[Derivative]) -> Scenes<'m> {
         self.derivatives = derivatives.to_vec();
+        self
+    }
+
+    /// The same with the equations between coordinates, where a scene carries these, besides what it wants.
+    pub fn with_positions(mut self, positions: bool) -> Scenes<'m> {
+        self.positions = positions;
         self
     }
 
@@ -156,6 +164,9 @@ impl<'m> Scenes<'m> {
             let has_inputs = !plan.formulation.inputs.is_empty();
             let added = self.derivatives.iter().copied();
             plan.derivatives.extend(added.filter(|d| has_inputs || !by_inputs(*d)));
+            if self.positions && plan.positions == Share::None {
+                plan.positions = Share::Possible;
+            }
             plan
         });
         plan.ok_or_else(|| {
@@ -419,7 +430,7 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::NoPositions`], and what lowering can find.
     pub fn with_positions(&self) -> Result<BuiltScene, Error> {
-        let plan = Plan { positions: true, ..self.bare_plan() };
+        let plan = Plan { positions: Share::Wanted, ..self.bare_plan() };
         lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
     }
 

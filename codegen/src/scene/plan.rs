@@ -38,7 +38,7 @@ pub(super) struct Plan {
     pub(super) derivatives: BTreeSet<Derivative>,
     pub(super) invariants: bool,
     /// Residuals of the equations between coordinates.
-    pub(super) positions: bool,
+    pub(super) positions: Share,
     /// Rates of geometric and dynamic phases.
     pub(super) phases: bool,
     /// The nonholonomic bracket.
@@ -56,6 +56,15 @@ pub(super) struct Plan {
     pub(super) doc: String,
     /// What a search for a formulation has chosen, for those who read.
     pub(super) chosen: Option<String>,
+}
+
+/// Whether a scene has something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Share {
+    None,
+    /// Unless the model or the scene lacks what it takes.
+    Possible,
+    Wanted,
 }
 
 /// Outputs of a scene besides energy, derivatives, invariants and positions.
@@ -85,7 +94,7 @@ impl Plan {
             energy: false,
             derivatives: BTreeSet::new(),
             invariants: false,
-            positions: false,
+            positions: Share::None,
             phases: false,
             bracket: false,
             hamiltonian_time: false,
@@ -121,7 +130,7 @@ impl Plan {
                     Wanted::Want(Want::Reconstruction) => plan.reconstructs = true,
                     Wanted::Want(Want::Taylor) => plan.taylor = true,
                     Wanted::Want(Want::Invariants) => plan.invariants = true,
-                    Wanted::Want(Want::Positions) => plan.positions = true,
+                    Wanted::Want(Want::Positions) => plan.positions = Share::Wanted,
                     Wanted::Want(Want::Phases) => plan.phases = true,
                     Wanted::Want(Want::Bracket) => plan.bracket = true,
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,

@@ -13,7 +13,7 @@ use super::gradients::{WithGradients, Words, with_gradients};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, SymbolId};
 use crate::mechanics::{Equations, StateEquation};
-use crate::reduction::BlockKind;
+use crate::reduction::{BlockKind, PositionResidual};
 use crate::spec::Want;
 
 /// Name of the matrix of the gradients, a row for each residual.
@@ -39,15 +39,7 @@ pub(super) fn find(
     equations: &Equations,
     state: &[StateEquation],
 ) -> Result<(WithGradients, PositionLayout), Error> {
-    let positions = &equations.system.positions;
-    if positions.is_empty() {
-        return Err(Error::NoPositions { reason: "the model has none".into() });
-    }
-    let left_out = left_out(equations, state);
-    if let Some(position) = positions.iter().find(|p| needs(g, equations, p.residual, &left_out)) {
-        let reason = format!("{} depends on a coordinate that the scene leaves out", position.name);
-        return Err(Error::NoPositions { reason });
-    }
+    let positions = within_scene(g, equations, state)?;
     let mut touched: BTreeSet<SymbolId> = BTreeSet::new();
     for s in state {
         let own = BTreeSet::from([s.symbol]);
@@ -88,6 +80,39 @@ pub(super) fn find(
     let all = |_: &mut Graph, rows: &[Vec<ExprId>]| (0..rows.len()).collect();
     let found = with_gradients(g, equations, state, (&functions, &touched), &words, all);
     Ok((found, PositionLayout { n_equations: positions.len(), moved }))
+}
+
+/// The equations between what the scene carries. An equation with a coordinate that the scene leaves out, and that is
+/// in no other one, says nothing about the rest: it gives that coordinate.
+fn within_scene<'a>(
+    g: &Graph,
+    equations: &'a Equations,
+    state: &[StateEquation],
+) -> Result<Vec<&'a PositionResidual>, Error> {
+    let mut positions: Vec<&PositionResidual> = equations.system.positions.iter().collect();
+    if positions.is_empty() {
+        return Err(Error::NoPositions { reason: "the model has none".into() });
+    }
+    let left_out = left_out(equations, state);
+    let has = |p: &PositionResidual, symbols: &BTreeSet<SymbolId>| needs(g, equations, p.residual, symbols);
+    loop {
+        let gives_other = |p: &&PositionResidual| {
+            left_out.iter().map(|symbol| BTreeSet::from([*symbol])).any(|symbol| {
+                has(p, &symbol) && positions.iter().filter(|other| has(other, &symbol)).count() == 1
+            })
+        };
+        match positions.iter().position(|p| gives_other(&p)) {
+            Some(k) if positions.len() > 1 => _ = positions.remove(k),
+            _ => break,
+        }
+    }
+    match positions.iter().find(|p| has(p, &left_out)) {
+        None => Ok(positions),
+        Some(position) => {
+            let reason = format!("{} depends on a coordinate that the scene leaves out", position.name);
+            Err(Error::NoPositions { reason })
+        }
+    }
 }
 
 fn sum_of_squares(g: &mut Graph, symbols: &[SymbolId]) -> ExprId {

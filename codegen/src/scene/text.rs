@@ -51,7 +51,7 @@ pub enum Language {
     /// of other sources; scenes have the derivatives that this takes, whether they want them or not.
     Casadi,
     /// The module in Rust with `<module>_wasm.rs`, the root of a crate for WebAssembly, and `<module>.mjs`, which calls
-    /// that from JavaScript.
+    /// that from JavaScript; scenes have the equations between their coordinates, whether they want them or not.
     Wasm,
 }
 
@@ -67,6 +67,11 @@ impl Language {
                 Derivative::InputJacobian,
             ],
         }
+    }
+
+    /// Whether every scene has the equations between coordinates in that language, where it carries these.
+    pub fn positions(self) -> bool {
+        self == Language::Wasm
     }
 }
 

@@ -67,6 +67,12 @@ export class System {
     return this.numbers(this.exports.outputs(), this.exports.n_outputs());
   }
 
+  /** Moves the coordinates that equations give until they satisfy these; without equations the state stays. */
+  consistent(t = 0) {
+    if (this.exports.consistent) this.done(this.exports.consistent(t));
+    return this.state;
+  }
+
   /** Moves the state from one time to another. */
   integrate(t, t_end, { rtol = 1e-9, atol = 1e-12 } = {}) {
     this.done(this.exports.integrate(t, t_end, rtol, atol));

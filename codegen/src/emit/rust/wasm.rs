@@ -40,6 +40,14 @@ impl Writer<'_> {
                     .map_err(|e| e.to_string())
             },
         };
+        let method = match self.module.positions() {
+            None => quote! { Dop853 },
+            Some((_, n_functions, ..)) => {
+                let k = size(n_functions);
+                quote! { #rt::Projected::<_, #k, #rt::OfPositions>::onto_positions(Dop853) }
+            }
+        };
+        let consistent = self.wasm_consistent();
         let energy_of = quote! { system.energy_of(t, &y).into_iter().collect::<Vec<f64>>() };
         let items = quote! {
             #doc
@@ -226,6 +234,8 @@ impl Writer<'_> {
                 })
             }
 
+            #consistent
+
             /// Moves the state from time `t` to `t_end` by the method of Dormand and Prince of order 8(5,3), with
             /// the inputs where they are held and through the events of the model; where it gives 1, `state` and
             /// `time` are where the motion has stopped.
@@ -234,7 +244,7 @@ impl Writer<'_> {
                 with_system(|system| {
                     store(&TIME, &[t]);
                     let options = Options::adaptive(rtol, atol);
-                    let solver = Integrator::new(system, Dop853, t, load(&STATE), options);
+                    let solver = Integrator::new(system, #method, t, load(&STATE), options);
                     let mut solver = solver.map_err(|e| e.to_string())?;
                     let done = #advance;
                     store(&STATE, solver.state());
@@ -244,6 +254,27 @@ impl Writer<'_> {
             }
         };
         Ok(format!("{}{}", header(&text.command, None), format_file(items)?))
+    }
+
+    /// Solves the equations between coordinates, where the scene has them.
+    fn wasm_consistent(&self) -> TokenStream {
+        if self.module.positions().is_none() {
+            return TokenStream::new();
+        }
+        let rt = &self.runtime;
+        quote! {
+            /// Moves the coordinates in the state that equations give until they satisfy these at a time; where it
+            /// gives 1, the state is as it was.
+            #[unsafe(no_mangle)]
+            pub extern "C" fn consistent(t: f64) -> i32 {
+                with_system(|system| {
+                    let mut y = load(&STATE);
+                    #rt::consistent(system, t, &mut y).map_err(|e| e.to_string())?;
+                    store(&STATE, &y);
+                    Ok(())
+                })
+            }
+        }
     }
 
     /// What the file is, and which number is where.
