@@ -154,10 +154,12 @@ fn rates_by_momenta(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str)
     let params: Vec<Dual> = params.iter().map(|p| Dual::constant(*p)).collect();
     let executable = scene.executable();
     let outputs = executable.prepare_over(&params).unwrap().outputs(Dual::constant(0.0), &along);
-    let outputs = scene.outputs().iter().flat_map(|o| &o.components).map(|(name, _)| name.clone()).zip(outputs);
+    let outputs =
+        scene.outputs().iter().flat_map(|o| &o.components).map(|(name, _)| name.clone()).zip(outputs);
     let outputs: Vec<(String, Dual)> = outputs.collect();
     for (name, expected) in legendre.velocities.iter().map(|(name, _)| name).zip(velocities) {
-        let found = outputs.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name}: {outputs:?}")).1;
+        let found =
+            outputs.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name}: {outputs:?}")).1;
         close(name, found.value, expected, 1.0);
     }
     move |name| {
