@@ -49,7 +49,7 @@ fn other_members_of_families() {
         held_member::<vehicles::CarWithTrailers>("car_with_trailers", &[("n", n)], &[]);
     }
     held_member::<particles::Vortices>("vortices_on_sphere", &[("n", 2)], &[]);
-    held_member::<vehicles::SnakeWithFriction<2>>("snake_with_friction", &[("n", 2)], &[]);
+    held_member::<vehicles::SnakeWithFriction<2>>("snake_with_friction", &[("n", 2)], &["beta"]);
     held_member::<vehicles::SnakeWithFriction<7>>("snake_with_friction", &[("n", 7)], &[]);
 }
 
@@ -87,7 +87,7 @@ fn along_bicycles<const KIND: u8>(
     }
 }
 
-/// Forces of up to a thousand newtons by elimination on either side; 2e-12 of the largest is the most that was seen.
+/// Forces of up to a thousand newtons, by elimination of some sixty unknowns on the one side.
 fn same_forces(what: &str, found: [[f64; 3]; 2], expected: [[f64; 3]; 2]) {
     let largest = expected.iter().flatten().fold(1.0, |a: f64, x| a.max(x.abs()));
     for (found, expected) in found.iter().zip(&expected) {
