@@ -80,6 +80,7 @@ pub(crate) const SHIPPED: Shipped = shipped! {
         "tippe_top",
         "toda_lattice",
         "underwater_vehicle",
+        "vortices_on_sphere",
         "whipple_bicycle",
         "whipple_bicycle_multipliers",
     ],

@@ -110,6 +110,12 @@ pub enum Error {
         /// The constraint as written.
         constraint: String,
     },
+    /// The derivative of an equation between positions follows from the other constraints: the equation says the same as
+    /// they do, or contradicts them.
+    DependentPositions {
+        /// The equation as written.
+        constraint: String,
+    },
     /// A constraint contradicts the others.
     InconsistentConstraint {
         /// The constraint as written.
@@ -399,6 +405,10 @@ impl Error {
             Error::DependentConstraint { constraint } => {
                 (format!("constraint {constraint} follows from the others"), "remove it".into())
             }
+            Error::DependentPositions { constraint } => (
+                format!("the derivative of {constraint} follows from the other constraints"),
+                "remove it: it says the same as they do, or no positions satisfy all of them".into(),
+            ),
             Error::InconsistentConstraint { constraint } => (
                 format!("constraint {constraint} contradicts the others"),
                 "no velocity satisfies all of them".into(),

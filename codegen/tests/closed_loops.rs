@@ -6,7 +6,7 @@
 
 use hamel_codegen::scene::{self, BuiltScene, Interpreter, PositionLayout};
 use hamel_codegen::spec;
-use hamel_runtime::{Error, Positions, StateVector, System, consistent, consistent_by};
+use hamel_runtime::{Dual, Error, Positions, StateVector, System, consistent, consistent_by};
 
 /// A planar body: mass, moment of inertia about its centre.
 struct Body(f64, f64);
@@ -132,6 +132,43 @@ fn rates(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str) -> f64 + u
     move |name| dy[names.iter().position(|n| n == name).unwrap_or_else(|| panic!("{name} of {names:?}"))]
 }
 
+/// Rates of coordinates and accelerations in a scene that carries the momenta of all its velocities, at a state given by
+/// these: what follows from the momenta, differentiated along their motion.
+fn rates_by_momenta(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str) -> f64 + use<> {
+    let params: Vec<f64> =
+        scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let interpreter = scene.prepare(&params).unwrap();
+    let value = |name: &str| values.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("{name}")).1;
+    let (names, legendre) = (scene.state_names(), scene.legendre());
+    let carried: Vec<&String> = legendre.momenta.iter().map(|(name, _)| name).collect();
+    let mut y: Vec<f64> =
+        names.iter().map(|name| if carried.contains(&name) { 0.0 } else { value(name) }).collect();
+    let velocities: Vec<f64> = legendre.velocities.iter().map(|(name, _)| value(name)).collect();
+    let momenta = interpreter.legendre(0.0, &y, &velocities).unwrap();
+    for (name, momentum) in carried.iter().zip(momenta) {
+        y[names.iter().position(|n| n == *name).unwrap()] = momentum;
+    }
+    let mut dy = vec![0.0; y.len()];
+    interpreter.rhs(0.0, &y, &mut dy);
+    let along: Vec<Dual> = y.iter().zip(&dy).map(|(y, dy)| Dual::new(*y, *dy)).collect();
+    let params: Vec<Dual> = params.iter().map(|p| Dual::constant(*p)).collect();
+    let executable = scene.executable();
+    let outputs = executable.prepare_over(&params).unwrap().outputs(Dual::constant(0.0), &along);
+    let outputs =
+        scene.outputs().iter().flat_map(|o| &o.components).map(|(name, _)| name.clone()).zip(outputs);
+    let outputs: Vec<(String, Dual)> = outputs.collect();
+    for (name, expected) in legendre.velocities.iter().map(|(name, _)| name).zip(velocities) {
+        let found =
+            outputs.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name}: {outputs:?}")).1;
+        close(name, found.value, expected, 1.0);
+    }
+    move |name| {
+        let own = names.iter().position(|n| n == name).map(|k| dy[k]);
+        own.or_else(|| outputs.iter().find(|(n, _)| n == name).map(|(_, x)| x.derivative))
+            .unwrap_or_else(|| panic!("{name} of {names:?}"))
+    }
+}
+
 fn close(what: &str, found: f64, expected: f64, scale: f64) {
     // Elimination of some fifteen unknowns with pivots in two arithmetics.
     assert!((found - expected).abs() <= 1e-12 * scale, "{what}: {found} instead of {expected}");
@@ -198,6 +235,8 @@ fn a_four_bar_linkage_moves_as_its_bodies_do() {
     let scene = built(&four_bar(""));
     assert_eq!(scene.state_names(), ["alpha", "beta", "gamma", "alpha_dot"]);
     let multipliers = built(&four_bar("multipliers;"));
+    let momenta = built(&four_bar("momentum P of alpha_dot; carry P;"));
+    assert_eq!(momenta.state_names(), ["alpha", "beta", "gamma", "P"]);
     for alpha in [0.2, 1.0, 2.5, 3.9, 5.5] {
         let [beta, gamma] = closed_angles(alpha);
         let alpha_dot = 1.7;
@@ -213,6 +252,13 @@ fn a_four_bar_linkage_moves_as_its_bodies_do() {
             four_bar_in_space().accelerations(&[alpha, beta, gamma], &[alpha_dot, beta_dot, gamma_dot]);
         let size = expected.iter().fold(1.0_f64, |max, x| max.max(x.abs()));
         close("crank", rate("alpha_dot"), expected[2], size);
+        let by_momenta = rates_by_momenta(
+            &momenta,
+            &[("alpha", alpha), ("beta", beta), ("gamma", gamma), ("alpha_dot", alpha_dot)],
+        );
+        close("coupler by its momentum", by_momenta("beta"), beta_dot, 1.0);
+        close("rocker by its momentum", by_momenta("gamma"), gamma_dot, 1.0);
+        close("crank by its momentum", by_momenta("alpha_dot"), expected[2], size);
         let all = [
             ("alpha", alpha),
             ("beta", beta),
@@ -266,8 +312,9 @@ fn a_slider_crank_moves_as_its_bodies_do() {
 
 #[test]
 fn a_five_bar_linkage_moves_as_its_bodies_do() {
-    let scene = built(
-        "model five_bar {
+    let text = |extra: &str| {
+        format!(
+            "model five_bar {{
             param l = 0.6 where l > 0; param d = 0.5;
             coordinate a, b in angle;
             coordinate p, q in angle by
@@ -276,8 +323,15 @@ fn a_five_bar_linkage_moves_as_its_bodies_do() {
             let w = l*b_dot*[-sin(b), cos(b)] + l/2*q_dot*[-sin(q), cos(q)];
             lagrangian = l^2*(a_dot^2 + b_dot^2)/6 + (dot(v, v) + dot(w, w))/2 + l^2*(p_dot^2 + q_dot^2)/24
                 - 9.81*l*(3/2*sin(a) + 3/2*sin(b) + sin(p)/2 + sin(q)/2);
-        }",
-    );
+            {extra}
+        }}"
+        )
+    };
+    let scene = built(&text(""));
+    let momenta = built(&text("momentum P of a_dot; momentum Q of b_dot; carry P, Q;"));
+    let one = built(&text("momentum Q of b_dot; carry Q;"));
+    assert_eq!(momenta.state_names(), ["a", "b", "p", "q", "P", "Q"]);
+    assert_eq!(one.state_names(), ["a", "b", "p", "q", "a_dot", "Q"]);
     assert_eq!(scene.state_names(), ["a", "b", "p", "q", "a_dot", "b_dot"]);
     let l = 0.6;
     let bar = || Body(1.0, l * l / 12.0);
@@ -307,6 +361,11 @@ fn a_five_bar_linkage_moves_as_its_bodies_do() {
         let size = expected.iter().fold(1.0_f64, |max, x| max.max(x.abs()));
         close("first", rate("a_dot"), expected[2], size);
         close("second", rate("b_dot"), expected[5], size);
+        for (how, scene) in [("both momenta", &momenta), ("one momentum", &one)] {
+            let rate = rates_by_momenta(scene, &state);
+            close(how, rate("a_dot"), expected[2], size);
+            close(how, rate("b_dot"), expected[5], size);
+        }
     }
 }
 

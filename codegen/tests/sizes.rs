@@ -95,6 +95,23 @@ fn sizes_are_dimensions_of_everything_that_has_one() {
 }
 
 #[test]
+fn copies_of_an_algebra_are_their_product_with_names_for_each() {
+    let family = "model spins { size n = 3; param k = 0.3; momentum S in so(3)^n;
+        hamiltonian = k*sum(dot(S[i], S[i + 1]) for i in 1..n - 1); }";
+    let by_hand = "model spins { param k = 0.3; momentum S1, S2 in product(so(3), so(3));
+        hamiltonian = k*dot(S1, S2); }";
+    let default = |model: &Model| scene::build(model, scene::DEFAULT).unwrap_or_else(|p| panic!("{p}"));
+    let (own, expected) = (default(&member(family, 2, "spins")), default(&parsed(by_hand)));
+    assert_eq!(own.state_names(), ["S11", "S12", "S13", "S21", "S22", "S23"]);
+    assert!(own.program == expected.program);
+    let bodies = "model bodies { algebra A = se(2)^2; velocity omega, v in se(2)^2;
+        lagrangian = sum(omega[k]^2 + dot(v[k], v[k]) for k in 1..2); }";
+    let names = default(&parsed(bodies)).state_names();
+    assert_eq!(names, ["omega1", "v11", "v12", "omega2", "v21", "v22"]);
+    assert_eq!(spec::format("spins.hamel", family).unwrap().matches("so(3)^n").count(), 1);
+}
+
+#[test]
 fn loops_are_kept_by_the_formatter() {
     for text in [SNAKE, ARM, PENDULUM] {
         assert_eq!(spec::format("family.hamel", text).unwrap(), text);

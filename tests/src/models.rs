@@ -7,7 +7,7 @@ use hamel_codegen::mechanics::{Equations, derive};
 use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::{self, BuiltScene, Interpreter, PositionLayout};
 use hamel_codegen::spec::{self, Model};
-use hamel_runtime::{Dop853, Integrator, Options, Positions, StateVector, System};
+use hamel_runtime::{Dop853, Failure, Integrator, Options, Positions, StateVector, System};
 
 /// The text of a model file.
 ///
@@ -89,13 +89,37 @@ pub fn build(name: &str, scene: &str) -> BuiltScene {
 /// # Panics
 /// When there is no such model, or it cannot be built.
 pub fn build_from_shelf(name: &str) -> BuiltScene {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/shelf").join(format!("{name}.hamel"));
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    build_member_from_shelf(name, &[])
+}
+
+/// Right-hand side and energy of the member with other sizes of a model of the shelf.
+///
+/// # Panics
+/// When there is no such model or size, or it cannot be built.
+pub fn build_member_from_shelf(name: &str, sizes: &[(&str, i64)]) -> BuiltScene {
+    let sizes: Vec<(String, i64)> = sizes.iter().map(|(name, n)| ((*name).to_owned(), *n)).collect();
+    let text = spec::with_sizes(name, &text_from_shelf(name), &sizes).unwrap_or_else(|e| panic!("{e}"));
     let body = text.trim_end().strip_suffix('}').expect("a model ends with a brace");
     // Less than the default scene, which costs several times as much to derive.
-    let text = format!("{body}\nscene checked {{ want rhs, energy; }}\n}}\n");
-    let model = spec::parse(name, &text).unwrap_or_else(|e| panic!("{e}"));
-    scene::build(&model, "checked").unwrap_or_else(|e| panic!("{e}"))
+    build_from_text(name, &format!("{body}\nscene checked {{ want rhs, energy; }}\n}}\n"), "checked")
+}
+
+/// A scene of a model of the shelf.
+///
+/// # Panics
+/// When there is none of this name, or it cannot be built.
+pub fn build_scene_from_shelf(name: &str, scene: &str) -> BuiltScene {
+    build_from_text(name, &text_from_shelf(name), scene)
+}
+
+fn text_from_shelf(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/shelf").join(format!("{name}.hamel"));
+    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+fn build_from_text(name: &str, text: &str, scene: &str) -> BuiltScene {
+    let model = spec::parse(name, text).unwrap_or_else(|e| panic!("{e}"));
+    scene::build(&model, scene).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// The default parameters of a scene, some of them replaced.
@@ -139,6 +163,11 @@ impl System<f64> for Interpreted<'_> {
     type State = State;
     fn rhs(&self, t: f64, y: &State, dy: &mut State) {
         self.0.rhs(t, &y.0, &mut dy.0);
+    }
+
+    fn domain(&self, t: f64, y: &State) -> Result<(), Failure> {
+        let outside = |condition: String| Failure::OutsideDomain { t, condition: condition.leak() };
+        self.0.domain(t, &y.0).map_err(outside)
     }
 }
 

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use hamel_codegen::{scene, spec};
 use hamel_models::generated::{euler_disk, euler_disk_circle};
 use hamel_runtime::{Dop853, Error, Failure, Integrator, Options, System};
-use hamel_tests::models::build;
+use hamel_tests::models::{Interpreted, State, build};
 
 fn condition(result: Result<(), Failure>) -> Option<&'static str> {
     match result {
@@ -64,6 +64,62 @@ fn arcs_of_any_length_have_their_domain_on_the_circle() {
         }
         assert_eq!([at(low - 0.1), at(high + 0.1)], [Err(below.into()), Err(above.into())], "{domain}");
     }
+}
+
+/// Equations with functions that have no value everywhere; `u` drives one of them.
+const PARTIAL: &str = "model partial {
+    param c = 2;
+    param d = 1 where d > 0;
+    input u = 1;
+    coordinate x, y, z, w in real;
+    let s = x*y - w^2;
+    lagrangian = (x_dot^2 + y_dot^2 + z_dot^2 + w_dot^2)/2 - x*ln(s) + sqrt(1 + x^2) + sqrt(d)*y;
+    force y_dot = -y_dot*sqrt(z);
+    force z_dot = asin(x - y) - sqrt(c)*(3 + z)^(-3/2) + sqrt(u);
+    scene moving { input u; want rhs; }
+}";
+
+/// What is seen to be inside has no condition: `1 + x^2`, and `d` by its own.
+#[test]
+fn arguments_of_logarithms_and_roots_have_a_domain() {
+    let model = spec::parse("partial.hamel", PARTIAL).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene::build(&model, "moving").unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(built.state_names(), ["x", "y", "z", "w", "x_dot", "y_dot", "z_dot", "w_dot"]);
+    let interpreter = built.prepare(&[2.0, 1.0]).unwrap();
+    let at = |x: f64, y: f64, z: f64, w: f64| {
+        let state = [x, y, z, w, 0.1, 0.2, 0.3, 0.4];
+        let mut dy = [0.0; 8];
+        interpreter.rhs_with(0.0, &state, &[1.0], &mut dy);
+        let domain = interpreter.domain(0.0, &state);
+        // A condition that holds has values, and one that does not has none.
+        assert_eq!(dy.iter().all(|x| x.is_finite()), domain.is_ok(), "{domain:?}: {dy:?}");
+        domain.err()
+    };
+    assert_eq!(at(1.0, 1.5, 0.2, 0.3), None);
+    assert_eq!(at(1.0, 1.5, 0.0, 0.3), None);
+    assert_eq!(at(1.0, 1.5, 0.2, 3.0).as_deref(), Some("x*y - w^2 > 0"));
+    assert_eq!(at(1.0, 1.5, -0.2, 0.3).as_deref(), Some("z >= 0"));
+    assert_eq!(at(1.0, 1.5, -4.0, 0.3).as_deref(), Some("z >= 0"));
+    assert_eq!(at(1.0, 2.5, 0.2, 0.3).as_deref(), Some("-1 <= x - y <= 1"));
+    let refused = built.prepare(&[-2.0, 1.0]).err().map(|e| e.to_string());
+    assert!(refused.as_ref().is_some_and(|text| text.contains("c >= 0")), "{refused:?}");
+}
+
+/// A motion towards a logarithm of zero that has none behind it.
+#[test]
+fn a_motion_ends_where_a_logarithm_has_no_value() {
+    let text = "model falling { coordinate x in real; lagrangian = x_dot^2/2; force x_dot = -1 + ln(x)/10; }";
+    let model = spec::parse("falling.hamel", text).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
+    let system = Interpreted(built.prepare(&[]).unwrap());
+    let start = State(vec![1.0, 0.0]);
+    let options = Options::adaptive(1e-9, 1e-11);
+    let mut solver = Integrator::new(&system, Dop853, 0.0, start, options).unwrap();
+    let error = solver.integrate_to(10.0).unwrap_err();
+    assert!(matches!(error, Error::Failure(Failure::OutsideDomain { condition: "x > 0", .. })), "{error}");
+    assert!(solver.state().0[0] > 0.0);
+    let outside = Integrator::new(&system, Dop853, 0.0, State(vec![-1.0, 0.0]), options).map(|_| ());
+    assert!(matches!(outside, Err(Error::Failure(Failure::OutsideDomain { .. }))), "{outside:?}");
 }
 
 #[test]

@@ -4,14 +4,20 @@
 mod shelf_systems;
 
 use hamel_tests::models;
-use hamel_tests::unreduced::{Unreduced, check};
+use hamel_tests::random::Random;
+use hamel_tests::unreduced::{Parameters, Unreduced, check, random_motion};
 use shelf_systems::{balls, bicycles, flying, matrices, particles, rolling, spinning, vehicles};
 
 /// A model by its name against a system; `idle` are parameters that do nothing at their defaults.
 fn held<S: Unreduced>(name: &str, idle: &[&str]) {
-    let compared = check::<S>(&models::build_from_shelf(name), 7);
-    println!("{name}: {compared:?}");
-    assert_eq!(compared.idle, idle, "{name}: parameters that change nothing");
+    held_member::<S>(name, &[], idle);
+}
+
+/// The member of a model with other sizes against a system.
+fn held_member<S: Unreduced>(name: &str, sizes: &[(&str, i64)], idle: &[&str]) {
+    let compared = check::<S>(&models::build_member_from_shelf(name, sizes), 7);
+    println!("{name} {sizes:?}: {compared:?}");
+    assert_eq!(compared.idle, idle, "{name} {sizes:?}: parameters that change nothing");
 }
 
 #[test]
@@ -33,7 +39,18 @@ fn vehicles_on_wheels_and_blades() {
     held::<vehicles::RollerRacer>("roller_racer", &[]);
     held::<vehicles::CarWithTrailers>("car_with_trailers", &[]);
     held::<vehicles::Skate>("skate_on_incline", &["a"]);
-    held::<vehicles::SnakeWithFriction>("snake_with_friction", &[]);
+    held::<vehicles::SnakeWithFriction<4>>("snake_with_friction", &[]);
+}
+
+/// Shorter and longer than what the files give.
+#[test]
+fn other_members_of_families() {
+    for n in [1, 5] {
+        held_member::<vehicles::CarWithTrailers>("car_with_trailers", &[("n", n)], &[]);
+    }
+    held_member::<particles::Vortices>("vortices_on_sphere", &[("n", 2)], &[]);
+    held_member::<vehicles::SnakeWithFriction<2>>("snake_with_friction", &[("n", 2)], &["beta"]);
+    held_member::<vehicles::SnakeWithFriction<7>>("snake_with_friction", &[("n", 7)], &[]);
 }
 
 #[test]
@@ -41,6 +58,71 @@ fn bicycles_on_two_wheels() {
     held::<bicycles::Whipple>("whipple_bicycle", &[]);
     held::<bicycles::ByMultipliers>("whipple_bicycle_multipliers", &[]);
     held::<bicycles::Ridden>("bicycle_with_rider", &[]);
+}
+
+/// Values that a scene of a model has beside its rates, by name, at random states of a bicycle, with the forces of the
+/// ground on its wheels, rear and front.
+fn along_bicycles<const KIND: u8>(
+    (model, scene): (&str, &str),
+    compare: impl Fn(&Parameters, &dyn Fn(&str) -> f64, [[f64; 3]; 2]),
+) {
+    let scene = models::build_scene_from_shelf(model, scene);
+    let names = scene.state_names();
+    let outputs = scene.outputs();
+    let components: Vec<&String> = outputs.iter().flat_map(|o| &o.components).map(|(name, _)| name).collect();
+    let mut random = Random(11);
+    for _ in 0..10 {
+        let parameters = Parameters::near_defaults(&scene, &mut random);
+        let system = bicycles::Bicycle::<KIND>::new(&parameters);
+        let motion = random_motion(&system, &mut random);
+        let state = system.state(&motion.q, &motion.v, motion.t).in_order(&names);
+        let prepared = scene.prepare(parameters.values()).unwrap_or_else(|e| panic!("{e}"));
+        let values = prepared.outputs(motion.t, &state);
+        let variables = names.iter().zip(&state);
+        let all: Vec<(&String, &f64)> = variables.chain(components.iter().copied().zip(&values)).collect();
+        let value = |name: &str| {
+            *all.iter().find(|(own, _)| *own == name).unwrap_or_else(|| panic!("no {name}: {all:?}")).1
+        };
+        compare(&parameters, &value, system.forces_of_ground(&motion));
+    }
+}
+
+/// Forces of up to a thousand newtons, by elimination of some sixty unknowns on the one side.
+fn same_forces(what: &str, found: [[f64; 3]; 2], expected: [[f64; 3]; 2]) {
+    let largest = expected.iter().flatten().fold(1.0, |a: f64, x| a.max(x.abs()));
+    for (found, expected) in found.iter().zip(&expected) {
+        models::close(what, found, expected, 1e-11 * largest);
+    }
+}
+
+/// Multipliers of `whipple_bicycle_multipliers` are forces as they stand.
+#[test]
+fn multipliers_are_the_forces_of_the_ground() {
+    along_bicycles::<{ bicycles::WITH_VELOCITIES }>(
+        ("whipple_bicycle_multipliers", "held"),
+        |_, value, expected| {
+            let force = |wheel: &str| [1, 2, 3].map(|k| value(&format!("lambda_{wheel}{k}")));
+            same_forces("forces of the ground", [force("rear"), force("front")], expected);
+        },
+    );
+}
+
+/// Those of `whipple_bicycle` by the formulas of its file.
+#[test]
+fn the_forces_of_the_ground_follow_from_multipliers() {
+    along_bicycles::<{ bicycles::RIGID }>(("whipple_bicycle", "held"), |p, value, expected| {
+        let weight = p.get("g") * ["mR", "mB", "mH", "mF"].map(|name| p.get(name)).iter().sum::<f64>();
+        let down = [1, 2, 3].map(|k| value(&format!("Gamma{k}")));
+        let (sin, cos) = value("steer").sin_cos();
+        let ahead = [cos * down[0] + sin * down[1], cos * down[1] - sin * down[0], down[2]];
+        let (contact, lateral) = (value("lambda_contact"), value("lambda_lateral"));
+        let spin = value("lambda_spin") / p.get("rF") / ahead[0].hypot(ahead[2]);
+        let rear = |k: usize| value(&format!("lambda_rear{}", k + 1)) - (contact + weight) * down[k];
+        let front = |k: usize| value(&format!("lambda_front{}", k + 1)) + contact * ahead[k];
+        let along = [spin * ahead[2], lateral, -spin * ahead[0]];
+        let found = [[0, 1, 2].map(rear), [0, 1, 2].map(|k| front(k) + along[k])];
+        same_forces("forces of the ground", found, expected);
+    });
 }
 
 #[test]
@@ -69,6 +151,7 @@ fn groups_of_matrices() {
 fn particles_and_what_they_turn() {
     held::<particles::Toda>("toda_lattice", &[]);
     held::<particles::Flywheel>("heisenberg_flywheel", &[]);
+    held::<particles::Vortices>("vortices_on_sphere", &[]);
 }
 
 /// Where a rattleback is told by its equations from a body that merely turns: one way it turns back, and soon.

@@ -127,7 +127,10 @@ pub fn derivative(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<Vec<f64>
     let mut dy = vec![0.0; y.len()];
     dynamics.rhs(t, y, &mut dy);
     match dy.iter().position(|x| !x.is_finite()) {
-        Some(at) => Err(format!("the derivative of {} is not finite", info.state[at])),
+        Some(at) => Err(match dynamics.domain(t, y) {
+            Err(outside) => describe(info, outside),
+            Ok(()) => format!("the derivative of {} is not finite", info.state[at]),
+        }),
         None => Ok(dy),
     }
 }

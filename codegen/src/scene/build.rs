@@ -16,6 +16,7 @@ use crate::spec::{self, Diagnostics, Model, Want, Wanted};
 
 use super::built::{BuiltScene, legendre_role};
 use super::dependence::{ignorable, left_out, needs, outputs_of_model};
+use super::domain::domain;
 use super::pivots::sorted_pivots;
 use super::plan::{DEFAULT, Drops, Outputs, Plan, Share};
 use super::{bracket, derivatives, events, implicit, invariants, positions, splitting};
@@ -415,6 +416,12 @@ pub(super) fn lower_scene(
     conditions.extend(pivots.conditions);
     inputs.divisors = pivots.divisors;
     let rhs: Vec<(String, ExprId)> = moving.iter().map(|s| (s.name.clone(), s.derivative)).collect();
+    let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
+    let left_out: BTreeSet<SymbolId> =
+        system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();
+    let rates: Vec<ExprId> = rhs.iter().map(|(_, rate)| *rate).collect();
+    let domain = domain(&mut graph, &equations, &rates, &left_out);
+    conditions.extend(domain.conditions);
     let mut requests = vec![Request { role: Role::Rate, results: rhs }];
     if plan.energy {
         let results = vec![("energy".to_owned(), equations.energy)];
@@ -432,13 +439,8 @@ pub(super) fn lower_scene(
     }
     requests.extend(implicit_requests);
     requests.extend(flow_requests);
-    let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
-    let left_out: BTreeSet<SymbolId> =
-        system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();
-    let domains = system.domains.iter().filter(|d| !graph.depends_on(d.positive, &left_out));
-    let results: Vec<(String, ExprId)> = domains.map(|d| (d.text.clone(), d.positive)).collect();
-    if !results.is_empty() {
-        requests.push(Request { role: Role::Domain, results });
+    if !domain.moving.is_empty() {
+        requests.push(Request { role: Role::Domain, results: domain.moving });
     }
     let results = requests.iter().flat_map(|r| r.results.iter().map(|(_, e)| *e));
     let roots: Vec<ExprId> = results.chain(conditions.iter().flat_map(|c| [c.greater, c.less])).collect();

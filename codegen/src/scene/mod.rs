@@ -16,6 +16,7 @@ mod counts;
 mod defaults;
 mod dependence;
 mod derivatives;
+mod domain;
 mod events;
 mod formulations;
 mod gradients;

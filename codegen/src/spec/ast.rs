@@ -176,6 +176,10 @@ pub(super) enum BodyPart {
 }
 
 impl BodyPart {
+    /// All of them, longer endings before those that they end with.
+    pub(super) const ALL: [BodyPart; 5] =
+        [BodyPart::Velocity, BodyPart::Spin, BodyPart::AngularMomentum, BodyPart::Momentum, BodyPart::Energy];
+
     /// What follows the name of the body.
     pub(super) const fn ending(self) -> &'static str {
         match self {

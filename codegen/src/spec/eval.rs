@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::{One, Signed, ToPrimitive};
 
-use super::ast::{Expr, Node};
+use super::ast::{BodyPart, Expr, Node};
 use super::diagnostic::{Diagnostic, Help, Span};
 use super::limits::MAX_DIM;
 use super::names::{self, ALGEBRA_FUNCTIONS, FUNCTIONS, OPERATORS};
@@ -52,11 +52,16 @@ pub(super) struct Evaluator<'a> {
     pub(super) own_algebra: Option<&'a LieAlgebra<Number>>,
 }
 
-/// A name stands for itself, for a component (`I1` of `I`) or for a rate (`x_dot` of `x`).
+/// A name stands for itself, for a component (`I1` of `I`), for a rate (`x_dot` of `x`) or for what a body declares
+/// (`B_energy` of `B`).
 pub(super) fn is_poisoned(name: &str, poisoned: &BTreeSet<String>) -> bool {
     let stem = name.strip_suffix("_dot").unwrap_or(name);
     let stem = stem.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
-    poisoned.contains(name) || poisoned.contains(stem) || poisoned.contains(stem.trim_end_matches("_dot"))
+    let body = BodyPart::ALL.iter().find_map(|part| stem.strip_suffix(part.ending()));
+    poisoned.contains(name)
+        || poisoned.contains(stem)
+        || poisoned.contains(stem.trim_end_matches("_dot"))
+        || body.is_some_and(|body| poisoned.contains(body))
 }
 
 impl Evaluator<'_> {
@@ -130,6 +135,13 @@ impl Evaluator<'_> {
             return None;
         }
         let shown: String = name.chars().take(80).collect();
+        // Written as `moment on B`, which is shorter.
+        if let Some((body, index)) = name.rsplit_once(BodyPart::Spin.ending())
+            && span.end - span.start < name.len()
+        {
+            let message = format!("no body `{body}{index}` that turns is declared");
+            return self.fail(span, message, "declare it: `body B { inertia I; attitude R; }`");
+        }
         if let Some(restriction) = self.restriction {
             return self.fail(span, format!("`{shown}` is not known here"), restriction);
         }

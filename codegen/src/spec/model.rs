@@ -626,7 +626,9 @@ impl Model {
             }
             Error::NotQuadratic { .. } => self.places.lagrangian,
             Error::NotCyclic { parameter, .. } => self.places.carries.get(parameter).copied(),
-            Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
+            Error::DependentConstraint { constraint }
+            | Error::DependentPositions { constraint }
+            | Error::InconsistentConstraint { constraint } => {
                 constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)
             }
             Error::UndeterminedPositions { equations, .. } => constraints

@@ -137,7 +137,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             return Some(Failure::NonFinite { t: signed(t), index });
         }
         let index = non_finite(derivative?)?;
-        Some(self.system.check(t, y).err().unwrap_or(Failure::NonFinite { t: signed(t), index }))
+        let named = self.system.check(t, y).and_then(|()| self.system.domain(t, y));
+        Some(named.err().unwrap_or(Failure::NonFinite { t: signed(t), index }))
     }
 }
 

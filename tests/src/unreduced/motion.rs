@@ -115,6 +115,8 @@ pub struct Motion {
     pub t: f64,
     /// `v . dL/dv - L`.
     pub energy: f64,
+    /// Multipliers, holonomic ones first: reactions along the slopes of the equations.
+    pub multipliers: Vec<f64>,
 }
 
 fn second(x: f64, outer: f64, inner: f64) -> Second {
@@ -249,5 +251,6 @@ fn moved<S: Unreduced>(system: &S, q: Vec<f64>, v: Vec<f64>, t: f64) -> Motion {
         right[n + k] = -turned;
     }
     let solution = matrix.full_piv_lu().solve(&right).expect("the equations determine the accelerations");
-    Motion { a: solution.rows(0, n).iter().copied().collect(), q, v, t, energy }
+    let multipliers = solution.rows(n, rows.len()).iter().copied().collect();
+    Motion { a: solution.rows(0, n).iter().copied().collect(), q, v, t, energy, multipliers }
 }

@@ -19,7 +19,7 @@ pub struct Parameters {
 
 impl Parameters {
     /// Random ones near the defaults; those that are zero stay so.
-    pub(super) fn near_defaults(scene: &BuiltScene, random: &mut Random) -> Parameters {
+    pub fn near_defaults(scene: &BuiltScene, random: &mut Random) -> Parameters {
         let names = scene.params().iter().map(|p| p.name.clone()).collect();
         let values =
             scene.params().iter().map(|p| rational_to_f64(&p.default) * (1.0 + SPREAD * random.number()));
@@ -27,7 +27,7 @@ impl Parameters {
     }
 
     /// In the order of the scene.
-    pub(super) fn values(&self) -> &[f64] {
+    pub fn values(&self) -> &[f64] {
         &self.values
     }
 
@@ -46,6 +46,18 @@ impl Parameters {
     /// When there are none of these names.
     pub fn vector<const N: usize>(&self, name: &str) -> [f64; N] {
         std::array::from_fn(|k| self.get(&format!("{name}{}", k + 1)))
+    }
+
+    /// `name[first], name[first + 1], ..` up to the last that there is.
+    ///
+    /// # Panics
+    /// When there is none with the index `first`.
+    pub fn from_index(&self, name: &str, first: usize) -> Vec<f64> {
+        let indexed = (first..).map(|k| format!("{name}{k}"));
+        let values: Vec<f64> =
+            indexed.take_while(|name| self.names.contains(name)).map(|name| self.get(&name)).collect();
+        assert!(!values.is_empty(), "no parameter {name}{first}: {:?}", self.names);
+        values
     }
 
     /// `name11, name12, name13, name22, name23, name33`.

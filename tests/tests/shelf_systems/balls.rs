@@ -117,7 +117,11 @@ impl Unreduced for InBowl {
 
     fn state<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Variables<R> {
         let ((_, r), (_, rate)) = (split(q), split(v));
-        Variables::new().vector("a", &q[..2]).vector("w", &space_rate(r, rate))
+        let kappa = R::from_f64(self.kappa);
+        let up = [-kappa * q[0], -kappa * q[1], R::from_f64(1.0)];
+        let spin = dot(space_rate(r, rate), up) / dot(up, up).sqrt();
+        let place = Variables::new().vector("a", &q[..2]);
+        place.number("a1_dot", v[0]).number("a2_dot", v[1]).number("spin", spin)
     }
 }
 

@@ -9,7 +9,7 @@ use hamel_tests::unreduced::bodies::{
     M3, V3, body_rate, constant, cross, diagonal, difference, dot, kinetic_energy, matrix, matrix_sum,
     orthogonality, product, scaled, space_rate, sum, times, transposed, turned, vector,
 };
-use hamel_tests::unreduced::{Parameters, Unreduced, Variables};
+use hamel_tests::unreduced::{Motion, Parameters, Unreduced, Variables};
 
 use super::flying::in_space;
 
@@ -22,8 +22,8 @@ const AHEAD: V3<f64> = [1.0, 0.0, 0.0];
 const RIGHT: V3<f64> = [0.0, 1.0, 0.0];
 const DOWN: V3<f64> = [0.0, 0.0, 1.0];
 
-const RIGID: u8 = 0;
-const WITH_VELOCITIES: u8 = 1;
+pub(crate) const RIGID: u8 = 0;
+pub(crate) const WITH_VELOCITIES: u8 = 1;
 const RIDDEN: u8 = 2;
 
 /// The rider is part of the rear frame.
@@ -90,6 +90,21 @@ impl<const KIND: u8> Bicycle<KIND> {
         let length = (R::from_f64(1.0) - axle[2] * axle[2]).sqrt();
         let along = difference(constant([0.0, 0.0, 1.0]), scaled(axle[2], axle));
         scaled(R::from_f64(radius) / length, along)
+    }
+
+    /// Forces of the ground on the rear and on the front wheel, each in its frame along the axes of the model: the last
+    /// multipliers are of the heights of the wheels and of what would slip.
+    pub(crate) fn forces_of_ground(&self, motion: &Motion) -> [V3<f64>; 2] {
+        let [.., rear_up, front_up, rear_x, rear_y, front_x, front_y] = motion.multipliers[..] else {
+            panic!("a multiplier for each equation: {:?}", motion.multipliers);
+        };
+        let [steer, ahead, right] = self.axes;
+        let in_frame = |frame: usize, force: V3<f64>| {
+            let own = times(transposed(turn_of(&motion.q, frame)), force);
+            [ahead, right, steer].map(|axis| dot(axis, own))
+        };
+        let rear = in_frame(REAR_FRAME, [rear_x, rear_y, rear_up]);
+        [rear, in_frame(FRONT_FRAME, [front_x, front_y, front_up])]
     }
 
     fn wheels(&self) -> [(usize, f64); 2] {

@@ -71,32 +71,41 @@ impl Unreduced for RollerRacer {
 /// Coordinates: places of the axles and headings of car and trailers, `x, y, a` of each, and the heading of the steered
 /// axle.
 pub(crate) struct CarWithTrailers {
-    masses: [f64; 3],
-    moments: [f64; 3],
+    /// Of the car and of each trailer, as `lengths`.
+    masses: Vec<f64>,
+    moments: Vec<f64>,
+    lengths: Vec<f64>,
     axle: f64,
-    lengths: [f64; 3],
     motor: [f64; 2],
     steering: [f64; 4],
+}
+
+impl CarWithTrailers {
+    /// Bodies, of which the first is the car; the steered axle has the coordinate behind theirs.
+    fn n_bodies(&self) -> usize {
+        self.masses.len()
+    }
 }
 
 impl Unreduced for CarWithTrailers {
     fn new(p: &Parameters) -> Self {
         CarWithTrailers {
-            masses: p.vector("m"),
-            moments: p.vector("J"),
+            masses: p.from_index("m", 0),
+            moments: p.from_index("J", 0),
+            lengths: p.from_index("d", 0),
             axle: p.get("Js"),
-            lengths: p.vector("d"),
             motor: ["push", "drag"].map(|name| p.get(name)),
             steering: ["A", "nu", "k", "c"].map(|name| p.get(name)),
         }
     }
 
     fn place(&self, random: &mut Random) -> Vec<f64> {
-        random_numbers(10, random)
+        random_numbers(3 * self.n_bodies() + 1, random)
     }
 
     fn lagrangian<R: Real>(&self, _q: &[R], v: &[R], _t: R) -> R {
-        (0..3).fold(R::from_f64(0.5 * self.axle) * v[9] * v[9], |energy, k| {
+        let steered = v[3 * self.n_bodies()];
+        (0..self.n_bodies()).fold(R::from_f64(0.5 * self.axle) * steered * steered, |energy, k| {
             let [x, y, a] = [v[3 * k], v[3 * k + 1], v[3 * k + 2]];
             let (m, j) = (R::from_f64(0.5 * self.masses[k]), R::from_f64(0.5 * self.moments[k]));
             energy + m * (x * x + y * y) + j * a * a
@@ -110,34 +119,37 @@ impl Unreduced for CarWithTrailers {
             let (a, before) = (q[3 * k + 2], 3 * (k - 1));
             [q[3 * k] + d * a.cos() - q[before], q[3 * k + 1] + d * a.sin() - q[before + 1]]
         };
-        [hitch(1), hitch(2)].concat()
+        (1..self.n_bodies()).flat_map(hitch).collect()
     }
 
     fn nonholonomic<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Vec<R> {
         let across = |k: usize| in_frame(q[3 * k + 2], [v[3 * k], v[3 * k + 1]])[1];
         let d = R::from_f64(self.lengths[0]);
         let front = [v[0] - d * q[2].sin() * v[2], v[1] + d * q[2].cos() * v[2]];
-        vec![across(0), across(1), across(2), in_frame(q[9], front)[1]]
+        let steered = in_frame(q[3 * self.n_bodies()], front)[1];
+        (0..self.n_bodies()).map(across).chain([steered]).collect()
     }
 
     fn force(&self, q: &[f64], v: &[f64], t: f64) -> Vec<f64> {
         let [push, drag] = self.motor;
         let [amplitude, nu, k, c] = self.steering;
+        let steered = 3 * self.n_bodies();
         let speed = in_frame(q[2], [v[0], v[1]])[0];
         let motor = push - drag * speed;
-        let torque = k * (amplitude * (nu * t).sin() - q[9] + q[2]) - c * (v[9] - v[2]);
-        let mut force = vec![0.0; 10];
+        let torque = k * (amplitude * (nu * t).sin() - q[steered] + q[2]) - c * (v[steered] - v[2]);
+        let mut force = vec![0.0; steered + 1];
         (force[0], force[1]) = (motor * q[2].cos(), motor * q[2].sin());
-        (force[2], force[9]) = (-torque, torque);
+        (force[2], force[steered]) = (-torque, torque);
         force
     }
 
     fn state<R: Real>(&self, q: &[R], v: &[R], _t: R) -> Variables<R> {
+        let steered = 3 * self.n_bodies();
+        let headings: Vec<R> = (1..self.n_bodies()).map(|k| q[3 * k + 2] - q[3 * k - 1]).collect();
         Variables::new()
-            .number("phi", q[9] - q[2])
-            .number("psi1", q[5] - q[2])
-            .number("psi2", q[8] - q[5])
-            .number("phi_dot", v[9] - v[2])
+            .number("phi", q[steered] - q[2])
+            .vector("psi", &headings)
+            .number("phi_dot", v[steered] - v[2])
             .number("v1", in_frame(q[2], [v[0], v[1]])[0])
     }
 }
@@ -182,8 +194,8 @@ impl Unreduced for Skate {
     }
 }
 
-/// Links in a chain with friction on the ground: coordinates are `x, y, a` of each of the four.
-pub(crate) struct SnakeWithFriction {
+/// `LINKS` links in a chain with friction on the ground: coordinates are `x, y, a` of each.
+pub(crate) struct SnakeWithFriction<const LINKS: usize> {
     m: f64,
     moment: f64,
     l: f64,
@@ -191,10 +203,7 @@ pub(crate) struct SnakeWithFriction {
     motor: [f64; 5],
 }
 
-/// Number of links.
-const LINKS: usize = 4;
-
-impl Unreduced for SnakeWithFriction {
+impl<const LINKS: usize> Unreduced for SnakeWithFriction<LINKS> {
     fn new(p: &Parameters) -> Self {
         let [m, moment, l] = ["m", "J", "l"].map(|name| p.get(name));
         let friction = ["ct", "cn"].map(|name| p.get(name));

@@ -160,6 +160,10 @@ impl Accuracy {
         }
         let results = evaluate(&*prepared, function, t, &y);
         if let Some(at) = results.iter().position(|r| !r.all_finite()) {
+            if prepared.is_outside(t, &y) {
+                self.refused += 1;
+                return;
+            }
             self.silent += 1;
             self.first_silent.get_or_insert_with(|| (component(info, function, at), sample.clone()));
             return;

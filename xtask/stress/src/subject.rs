@@ -32,6 +32,9 @@ pub trait Prepared {
 
     /// Whether the scene knows a reason why the right-hand side has no value at a point.
     fn is_refused(&self, t: Both, y: &[Both]) -> bool;
+
+    /// Whether a point is outside of the domain of the equations, where they may have no value.
+    fn is_outside(&self, t: Both, y: &[Both]) -> bool;
 }
 
 /// The compiled scene `S`, whose state has `N` components.
@@ -83,6 +86,10 @@ impl<S: Scene<Both> + System<Both, State = [Both; N]>, const N: usize> Prepared 
     fn is_refused(&self, t: Both, y: &[Both]) -> bool {
         System::check(&self.0, t, array(y)).is_err()
     }
+
+    fn is_outside(&self, t: Both, y: &[Both]) -> bool {
+        System::domain(&self.0, t, array(y)).is_err()
+    }
 }
 
 /// A scene that this process derived.
@@ -112,5 +119,9 @@ impl Prepared for Interpreter<'_, Both> {
 
     fn is_refused(&self, t: Both, y: &[Both]) -> bool {
         self.check(t, y).is_err()
+    }
+
+    fn is_outside(&self, t: Both, y: &[Both]) -> bool {
+        self.domain(t, y).is_err()
     }
 }

@@ -39,7 +39,15 @@ pub(in crate::reduction) fn constrain(
         has_positions: model.constraints.iter().any(|c| c.position.is_some()),
     };
     let setting = Setting { frame: &frame, quasi: &quasi, params: &params, signs };
-    solve_rows(&mut model.graph, &setting, (linear, general), displacements, choice)
+    let solved = solve_rows(&mut model.graph, &setting, (linear, general), displacements, choice);
+    solved.map_err(|error| match error {
+        Error::DependentConstraint { constraint }
+            if model.constraints.iter().any(|c| c.position.is_some() && c.text == constraint) =>
+        {
+            Error::DependentPositions { constraint }
+        }
+        other => other,
+    })
 }
 
 /// The velocities that constraints restrict, and what is known beside.

@@ -62,7 +62,8 @@ impl<'a> Parser<'a> {
             "velocity" => {
                 let names = self.comma_separated(|p| p.declared("the name of a velocity"))?;
                 self.require_word("in")?;
-                let algebra = self.algebra_expr()?;
+                let (algebra, copies) = self.algebra_or_copies()?;
+                let names = self.for_copies(names, copies);
                 ItemKind::Velocity { labels: self.labels(names.len())?, names, algebra }
             }
             "momentum" => {
@@ -73,7 +74,8 @@ impl<'a> Parser<'a> {
                         ItemKind::Momentum { name: name.clone(), velocity }
                     }
                     _ if self.word("in").is_some() => {
-                        let algebra = self.algebra_expr()?;
+                        let (algebra, copies) = self.algebra_or_copies()?;
+                        let names = self.for_copies(names, copies);
                         ItemKind::MomentumIn { labels: self.labels(names.len())?, names, algebra }
                     }
                     _ => return self.expected("`of` and a velocity, or `in` and an algebra"),
@@ -330,9 +332,21 @@ impl<'a> Parser<'a> {
             return Err(too_deep(self.here()));
         }
         self.depth += 1;
-        let result = self.algebra_expr_inner();
+        let result = self.algebra_or_copies();
         self.depth -= 1;
-        result
+        result.map(|(algebra, _)| algebra)
+    }
+
+    /// An algebra, and how many copies it is: `A^n` is the product of `n` algebras `A`. (`R^n` is one algebra.)
+    fn algebra_or_copies(&mut self) -> Parsed<(AlgebraExpr, Option<usize>)> {
+        let one = self.algebra_expr_inner()?;
+        if self.punct("^").is_none() {
+            return Ok((one, None));
+        }
+        let copies = self.size_of_power()?.value;
+        let span = Span::new(one.span.start, self.last);
+        let product = Name { text: "product".to_owned(), span };
+        Ok((AlgebraExpr { node: AlgebraNode::Call(product, vec![one; copies]), span }, Some(copies)))
     }
 
     fn algebra_expr_inner(&mut self) -> Parsed<AlgebraExpr> {

@@ -145,6 +145,25 @@ impl<'a> Parser<'a> {
         self.mention(name)
     }
 
+    /// Names of velocities in copies of an algebra: all of them for each copy, with its number as index.
+    pub(super) fn for_copies(&mut self, names: Vec<Name>, copies: Option<usize>) -> Vec<Name> {
+        let Some(copies) = copies else { return names };
+        let mut declared = self.shared.declared.borrow_mut();
+        for name in &names {
+            let members = (1..=copies).filter_map(|k| i64::try_from(k).ok());
+            declared.entry(name.text.clone()).or_default().members.extend(members);
+        }
+        match self.shared.loops {
+            Loops::WrittenOut => {
+                let of_copy = |k: usize| {
+                    names.iter().map(move |name| Name { text: format!("{}{k}", name.text), span: name.span })
+                };
+                (1..=copies).flat_map(of_copy).collect()
+            }
+            Loops::Once => names,
+        }
+    }
+
     fn declared_as(&mut self, what: &str, is_coordinate: bool) -> Parsed<Name> {
         let name = self.ident(what)?;
         self.declare(name, is_coordinate)
