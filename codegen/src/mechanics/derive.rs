@@ -91,6 +91,13 @@ pub(super) struct Derivation<'a> {
 
 impl<'a> Derivation<'a> {
     fn run(&mut self) -> Result<Equations, Error> {
+        let motion = self.motion()?;
+        self.g.enter(Stage::Results);
+        self.finish(motion)
+    }
+
+    /// Velocities, their rates and those of the coordinates, before anything is asked about them.
+    pub(super) fn motion(&mut self) -> Result<Motion, Error> {
         self.g.enter(Stage::Derivation);
         match &self.system.hamiltonian {
             Some(hamiltonian) => {
@@ -123,11 +130,10 @@ impl<'a> Derivation<'a> {
         self.carried_accelerations(&motion)?;
         motion.momentum_rates = self.momentum_rates(&motion)?;
         self.g.within_budget()?;
-        self.g.enter(Stage::Results);
-        self.finish(motion)
+        Ok(motion)
     }
 
-    fn new(system: &'a ReducedSystem) -> Derivation<'a> {
+    pub(super) fn new(system: &'a ReducedSystem) -> Derivation<'a> {
         let mut g = system.graph.clone();
         let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
         let varying = system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied();

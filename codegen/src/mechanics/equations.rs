@@ -4,7 +4,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::expr::{ExprId, Graph, Section, Sign, Style, SymbolId, Vanishing, sign_of};
+use num_traits::ToPrimitive;
+
+use crate::expr::{ExprId, Graph, Node, Section, Sign, Style, SymbolId, Vanishing, sign_of};
 use crate::reduction::ReducedSystem;
 use crate::spec::Want;
 
@@ -246,18 +248,23 @@ impl Equations {
         let mut g = system.graph.clone();
         let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
         g.summands(system.lagrangian).into_iter().all(|(term, weight)| {
-            let mut second = Vec::new();
-            for y in &velocities {
-                let slope = g.diff(term, *y);
-                second.extend(velocities.iter().map(|z| g.diff(slope, *z)));
-            }
-            if second.iter().all(|e| *e == g.zero()) {
+            let degree = degree_in(&g, &velocities, term);
+            if degree.is_some_and(|n| n < 2) {
                 return true;
             }
+            let is_quadratic = degree == Some(2) || {
+                let mut second = Vec::new();
+                for y in &velocities {
+                    let slope = g.diff(term, *y);
+                    second.extend(velocities.range(y..).map(|z| g.diff(slope, *z)));
+                }
+                if second.iter().all(|e| *e == g.zero()) {
+                    return true;
+                }
+                second.iter().all(|e| !g.depends_on(*e, &velocities))
+            };
             let term = g.scale(term, &weight);
-            let sign = sign_of(&g, term, &system.signs);
-            second.iter().all(|e| !g.depends_on(*e, &velocities))
-                && matches!(sign, Sign::Positive | Sign::NonNegative)
+            is_quadratic && matches!(sign_of(&g, term, &system.signs), Sign::Positive | Sign::NonNegative)
         })
     }
 
@@ -275,4 +282,30 @@ impl Equations {
     pub fn display(&self, e: ExprId, style: Style) -> String {
         self.system.graph.display(e, style)
     }
+}
+
+/// The degree of a polynomial in the `symbols`, as it is written; none where it is no polynomial in them.
+fn degree_in(g: &Graph, symbols: &BTreeSet<SymbolId>, e: ExprId) -> Option<usize> {
+    let mut degrees: BTreeMap<ExprId, Option<usize>> = BTreeMap::new();
+    for e in g.reachable(&[e]) {
+        let degree = match g.node(e) {
+            Node::Symbol(s) => Some(usize::from(symbols.contains(s))),
+            Node::Sum { terms, .. } => {
+                terms.iter().try_fold(0, |most, (term, _)| Some(degrees[term]?.max(most)))
+            }
+            Node::Product { factors, .. } => {
+                factors.iter().try_fold(0, |total, (base, q)| match degrees[base]? {
+                    0 => Some(total),
+                    n => Some(total + n * q.is_integer().then(|| q.to_integer().to_usize())??),
+                })
+            }
+            node => {
+                let mut is_free = true;
+                node.for_each_operand(|operand| is_free &= degrees[&operand] == Some(0));
+                is_free.then_some(0)
+            }
+        };
+        degrees.insert(e, degree);
+    }
+    degrees[&e]
 }

@@ -254,7 +254,13 @@ impl Derivation<'_> {
         for i in 0..gauss.variables.len() {
             gauss.slopes(i).iter().for_each(|(j, _)| followers[*j] += 1);
         }
-        while let Some(block) = self.next(gauss, &left, &followers, order) {
+        // The last rate that each follows from.
+        let mut last_rate: Vec<usize> = Vec::with_capacity(gauss.variables.len());
+        for i in 0..gauss.variables.len() {
+            let of_parents = gauss.slopes(i).iter().map(|(j, _)| last_rate[*j]).max();
+            last_rate.push(of_parents.unwrap_or(i));
+        }
+        while let Some(block) = self.next(gauss, &left, (&followers, &last_rate), order) {
             self.g.within_budget()?;
             for i in &block {
                 left.remove(i);
@@ -274,13 +280,17 @@ impl Derivation<'_> {
         Ok(Some(elimination))
     }
 
-    /// What is eliminated next: first parts of numbers alone, then rates, then other parts; parts that follow from the
-    /// same one together.
+    /// What is eliminated next: first parts of numbers alone, then rates, then other parts, those of the last rate
+    /// first; parts that follow from the same one together.
+    ///
+    /// So a body is done with before the next one is begun. A chain of which some parts run ahead, such as heights that
+    /// need no turning angles, has entries between these and everything behind: operations of pendulums in space then
+    /// grow with the square of their number.
     fn next(
         &mut self,
         gauss: &Gauss,
         left: &BTreeSet<usize>,
-        followers: &[usize],
+        (followers, last_rate): (&[usize], &[usize]),
         order: Order,
     ) -> Option<Vec<usize>> {
         let ripe: Vec<usize> = left.iter().copied().filter(|i| followers[*i] == 0).collect();
@@ -295,7 +305,7 @@ impl Derivation<'_> {
             })
             .collect();
         let together = |list: &[usize]| {
-            let last = *list.last()?;
+            let last = *list.iter().max_by_key(|i| (last_rate[**i], **i))?;
             let from: BTreeSet<usize> = gauss.slopes(last).iter().map(|(j, _)| *j).collect();
             let is_beside = |i: &usize| *i == last || gauss.slopes(*i).iter().any(|(j, _)| from.contains(j));
             Some(list.iter().copied().filter(is_beside).collect::<Vec<_>>())

@@ -2,12 +2,8 @@
 //!
 //! Deliberately does not know: what an order does ([`super::kane`], [`super::gauss`]), how parts are found.
 
-use std::collections::HashSet;
-
-use num_traits::{One, Signed, Zero};
-
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Node, Rational, SectionWriter, needed_sections};
+use crate::expr::{ExprId, Graph, Rational, SectionWriter};
 use crate::reduction::SolvedConstraint;
 
 use super::constrained::inertias;
@@ -185,45 +181,5 @@ impl Derivation<'_> {
     fn combined(&mut self, weights: &[Rational], values: &[ExprId]) -> ExprId {
         let terms: Vec<(ExprId, Rational)> = values.iter().copied().zip(weights.iter().cloned()).collect();
         self.g.linear_combination(&terms)
-    }
-
-    /// Operations behind these values as they are written, on values that change.
-    pub(super) fn n_operations(&self, roots: &[ExprId]) -> usize {
-        let g = &self.g;
-        let (sections, varying) = self.writer.clone().finish();
-        let needed = needed_sections(g, &sections, roots);
-        let mut all: Vec<ExprId> = needed.iter().flat_map(|s| &s.definitions).map(|d| d.expr).collect();
-        all.extend(roots);
-        let mut moving: HashSet<ExprId> = HashSet::new();
-        let mut n = 0;
-        for e in g.reachable(&all) {
-            let node = g.node(e);
-            let mut moves = matches!(node, Node::Symbol(s) if varying.contains(s));
-            node.for_each_operand(|operand| moves |= moving.contains(&operand));
-            if !moves {
-                continue;
-            }
-            moving.insert(e);
-            let count = |operands: &mut dyn Iterator<Item = (&ExprId, &Rational)>| {
-                let moving = operands.filter(|(e, _)| moving.contains(e));
-                let (n, n_weighed) = moving
-                    .fold((0, 0), |(n, weighed), (_, q)| (n + 1, weighed + usize::from(!q.abs().is_one())));
-                (n, n + n_weighed)
-            };
-            // Operands that do not change are one operand.
-            n += match node {
-                Node::Constant(_) | Node::Pi | Node::Symbol(_) => 0,
-                Node::Function(..) | Node::Atan2(..) => 1,
-                Node::Sum { constant, terms } => {
-                    let (n, with_weights) = count(&mut terms.iter().map(|(e, q)| (e, q)));
-                    with_weights - usize::from(n == terms.len() && constant.is_zero())
-                }
-                Node::Product { coefficient, factors } => {
-                    let (n, with_powers) = count(&mut factors.iter().map(|(e, q)| (e, q)));
-                    with_powers - usize::from(n == factors.len() && coefficient.abs().is_one())
-                }
-            };
-        }
-        n
     }
 }

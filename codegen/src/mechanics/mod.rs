@@ -40,6 +40,7 @@ mod solve;
 mod splitting;
 mod squares;
 mod vertical;
+mod written;
 
 pub use bracket::Bracket;
 pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
@@ -62,3 +63,4 @@ pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub use splitting::{SplitFlow, Splitting};
 pub(crate) use vertical::unused_stem;
 pub use vertical::{HorizontalEquation, VerticalEquation, VerticalEquations};
+pub(crate) use written::operations_of_motion;

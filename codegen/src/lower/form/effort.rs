@@ -24,22 +24,68 @@ pub(super) struct Effort {
     /// Terms looked at for other units.
     pub(super) units: usize,
     limits: BTreeSet<Limit>,
+    /// What had been done when the search was allowed to go on.
+    before: Done,
+    /// The part of the budget that may be taken since then, as a fraction.
+    allowed: (usize, usize),
+}
+
+/// What of the budget is allowed anew to a search that goes on.
+#[derive(Clone, Copy, Debug, Default)]
+struct Done {
+    steps: usize,
+    divisors: usize,
+    numbers: usize,
 }
 
 impl Effort {
     pub(super) fn new(budget: &SearchBudget) -> Effort {
-        Effort { budget: *budget, divisors: 0, steps: 0, terms: 0, units: 0, limits: BTreeSet::new() }
+        Effort {
+            budget: *budget,
+            divisors: 0,
+            steps: 0,
+            terms: 0,
+            units: 0,
+            limits: BTreeSet::new(),
+            before: Done::default(),
+            allowed: (1, 1),
+        }
+    }
+
+    /// Allows as many steps, divisors and terms of numbers again, of which there are `n_numbers` by now; that these were
+    /// limits is forgotten.
+    pub(super) fn go_on(&mut self, n_numbers: usize) {
+        self.before = Done { steps: self.steps, divisors: self.n_divisors(), numbers: n_numbers };
+        self.limits.remove(&Limit::Numbers);
+        self.allow(1, 1);
+    }
+
+    /// Allows a part of the steps and divisors.
+    pub(super) fn allow(&mut self, part: usize, of: usize) {
+        self.allowed = (part, of);
+        self.limits.retain(|limit| !matches!(limit, Limit::Steps | Limit::Divisors));
+    }
+
+    fn n_divisors(&self) -> usize {
+        self.divisors + 10 * self.terms
+    }
+
+    /// Whether `n`, of which there were some `before`, is more than is allowed of a part of the budget.
+    fn is_beyond(&self, n: usize, before: usize, budget: usize) -> bool {
+        n - before > budget / self.allowed.1 * self.allowed.0
     }
 
     /// Whether so much was done that the form found so far has to do.
     pub(super) fn is_spent(&mut self, graph: &Graph) -> bool {
-        let steps = self.meets(Limit::Steps, self.steps > self.budget.steps);
+        let is_beyond = self.is_beyond(self.steps, self.before.steps, self.budget.steps);
+        let steps = self.meets(Limit::Steps, is_beyond);
         self.meets(Limit::Scene, graph.is_half_spent()) || steps
     }
 
     /// Whether no further definition is to be looked at.
     pub(super) fn has_seen_enough(&mut self) -> bool {
-        self.meets(Limit::Divisors, self.divisors + 10 * self.terms > self.budget.divisors)
+        let is_beyond = self.is_beyond(self.n_divisors(), self.before.divisors, self.budget.divisors);
+        self.meets(Limit::Divisors, is_beyond)
     }
 
     /// Whether nothing more is to be multiplied out.
@@ -49,7 +95,7 @@ impl Effort {
 
     /// Whether numbers of `n_terms` terms in all are too long for anything to be multiplied out.
     pub(super) fn has_long_numbers(&mut self, n_terms: usize) -> bool {
-        self.meets(Limit::Numbers, n_terms > self.budget.numbers)
+        self.meets(Limit::Numbers, n_terms - self.before.numbers > self.budget.numbers)
     }
 
     /// Whether no other units are to be looked for.

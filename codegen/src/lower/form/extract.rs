@@ -230,6 +230,8 @@ pub(super) struct Extractor {
     candidates: FxHashMap<Rc<[u32]>, Rc<Candidates>>,
     /// What the tables hold, about.
     bytes: usize,
+    /// How often the tables were begun anew.
+    generation: usize,
 }
 
 /// Tables larger than this are begun anew.
@@ -244,13 +246,30 @@ impl Extractor {
         entries: &mut Vec<Entry>,
         roots: &[usize],
     ) {
-        if self.bytes > MAX_BYTES {
-            *self = Extractor::default();
-        }
-        let before = system.effort.steps;
+        self.forget_if_large();
         let active = needed(system, entries, roots);
-        system.effort.steps += entries.len() + active.iter().map(|k| entries[*k].value.len()).sum::<usize>();
-        let n_rounds = 4 * active.iter().map(|k| entries[*k].value.len()).sum::<usize>();
+        self.extract_among(graph, system, entries, active, &[]);
+    }
+
+    fn forget_if_large(&mut self) {
+        if self.bytes > MAX_BYTES {
+            *self = Extractor { generation: self.generation + 1, ..Extractor::default() };
+        }
+    }
+
+    /// Extracts divisors from `active` polynomials alone, in whose place those of `landmarks` may stand.
+    fn extract_among(
+        &mut self,
+        graph: &mut Graph,
+        system: &mut System,
+        entries: &mut Vec<Entry>,
+        active: Vec<usize>,
+        landmarks: &[(u32, Known)],
+    ) {
+        let before = system.effort.steps;
+        let n_terms = active.iter().map(|k| entries[*k].value.len()).sum::<usize>();
+        system.effort.steps += entries.len() + n_terms;
+        let n_rounds = 4 * n_terms;
         let mut pass = Pass {
             graph,
             system,
@@ -260,6 +279,10 @@ impl Extractor {
             candidates: vec![None; entries.len()],
             active,
         };
+        for (divisor, known) in landmarks {
+            pass.extractor.known[*divisor as usize] = Some(*known);
+            pass.touched.push(*divisor);
+        }
         for position in 0..pass.active.len() {
             pass.enter(entries, pass.active[position]);
         }
@@ -275,6 +298,89 @@ impl Extractor {
             self.known[divisor as usize] = None;
         }
         system.effort.charge_steps(graph, before);
+    }
+}
+
+/// A form with its divisors extracted, in which single polynomials are tried.
+pub(super) struct Site {
+    entries: Vec<Entry>,
+    landmarks: Vec<(u32, Known)>,
+    /// Of the extractor whose divisors the landmarks are.
+    generation: usize,
+}
+
+impl Site {
+    /// The form, with every polynomial that is a divisor for a landmark.
+    pub(super) fn new(
+        extractor: &mut Extractor,
+        graph: &mut Graph,
+        system: &mut System,
+        entries: Vec<Entry>,
+        roots: &[usize],
+    ) -> Site {
+        let active = needed(system, &entries, roots);
+        let mut pass = Pass {
+            graph,
+            system,
+            extractor,
+            touched: Vec::new(),
+            queue: Vec::new(),
+            candidates: Vec::new(),
+            active: Vec::new(),
+        };
+        for k in active {
+            pass.remember(&entries, k);
+        }
+        let mut landmarks = Vec::new();
+        for divisor in std::mem::take(&mut pass.touched) {
+            if let Some(known) = extractor.known[divisor as usize].take() {
+                landmarks.push((divisor, known));
+            }
+        }
+        Site { entries, landmarks, generation: extractor.generation }
+    }
+
+    /// What the form costs with other polynomials in the place of some, common divisors extracted from these alone, and
+    /// that form where it costs less than `least`.
+    pub(super) fn with(
+        &mut self,
+        extractor: &mut Extractor,
+        graph: &mut Graph,
+        system: &mut System,
+        roots: &[usize],
+        (others, least): (Vec<(usize, Entry)>, i64),
+    ) -> (i64, Option<Vec<Entry>>) {
+        extractor.forget_if_large();
+        if self.generation != extractor.generation {
+            let entries = std::mem::take(&mut self.entries);
+            *self = Site::new(extractor, graph, system, entries, roots);
+        }
+        let n = self.entries.len();
+        let changed: BTreeSet<usize> = others.iter().map(|(k, _)| *k).collect();
+        let mut before = Vec::with_capacity(others.len());
+        for (k, entry) in others {
+            before.push((k, std::mem::replace(&mut self.entries[k], entry)));
+        }
+        let alive = needed(system, &self.entries, roots);
+        let mut is_alive = vec![false; n];
+        for k in &alive {
+            is_alive[*k] = true;
+        }
+        let is_there = |(_, known): &&(u32, Known)| match known {
+            Known::One => true,
+            // What a changed polynomial was is nowhere any more.
+            Known::Entry { k, .. } => is_alive[*k] && !changed.contains(k),
+        };
+        let landmarks: Vec<(u32, Known)> = self.landmarks.iter().filter(is_there).copied().collect();
+        let active = alive.into_iter().filter(|k| changed.contains(k)).collect();
+        extractor.extract_among(graph, system, &mut self.entries, active, &landmarks);
+        let cost = cost(system, &self.entries, roots);
+        let form = (cost < least).then(|| self.entries.clone());
+        self.entries.truncate(n);
+        for (k, entry) in before {
+            self.entries[k] = entry;
+        }
+        (cost, form)
     }
 }
 

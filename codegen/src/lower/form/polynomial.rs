@@ -88,6 +88,8 @@ pub(super) struct System {
     /// Pairs of atoms `sin a`, `cos a`, and of inputs that lie on a circle.
     circles: Vec<(u32, u32)>,
     pub(super) effort: Effort,
+    /// Whether each polynomial is out of view, as an input is; empty where all are in view.
+    hidden: Vec<bool>,
 }
 
 /// A larger polynomial is not made by multiplying out.
@@ -103,7 +105,21 @@ impl System {
             atom_index: HashMap::new(),
             circles: Vec::new(),
             effort: Effort::new(budget),
+            hidden: Vec::new(),
         }
+    }
+
+    /// Hides all but some of the first `n` polynomials, or none.
+    pub(super) fn look_at(&mut self, view: Option<(&BTreeSet<usize>, usize)>) {
+        self.hidden = match view {
+            Some((seen, n)) => (0..n).map(|k| !seen.contains(&k)).collect(),
+            None => Vec::new(),
+        };
+    }
+
+    /// Whether a polynomial is not hidden.
+    pub(super) fn is_in_view(&self, k: u32) -> bool {
+        !self.hidden.get(k as usize).copied().unwrap_or(false)
     }
 
     pub(super) fn atom(&self, k: u32) -> Atom {
@@ -137,14 +153,14 @@ impl System {
         self.circles.push(pair);
     }
 
-    /// The polynomials that an atom needs.
-    pub(super) fn needs(&self, atom: u32) -> impl Iterator<Item = usize> + use<> {
+    /// The polynomials in view that an atom needs.
+    pub(super) fn needs(&self, atom: u32) -> impl Iterator<Item = usize> + use<'_> {
         let needed = match self.atom(atom) {
             Atom::Input(_) => [None, None],
             Atom::Poly(k) | Atom::Function(_, k) => [Some(k), None],
             Atom::Atan2(y, x) => [Some(y), Some(x)],
         };
-        needed.into_iter().flatten().map(|k| k as usize)
+        needed.into_iter().flatten().filter(|k| self.is_in_view(*k)).map(|k| k as usize)
     }
 
     /// Whether `sin^2 a` and `cos^2 a` are the two monomials.
@@ -305,11 +321,11 @@ impl System {
         target.iter().map(&mut scaled).collect()
     }
 
-    /// The polynomials that a polynomial is divided by.
+    /// The polynomials in view that a polynomial is divided by.
     pub(super) fn denominators(&self, value: &Polynomial) -> BTreeSet<u32> {
         let factors = value.iter().flat_map(|(m, _)| m).filter(|(_, q)| q.is_negative());
         let polynomial = |(atom, _): &(u32, Exponent)| match self.atom(*atom) {
-            Atom::Poly(k) => Some(k),
+            Atom::Poly(k) if self.is_in_view(k) => Some(k),
             _ => None,
         };
         factors.filter_map(polynomial).collect()

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_traits::{One, Signed, Zero};
 
 use super::digits::Digits;
-use super::extract::{Extractor, cost, needed};
+use super::extract::{Extractor, Site, cost, needed};
 use super::numbers::Coefficient;
 use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, times};
 use super::units;
@@ -27,6 +27,40 @@ const GAIN: f64 = 16.0;
 const MAX_EXTRA: (i64, i64) = (1, 2);
 /// Definitions multiplied out one after the other in the search for one.
 const MAX_STAGES: usize = 12;
+
+/// A function of more terms is searched by windows: trials of all of it would meet their limit before every definition
+/// has been looked at once. Rates of ten pendulums in space have 1356 terms, of twenty 2886.
+const LARGE: usize = 1200;
+/// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near its
+/// definition: two operations.
+const SLACK: i64 = 6;
+/// Terms of a window.
+const WINDOW: usize = 300;
+
+/// The cheapest form so far, common divisors extracted, and the form that it was extracted from.
+struct Found {
+    best: (i64, Vec<Entry>),
+    current: Vec<Entry>,
+}
+
+fn is_large(system: &System, entries: &[Entry], roots: &[usize]) -> bool {
+    needed(system, entries, roots).iter().map(|k| entries[*k].value.len()).sum::<usize>() > LARGE
+}
+
+/// What the roots need in pieces, each after what it needs.
+fn windows(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<Vec<usize>> {
+    let mut windows: Vec<Vec<usize>> = vec![Vec::new()];
+    let mut n_terms = 0;
+    for k in needed(system, entries, roots) {
+        if n_terms > WINDOW {
+            windows.push(Vec::new());
+            n_terms = 0;
+        }
+        n_terms += entries[k].value.len();
+        windows.last_mut().expect("begun with one").push(k);
+    }
+    windows
+}
 
 /// The search for the cheapest form of the polynomials behind `roots`.
 pub(super) struct Search<'a> {
@@ -69,13 +103,40 @@ impl Search<'_> {
     }
 
     /// The cheapest form found, common divisors extracted.
+    ///
+    /// A search that meets its limits goes on with as much again, by what can be seen near each definition.
     fn cheapest(&mut self, original: Vec<Entry>) -> Vec<Entry> {
+        let (mut found, mut is_done) = if is_large(self.system, &original, self.roots) {
+            let current = self.by_windows(original);
+            (Found { best: self.extracted(&current), current }, false)
+        } else {
+            let start = self.start(original);
+            self.by_rounds(start, None)
+        };
+        if !is_done {
+            let n_numbers = self.system.numbers.n_terms;
+            self.system.effort.go_on(n_numbers);
+            (found, is_done) = self.by_rounds(found, Some(SLACK));
+        }
+        let Found { best, current } = found;
+        if is_done { self.without_cancellations(best, current) } else { best.1 }
+    }
+
+    /// Whether the form found so far has to do.
+    fn is_over(&mut self) -> bool {
+        self.system.effort.has_seen_enough()
+            || self.system.numbers_are_too_long()
+            || self.system.effort.is_spent(self.graph)
+    }
+
+    /// The form to begin with: as it was, multiplied out, over denominators, or both.
+    fn start(&mut self, original: Vec<Entry>) -> Found {
         let mut current = original;
         let mut best = self.extracted(&current);
         let flat = self.all_flat(&current);
         // What could only be multiplied out in part because its numbers grew is not worth the trial.
         if self.system.numbers_are_too_long() {
-            return best.1;
+            return Found { best, current };
         }
         let tidy = self.all_gathered(&current);
         let tidy_and_flat = tidy.as_ref().map(|tidy| self.all_flat(tidy));
@@ -86,15 +147,22 @@ impl Search<'_> {
                 (best, current) = (trial, start);
             }
         }
+        Found { best, current }
+    }
+
+    /// Rounds over all definitions, each of which is multiplied out where that pays.
+    ///
+    /// With `slack`, a candidate is extracted as a whole only where it comes that near the best form by what can be seen
+    /// in its changed polynomials alone. Tells whether all were looked at.
+    fn by_rounds(&mut self, start: Found, slack: Option<i64>) -> (Found, bool) {
+        let Found { mut best, mut current } = start;
+        let mut site = slack.map(|_| self.site(&best.1));
         for _ in 0..MAX_ROUNDS {
             let before = best.0;
             let order = needed(self.system, &current, self.roots);
             for k in order {
-                if self.system.effort.has_seen_enough()
-                    || self.system.numbers_are_too_long()
-                    || self.system.effort.is_spent(self.graph)
-                {
-                    return best.1;
+                if self.is_over() {
+                    return (Found { best, current }, false);
                 }
                 let candidates = [
                     self.flat(&current, k),
@@ -104,9 +172,20 @@ impl Search<'_> {
                     self.scaled(&current, k),
                 ];
                 for candidate in candidates.into_iter().flatten() {
-                    let trial = self.extracted(&candidate);
+                    let (seen, near) = match &mut site {
+                        Some(site) => self.seen_near(site, (&candidate, &current), best.0),
+                        None => (best.0, None),
+                    };
+                    if slack.is_some_and(|slack| seen >= best.0 + slack) {
+                        continue;
+                    }
+                    let mut trial = self.extracted(&candidate);
+                    if let Some(near) = near.filter(|_| seen < trial.0) {
+                        trial = (seen, near);
+                    }
                     if trial.0 < best.0 {
                         (best, current) = (trial, candidate);
+                        site = site.map(|_| self.site(&best.1));
                     }
                 }
             }
@@ -114,7 +193,61 @@ impl Search<'_> {
                 break;
             }
         }
-        self.without_cancellations(best, current)
+        (Found { best, current }, true)
+    }
+
+    fn site(&mut self, entries: &[Entry]) -> Site {
+        Site::new(&mut self.extractor, self.graph, self.system, entries.to_vec(), self.roots)
+    }
+
+    /// What a candidate costs at a site that has the form found so far, by its changed polynomials alone.
+    fn seen_near(
+        &mut self,
+        site: &mut Site,
+        (candidate, current): (&[Entry], &[Entry]),
+        least: i64,
+    ) -> (i64, Option<Vec<Entry>>) {
+        let is_other =
+            |(k, new): &(usize, &Entry)| new.value != current[*k].value || new.unit != current[*k].unit;
+        let others = candidate.iter().enumerate().filter(is_other).map(|(k, new)| (k, new.clone())).collect();
+        site.with(&mut self.extractor, self.graph, self.system, self.roots, (others, least))
+    }
+
+    /// The definitions, each window of them in the form that is cheapest by itself.
+    ///
+    /// A trial looks at everything that the roots need, so that a search over all definitions of a large function takes
+    /// the square of its length. Windows take its length, and hide nothing but what is shared far apart, which is
+    /// extracted from all of them in the end.
+    fn by_windows(&mut self, original: Vec<Entry>) -> Vec<Entry> {
+        let mut current = original;
+        let windows = windows(self.system, &current, self.roots);
+        let n = windows.len();
+        for (w, window) in windows.into_iter().enumerate() {
+            self.system.effort.allow(w + 1, n);
+            let inside: BTreeSet<usize> = window.iter().copied().collect();
+            let mut roots: BTreeSet<usize> =
+                window.iter().copied().filter(|k| self.roots.contains(k)).collect();
+            for user in needed(self.system, &current, self.roots).into_iter().filter(|k| !inside.contains(k))
+            {
+                let atoms = current[user].value.iter().flat_map(|(m, _)| m).map(|(atom, _)| *atom);
+                roots.extend(atoms.flat_map(|atom| self.system.needs(atom)).filter(|k| inside.contains(k)));
+            }
+            let roots: Vec<usize> = roots.into_iter().collect();
+            self.system.look_at(Some((&inside, current.len())));
+            let mut search = Search {
+                graph: &mut *self.graph,
+                system: &mut *self.system,
+                digits: &mut *self.digits,
+                roots: &roots,
+                keeps_digits: false,
+                extractor: std::mem::take(&mut self.extractor),
+            };
+            let extracted = search.extracted(&current);
+            (Found { current, .. }, _) = search.by_rounds(Found { best: extracted, current }, Some(SLACK));
+            self.extractor = search.extractor;
+            self.system.look_at(None);
+        }
+        current
     }
 
     /// The form found without those of its cancellations that can be avoided at no cost.
@@ -230,7 +363,9 @@ impl Search<'_> {
             // The latest polynomial first: earlier ones may come in with it.
             let open =
                 value.iter().flat_map(|(m, _)| m).filter_map(|(atom, _)| match self.system.atom(*atom) {
-                    Atom::Poly(inner) if !kept.contains(&inner) => Some(inner),
+                    Atom::Poly(inner) if !kept.contains(&inner) && self.system.is_in_view(inner) => {
+                        Some(inner)
+                    }
                     _ => None,
                 });
             let Some(inner) = open.max() else { break };
