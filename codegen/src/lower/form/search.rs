@@ -32,8 +32,8 @@ const MAX_STAGES: usize = 12;
 /// has been looked at once. Rates of ten pendulums in space have 1356 terms, of twenty 2886.
 const LARGE: usize = 1200;
 /// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near its
-/// definition: two operations.
-const SLACK: i64 = 6;
+/// definition, in one search after the other: two operations, eight, thirty-two.
+const SLACKS: [i64; 3] = [6, 24, 96];
 /// Terms of a window.
 const WINDOW: usize = 300;
 
@@ -116,7 +116,12 @@ impl Search<'_> {
         if !is_done {
             let n_numbers = self.system.numbers.n_terms;
             self.system.effort.go_on(n_numbers);
-            (found, is_done) = self.by_rounds(found, Some(SLACK));
+            for slack in SLACKS {
+                (found, is_done) = self.by_rounds(found, Some(slack));
+                if !is_done {
+                    break;
+                }
+            }
         }
         let Found { best, current } = found;
         if is_done { self.without_cancellations(best, current) } else { best.1 }
@@ -243,7 +248,7 @@ impl Search<'_> {
                 extractor: std::mem::take(&mut self.extractor),
             };
             let extracted = search.extracted(&current);
-            (Found { current, .. }, _) = search.by_rounds(Found { best: extracted, current }, Some(SLACK));
+            (Found { current, .. }, _) = search.by_rounds(Found { best: extracted, current }, Some(SLACKS[0]));
             self.extractor = search.extractor;
             self.system.look_at(None);
         }
