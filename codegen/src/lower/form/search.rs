@@ -248,7 +248,8 @@ impl Search<'_> {
                 extractor: std::mem::take(&mut self.extractor),
             };
             let extracted = search.extracted(&current);
-            (Found { current, .. }, _) = search.by_rounds(Found { best: extracted, current }, Some(SLACKS[0]));
+            (Found { current, .. }, _) =
+                search.by_rounds(Found { best: extracted, current }, Some(SLACKS[0]));
             self.extractor = search.extractor;
             self.system.look_at(None);
         }
