@@ -101,7 +101,7 @@ fn within_scene<'a>(
                 has(p, &symbol) && positions.iter().filter(|other| has(other, &symbol)).count() == 1
             })
         };
-        match positions.iter().position(|p| gives_other(&p)) {
+        match positions.iter().position(|p| gives_other(p)) {
             Some(k) if positions.len() > 1 => _ = positions.remove(k),
             _ => break,
         }
