@@ -615,7 +615,7 @@ fn a_model_begins_where_its_equations_are_met() {
                 coordinate theta in angle;
                 coordinate phi in angle by r*sin(theta) + l*sin(phi) = 0;
                 coordinate x in real by x = r*cos(theta) + l*cos(phi);
-                momentum p = theta_dot;
+                momentum p of theta_dot;
                 lagrangian = theta_dot^2*(1 + sin(theta)^2) + phi_dot^2;
                 initial theta_dot = 3; initial x = 0; {initial}
                 scene momenta {{ carry p; want rhs; }}
@@ -645,6 +645,22 @@ fn a_model_begins_where_its_equations_are_met() {
             }
         }
     }
+    // What gives only what is left out restricts nothing, and of what cannot be told there is no state.
+    let line = |by: &str, dropped: &str| {
+        let text = format!(
+            "model line {{
+                coordinate x in real; coordinate {by};
+                lagrangian = x_dot^2;
+                initial x = 1; initial y = 0; initial x_dot = 2;
+                scene closed {{ want rhs; drop {dropped}; }}
+            }}"
+        );
+        let model = spec::parse("line.hamel", &text).unwrap_or_else(|p| panic!("{p}"));
+        let built = scene::build(&model, "closed").unwrap_or_else(|p| panic!("{p}"));
+        (built.is_restricted(), scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}")))
+    };
+    assert_eq!(line("y in real by y = 2*x", "y"), (false, Some(vec![1.0, 2.0])));
+    assert_eq!(line("y, z in real by [y + z - x, y - z^3] = [0, 0]", "z"), (true, None));
     // A crank that is longer than the rod, across.
     let model = crank("initial theta = 1.6; initial phi = 0.2;");
     let message = start(&model, "long").unwrap_err().to_string();

@@ -125,7 +125,7 @@ fn moved<S: System<f64, State = State>>(
     system: &S,
     method: impl Method<f64, S>,
     start: Vec<f64>,
-    options: Options,
+    options: Options<f64>,
 ) -> Vec<f64> {
     let mut solver = Integrator::new(system, method, 0.0, State(start), options).expect("a motion begins");
     solver.integrate_to(2.0).expect("a motion");

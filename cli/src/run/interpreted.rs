@@ -314,6 +314,11 @@ impl Built {
         found.map(|executable| Runnable::new(executable, self.is_in_memory))
     }
 
+    /// Whether a state can violate equations between coordinates.
+    pub fn is_restricted(&self) -> bool {
+        model::has_positions(&self.model) && self.derived().is_some_and(BuiltScene::is_restricted)
+    }
+
     /// The components of the state that the equations between coordinates contain.
     pub fn components_in_positions(&self) -> Vec<usize> {
         self.with_positions().map_or_else(Vec::new, |found| found.components_in_positions())

@@ -10,7 +10,7 @@ use hamel_runtime::consistent_by;
 
 use super::admissible::{self, Outcome, Places, project};
 use super::backend::{Backend, Local};
-use super::dynamics::VecState;
+use super::dynamics::{Factory as _, VecState};
 use super::evaluate::{EvalRequest, prepare};
 use super::forms::Forms;
 use super::info::Info;
@@ -202,7 +202,7 @@ fn meet_positions(
 ) -> Result<(), Error> {
     let dynamics = prepare(scene, params)?;
     let Some(found) = dynamics.positions() else {
-        if places.all(is_given) {
+        if !scene.is_restricted() || places.all(is_given) {
             return Ok(());
         }
         let reason = format!(

@@ -47,7 +47,7 @@ pub fn initial_state(model: &Model, scene: &BuiltScene) -> Result<Option<Vec<f64
     let values: Vec<f64> = scene.params().iter().map(|p| defaults.params[&p.symbol]).collect();
     let Ok(interpreter) = scene.prepare(&values) else { return Ok(None) };
     let Some(state) = defaults.state() else { return Ok(None) };
-    let state = defaults.with_momenta(&interpreter, start::met(scene, &values, state)?);
+    let state = start::met(scene, &values, state)?.and_then(|y| defaults.with_momenta(&interpreter, y));
     Ok(state.filter(|state| state.iter().all(|x| x.is_finite())))
 }
 

@@ -435,6 +435,12 @@ impl BuiltScene {
         lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
     }
 
+    /// Whether a state of the scene can violate the equations between coordinates: not where there are none, or where
+    /// each gives a coordinate that the scene leaves out.
+    pub fn is_restricted(&self) -> bool {
+        positions::restrict(&self.equations, &self.state)
+    }
+
     /// The scene with the same parameters and state that wants the right-hand side and its exact flows.
     ///
     /// # Errors

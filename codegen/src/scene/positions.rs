@@ -39,7 +39,17 @@ pub(super) fn find(
     equations: &Equations,
     state: &[StateEquation],
 ) -> Result<(WithGradients, PositionLayout), Error> {
-    let positions = within_scene(g, equations, state)?;
+    let Some(first) = equations.system.positions.first() else {
+        return Err(Error::NoPositions { reason: "the model has none".into() });
+    };
+    let positions = match between(g, equations, state) {
+        Ok(positions) if !positions.is_empty() => positions,
+        found => {
+            let name = &found.err().unwrap_or(first).name;
+            let reason = format!("{name} depends on a coordinate that the scene leaves out");
+            return Err(Error::NoPositions { reason });
+        }
+    };
     let mut touched: BTreeSet<SymbolId> = BTreeSet::new();
     for s in state {
         let own = BTreeSet::from([s.symbol]);
@@ -82,17 +92,14 @@ pub(super) fn find(
     Ok((found, PositionLayout { n_equations: positions.len(), moved }))
 }
 
-/// The equations between what the scene carries. An equation with a coordinate that the scene leaves out, and that is
-/// in no other one, says nothing about the rest: it gives that coordinate.
-fn within_scene<'a>(
+/// The equations between what a state carries; none of them where there is one that contains a coordinate which is left
+/// out. But an equation with such a coordinate that is in no other one says nothing about the rest: it gives that.
+fn between<'a>(
     g: &Graph,
     equations: &'a Equations,
     state: &[StateEquation],
-) -> Result<Vec<&'a PositionResidual>, Error> {
+) -> Result<Vec<&'a PositionResidual>, &'a PositionResidual> {
     let mut positions: Vec<&PositionResidual> = equations.system.positions.iter().collect();
-    if positions.is_empty() {
-        return Err(Error::NoPositions { reason: "the model has none".into() });
-    }
     let left_out = left_out(equations, state);
     let has = |p: &PositionResidual, symbols: &BTreeSet<SymbolId>| needs(g, equations, p.residual, symbols);
     loop {
@@ -101,18 +108,20 @@ fn within_scene<'a>(
                 has(p, &symbol) && positions.iter().filter(|other| has(other, &symbol)).count() == 1
             })
         };
-        match positions.iter().position(|p| gives_other(p)) {
-            Some(k) if positions.len() > 1 => _ = positions.remove(k),
-            _ => break,
+        match positions.iter().position(|p| gives_other(&p)) {
+            Some(k) => _ = positions.remove(k),
+            None => break,
         }
     }
     match positions.iter().find(|p| has(p, &left_out)) {
         None => Ok(positions),
-        Some(position) => {
-            let reason = format!("{} depends on a coordinate that the scene leaves out", position.name);
-            Err(Error::NoPositions { reason })
-        }
+        Some(position) => Err(position),
     }
+}
+
+/// Whether a state of a scene can violate equations between coordinates.
+pub(super) fn restrict(equations: &Equations, state: &[StateEquation]) -> bool {
+    between(&equations.system.graph, equations, state).map_or(true, |positions| !positions.is_empty())
 }
 
 fn sum_of_squares(g: &mut Graph, symbols: &[SymbolId]) -> ExprId {

@@ -13,24 +13,27 @@ use crate::error::Error;
 const MAX_FUNCTIONS: usize = 64;
 
 /// The state with coordinates that satisfy the equations between them, as [`consistent`] finds them; the same state
-/// where a scene has no such equations.
+/// where nothing restricts it, and none where the scene leaves out a coordinate that it takes to tell.
 ///
 /// # Errors
 /// [`Error::NoStart`]; what lowering the equations can find.
-pub(super) fn met(scene: &BuiltScene, params: &[f64], state: Vec<f64>) -> Result<Vec<f64>, Error> {
+pub(super) fn met(scene: &BuiltScene, params: &[f64], state: Vec<f64>) -> Result<Option<Vec<f64>>, Error> {
+    if !scene.is_restricted() {
+        return Ok(Some(state));
+    }
     let of_equations;
     let scene = match scene.positions() {
         Some(_) => scene,
         None => {
             of_equations = match scene.with_positions() {
-                Err(Error::NoPositions { .. }) => return Ok(state),
+                Err(Error::NoPositions { .. }) => return Ok(None),
                 found => found?,
             };
             &of_equations
         }
     };
     let (Some(layout), Ok(interpreter)) = (scene.positions(), scene.prepare(params)) else {
-        return Ok(state);
+        return Ok(None);
     };
     let names = scene.executable().position_names();
     let system = &scene.equations.system;
@@ -40,7 +43,7 @@ pub(super) fn met(scene: &BuiltScene, params: &[f64], state: Vec<f64>) -> Result
     }
     let closed = Closed { interpreter, layout };
     let mut y = Numbers(state);
-    let Err(error) = consistent(&closed, 0.0, &mut y) else { return Ok(y.0) };
+    let Err(error) = consistent(&closed, 0.0, &mut y) else { return Ok(Some(y.0)) };
     let name = |index: usize| names.get(index).map_or("an equation", String::as_str);
     Err(no_start(match error {
         hamel_runtime::Error::PositionMissed { index, residual, .. } => {
