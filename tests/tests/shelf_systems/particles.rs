@@ -94,7 +94,7 @@ impl Unreduced for Vortices {
         for (i, a) in self.circulations.iter().enumerate() {
             for (j, b) in self.circulations.iter().enumerate().take(i) {
                 let chord = [0, 1, 2].map(|k| q[3 * i + k] - q[3 * j + k]);
-                energy = energy - R::from_f64(a * b / (4.0 * std::f64::consts::PI)) * dot(chord, chord).ln();
+                energy -= R::from_f64(a * b / (4.0 * std::f64::consts::PI)) * dot(chord, chord).ln();
             }
         }
         -energy

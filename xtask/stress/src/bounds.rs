@@ -17,7 +17,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("ball_in_rotating_cylinder", "default", [5.0, 32.0, 5.0, 32.0]),
     ("ball_on_rotating_table", "default", [4.0, 32.0, 5.0, 32.0]),
     ("ball_on_rotating_table", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
-    ("ball_on_surface", "default", [10.0, 1e14, 11.0, 1e15]),
+    ("ball_on_surface", "default", [9.0, 1e7, 8.0, 1e14]),
     ("bicycle_with_rider", "default", [22.0, 1e11, 32.0, 1e13]),
     ("camassa_holm", "default", [8.0, 32.0, 8.0, 32.0]),
     ("car_with_trailers", "default", [6.0, 32.0, 5.0, 1e14]),
@@ -140,6 +140,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("veselova", "hamiltonized", [5.0, 1e17, 5.0, 32.0]),
     ("veselova", "invariants", [6.0, 32.0, 4.0, 32.0]),
     ("veselova", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("vortices_on_sphere", "default", [7.0, 32.0, 7.0, 32.0]),
     ("whipple_bicycle", "default", [15.0, 1e13, 26.0, 1e13]),
     ("whipple_bicycle_multipliers", "default", [11.0, 1e13, 15.0, 1e7]),
     ("wong_particle", "default", [8.0, 32.0, 4.0, 32.0]),
@@ -157,7 +158,7 @@ const BUILT: f64 = 64.0;
 
 /// Models that exceed [`BUILT`], and by how much they may: `findings.md` has the reasons.
 const BUILT_OF: &[(&str, f64)] = &[
-    ("ball_on_surface", 1e16),
+    ("ball_on_surface", 1e10),
     ("bicycle_with_rider", 1e11),
     ("car_with_trailers", 1e4),
     ("chaplygin_ball", 1e13),
@@ -185,13 +186,8 @@ const BUILT_OF_SCENES: &[(&str, &str, f64)] =
     &[("snakeboard", "controlled", 1e10), ("veselova", "hamiltonized", 1e17)];
 
 /// Models that may have results which are not finite and nobody gave a reason for, and what they are at.
-const SILENT: &[(&str, &str)] = &[
-    (
-        "pseudo_rigid_body",
-        "strains that no motion leads to, of negative determinant, whose logarithm there is not",
-    ),
-    ("quadrotor_with_load", "extreme parameters, with inertias lost beside that of the load"),
-];
+const SILENT: &[(&str, &str)] =
+    &[("quadrotor_with_load", "extreme parameters, with inertias lost beside that of the load")];
 
 /// What exceeds its bound or has none, one line each.
 pub fn excesses(results: &Results) -> Vec<String> {
