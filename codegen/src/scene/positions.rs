@@ -103,12 +103,12 @@ fn between<'a>(
     let left_out = left_out(equations, state);
     let has = |p: &PositionResidual, symbols: &BTreeSet<SymbolId>| needs(g, equations, p.residual, symbols);
     loop {
-        let gives_other = |p: &&PositionResidual| {
+        let gives_other = |p: &PositionResidual| {
             left_out.iter().map(|symbol| BTreeSet::from([*symbol])).any(|symbol| {
                 has(p, &symbol) && positions.iter().filter(|other| has(other, &symbol)).count() == 1
             })
         };
-        match positions.iter().position(|p| gives_other(&p)) {
+        match positions.iter().position(|p| gives_other(p)) {
             Some(k) => _ = positions.remove(k),
             None => break,
         }

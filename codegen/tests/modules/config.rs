@@ -89,10 +89,10 @@ fn every_scene_has_a_file_and_the_include_file_has_a_module_for_each() {
 fn the_runtime_goes_by_the_name_that_the_crate_gives_it() {
     let plain = Config::new().generate(&[model(SPRING)]).unwrap();
     // Of the same length, so that lines break at the same places.
-    let other = Config::new().runtime_path("hamel_codegen::runtimes").generate(&[model(SPRING)]).unwrap();
+    let other = Config::new().runtime_path("crate::runtimes").generate(&[model(SPRING)]).unwrap();
     let text = &other.files["spring.rs"];
-    assert!(text.contains("hamel_codegen::runtimes::SceneInfo") && !text.contains("hamel_runtime"), "{text}");
-    assert_eq!(text.replace("hamel_codegen::runtimes", "::hamel_runtime"), plain.files["spring.rs"]);
+    assert!(text.contains("crate::runtimes::SceneInfo") && !text.contains("hamel_runtime"), "{text}");
+    assert_eq!(text.replace("crate::runtimes", "::hamel_runtime"), plain.files["spring.rs"]);
     for wrong in ["two words", "a<b>", "1"] {
         let problems = Config::new().runtime_path(wrong).generate(&[model(SPRING)]).unwrap_err();
         assert!(problems.to_string().contains(&format!("`{wrong}` is not a path")), "{problems}");

@@ -2,7 +2,7 @@ use num_traits::One;
 
 use hamel_codegen::emit::*;
 use hamel_codegen::error::Error;
-use hamel_codegen::expr::{Definition, Graph, Rational, Section};
+use hamel_codegen::expr::{Definition, Func, Graph, Rational, Section};
 use hamel_codegen::lower::{Inputs, ParamCondition, Request, SearchBudget, lower};
 use hamel_codegen::program::{Program, Relation, Role};
 
@@ -53,12 +53,12 @@ fn pendulum() -> (Program, SceneText) {
         title: "momentum p = dL/d(omega)".into(),
         definitions: vec![Definition { symbol: p, expr: momentum }],
     }];
-    let sine = g.func(hamel_codegen::expr::Func::Sin, theta);
+    let sine = g.func(Func::Sin, theta);
     let torque = g.product(&[k, sine]);
     let torque = g.div(torque, inertia).unwrap();
     let p = g.sym(p);
     let half = g.rational(Rational::new(1.into(), 2.into()));
-    let tanh = g.func(hamel_codegen::expr::Func::Tanh, p);
+    let tanh = g.func(Func::Tanh, p);
     let friction = g.mul(half, tanh);
     let total = g.add(torque, friction);
     let acceleration = g.neg(total);
@@ -133,15 +133,15 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
         let shift = g.int(k);
         let shifted = g.add(state, shift);
         let expr = if k == 400 {
-            g.func(hamel_codegen::expr::Func::Sin, state)
+            g.func(Func::Sin, state)
         } else {
-            g.func(hamel_codegen::expr::Func::Tanh, shifted)
+            g.func(Func::Tanh, shifted)
         };
         definitions.push(Definition { symbol: g.define(&format!("d{k}"), expr), expr });
     }
     let values: Vec<_> = definitions.iter().map(|d| g.sym(d.symbol)).collect();
     let squares: Vec<_> = values.iter().map(|e| g.powi(*e, 2)).collect();
-    let cosine = g.func(hamel_codegen::expr::Func::Cos, state);
+    let cosine = g.func(Func::Cos, state);
     let sum = g.sum(&squares);
     let product = g.mul(cosine, sum);
     let inputs = Inputs {
@@ -172,7 +172,7 @@ fn sines_and_cosines_of_two_angles_are_one_call() {
     let mut rates = Vec::new();
     for angle in [x, difference] {
         let (sine, cosine) =
-            (g.func(hamel_codegen::expr::Func::Sin, angle), g.func(hamel_codegen::expr::Func::Cos, angle));
+            (g.func(Func::Sin, angle), g.func(Func::Cos, angle));
         rates.push(g.sub(sine, cosine));
     }
     let inputs = Inputs {
