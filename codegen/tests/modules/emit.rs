@@ -132,11 +132,7 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
     for k in 1..=450i64 {
         let shift = g.int(k);
         let shifted = g.add(state, shift);
-        let expr = if k == 400 {
-            g.func(Func::Sin, state)
-        } else {
-            g.func(Func::Tanh, shifted)
-        };
+        let expr = if k == 400 { g.func(Func::Sin, state) } else { g.func(Func::Tanh, shifted) };
         definitions.push(Definition { symbol: g.define(&format!("d{k}"), expr), expr });
     }
     let values: Vec<_> = definitions.iter().map(|d| g.sym(d.symbol)).collect();
@@ -171,8 +167,7 @@ fn sines_and_cosines_of_two_angles_are_one_call() {
     let difference = g.sub(y, x);
     let mut rates = Vec::new();
     for angle in [x, difference] {
-        let (sine, cosine) =
-            (g.func(Func::Sin, angle), g.func(Func::Cos, angle));
+        let (sine, cosine) = (g.func(Func::Sin, angle), g.func(Func::Cos, angle));
         rates.push(g.sub(sine, cosine));
     }
     let inputs = Inputs {
