@@ -37,7 +37,7 @@ impl Options {
 /// # Errors
 /// [`Error::Failed`] when the measuring program does not build or run, [`Error::Io`].
 pub(crate) fn fluids(repository: &Repository, options: Options) -> Result<String, Error> {
-    let program = build(repository, options.target_cpu, &["--no-default-features", "--features", "program"])?;
+    let program = build(repository, options.target_cpu, &["--no-default-features", "--features", "measure"])?;
     let folder = target_dir(repository).join("flows");
     std::fs::create_dir_all(&folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
     let (mut rows, mut long) = (Vec::new(), Vec::new());

@@ -42,7 +42,7 @@ pub(crate) struct Options {
 pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options) -> Result<String, Error> {
     let Options { chosen, rounds, peers: has_peers } = options;
     let files = session.find_compiled(&chosen.models)?;
-    let program = build(repository, chosen.target_cpu(), &["--features", "program"])?;
+    let program = build(repository, chosen.target_cpu(), &[])?;
     let mut own = Program::open(program)?;
     own.kernels.retain(|k| k.is_copy() || files.iter().any(|file| file.name() == k.model));
     own.kernels.retain(|k| k.scene != RECONSTRUCTION_SCENE);
