@@ -28,9 +28,10 @@ const MAX_EXTRA: (i64, i64) = (1, 2);
 /// Definitions multiplied out one after the other in the search for one.
 const MAX_STAGES: usize = 12;
 
-/// A function of more terms is searched by windows: trials of all of it would meet their limit before every definition
-/// has been looked at once. Rates of ten pendulums in space have 1356 terms, of twenty 2886.
-const LARGE: usize = 1200;
+/// A function of more definitions and terms than both of these is searched by windows: trials of all of it would meet
+/// their limit before every definition has been looked at once. Rates of ten pendulums in space have 1356 terms, of
+/// twenty 2886.
+const LARGE: Size = Size { definitions: 400, terms: 1200 };
 /// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near its
 /// definition, in one search after the other: two operations, eight, thirty-two.
 const SLACKS: [i64; 3] = [6, 24, 96];
@@ -43,8 +44,15 @@ struct Found {
     current: Vec<Entry>,
 }
 
+struct Size {
+    definitions: usize,
+    terms: usize,
+}
+
 fn is_large(system: &System, entries: &[Entry], roots: &[usize]) -> bool {
-    needed(system, entries, roots).iter().map(|k| entries[*k].value.len()).sum::<usize>() > LARGE
+    let alive = needed(system, entries, roots);
+    let n_terms: usize = alive.iter().map(|k| entries[*k].value.len()).sum();
+    alive.len() > LARGE.definitions && n_terms > LARGE.terms
 }
 
 /// What the roots need in pieces, each after what it needs.
@@ -103,28 +111,18 @@ impl Search<'_> {
     }
 
     /// The cheapest form found, common divisors extracted.
-    ///
-    /// A search that meets its limits goes on with as much again, by what can be seen near each definition.
     fn cheapest(&mut self, original: Vec<Entry>) -> Vec<Entry> {
-        let (mut found, mut is_done) = if is_large(self.system, &original, self.roots) {
-            let current = self.by_windows(original);
-            (Found { best: self.extracted(&current), current }, false)
-        } else {
-            let start = self.start(original);
-            self.by_rounds(start, None)
-        };
-        if !is_done {
-            let n_numbers = self.system.numbers.n_terms;
-            self.system.effort.go_on(n_numbers);
-            for slack in SLACKS {
-                (found, is_done) = self.by_rounds(found, Some(slack));
-                if !is_done {
-                    break;
-                }
-            }
-        }
-        let Found { best, current } = found;
+        // Rates alone: of derivatives and outputs, as many again, nobody asks that much.
+        let by_windows = self.keeps_digits && is_large(self.system, &original, self.roots);
+        let (Found { best, current }, is_done) =
+            if by_windows { self.by_windows(original) } else { self.by_rounds_from(original) };
         if is_done { self.without_cancellations(best, current) } else { best.1 }
+    }
+
+    /// Rounds over all definitions, from the best of some forms to begin with.
+    fn by_rounds_from(&mut self, original: Vec<Entry>) -> (Found, bool) {
+        let start = self.start(original);
+        self.by_rounds(start, None)
     }
 
     /// Whether the form found so far has to do.
@@ -205,7 +203,9 @@ impl Search<'_> {
         Site::new(&mut self.extractor, self.graph, self.system, entries.to_vec(), self.roots)
     }
 
-    /// What a candidate costs at a site that has the form found so far, by its changed polynomials alone.
+    /// What a candidate costs at a site that has the form found so far, by its changed polynomials alone, and the form
+    /// that it has there, if that costs less than `least`. What is measured in another unit is another value to whatever
+    /// else uses it there, and has none.
     fn seen_near(
         &mut self,
         site: &mut Site,
@@ -214,16 +214,21 @@ impl Search<'_> {
     ) -> (i64, Option<Vec<Entry>>) {
         let is_other =
             |(k, new): &(usize, &Entry)| new.value != current[*k].value || new.unit != current[*k].unit;
-        let others = candidate.iter().enumerate().filter(is_other).map(|(k, new)| (k, new.clone())).collect();
-        site.with(&mut self.extractor, self.graph, self.system, self.roots, (others, least))
+        let others: Vec<(usize, Entry)> =
+            candidate.iter().enumerate().filter(is_other).map(|(k, new)| (k, new.clone())).collect();
+        let has_its_units = others.iter().all(|(k, new)| new.unit == current[*k].unit);
+        let (cost, form) =
+            site.with(&mut self.extractor, self.graph, self.system, self.roots, (others, least));
+        (cost, form.filter(|_| has_its_units))
     }
 
-    /// The definitions, each window of them in the form that is cheapest by itself.
+    /// The definitions, each window of them in the form that is cheapest by itself, and then all of them, by what can be
+    /// seen near each, as long as limits allow that anew. Tells whether all were looked at.
     ///
     /// A trial looks at everything that the roots need, so that a search over all definitions of a large function takes
     /// the square of its length. Windows take its length, and hide nothing but what is shared far apart, which is
     /// extracted from all of them in the end.
-    fn by_windows(&mut self, original: Vec<Entry>) -> Vec<Entry> {
+    fn by_windows(&mut self, original: Vec<Entry>) -> (Found, bool) {
         let mut current = original;
         let windows = windows(self.system, &current, self.roots);
         let n = windows.len();
@@ -253,7 +258,15 @@ impl Search<'_> {
             self.extractor = search.extractor;
             self.system.look_at(None);
         }
-        current
+        let n_numbers = self.system.numbers.n_terms;
+        self.system.effort.go_on(n_numbers);
+        let mut found = (Found { best: self.extracted(&current), current }, true);
+        for slack in SLACKS {
+            if found.1 {
+                found = self.by_rounds(found.0, Some(slack));
+            }
+        }
+        found
     }
 
     /// The form found without those of its cancellations that can be avoided at no cost.
