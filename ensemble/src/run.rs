@@ -135,8 +135,8 @@ impl<M, L> Ensemble<M, L> {
     }
 }
 
-/// The tasks `0..n` on the threads of the current pool, their results in order. What a task does is behind a pointer, so
-/// that this is compiled once for each type of results, not for each system and method.
+/// The tasks `0..n` on the threads of the current pool, their results in order. What a task does is behind a pointer,
+/// so that this is compiled once for each type of results, not for each system and method.
 fn share_out<T: Send>(n: usize, task: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
     (0..n).into_par_iter().map(task).collect()
 }

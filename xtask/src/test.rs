@@ -159,8 +159,8 @@ impl Tests {
     }
 }
 
-/// Builds the tests of the workspace and runs their programs, [`SIDE_BY_SIDE`] at a time, where cargo runs one after the
-/// other. All of them are run, whichever fail.
+/// Builds the tests of the workspace and runs their programs, [`SIDE_BY_SIDE`] at a time, where cargo runs one after
+/// the other. All of them are run, whichever fail.
 fn run_side_by_side(root: &Path, step: &str) -> Result<(), Error> {
     let mut command = Command::new(Repository::cargo());
     command.args(["test", "--workspace", "--no-run", "--message-format", "json-render-diagnostics"]);

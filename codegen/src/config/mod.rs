@@ -322,7 +322,8 @@ impl Config {
         self.generate_cached(models, note, None)
     }
 
-    /// As [`Config::generate`], with scenes that an earlier run has left in a folder, as [`Config::compile`] finds them.
+    /// As [`Config::generate`], with scenes that an earlier run has left in a folder, as [`Config::compile`] finds
+    /// them.
     ///
     /// # Errors
     /// As [`Config::generate`].

@@ -52,8 +52,8 @@ impl Effort {
         }
     }
 
-    /// Allows as many steps, divisors and terms of numbers again, of which there are `n_numbers` by now; that these were
-    /// limits is forgotten.
+    /// Allows as many steps, divisors and terms of numbers again, of which there are `n_numbers` by now; that these
+    /// were limits is forgotten.
     pub(super) fn go_on(&mut self, n_numbers: usize) {
         self.before = Done { steps: self.steps, divisors: self.n_divisors(), numbers: n_numbers };
         self.limits.remove(&Limit::Numbers);
