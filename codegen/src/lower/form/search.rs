@@ -32,8 +32,8 @@ const MAX_STAGES: usize = 12;
 /// their limit before every definition has been looked at once. Rates of ten pendulums in space have 1356 terms, of
 /// twenty 2886.
 const LARGE: Size = Size { definitions: 400, terms: 1200 };
-/// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near its
-/// definition, in one search after the other: two operations, eight, thirty-two.
+/// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near
+/// its definition, in one search after the other: two operations, eight, thirty-two.
 const SLACKS: [i64; 3] = [6, 24, 96];
 /// Terms of a window.
 const WINDOW: usize = 300;
@@ -155,8 +155,8 @@ impl Search<'_> {
 
     /// Rounds over all definitions, each of which is multiplied out where that pays.
     ///
-    /// With `slack`, a candidate is extracted as a whole only where it comes that near the best form by what can be seen
-    /// in its changed polynomials alone. Tells whether all were looked at.
+    /// With `slack`, a candidate is extracted as a whole only where it comes that near the best form by what can be
+    /// seen in its changed polynomials alone. Tells whether all were looked at.
     fn by_rounds(&mut self, start: Found, slack: Option<i64>) -> (Found, bool) {
         let Found { mut best, mut current } = start;
         let mut site = slack.map(|_| self.site(&best.1));
@@ -204,8 +204,8 @@ impl Search<'_> {
     }
 
     /// What a candidate costs at a site that has the form found so far, by its changed polynomials alone, and the form
-    /// that it has there, if that costs less than `least`. What is measured in another unit is another value to whatever
-    /// else uses it there, and has none.
+    /// that it has there, if that costs less than `least`. What is measured in another unit is another value to
+    /// whatever else uses it there, and has none.
     fn seen_near(
         &mut self,
         site: &mut Site,
@@ -222,8 +222,8 @@ impl Search<'_> {
         (cost, form.filter(|_| has_its_units))
     }
 
-    /// The definitions, each window of them in the form that is cheapest by itself, and then all of them, by what can be
-    /// seen near each, as long as limits allow that anew. Tells whether all were looked at.
+    /// The definitions, each window of them in the form that is cheapest by itself, and then all of them, by what can
+    /// be seen near each, as long as limits allow that anew. Tells whether all were looked at.
     ///
     /// A trial looks at everything that the roots need, so that a search over all definitions of a large function takes
     /// the square of its length. Windows take its length, and hide nothing but what is shared far apart, which is
