@@ -6,6 +6,8 @@
 //! coefficients (Hosangadi, Fallah and Kastner, 2006). Deliberately does not know which polynomials were multiplied
 //! out.
 
+mod site;
+
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -13,9 +15,11 @@ use num_traits::{Signed, Zero};
 use rustc_hash::FxHashMap;
 
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, times};
+use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, common, quotient, times};
 use crate::expr::{Func, Graph};
 use crate::program::cost::thirds::{CALL, DIVISION, FLOP, INSTRUCTION, ROOT};
+
+pub(super) use site::Site;
 
 /// In longer polynomials only terms this close to one another are paired.
 const WINDOW: usize = 48;
@@ -298,89 +302,6 @@ impl Extractor {
             self.known[divisor as usize] = None;
         }
         system.effort.charge_steps(graph, before);
-    }
-}
-
-/// A form with its divisors extracted, in which single polynomials are tried.
-pub(super) struct Site {
-    entries: Vec<Entry>,
-    landmarks: Vec<(u32, Known)>,
-    /// Of the extractor whose divisors the landmarks are.
-    generation: usize,
-}
-
-impl Site {
-    /// The form, with every polynomial that is a divisor for a landmark.
-    pub(super) fn new(
-        extractor: &mut Extractor,
-        graph: &mut Graph,
-        system: &mut System,
-        entries: Vec<Entry>,
-        roots: &[usize],
-    ) -> Site {
-        let active = needed(system, &entries, roots);
-        let mut pass = Pass {
-            graph,
-            system,
-            extractor,
-            touched: Vec::new(),
-            queue: Vec::new(),
-            candidates: Vec::new(),
-            active: Vec::new(),
-        };
-        for k in active {
-            pass.remember(&entries, k);
-        }
-        let mut landmarks = Vec::new();
-        for divisor in std::mem::take(&mut pass.touched) {
-            if let Some(known) = extractor.known[divisor as usize].take() {
-                landmarks.push((divisor, known));
-            }
-        }
-        Site { entries, landmarks, generation: extractor.generation }
-    }
-
-    /// What the form costs with other polynomials in the place of some, common divisors extracted from these alone, and
-    /// that form where it costs less than `least`.
-    pub(super) fn with(
-        &mut self,
-        extractor: &mut Extractor,
-        graph: &mut Graph,
-        system: &mut System,
-        roots: &[usize],
-        (others, least): (Vec<(usize, Entry)>, i64),
-    ) -> (i64, Option<Vec<Entry>>) {
-        extractor.forget_if_large();
-        if self.generation != extractor.generation {
-            let entries = std::mem::take(&mut self.entries);
-            *self = Site::new(extractor, graph, system, entries, roots);
-        }
-        let n = self.entries.len();
-        let changed: BTreeSet<usize> = others.iter().map(|(k, _)| *k).collect();
-        let mut before = Vec::with_capacity(others.len());
-        for (k, entry) in others {
-            before.push((k, std::mem::replace(&mut self.entries[k], entry)));
-        }
-        let alive = needed(system, &self.entries, roots);
-        let mut is_alive = vec![false; n];
-        for k in &alive {
-            is_alive[*k] = true;
-        }
-        let is_there = |(_, known): &&(u32, Known)| match known {
-            Known::One => true,
-            // What a changed polynomial was is nowhere any more.
-            Known::Entry { k, .. } => is_alive[*k] && !changed.contains(k),
-        };
-        let landmarks: Vec<(u32, Known)> = self.landmarks.iter().filter(is_there).copied().collect();
-        let active = alive.into_iter().filter(|k| changed.contains(k)).collect();
-        extractor.extract_among(graph, system, &mut self.entries, active, &landmarks);
-        let cost = cost(system, &self.entries, roots);
-        let form = (cost < least).then(|| self.entries.clone());
-        self.entries.truncate(n);
-        for (k, entry) in before {
-            self.entries[k] = entry;
-        }
-        (cost, form)
     }
 }
 
@@ -766,26 +687,4 @@ fn literals(m: &Monomial, c: Coefficient) -> Vec<(Literal, i64)> {
         (n > 0).then_some((Literal::Atom(*atom, q.is_positive()), i64::from(n)))
     });
     number.into_iter().chain(atoms).collect()
-}
-
-/// The powers that two monomials share.
-fn common(a: &Monomial, b: &Monomial) -> Monomial {
-    let mut shared = Monomial::new();
-    let mut rest = b.iter().peekable();
-    for (atom, p) in a {
-        while rest.next_if(|(other, _)| other < atom).is_some() {}
-        let Some((_, q)) = rest.next_if(|(other, _)| other == atom) else { continue };
-        if p.is_positive() && q.is_positive() {
-            shared.push((*atom, *p.min(q)));
-        } else if p.is_negative() && q.is_negative() {
-            shared.push((*atom, *p.max(q)));
-        }
-    }
-    shared
-}
-
-/// `a / b`.
-fn quotient(a: &Monomial, b: &Monomial) -> Monomial {
-    let inverse: Monomial = b.iter().map(|(atom, q)| (*atom, -q)).collect();
-    times(a, &inverse)
 }

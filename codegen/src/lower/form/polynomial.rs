@@ -74,6 +74,28 @@ pub(super) fn times(a: &Monomial, b: &Monomial) -> Monomial {
     product
 }
 
+/// The powers that two monomials share.
+pub(super) fn common(a: &Monomial, b: &Monomial) -> Monomial {
+    let mut shared = Monomial::new();
+    let mut rest = b.iter().peekable();
+    for (atom, p) in a {
+        while rest.next_if(|(other, _)| other < atom).is_some() {}
+        let Some((_, q)) = rest.next_if(|(other, _)| other == atom) else { continue };
+        if p.is_positive() && q.is_positive() {
+            shared.push((*atom, *p.min(q)));
+        } else if p.is_negative() && q.is_negative() {
+            shared.push((*atom, *p.max(q)));
+        }
+    }
+    shared
+}
+
+/// `a / b`.
+pub(super) fn quotient(a: &Monomial, b: &Monomial) -> Monomial {
+    let inverse: Monomial = b.iter().map(|(atom, q)| (*atom, -q)).collect();
+    times(a, &inverse)
+}
+
 /// `m^q` with an integer or fractional `q` other than zero.
 fn raised(m: &Monomial, q: Exponent) -> Monomial {
     m.iter().map(|(atom, e)| (*atom, e * q)).collect()
