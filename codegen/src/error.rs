@@ -110,8 +110,8 @@ pub enum Error {
         /// The constraint as written.
         constraint: String,
     },
-    /// The derivative of an equation between positions follows from the other constraints: the equation says the same as
-    /// they do, or contradicts them.
+    /// The derivative of an equation between positions follows from the other constraints: the equation says the same
+    /// as they do, or contradicts them.
     DependentPositions {
         /// The equation as written.
         constraint: String,

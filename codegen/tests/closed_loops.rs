@@ -132,8 +132,8 @@ fn rates(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str) -> f64 + u
     move |name| dy[names.iter().position(|n| n == name).unwrap_or_else(|| panic!("{name} of {names:?}"))]
 }
 
-/// Rates of coordinates and accelerations in a scene that carries the momenta of all its velocities, at a state given by
-/// these: what follows from the momenta, differentiated along their motion.
+/// Rates of coordinates and accelerations in a scene that carries the momenta of all its velocities, at a state given
+/// by these: what follows from the momenta, differentiated along their motion.
 fn rates_by_momenta(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str) -> f64 + use<> {
     let params: Vec<f64> =
         scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
