@@ -646,21 +646,23 @@ fn a_model_begins_where_its_equations_are_met() {
         }
     }
     // What gives only what is left out restricts nothing, and of what cannot be told there is no state.
-    let line = |by: &str, dropped: &str| {
-        let text = format!(
+    let text_of = |by: &str, dropped: &str| {
+        format!(
             "model line {{
                 coordinate x in real; coordinate {by};
                 lagrangian = x_dot^2;
                 initial x = 1; initial y = 0; initial x_dot = 2;
                 scene closed {{ want rhs; drop {dropped}; }}
             }}"
-        );
-        let model = spec::parse("line.hamel", &text).unwrap_or_else(|p| panic!("{p}"));
+        )
+    };
+    let line = |by: &str, dropped: &str| {
+        let model = spec::parse("line.hamel", &text_of(by, dropped)).unwrap_or_else(|p| panic!("{p}"));
         let built = scene::build(&model, "closed").unwrap_or_else(|p| panic!("{p}"));
         (built.is_restricted(), scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}")))
     };
     assert_eq!(line("y in real by y = 2*x", "y"), (false, Some(vec![1.0, 2.0])));
-    assert_eq!(line("y, z in real by [y + z - x, y - z^3] = [0, 0]", "z"), (true, None));
+    assert_eq!(line("y, z in real by [y + z - x, y - 2*z] = [0, 0]", "z"), (true, None));
     // A crank that is longer than the rod, across.
     let model = crank("initial theta = 1.6; initial phi = 0.2;");
     let message = start(&model, "long").unwrap_err().to_string();
@@ -669,6 +671,11 @@ fn a_model_begins_where_its_equations_are_met() {
         "{message}"
     );
     let model = crank("initial theta = 0.4; initial phi = pi/2;");
-    let message = start(&model, "default").unwrap_err().to_string();
+    let message = start(&model, "without").unwrap_err().to_string();
     assert!(message.contains("position_phi") && message.contains("dead centre"), "{message}");
+    // The rate of y needs z.
+    let text = text_of("y, z in real by [y + z - x, y - z^3] = [0, 0]", "z");
+    let model = spec::parse("line.hamel", &text).unwrap_or_else(|p| panic!("{p}"));
+    let message = scene::build(&model, "closed").unwrap_err().to_string();
+    assert!(message.contains("z cannot be left out of scene closed: y depends on it"), "{message}");
 }

@@ -216,6 +216,20 @@ pub(super) fn build_derived(
                     help,
                 ));
             }
+            // What can be left out together may need each other.
+            for state in equations.state.iter().filter(|s| chosen.contains(&s.name)) {
+                let symbol = BTreeSet::from([state.symbol]);
+                let mut kept = equations.state.iter().filter(|s| !chosen.contains(&s.name));
+                let graph = &equations.system.graph;
+                if let Some(other) = kept.find(|s| needs(graph, &equations, s.derivative, &symbol)) {
+                    let (name, other) = (&state.name, &other.name);
+                    return Err(fail_at(
+                        place_of(name),
+                        format!("{name} cannot be left out of scene {scene}: {other} depends on it"),
+                        format!("leave {other} out as well"),
+                    ));
+                }
+            }
             chosen
         }
     };
