@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use crate::error::Error;
 use crate::expr::{ExprId, Style, SymbolId};
-use crate::reduction::{Response, SolvedConstraint};
+use crate::reduction::{KinematicConstraint, Response, SolvedConstraint};
 
 use super::derive::Derivation;
 
@@ -25,6 +25,25 @@ struct Order {
 pub(super) struct Direct {
     pub(super) own: usize,
     pub(super) by: Vec<(usize, ExprId)>,
+}
+
+/// Rows that give their velocities one after the other, brought to a triangle by elimination without a choice of
+/// pivots: `y_own = -(form y + right)` by velocities of later rows and independent ones.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    links: Vec<Link>,
+}
+
+#[derive(Clone, Debug)]
+struct Link {
+    row: usize,
+    own: usize,
+    /// What the velocities of rows before are multiplied by, in their order.
+    before: Vec<ExprId>,
+    /// The reciprocal of what is left of the coefficient of the own velocity.
+    scale: ExprId,
+    /// Coefficients divided by that, zero at velocities that rows before or direct rows give.
+    form: Vec<ExprId>,
 }
 
 impl Derivation<'_> {
@@ -77,7 +96,14 @@ impl Derivation<'_> {
                 let sum = self.g.sum(&terms);
                 left.push((*row, self.define(&format!("{prefix}left_{}", self.names[*own]), sum)));
             }
-            for (_, own) in &together {
+            let left = match self.chain.clone() {
+                Some(chain) => {
+                    self.answer_of_chain(&chain, &left, &mut x, prefix);
+                    Vec::new()
+                }
+                None => left,
+            };
+            for (_, own) in together.iter().filter(|_| !left.is_empty()) {
                 let terms: Vec<ExprId> =
                     left.iter().map(|(row, e)| self.g.mul(response.by_row[*own][*row], *e)).collect();
                 let sum = self.g.sum(&terms);
@@ -104,6 +130,12 @@ impl Derivation<'_> {
             let by = others.into_iter().map(|(alpha, e)| (alpha, self.g.mul(factor, e)));
             rows.push(Direct { own, by: by.collect() });
         }
+        for Link { own, form, .. } in self.chain.iter().flat_map(|chain| chain.links.clone()) {
+            let others = form.into_iter().enumerate().filter(|(_, e)| *e != self.g.zero());
+            let others: Vec<(usize, ExprId)> = others.collect();
+            let by = others.into_iter().map(|(alpha, e)| (alpha, self.g.neg(e))).collect();
+            rows.push(Direct { own, by });
+        }
         rows
     }
 
@@ -113,6 +145,10 @@ impl Derivation<'_> {
         let mut response = response.clone();
         let n = together.len();
         if !(2..=3).contains(&n) {
+            return response;
+        }
+        if together.iter().all(|pair| response.given.contains(pair)) {
+            self.chain = Some(self.chain_of(solved, &response, &direct));
             return response;
         }
         self.writer.begin("response of what is solved together");
@@ -162,6 +198,81 @@ impl Derivation<'_> {
             }
         }
         response
+    }
+
+    /// The triangle of the rows that the model gives a velocity for, with what the direct rows give put into them.
+    fn chain_of(
+        &mut self,
+        solved: &SolvedConstraint,
+        response: &Response,
+        direct: &[(usize, usize)],
+    ) -> Chain {
+        self.writer.begin("rows that are solved one after the other");
+        let zero = self.g.zero();
+        let right = vec![zero; solved.rows.len()];
+        let independent = solved.independent();
+        let columns: Vec<usize> =
+            response.given.iter().map(|(_, own)| *own).chain(independent.iter().copied()).collect();
+        let mut links: Vec<Link> = Vec::with_capacity(response.given.len());
+        for &(row, own) in &response.given {
+            let mut form = vec![zero; self.y.len()];
+            let raw = self.forms[row][..self.y.len()].to_vec();
+            for &column in &columns {
+                let mut x = vec![zero; self.y.len()];
+                x[column] = self.g.one();
+                for pair in direct {
+                    x[pair.1] = self.direct_answer(*pair, &right, &x);
+                }
+                let sum = self.g.dot(&raw, &x);
+                form[column] = self.define(&format!("C_{}_{}", self.names[own], self.names[column]), sum);
+            }
+            let mut before = Vec::with_capacity(links.len());
+            for link in &links {
+                let factor = form[link.own];
+                before.push(factor);
+                for &column in &columns {
+                    let taken = self.g.mul(factor, link.form[column]);
+                    form[column] = self.g.sub(form[column], taken);
+                }
+                form[link.own] = zero;
+            }
+            let left = self.define(&format!("C_{}", self.names[own]), form[own]);
+            let inverse = self.g.powi(left, -1);
+            let scale = self.define(&format!("R_{}", self.names[own]), inverse);
+            form[own] = zero;
+            for &column in &columns {
+                let scaled = self.g.mul(form[column], scale);
+                let name = format!("c_{}_{}", self.names[own], self.names[column]);
+                form[column] = self.define(&name, scaled);
+            }
+            links.push(Link { row, own, before, scale, form });
+        }
+        Chain { links }
+    }
+
+    /// The velocities of the chain with what is `left` of the right side of its rows.
+    fn answer_of_chain(&mut self, chain: &Chain, left: &[(usize, ExprId)], x: &mut [ExprId], prefix: &str) {
+        let mut right: Vec<ExprId> = Vec::with_capacity(chain.links.len());
+        for link in &chain.links {
+            let own = left.iter().find(|(row, _)| *row == link.row).map_or(self.g.zero(), |(_, e)| *e);
+            let mut terms = vec![own];
+            for (factor, known) in link.before.iter().zip(&right) {
+                let taken = self.g.mul(*factor, *known);
+                terms.push(self.g.neg(taken));
+            }
+            let sum = self.g.sum(&terms);
+            let scaled = self.g.mul(sum, link.scale);
+            right.push(self.define(&format!("{prefix}right_{}", self.names[link.own]), scaled));
+        }
+        for (link, right) in chain.links.iter().zip(right).rev() {
+            let mut terms = vec![right];
+            for (coefficient, value) in link.form.iter().zip(&*x) {
+                terms.push(self.g.mul(*coefficient, *value));
+            }
+            let sum = self.g.sum(&terms);
+            let value = self.g.neg(sum);
+            x[link.own] = self.define(&format!("{prefix}{}", self.names[link.own]), value);
+        }
     }
 
     fn direct_answer(&mut self, (row, own): (usize, usize), right: &[ExprId], x: &[ExprId]) -> ExprId {
@@ -249,12 +360,14 @@ impl Derivation<'_> {
     }
 
     /// The accelerations of dependent velocities at `udot = 0`, which answer to the rates of the rows at fixed
-    /// velocities.
-    pub(super) fn lag_by_rows(
-        &mut self,
-        solved: &SolvedConstraint,
-        response: &Response,
-    ) -> Result<Vec<ExprId>, Error> {
+    /// velocities; none where the constraint is not answered row by row.
+    pub(super) fn lag_of_rows(&mut self) -> Result<Option<Vec<ExprId>>, Error> {
+        let (Some(response), KinematicConstraint::Solved(solved)) =
+            (self.response.clone(), &self.system.constraint)
+        else {
+            return Ok(None);
+        };
+        self.writer.begin("accelerations of the dependent velocities at udot = 0");
         // In one pass over what the rows share, and not from a slope for each coordinate.
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
         let moving = base.chain([(self.system.time, self.g.one())]);
@@ -288,7 +401,7 @@ impl Derivation<'_> {
             let best = candidates.into_iter().min_by_key(n).unwrap_or_else(|| self.g.zero());
             rates.push(best);
         }
-        Ok(self.answer(response, &rates, "lag_"))
+        Ok(Some(self.answer(&response, &rates, "lag_")))
     }
 
     /// `lambda = -R^T E` for the reactions `E = lambda_A form_A` along the rows; `reaction` by velocity.

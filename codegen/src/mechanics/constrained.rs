@@ -19,36 +19,26 @@ impl Derivation<'_> {
             self.recursion = Some(recursion);
             return motion;
         }
-        let m = self.y.len();
-        let k = solved.unknowns.len();
+        let (m, k) = (self.y.len(), solved.unknowns.len());
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
-        self.writer.begin("accelerations of the dependent velocities at udot = 0");
-        let mut lag = vec![self.g.zero(); m];
-        let response = self.response.take();
-        match &response {
-            Some(response) => lag = self.lag_by_rows(solved, response)?,
-            None => {
-                for &alpha in &solved.dependent {
-                    let value = solved.velocity(&mut self.g, alpha);
-                    let drift = self.drift(value)?;
-                    lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
-                }
-            }
-        }
-        let by_rows = response.as_ref().filter(|_| solved.virtual_displacements == solved.psi);
-        let (mass_matrix, force) = match by_rows {
-            Some(response) => {
-                self.writer.begin("right side r - L_yy lag");
-                let net = self.net(&lag);
-                let (mass_matrix, force) = self.condensed(solved, response, &net);
+        let at_rest = self.at_rest.take();
+        let (lag, known) = match at_rest {
+            Some((lag, net)) => (lag, Some(net)),
+            None => (self.lag_of_columns(solved)?, None),
+        };
+        let response = self.response.take().filter(|_| solved.virtual_displacements == solved.psi);
+        let (mass_matrix, force) = match (response, &known) {
+            (Some(response), Some(net)) => {
+                let (mass_matrix, force) = self.condensed(solved, &response, net);
                 self.mass_matrix = Some(mass_matrix.clone());
                 (mass_matrix, force)
             }
-            None => {
+            _ => {
                 let mass_matrix = self.mass_matrix(solved)?;
                 let displacements = self.displacements(solved)?;
                 self.writer.begin("right side f = W^T (r - L_yy lag)");
-                let net = self.net(&lag);
+                let hessian = self.hessian.clone();
+                let net = known.unwrap_or_else(|| self.net(&hessian, &lag));
                 let mut force = Vec::new();
                 for b in 0..k {
                     let mut terms = Vec::new();
@@ -68,13 +58,25 @@ impl Derivation<'_> {
         self.motion_of(solved, system, (udot, pivots), (&added, &lag))
     }
 
-    /// `r - L_yy lag`, by velocity.
-    fn net(&mut self, lag: &[ExprId]) -> Vec<ExprId> {
+    /// The accelerations of the dependent velocities at `udot = 0`: `dPsi u + dpsi0`.
+    fn lag_of_columns(&mut self, solved: &SolvedConstraint) -> Result<Vec<ExprId>, Error> {
+        self.writer.begin("accelerations of the dependent velocities at udot = 0");
+        let mut lag = vec![self.g.zero(); self.y.len()];
+        for &alpha in &solved.dependent {
+            let value = solved.velocity(&mut self.g, alpha);
+            let drift = self.drift(value)?;
+            lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
+        }
+        Ok(lag)
+    }
+
+    /// `r - h lag`, by velocity.
+    pub(super) fn net(&mut self, hessian: &[Vec<ExprId>], lag: &[ExprId]) -> Vec<ExprId> {
         let mut net = Vec::new();
         for alpha in 0..lag.len() {
             let mut terms = vec![self.drive[alpha]];
             for (beta, lag) in lag.iter().enumerate() {
-                let product = self.g.mul(self.hessian[alpha][beta], *lag);
+                let product = self.g.mul(hessian[alpha][beta], *lag);
                 terms.push(self.g.neg(product));
             }
             let sum = self.g.sum(&terms);

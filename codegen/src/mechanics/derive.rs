@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
 use crate::reduction::{KinematicConstraint, ReducedSystem, Response};
 
+use super::answers::Chain;
 use super::equations::{Equations, LinearSystem};
 use super::recursion::Recursion;
 use super::solve::{Factorisation, Pivot};
@@ -69,6 +70,9 @@ pub(super) struct Derivation<'a> {
     /// `(N^gamma_alpha - C^gamma_{alpha beta} y^beta) p_gamma + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
     /// everything in `-E_alpha` except the Hessian times `ydot`.
     pub(super) drive: Vec<ExprId>,
+    /// `lag`, the accelerations of the velocities at `udot = 0`, and `drive - L_yy lag`, where rows give them before the
+    /// forces are made.
+    pub(super) at_rest: Option<(Vec<ExprId>, Vec<ExprId>)>,
     /// That of the Lagrangian without squares of velocities, where there is a [`Recursion`].
     pub(super) rest_drive: Vec<ExprId>,
     /// The recursions along which the equations are derived.
@@ -77,6 +81,8 @@ pub(super) struct Derivation<'a> {
     pub(super) partial: Option<Vec<Vec<ExprId>>>,
     /// Coefficients of the rows of the constraint by names, where it is answered row by row.
     pub(super) forms: Vec<Vec<ExprId>>,
+    /// Rows that are solved one after the other, where no others are solved together.
+    pub(super) chain: Option<Chain>,
     /// How dependent velocities answer to the rows, by names.
     pub(super) response: Option<Response>,
     /// Those names with their values.
@@ -155,10 +161,12 @@ impl<'a> Derivation<'a> {
             momentum: Vec::new(),
             hessian: Vec::new(),
             drive: Vec::new(),
+            at_rest: None,
             rest_drive: Vec::new(),
             recursion: None,
             partial: None,
             forms: Vec::new(),
+            chain: None,
             response: None,
             coefficients: Vec::new(),
             mass_matrix: None,

@@ -167,7 +167,7 @@ impl Derivation<'_> {
                 }
             }
         }
-        let rest_hessian = self.rest_hessian(recursion)?;
+        let rest_hessian = self.hessian_of(recursion.rest)?;
         let net = self.net_of_rest(&rest_hessian, rest);
         let places: Vec<Option<usize>> =
             self.system.velocities.iter().map(|s| gauss.of_symbol.get(s).copied()).collect();

@@ -193,18 +193,6 @@ impl Derivation<'_> {
         square.momentum(&mut self.g, &accelerations)
     }
 
-    /// The Hessian of the Lagrangian without squares of velocities.
-    pub(super) fn rest_hessian(&mut self, recursion: &Recursion) -> Result<Vec<Vec<ExprId>>, Error> {
-        let mut hessian = Vec::with_capacity(self.y.len());
-        for y in &self.system.velocities {
-            let p = self.g.diff(recursion.rest, *y);
-            let row: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.diff(p, *s)).collect();
-            let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<Vec<_>, _>>()?;
-            hessian.push(row);
-        }
-        Ok(hessian)
-    }
-
     /// The forces of everything but the squares, without what their Hessian gives the accelerations at `rest`.
     pub(super) fn net_of_rest(&mut self, rest_hessian: &[Vec<ExprId>], rest: &AtRest) -> Vec<ExprId> {
         let mut net = Vec::with_capacity(rest_hessian.len());
@@ -227,7 +215,7 @@ impl Derivation<'_> {
         rest: &AtRest,
     ) -> Result<Kane, Error> {
         let partial = self.partial_velocities(recursion, solved)?;
-        let rest_hessian = self.rest_hessian(recursion)?;
+        let rest_hessian = self.hessian_of(recursion.rest)?;
         let k = solved.unknowns.len();
         self.writer.begin("mass matrix A = sum m V^T V");
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];

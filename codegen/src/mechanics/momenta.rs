@@ -36,10 +36,11 @@ impl Derivation<'_> {
             (None, true) => take_squares(&mut self.g, system, false),
             (None, false) => (Vec::new(), system.lagrangian),
         };
+        let lag = self.lag_of_rows()?;
         let inertia_forces = if self.recursion.is_some() && !self.has_reactions() {
             vec![self.g.zero(); self.y.len()]
         } else {
-            self.inertia_forces(&squares)?
+            self.inertia_forces(&squares, lag.as_deref())?
         };
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
         let mut momentum = self.momentum.clone();
@@ -75,6 +76,16 @@ impl Derivation<'_> {
             let name = format!("r_{}", self.names[alpha]);
             let named = self.define(&name, value);
             self.drive.push(named);
+        }
+        if let Some(lag) = lag {
+            self.writer.begin("right side r - L_yy lag");
+            let rest_hessian = self.hessian_of(l)?;
+            let net = self.net(&rest_hessian, &lag);
+            for (alpha, net) in net.iter().enumerate() {
+                let along = self.g.dot(&self.hessian[alpha].clone(), &lag);
+                self.drive[alpha] = self.g.add(*net, along);
+            }
+            self.at_rest = Some((lag, net));
         }
         Ok(())
     }
@@ -118,18 +129,29 @@ impl Derivation<'_> {
         if !self.hessian.is_empty() {
             return Ok(());
         }
-        let system = self.system;
-        for y in &system.velocities {
-            let p = self.g.diff(system.lagrangian, *y);
-            let row = system.velocities.iter().map(|s| self.g.diff(p, *s)).collect::<Vec<_>>();
-            let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<_, _>>()?;
-            self.hessian.push(row);
-        }
+        self.hessian = self.hessian_of(self.system.lagrangian)?;
         Ok(())
     }
 
-    /// `weight v_alpha . (dv/dx xdot + omega x v)` of all squares, by `alpha`.
-    fn inertia_forces(&mut self, squares: &[Square]) -> Result<Vec<ExprId>, Error> {
+    /// `d^2 l / dy dy`.
+    pub(super) fn hessian_of(&mut self, l: ExprId) -> Result<Vec<Vec<ExprId>>, Error> {
+        let system = self.system;
+        let mut hessian = Vec::with_capacity(system.velocities.len());
+        for y in &system.velocities {
+            let p = self.g.diff(l, *y);
+            let row = system.velocities.iter().map(|s| self.g.diff(p, *s)).collect::<Vec<_>>();
+            hessian.push(row.into_iter().map(|e| self.replace(e)).collect::<Result<Vec<_>, _>>()?);
+        }
+        Ok(hessian)
+    }
+
+    /// `weight v_alpha . (v lag + dv/dx xdot + omega x v)` of all squares, by `alpha`; with the accelerations `lag` of
+    /// the velocities at `udot = 0`, or zero.
+    fn inertia_forces(
+        &mut self,
+        squares: &[Square],
+        accelerations: Option<&[ExprId]>,
+    ) -> Result<Vec<ExprId>, Error> {
         self.writer.begin("velocities v in squares m/2 |v|^2");
         let mut velocities = Vec::new();
         for (k, square) in squares.iter().enumerate() {
@@ -140,12 +162,21 @@ impl Derivation<'_> {
             }
             velocities.push(v);
         }
-        self.writer.begin("accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0");
+        self.writer.begin(match accelerations {
+            Some(_) => "accelerations of the velocities a = v lag + dv/dx xdot + omega x v at udot = 0",
+            None => "accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0",
+        });
         let mut forces = vec![Vec::new(); self.y.len()];
         for (k, (square, v)) in squares.iter().zip(velocities).enumerate() {
             let mut lag = Vec::with_capacity(v.len());
             for component in &square.components {
-                lag.push(self.drift(component.value)?);
+                let mut rate = self.drift(component.value)?;
+                for (slope, known) in component.slopes.iter().zip(accelerations.unwrap_or_default()) {
+                    let slope = self.replace(*slope)?;
+                    let along = self.g.mul(slope, *known);
+                    rate = self.g.add(rate, along);
+                }
+                lag.push(rate);
             }
             let mut frame = square.frame();
             for e in frame.iter_mut().flatten() {

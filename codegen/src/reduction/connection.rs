@@ -148,14 +148,8 @@ fn vertical_shift(
     let mut rows = forms.to_vec();
     rows.iter_mut().for_each(|row| row.one_form.rotate_left(n));
     let g = &mut model.graph;
-    let mut solver = Solver {
-        graph: g,
-        names: &names,
-        quasi: &base,
-        params: &params,
-        facts: &facts,
-        has_positions: false,
-    };
+    let mut solver =
+        Solver { graph: g, names: &names, quasi: &base, params: &params, facts: &facts, is_by_rows: false };
     let restricted = || Error::Unsupported {
         what: "a nonholonomic connection".into(),
         possible: "virtual displacements that leave all base velocities independent".into(),

@@ -366,7 +366,7 @@ impl Search<'_> {
             quasi: &[],
             params: &self.params,
             facts: self.signs,
-            has_positions: false,
+            is_by_rows: false,
         };
         let found = solver.solve_somewhere(&rows)?;
         // Back in the order of the frame.

@@ -312,8 +312,10 @@ pub(super) enum ItemKind {
     },
     Lagrangian(Expr),
     Hamiltonian(Expr),
+    /// `constraint name for v, w: left = right;`
     Constraint {
         name: Option<Name>,
+        gives: Vec<Name>,
         left: Expr,
         right: Expr,
     },

@@ -166,6 +166,7 @@ fn of_item(statement: &[&str]) -> Context {
         "force" | "acceleration" | "field" if !has("=") => Context::Velocity,
         "initial" if !has("=") => Context::StateVariable,
         "independent" => Context::Velocity,
+        "constraint" if has("for") && !has(":") => Context::Velocity,
         "carry" | "routh" => Context::Carried,
         "view" if last == "=" => Context::Solid,
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"

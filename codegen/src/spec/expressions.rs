@@ -183,7 +183,7 @@ macro_rules! visit {
             $visit(ExpressionRole::Given(k), e);
         }
         for (k, constraint) in constraints.into_iter().enumerate() {
-            let Constraint { name: _, text: _, kind, residual, position, span: _ } = constraint;
+            let Constraint { name: _, text: _, kind, residual, position, gives: _, span: _ } = constraint;
             $visit(ExpressionRole::ConstraintResidual(k), residual);
             if let Some(PositionEquation { residual: position, determines: _ }) = position {
                 $visit(ExpressionRole::ConstraintPosition(k), position);

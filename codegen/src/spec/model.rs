@@ -302,6 +302,9 @@ pub struct Constraint {
     pub residual: ExprId,
     /// What the model says, where that is an equation between positions.
     pub position: Option<PositionEquation>,
+    /// The velocity that a linear constraint is solved for, when those of constraints before it are known: its place in
+    /// [`Model::all_velocities`].
+    pub gives: Option<usize>,
     /// Where it stands.
     pub span: Option<Span>,
 }

@@ -34,7 +34,10 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("hamiltonian", "hamiltonian = expression;"),
     ("acceleration", "acceleration v = -k*x;"),
     ("field", "field x_dot = -k*x;"),
-    ("constraint", "constraint name: dot(Omega, Gamma) = 0;"),
+    (
+        "constraint",
+        "constraint name: dot(Omega, Gamma) = 0;` or `constraint name for v3: v = cross(r, Omega);",
+    ),
     ("virtual", "virtual delta(v1) + delta(v2) = 0;"),
     ("independent", "independent Omega, x_dot;"),
     ("multipliers", "multipliers;"),

@@ -28,8 +28,8 @@ const MAX_EXTRA: (i64, i64) = (1, 2);
 /// Definitions multiplied out one after the other in the search for one.
 const MAX_STAGES: usize = 12;
 
-/// A function of more definitions and terms than both of these is searched by windows: trials of all of it would meet
-/// their limit before every definition has been looked at once. Rates of ten pendulums in space have 1356 terms, of
+/// A function of more definitions and terms than both of these is searched by windows at once: trials of all of it would
+/// meet their limit before every definition has been looked at once. Rates of ten pendulums in space have 1356 terms, of
 /// twenty 2886.
 const LARGE: Size = Size { definitions: 400, terms: 1200 };
 /// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near
@@ -112,10 +112,23 @@ impl Search<'_> {
 
     /// The cheapest form found, common divisors extracted.
     fn cheapest(&mut self, original: Vec<Entry>) -> Vec<Entry> {
-        // Rates alone: of derivatives and outputs, as many again, nobody asks that much.
-        let by_windows = self.keeps_digits && is_large(self.system, &original, self.roots);
-        let (Found { best, current }, is_done) =
-            if by_windows { self.by_windows(original) } else { self.by_rounds_from(original) };
+        // Derivatives and outputs have to do with less.
+        let is_rates = self.keeps_digits;
+        let is_large = is_rates && is_large(self.system, &original, self.roots);
+        let mut found = None;
+        if !is_large {
+            let (first, is_done) = self.by_rounds_from(original.clone());
+            if is_done || !is_rates {
+                let Found { best, current } = first;
+                return if is_done { self.without_cancellations(best, current) } else { best.1 };
+            }
+            found = Some(first);
+            self.go_on();
+        }
+        let other = self.by_windows(original);
+        let found = found.filter(|first| first.best.0 <= other.best.0).unwrap_or(other);
+        self.go_on();
+        let (Found { best, current }, is_done) = self.near_definitions(found);
         if is_done { self.without_cancellations(best, current) } else { best.1 }
     }
 
@@ -123,6 +136,12 @@ impl Search<'_> {
     fn by_rounds_from(&mut self, original: Vec<Entry>) -> (Found, bool) {
         let start = self.start(original);
         self.by_rounds(start, None)
+    }
+
+    /// Allows everything anew.
+    fn go_on(&mut self) {
+        let n_numbers = self.system.numbers.n_terms;
+        self.system.effort.go_on(n_numbers);
     }
 
     /// Whether the form found so far has to do.
@@ -222,13 +241,12 @@ impl Search<'_> {
         (cost, form.filter(|_| has_its_units))
     }
 
-    /// The definitions, each window of them in the form that is cheapest by itself, and then all of them, by what can
-    /// be seen near each, as long as limits allow that anew. Tells whether all were looked at.
+    /// The definitions, each window of them in the form that is cheapest by itself.
     ///
     /// A trial looks at everything that the roots need, so that a search over all definitions of a large function takes
     /// the square of its length. Windows take its length, and hide nothing but what is shared far apart, which is
     /// extracted from all of them in the end.
-    fn by_windows(&mut self, original: Vec<Entry>) -> (Found, bool) {
+    fn by_windows(&mut self, original: Vec<Entry>) -> Found {
         let mut current = original;
         let windows = windows(self.system, &current, self.roots);
         let n = windows.len();
@@ -258,9 +276,12 @@ impl Search<'_> {
             self.extractor = search.extractor;
             self.system.look_at(None);
         }
-        let n_numbers = self.system.numbers.n_terms;
-        self.system.effort.go_on(n_numbers);
-        let mut found = (Found { best: self.extracted(&current), current }, true);
+        Found { best: self.extracted(&current), current }
+    }
+
+    /// Rounds over all definitions, by what can be seen near each. Tells whether all were looked at.
+    fn near_definitions(&mut self, found: Found) -> (Found, bool) {
+        let mut found = (found, true);
         for slack in SLACKS {
             if found.1 {
                 found = self.by_rounds(found.0, Some(slack));

@@ -5,8 +5,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Sign, SymbolId};
-use crate::spec::{self, ConstraintKind, Model};
+use crate::expr::{ExprId, Graph, Sign, SymbolId, Vanishing};
+use crate::spec::{self, Constraint, ConstraintKind, Model};
 
 use super::solver::Solver;
 use super::{
@@ -31,12 +31,13 @@ pub(in crate::reduction) fn constrain(
     let params: BTreeSet<SymbolId> = model.params.iter().map(|p| p.symbol).collect();
     let (linear, general) = constraint_rows(model);
     let displacements = displacement_rows(model);
-    let determined = determined(model);
+    let (determined, given) = (determined(model, &linear), given(model, &linear));
     let choice = Choice {
         independent: model.independent.as_deref(),
         multipliers: model.force_multipliers,
         determined: &determined,
-        has_positions: model.constraints.iter().any(|c| c.position.is_some()),
+        given: &given,
+        is_by_rows: model.constraints.iter().any(|c| c.position.is_some() || c.gives.is_some()),
     };
     let setting = Setting { frame: &frame, quasi: &quasi, params: &params, signs };
     let solved = solve_rows(&mut model.graph, &setting, (linear, general), displacements, choice);
@@ -67,15 +68,25 @@ pub(in crate::reduction) struct Choice<'a> {
     pub(in crate::reduction) multipliers: bool,
     /// Linear rows and the velocities that they are solved for: those of coordinates that equations give.
     pub(in crate::reduction) determined: &'a [(usize, usize)],
-    /// Whether some row is the derivative of an equation between positions.
-    pub(in crate::reduction) has_positions: bool,
+    /// Linear rows and the velocity that each of them gives, in the order in which they are solved.
+    pub(in crate::reduction) given: &'a [(usize, usize)],
+    /// See [`Solver::is_by_rows`].
+    pub(in crate::reduction) is_by_rows: bool,
+}
+
+fn row_of(rows: &[ConstraintRow], constraint: &Constraint) -> Option<usize> {
+    rows.iter().position(|row| row.name == constraint.name)
 }
 
 /// Linear constraints and the base velocities of coordinates that they give.
-fn determined(model: &Model) -> Vec<(usize, usize)> {
-    let linear = model.constraints.iter().filter(|c| c.kind == ConstraintKind::Linear);
-    let rows = linear.enumerate().filter_map(|(row, c)| Some((row, c.position?.determines?)));
-    rows.filter(|(_, coordinate)| *coordinate < model.n_shape()).collect()
+fn determined(model: &Model, rows: &[ConstraintRow]) -> Vec<(usize, usize)> {
+    let found = model.constraints.iter().filter_map(|c| Some((row_of(rows, c)?, c.position?.determines?)));
+    found.filter(|(_, coordinate)| *coordinate < model.n_shape()).collect()
+}
+
+/// Linear constraints and the velocities that the model says they give.
+fn given(model: &Model, rows: &[ConstraintRow]) -> Vec<(usize, usize)> {
+    model.constraints.iter().filter_map(|c| Some((row_of(rows, c)?, c.gives?))).collect()
 }
 
 /// Constraints in the form that their equations take: those that are linear, and all as conditions on accelerations;
@@ -95,12 +106,12 @@ pub(in crate::reduction) fn solve_rows(
     let all_linear = linear.len() == general.len();
     let keep_all = (choice.multipliers && !general.is_empty()) || !all_linear;
     let wanted = choice.independent.filter(|_| !keep_all);
-    let has_positions = choice.has_positions;
-    let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs, has_positions };
+    let is_by_rows = choice.is_by_rows;
+    let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs, is_by_rows };
     // Solving also detects dependent and inconsistent rows, so it runs even when multipliers are asked for.
-    let solved = solver.solve(&linear, wanted, choice.determined)?.filter(|_| !keep_all);
-    (solver.quasi, solver.has_positions) = (&[], false);
-    let allowed = solver.solve(&displacements, None, &[])?;
+    let solved = solver.solve(&linear, wanted, (choice.determined, choice.given))?.filter(|_| !keep_all);
+    (solver.quasi, solver.is_by_rows) = (&[], false);
+    let allowed = solver.solve(&displacements, None, (&[], &[]))?;
     if !displacements.is_empty() {
         // As many as the motion has constraints; quasi-velocities may be more than those leave.
         let n_unknowns = solved.as_ref().map(|s| s.psi.first().map_or(0, Vec::len));
@@ -182,6 +193,65 @@ pub(in crate::reduction) fn refused(model: &Model, error: &Error) -> spec::Diagn
 /// The constraints as affine forms on frame velocities and quasi-velocities, where they are, and all of them as
 /// conditions on accelerations.
 fn constraint_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRow>) {
+    let (mut linear, mut general) = all_rows(model);
+    if linear.len() == general.len() {
+        let kept = kept(model, &linear);
+        linear.retain(|row| !kept.contains(&row.name));
+        general.retain(|row| !kept.contains(&row.name));
+    }
+    (linear, general)
+}
+
+/// Names of the equations between positions whose rates follow from the constraints on velocities, such as that of a
+/// wheel which rolls: it stays on the ground. They hold where they once do, and have no rows of their own.
+fn kept(model: &Model, rows: &[ConstraintRow]) -> BTreeSet<String> {
+    let is = |name: &str, test: fn(&Constraint) -> bool| {
+        model.constraints.iter().any(|c| c.name == name && test(c))
+    };
+    let is_open =
+        |row: &&ConstraintRow| is(&row.name, |c| c.position.is_some_and(|p| p.determines.is_none()));
+    let on_velocities: Vec<ConstraintRow> =
+        rows.iter().filter(|row| is(&row.name, |c| c.position.is_none())).cloned().collect();
+    let candidates: Vec<&ConstraintRow> = rows.iter().filter(is_open).collect();
+    if candidates.is_empty() || on_velocities.is_empty() {
+        return BTreeSet::new();
+    }
+    let mut g = model.graph.clone();
+    let (quasi, params) = (quasi_unknowns(model), model.params.iter().map(|p| p.symbol).collect());
+    let names: Vec<String> = frame_unknowns(model).into_iter().map(|u| u.name).collect();
+    let facts = BTreeMap::new();
+    let mut solver = Solver {
+        graph: &mut g,
+        names: &names,
+        quasi: &quasi,
+        params: &params,
+        facts: &facts,
+        is_by_rows: false,
+    };
+    let given = given(model, &on_velocities);
+    // What is wrong with them is found again, and told, where they are solved for good.
+    let solved = match model.independent.as_deref() {
+        Some(wanted) => solver.solve(&on_velocities, Some(wanted), (&[], &given)).ok().flatten(),
+        None => solver.solve_somewhere(&on_velocities).ok(),
+    };
+    let Some(solved) = solved else { return BTreeSet::new() };
+    let free = (0..names.len() + quasi.len()).filter(|k| !solved.dependent.contains(k));
+    let free: Vec<usize> = free.collect();
+    let mut vanishes = |row: &ConstraintRow, own: ExprId, along: &dyn Fn(usize) -> ExprId| {
+        let terms = solved.dependent.iter().map(|k| g.mul(row.one_form[*k], along(*k)));
+        let terms: Vec<ExprId> = terms.chain([own]).collect();
+        let sum = g.sum(&terms);
+        g.vanishing(sum) == Vanishing::Zero
+    };
+    let mut follows = |row: &&ConstraintRow| {
+        vanishes(row, row.offset, &|k| solved.psi0[k])
+            && (free.iter().enumerate())
+                .all(|(a, column)| vanishes(row, row.one_form[*column], &|k| solved.psi[k][a]))
+    };
+    candidates.into_iter().filter(|row| follows(row)).map(|row| row.name.clone()).collect()
+}
+
+fn all_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRow>) {
     let frame = frame_unknowns(model);
     let columns: Vec<SymbolId> = frame.iter().chain(&quasi_unknowns(model)).map(|u| u.symbol).collect();
     let mut linear = Vec::new();

@@ -64,6 +64,8 @@ pub struct SolvedConstraint {
 pub struct Response {
     /// Each row with the velocity that it was solved for.
     pub pairs: Vec<(usize, usize)>,
+    /// Those of them that the model gives, one after the other.
+    pub given: Vec<(usize, usize)>,
     /// `R`, `[m][n_rows]`.
     pub by_row: Vec<Vec<ExprId>>,
 }

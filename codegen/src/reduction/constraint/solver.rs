@@ -35,9 +35,9 @@ pub(in crate::reduction) struct Solver<'a> {
     pub(in crate::reduction) quasi: &'a [Unknown],
     pub(in crate::reduction) params: &'a BTreeSet<SymbolId>,
     pub(in crate::reduction) facts: &'a BTreeMap<ExprId, Sign>,
-    /// Whether some row is the derivative of an equation between positions: velocities that are left for as many rows
-    /// are then solved for together, and it is noted how they answer to the rows.
-    pub(in crate::reduction) has_positions: bool,
+    /// Whether some row is the derivative of an equation between positions, or is said to give a velocity: velocities
+    /// that are left for as many rows are then solved for together, and it is noted how they answer to the rows.
+    pub(in crate::reduction) is_by_rows: bool,
 }
 
 /// Rows solved as `y_dependent = -(rest)`.
@@ -57,6 +57,8 @@ struct Echelon {
     /// Rows left over.
     open: Vec<usize>,
     pivots: Vec<(String, ExprId)>,
+    /// The rows that the model gives a column for.
+    given: Vec<(usize, usize)>,
     /// Whether something was divided by that can vanish on the domain.
     state_dependent: bool,
 }
@@ -81,8 +83,9 @@ impl Solver<'_> {
     /// Brings linear rows to the form `y = Psi u + psi0`; `None` when every choice of independent velocities would
     /// divide by something that can vanish on the domain.
     ///
-    /// `wanted`: columns that the model asks to be independent. `given`: rows, and columns that the model says
-    /// they give together; what is divided by there is among the pivots, and no reason for another form.
+    /// `wanted`: columns that the model asks to be independent. `determined`: rows, and columns that the model says they
+    /// give together; `given`: rows, and the column that the model says each gives when those before it are known. What
+    /// is divided by there is among the pivots, and no reason for another form.
     ///
     /// # Shapes
     /// `one_form` of every row: frame velocities, then quasi-velocities.
@@ -94,7 +97,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
-        given: &[(usize, usize)],
+        (determined, given): (&[(usize, usize)], &[(usize, usize)]),
     ) -> Result<Option<Elimination>, Error> {
         if let Some(wanted) = wanted {
             let width = self.names.len() + self.quasi.len();
@@ -103,9 +106,10 @@ impl Solver<'_> {
                 return Err(Error::WrongNumberOfIndependent { found: wanted.len(), expected });
             }
         }
-        let determined = |(_, column): &&(usize, usize)| wanted.is_none_or(|w| !w.contains(column));
-        let determined: Vec<(usize, usize)> = given.iter().filter(determined).copied().collect();
-        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved, &determined)?;
+        let is_dependent = |(_, column): &&(usize, usize)| wanted.is_none_or(|w| !w.contains(column));
+        let determined: Vec<(usize, usize)> = determined.iter().filter(is_dependent).copied().collect();
+        let given: Vec<(usize, usize)> = given.iter().filter(is_dependent).copied().collect();
+        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved, (&determined, &given))?;
         if echelon.state_dependent && wanted.is_none() {
             return Ok(None);
         }
@@ -124,7 +128,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<(Elimination, Vec<Vec<ExprId>>), Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Definite, &[])?;
+        let echelon = self.echelon(rows, None, PivotGrade::Definite, (&[], &[]))?;
         let left = echelon.open.iter().map(|&row| echelon.table[row].clone()).collect();
         Ok((self.solved_form(&echelon), left))
     }
@@ -141,7 +145,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<Elimination, Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Unproved, &[])?;
+        let echelon = self.echelon(rows, None, PivotGrade::Unproved, (&[], &[]))?;
         Ok(self.solved_form(&echelon))
     }
 
@@ -151,13 +155,13 @@ impl Solver<'_> {
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
         worst: PivotGrade,
-        determined: &[(usize, usize)],
+        (determined, given): (&[(usize, usize)], &[(usize, usize)]),
     ) -> Result<Echelon, Error> {
         let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let allowed = |column: usize| column < m && wanted.is_none_or(|w| !w.contains(&column));
         let mut table: Vec<Vec<ExprId>> =
             rows.iter().map(|r| [r.one_form.as_slice(), &[r.offset]].concat()).collect();
-        if self.has_positions {
+        if self.is_by_rows {
             let (zero, one) = (self.graph.zero(), self.graph.one());
             let n = table.len();
             for (a, row) in table.iter_mut().enumerate() {
@@ -170,17 +174,18 @@ impl Solver<'_> {
         let mut state_dependent = false;
         self.eliminate_together(rows, determined, &mut table, (&mut solved, &mut pivots))?;
         open.retain(|row| solved.iter().all(|(done, _)| done != row));
+        let mut waiting = given;
         while !open.is_empty() {
             self.graph.within_budget()?;
             let mut best: Option<(PivotGrade, std::cmp::Reverse<usize>, usize)> = None;
-            for &row in &open {
+            for &row in open.iter().filter(|row| waiting.iter().all(|(other, _)| other != *row)) {
                 let mut vanishes = true;
                 for (column, &entry) in table[row][..width].iter().enumerate() {
                     if entry == self.graph.zero() {
                         continue;
                     }
                     vanishes = false;
-                    if allowed(column) {
+                    if allowed(column) && waiting.iter().all(|(_, other)| *other != column) {
                         // Later velocities are eliminated first: the state keeps the ones named first.
                         let candidate = (self.grade(entry), std::cmp::Reverse(column), row);
                         best = Some(best.map_or(candidate, |b| b.min(candidate)));
@@ -200,13 +205,20 @@ impl Solver<'_> {
                     });
                 }
             }
+            if best.is_none_or(|(grade, ..)| grade > PivotGrade::Constant) && !waiting.is_empty() {
+                for &(row, column) in std::mem::take(&mut waiting) {
+                    self.eliminate_given(rows, (row, column), &mut table, (&mut solved, &mut pivots))?;
+                    open.retain(|r| *r != row);
+                }
+                continue;
+            }
             let Some((grade, std::cmp::Reverse(column), row)) = best else {
                 return Err(self.not_solvable(rows, wanted));
             };
             if grade > worst {
                 break;
             }
-            if self.has_positions && grade >= PivotGrade::StateDependent && wanted.is_some() {
+            if self.is_by_rows && grade >= PivotGrade::StateDependent && wanted.is_some() {
                 let is_left = |column: &usize| allowed(*column) && solved.iter().all(|(_, c)| c != column);
                 let columns: Vec<usize> = (0..m).filter(is_left).collect();
                 if columns.len() == open.len() && (2..=MAX_COFACTORS).contains(&open.len()) {
@@ -230,7 +242,28 @@ impl Solver<'_> {
             open.retain(|r| *r != row);
             solved.push((row, column));
         }
-        Ok(Echelon { table, solved, open, pivots, state_dependent })
+        Ok(Echelon { table, solved, open, pivots, state_dependent, given: given.to_vec() })
+    }
+
+    /// Solves a row for the column that the model says it gives.
+    fn eliminate_given(
+        &mut self,
+        rows: &[ConstraintRow],
+        (row, column): (usize, usize),
+        table: &mut [Vec<ExprId>],
+        (solved, pivots): Found<'_>,
+    ) -> Result<(), Error> {
+        let entry = table[row][column];
+        if self.graph.vanishing(entry) == Vanishing::Zero {
+            return Err(self.undetermined(rows, &[row], &[column]));
+        }
+        if self.grade(entry) >= PivotGrade::ParameterOnly {
+            let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
+            pivots.push((name, entry));
+        }
+        self.eliminate(table, row, column);
+        solved.push((row, column));
+        Ok(())
     }
 
     /// Solves rows for columns that they give together: as far as it divides by what vanishes nowhere, one by one, and
@@ -376,7 +409,7 @@ impl Solver<'_> {
         let wanted_columns = wanted.unwrap_or_default();
         let dependent =
             (0..names.len()).filter(|k| !wanted_columns.contains(k)).map(|k| names[k].clone()).collect();
-        let possible = match wanted.is_some().then(|| self.solve(rows, None, &[])) {
+        let possible = match wanted.is_some().then(|| self.solve(rows, None, (&[], &[]))) {
             Some(Ok(Some(s))) => s.dependent.iter().map(|k| names[*k].clone()).collect(),
             _ => vec!["no choice on the whole domain: write `multipliers;` instead".to_owned()],
         };
@@ -384,7 +417,7 @@ impl Solver<'_> {
     }
 
     fn solved_form(&mut self, echelon: &Echelon) -> Elimination {
-        let Echelon { table, solved, pivots, .. } = echelon;
+        let Echelon { table, solved, pivots, given, .. } = echelon;
         let g = &mut *self.graph;
         let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let mut dependent: Vec<usize> = solved.iter().map(|(_, column)| *column).collect();
@@ -401,7 +434,7 @@ impl Solver<'_> {
             }
             psi0[column] = g.neg(table[row][width]);
         }
-        let n_rows = if self.has_positions && self.quasi.is_empty() { table.len() } else { 0 };
+        let n_rows = if self.is_by_rows && self.quasi.is_empty() { table.len() } else { 0 };
         let response = (n_rows > 0 && solved.len() == n_rows).then(|| {
             let mut by_row = vec![vec![g.zero(); n_rows]; m];
             for &(row, column) in solved {
@@ -409,7 +442,7 @@ impl Solver<'_> {
                     *entry = g.neg(table[row][width + 1 + a]);
                 }
             }
-            Box::new(Response { pairs: solved.clone(), by_row })
+            Box::new(Response { pairs: solved.clone(), given: given.clone(), by_row })
         });
         Elimination { dependent, psi, psi0, pivots: pivots.clone(), response }
     }

@@ -112,8 +112,8 @@ fn determining(
         .collect();
     let params = setting.params();
     let mut solver =
-        Solver { graph: g, names, quasi: &[], params: &params, facts: setting.signs, has_positions: false };
-    let found = solver.solve(&rows, None, &[])?;
+        Solver { graph: g, names, quasi: &[], params: &params, facts: setting.signs, is_by_rows: false };
+    let found = solver.solve(&rows, None, (&[], &[]))?;
     found.map(|f| f.dependent).ok_or_else(|| Error::Unsupported {
         what: "a choice of components along the stages that determines the multipliers on the whole domain"
             .into(),

@@ -36,11 +36,40 @@ impl ModelBuilder {
         let span = self.here;
         self.constraints.push(ConstraintDraft {
             name: name.map(str::to_owned),
+            gives: Vec::new(),
             text: text.to_owned(),
             left: left.clone(),
             right: right.clone(),
             span,
         });
+        self
+    }
+
+    /// The velocities (vectors or components) that the last constraint is solved for, one for each component, after
+    /// those of constraints before it. What is divided by there has to stay different from zero; without, linear
+    /// constraints are solved together, which divides by less.
+    ///
+    /// ```
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Value};
+    ///
+    /// let mut b = ModelBuilder::new("point");
+    /// let [v] = b.velocities(LieAlgebra::abelian(3), &["v"]).try_into().unwrap();
+    /// let energy = v.dot(b.graph(), &v).unwrap();
+    /// let zero = Value::Scalar(b.graph().zero());
+    /// let sum = v.row(1).unwrap().add(b.graph(), &v.row(2).unwrap()).unwrap();
+    /// b.lagrangian(&energy).constraint(None, "v1 + v2 = 0", &sum, &zero).solved_for(&["v2"]);
+    /// assert_eq!(b.build().unwrap().constraints[0].gives, Some(1));
+    /// ```
+    pub fn solved_for(&mut self, names: &[&str]) -> &mut Self {
+        let located: Vec<(String, Option<Span>)> =
+            names.iter().map(|n| ((*n).to_owned(), self.here)).collect();
+        self.located_solved_for(located)
+    }
+
+    pub(in crate::spec) fn located_solved_for(&mut self, names: Vec<(String, Option<Span>)>) -> &mut Self {
+        if let Some(draft) = self.constraints.last_mut() {
+            draft.gives = names;
+        }
         self
     }
 
@@ -96,6 +125,7 @@ impl ModelBuilder {
         let span = self.here;
         self.virtual_constraints.push(ConstraintDraft {
             name: name.map(str::to_owned),
+            gives: Vec::new(),
             text: text.to_owned(),
             left: left.clone(),
             right: right.clone(),
@@ -165,17 +195,63 @@ impl ModelBuilder {
         let mut result = Vec::new();
         let mut taken = BTreeMap::new();
         let mut n_unnamed = 0;
+        let mut all_given: BTreeMap<usize, Option<Span>> = BTreeMap::new();
         for draft in self.constraints.clone() {
+            let first = result.len();
             for (name, place, e) in self.rows(&draft, "constraint", "c", &mut taken, &mut n_unnamed) {
                 if let Some((residual, kind, position)) = self.classify(e, &name, &place, draft.span, &rates)
                 {
                     let (text, span) = (draft.text.clone(), draft.span);
-                    result.push(Constraint { name, text, kind, residual, position, span });
+                    result.push(Constraint { name, text, kind, residual, position, gives: None, span });
                 }
             }
+            self.give(&draft, &mut result[first..], &mut all_given);
         }
         self.reports_taken(&given, &taken);
         given.into_iter().chain(result).collect()
+    }
+
+    /// Notes which velocities the components of a constraint give; `all` are those that any constraint gives.
+    fn give(
+        &mut self,
+        draft: &ConstraintDraft,
+        components: &mut [Constraint],
+        all: &mut BTreeMap<usize, Option<Span>>,
+    ) {
+        let before = self.problems.len();
+        let mut given = Vec::new();
+        for (name, span) in &draft.gives {
+            let indices = self.velocity_indices(name);
+            if indices.is_empty() {
+                self.unknown_velocity(name, *span);
+            }
+            for k in &indices {
+                if let Some(first) = all.insert(*k, *span) {
+                    let problem = Diagnostic::new(*span, format!("two constraints give `{name}`"))
+                        .with_place(first, "here, too")
+                        .with_help("solve each constraint for a velocity of its own");
+                    self.problems.push(problem);
+                }
+            }
+            given.extend(indices);
+        }
+        if given.is_empty() || self.problems.len() > before {
+            return;
+        }
+        let span = draft.gives.first().and_then(|(_, span)| *span);
+        if let Some(c) = components.iter().find(|c| c.kind != ConstraintKind::Linear || c.position.is_some())
+        {
+            let what = if c.position.is_some() { "an equation between positions" } else { "not linear" };
+            let message = format!("constraint `{}` is {what}: it is not solved for velocities", c.text);
+            self.problem(span, message, "remove `for`");
+        } else if given.len() != components.len() {
+            let (n, m) = (given.len(), components.len());
+            let message =
+                format!("constraint `{}` has {m} components, and {n} velocities to give", draft.text);
+            self.problem(span, message, "name a velocity for each component");
+        } else {
+            components.iter_mut().zip(given).for_each(|(c, k)| c.gives = Some(k));
+        }
     }
 
     /// The part without accelerations and the kind; the derivative of an equation between positions, and that.
@@ -385,10 +461,23 @@ impl ModelBuilder {
         }
         let all = n_velocities + self.quasi_velocities.len();
         let left = all.saturating_sub(constraints.len());
-        if chosen.len() != left {
+        // Whether an equation between positions restricts velocities beyond the others is found later.
+        let n_open =
+            constraints.iter().filter(|c| c.position.is_some_and(|p| p.determines.is_none())).count();
+        if !(left..=left + n_open).contains(&chosen.len()) {
             let message = format!("{} independent velocities, the constraints leave {left}", chosen.len());
             let help = format!("velocities: {all}, scalar constraints: {}", constraints.len());
             self.problem(span, message, help);
+        }
+        for (constraint, k) in constraints.iter().filter_map(|c| Some((c, c.gives?))) {
+            if chosen.contains(&k) {
+                let message =
+                    format!("constraint `{}` gives a velocity that is independent", constraint.text);
+                let problem = Diagnostic::new(constraint.span, message)
+                    .with_place(span, "named here")
+                    .with_help("name another velocity after `for`, or leave `for` out");
+                self.problems.push(problem);
+            }
         }
         Some(chosen)
     }

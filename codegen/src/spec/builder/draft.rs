@@ -129,6 +129,8 @@ pub(super) struct AppliedForce {
 #[derive(Clone, Debug)]
 pub(super) struct ConstraintDraft {
     pub(super) name: Option<String>,
+    /// The velocities that the components are solved for, one after the other.
+    pub(super) gives: Vec<Located>,
     pub(super) text: String,
     pub(super) left: Value,
     pub(super) right: Value,

@@ -37,7 +37,8 @@ impl ModelBuilder {
         let span = self.here;
         let (text, left, right) = (text.to_owned(), left.clone(), right.clone());
         let names = names.iter().map(|name| (*name).to_owned()).collect();
-        self.determined.push((names, ConstraintDraft { name: None, text, left, right, span }));
+        self.determined
+            .push((names, ConstraintDraft { name: None, gives: Vec::new(), text, left, right, span }));
         self
     }
 
@@ -85,7 +86,8 @@ impl ModelBuilder {
                     continue;
                 }
                 let kind = ConstraintKind::Linear;
-                result.push(Constraint { name, text, kind, residual, position: Some(position), span });
+                let position = Some(position);
+                result.push(Constraint { name, text, kind, residual, position, gives: None, span });
             }
         }
         result

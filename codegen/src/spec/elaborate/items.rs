@@ -66,12 +66,14 @@ impl Elaboration<'_> {
                 Some(value) => _ = self.builder.at(Some(expr.span)).hamiltonian(&value),
                 None => _ = self.builder.broken.insert("hamiltonian"),
             },
-            ItemKind::Constraint { name, left, right } => match self.equation(&["ddt"], left, right) {
+            ItemKind::Constraint { name, gives, left, right } => match self.equation(&["ddt"], left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);
                     let text = self.equation_text(left, right);
                     let name = name.as_ref().map(|n| n.text.as_str());
-                    self.builder.at(Some(place)).constraint(name, &text, &l, &r);
+                    let gives = gives.iter().map(|n| (n.text.clone(), Some(n.span))).collect();
+                    let builder = self.builder.at(Some(place));
+                    builder.constraint(name, &text, &l, &r).located_solved_for(gives);
                 }
                 None => _ = self.builder.broken.insert("constraint"),
             },

@@ -115,11 +115,19 @@ impl<'a> Parser<'a> {
                 ItemKind::Hamiltonian(self.expr()?)
             }
             "constraint" => {
-                let (name, left, right) = self.equation("a constraint", "dot(Omega, Gamma) = 0")?;
-                ItemKind::Constraint { name, left, right }
+                let (name, gives) = self.name_of_equation()?;
+                let (left, right) = self.equation("a constraint", "dot(Omega, Gamma) = 0")?;
+                ItemKind::Constraint { name, gives, left, right }
             }
             "virtual" => {
-                let (name, left, right) =
+                let (name, gives) = self.name_of_equation()?;
+                if let Some(first) = gives.first() {
+                    let message = "a condition on displacements is solved for none";
+                    return Err(Box::new(
+                        Diagnostic::new(Some(first.span), message).with_help("remove `for`"),
+                    ));
+                }
+                let (left, right) =
                     self.equation("a condition on displacements", "delta(v1) + delta(v2) = 0")?;
                 ItemKind::Virtual { name, left, right }
             }
@@ -483,26 +491,34 @@ impl<'a> Parser<'a> {
         Ok(labels)
     }
 
-    /// `[name:] left = right`.
-    fn equation(&mut self, what: &str, example: &str) -> Parsed<(Option<Name>, Expr, Expr)> {
-        let named = self.cursor.ident().is_some_and(|(_, rest)| {
-            let rest = rest.group(Delimiter::Bracket).map_or(rest, |(.., behind)| behind);
-            rest.punct().is_some_and(|(p, _)| p.as_char() == ':')
-        });
-        let name = if named {
-            let name = self.labelled("a name")?;
-            self.require_punct(":")?;
-            Some(name)
-        } else {
-            None
-        };
+    /// `left = right`.
+    fn equation(&mut self, what: &str, example: &str) -> Parsed<(Expr, Expr)> {
         let left = self.expr()?;
         if !self.peek_punct('=') {
             let problem = self.unexpected("`=`");
             return Err(Box::new(problem.with_help(format!("{what} is an equation such as `{example}`"))));
         }
         self.equals()?;
-        Ok((name, left, self.expr()?))
+        Ok((left, self.expr()?))
+    }
+
+    /// `name:` or `name for v, w:` before an equation, and the velocities.
+    fn name_of_equation(&mut self) -> Parsed<(Option<Name>, Vec<Name>)> {
+        let named = self.cursor.ident().is_some_and(|(_, rest)| {
+            let rest = rest.group(Delimiter::Bracket).map_or(rest, |(.., behind)| behind);
+            let is_for = rest.ident().is_some_and(|(word, _)| word == "for");
+            is_for || rest.punct().is_some_and(|(p, _)| p.as_char() == ':')
+        });
+        if !named {
+            return Ok((None, Vec::new()));
+        }
+        let name = self.labelled("a name")?;
+        let gives = match self.word("for") {
+            Some(_) => self.comma_separated(|p| p.named("the name of a velocity"))?,
+            None => Vec::new(),
+        };
+        self.require_punct(":")?;
+        Ok((Some(name), gives))
     }
 
     /// An event, and whether it ends with a block.
