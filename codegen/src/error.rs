@@ -128,6 +128,13 @@ pub enum Error {
         /// A choice that works.
         possible: Vec<String>,
     },
+    /// A constraint that is said to give a velocity, and does not when those before it are solved.
+    NotGiven {
+        /// The constraint as written.
+        constraint: String,
+        /// The velocity.
+        velocity: String,
+    },
     /// Equations that coordinates are to be given by do not determine their rates anywhere.
     UndeterminedPositions {
         /// The equations, as written.
@@ -416,6 +423,12 @@ impl Error {
             Error::NotSolvable { dependent, possible } => (
                 format!("constraints cannot be solved for {}", dependent.join(", ")),
                 format!("they can be solved for {}", possible.join(", ")),
+            ),
+            Error::NotGiven { constraint, velocity } => (
+                format!("constraint {constraint} does not give {velocity}"),
+                "nothing is left of the coefficient of this velocity when constraints before it are solved: name \
+                 another velocity, or another order"
+                    .to_owned(),
             ),
             Error::UndeterminedPositions { equations, names } => (
                 format!("{} cannot be solved for {} anywhere", equations.join(", "), names.join(", ")),

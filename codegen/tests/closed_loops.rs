@@ -679,3 +679,114 @@ fn a_model_begins_where_its_equations_are_met() {
     let message = scene::build(&model, "closed").unwrap_err().to_string();
     assert!(message.contains("z cannot be left out of scene closed: y depends on it"), "{message}");
 }
+
+fn output_names(scene: &BuiltScene) -> Vec<String> {
+    scene.outputs().iter().flat_map(|o| &o.components).map(|(name, _)| name.clone()).collect()
+}
+
+#[test]
+fn equations_that_constraints_on_velocities_imply_are_kept_without_rows() {
+    // A pendulum, whose rod is said by velocities and by places.
+    let text = |items: &str| {
+        format!(
+            "model pendulum {{
+                coordinate x, z in real;
+                lagrangian = (x_dot^2 + z_dot^2)/2 - 9.81*z;
+                {items}
+                initial x = 0.6; initial z = -0.7; initial x_dot = 0.5;
+                scene held {{ want rhs, positions, constraint, multipliers; }}
+            }}"
+        )
+    };
+    let both = "constraint slide for z_dot: x*x_dot + z*z_dot = 0; constraint rod: x^2 + z^2 = 1;";
+    let model = spec::parse("pendulum.hamel", &text(both)).unwrap_or_else(|p| panic!("{p}"));
+    let scene = scene::build(&model, "held").unwrap_or_else(|p| panic!("{p}"));
+    assert_eq!(scene.state_names(), ["x", "z", "x_dot"]);
+    let executable = scene.executable();
+    let interpreter = executable.prepare(&[]).unwrap();
+    let y = scene::initial_state(&model, &scene).unwrap().unwrap();
+    assert!((y[0].hypot(y[1]) - 1.0).abs() < 1e-15, "{y:?}");
+    let mut dy = vec![0.0; 3];
+    interpreter.rhs(0.0, &y, &mut dy);
+    // x = sin phi, z = -cos phi.
+    let phi = y[0].atan2(-y[1]);
+    let rate = y[2] / phi.cos();
+    let acceleration = -9.81 * phi.sin();
+    let expected = [y[2], phi.sin() * rate, phi.cos() * acceleration - phi.sin() * rate * rate];
+    for (found, expected) in dy.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-13, "{dy:?} {expected}");
+    }
+    let observed = interpreter.outputs(0.0, &y);
+    let names = output_names(&scene);
+    let at =
+        |name: &str| observed[names.iter().position(|n| n == name).unwrap_or_else(|| panic!("{names:?}"))];
+    // E = lambda (x, z): the rod pulls with rate^2 + 9.81 cos phi towards the origin.
+    assert!((at("lambda_slide") + rate * rate + 9.81 * phi.cos()).abs() < 1e-13);
+    assert!(at("position_rod").abs() < 1e-15 && !names.iter().any(|name| name.contains("lambda_rod")));
+    // Without the velocity that it gives, the row has a multiplier, and so has the rod without it.
+    for items in [
+        "constraint slide: x*x_dot + z*z_dot = 0; constraint rod: x^2 + z^2 = 1;",
+        "constraint rod: x^2 + z^2 = 1;",
+    ] {
+        let model = spec::parse("pendulum.hamel", &text(items)).unwrap_or_else(|p| panic!("{p}"));
+        let scene = scene::build(&model, "held").unwrap_or_else(|p| panic!("{p}"));
+        assert_eq!(scene.state_names(), ["x", "z", "x_dot", "z_dot"]);
+        let names = output_names(&scene);
+        assert_eq!(names.iter().filter(|name| name.starts_with("lambda_")).count(), 1, "{names:?}");
+    }
+    // What does not follow restricts velocities beside the others.
+    let other = "constraint slide for z_dot: x*x_dot + 2*z*z_dot = 0; constraint rod: x^2 + z^2 = 1;";
+    let model = spec::parse("pendulum.hamel", &text(other)).unwrap_or_else(|p| panic!("{p}"));
+    let scene = scene::build(&model, "held").unwrap_or_else(|p| panic!("{p}"));
+    assert!(output_names(&scene).contains(&"lambda_rod".to_owned()));
+}
+
+#[test]
+fn rows_one_after_the_other_are_the_same_motion() {
+    // Three velocities of a body on a moving base, each row with the others in it.
+    let text = |names: [&str; 3]| {
+        format!(
+            "model chained {{
+                param a = 0.7; param b = 1.3 where b > 0;
+                velocity v in R^5;
+                coordinate q in real;
+                lagrangian = dot(v, diag([1, 2, 3, 4, 5])*v)/2 + q_dot^2/2 + a*q_dot*v3 - b*q^2;
+                constraint first{}: (2 + q^2)*v3 + sin(q)*v4 + v1 + v5 = 0;
+                constraint second{}: cos(q)*v3 + (3 + q^2)*v4 - q*v2 + a*q_dot = 0;
+                constraint third{}: v5 = q*v3 - v4 + 0.3;
+                independent v1, v2, q_dot;
+                initial q = 0.3; initial q_dot = 0.4; initial v1 = 1.1; initial v2 = -0.6;
+                scene held {{ want rhs, energy, multipliers; }}
+            }}",
+            names[0], names[1], names[2]
+        )
+    };
+    let values = |names: [&str; 3]| {
+        let model = spec::parse("chained.hamel", &text(names)).unwrap_or_else(|p| panic!("{p}"));
+        let scene = scene::build(&model, "held").unwrap_or_else(|p| panic!("{p}"));
+        let executable = scene.executable();
+        let params: Vec<f64> = scene.params().iter().map(|p| if p.name == "a" { 0.7 } else { 1.3 }).collect();
+        let interpreter = executable.prepare(&params).unwrap();
+        let y = scene::initial_state(&model, &scene).unwrap().unwrap();
+        let mut dy = vec![0.0; y.len()];
+        interpreter.rhs(0.2, &y, &mut dy);
+        dy.extend(interpreter.outputs(0.2, &y));
+        dy
+    };
+    let together = values(["", "", ""]);
+    for names in [
+        [" for v3", " for v4", " for v5"],
+        [" for v3", " for v4", ""],
+        [" for v4", " for v3", " for v5"],
+        [" for v5", " for v4", " for v3"],
+    ] {
+        let chained = values(names);
+        assert_eq!(chained.len(), together.len());
+        for (found, expected) in chained.iter().zip(&together) {
+            assert!(
+                (found - expected).abs() < 1e-12 * expected.abs().max(1.0),
+                "{names:?}: {chained:?} {together:?}"
+            );
+        }
+    }
+}

@@ -47,11 +47,14 @@ struct Link {
 }
 
 impl Derivation<'_> {
-    /// The order of the rows. As few as possible are solved together: those whose own velocity has no number before it,
-    /// and as many others as are needed where rows wait for each other.
+    /// The order of the rows. As few as possible are solved together: those that the model says give a velocity, those
+    /// whose own velocity has no number before it, and as many others as are needed where rows wait for each other.
     fn order_of_rows(&self, response: &Response) -> Order {
         let form = |row: usize| &self.forms[row];
-        let is_number = |(row, own): &(usize, usize)| self.g.as_rational(form(*row)[*own]).is_some();
+        let is_number = |pair: &(usize, usize)| {
+            let (row, own) = *pair;
+            self.g.as_rational(form(row)[own]).is_some() && !response.given.contains(pair)
+        };
         let (mut numbers, mut together): (Vec<_>, Vec<_>) =
             response.pairs.iter().copied().partition(is_number);
         loop {
@@ -144,11 +147,11 @@ impl Derivation<'_> {
         let Order { direct, together } = self.order_of_rows(response);
         let mut response = response.clone();
         let n = together.len();
-        if !(2..=3).contains(&n) {
+        if n > 0 && together.iter().all(|pair| response.given.contains(pair)) {
+            self.chain = Some(self.chain_of(solved, &response, &direct));
             return response;
         }
-        if together.iter().all(|pair| response.given.contains(pair)) {
-            self.chain = Some(self.chain_of(solved, &response, &direct));
+        if !(2..=3).contains(&n) {
             return response;
         }
         self.writer.begin("response of what is solved together");

@@ -631,6 +631,7 @@ impl Model {
             Error::NotCyclic { parameter, .. } => self.places.carries.get(parameter).copied(),
             Error::DependentConstraint { constraint }
             | Error::DependentPositions { constraint }
+            | Error::NotGiven { constraint, .. }
             | Error::InconsistentConstraint { constraint } => {
                 constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)
             }

@@ -28,10 +28,13 @@ const MAX_EXTRA: (i64, i64) = (1, 2);
 /// Definitions multiplied out one after the other in the search for one.
 const MAX_STAGES: usize = 12;
 
-/// A function of more definitions and terms than both of these is searched by windows at once: trials of all of it would
-/// meet their limit before every definition has been looked at once. Rates of ten pendulums in space have 1356 terms, of
-/// twenty 2886.
-const LARGE: Size = Size { definitions: 400, terms: 1200 };
+/// Rates of more definitions and terms than both of these are searched by windows: trials of all of them would meet
+/// their limit before every definition has been looked at once. Rates of a bicycle have 456 terms, of ten pendulums in
+/// space 1356, of twenty 2886 ..
+const LARGE: Size = Size { definitions: 150, terms: 400 };
+/// .. and two or three terms a definition. Those of more than this, such as the dense sums of a truncated fluid (six),
+/// share most of what they share far apart, where no window sees it.
+const MAX_TERMS_EACH: usize = 4;
 /// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near
 /// its definition, in one search after the other: two operations, eight, thirty-two.
 const SLACKS: [i64; 3] = [6, 24, 96];
@@ -52,7 +55,8 @@ struct Size {
 fn is_large(system: &System, entries: &[Entry], roots: &[usize]) -> bool {
     let alive = needed(system, entries, roots);
     let n_terms: usize = alive.iter().map(|k| entries[*k].value.len()).sum();
-    alive.len() > LARGE.definitions && n_terms > LARGE.terms
+    let are_short = n_terms <= MAX_TERMS_EACH * alive.len();
+    alive.len() > LARGE.definitions && n_terms > LARGE.terms && are_short
 }
 
 /// What the roots need in pieces, each after what it needs.
@@ -113,21 +117,13 @@ impl Search<'_> {
     /// The cheapest form found, common divisors extracted.
     fn cheapest(&mut self, original: Vec<Entry>) -> Vec<Entry> {
         // Derivatives and outputs have to do with less.
-        let is_rates = self.keeps_digits;
-        let is_large = is_rates && is_large(self.system, &original, self.roots);
-        let mut found = None;
-        if !is_large {
-            let (first, is_done) = self.by_rounds_from(original.clone());
-            if is_done || !is_rates {
-                let Found { best, current } = first;
-                return if is_done { self.without_cancellations(best, current) } else { best.1 };
-            }
-            found = Some(first);
-            self.go_on();
+        if !(self.keeps_digits && is_large(self.system, &original, self.roots)) {
+            let (Found { best, current }, is_done) = self.by_rounds_from(original);
+            return if is_done { self.without_cancellations(best, current) } else { best.1 };
         }
-        let other = self.by_windows(original);
-        let found = found.filter(|first| first.best.0 <= other.best.0).unwrap_or(other);
-        self.go_on();
+        let found = self.by_windows(original);
+        let n_numbers = self.system.numbers.n_terms;
+        self.system.effort.go_on(n_numbers);
         let (Found { best, current }, is_done) = self.near_definitions(found);
         if is_done { self.without_cancellations(best, current) } else { best.1 }
     }
@@ -136,12 +132,6 @@ impl Search<'_> {
     fn by_rounds_from(&mut self, original: Vec<Entry>) -> (Found, bool) {
         let start = self.start(original);
         self.by_rounds(start, None)
-    }
-
-    /// Allows everything anew.
-    fn go_on(&mut self) {
-        let n_numbers = self.system.numbers.n_terms;
-        self.system.effort.go_on(n_numbers);
     }
 
     /// Whether the form found so far has to do.

@@ -255,7 +255,8 @@ impl Solver<'_> {
     ) -> Result<(), Error> {
         let entry = table[row][column];
         if self.graph.vanishing(entry) == Vanishing::Zero {
-            return Err(self.undetermined(rows, &[row], &[column]));
+            let (constraint, velocity) = (rows[row].text.clone(), self.names[column].clone());
+            return Err(Error::NotGiven { constraint, velocity });
         }
         if self.grade(entry) >= PivotGrade::ParameterOnly {
             let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);

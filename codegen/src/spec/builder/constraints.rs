@@ -246,8 +246,14 @@ impl ModelBuilder {
             self.problem(span, message, "remove `for`");
         } else if given.len() != components.len() {
             let (n, m) = (given.len(), components.len());
-            let message =
-                format!("constraint `{}` has {m} components, and {n} velocities to give", draft.text);
+            let counted =
+                |n: usize, one: &str, many: &str| format!("{n} {}", if n == 1 { one } else { many });
+            let message = format!(
+                "constraint `{}` has {}, and {} to give",
+                draft.text,
+                counted(m, "component", "components"),
+                counted(n, "velocity", "velocities")
+            );
             self.problem(span, message, "name a velocity for each component");
         } else {
             components.iter_mut().zip(given).for_each(|(c, k)| c.gives = Some(k));
