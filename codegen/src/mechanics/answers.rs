@@ -1,8 +1,9 @@
-//! Dependent velocities row by row, where constraints contain derivatives of equations between positions.
+//! Dependent velocities row by row, where constraints contain derivatives of equations between positions, or name the
+//! velocities that they give.
 //!
 //! `C_d x + r = 0` is solved for the dependent components `x` with the rows `C` of the constraint as they are written:
-//! a row whose own velocity has a number before it gives this velocity by the others, and only what is left is solved
-//! for together, by the matrix that reduction inverted. Velocities, partial velocities and accelerations at `udot = 0`
+//! a row whose own velocity has a number before it gives this velocity by the others, rows that name their velocities
+//! follow one after the other, and only what is left is solved for together, by the matrix that reduction inverted. Velocities, partial velocities and accelerations at `udot = 0`
 //! are all answers to some `r`, and share the coefficients of the rows.
 //!
 //! Deliberately does not know: how the rows were solved, what the velocities are.
@@ -13,6 +14,7 @@ use crate::error::Error;
 use crate::expr::{ExprId, Style, SymbolId};
 use crate::reduction::{KinematicConstraint, Response, SolvedConstraint};
 
+use super::chain::{Chain, Link};
 use super::derive::Derivation;
 
 /// Which rows give their velocity by others, in an order in which these are known, and which are solved together.
@@ -25,25 +27,6 @@ struct Order {
 pub(super) struct Direct {
     pub(super) own: usize,
     pub(super) by: Vec<(usize, ExprId)>,
-}
-
-/// Rows that give their velocities one after the other, brought to a triangle by elimination without a choice of
-/// pivots: `y_own = -(form y + right)` by velocities of later rows and independent ones.
-#[derive(Clone, Debug)]
-pub(super) struct Chain {
-    links: Vec<Link>,
-}
-
-#[derive(Clone, Debug)]
-struct Link {
-    row: usize,
-    own: usize,
-    /// What the velocities of rows before are multiplied by, in their order.
-    before: Vec<ExprId>,
-    /// The reciprocal of what is left of the coefficient of the own velocity.
-    scale: ExprId,
-    /// Coefficients divided by that, zero at velocities that rows before or direct rows give.
-    form: Vec<ExprId>,
 }
 
 impl Derivation<'_> {
@@ -99,18 +82,16 @@ impl Derivation<'_> {
                 let sum = self.g.sum(&terms);
                 left.push((*row, self.define(&format!("{prefix}left_{}", self.names[*own]), sum)));
             }
-            let left = match self.chain.clone() {
-                Some(chain) => {
-                    self.answer_of_chain(&chain, &left, &mut x, prefix);
-                    Vec::new()
+            match self.chain.clone() {
+                Some(chain) => self.answer_of_chain(&chain, &left, &mut x, prefix),
+                None => {
+                    for (_, own) in &together {
+                        let terms: Vec<ExprId> =
+                            left.iter().map(|(row, e)| self.g.mul(response.by_row[*own][*row], *e)).collect();
+                        let sum = self.g.sum(&terms);
+                        x[*own] = self.define(&format!("{prefix}{}", self.names[*own]), sum);
+                    }
                 }
-                None => left,
-            };
-            for (_, own) in together.iter().filter(|_| !left.is_empty()) {
-                let terms: Vec<ExprId> =
-                    left.iter().map(|(row, e)| self.g.mul(response.by_row[*own][*row], *e)).collect();
-                let sum = self.g.sum(&terms);
-                x[*own] = self.define(&format!("{prefix}{}", self.names[*own]), sum);
             }
         }
         for pair in &direct {

@@ -7,6 +7,7 @@
 
 mod answers;
 mod bracket;
+mod chain;
 mod chart;
 mod coefficients;
 mod condensed;

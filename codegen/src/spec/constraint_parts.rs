@@ -1,8 +1,9 @@
 //! What some constraints have beside their residual: an equation between positions, an acceleration that the state
-//! carries.
+//! carries, virtual displacements of their own.
 //!
 //! Deliberately does not know: constraints, models.
 
+use super::diagnostic::Span;
 use crate::expr::{ExprId, SymbolId};
 
 /// An equation `f(x, a, t) = 0` between coordinates and advected parameters, whose derivative is a linear constraint.
@@ -27,4 +28,18 @@ pub struct CarriedAcceleration {
     pub offset: ExprId,
     /// Documentation.
     pub doc: String,
+}
+
+/// A scalar condition `f(x, y, ydot, t) . delta y = 0` on virtual displacements; [`accelerations`](super::Model::accelerations) stand for
+/// `ydot`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VirtualConstraint {
+    /// Given name, or `d1`, `d2`, .. in order.
+    pub name: String,
+    /// As written.
+    pub text: String,
+    /// `f`: one coefficient per velocity, in the order of [`all_velocities`](super::Model::all_velocities).
+    pub one_form: Vec<ExprId>,
+    /// Where it stands.
+    pub span: Option<Span>,
 }

@@ -48,7 +48,7 @@ mod written;
 
 pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
-pub use constraint_parts::{CarriedAcceleration, PositionEquation};
+pub use constraint_parts::{CarriedAcceleration, PositionEquation, VirtualConstraint};
 pub use context::Context;
 pub use diagnostic::{Diagnostic, Diagnostics, Help, Origin, Replacement, Severity, Span};
 pub use event::{Event, EventDirection, OutputPart};
@@ -64,7 +64,7 @@ pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
     FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
     OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
-    Velocity, VelocitySection, VirtualConstraint, circle_names, diagnose,
+    Velocity, VelocitySection, circle_names, diagnose,
 };
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
 pub use shape::{Expected, Operation, Shape, ValueError};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-pub(super) use super::constraint_parts::{CarriedAcceleration, PositionEquation};
+pub(super) use super::constraint_parts::{CarriedAcceleration, PositionEquation, VirtualConstraint};
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
 use super::layout::Layout;
@@ -305,20 +305,6 @@ pub struct Constraint {
     /// The velocity that a linear constraint is solved for, when those of constraints before it are known: its place in
     /// [`Model::all_velocities`].
     pub gives: Option<usize>,
-    /// Where it stands.
-    pub span: Option<Span>,
-}
-
-/// A scalar condition `f(x, y, ydot, t) . delta y = 0` on virtual displacements; [`Model::accelerations`] stand for
-/// `ydot`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VirtualConstraint {
-    /// Given name, or `d1`, `d2`, .. in order.
-    pub name: String,
-    /// As written.
-    pub text: String,
-    /// `f`: one coefficient per velocity, in the order of [`Model::all_velocities`].
-    pub one_form: Vec<ExprId>,
     /// Where it stands.
     pub span: Option<Span>,
 }
