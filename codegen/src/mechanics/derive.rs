@@ -70,8 +70,8 @@ pub(super) struct Derivation<'a> {
     /// `(N^gamma_alpha - C^gamma_{alpha beta} y^beta) p_gamma + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
     /// everything in `-E_alpha` except the Hessian times `ydot`.
     pub(super) drive: Vec<ExprId>,
-    /// `lag`, the accelerations of the velocities at `udot = 0`, and `drive - L_yy lag`, where rows give them before the
-    /// forces are made.
+    /// `lag`, the accelerations of the velocities at `udot = 0`, and `drive - L_yy lag`, where rows give them before
+    /// the forces are made.
     pub(super) at_rest: Option<(Vec<ExprId>, Vec<ExprId>)>,
     /// That of the Lagrangian without squares of velocities, where there is a [`Recursion`].
     pub(super) rest_drive: Vec<ExprId>,

@@ -83,9 +83,9 @@ impl Solver<'_> {
     /// Brings linear rows to the form `y = Psi u + psi0`; `None` when every choice of independent velocities would
     /// divide by something that can vanish on the domain.
     ///
-    /// `wanted`: columns that the model asks to be independent. `determined`: rows, and columns that the model says they
-    /// give together; `given`: rows, and the column that the model says each gives when those before it are known. What
-    /// is divided by there is among the pivots, and no reason for another form.
+    /// `wanted`: columns that the model asks to be independent. `determined`: rows, and columns that the model says
+    /// they give together; `given`: rows, and the column that the model says each gives when those before it are known.
+    /// What is divided by there is among the pivots, and no reason for another form.
     ///
     /// # Shapes
     /// `one_form` of every row: frame velocities, then quasi-velocities.
