@@ -741,6 +741,7 @@ impl Page {
                         self.inline(&self.name(&format!("lambda_{}", row.name)))
                     ));
                 }
+                self.kept(system, s.rows.iter().map(|row| row.name.as_str()).collect());
                 if system.degeneracy.is_none() {
                     self.solved(s, system, "Solved with");
                 }
@@ -754,6 +755,7 @@ impl Page {
                         self.inline(&self.name(&format!("lambda_{}", row.name)))
                     ));
                 }
+                self.kept(system, rows.iter().map(|row| row.name.as_str()).collect());
                 let is_servo = |row: &AccelerationRow| matches!(row.source, AccelerationSource::Servo(_));
                 for carried in &system.higher.carried {
                     let name = self.inline(&self.name(system.graph.name(carried.symbol)));
@@ -768,6 +770,16 @@ impl Page {
                     self.line("No choice of independent velocities is good on the whole domain: all velocities stay in the");
                     self.line("state and multipliers keep the constraint.");
                 }
+            }
+        }
+    }
+
+    /// Equations between positions that have none of the `rows`.
+    fn kept(&mut self, system: &ReducedSystem, rows: Vec<&str>) {
+        for position in &system.positions {
+            if rows.iter().all(|row| position.name.strip_prefix("position_") != Some(row)) {
+                let name = self.inline(&self.name(&position.name));
+                self.line(&format!("By these {name} stays zero, without a constraint of its own."));
             }
         }
     }
