@@ -147,8 +147,7 @@ const OF_ITEMS: &[(&str, &str)] = &[
     (
         "constraint",
         "An equation between velocities; its coefficients may depend on coordinates, advected parameters \
-         and time. `constraint name for v, w: ..` names the velocity that each component gives, one after \
-         the other, which divides by the coefficients of these velocities.",
+         and time.",
     ),
     (
         "virtual",
