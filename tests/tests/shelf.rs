@@ -113,14 +113,10 @@ fn the_forces_of_the_ground_follow_from_multipliers() {
     along_bicycles::<{ bicycles::RIGID }>(("whipple_bicycle", "held"), |p, value, expected| {
         let weight = p.get("g") * ["mR", "mB", "mH", "mF"].map(|name| p.get(name)).iter().sum::<f64>();
         let down = [1, 2, 3].map(|k| value(&format!("Gamma{k}")));
-        let (sin, cos) = value("steer").sin_cos();
-        let ahead = [cos * down[0] + sin * down[1], cos * down[1] - sin * down[0], down[2]];
-        let (contact, lateral) = (value("lambda_contact"), value("lambda_lateral"));
-        let spin = value("lambda_spin") / p.get("rF") / ahead[0].hypot(ahead[2]);
-        let rear = |k: usize| value(&format!("lambda_rear{}", k + 1)) - (contact + weight) * down[k];
-        let front = |k: usize| value(&format!("lambda_front{}", k + 1)) + contact * ahead[k];
-        let along = [spin * ahead[2], lateral, -spin * ahead[0]];
-        let found = [[0, 1, 2].map(rear), [0, 1, 2].map(|k| front(k) + along[k])];
+        let lambda = |name: &str, k: usize| value(&format!("lambda_{name}{}", k + 1));
+        let rear = |k: usize| lambda("rear", k) - weight * down[k];
+        let front = |k: usize| lambda("hub", k) + lambda("front", k);
+        let found = [[0, 1, 2].map(rear), [0, 1, 2].map(front)];
         same_forces("forces of the ground", found, expected);
     });
 }

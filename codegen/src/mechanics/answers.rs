@@ -3,8 +3,9 @@
 //!
 //! `C_d x + r = 0` is solved for the dependent components `x` with the rows `C` of the constraint as they are written:
 //! a row whose own velocity has a number before it gives this velocity by the others, rows that name their velocities
-//! follow one after the other, and only what is left is solved for together, by the matrix that reduction inverted. Velocities, partial velocities and accelerations at `udot = 0`
-//! are all answers to some `r`, and share the coefficients of the rows.
+//! follow one after the other, and only what is left is solved for together, by the matrix that reduction inverted.
+//! Velocities, partial velocities and accelerations at `udot = 0` are all answers to some `r`, and share the
+//! coefficients of the rows.
 //!
 //! Deliberately does not know: how the rows were solved, what the velocities are.
 

@@ -30,8 +30,8 @@ pub struct CarriedAcceleration {
     pub doc: String,
 }
 
-/// A scalar condition `f(x, y, ydot, t) . delta y = 0` on virtual displacements; [`accelerations`](super::Model::accelerations) stand for
-/// `ydot`.
+/// A scalar condition `f(x, y, ydot, t) . delta y = 0` on virtual displacements;
+/// [`accelerations`](super::Model::accelerations) stand for `ydot`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualConstraint {
     /// Given name, or `d1`, `d2`, .. in order.
