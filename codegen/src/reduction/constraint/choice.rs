@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::expr::{ExprId, Graph, Sign, SymbolId, Vanishing};
 use crate::spec::{self, Constraint, ConstraintKind, Model};
 
-use super::solver::Solver;
+use super::solver::{Said, Solver};
 use super::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
     Unknown,
@@ -35,8 +35,7 @@ pub(in crate::reduction) fn constrain(
     let choice = Choice {
         independent: model.independent.as_deref(),
         multipliers: model.force_multipliers,
-        determined: &determined,
-        given: &given,
+        said: Said { together: &determined, in_order: &given },
         is_by_rows: model.constraints.iter().any(|c| c.position.is_some() || c.gives.is_some()),
     };
     let setting = Setting { frame: &frame, quasi: &quasi, params: &params, signs };
@@ -66,10 +65,8 @@ pub(in crate::reduction) struct Choice<'a> {
     pub(in crate::reduction) independent: Option<&'a [usize]>,
     /// Whether multipliers are kept.
     pub(in crate::reduction) multipliers: bool,
-    /// Linear rows and the velocities that they are solved for: those of coordinates that equations give.
-    pub(in crate::reduction) determined: &'a [(usize, usize)],
-    /// Linear rows and the velocity that each of them gives, in the order in which they are solved.
-    pub(in crate::reduction) given: &'a [(usize, usize)],
+    /// Linear rows and the velocities that they are solved for: together those of coordinates that equations give.
+    pub(in crate::reduction) said: Said<'a>,
     /// See [`Solver::is_by_rows`].
     pub(in crate::reduction) is_by_rows: bool,
 }
@@ -109,9 +106,9 @@ pub(in crate::reduction) fn solve_rows(
     let is_by_rows = choice.is_by_rows;
     let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs, is_by_rows };
     // Solving also detects dependent and inconsistent rows, so it runs even when multipliers are asked for.
-    let solved = solver.solve(&linear, wanted, (choice.determined, choice.given))?.filter(|_| !keep_all);
+    let solved = solver.solve(&linear, wanted, choice.said)?.filter(|_| !keep_all);
     (solver.quasi, solver.is_by_rows) = (&[], false);
-    let allowed = solver.solve(&displacements, None, (&[], &[]))?;
+    let allowed = solver.solve(&displacements, None, Said::default())?;
     if !displacements.is_empty() {
         // As many as the motion has constraints; quasi-velocities may be more than those leave.
         let n_unknowns = solved.as_ref().map(|s| s.psi.first().map_or(0, Vec::len));
@@ -231,7 +228,10 @@ fn kept(model: &Model, rows: &[ConstraintRow]) -> BTreeSet<String> {
     let given = given(model, &on_velocities);
     // What is wrong with them is found again, and told, where they are solved for good.
     let solved = match model.independent.as_deref() {
-        Some(wanted) => solver.solve(&on_velocities, Some(wanted), (&[], &given)).ok().flatten(),
+        Some(wanted) => solver
+            .solve(&on_velocities, Some(wanted), Said { in_order: &given, ..Said::default() })
+            .ok()
+            .flatten(),
         None => solver.solve_somewhere(&on_velocities).ok(),
     };
     let Some(solved) = solved else { return BTreeSet::new() };

@@ -15,7 +15,7 @@ use super::part::Part;
 pub(super) use choice::{Choice, Setting, annihilator, constrain, frame_unknowns, refused, solve_rows};
 pub use higher::{CarriedAcceleration, HigherOrder};
 pub(super) use higher::{Prolonged, prolonged, settled};
-pub(super) use solver::Solver;
+pub(super) use solver::{Said, Solver};
 
 /// One scalar constraint as an affine form in the velocities.
 #[derive(Clone, Debug)]

@@ -26,6 +26,15 @@ enum PivotGrade {
     Unproved,
 }
 
+/// Rows and the columns that the model says they give.
+#[derive(Clone, Copy, Default)]
+pub(in crate::reduction) struct Said<'a> {
+    /// All together.
+    pub(in crate::reduction) together: &'a [(usize, usize)],
+    /// One after the other.
+    pub(in crate::reduction) in_order: &'a [(usize, usize)],
+}
+
 /// Solves linear rows for some of their columns.
 pub(in crate::reduction) struct Solver<'a> {
     pub(in crate::reduction) graph: &'a mut Graph,
@@ -83,9 +92,8 @@ impl Solver<'_> {
     /// Brings linear rows to the form `y = Psi u + psi0`; `None` when every choice of independent velocities would
     /// divide by something that can vanish on the domain.
     ///
-    /// `wanted`: columns that the model asks to be independent. `determined`: rows, and columns that the model says
-    /// they give together; `given`: rows, and the column that the model says each gives when those before it are known.
-    /// What is divided by there is among the pivots, and no reason for another form.
+    /// `wanted`: columns that the model asks to be independent. What is divided by in rows whose columns are `said` is
+    /// among the pivots, and no reason for another form.
     ///
     /// # Shapes
     /// `one_form` of every row: frame velocities, then quasi-velocities.
@@ -97,7 +105,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
-        (determined, given): (&[(usize, usize)], &[(usize, usize)]),
+        said: Said<'_>,
     ) -> Result<Option<Elimination>, Error> {
         if let Some(wanted) = wanted {
             let width = self.names.len() + self.quasi.len();
@@ -107,9 +115,10 @@ impl Solver<'_> {
             }
         }
         let is_dependent = |(_, column): &&(usize, usize)| wanted.is_none_or(|w| !w.contains(column));
-        let determined: Vec<(usize, usize)> = determined.iter().filter(is_dependent).copied().collect();
-        let given: Vec<(usize, usize)> = given.iter().filter(is_dependent).copied().collect();
-        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved, (&determined, &given))?;
+        let [together, in_order] = [said.together, said.in_order]
+            .map(|list| -> Vec<(usize, usize)> { list.iter().filter(is_dependent).copied().collect() });
+        let said = Said { together: &together, in_order: &in_order };
+        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved, said)?;
         if echelon.state_dependent && wanted.is_none() {
             return Ok(None);
         }
@@ -128,7 +137,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<(Elimination, Vec<Vec<ExprId>>), Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Definite, (&[], &[]))?;
+        let echelon = self.echelon(rows, None, PivotGrade::Definite, Said::default())?;
         let left = echelon.open.iter().map(|&row| echelon.table[row].clone()).collect();
         Ok((self.solved_form(&echelon), left))
     }
@@ -145,7 +154,7 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<Elimination, Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Unproved, (&[], &[]))?;
+        let echelon = self.echelon(rows, None, PivotGrade::Unproved, Said::default())?;
         Ok(self.solved_form(&echelon))
     }
 
@@ -155,7 +164,7 @@ impl Solver<'_> {
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
         worst: PivotGrade,
-        (determined, given): (&[(usize, usize)], &[(usize, usize)]),
+        said: Said<'_>,
     ) -> Result<Echelon, Error> {
         let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let allowed = |column: usize| column < m && wanted.is_none_or(|w| !w.contains(&column));
@@ -172,9 +181,9 @@ impl Solver<'_> {
         let mut solved: Vec<(usize, usize)> = Vec::new();
         let mut pivots = Vec::new();
         let mut state_dependent = false;
-        self.eliminate_together(rows, determined, &mut table, (&mut solved, &mut pivots))?;
+        self.eliminate_together(rows, said.together, &mut table, (&mut solved, &mut pivots))?;
         open.retain(|row| solved.iter().all(|(done, _)| done != row));
-        let mut waiting = given;
+        let mut waiting = said.in_order;
         while !open.is_empty() {
             self.graph.within_budget()?;
             let mut best: Option<(PivotGrade, std::cmp::Reverse<usize>, usize)> = None;
@@ -242,7 +251,7 @@ impl Solver<'_> {
             open.retain(|r| *r != row);
             solved.push((row, column));
         }
-        Ok(Echelon { table, solved, open, pivots, state_dependent, given: given.to_vec() })
+        Ok(Echelon { table, solved, open, pivots, state_dependent, given: said.in_order.to_vec() })
     }
 
     /// Solves a row for the column that the model says it gives.
@@ -410,7 +419,7 @@ impl Solver<'_> {
         let wanted_columns = wanted.unwrap_or_default();
         let dependent =
             (0..names.len()).filter(|k| !wanted_columns.contains(k)).map(|k| names[k].clone()).collect();
-        let possible = match wanted.is_some().then(|| self.solve(rows, None, (&[], &[]))) {
+        let possible = match wanted.is_some().then(|| self.solve(rows, None, Said::default())) {
             Some(Ok(Some(s))) => s.dependent.iter().map(|k| names[*k].clone()).collect(),
             _ => vec!["no choice on the whole domain: write `multipliers;` instead".to_owned()],
         };

@@ -10,7 +10,7 @@ use crate::expr::{DivisionByZero, ExprId, Graph, Sign, SymbolId};
 use crate::reduction::change::{Frame, contract, tidied};
 use crate::reduction::constraint::{
     AccelerationRow, AccelerationSource, Choice, ConstraintRow, HigherOrder, KinematicConstraint, Reactions,
-    Setting as Rows, SolvedConstraint, Solver, Unknown, prolonged, solve_rows,
+    Said, Setting as Rows, SolvedConstraint, Solver, Unknown, prolonged, solve_rows,
 };
 use crate::reduction::system::ReducedSystem;
 use crate::spec::Param;
@@ -113,7 +113,7 @@ fn determining(
     let params = setting.params();
     let mut solver =
         Solver { graph: g, names, quasi: &[], params: &params, facts: setting.signs, is_by_rows: false };
-    let found = solver.solve(&rows, None, (&[], &[]))?;
+    let found = solver.solve(&rows, None, Said::default())?;
     found.map(|f| f.dependent).ok_or_else(|| Error::Unsupported {
         what: "a choice of components along the stages that determines the multipliers on the whole domain"
             .into(),
