@@ -141,7 +141,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("veselova", "invariants", [6.0, 32.0, 4.0, 32.0]),
     ("veselova", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("vortices_on_sphere", "default", [7.0, 32.0, 7.0, 32.0]),
-    ("whipple_bicycle", "default", [15.0, 1e13, 26.0, 1e13]),
+    ("whipple_bicycle", "default", [15.0, 1e13, 63.0, 1e13]),
     ("whipple_bicycle_multipliers", "default", [11.0, 1e13, 15.0, 1e7]),
     ("wong_particle", "default", [8.0, 32.0, 4.0, 32.0]),
     ("wong_particle", "reconstruction", [8.0, 32.0, 4.0, 32.0]),
@@ -159,7 +159,7 @@ const BUILT: f64 = 64.0;
 /// Models that exceed [`BUILT`], and by how much they may: `findings.md` has the reasons.
 const BUILT_OF: &[(&str, f64)] = &[
     ("ball_on_surface", 1e10),
-    ("bicycle_with_rider", 1e11),
+    ("bicycle_with_rider", 1e13),
     ("car_with_trailers", 1e4),
     ("chaplygin_ball", 1e13),
     ("chaplygin_gyro", 1e14),
