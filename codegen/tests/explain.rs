@@ -147,3 +147,19 @@ fn phases_behind_and_before_the_time_are_explained() {
     );
     assert!(text.contains("ν = 2") && text.contains("β = 1"), "{text}");
 }
+
+#[test]
+fn equations_without_constraints_of_their_own_are_told() {
+    let items = |slide: &str| {
+        let rod = "coordinate x, z in real; constraint rod: x^2 + z^2 = 1; initial x = 1;";
+        format!("{rod} lagrangian = x_dot^2 + z_dot^2; {slide}")
+    };
+    let said = |slide: &str| {
+        let text = explained(&items(slide), Style::Unicode);
+        lines(&text, &["stays zero"]).into_iter().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let expected = ["By these position_rod stays zero, without a constraint of its own."];
+    assert_eq!(said("constraint for z_dot: x*x_dot + z*z_dot = 0;"), expected);
+    assert_eq!(said("constraint x*x_dot + z*z_dot = 0; multipliers;"), expected);
+    assert!(said("").is_empty());
+}

@@ -113,10 +113,10 @@ fn the_forces_of_the_ground_follow_from_multipliers() {
     along_bicycles::<{ bicycles::RIGID }>(("whipple_bicycle", "held"), |p, value, expected| {
         let weight = p.get("g") * ["mR", "mB", "mH", "mF"].map(|name| p.get(name)).iter().sum::<f64>();
         let down = [1, 2, 3].map(|k| value(&format!("Gamma{k}")));
-        let lambda = |name: &str, k: usize| value(&format!("lambda_{name}{}", k + 1));
-        let rear = |k: usize| lambda("rear", k) - weight * down[k];
-        let front = |k: usize| lambda("hub", k) + lambda("front", k);
-        let found = [[0, 1, 2].map(rear), [0, 1, 2].map(front)];
+        let lambda = |name: &str| value(&format!("lambda_{name}"));
+        let rear = [0, 1, 2].map(|k| lambda(&format!("rear{}", k + 1)) - weight * down[k]);
+        let front = [("hub1", "rolling1"), ("hub2", "lateral"), ("hub3", "rolling2")];
+        let found = [rear, front.map(|(hub, ground)| lambda(hub) + lambda(ground))];
         same_forces("forces of the ground", found, expected);
     });
 }

@@ -141,7 +141,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("veselova", "invariants", [6.0, 32.0, 4.0, 32.0]),
     ("veselova", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("vortices_on_sphere", "default", [7.0, 32.0, 7.0, 32.0]),
-    ("whipple_bicycle", "default", [15.0, 1e13, 63.0, 1e13]),
+    ("whipple_bicycle", "default", [15.0, 1e13, 26.0, 1e13]),
     ("whipple_bicycle_multipliers", "default", [11.0, 1e13, 15.0, 1e7]),
     ("wong_particle", "default", [8.0, 32.0, 4.0, 32.0]),
     ("wong_particle", "reconstruction", [8.0, 32.0, 4.0, 32.0]),

@@ -52,7 +52,7 @@ struct Size {
     terms: usize,
 }
 
-fn is_large(system: &System, entries: &[Entry], roots: &[usize]) -> bool {
+fn is_chain(system: &System, entries: &[Entry], roots: &[usize]) -> bool {
     let alive = needed(system, entries, roots);
     let n_terms: usize = alive.iter().map(|k| entries[*k].value.len()).sum();
     let are_short = n_terms <= MAX_TERMS_EACH * alive.len();
@@ -117,14 +117,9 @@ impl Search<'_> {
     /// The cheapest form found, common divisors extracted.
     fn cheapest(&mut self, original: Vec<Entry>) -> Vec<Entry> {
         // Derivatives and outputs have to do with less.
-        if !(self.keeps_digits && is_large(self.system, &original, self.roots)) {
-            let (Found { best, current }, is_done) = self.by_rounds_from(original);
-            return if is_done { self.without_cancellations(best, current) } else { best.1 };
-        }
-        let found = self.by_windows(original);
-        let n_numbers = self.system.numbers.n_terms;
-        self.system.effort.go_on(n_numbers);
-        let (Found { best, current }, is_done) = self.near_definitions(found);
+        let is_chain = self.keeps_digits && is_chain(self.system, &original, self.roots);
+        let (Found { best, current }, is_done) =
+            if is_chain { self.by_windows(original) } else { self.by_rounds_from(original) };
         if is_done { self.without_cancellations(best, current) } else { best.1 }
     }
 
@@ -231,12 +226,13 @@ impl Search<'_> {
         (cost, form.filter(|_| has_its_units))
     }
 
-    /// The definitions, each window of them in the form that is cheapest by itself.
+    /// The definitions, each window of them in the form that is cheapest by itself, and then all of them, by what can
+    /// be seen near each, as long as limits allow that anew. Tells whether all were looked at.
     ///
     /// A trial looks at everything that the roots need, so that a search over all definitions of a large function takes
     /// the square of its length. Windows take its length, and hide nothing but what is shared far apart, which is
     /// extracted from all of them in the end.
-    fn by_windows(&mut self, original: Vec<Entry>) -> Found {
+    fn by_windows(&mut self, original: Vec<Entry>) -> (Found, bool) {
         let mut current = original;
         let windows = windows(self.system, &current, self.roots);
         let n = windows.len();
@@ -266,12 +262,9 @@ impl Search<'_> {
             self.extractor = search.extractor;
             self.system.look_at(None);
         }
-        Found { best: self.extracted(&current), current }
-    }
-
-    /// Rounds over all definitions, by what can be seen near each. Tells whether all were looked at.
-    fn near_definitions(&mut self, found: Found) -> (Found, bool) {
-        let mut found = (found, true);
+        let n_numbers = self.system.numbers.n_terms;
+        self.system.effort.go_on(n_numbers);
+        let mut found = (Found { best: self.extracted(&current), current }, true);
         for slack in SLACKS {
             if found.1 {
                 found = self.by_rounds(found.0, Some(slack));

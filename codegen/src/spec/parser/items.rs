@@ -502,23 +502,25 @@ impl<'a> Parser<'a> {
         Ok((left, self.expr()?))
     }
 
-    /// `name:` or `name for v, w:` before an equation, and the velocities.
+    /// `name:`, `name for v, w:` or `for v, w:` before an equation, and the velocities.
     fn name_of_equation(&mut self) -> Parsed<(Option<Name>, Vec<Name>)> {
-        let named = self.cursor.ident().is_some_and(|(_, rest)| {
+        let named = self.cursor.ident().is_some_and(|(word, rest)| {
+            if word == "for" {
+                return false;
+            }
             let rest = rest.group(Delimiter::Bracket).map_or(rest, |(.., behind)| behind);
             let is_for = rest.ident().is_some_and(|(word, _)| word == "for");
             is_for || rest.punct().is_some_and(|(p, _)| p.as_char() == ':')
         });
-        if !named {
-            return Ok((None, Vec::new()));
-        }
-        let name = self.labelled("a name")?;
+        let name = if named { Some(self.labelled("a name")?) } else { None };
         let gives = match self.word("for") {
             Some(_) => self.comma_separated(|p| p.named("the name of a velocity"))?,
             None => Vec::new(),
         };
-        self.require_punct(":")?;
-        Ok((Some(name), gives))
+        if name.is_some() || !gives.is_empty() {
+            self.require_punct(":")?;
+        }
+        Ok((name, gives))
     }
 
     /// An event, and whether it ends with a block.
