@@ -1,7 +1,11 @@
 """Whipple's bicycle by other code generators: operations, and times beside hamel's C.
 
-    hamel generate whipple_bicycle --language c --scene moving --out-dir <folder>
+    hamel generate whipple_bicycle --scene moving --language c --out-dir <folder>
+    hamel generate whipple_bicycle --scene moving --out-dir <folder>
     python3 tests/peers/bicycle.py [<folder>]
+
+Where there is cargo, and the folder has hamel's Rust, this is compiled and timed as well, for one state and for four and
+eight side by side.
 
 SymPy's equations are those of its own test `physics/mechanics/tests/test_kane3.py` (Kane's method, a 6x6 system in
 independent and dependent speeds), CasADi's those of hamel's model: Kane's method along three rates, each assembly in
@@ -17,6 +21,7 @@ import math
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -405,8 +410,84 @@ __attribute__((noinline)) static void hamel_rates(const double *y, double *dy) {
   whipple_bicycle_moving_rhs(&hamel_prepared, 0.0, y, dy);
 }
 """
+# What `hamel generate` writes, on numbers of one and of several lanes: accelerations, then times of a state.
+RUST = """
+#[path = "%s"]
+#[allow(warnings)]
+mod bicycle;
+use bicycle::{INFO, Prepared};
+use hamel_runtime::{F64x4, F64x8, Real, Scene};
+use std::{hint::black_box, time::Instant};
+
+const STATE: [f64; 7] = %s;
+const STATES: usize = 64;
+
+#[inline(never)]
+fn rates<R: Real, S: Scene<R, State = [R; 7]>>(scene: &S, y: &[R; 7], dy: &mut [R; 7]) {
+    scene.rhs(R::ZERO, y, dy);
+}
+
+/// The acceleration of the steer, and the least time of a state in nanoseconds.
+fn timed<R: Real, S: Scene<R, State = [R; 7]>>(lanes: usize) -> (R, f64) {
+    let params: Vec<R> = INFO.params.iter().map(|p| R::from_f64(black_box(p.default))).collect();
+    let scene = S::prepare(&params).unwrap();
+    let y = vec![STATE.map(R::from_f64); STATES / lanes];
+    let mut dy = vec![[R::ZERO; 7]; y.len()];
+    let mut best = f64::INFINITY;
+    for _ in 0..40 {
+        let clock = Instant::now();
+        for _ in 0..32 {
+            for (y, dy) in y.iter().zip(&mut dy) {
+                rates(&scene, y, dy);
+            }
+            black_box(&mut dy);
+        }
+        best = best.min(clock.elapsed().as_secs_f64() * 1e9 / (32 * STATES) as f64);
+    }
+    (dy[0][1], best)
+}
+
+fn main() {
+    let one = timed::<f64, Prepared<f64>>(1);
+    let four = timed::<F64x4, Prepared<F64x4>>(F64x4::LANES);
+    let eight = timed::<F64x8, Prepared<F64x8>>(F64x8::LANES);
+    println!("{:.15} {:.15} {:.15}", one.0, four.0.to_array()[3], eight.0.to_array()[7]);
+    println!("{:.1} {:.1} {:.1}", one.1, four.1, eight.1);
+}
+"""
+MANIFEST = """
+[package]
+name = "bicycle"
+version = "0.0.0"
+edition = "2024"
+[dependencies]
+hamel-runtime = { path = "%s", features = ["lanes"] }
+[workspace]
+"""
 # Operations of these loops.
 N_SOLVED = 6 + sum((5 - k) * (1 + 2 * (6 - k)) for k in range(6)) + sum(2 * (5 - i) + 1 for i in range(6))
+
+
+def in_rust(module, state):
+    """Times of a state [ns] in 1, 4 and 8 lanes, and that of compiling the module with the program around it [s]."""
+    runtime = pathlib.Path(__file__).resolve().parents[2] / "runtime"
+    with tempfile.TemporaryDirectory() as made:
+        made = pathlib.Path(made)
+        (made / "Cargo.toml").write_text(MANIFEST % runtime)
+        (made / "src").mkdir()
+        source = made / "src/main.rs"
+        source.write_text("fn main() {}")
+        environment = {**os.environ, "RUSTFLAGS": "-C target-cpu=native", "CARGO_TARGET_DIR": str(made / "target")}
+        build = ["cargo", "build", "--release", "--quiet"]
+        subprocess.run(build, cwd=made, env=environment, check=True)
+        source.write_text(RUST % (module.resolve(), list(map(float, state))))
+        start = time.time()
+        subprocess.run(build, cwd=made, env=environment, check=True)
+        elapsed = time.time() - start
+        ran = subprocess.run([str(made / "target/release/bicycle")], check=True, capture_output=True, text=True)
+    found, times = ([float(x) for x in line.split()] for line in ran.stdout.splitlines())
+    assert all(abs(value - STEER[2]) < 1e-11 for value in found), found
+    return times, elapsed
 
 
 def main():
@@ -457,6 +538,11 @@ def main():
     for line in lines[n:]:
         name, ns = line.split()
         print(f"{name}: {ns} ns")
+    module = folder and folder / "whipple_bicycle_moving.rs"
+    if module and module.exists() and shutil.which("cargo"):
+        times, elapsed = in_rust(module, kernels[2][2])
+        print("hamel in Rust: {:.1f} ns, a state of 4 lanes {:.1f} ns, of 8 {:.1f} ns".format(*times))
+        print(f"compiled by rustc for these three in {elapsed:.1f} s")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,8 @@ use hamel_runtime::{DoubleDouble, Dual, Error, Failure, Integrator, Options, Rea
 use hamel_tests::random::Random;
 
 /// `mantissa 2^exponent` with the mantissa of an `f64` and an exponent without bounds: every operation rounds as `f64`
-/// does where that neither overflows nor underflows.
+/// does where that neither overflows nor underflows. Its operations are calls: put into the generated functions they take
+/// minutes to compile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Wide {
     mantissa: f64,
@@ -51,6 +52,7 @@ impl Wide {
 
 impl Add for Wide {
     type Output = Wide;
+    #[inline(never)]
     fn add(self, other: Wide) -> Wide {
         if self.mantissa == 0.0 {
             return other;
@@ -76,6 +78,7 @@ impl Neg for Wide {
 
 impl Sub for Wide {
     type Output = Wide;
+    #[inline(never)]
     fn sub(self, other: Wide) -> Wide {
         self + -other
     }
@@ -83,6 +86,7 @@ impl Sub for Wide {
 
 impl Mul for Wide {
     type Output = Wide;
+    #[inline(never)]
     fn mul(self, other: Wide) -> Wide {
         Wide::new(self.mantissa * other.mantissa, self.exponent + other.exponent)
     }
@@ -90,6 +94,7 @@ impl Mul for Wide {
 
 impl Div for Wide {
     type Output = Wide;
+    #[inline(never)]
     fn div(self, other: Wide) -> Wide {
         Wide::new(self.mantissa / other.mantissa, self.exponent - other.exponent)
     }
