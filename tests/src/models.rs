@@ -1,6 +1,8 @@
 //! The models of `models/specs` by name, and their motion through the interpreter.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::mechanics::{Equations, derive};
@@ -82,6 +84,21 @@ pub fn equations(name: &str) -> Equations {
 /// When it cannot be built.
 pub fn build(name: &str, scene: &str) -> BuiltScene {
     scene::build(&model(name), scene).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A scene of a model that several tests of a program look at: built by the first of them, kept for the others, which
+/// wait for it.
+///
+/// # Panics
+/// When it cannot be built.
+pub fn built_once(name: &str, scene: &str) -> &'static BuiltScene {
+    static SCENES: Mutex<BTreeMap<(String, String), &'static OnceLock<BuiltScene>>> =
+        Mutex::new(BTreeMap::new());
+    let mut scenes = SCENES.lock().unwrap_or_else(PoisonError::into_inner);
+    let cell: &'static OnceLock<BuiltScene> =
+        scenes.entry((name.to_owned(), scene.to_owned())).or_insert_with(|| Box::leak(Box::default()));
+    drop(scenes);
+    cell.get_or_init(|| build(name, scene))
 }
 
 /// Right-hand side and energy of a model of the shelf.

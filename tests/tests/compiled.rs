@@ -168,23 +168,22 @@ fn compare_in_memory(built: &BuiltScene) -> usize {
 
 macro_rules! compare_all {
     ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
-        /// Names of all scenes, and how many numbers were compared for each.
-        fn compare_every_scene() -> Vec<(&'static str, &'static str, usize)> {
-            vec![$((
-                $model,
-                $scene,
-                {
-                    let built = build($model, $scene);
-                    use hamel_models::generated::$module::Prepared;
-                    let counts = [
-                        compare_in_memory(&built),
-                        compare::<Prepared>(&built, [0.0; $n]),
-                        compare_on_duals::<Prepared<Dual>>(&built, [Dual::ZERO; $n]),
-                    ];
-                    assert!(counts.iter().all(|count| *count > 0), "{} {}: {counts:?}", $model, $scene);
-                    counts.iter().sum()
-                },
-            )),*]
+        /// Models and scenes that are compiled.
+        const COMPILED: &[(&str, &str)] = &[$(($model, $scene)),*];
+
+        /// How many numbers were compared for each of them.
+        fn compare_every_scene() -> Vec<usize> {
+            vec![$({
+                let built = build($model, $scene);
+                use hamel_models::generated::$module::Prepared;
+                let counts = [
+                    compare_in_memory(&built),
+                    compare::<Prepared>(&built, [0.0; $n]),
+                    compare_on_duals::<Prepared<Dual>>(&built, [Dual::ZERO; $n]),
+                ];
+                assert!(counts.iter().all(|count| *count > 0), "{} {}: {counts:?}", $model, $scene);
+                counts.iter().sum()
+            }),*]
         }
     };
 }
@@ -204,20 +203,15 @@ fn the_shelf_in_memory_has_the_bits_of_the_interpreter() {
 #[test]
 fn every_compiled_scene_equals_the_interpreter_bit_for_bit() {
     let scenes = compare_every_scene();
-    assert!(scenes.iter().all(|(_, _, compared)| *compared > 0));
-    println!("{} scenes, {} numbers", scenes.len(), scenes.iter().map(|s| s.2).sum::<usize>());
+    println!("{} scenes, {} numbers", scenes.len(), scenes.iter().sum::<usize>());
 }
 
 #[test]
 fn every_spec_has_all_its_scenes_compiled() {
-    let compiled = compare_every_scene();
     let specs = names();
     for name in &specs {
         for scene in scene::names(&model(name)) {
-            assert!(
-                compiled.iter().any(|(m, s, _)| m == name && *s == scene),
-                "{name} {scene} is not compiled"
-            );
+            assert!(COMPILED.contains(&(name.as_str(), scene.as_str())), "{name} {scene} is not compiled");
         }
     }
     assert!(specs.len() >= 9, "the nine systems of the first version are there");

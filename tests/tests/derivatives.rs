@@ -4,9 +4,6 @@
 //! Rounding: a value and its counterpart by dual numbers are computed with different operations, each run on
 //! [`Tracked`] numbers; they may differ by 16 units in the last place of the larger of their largest terms.
 
-use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
-
 use hamel_codegen::expr::{ExprId, Graph, SymbolId};
 use hamel_codegen::lower::Inputs;
 use hamel_codegen::program::{Point, Program, Role};
@@ -39,15 +36,9 @@ impl Random {
     }
 }
 
-/// The scene with all derivatives of a model, built once for all tests.
+/// The scene with all derivatives of a model.
 fn derivatives_of(name: &str) -> &'static BuiltScene {
-    static SCENES: Mutex<BTreeMap<String, &'static BuiltScene>> = Mutex::new(BTreeMap::new());
-    let known = SCENES.lock().unwrap_or_else(PoisonError::into_inner).get(name).copied();
-    known.unwrap_or_else(|| {
-        let built: &'static BuiltScene = Box::leak(Box::new(build(name, scene::DERIVATIVES)));
-        let mut scenes = SCENES.lock().unwrap_or_else(PoisonError::into_inner);
-        scenes.entry(name.to_owned()).or_insert(built)
-    })
+    models::built_once(name, scene::DERIVATIVES)
 }
 
 /// Parameters, time and state.

@@ -14,8 +14,8 @@ use hamel_tests::tracked::{tracked, units_off};
 /// Units in the last place that a component may be off.
 const BOUND: f64 = 64.0;
 
-fn build(model: &str) -> BuiltScene {
-    models::build(model, scene::DEFAULT)
+fn build(model: &str) -> &'static BuiltScene {
+    models::built_once(model, scene::DEFAULT)
 }
 
 fn params(scene: &BuiltScene, numbers: &Numbers) -> Vec<f64> {
@@ -31,21 +31,21 @@ fn check_points(model: &str, Reference { points, .. }: &Reference) -> f64 {
     assert!(!points.is_empty(), "{model} has reference points");
     for (k, point) in points.iter().enumerate() {
         assert_eq!(point.state.len(), names.len(), "{model}: state of the model and of the reference");
-        let params = params(&scene, &point.params);
+        let params = params(scene, &point.params);
         let state = reference::in_order(&point.state, &names);
-        for (name, value) in names.iter().zip(tracked(&scene, &Role::Rate, &params, &state)) {
+        for (name, value) in names.iter().zip(tracked(scene, &Role::Rate, &params, &state)) {
             let off = units_off(value, &point.derivative[name]);
             worst = worst.max(off);
             assert!(off <= BOUND, "{model}, point {k}: d{name}/dt is {off} units off: {value:?}");
         }
         if let Some(energy) = &point.energy {
-            let off = units_off(tracked(&scene, &Role::Energy, &params, &state)[0], energy);
+            let off = units_off(tracked(scene, &Role::Energy, &params, &state)[0], energy);
             worst = worst.max(off);
             assert!(off <= BOUND, "{model}, point {k}: energy is {off} units off");
         }
         if let Some(lambda) = &point.lambda {
             let off = units_off(
-                tracked(&scene, &Role::Output("multipliers".to_owned()), &params, &state)[0],
+                tracked(scene, &Role::Output("multipliers".to_owned()), &params, &state)[0],
                 lambda,
             );
             worst = worst.max(off);
@@ -80,9 +80,9 @@ fn velocities_that_follow_from_momenta_are_met_within_64_units_of_the_largest_te
         let outputs = scene.outputs();
         let velocities = outputs.iter().find(|o| o.name == "velocities").expect("momenta are carried");
         for (k, point) in reference::read(model).points.iter().enumerate() {
-            let params = params(&scene, &point.params);
+            let params = params(scene, &point.params);
             let state = reference::in_order(&point.state, &scene.state_names());
-            let found = tracked(&scene, &Role::Output("velocities".to_owned()), &params, &state);
+            let found = tracked(scene, &Role::Output("velocities".to_owned()), &params, &state);
             for ((name, _), value) in velocities.components.iter().zip(found) {
                 let off = units_off(value, &point.extra[name]);
                 assert!(off <= BOUND, "{model}, point {k}: {name} is {off} units off: {value:?}");
@@ -144,7 +144,7 @@ fn every_reference_trajectory_is_met_within_1e_9_at_rtol_1e_12() {
         let file = reference::read(&model);
         assert!(!file.trajectories.is_empty(), "{model} has reference trajectories");
         for (k, t) in file.trajectories.iter().enumerate() {
-            let interpreter = scene.prepare(&params(&scene, &t.params)).unwrap_or_else(|e| panic!("{e}"));
+            let interpreter = scene.prepare(&params(scene, &t.params)).unwrap_or_else(|e| panic!("{e}"));
             let system = Interpreted(interpreter);
             let initial = State(reference::in_order(&t.initial, &names));
             let options = Options::adaptive(1e-12, 1e-12);

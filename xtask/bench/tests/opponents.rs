@@ -45,11 +45,11 @@ fn generated_code_and_all_opponents_meet_the_reference() {
             continue;
         }
         let (points, scene) =
-            (reference::read(kernel.model).points, models::build(kernel.model, kernel.scene));
+            (reference::read(kernel.model).points, models::built_once(kernel.model, kernel.scene));
         assert!(!points.is_empty(), "{kernel} has reference points");
         let mut worst: f64 = 0.0;
         for (k, point) in points.iter().enumerate() {
-            let off = units(kernel, &scene, point);
+            let off = units(kernel, scene, point);
             // LU of the whole saddle-point matrix loses what the condition of the frame takes: 5.3e4 units were
             // measured for the disk at theta = 1e-3, where the reduced equations lose nothing.
             let bound = if kernel.kind == "multipliers" { 1e6 } else { BOUND };
