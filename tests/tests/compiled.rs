@@ -202,8 +202,8 @@ fn the_shelf_in_memory_has_the_bits_of_the_interpreter() {
 
 #[test]
 fn every_compiled_scene_equals_the_interpreter_bit_for_bit() {
-    let scenes = compare_every_scene();
-    println!("{} scenes, {} numbers", scenes.len(), scenes.iter().sum::<usize>());
+    let compared = compare_every_scene();
+    println!("{} scenes, {} numbers", compared.len(), compared.iter().sum::<usize>());
 }
 
 #[test]

@@ -9,8 +9,8 @@ use hamel_runtime::{DoubleDouble, Dual, Error, Failure, Integrator, Options, Rea
 use hamel_tests::random::Random;
 
 /// `mantissa 2^exponent` with the mantissa of an `f64` and an exponent without bounds: every operation rounds as `f64`
-/// does where that neither overflows nor underflows. Its operations are calls: put into the generated functions they
-/// take minutes to compile.
+/// does where that neither overflows nor underflows. Its operations are calls, which keep the
+/// generated functions short.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Wide {
     mantissa: f64,

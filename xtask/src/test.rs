@@ -160,17 +160,10 @@ impl Tests {
 }
 
 /// Builds the tests of the workspace and runs their programs, [`SIDE_BY_SIDE`] at a time, where cargo runs one after
-/// the other. All of them are run, whichever fail. Examples, which measure, are not built: that takes minutes.
+/// the other. All of them are run, whichever fail.
 fn run_side_by_side(root: &Path, step: &str) -> Result<(), Error> {
     let mut command = Command::new(Repository::cargo());
-    command.args([
-        "test",
-        "--workspace",
-        "--tests",
-        "--no-run",
-        "--message-format",
-        "json-render-diagnostics",
-    ]);
+    command.args(["test", "--workspace", "--no-run", "--message-format", "json-render-diagnostics"]);
     let mut build = (command.current_dir(root).stdout(Stdio::piped()).spawn())
         .map_err(|e| Error::io("cargo could not be started", e))?;
     let lines = BufReader::new(build.stdout.take().expect("a pipe"));
