@@ -16,7 +16,7 @@
 
 use num_bigint::BigInt;
 use num_integer::Integer;
-use num_traits::{One, Signed, ToPrimitive, Zero};
+use num_traits::{Signed, ToPrimitive, Zero};
 
 use super::rational::Rational;
 
@@ -96,21 +96,12 @@ pub(super) fn is_square(a: u64) -> bool {
 
 /// The integer `n`; none for a multiple of `p` other than zero, of which the field would tell a lie.
 pub(super) fn integer(n: &BigInt) -> Option<u64> {
-    // Most numbers are short.
-    if let Some(short) = n.to_i64() {
-        let magnitude = short.unsigned_abs() % P;
-        let value = mul(magnitude, SCALE);
-        return (magnitude != 0 || short == 0).then(|| if short < 0 { negate(value) } else { value });
-    }
     let reduced = n.mod_floor(&BigInt::from(P)).to_u64()?;
     (reduced != 0 || n.is_zero()).then(|| mul(reduced, SCALE))
 }
 
 /// A rational number; none where `p` divides the numerator or the denominator.
 pub(super) fn rational(q: &Rational) -> Option<u64> {
-    if q.is_one() {
-        return Some(ONE);
-    }
     let numerator = integer(q.numer())?;
     if q.is_integer() { Some(numerator) } else { Some(mul(numerator, inverse(integer(q.denom())?)?)) }
 }
