@@ -47,6 +47,17 @@ pub enum Error {
         /// What is possible.
         possible: String,
     },
+    /// A function of a scene is not what it is said to be: a fault of the generator, found before anything is written.
+    Disagrees {
+        /// The scene.
+        scene: String,
+        /// The function.
+        function: String,
+        /// The row of its definition.
+        what: String,
+        /// The residual beside the terms of the row.
+        residual: f64,
+    },
     /// Sizes that have to agree do not.
     ShapeMismatch {
         /// The object.
@@ -377,6 +388,13 @@ impl Error {
             Error::Unsupported { what, possible } => {
                 (format!("{what} does not exist"), format!("possible: {possible}"))
             }
+            Error::Disagrees { scene, function, what, residual } => (
+                format!(
+                    "internal: {function} of scene {scene} disagrees with its definition: {what} is off by {residual:.1e} \
+                     of its terms"
+                ),
+                "nothing was written; please report this with the model".into(),
+            ),
             Error::ShapeMismatch { what, found, expected } => {
                 (format!("{what} has size {found}, expected {expected}"), String::new())
             }

@@ -180,6 +180,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.routhian(&scene.equations);
     page.implicit(scene);
     page.findings(&scene.equations);
+    page.certificate(scene);
     page.along_sections(&scene.equations);
     page.bracket_of(model, scene);
     page.splitting(scene);
@@ -989,6 +990,16 @@ impl Page {
             Style::Latex => format!("\\text{{{}}}", escape(text)),
             Style::MathMl => format!("<mtext>{}</mtext>", escape_html(text)),
             _ => text.to_owned(),
+        }
+    }
+
+    fn certificate(&mut self, scene: &BuiltScene) {
+        let certificate = scene.certificate();
+        let sentence = self.prose(&certificate.sentence());
+        self.line(&sentence);
+        for (function, reason) in certificate.open.iter().filter(|_| certificate.n_points > 0) {
+            let reason = self.prose(&format!("Not held to its definition: {function}, {reason}."));
+            self.line(&reason);
         }
     }
 

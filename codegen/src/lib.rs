@@ -38,6 +38,8 @@ pub mod spec;
 #[cfg(feature = "internals")]
 pub mod algebra;
 #[cfg(feature = "internals")]
+pub mod certify;
+#[cfg(feature = "internals")]
 pub mod differentiate;
 #[cfg(feature = "internals")]
 pub mod emit;
@@ -56,6 +58,8 @@ pub mod reduction;
 
 #[cfg(not(feature = "internals"))]
 mod algebra;
+#[cfg(not(feature = "internals"))]
+mod certify;
 #[cfg(not(feature = "internals"))]
 mod differentiate;
 #[cfg(not(feature = "internals"))]

@@ -43,7 +43,7 @@ pub use print::Style;
 pub(crate) use print::identifier;
 pub use rational::{Rational, parse_decimal, rational_to_f64};
 pub(crate) use relations::rational_relations;
-pub(crate) use samples::{Measured, Samples};
+pub(crate) use samples::{Measured, Samples, uniform};
 pub(crate) use sign::remembered_sign_of;
 pub use sign::{Relation, Sign, sign_of};
 

@@ -34,7 +34,7 @@ pub(crate) struct Samples {
 }
 
 /// SplitMix64 (Steele, Lea, Flood, 2014), to `[0, 1)`.
-fn next(state: &mut u64) -> f64 {
+pub(crate) fn uniform(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -54,11 +54,11 @@ impl Samples {
     pub(crate) fn new(n: usize, symbols: &[(SymbolId, Sign)]) -> Samples {
         let mut state = 0x5eed;
         let mut draw = |(symbol, sign): &(SymbolId, Sign)| {
-            let size = 10f64.powf(DECADES * (2.0 * next(&mut state) - 1.0));
+            let size = 10f64.powf(DECADES * (2.0 * uniform(&mut state) - 1.0));
             let is_negative = match sign {
                 Sign::Positive | Sign::NonNegative => false,
                 Sign::Negative | Sign::NonPositive => true,
-                Sign::NonZero | Sign::Unknown => next(&mut state) < 0.5,
+                Sign::NonZero | Sign::Unknown => uniform(&mut state) < 0.5,
             };
             (*symbol, DoubleDouble::from(if is_negative { -size } else { size }))
         };

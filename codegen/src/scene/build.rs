@@ -5,6 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use crate::certify::{Certificate, Claim, MatrixClaim, N_POINTS, certify};
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Stage, SymbolId, needed_sections};
 use crate::lower::{self, Inputs, ParamCondition, Request};
@@ -27,12 +28,14 @@ use super::{bracket, derivatives, events, implicit, invariants, positions, split
 #[derive(Debug)]
 pub(super) struct Derivations<'m> {
     pub(super) model: &'m Model,
+    /// The same, for scenes that outlive the borrow.
+    shared: Arc<Model>,
     done: Vec<(Formulation, Result<Arc<Equations>, Diagnostics>)>,
 }
 
 impl<'m> Derivations<'m> {
     pub(super) fn new(model: &'m Model) -> Derivations<'m> {
-        Derivations { model, done: Vec::new() }
+        Derivations { model, shared: Arc::new(model.clone()), done: Vec::new() }
     }
 
     /// Derives the equations in several formulations, side by side, unless they are there.
@@ -115,7 +118,11 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Arc<Equ
 pub(super) fn build_planned(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, Diagnostics> {
     let model = derivations.model;
     let scene = plan.name.clone();
-    build_scene(derivations, plan).map_err(|problems| {
+    let built = build_scene(derivations, plan).and_then(|built| {
+        let certified = built.certified(Arc::clone(&derivations.shared));
+        certified.map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
+    });
+    built.map_err(|problems| {
         let Some(own) = model.scenes.iter().find(|s| s.name == scene) else { return problems };
         let located = problems.iter().map(|problem| {
             if problem.span.is_none() {
@@ -489,5 +496,52 @@ pub(super) fn lower_scene(
         doc,
         chosen,
         spent,
+        is_in_hamiltonian_time: plan.hamiltonian_time,
+        model: None,
+        certificate: Certificate::default(),
     })
+}
+
+impl BuiltScene {
+    /// The scene, held to the model that it was made from.
+    ///
+    /// # Errors
+    /// [`Error::Disagrees`].
+    pub(super) fn certified(self, model: Arc<Model>) -> Result<BuiltScene, Error> {
+        let certificate = self.held_to(&model, N_POINTS)?;
+        Ok(BuiltScene { model: Some(model), certificate, ..self })
+    }
+
+    /// Holds the scene to its model at so many points.
+    ///
+    /// # Errors
+    /// [`Error::Disagrees`].
+    pub(super) fn held_to(&self, model: &Model, n_points: usize) -> Result<Certificate, Error> {
+        let state: Vec<SymbolId> = self.state.iter().map(|s| s.symbol).collect();
+        let in_bracket =
+            (0..state.len()).filter(|k| self.equations.state.iter().any(|s| s.symbol == state[*k]));
+        let in_bracket: Vec<usize> = in_bracket.collect();
+        let matrices = self.matrices.iter().map(|matrix| MatrixClaim {
+            name: matrix.name,
+            shape: matrix.shape,
+            pattern: &matrix.pattern,
+            columns: in_bracket.clone(),
+        });
+        let implicit = self.implicit.as_ref();
+        certify(&Claim {
+            model,
+            scene: &self.name,
+            equations: &self.equations,
+            program: &self.program,
+            state: &state,
+            is_in_hamiltonian_time: self.is_in_hamiltonian_time,
+            outputs: &self.outputs,
+            matrices: matrices.collect(),
+            observed: self.observed(),
+            n_positions: self.positions.as_ref().map_or(0, |layout| layout.n_equations),
+            differential: implicit.iter().flat_map(|i| i.variables.iter().map(|v| v.is_differential)).collect(),
+            implicit_pattern: implicit.map_or(&[], |i| &i.pattern),
+            n_points,
+        })
+    }
 }

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use crate::expr::Budget;
 use crate::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation};
 use crate::program::{Program, Role};
-use crate::spec::{Param, Want};
+use crate::certify::Certificate;
+use crate::spec::{Model, Param, Want};
 
 use super::dependence::outputs_of_model;
 use super::derivatives::{Matrix, Product};
@@ -41,6 +42,10 @@ pub struct BuiltScene {
     /// What a search for a formulation has chosen.
     pub(super) chosen: Option<String>,
     pub(super) spent: Budget,
+    pub(super) is_in_hamiltonian_time: bool,
+    /// The model, where the scene was held to it.
+    pub(super) model: Option<Arc<Model>>,
+    pub(super) certificate: Certificate,
 }
 
 /// Name of the function from velocities to the momenta that a state carries.
@@ -122,6 +127,22 @@ impl BuiltScene {
     /// What it took of the model's budget, from the text to the program.
     pub fn spent(&self) -> Budget {
         self.spent
+    }
+
+    /// Which functions were held to their definitions, and at how many points.
+    pub fn certificate(&self) -> &Certificate {
+        &self.certificate
+    }
+
+    /// Holds the scene to its definition once more, at as many points as asked for.
+    ///
+    /// # Errors
+    /// [`Error::Disagrees`](crate::error::Error::Disagrees).
+    pub fn certify(&self, n_points: usize) -> Result<Certificate, crate::error::Error> {
+        match &self.model {
+            Some(model) => self.held_to(model, n_points),
+            None => Ok(self.certificate.clone()),
+        }
     }
 
     /// Documentation of the scene.

@@ -29,13 +29,16 @@ mod plan;
 mod positions;
 mod splitting;
 mod start;
+#[cfg(feature = "internals")]
+mod tamper;
 mod text;
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use crate::error::Error;
 use crate::lower::SearchBudget;
-use crate::mechanics::OutputKind;
+use crate::mechanics::{Output, OutputKind};
 use crate::parallel::side_by_side;
 use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, StageUse, reduce};
 use crate::spec::{self, Carried, CarriedBy, Diagnostics, Model, Want, Wanted};
@@ -44,6 +47,7 @@ use build::{Derivations, build_planned, lower_scene};
 use dependence::{ignorable, left_out, needs};
 use plan::{Drops, Outputs, Plan, Share};
 
+pub use crate::certify::Certificate;
 pub use crate::emit::{CModule, Fmu, WasmModule};
 pub use built::BuiltScene;
 pub use defaults::{initial_state, warnings};
@@ -56,6 +60,8 @@ pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
 pub use positions::PositionLayout;
+#[cfg(feature = "internals")]
+pub use tamper::{Made, build_tampered};
 pub use text::{Language, Writing};
 
 /// The scenes of a model; what several of them share is derived once.
@@ -422,7 +428,7 @@ impl BuiltScene {
     /// [`Error::NothingConserved`], and what lowering can find.
     pub fn with_invariants(&self) -> Result<BuiltScene, Error> {
         let plan = Plan { invariants: true, ..self.bare_plan() };
-        lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
+        self.beside(&plan, Vec::new())
     }
 
     /// The scene with the same parameters and state that wants the right-hand side and the residuals of the equations
@@ -432,7 +438,7 @@ impl BuiltScene {
     /// [`Error::NoPositions`], and what lowering can find.
     pub fn with_positions(&self) -> Result<BuiltScene, Error> {
         let plan = Plan { positions: Share::Wanted, ..self.bare_plan() };
-        lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
+        self.beside(&plan, Vec::new())
     }
 
     /// Whether a state of the scene can violate the equations between coordinates: not where there are none, or where
@@ -447,7 +453,7 @@ impl BuiltScene {
     /// [`Error::NoSplitting`], and what lowering can find.
     pub fn with_splitting(&self) -> Result<BuiltScene, Error> {
         let plan = Plan { splitting: true, ..self.bare_plan() };
-        lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
+        self.beside(&plan, Vec::new())
     }
 
     /// The scene with the same parameters and state that has, besides the right-hand side, the residuals of the
@@ -469,7 +475,16 @@ impl BuiltScene {
         };
         let Some(residuals) = group(Want::Constraint) else { return Ok(None) };
         let outputs = [residuals].into_iter().chain(group(Want::Momentum)).collect();
-        lower_scene(self.equations.clone(), &self.bare_plan(), self.state.clone(), outputs).map(Some)
+        self.beside(&self.bare_plan(), outputs).map(Some)
+    }
+
+    /// Another scene in the same state, held to the same model.
+    fn beside(&self, plan: &Plan, outputs: Vec<Output>) -> Result<BuiltScene, Error> {
+        let built = lower_scene(self.equations.clone(), plan, self.state.clone(), outputs)?;
+        match &self.model {
+            Some(model) => built.certified(Arc::clone(model)),
+            None => Ok(built),
+        }
     }
 
     /// The right-hand side of this scene alone, in its time.

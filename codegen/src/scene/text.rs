@@ -174,6 +174,8 @@ impl BuiltScene {
             doc.push(String::new());
             doc.push(format!("Scene `{}`: {}", self.name, self.doc));
         }
+        doc.push(String::new());
+        doc.push(self.certificate.sentence());
         let energy = "`E = p.y - L`".to_owned();
         let motion = match self.equations.has_energy() {
             true => {

@@ -33,7 +33,7 @@ mod poisson;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Section, SectionWriter, Style, SymbolId};
+use crate::expr::{ExprId, Graph, Section, SectionWriter, Style, SymbolId, needed_sections};
 use crate::reduction::KinematicConstraint;
 use crate::spec::Want;
 
@@ -91,6 +91,13 @@ impl Splitting {
         })?;
         if bracket.has_remainder(g) {
             return Err(refused("an affine constraint, explicit time or a force acts".into()));
+        }
+        // Flows take no time but their own, so that a Hamiltonian that depends on time would stand still.
+        let clock = BTreeSet::from([equations.system.time]);
+        let sections = needed_sections(g, &equations.sections, &[equations.energy]);
+        let values = sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr).chain([equations.energy]);
+        if values.into_iter().any(|e| g.depends_on(e, &clock)) {
+            return Err(refused("the Hamiltonian depends on time".into()));
         }
         let chart = Chart::new(g, equations)?;
         let symbols: Vec<SymbolId> = equations.state.iter().map(|s| s.symbol).collect();

@@ -1,0 +1,375 @@
+//! The rates of a scene beside the equations of motion of its model.
+//!
+//! For every virtual displacement `w`, in the frame `(xdot, xi)`:
+//! `d/dt <p, w> + <p, [w, y]> - dL(rho w) - <F, w> = 0`, with `p = dL/dy` and the derivative by time along the rates.
+//!
+//! Does not know: how rates were derived, other functions of the scene.
+//!
+//! # Source
+//! Hamel 1904; Cortes, de Leon, Marrero, Martinez 2009, section 3.
+
+use std::collections::BTreeMap;
+
+use hamel_runtime::{Dual, Real};
+
+use crate::expr::SymbolId;
+use crate::reduction::KinematicConstraint;
+use crate::spec::{ConstraintKind, Given, ReconstructionKind, Side};
+
+use super::definition::{Displacement, Missing, Place};
+use super::group;
+use super::linear::Reduced;
+use super::point::{Point, Random, Setting};
+use super::sheet::Sheet;
+use super::tape::Tape;
+use super::wide::Wide;
+
+/// Name of the function that this file is about.
+pub(super) const RATES: &str = "rhs";
+
+/// A state and its motion.
+pub(super) struct Motion {
+    pub(super) state: Vec<Wide>,
+    /// Rates by the program, by the time of the model.
+    pub(super) rates: Vec<Wide>,
+    pub(super) at: Place<Wide>,
+    /// The same with derivatives by time.
+    pub(super) moving: Place<Dual<Wide>>,
+}
+
+pub(super) fn minus<R: Real>(dx: &Displacement<R>) -> Displacement<R> {
+    dx.iter().map(|(symbol, d)| (*symbol, -*d)).collect()
+}
+
+fn dot<R: Real>(a: &[R], b: &[R]) -> R {
+    a.iter().zip(b).fold(R::ZERO, |sum, (a, b)| sum + *a * *b)
+}
+
+pub(super) fn constants(v: &[Wide]) -> Vec<Dual<Wide>> {
+    v.iter().map(|x| Dual::constant(*x)).collect()
+}
+
+impl Motion {
+    pub(super) fn new(setting: &Setting<'_>, point: &Point) -> Result<Motion, Missing> {
+        let state = point.state(setting);
+        let rates = setting.rates(&point.at(&state));
+        let definition = &setting.definition;
+        let mut at = setting.place(&point.env)?;
+        let base = definition.anchored(&at.env, &at.group)?;
+        let mut along: Vec<(SymbolId, Wide)> = setting.state.iter().copied().zip(rates.iter().copied()).collect();
+        along.push((definition.model.time, Wide::ONE));
+        // What the scene leaves out moves as the model says.
+        let carried = |symbol: &SymbolId| {
+            let on_circle = setting.circles.iter().find(|[.., angle]| angle == symbol);
+            setting.state.contains(on_circle.map_or(symbol, |[cosine, ..]| cosine))
+        };
+        along.extend(base.into_iter().filter(|(symbol, _)| !carried(symbol)));
+        let moving = setting.place(&setting.seeded(&point.env, &along))?;
+        for (symbol, y) in definition.model.accelerations.iter().zip(&moving.of_model) {
+            at.env.set(*symbol, y.derivative);
+        }
+        Ok(Motion { state, rates, at, moving })
+    }
+
+    /// The rate of a component of the state.
+    fn rate_of(&self, setting: &Setting<'_>, symbol: SymbolId) -> Option<Wide> {
+        setting.state.iter().position(|s| *s == symbol).map(|k| self.rates[k])
+    }
+
+    /// All identities of the rates.
+    pub(super) fn check(
+        &self,
+        setting: &Setting<'_>,
+        sheet: &mut Sheet,
+        random: &mut Random,
+    ) -> Result<(), Missing> {
+        self.kinematics(setting, sheet)?;
+        self.state_is_what_it_is_named(setting, sheet)?;
+        self.constraints(setting, sheet)?;
+        match &setting.definition.model.given {
+            Some(given) => self.given(setting, given, sheet)?,
+            None => self.balance(setting, sheet, random)?,
+        }
+        self.reconstruction(setting, sheet)
+    }
+
+    /// `xdot = rho y`, also of advected parameters.
+    fn kinematics(&self, setting: &Setting<'_>, sheet: &mut Sheet) -> Result<(), Missing> {
+        let definition = &setting.definition;
+        let model = definition.model;
+        for (symbol, rate) in definition.anchored(&self.at.env, &self.at.group)? {
+            let name = model.graph.name(symbol);
+            if let Some(found) = self.rate_of(setting, symbol) {
+                sheet.equal(RATES, format!("the rate of {name}"), found, rate);
+            }
+            let Some([cosine, sine, _]) = setting.circles.iter().find(|[.., angle]| *angle == symbol) else {
+                continue;
+            };
+            let (Some(dc), Some(ds)) = (self.rate_of(setting, *cosine), self.rate_of(setting, *sine)) else {
+                continue;
+            };
+            let [c, s] = [*cosine, *sine].map(|x| self.at.env.get(x).unwrap_or_default());
+            sheet.zero(RATES, format!("the rate of {name}"), &[c * ds, -(s * dc), -rate]);
+            sheet.zero(RATES, format!("the circle of {name}"), &[c * dc, s * ds]);
+        }
+        Ok(())
+    }
+
+    /// Velocities and momenta of the state are those of the model.
+    fn state_is_what_it_is_named(&self, setting: &Setting<'_>, sheet: &mut Sheet) -> Result<(), Missing> {
+        let definition = &setting.definition;
+        let system = &setting.claim.equations.system;
+        for (symbol, y) in system.velocities.iter().zip(&self.at.of_system) {
+            if let Some(k) = setting.state.iter().position(|s| s == symbol) {
+                let name = definition.model.graph.name(*symbol);
+                sheet.equal(RATES, format!("the velocity {name}"), *y, self.state[k]);
+            }
+        }
+        if let (true, false) = (definition.has_hamiltonian(), definition.m == 0) {
+            for (k, slope) in definition.hamiltonian_velocities(&self.at)?.into_iter().enumerate() {
+                sheet.equal(RATES, format!("velocity {} by the Hamiltonian", k + 1), self.at.of_model[k], slope);
+            }
+            return Ok(());
+        }
+        for momentum in &system.momenta {
+            let displacement = self.displacement_of(setting, &self.at, momentum.unknown)?;
+            let along = definition.group_velocities(&self.at.env, &displacement[..definition.m])?;
+            let value = definition.lagrangian(&self.at, &along, &Vec::new())?.derivative;
+            let claimed = Tape::new(&system.graph, &[momentum.value]).eval(&self.at.env)?.roots[0];
+            sheet.equal(RATES, format!("the momentum {}", momentum.name), claimed, value);
+        }
+        Ok(())
+    }
+
+    /// The virtual displacement along an unknown, with no part along others; where multipliers keep the constraints, the
+    /// velocity alone.
+    pub(super) fn displacement_of<R: Real>(
+        &self,
+        setting: &Setting<'_>,
+        at: &Place<R>,
+        unknown: usize,
+    ) -> Result<Vec<R>, Missing> {
+        let definition = &setting.definition;
+        let system = &setting.claim.equations.system;
+        let n = definition.n_displacements();
+        let place = |k: usize| {
+            let unknown = &system.unknowns[k];
+            let quasi = || definition.model.quasi_velocities.iter().position(|v| v.symbol == unknown.symbol);
+            unknown.frame_idx.or_else(|| Some(definition.m + quasi()?))
+        };
+        let unit = |k: usize, right: R| {
+            let mut row = vec![R::ZERO; n + 1];
+            if let Some(entry) = place(k).and_then(|at| row.get_mut(at)) {
+                *entry = R::ONE;
+            }
+            row[n] = right;
+            row
+        };
+        let mut rows = Vec::new();
+        match &system.constraint {
+            KinematicConstraint::Multipliers { .. } => {
+                let mut single = vec![R::ZERO; n];
+                if let Some(entry) = place(unknown).and_then(|at| single.get_mut(at)) {
+                    *entry = R::ONE;
+                }
+                return Ok(single);
+            }
+            KinematicConstraint::Solved(_) => {
+                for (_, mut form) in definition.one_forms(at)? {
+                    form.push(R::ZERO);
+                    rows.push(form);
+                }
+                rows.extend((0..system.unknowns.len()).map(|k| unit(k, if k == unknown { R::ONE } else { R::ZERO })));
+            }
+        }
+        Ok(Reduced::new(rows, n).solution(&vec![R::ZERO; n]))
+    }
+
+    /// Constraints hold, and stay so.
+    fn constraints(&self, setting: &Setting<'_>, sheet: &mut Sheet) -> Result<(), Missing> {
+        let definition = &setting.definition;
+        let model = definition.model;
+        let residuals = definition.residuals(&self.moving.env);
+        let at_rest = definition.residuals(&self.at.env)?;
+        let forms: BTreeMap<String, f64> = match model.virtual_constraints.is_empty() {
+            true => {
+                let size = |form: &[Wide]| form.iter().zip(&self.at.of_system).map(|(w, y)| (*w * *y).size()).sum();
+                definition.one_forms(&self.at)?.into_iter().map(|(name, form)| (name, size(&form))).collect()
+            }
+            false => BTreeMap::new(),
+        };
+        let highest = definition.highest(&self.at.env)?;
+        let accelerations: Vec<Wide> = self.moving.of_model.iter().map(|y| y.derivative).collect();
+        for (k, constraint) in model.constraints.iter().enumerate() {
+            let what = |s: &str| format!("{s} `{}`", constraint.text);
+            match (&constraint.kind, &highest[k]) {
+                (ConstraintKind::SecondOrder { .. }, Some(row)) => {
+                    sheet.zero(RATES, what("the constraint"), &[dot(row, &accelerations), at_rest[k]]);
+                }
+                (ConstraintKind::ThirdOrder { jerk, carried }, Some(row)) => {
+                    let Some(rate) = self.rate_of(setting, carried.symbol) else { continue };
+                    let own = self.at.env.get(carried.symbol).unwrap_or_default();
+                    let roots: Vec<_> = jerk.iter().copied().chain([carried.offset]).collect();
+                    let moving = Tape::new(&model.graph, &roots).eval(&self.moving.env)?.roots;
+                    let (turning, offset) = moving.split_at(jerk.len());
+                    let along = dot(row, &accelerations);
+                    sheet.zero(RATES, what("the acceleration along"), &[own, -along, -offset[0].value]);
+                    let lag = turning.iter().zip(&accelerations).fold(Wide::ZERO, |s, (w, a)| s + w.derivative * *a);
+                    sheet.zero(RATES, what("the constraint"), &[rate, -lag, -offset[0].derivative, at_rest[k]]);
+                }
+                _ => {
+                    let residual = residuals.as_ref().map_err(|missing| *missing)?[k];
+                    let terms = forms.get(&constraint.name).copied().unwrap_or(1.0).max(self.scale());
+                    sheet.vanishes(RATES, what("the constraint"), residual.value, terms);
+                    sheet.vanishes(RATES, what("the derivative of the constraint"), residual.derivative, terms);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Size of the velocities and accelerations.
+    fn scale(&self) -> f64 {
+        let sizes = self.moving.of_model.iter().flat_map(|y| [y.value.size(), y.derivative.size()]);
+        sizes.fold(0.0, f64::max)
+    }
+
+    /// Velocities or accelerations that the model gives.
+    fn given(&self, setting: &Setting<'_>, given: &[Given], sheet: &mut Sheet) -> Result<(), Missing> {
+        let model = setting.definition.model;
+        for ((given, y), (name, _)) in given.iter().zip(&self.moving.of_model).zip(model.all_velocities()) {
+            let (found, e) = match given {
+                Given::Velocity(e) => (y.value, *e),
+                Given::Acceleration(e) => (y.derivative, *e),
+            };
+            let defined = Tape::new(&model.graph, &[e]).eval(&self.at.env)?.roots[0];
+            sheet.equal(RATES, format!("what the model gives of {name}"), found, defined);
+        }
+        Ok(())
+    }
+
+    /// `d/dt <p, w> + <p, [w, y]> - dL(rho w) - <F, w>`, term by term.
+    pub(super) fn unbalanced(&self, setting: &Setting<'_>, w: &[Wide]) -> Result<[Wide; 4], Missing> {
+        let definition = &setting.definition;
+        let z = definition.bracket(&self.at.env, w, &self.at.group)?;
+        let dx = definition.anchored(&self.at.env, w)?;
+        let work = definition.work(&self.at, w)?;
+        if !definition.has_hamiltonian() {
+            let inertia = definition.lagrangian(&self.moving, &constants(w), &Vec::new())?.derivative.derivative;
+            let turning = definition.lagrangian(&self.at, &z, &Vec::new())?.derivative;
+            let still = vec![Wide::ZERO; w.len()];
+            let drive = definition.lagrangian(&self.at, &still, &minus(&dx))?.derivative;
+            return Ok([inertia, turning, drive, -work]);
+        }
+        let of_model = definition.model_velocities(&self.moving.env, &constants(w))?;
+        let inertia = definition.momentum_along(&self.moving, &of_model)?.derivative;
+        let along = definition.model_velocities(&self.at.env, &z)?;
+        let turning = definition.momentum_along(&self.at, &along)?;
+        // At fixed momenta in the frame of the group, those of the model change with its frame.
+        let shifted = {
+            let mut env = self.at.env.map(Dual::constant);
+            for (symbol, d) in &dx {
+                if let Some(x) = self.at.env.get(*symbol) {
+                    env.set(*symbol, Dual::new(x, *d));
+                }
+            }
+            let y = definition.model_velocities(&env, &constants(&self.at.group))?;
+            let change: Vec<Wide> = y.iter().map(|y| y.derivative).collect();
+            definition.momentum_along(&self.at, &change)?
+        };
+        let drive = definition.hamiltonian(&self.at, &dx)?.derivative - shifted;
+        Ok([inertia, turning, drive, -work])
+    }
+
+    /// The equations of motion along a random virtual displacement, which sees every row.
+    fn balance(&self, setting: &Setting<'_>, sheet: &mut Sheet, random: &mut Random) -> Result<(), Missing> {
+        let definition = &setting.definition;
+        let n = definition.n_displacements();
+        if definition.m == 0 {
+            return Ok(());
+        }
+        let rows = definition.one_forms(&self.at)?.into_iter().map(|(_, mut form)| {
+            form.push(Wide::ZERO);
+            form
+        });
+        let reduced = Reduced::new(rows.collect(), n);
+        if reduced.rank() == n {
+            return Ok(());
+        }
+        let w = reduced.solution(&random.vector(n));
+        let w = definition.group_velocities(&self.at.env, &w[..definition.m])?;
+        let terms = self.unbalanced(setting, &w)?;
+        sheet.zero(RATES, "the equation of motion", &terms);
+        Ok(())
+    }
+
+    /// `g' = g xi` or `g' = xi g` for coordinates of the group that the state carries.
+    fn reconstruction(&self, setting: &Setting<'_>, sheet: &mut Sheet) -> Result<(), Missing> {
+        let model = setting.definition.model;
+        let side = model.action;
+        for item in &model.reconstruction {
+            let rates: Option<Vec<Wide>> = item.symbols.iter().map(|s| self.rate_of(setting, *s)).collect();
+            let Some(rates) = rates else { continue };
+            let values: Vec<Wide> = item.symbols.iter().map(|s| self.at.env.get(*s).unwrap_or_default()).collect();
+            let moving: Vec<Dual<Wide>> = values.iter().zip(&rates).map(|(x, d)| Dual::new(*x, *d)).collect();
+            let number = |list: &[crate::expr::ExprId]| -> Result<Vec<Wide>, Missing> {
+                Ok(Tape::new(&model.graph, list).eval(&self.at.env)?.roots)
+            };
+            let mut each = |found: &[Wide], defined: &[Wide]| {
+                for ((name, found), defined) in item.names.iter().zip(found).zip(defined) {
+                    sheet.equal(RATES, format!("the rate of {name}"), *found, *defined);
+                }
+            };
+            match &item.kind {
+                ReconstructionKind::Angle { omega } => each(&rates, &number(&[*omega])?),
+                ReconstructionKind::Translation { v } => each(&rates, &number(v)?),
+                ReconstructionKind::Rate { rate } => each(&rates, &number(rate)?),
+                ReconstructionKind::PlanarPose { omega, v } => {
+                    let [omega, v1, v2] = [*omega, v[0], v[1]];
+                    let xi = number(&[omega, v1, v2])?;
+                    let (s, c) = values[0].sin_cos();
+                    let defined = match side {
+                        Side::Left => [xi[0], c * xi[1] - s * xi[2], s * xi[1] + c * xi[2]],
+                        Side::Right => [xi[0], xi[1] - xi[0] * values[2], xi[2] + xi[0] * values[1]],
+                    };
+                    each(&rates, &defined);
+                }
+                ReconstructionKind::Matrix { group, elements: _, xi } => {
+                    each(&rates, &group::matrix_rates(group, &values, &number(xi)?, side));
+                }
+                ReconstructionKind::Quaternion { omega } => {
+                    self.attitude(sheet, &item.names[0], &moving[..4], &number(omega)?, side);
+                }
+                ReconstructionKind::Pose { omega, v } => {
+                    let (omega, v) = (number(omega)?, number(v)?);
+                    self.attitude(sheet, &item.names[0], &moving[..4], &omega, side);
+                    let matrix = group::rotation(&values[..4]);
+                    let r = &values[4..];
+                    let defined = match side {
+                        Side::Left => group::rotated(&matrix, &v),
+                        Side::Right => vec![
+                            v[0] + omega[1] * r[2] - omega[2] * r[1],
+                            v[1] + omega[2] * r[0] - omega[0] * r[2],
+                            v[2] + omega[0] * r[1] - omega[1] * r[0],
+                        ],
+                    };
+                    for k in 0..3 {
+                        sheet.equal(RATES, format!("the rate of {}", item.names[4 + k]), rates[4 + k], defined[k]);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The rotation matrix of a quaternion turns with the angular velocity, and the quaternion keeps its length.
+    fn attitude(&self, sheet: &mut Sheet, name: &str, q: &[Dual<Wide>], omega: &[Wide], side: Side) {
+        let values: Vec<Wide> = q.iter().map(|x| x.value).collect();
+        let turned = group::turned(&group::rotation(&values), omega, side);
+        for (found, defined) in group::rotation(q).iter().flatten().zip(turned.iter().flatten()) {
+            sheet.equal(RATES, format!("the attitude {name}"), found.derivative, *defined);
+        }
+        let terms: Vec<Wide> = q.iter().map(|x| x.value * x.derivative).collect();
+        sheet.zero(RATES, format!("the length of {name}"), &terms);
+    }
+}

@@ -1,0 +1,415 @@
+//! Random points at which a scene is compared with its model: parameters within their conditions, states that satisfy
+//! the equations between positions and the constraints.
+//!
+//! Does not know: what is compared.
+
+use hamel_runtime::{Dual, Real};
+
+use crate::expr::{ExprId, Relation, SymbolId, needed_sections, uniform};
+use crate::mechanics::Equations;
+use crate::spec::{Domain, Model, ReconstructionKind};
+
+use super::Claim;
+use super::definition::{Definition, Missing, Place};
+use super::linear::Reduced;
+use super::runner::{At, Runner};
+use super::tape::{Env, Tape, rational};
+use super::wide::Wide;
+
+/// Iterations of Newton's method: doubling 31 digits from one takes five.
+const MAX_ITERATIONS: usize = 40;
+/// Relative error of what Newton's method has moved.
+const SOLVED: f64 = 1.0 / (1u128 << 96) as f64;
+/// Part of its default by which a parameter moves at most.
+const SPREAD: f64 = 0.4;
+
+/// A scene, its model and its program, ready for evaluation.
+pub(super) struct Setting<'a> {
+    pub(super) claim: &'a Claim<'a>,
+    pub(super) definition: Definition<'a>,
+    pub(super) runner: Runner<'a>,
+    /// All velocities of the system.
+    velocities: Tape,
+    /// Symbols of the scene's state.
+    pub(super) state: Vec<SymbolId>,
+    /// Base coordinates of the system that the scene leaves out.
+    pub(super) left_out: Vec<SymbolId>,
+    /// Cosine, sine, angle.
+    pub(super) circles: Vec<[SymbolId; 3]>,
+    /// Symbols of the model's quasi-velocities.
+    quasi: Vec<SymbolId>,
+    /// Residuals of equations between positions, and what a degenerate Lagrangian says about positions.
+    pub(super) positions: Tape,
+    of_degeneracy: Tape,
+    initial: Vec<(SymbolId, Tape)>,
+}
+
+/// A point, without what follows from it.
+#[derive(Clone)]
+pub(super) struct Point {
+    /// Parameters of the program.
+    pub(super) params: Vec<Wide>,
+    pub(super) slots: Vec<Wide>,
+    pub(super) inputs: Vec<Wide>,
+    pub(super) t: Wide,
+    /// All symbols: parameters, inputs, time, the state, coordinates that the scene leaves out.
+    pub(super) env: Env<Wide>,
+}
+
+impl Point {
+    /// Size of the numbers of the state.
+    pub(super) fn scale(&self, setting: &Setting<'_>) -> f64 {
+        self.state(setting).iter().map(|x| x.size()).fold(0.0, f64::max)
+    }
+
+    pub(super) fn state(&self, setting: &Setting<'_>) -> Vec<Wide> {
+        setting.state.iter().map(|s| self.env.get(*s).unwrap_or_default()).collect()
+    }
+}
+
+pub(super) struct Random(u64);
+
+impl Random {
+    pub(super) fn new(seed: u64) -> Random {
+        Random(seed)
+    }
+
+    /// Between `-1` and `1`.
+    pub(super) fn symmetric(&mut self) -> f64 {
+        2.0 * uniform(&mut self.0) - 1.0
+    }
+
+    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * uniform(&mut self.0)
+    }
+
+    /// Of a size near one, with any sign.
+    pub(super) fn signed(&mut self) -> f64 {
+        let size = self.between(0.3, 1.3);
+        if self.symmetric() < 0.0 { -size } else { size }
+    }
+
+    pub(super) fn vector(&mut self, n: usize) -> Vec<Wide> {
+        (0..n).map(|_| Wide::exact(self.signed())).collect()
+    }
+}
+
+impl<'a> Setting<'a> {
+    pub(super) fn new(claim: &'a Claim<'a>) -> Setting<'a> {
+        let (model, equations) = (claim.model, claim.equations);
+        let system = &equations.system;
+        let sections = needed_sections(&system.graph, &equations.sections, &equations.velocities);
+        let velocities = Tape::with_definitions(&system.graph, &sections, &equations.velocities);
+        let is_left_out = |s: &SymbolId| !claim.state.contains(s);
+        let angle = |name: &str| model.base.iter().find(|c| c.name == name).map(|c| c.symbol);
+        let circles = system.circles.iter().filter_map(|c| Some([c.cosine, c.sine, angle(&c.angle)?]));
+        let positions: Vec<ExprId> =
+            model.constraints.iter().filter_map(|c| Some(c.position?.residual)).collect();
+        let of_degeneracy: Vec<ExprId> =
+            system.degeneracy.iter().flat_map(|d| d.positions.iter().map(|(_, e)| *e)).collect();
+        let symbols = symbols_by_name(model, equations);
+        let initial = model.initial.iter().filter_map(|(name, e)| {
+            let (_, symbol) = symbols.iter().find(|(known, _)| known == name)?;
+            Some((*symbol, Tape::new(&model.graph, &[*e])))
+        });
+        Setting {
+            definition: Definition::new(model, equations),
+            runner: Runner::new(claim.program),
+            velocities,
+            state: claim.state.to_vec(),
+            left_out: system.algebroid.base().iter().copied().filter(is_left_out).collect(),
+            circles: circles.collect(),
+            quasi: model.quasi_velocities.iter().map(|v| v.symbol).collect(),
+            positions: Tape::new(&model.graph, &positions),
+            of_degeneracy: Tape::new(&system.graph, &of_degeneracy),
+            initial: initial.collect(),
+            claim,
+        }
+    }
+
+    /// All velocities, from the values of everything that is drawn.
+    pub(super) fn place<R: Real>(&self, env: &Env<R>) -> Result<Place<R>, Missing> {
+        let mut env = env.clone();
+        for [cosine, sine, angle] in &self.circles {
+            let [c, s] = [*cosine, *sine].map(|symbol| env.get(symbol).ok_or(symbol));
+            env.set(*angle, s?.atan2(c?));
+        }
+        let values = self.velocities.eval(&env)?;
+        for symbol in &self.quasi {
+            if let Some(value) = values.defined.get(symbol) {
+                env.set(*symbol, *value);
+            }
+        }
+        self.definition.place(env, values.roots)
+    }
+
+    /// The values of symbols that the state or definitions behind the velocities have.
+    pub(super) fn values_of(
+        &self,
+        env: &Env<Wide>,
+        symbols: impl Iterator<Item = SymbolId>,
+    ) -> Result<Vec<Wide>, Missing> {
+        let values = self.velocities.eval(env)?;
+        let system = &self.claim.equations.system;
+        let value = |symbol: SymbolId| {
+            let place = system.velocities.iter().position(|s| *s == symbol);
+            let velocity = place.map(|k| values.roots[k]);
+            velocity.or_else(|| values.defined.get(&symbol).copied()).or_else(|| env.get(symbol)).ok_or(symbol)
+        };
+        symbols.map(value).collect()
+    }
+
+    /// What a state has to satisfy: equations between positions, constraints, unit quaternions.
+    fn restrictions<R: Real>(&self, env: &Env<R>) -> Result<Vec<R>, Missing> {
+        let place = self.place(env)?;
+        let mut all = self.positions.eval(&place.env)?.roots;
+        all.extend(self.of_degeneracy.eval(&place.env)?.roots);
+        let residuals = self.definition.residuals(&place.env)?;
+        let highest = self.definition.highest(&place.env)?;
+        all.extend(residuals.into_iter().zip(highest).filter(|(_, row)| row.is_none()).map(|(r, _)| r));
+        Ok(all)
+    }
+
+    /// A point; none where parameters, the domain or Newton's method do not allow it.
+    pub(super) fn draw(&self, random: &mut Random, attempt: usize) -> Option<Point> {
+        let model = self.claim.model;
+        let system = &self.claim.equations.system;
+        let mut env: Env<Wide> = Env::new();
+        let t = Wide::exact(random.between(0.2, 1.2));
+        env.set(model.time, t);
+        for input in &model.inputs {
+            env.set(input.symbol, rational(&input.default));
+        }
+        let inputs: Vec<Wide> = system.inputs.iter().map(|_| Wide::exact(random.signed())).collect();
+        system.inputs.iter().zip(&inputs).for_each(|(input, value)| env.set(input.symbol, *value));
+        self.draw_params(&mut env, random, attempt)?;
+        let params: Vec<Wide> = system.params.iter().filter_map(|p| env.get(p.symbol)).collect();
+        let slots = self.runner.slots(&params);
+        self.conditions_hold(&params, &slots)?;
+        self.draw_state(&mut env, random)?;
+        self.satisfy(&mut env)?;
+        let point = Point { params, slots, inputs, t, env };
+        self.is_inside(&point).then_some(point)
+    }
+
+    fn draw_params(&self, env: &mut Env<Wide>, random: &mut Random, attempt: usize) -> Option<()> {
+        let model = self.claim.model;
+        let fixed = &self.claim.equations.system.formulation.fixed;
+        let roots: Vec<ExprId> = model.conditions.iter().flat_map(|c| [c.greater, c.less]).collect();
+        let conditions = Tape::new(&model.graph, &roots);
+        // Closer to the defaults where conditions fail, and the longer the search takes.
+        let mut spread = SPREAD / (1 << (attempt / 8).min(8)) as f64;
+        for _ in 0..60 {
+            for param in &model.params {
+                let value = match fixed.iter().find(|(name, _)| *name == param.name) {
+                    Some((_, q)) => rational(q),
+                    None => {
+                        let default: Wide = rational(&param.default);
+                        let moved = random.symmetric() * spread;
+                        match default.size() == 0.0 {
+                            true => Wide::exact(moved),
+                            false => default * Wide::exact(1.0 + moved),
+                        }
+                    }
+                };
+                env.set(param.symbol, value);
+            }
+            let values = conditions.eval(env).ok()?.roots;
+            let holds = |(c, pair): (&crate::spec::Condition, &[Wide])| compare(c.relation, pair[0], pair[1]);
+            if model.conditions.iter().zip(values.chunks(2)).all(holds) {
+                return Some(());
+            }
+            spread /= 1.5;
+        }
+        None
+    }
+
+    fn conditions_hold(&self, params: &[Wide], slots: &[Wide]) -> Option<()> {
+        // Values of the prepare part that conditions mention are no slots: they are computed once more.
+        let conditions = self.runner.conditions(params);
+        let finite = slots.iter().all(|x| x.all_finite());
+        (finite && conditions.into_iter().all(|(relation, a, b)| compare(relation, a, b))).then_some(())
+    }
+
+    fn draw_state(&self, env: &mut Env<Wide>, random: &mut Random) -> Option<()> {
+        let model = self.claim.model;
+        let system = &self.claim.equations.system;
+        let initial = |symbol: SymbolId, env: &Env<Wide>| {
+            let (_, tape) = self.initial.iter().find(|(own, _)| *own == symbol)?;
+            Some(tape.eval(env).ok()?.roots[0].to_f64())
+        };
+        for coordinate in &model.base {
+            let start = initial(coordinate.symbol, env);
+            let value = match coordinate.domain {
+                Domain::Interval(low, high) => {
+                    let ends = Tape::new(&model.graph, &[low, high]).eval(env).ok()?.roots;
+                    let [low, high] = [ends[0].to_f64(), ends[1].to_f64()];
+                    match start.filter(|x| low < *x && *x < high) {
+                        Some(x) => {
+                            let reach = 0.5 * (x - low).min(high - x).min(1.0);
+                            x + reach * random.symmetric()
+                        }
+                        None => random.between(low + 0.15 * (high - low), high - 0.15 * (high - low)),
+                    }
+                }
+                Domain::Angle | Domain::Real => start.unwrap_or(0.0) + 0.6 * random.signed(),
+            };
+            env.set(coordinate.symbol, Wide::exact(value));
+        }
+        for advected in &model.advected {
+            let symbols: Vec<SymbolId> = advected.components.iter().map(|(_, s)| *s).collect();
+            let vector = random.vector(symbols.len());
+            let given: Option<Vec<f64>> = symbols.iter().map(|s| initial(*s, env)).collect();
+            let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
+            let scale = match given {
+                Some(start) if start.iter().any(|x| *x != 0.0) => {
+                    norm(&mut start.into_iter()) / norm(&mut vector.iter().map(|x| x.to_f64()))
+                }
+                _ => 1.0,
+            };
+            let vector: Vec<Wide> = vector.into_iter().map(|x| x * Wide::exact(scale)).collect();
+            env.set_all(&symbols, &vector);
+        }
+        for [cosine, sine, angle] in &self.circles {
+            let (s, c) = env.get(*angle)?.sin_cos();
+            env.set(*cosine, c);
+            env.set(*sine, s);
+        }
+        let drawn = |symbol: &SymbolId, env: &Env<Wide>| env.get(*symbol).is_some();
+        let others: Vec<SymbolId> = (self.state.iter().copied())
+            .chain(system.algebroid.base().iter().copied())
+            .filter(|s| !drawn(s, env))
+            .collect();
+        for symbol in others {
+            env.set(symbol, Wide::exact(random.signed()));
+        }
+        for item in &model.reconstruction {
+            match &item.kind {
+                ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. } => {
+                    let q = random.vector(4);
+                    let square = q.iter().fold(Wide::ZERO, |sum, x| sum + *x * *x);
+                    let unit: Vec<Wide> = q.into_iter().map(|x| x / square.sqrt()).collect();
+                    env.set_all(&item.symbols[..4], &unit);
+                    let rest = random.vector(item.symbols.len() - 4);
+                    env.set_all(&item.symbols[4..], &rest);
+                }
+                ReconstructionKind::Matrix { group, .. } => {
+                    let element = super::group::random_element(group, random);
+                    env.set_all(&item.symbols, &element);
+                }
+                _ => env.set_all(&item.symbols, &random.vector(item.symbols.len())),
+            }
+        }
+        Some(())
+    }
+
+    /// Moves coordinates and velocities until all restrictions hold.
+    fn satisfy(&self, env: &mut Env<Wide>) -> Option<()> {
+        let on_circles: Vec<SymbolId> = self.circles.iter().flat_map(|[c, s, _]| [*c, *s]).collect();
+        let is_moved = |s: &&SymbolId| !on_circles.contains(s);
+        let variables: Vec<SymbolId> =
+            self.state.iter().chain(&self.left_out).filter(is_moved).copied().collect();
+        let angles: Vec<SymbolId> = self.circles.iter().map(|[.., angle]| *angle).collect();
+        let variables: Vec<SymbolId> = variables.into_iter().chain(angles).collect();
+        for _ in 0..MAX_ITERATIONS {
+            let values = self.restrictions(env).ok()?;
+            if values.iter().any(|r| !r.all_finite()) {
+                return None;
+            }
+            if values.iter().all(|r| r.size() <= 4.0 * r.error()) {
+                return Some(());
+            }
+            let mut rows: Vec<Vec<Wide>> = values.iter().map(|_| Vec::new()).collect();
+            for symbol in &variables {
+                let seeded = self.seeded(env, &[(*symbol, Wide::ONE)]);
+                let slopes = self.restrictions(&seeded).ok()?;
+                rows.iter_mut().zip(slopes).for_each(|(row, slope)| row.push(slope.derivative));
+            }
+            rows.iter_mut().zip(&values).for_each(|(row, r)| row.push(-*r));
+            if rows.iter().flatten().any(|x| !x.all_finite()) {
+                return None;
+            }
+            let step = Reduced::new(rows, variables.len()).solution(&vec![Wide::ZERO; variables.len()]);
+            for (symbol, d) in variables.iter().zip(step) {
+                if d.size() == 0.0 {
+                    continue;
+                }
+                let x = env.get(*symbol)? + d;
+                // The value is what it is: only its distance from a solution counts as an error.
+                env.set(*symbol, Wide::of(x).uncertain(SOLVED * x.size()));
+            }
+            for [cosine, sine, angle] in &self.circles {
+                let (s, c) = env.get(*angle)?.sin_cos();
+                env.set(*cosine, c);
+                env.set(*sine, s);
+            }
+        }
+        None
+    }
+
+    /// The values with derivatives along a change of some symbols; points of circles follow their angles.
+    pub(super) fn seeded<R: Real>(&self, env: &Env<R>, along: &[(SymbolId, R)]) -> Env<Dual<R>> {
+        let mut seeded = env.map(Dual::constant);
+        for (symbol, d) in along {
+            if let Some(x) = env.get(*symbol) {
+                seeded.set(*symbol, Dual::new(x, *d));
+            }
+            for [cosine, sine, angle] in self.circles.iter().filter(|[.., angle]| angle == symbol) {
+                if let Some(x) = env.get(*angle) {
+                    let (s, c) = Dual::new(x, *d).sin_cos();
+                    seeded.set(*cosine, c);
+                    seeded.set(*sine, s);
+                }
+            }
+        }
+        seeded
+    }
+
+    /// Whether the functions that say where the domain ends are positive, and pivots do not vanish.
+    fn is_inside(&self, point: &Point) -> bool {
+        use crate::program::Role;
+        let state = point.state(self);
+        let at = point.at(&state);
+        let Some(domain) = self.claim.program.function_idx(&Role::Domain) else { return true };
+        self.runner.call(domain, &at, &[]).iter().all(|x| x.to_f64() > 0.0)
+    }
+
+    /// The rates that the program computes, by the time of the model.
+    pub(super) fn rates<R: Real>(&self, at: &At<'_, R>) -> Vec<R> {
+        use crate::program::Role;
+        use crate::spec::Want;
+        let Some(rate) = self.claim.program.function_idx(&Role::Rate) else { return Vec::new() };
+        let mut rates = self.runner.call(rate, at, &[]);
+        if self.claim.is_in_hamiltonian_time {
+            let role = Role::Output(Want::HamiltonianTime.name().to_owned());
+            if let Some(factor) = self.claim.program.function_idx(&role) {
+                let factor = self.runner.call(factor, at, &[])[0];
+                rates.iter_mut().for_each(|r| *r = *r / factor);
+            }
+        }
+        rates
+    }
+}
+
+impl Point {
+    pub(super) fn at<'p>(&'p self, state: &'p [Wide]) -> At<'p, Wide> {
+        At { params: &self.params, slots: &self.slots, inputs: &self.inputs, t: self.t, state }
+    }
+}
+
+fn compare(relation: Relation, a: Wide, b: Wide) -> bool {
+    let difference = (a - b).to_f64();
+    match relation {
+        Relation::Greater => difference > 0.0,
+        Relation::GreaterEqual => difference >= 0.0,
+        Relation::NotEqual => difference != 0.0,
+    }
+}
+
+/// Names that initial values are given for.
+fn symbols_by_name(model: &Model, equations: &Equations) -> Vec<(String, SymbolId)> {
+    let base = model.base.iter().map(|c| (c.name.clone(), c.symbol));
+    let advected = model.advected.iter().flat_map(|a| a.components.iter().cloned());
+    let state = equations.state.iter().map(|s| (s.name.clone(), s.symbol));
+    base.chain(advected).chain(state).collect()
+}

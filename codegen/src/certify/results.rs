@@ -1,0 +1,378 @@
+//! Energy, outputs and momenta of a scene beside their definitions in the model.
+//!
+//! Does not know: rates, derivatives by the state.
+
+use hamel_runtime::{Dual, Real};
+
+use crate::expr::{ExprId, SymbolId};
+use crate::mechanics::{Output, OutputKind};
+use crate::program::Role;
+use crate::spec::{ReconstructionKind, Want};
+
+use super::definition::{Missing, Place};
+use super::motion::{Motion, constants};
+use super::point::{Point, Random, Setting};
+use super::runner::At;
+use super::sheet::Sheet;
+use super::tape::{Env, Tape};
+use super::wide::Wide;
+
+/// A scene at a point, and beside it a state that satisfies nothing.
+pub(super) struct Results<'s, 'a> {
+    pub(super) setting: &'s Setting<'a>,
+    pub(super) point: &'s Point,
+    pub(super) motion: &'s Motion,
+}
+
+/// Why a function could not be compared.
+pub(super) enum Open {
+    Missing(Missing),
+    Because(&'static str),
+}
+
+impl From<Missing> for Open {
+    fn from(missing: Missing) -> Open {
+        Open::Missing(missing)
+    }
+}
+
+type Outcome = Result<(), Open>;
+
+impl Results<'_, '_> {
+    /// The values of a function at the point; none if the scene does not have it.
+    pub(super) fn call(&self, role: &Role) -> Option<Vec<Wide>> {
+        let k = self.setting.claim.program.function_idx(role)?;
+        Some(self.setting.runner.call(k, &self.point.at(&self.motion.state), &[]))
+    }
+
+    /// The same along the motion.
+    pub(super) fn call_along(&self, role: &Role) -> Option<Vec<Dual<Wide>>> {
+        let k = self.setting.claim.program.function_idx(role)?;
+        let state: Vec<Dual<Wide>> =
+            self.motion.state.iter().zip(&self.motion.rates).map(|(x, d)| Dual::new(*x, *d)).collect();
+        let (params, slots) = (constants(&self.point.params), constants(&self.point.slots));
+        let inputs = constants(&self.point.inputs);
+        let t = Dual::variable(self.point.t);
+        let at = At { params: &params, slots: &slots, inputs: &inputs, t, state: &state };
+        Some(self.setting.runner.call(k, &at, &[]))
+    }
+
+    /// Energy and all outputs.
+    pub(super) fn check(&self, sheet: &mut Sheet, random: &mut Random, open: &mut dyn FnMut(&str, Open)) {
+        let energy = Role::Energy;
+        if let Some(found) = self.call(&energy) {
+            match self.setting.definition.energy(&self.motion.at) {
+                Ok(defined) => sheet.equal(energy.name(), "the energy", found[0], defined),
+                Err(missing) => open(energy.name(), missing.into()),
+            }
+        }
+        for output in self.setting.claim.outputs {
+            if let Err(why) = self.output(output, sheet, random) {
+                open(&output.name, why);
+            }
+        }
+    }
+
+    fn output(&self, output: &Output, sheet: &mut Sheet, random: &mut Random) -> Outcome {
+        let Some(found) = self.call(&Role::Output(output.name.clone())) else { return Ok(()) };
+        match output.kind {
+            OutputKind::OfModel | OutputKind::After => self.of_model(output, &found, sheet),
+            OutputKind::Component => self.component(output, &found, sheet, random),
+            OutputKind::Gradients | OutputKind::Remainder => Ok(()),
+            OutputKind::Group(want) => self.group(want, output, &found, sheet, random),
+        }
+    }
+
+    /// A component of a group that a scene wants alone.
+    fn component(&self, output: &Output, found: &[Wide], sheet: &mut Sheet, random: &mut Random) -> Outcome {
+        let name = &output.components[0].0;
+        let whole = self.setting.claim.equations.outputs.iter().find(|o| {
+            matches!(o.kind, OutputKind::Group(_)) && o.components.iter().any(|(own, _)| own == name)
+        });
+        match whole.map(|o| o.kind) {
+            Some(OutputKind::Group(want)) if want != Want::Events => {
+                self.group(want, output, found, sheet, random)
+            }
+            _ => self.of_model(output, found, sheet),
+        }
+    }
+
+    fn of_model(&self, output: &Output, found: &[Wide], sheet: &mut Sheet) -> Outcome {
+        let model = self.setting.definition.model;
+        let env = self.with_momenta()?;
+        for ((name, _), found) in output.components.iter().zip(found) {
+            let mut components = model.outputs.iter().flat_map(|o| &o.components);
+            if let Some((_, e)) = components.find(|(own, _)| own == name) {
+                let defined = Tape::new(&model.graph, &[*e]).eval(&env)?.roots[0];
+                sheet.equal(&output.name, name.clone(), *found, defined);
+                continue;
+            }
+            // An angle that is carried as a point of the circle, up to whole turns.
+            let Some(coordinate) = model.base.iter().find(|c| c.name == *name) else {
+                return Err(Open::Because("the model has no output of that name"));
+            };
+            let angle = env.get(coordinate.symbol).ok_or(coordinate.symbol)?;
+            let (s, c) = (*found - angle).sin_cos();
+            sheet.vanishes(&output.name, name.clone(), s, 1.0);
+            sheet.vanishes(&output.name, name.clone(), c - Wide::ONE, 1.0);
+        }
+        Ok(())
+    }
+
+    /// The symbols of the model with the momenta that the state does not carry.
+    fn with_momenta(&self) -> Result<Env<Wide>, Missing> {
+        let definition = &self.setting.definition;
+        let system = &self.setting.claim.equations.system;
+        let mut env = self.motion.at.env.clone();
+        if definition.has_hamiltonian() {
+            return Ok(env);
+        }
+        let n_frame = definition.m;
+        let model = definition.model;
+        for (_, symbol, velocity) in model.momenta.iter().flat_map(|m| &m.components) {
+            let is_it = |u: &crate::reduction::Unknown| match u.frame_idx {
+                Some(k) => k == *velocity,
+                None => *velocity >= n_frame && model.quasi_velocities[velocity - n_frame].symbol == u.symbol,
+            };
+            if let Some(unknown) = system.unknowns.iter().position(is_it) {
+                let along = self.motion.displacement_of(self.setting, &self.motion.at, unknown)?;
+                let along = definition.group_velocities(&env, &along[..n_frame])?;
+                env.set(*symbol, definition.lagrangian(&self.motion.at, &along, &Vec::new())?.derivative);
+            }
+        }
+        Ok(env)
+    }
+
+    /// `<p, e>` along a velocity of the model before stages, by its place.
+    fn momentum<R: Real>(&self, at: &Place<R>, k: usize) -> Result<R, Missing> {
+        let definition = &self.setting.definition;
+        let unit: Vec<R> = (0..definition.m).map(|j| if j == k { R::ONE } else { R::ZERO }).collect();
+        let along = definition.group_velocities_before_stages(&at.env, &unit)?;
+        match definition.has_hamiltonian() {
+            true => {
+                let of_model = definition.model_velocities(&at.env, &along)?;
+                definition.momentum_along(at, &of_model)
+            }
+            false => Ok(definition.lagrangian(at, &along, &Vec::new())?.derivative),
+        }
+    }
+
+    /// Names of the velocities of the model before stages.
+    fn names_before_stages(&self) -> Vec<String> {
+        let system = &self.setting.claim.equations.system;
+        match &system.frame {
+            Some(frame) => frame.original.iter().map(|u| u.name.clone()).collect(),
+            None => system.velocities.iter().map(|s| system.graph.name(*s).to_owned()).collect(),
+        }
+    }
+
+    fn group(&self, want: Want, output: &Output, found: &[Wide], sheet: &mut Sheet, random: &mut Random) -> Outcome {
+        let definition = &self.setting.definition;
+        let model = definition.model;
+        let equations = self.setting.claim.equations;
+        let system = &equations.system;
+        let named = || output.components.iter().map(|(name, _)| name.as_str()).zip(found.iter().copied());
+        let function = output.name.as_str();
+        match want {
+            Want::EnergyRate => {
+                let defined = definition.energy(&self.motion.moving)?;
+                sheet.equal(function, "the rate of energy", found[0], defined.derivative);
+            }
+            Want::Momentum => {
+                let names = self.names_before_stages();
+                for (name, found) in named() {
+                    let place = names.iter().position(|own| name.strip_prefix("p_") == Some(own));
+                    let place = place.ok_or(Open::Because("a momentum along no velocity of the model"))?;
+                    sheet.equal(function, name, found, self.momentum(&self.motion.at, place)?);
+                }
+            }
+            Want::Velocities => {
+                let names = self.names_before_stages();
+                let values = definition.before_stages(&self.motion.at.env, &self.motion.at.of_system)?;
+                let quasi = model.quasi_velocities.iter().map(|v| (v.name.clone(), v.symbol));
+                let quasi: Vec<(String, SymbolId)> = quasi.collect();
+                for (name, found) in named() {
+                    let defined = match names.iter().position(|own| own == name) {
+                        Some(k) => values[k],
+                        None => {
+                            let (_, symbol) = quasi
+                                .iter()
+                                .find(|(own, _)| own == name)
+                                .ok_or(Open::Because("a velocity that the model does not have"))?;
+                            self.motion.at.env.get(*symbol).ok_or(*symbol)?
+                        }
+                    };
+                    sheet.equal(function, name, found, defined);
+                }
+            }
+            Want::Multipliers => self.multipliers(output, found, sheet, random)?,
+            Want::Constraint => self.residuals(output, sheet, random)?,
+            Want::Casimirs => {
+                let along = self.call_along(&Role::Output(output.name.clone())).unwrap_or_default();
+                let env = self.with_momenta()?;
+                for (k, (name, found)) in named().enumerate() {
+                    let casimir = model.casimirs.iter().find(|c| c.name == name);
+                    let casimir = casimir.ok_or(Open::Because("the model claims no such casimir"))?;
+                    let defined = Tape::new(&model.graph, &[casimir.expr]).eval(&env)?.roots[0];
+                    sheet.equal(function, name, found, defined);
+                    self.is_conserved(function, name, along[k], sheet);
+                }
+            }
+            Want::Circles => {
+                for (name, found) in named() {
+                    sheet.equal(function, name, found, Wide::ONE);
+                }
+            }
+            Want::Sections => {
+                for (name, found) in named() {
+                    let section = model.sections.iter().find(|s| s.name == name);
+                    let section = section.ok_or(Open::Because("the model has no such section"))?;
+                    let s = Tape::new(&model.graph, &section.coefficients).eval(&self.motion.at.env)?.roots;
+                    sheet.equal(function, name, found, definition.momentum_along(&self.motion.at, &s)?);
+                }
+            }
+            Want::NonholonomicMomentum | Want::MomentumEquation => {
+                for (name, found) in named() {
+                    let is_rate = want == Want::MomentumEquation;
+                    let prefix = if is_rate { "dot_J_" } else { "J_" };
+                    let unknown = system.unknowns.iter().position(|u| name.strip_prefix(prefix) == Some(&u.name));
+                    let unknown = unknown.ok_or(Open::Because("a momentum along no independent velocity"))?;
+                    let at = &self.motion.moving;
+                    let along = self.motion.displacement_of(self.setting, at, unknown)?;
+                    let along = definition.group_velocities(&at.env, &along[..definition.m])?;
+                    let value = definition.lagrangian(at, &along, &Vec::new())?.derivative;
+                    sheet.equal(function, name, found, if is_rate { value.derivative } else { value.value });
+                }
+            }
+            Want::Phases => self.phases(output, found, sheet)?,
+            Want::Invariants => {
+                let along = self.call_along(&Role::Output(output.name.clone())).unwrap_or_default();
+                for ((name, _), value) in output.components.iter().zip(along) {
+                    self.is_conserved(function, name, value, sheet);
+                }
+            }
+            Want::Positions => self.positions(output, sheet, random)?,
+            Want::Events | Want::Outputs => self.of_model(output, found, sheet)?,
+            Want::HamiltonianTime => return Err(Open::Because("its Jacobi identity is proved symbolically alone")),
+            // Matrices, brackets and implicit forms have identities of their own.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn is_conserved(&self, function: &str, name: &str, along: Dual<Wide>, sheet: &mut Sheet) {
+        // The rate is a sum of products of slopes and rates: of the size of the value times the fastest rate.
+        let fastest = self.motion.rates.iter().map(|r| r.size()).fold(0.0, f64::max);
+        let what = format!("the rate of {name}");
+        sheet.vanishes(function, what, along.derivative, along.value.size().max(1.0) * fastest);
+    }
+
+    /// `E = lambda_A a^A` along a random displacement, virtual or not.
+    fn multipliers(&self, output: &Output, found: &[Wide], sheet: &mut Sheet, random: &mut Random) -> Outcome {
+        if output.kind == OutputKind::Component {
+            return Err(Open::Because("a balance needs all multipliers, and the scene has one"));
+        }
+        let definition = &self.setting.definition;
+        let n = definition.n_displacements();
+        let displacement = random.vector(n);
+        let w = definition.group_velocities(&self.motion.at.env, &displacement[..definition.m])?;
+        let mut terms = self.motion.unbalanced(self.setting, &w)?.to_vec();
+        let by_order = !definition.model.virtual_constraints.is_empty();
+        for (k, (name, form)) in definition.one_forms(&self.motion.at)?.into_iter().enumerate() {
+            let own = format!("lambda_{name}");
+            // Reactions along displacements of their own have the names of the constraints that they keep.
+            let place = match by_order {
+                true => Some(k),
+                false => output.components.iter().position(|(name, _)| *name == own),
+            };
+            let Some(k) = place else { continue };
+            let along = form.iter().zip(&displacement).fold(Wide::ZERO, |sum, (a, b)| sum + *a * *b);
+            terms.push(-(found[k] * along));
+        }
+        sheet.zero(&output.name, "the balance of forces and reactions", &terms);
+        Ok(())
+    }
+
+    /// A state beside the restrictions, with everything that follows from it.
+    fn beside(&self, random: &mut Random) -> Result<(Point, Place<Wide>), Missing> {
+        let mut point = self.point.clone();
+        for symbol in &self.setting.state {
+            if let Some(x) = point.env.get(*symbol) {
+                let moved = Wide::exact(1.0 + 0.1 * random.symmetric());
+                point.env.set(*symbol, Wide::of(x * moved));
+            }
+        }
+        let place = self.setting.place(&point.env)?;
+        Ok((point, place))
+    }
+
+    /// Residuals where they do not vanish.
+    fn residuals(&self, output: &Output, sheet: &mut Sheet, random: &mut Random) -> Outcome {
+        let definition = &self.setting.definition;
+        let model = definition.model;
+        let (point, place) = self.beside(random)?;
+        let state = point.state(self.setting);
+        let Some(k) = self.setting.claim.program.function_idx(&Role::Output(output.name.clone())) else {
+            return Ok(());
+        };
+        let found = self.setting.runner.call(k, &point.at(&state), &[]);
+        let residuals = definition.residuals(&place.env)?;
+        let positions = self.setting.positions.eval(&place.env)?.roots;
+        for ((name, _), found) in output.components.iter().zip(found) {
+            let constraint = model.constraints.iter().position(|c| name.strip_prefix("residual_") == Some(&c.name));
+            match constraint {
+                Some(k) => sheet.equal(&output.name, name.clone(), found, residuals[k]),
+                None => nearest(&output.name, name, found, &positions, sheet)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Equations between positions where they do not hold; what is kept beside them, along the motion.
+    fn positions(&self, output: &Output, sheet: &mut Sheet, random: &mut Random) -> Outcome {
+        let (point, place) = self.beside(random)?;
+        let state = point.state(self.setting);
+        let role = Role::Output(output.name.clone());
+        let Some(k) = self.setting.claim.program.function_idx(&role) else { return Ok(()) };
+        let found = self.setting.runner.call(k, &point.at(&state), &[]);
+        let positions = self.setting.positions.eval(&place.env)?.roots;
+        let along = self.call_along(&role).unwrap_or_default();
+        for (k, (name, _)) in output.components.iter().enumerate() {
+            match k < self.setting.claim.n_positions {
+                true => nearest(&output.name, name, found[k], &positions, sheet)?,
+                false => self.is_conserved(&output.name, name, along[k], sheet),
+            }
+        }
+        Ok(())
+    }
+
+    /// Geometric and dynamic phases add up to the rate of their coordinate.
+    fn phases(&self, output: &Output, found: &[Wide], sheet: &mut Sheet) -> Outcome {
+        let model = self.setting.definition.model;
+        let value = |name: String| output.components.iter().position(|(own, _)| *own == name).map(|k| found[k]);
+        for item in &model.reconstruction {
+            let rates: Vec<ExprId> = match &item.kind {
+                ReconstructionKind::Angle { omega } => vec![*omega],
+                ReconstructionKind::Translation { v } => v.clone(),
+                _ => continue,
+            };
+            let rates = Tape::new(&model.graph, &rates).eval(&self.motion.at.env)?.roots;
+            for (name, rate) in item.names.iter().zip(rates) {
+                let parts = [value(format!("{name}_geometric")), value(format!("{name}_dynamic"))];
+                if let [Some(geometric), Some(dynamic)] = parts {
+                    sheet.zero(&output.name, format!("the phases of {name}"), &[geometric, dynamic, -rate]);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A residual is that of an equation of the model.
+fn nearest(function: &str, name: &str, found: Wide, defined: &[Wide], sheet: &mut Sheet) -> Outcome {
+    let apart = |x: &Wide| (found - *x).size();
+    let best = defined.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+    let best = best.ok_or(Open::Because("a residual of no equation between positions"))?;
+    sheet.equal(function, name, found, *best);
+    Ok(())
+}

@@ -1,0 +1,40 @@
+//! Deliberate faults between the steps of the pipeline, which the comparison with the model has to find.
+//!
+//! For tests alone: nothing calls it where the feature `internals` is off. Does not know: which faults there are.
+
+use std::sync::Arc;
+
+use crate::mechanics::{Equations, derive};
+use crate::program::Program;
+use crate::reduction::{ReducedSystem, reduce};
+use crate::spec::{Diagnostics, Model};
+
+use super::build::build_derived;
+use super::{BuiltScene, Scenes};
+
+/// What a step of the pipeline has made.
+#[derive(Debug)]
+pub enum Made<'a> {
+    /// By reduction.
+    System(&'a mut ReducedSystem),
+    /// By the derivation.
+    Equations(&'a mut Equations),
+    /// By lowering.
+    Program(&'a mut Program),
+}
+
+/// Builds a scene as [`build`](super::build) does, and calls `fault` with what every step has made.
+///
+/// # Errors
+/// As [`build`](super::build); [`Error::Disagrees`](crate::error::Error::Disagrees) for the faults.
+pub fn build_tampered(model: &Model, scene: &str, fault: &dyn Fn(Made<'_>)) -> Result<BuiltScene, Diagnostics> {
+    let plan = Scenes::new(model).plan(scene)?;
+    let mut system = reduce(model, &plan.formulation)?;
+    fault(Made::System(&mut system));
+    let told = |e| model.diagnostics(vec![model.diagnose(&e)]);
+    let mut equations = derive(&system).map_err(told)?;
+    fault(Made::Equations(&mut equations));
+    let mut built = build_derived(model, Arc::new(equations), &plan)?;
+    fault(Made::Program(&mut built.program));
+    built.certified(Arc::new(model.clone())).map_err(told)
+}

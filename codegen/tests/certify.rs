@@ -1,0 +1,461 @@
+//! Scenes are held to the models that they were made from: deliberate faults of every step are found, and what was
+//! wrong once is refused or right.
+
+use hamel_codegen::expr::{ExprId, Graph, Rational};
+use hamel_codegen::mechanics::Equations;
+use hamel_codegen::program::{Op, Operand, Program, Role};
+use hamel_codegen::reduction::{KinematicConstraint, ReducedSystem};
+use hamel_codegen::scene::{self, Made, build_tampered};
+use hamel_codegen::spec::{self, Model};
+
+/// A heavy top with friction and a drive: bracket, advected parameter, force, explicit time, attitude.
+const TOP: &str = "model top {
+    param I: diagonal(3) = [1.3, 1.7, 0.6] where I1 > 0, I2 > 0, I3 > 0;
+    param k = 0.2;
+    velocity Omega in so(3);
+    advected Gamma in R^3 by cross(Omega, Gamma);
+    lagrangian = 1/2*dot(Omega, I*Omega) - Gamma1 - 2*Gamma3 + Omega2*cos(t);
+    force Omega = -k*Omega;
+    output turning = Omega1*Gamma2 + k;
+    reconstruct q in SO(3);
+    scene all {
+        want rhs, energy, energy_rate, momentum, outputs, reconstruction, jacobian, jvp, vjp, time_derivative,
+            sensitivity, sensitivity_jvp, sensitivity_vjp;
+    }
+}";
+/// The same without friction and drive, and the functions that only a conservative motion has.
+const FREE: &str = "model free {
+    param I: diagonal(3) = [1.3, 1.7, 0.6] where I1 > 0, I2 > 0, I3 > 0;
+    velocity Omega in so(3);
+    momentum Pi of Omega;
+    carry Pi;
+    advected Gamma in R^3 by cross(Omega, Gamma);
+    lagrangian = 1/2*dot(Omega, I*Omega) - Gamma1 - 2*Gamma3;
+    casimir C1 = dot(Gamma, Gamma);
+    scene all { want rhs, energy, casimirs, invariants, bracket, velocities, splitting; }
+}";
+/// A charge in a field that changes: connection, curvature, drift, shape forces.
+const CHARGE: &str = "model charge {
+    param m = 1.3 where m > 0;
+    coordinate x: vector(2) in real;
+    velocity v in so(3);
+    connection v = [x2*x_dot1, sin(t)*x1*x_dot2, x1^2*x_dot2 + t*x_dot1];
+    lagrangian = m/2*dot(x_dot, x_dot) + v1^2 + 2*v2^2 + 3*v3^2 - x1^2*x2;
+    force x_dot = [x2, -x_dot1];
+    scene all { want rhs, energy, energy_rate; }
+}";
+/// A ball on a table that turns: affine constraints, right action, multipliers, momentum equation.
+const BALL: &str = "model ball {
+    param r = 0.3 where r > 0;
+    param k2 = 0.036 where k2 > 0;
+    param w = 1.4;
+    coordinate x, y in real;
+    velocity omega_x, omega_y, omega_z in so(3);
+    action right;
+    lagrangian = (x_dot^2 + y_dot^2)/2 + k2/2*(omega_x^2 + omega_y^2 + omega_z^2);
+    constraint first: x_dot - r*omega_y = -w*y;
+    constraint second: y_dot + r*omega_x = w*x;
+    independent x_dot, y_dot, omega_z;
+    scene all { want rhs, energy, multipliers, nonholonomic_momentum, momentum_equation, implicit; }
+}";
+/// A closed loop: equations between positions, circles.
+const LOOP: &str = "model crank {
+    param r = 0.4 where r > 0;
+    param l = 1.1 where l > r;
+    coordinate theta, phi in angle;
+    coordinate x in real;
+    lagrangian = theta_dot^2/2 + phi_dot^2/3 + x_dot^2/2 - x;
+    constraint across: r*sin(theta) = l*sin(phi);
+    constraint along: x = r*cos(theta) + l*cos(phi);
+    multipliers;
+    initial theta = 0.6;
+    initial phi = 0.2067;
+    initial x = 1.4066;
+    scene all { want rhs, energy, constraint, positions, multipliers; }
+    scene points { circle theta; want rhs, energy; }
+}";
+/// Stages whose levels the state carries.
+const STAGES: &str = "model body {
+    param M: diagonal(3) = [2.3, 1.9, 2.7] where M1 > 0, M2 > 0, M3 > 0;
+    velocity Omega, V in se(3);
+    lagrangian = 1/2*(Omega1^2 + 2*Omega2^2 + 3*Omega3^2) + 1/2*dot(V, M*V) + 3/10*Omega1*V2;
+    stage rotation;
+    stage translation = ideal(V);
+    inner product lagrangian;
+    carry stages;
+    scene all { want rhs, energy, velocities, momentum; }
+}";
+
+fn model(text: &str) -> Model {
+    spec::parse("fault.hamel", text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn negate(g: &mut Graph, e: &mut ExprId) {
+    *e = g.neg(*e);
+}
+
+/// The bracket of sections `a` and `b`, changed.
+fn with_bracket(s: &mut ReducedSystem, (a, b): (usize, usize), change: fn(&mut Graph, &mut Vec<(usize, ExprId)>)) {
+    let mut value = s.algebroid.bracket(&mut s.graph, a, b);
+    assert!(!value.is_empty(), "a bracket that does not vanish");
+    change(&mut s.graph, &mut value);
+    s.algebroid.set_bracket(a, b, value);
+}
+
+fn solved(s: &mut ReducedSystem) -> (&mut Graph, &mut hamel_codegen::reduction::SolvedConstraint) {
+    match &mut s.constraint {
+        KinematicConstraint::Solved(solved) => (&mut s.graph, solved),
+        KinematicConstraint::Multipliers { .. } => panic!("a solved constraint"),
+    }
+}
+
+fn output<'e>(e: &'e mut Equations, name: &str) -> (&'e mut Graph, &'e mut Vec<(String, ExprId)>) {
+    let Equations { system, outputs, .. } = e;
+    let output = outputs.iter_mut().find(|o| o.name == name).unwrap_or_else(|| panic!("an output {name}"));
+    (&mut system.graph, &mut output.components)
+}
+
+fn idx(p: &Program, role: &Role) -> usize {
+    p.function_idx(role).unwrap_or_else(|| panic!("a function {role}"))
+}
+
+/// Exchanges the values of two results of a function.
+fn swap(p: &mut Program, role: &Role, (i, j): (usize, usize)) {
+    let k = idx(p, role);
+    let results = &mut p.functions[k].results;
+    assert_ne!(results[i].1, results[j].1, "results that differ");
+    let kept = results[i].1;
+    results[i].1 = results[j].1;
+    results[j].1 = kept;
+}
+
+/// Puts zero in the place of a result.
+fn drop_result(p: &mut Program, role: &Role, i: usize) {
+    let k = idx(p, role);
+    p.constants.push(hamel_codegen::program::Constant::Rational(Rational::from_integer(0.into())));
+    p.functions[k].results[i].1 = Operand::Constant(p.constants.len() as u32 - 1);
+}
+
+/// Changes the first operation of a function for which that does something.
+fn change_operation(p: &mut Program, role: &Role, change: fn(Op) -> Option<Op>) {
+    let k = idx(p, role);
+    let found = p.functions[k].instructions.iter_mut().find_map(|i| Some((change(i.op)?, i)));
+    let (op, instruction) = found.expect("an operation to change");
+    instruction.op = op;
+}
+
+fn product(name: &str) -> Role {
+    Role::Product(name.to_owned())
+}
+
+fn values(name: &str) -> Role {
+    Role::Output(name.to_owned())
+}
+
+struct Fault {
+    name: &'static str,
+    model: &'static str,
+    scene: &'static str,
+    fault: fn(Made<'_>),
+}
+
+macro_rules! faults {
+    ($($name:literal in $model:ident $scene:literal: $made:ident($it:ident) => $body:expr;)*) => {
+        [$(Fault {
+            name: $name,
+            model: $model,
+            scene: $scene,
+            fault: |made| {
+                if let Made::$made($it) = made {
+                    $body;
+                }
+            },
+        }),*]
+    };
+}
+
+/// Deliberate faults: in the system, in its equations, in the program.
+fn faults() -> Vec<Fault> {
+    Vec::from(faults! {
+        "the sign of a bracket" in TOP "all": System(s) =>
+            with_bracket(s, (0, 1), |g, value| negate(g, &mut value[0].1));
+        "a bracket that is dropped" in TOP "all": System(s) => with_bracket(s, (1, 2), |_, value| value.clear());
+        "a bracket with another structure constant" in TOP "all": System(s) =>
+            with_bracket(s, (0, 2), |g, value| value[0].1 = g.scale(value[0].1, &Rational::new(3.into(), 2.into())));
+        "a right action for a left one" in TOP "all": System(s) => for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+            with_bracket(s, (a, b), |g, value| negate(g, &mut value[0].1));
+        };
+        "the sign of the anchor of an advected parameter" in TOP "all": System(s) => {
+            let value = s.algebroid.anchor(0, 1);
+            let value = s.graph.neg(value);
+            s.algebroid.set_anchor(0, 1, value);
+        };
+        "an entry of the anchor that is dropped" in TOP "all": System(s) => {
+            let zero = s.graph.zero();
+            s.algebroid.set_anchor(2, 0, zero);
+        };
+        "the sign of a force" in TOP "all": System(s) => negate(&mut s.graph, &mut s.forces[1]);
+        "a force that is dropped" in CHARGE "all": System(s) => s.forces[0] = s.graph.zero();
+        "a coefficient of the Lagrangian" in TOP "all": System(s) => {
+            let third = Rational::new(1.into(), 3.into());
+            let y = s.graph.sym(s.velocities[0]);
+            let square = s.graph.mul(y, y);
+            let more = s.graph.scale(square, &third);
+            s.lagrangian = s.graph.add(s.lagrangian, more);
+        };
+        "a missing dA/dt" in CHARGE "all": System(s) => {
+            assert!(!s.algebroid.drift(1).is_empty());
+            s.algebroid.set_drift(1, Vec::new());
+        };
+        "a missing curvature" in CHARGE "all": System(s) => with_bracket(s, (0, 1), |_, value| value.clear());
+        "the sign of [A_i, e_b]" in CHARGE "all": System(s) =>
+            with_bracket(s, (0, 3), |g, value| value.iter_mut().for_each(|(_, e)| negate(g, e)));
+        "the sign of an entry of Psi" in BALL "all": System(s) => {
+            let (g, solved) = solved(s);
+            let zero = g.zero();
+            let row = &mut solved.psi[solved.dependent[0]];
+            row.iter_mut().filter(|e| **e != zero).for_each(|e| negate(g, e));
+        };
+        "a missing psi0" in BALL "all": System(s) => {
+            let (g, solved) = solved(s);
+            solved.psi0.iter_mut().for_each(|e| *e = g.zero());
+        };
+        "displacements along other velocities" in BALL "all": System(s) => {
+            let (g, solved) = solved(s);
+            let rows = &mut solved.virtual_displacements;
+            let dependent = solved.dependent[0];
+            rows[dependent] = rows[dependent].iter().map(|e| g.scale(*e, &Rational::new(1.into(), 2.into()))).collect();
+        };
+        "another equation between positions" in LOOP "all": System(s) => {
+            let e = &mut s.positions[0].residual;
+            *e = s.graph.scale(*e, &Rational::from_integer(2.into()));
+        };
+        "the rate of an attitude" in TOP "all": System(s) => negate(&mut s.graph, &mut s.reconstruction[2].rate);
+        "another frame of stages" in STAGES "all": System(s) => {
+            let frame = s.frame.as_mut().expect("a frame");
+            let zero = s.graph.zero();
+            let last = frame.matrix.len() - 1;
+            let entry = &mut frame.matrix[last][0];
+            let one = s.graph.one();
+            *entry = if *entry == zero { one } else { zero };
+        };
+        "rates that are exchanged" in TOP "all": Equations(e) => {
+            let kept = e.state[0].derivative;
+            e.state[0].derivative = e.state[1].derivative;
+            e.state[1].derivative = kept;
+        };
+        "a rate with another sign" in CHARGE "all": Equations(e) => negate(&mut e.system.graph, &mut e.state[3].derivative);
+        "the sign of the energy" in TOP "all": Equations(e) => negate(&mut e.system.graph, &mut e.energy);
+        "a rate of energy without the explicit time" in CHARGE "all": Equations(e) => {
+            let half = Rational::new(1.into(), 2.into());
+            e.energy_rate = e.system.graph.scale(e.energy_rate, &half);
+        };
+        "momenta that are exchanged" in TOP "all": Equations(e) => {
+            let (_, components) = output(e, "momentum");
+            let kept = components[0].1;
+            components[0].1 = components[1].1;
+            components[1].1 = kept;
+        };
+        "the sign of a multiplier" in BALL "all": Equations(e) => {
+            let (g, components) = output(e, "multipliers");
+            negate(g, &mut components[0].1);
+        };
+        "multipliers of a loop, exchanged" in LOOP "all": Equations(e) => {
+            let (_, components) = output(e, "multipliers");
+            let kept = components[0].1;
+            components[0].1 = components[1].1;
+            components[1].1 = kept;
+        };
+        "an output with another sign" in TOP "all": Equations(e) => {
+            let (g, components) = output(e, "turning");
+            negate(g, &mut components[0].1);
+        };
+        "a term of the momentum equation" in BALL "all": Equations(e) => {
+            let (g, components) = output(e, "momentum_equation");
+            let one = g.one();
+            components[0].1 = g.add(components[0].1, one);
+        };
+        "velocities by momenta, with another sign" in FREE "all": Equations(e) => {
+            let (g, components) = output(e, "velocities");
+            negate(g, &mut components[2].1);
+        };
+        "momenta by velocities, exchanged" in FREE "all": Equations(e) => {
+            let momenta = &mut e.legendre.momenta;
+            let kept = momenta[0].1;
+            momenta[0].1 = momenta[1].1;
+            momenta[1].1 = kept;
+        };
+        "a casimir that is not one" in FREE "all": Equations(e) => {
+            let energy = e.energy;
+            let symbol = e.system.graph.sym(e.state[0].symbol);
+            let (g, components) = output(e, "casimirs");
+            components[0].1 = g.add(components[0].1, symbol);
+            _ = energy;
+        };
+        "an addition that subtracts" in TOP "all": Program(p) => change_operation(p, &Role::Rate, |op| match op {
+            Op::Sub(a, b) => Some(Op::Add(a, b)),
+            Op::MulAdd(signs, a, b, c) => {
+                Some(Op::MulAdd(hamel_codegen::program::Signs { addend: !signs.addend, ..signs }, a, b, c))
+            }
+            _ => None,
+        });
+        "a factor that is missing" in CHARGE "all": Program(p) => change_operation(p, &Role::Rate, |op| match op {
+            Op::Mul(a, _) => Some(Op::Mul(a, a)),
+            _ => None,
+        });
+        "a stale number of the prepare part" in TOP "all": Program(p) => {
+            let n = p.prepare.slots.len();
+            assert!(n > 1);
+            let first = p.prepare.slots[0].value;
+            p.prepare.slots[n - 1].value = first;
+        };
+        "entries of the Jacobian, exchanged" in TOP "all": Program(p) => swap(p, &values("jacobian"), (0, 1));
+        "an entry of the sensitivities that is dropped" in TOP "all": Program(p) =>
+            drop_result(p, &values("sensitivity"), 0);
+        "a row of J v" in TOP "all": Program(p) => swap(p, &product("jvp"), (0, 2));
+        "a row of J^T w" in TOP "all": Program(p) => drop_result(p, &product("vjp"), 1);
+        "a row of the product with parameters" in TOP "all": Program(p) => drop_result(p, &product("sensitivity_jvp"), 0);
+        "a row of the transposed product with parameters" in TOP "all": Program(p) =>
+            drop_result(p, &product("sensitivity_vjp"), 0);
+        "no derivative by time" in TOP "all": Program(p) => {
+            let role = values("time_derivative");
+            for i in 0..p.functions[idx(p, &role)].results.len() {
+                drop_result(p, &role, i);
+            }
+        };
+        "entries of the bracket, exchanged" in FREE "all": Program(p) => swap(p, &values("bracket"), (0, 1));
+        "a gradient of an invariant" in FREE "all": Program(p) => swap(p, &values("invariant_gradients"), (0, 1));
+        "an invariant that is not one" in FREE "all": Program(p) => {
+            let role = values("invariants");
+            let k = idx(p, &role);
+            p.functions[k].results[0].1 = Operand::State(0);
+        };
+        "a flow that does not move" in FREE "all": Program(p) => {
+            let role = Role::Flow("flow1".to_owned());
+            for i in 0..p.functions[idx(p, &role)].results.len() {
+                drop_result(p, &role, i);
+            }
+        };
+        "a gradient of an equation between positions" in LOOP "all": Program(p) =>
+            swap(p, &values("position_gradients"), (0, 1));
+        "a residual of the constraint" in LOOP "all": Program(p) => swap(p, &values("constraint"), (0, 1));
+        "a point of the circle" in LOOP "points": Equations(e) => {
+            let k = e.state.iter().position(|s| s.name == "theta_s").expect("a point of the circle");
+            negate(&mut e.system.graph, &mut e.state[k].derivative);
+        };
+        "a row of the implicit form" in BALL "all": Program(p) =>
+            drop_result(p, &Role::OfVariables("implicit_rhs".to_owned()), 1);
+        "an entry of the Jacobian of the implicit form" in BALL "all": Program(p) =>
+            drop_result(p, &Role::OfVariables("implicit_jacobian".to_owned()), 0);
+    })
+}
+
+#[test]
+fn every_deliberate_fault_is_found() {
+    let mut missed = Vec::new();
+    let faults = faults();
+    for Fault { name, model: text, scene, fault } in &faults {
+        match build_tampered(&model(text), scene, fault) {
+            Ok(built) => missed.push(format!("{name}: {}", built.certificate().sentence())),
+            Err(problem) => {
+                let text = problem.to_string();
+                println!("{name}: {}", text.lines().next().unwrap_or_default());
+                if !text.contains("disagrees with its definition") {
+                    missed.push(format!("{name}: {text}"));
+                }
+            }
+        }
+    }
+    println!("{} of {} faults found", faults.len() - missed.len(), faults.len());
+    assert!(missed.is_empty(), "not found:\n{}", missed.join("\n"));
+}
+
+#[test]
+fn scenes_without_a_fault_are_held_to_their_definitions() {
+    for (text, scene) in [
+        (TOP, "all"),
+        (FREE, "all"),
+        (CHARGE, "all"),
+        (BALL, "all"),
+        (LOOP, "all"),
+        (LOOP, "points"),
+        (STAGES, "all"),
+    ] {
+        let built = build_tampered(&model(text), scene, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        let certificate = built.certificate();
+        assert_eq!(certificate.n_points, 3, "{}", certificate.sentence());
+        assert!(certificate.open.is_empty(), "{:?}", certificate.open);
+        let functions = built.program.functions.iter().map(|f| &f.role);
+        let has_identity = |role: &&Role| !matches!(role, Role::Pivots | Role::Signature | Role::Domain | Role::Flow(_));
+        for role in functions.filter(has_identity) {
+            let name = role.name();
+            let name = name.strip_suffix("_rhs").unwrap_or(name);
+            assert!(certificate.held.contains_key(name), "{name} is not among {:?}", certificate.held.keys());
+        }
+    }
+}
+
+#[test]
+fn the_same_text_is_held_at_the_same_points_everywhere() {
+    let built = || build_tampered(&model(CHARGE), "all", &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(built().certificate(), built().certificate());
+}
+
+/// A4: flows are composed in a time of their own, in which a Hamiltonian that depends on time stands still.
+#[test]
+fn a_hamiltonian_that_depends_on_time_is_not_split() {
+    let text = "model driven {
+        coordinate x in real;
+        momentum p of x_dot;
+        carry p;
+        lagrangian = x_dot^2/2 - x^2/2 + x*cos(t);
+        scene split { want rhs, splitting; }
+    }";
+    let refused = scene::build(&model(text), "split").expect_err("no splitting").to_string();
+    assert!(refused.contains("depends on time"), "{refused}");
+}
+
+#[test]
+fn probe() {
+    let files = std::env::var("CERTIFY").unwrap_or_default();
+    for file in files.split_whitespace() {
+        let text = std::fs::read_to_string(file).unwrap();
+        let model = match spec::parse(file, &text) {
+            Ok(model) => model,
+            Err(e) => {
+                println!("{file}: {e}");
+                continue;
+            }
+        };
+        let mut scenes = scene::Scenes::new(&model);
+        let names = match std::env::var("SCENES") {
+            Ok(_) => scenes.names(),
+            Err(_) => vec!["default".to_owned()],
+        };
+        for name in names {
+            let start = std::time::Instant::now();
+            match scenes.build(&name) {
+                Ok(built) => {
+                    let all = start.elapsed().as_secs_f64();
+                    let start = std::time::Instant::now();
+                    let again = built.certify(3);
+                    let own = start.elapsed().as_secs_f64();
+                    println!(
+                        "{file} {name}: {all:.3} s, {own:.3} s, {} largest {:.1e} open {:?} {}",
+                        built.certificate().sentence(),
+                        built.certificate().largest(),
+                        built.certificate().open,
+                        again.is_ok()
+                    );
+                    for other in [built.with_invariants(), built.with_positions(), built.with_splitting()] {
+                        match other {
+                            Ok(other) => println!("    {} {:?}", other.certificate().sentence(), other.certificate().open),
+                            Err(e) => println!("    {}", e.message()),
+                        }
+                    }
+                }
+                Err(e) => println!("{file} {name}: ERROR {e}"),
+            }
+        }
+    }
+}
