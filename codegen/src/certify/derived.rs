@@ -209,7 +209,7 @@ impl Results<'_, '_> {
             return Ok(());
         }
         let legendre = &self.setting.claim.equations.legendre;
-        let velocities = self.setting.values_of(&self.point.env, legendre.velocities.iter().map(|(_, s)| *s))?;
+        let velocities = self.setting.velocities_of(&self.point.env, legendre.velocities.iter().map(|(_, s)| *s))?;
         let found = self.product(&role, &velocities).unwrap_or_default();
         for ((name, _), found) in legendre.momenta.iter().zip(found) {
             let Some(k) = self.setting.claim.program.state.iter().position(|own| own == name) else { continue };

@@ -14,7 +14,7 @@ use hamel_runtime::{Dual, Real};
 
 use crate::expr::SymbolId;
 use crate::reduction::KinematicConstraint;
-use crate::spec::{ConstraintKind, Given, ReconstructionKind, Side};
+use crate::spec::{ConnectionKind, ConstraintKind, Given, ReconstructionKind, Side};
 
 use super::definition::{Displacement, Missing, Place};
 use super::group;
@@ -90,6 +90,7 @@ impl Motion {
             Some(given) => self.given(setting, given, sheet)?,
             None => self.balance(setting, sheet, random)?,
         }
+        self.connection(setting, sheet, random)?;
         self.reconstruction(setting, sheet)
     }
 
@@ -121,7 +122,7 @@ impl Motion {
         let system = &setting.claim.equations.system;
         for (symbol, y) in system.velocities.iter().zip(&self.at.of_system) {
             if let Some(k) = setting.state.iter().position(|s| s == symbol) {
-                let name = definition.model.graph.name(*symbol);
+                let name = &setting.claim.program.state[k];
                 sheet.equal(RATES, format!("the velocity {name}"), *y, self.state[k]);
             }
         }
@@ -300,6 +301,32 @@ impl Motion {
         let w = definition.group_velocities(&self.at.env, &w[..definition.m])?;
         let terms = self.unbalanced(setting, &w)?;
         sheet.zero(RATES, "the equation of motion", &terms);
+        Ok(())
+    }
+
+    /// Horizontal velocities `(xdot, -A xdot)` of a mechanical connection are orthogonal to vertical ones in the kinetic
+    /// energy.
+    fn connection(&self, setting: &Setting<'_>, sheet: &mut Sheet, random: &mut Random) -> Result<(), Missing> {
+        let definition = &setting.definition;
+        let (n, m) = (definition.n_shape, definition.m);
+        let chosen = setting.claim.equations.system.formulation.connection;
+        if chosen != Some(ConnectionKind::Mechanical) || n == 0 || n == m {
+            return Ok(());
+        }
+        let mut along_shape = random.vector(n);
+        along_shape.resize(m, Wide::ZERO);
+        let horizontal = definition.group_velocities(&self.at.env, &along_shape)?;
+        let mut vertical = vec![Wide::ZERO; n];
+        vertical.extend(random.vector(m - n));
+        let group: Vec<Dual<Wide>> =
+            self.at.group.iter().zip(&horizontal).map(|(y, h)| Dual::new(*y, *h)).collect();
+        let env = self.at.env.map(Dual::constant);
+        let of_model = definition.model_velocities(&env, &group)?;
+        let shifted = Place { env, of_system: constants(&self.at.of_system), group, of_model };
+        let along = |w: &[Wide]| definition.lagrangian(&shifted, &constants(w), &Vec::new());
+        let paired = along(&vertical)?.derivative.derivative;
+        let size = along(&horizontal)?.derivative.derivative.size();
+        sheet.vanishes(RATES, "the mechanical connection", paired, size);
         Ok(())
     }
 

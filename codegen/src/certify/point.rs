@@ -143,18 +143,21 @@ impl<'a> Setting<'a> {
         self.definition.place(env, values.roots)
     }
 
-    /// The values of symbols that the state or definitions behind the velocities have.
-    pub(super) fn values_of(
+    /// The values of velocities, by symbol: of the system, before stages, or of definitions behind them.
+    pub(super) fn velocities_of(
         &self,
         env: &Env<Wide>,
         symbols: impl Iterator<Item = SymbolId>,
     ) -> Result<Vec<Wide>, Missing> {
         let values = self.velocities.eval(env)?;
         let system = &self.claim.equations.system;
+        let before = self.definition.before_stages(env, &values.roots)?;
         let value = |symbol: SymbolId| {
-            let place = system.velocities.iter().position(|s| *s == symbol);
-            let velocity = place.map(|k| values.roots[k]);
-            velocity.or_else(|| values.defined.get(&symbol).copied()).or_else(|| env.get(symbol)).ok_or(symbol)
+            let of_system = system.velocities.iter().position(|s| *s == symbol).map(|k| values.roots[k]);
+            let original = system.frame.as_ref().map(|frame| &frame.original);
+            let of_original = original.and_then(|o| o.iter().position(|u| u.symbol == symbol)).map(|k| before[k]);
+            let found = of_system.or(of_original).or_else(|| values.defined.get(&symbol).copied());
+            found.or_else(|| env.get(symbol)).ok_or(symbol)
         };
         symbols.map(value).collect()
     }
