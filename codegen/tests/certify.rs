@@ -401,6 +401,18 @@ fn the_same_text_is_held_at_the_same_points_everywhere() {
     assert_eq!(built().certificate(), built().certificate());
 }
 
+#[test]
+fn modules_have_a_test_of_their_own_where_it_is_asked_for() {
+    let built = build_tampered(&model(TOP), "all", &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+    let plain = built.emit().unwrap();
+    assert!(!plain.contains("rates_are_those_of_the_generator"));
+    assert!(plain.contains("Held to its definition at 3 points: "), "{}", &plain[..2000]);
+    let writing = scene::Writing { self_test: true, ..scene::Writing::default() };
+    let tested = built.emit_as(&writing).unwrap();
+    assert!(tested.contains("rates_are_those_of_the_generator"));
+    assert!(tested.contains("let cases: [([f64; 4], f64, [f64; 10], [f64; 10]); 3]"));
+}
+
 /// A4: flows are composed in a time of their own, in which a Hamiltonian that depends on time stands still.
 #[test]
 fn a_hamiltonian_that_depends_on_time_is_not_split() {
@@ -413,49 +425,4 @@ fn a_hamiltonian_that_depends_on_time_is_not_split() {
     }";
     let refused = scene::build(&model(text), "split").expect_err("no splitting").to_string();
     assert!(refused.contains("depends on time"), "{refused}");
-}
-
-#[test]
-fn probe() {
-    let files = std::env::var("CERTIFY").unwrap_or_default();
-    for file in files.split_whitespace() {
-        let text = std::fs::read_to_string(file).unwrap();
-        let model = match spec::parse(file, &text) {
-            Ok(model) => model,
-            Err(e) => {
-                println!("{file}: {e}");
-                continue;
-            }
-        };
-        let mut scenes = scene::Scenes::new(&model);
-        let names = match std::env::var("SCENES") {
-            Ok(_) => scenes.names(),
-            Err(_) => vec!["default".to_owned()],
-        };
-        for name in names {
-            let start = std::time::Instant::now();
-            match scenes.build(&name) {
-                Ok(built) => {
-                    let all = start.elapsed().as_secs_f64();
-                    let start = std::time::Instant::now();
-                    let again = built.certify(3);
-                    let own = start.elapsed().as_secs_f64();
-                    println!(
-                        "{file} {name}: {all:.3} s, {own:.3} s, {} largest {:.1e} open {:?} {}",
-                        built.certificate().sentence(),
-                        built.certificate().largest(),
-                        built.certificate().open,
-                        again.is_ok()
-                    );
-                    for other in [built.with_invariants(), built.with_positions(), built.with_splitting()] {
-                        match other {
-                            Ok(other) => println!("    {} {:?}", other.certificate().sentence(), other.certificate().open),
-                            Err(e) => println!("    {e}"),
-                        }
-                    }
-                }
-                Err(e) => println!("{file} {name}: ERROR {e}"),
-            }
-        }
-    }
 }

@@ -8,7 +8,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use hamel_codegen::expr::Style;
 use hamel_codegen::mechanics::connection_coefficients;
-use hamel_codegen::scene;
+use hamel_codegen::scene::{self, Certificate};
 use hamel_codegen::spec::ConnectionKind;
 
 use crate::cache::Cache;
@@ -30,6 +30,7 @@ Examples:
   hamel explain euler_disk --formulations
   hamel explain chaplygin_sleigh --coefficients
   hamel explain heavy_top --dirac
+  hamel explain heavy_top --certify
   hamel explain euler_disk --latex > euler_disk.tex"
 )]
 pub struct Arguments {
@@ -53,6 +54,9 @@ pub struct Arguments {
     /// Print the reduced Dirac structure instead: its conditions with the numbers of the model
     #[arg(long, conflicts_with_all = ["ops", "formulations"])]
     pub dirac: bool,
+    /// Hold every function of the scene to its definition at 64 points, and print the largest residual of each instead
+    #[arg(long, conflicts_with_all = ["latex", "ops", "formulations", "coefficients", "dirac"])]
+    pub certify: bool,
     /// Write the system with another connection first: the velocity becomes v = xi + A(x) xdot
     #[arg(long, value_parser = PossibleValuesParser::new(CONNECTIONS).try_map(|name| connection(&name)))]
     pub connection: Option<ConnectionKind>,
@@ -83,6 +87,11 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if arguments.ops {
         return Ok(built.operation_columns());
     }
+    if arguments.certify {
+        let found = built.certify(DEEP);
+        let found = found.map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?;
+        return Ok(certificate(&found));
+    }
     let style = if arguments.latex { Style::Latex } else { Style::Unicode };
     if arguments.coefficients {
         let found = connection_coefficients(&built.equations.system);
@@ -93,6 +102,22 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         true => hamel_codegen::explain::dirac(&model, &built, style),
         false => hamel_codegen::explain::explain(&model, &built, style),
     })
+}
+
+/// Points at which `--certify` looks.
+const DEEP: usize = 64;
+
+/// What was held to its definition, a line for each function.
+fn certificate(found: &Certificate) -> String {
+    let mut text = format!("{}\n", found.sentence());
+    let width = found.held.keys().chain(found.open.keys()).map(|name| name.chars().count()).max().unwrap_or(0);
+    for (name, residual) in &found.held {
+        text.push_str(&format!("  {name:width$}  {residual:.1e} of its terms\n"));
+    }
+    for (name, reason) in &found.open {
+        text.push_str(&format!("  {name:width$}  not held: {reason}\n"));
+    }
+    text
 }
 
 /// The table of all formulations of a scene, found under a bar that appears on a terminal only.

@@ -122,6 +122,9 @@ impl Results<'_, '_> {
                 "position_gradients" => Want::Positions,
                 _ => return Err(Open::Because("a matrix of no known function")),
             };
+            // What never moves is a parameter of these functions.
+            let moving = v.iter().zip(&self.motion.rates);
+            let v = moving.map(|(v, rate)| if rate.size() == 0.0 { Wide::ZERO } else { *v }).collect();
             self.slope(&Role::Output(values.name().to_owned()), &Direction { state: v, ..self.still() })
         };
         rows(matrix.name, &found, &defined.unwrap_or_default(), sheet);

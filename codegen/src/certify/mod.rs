@@ -52,7 +52,7 @@ pub(crate) struct Claim<'a> {
     pub(crate) equations: &'a Equations,
     pub(crate) program: &'a Program,
     /// Symbols of the state, in the order of the program.
-    pub(crate) state: &'a [SymbolId],
+    pub(crate) state: Vec<SymbolId>,
     /// Whether rates are those in the time in which the motion is Hamiltonian.
     pub(crate) is_in_hamiltonian_time: bool,
     pub(crate) outputs: &'a [Output],
@@ -139,6 +139,27 @@ pub(crate) fn certify(claim: &Claim<'_>) -> Result<Certificate, Error> {
         certificate.open.insert(motion::RATES.to_owned(), "no point found to check at".to_owned());
     }
     Ok(certificate)
+}
+
+/// A point in doubles, as tests of emitted code take it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Sample {
+    pub(crate) params: Vec<f64>,
+    pub(crate) t: f64,
+    pub(crate) state: Vec<f64>,
+}
+
+/// Points at which the scene has values, drawn as those at which it is held to its definition.
+pub(crate) fn samples(claim: &Claim<'_>) -> Vec<Sample> {
+    let setting = Setting::new(claim);
+    let mut random = Random::new(seed(claim));
+    let sample = |point: Point| Sample {
+        params: point.params.iter().map(|x| x.to_f64()).collect(),
+        t: point.t.to_f64(),
+        state: point.state(&setting).iter().map(|x| x.to_f64()).collect(),
+    };
+    let drawn = (0..MAX_DRAWS).filter_map(|attempt| setting.draw(&mut random, attempt));
+    drawn.map(sample).take(claim.n_points).collect()
 }
 
 /// Functions that were not compared, with the reason.

@@ -116,7 +116,7 @@ impl<'a> Setting<'a> {
             definition: Definition::new(model, equations),
             runner: Runner::new(claim.program),
             velocities,
-            state: claim.state.to_vec(),
+            state: claim.state.clone(),
             left_out: system.algebroid.base().iter().copied().filter(is_left_out).collect(),
             circles: circles.collect(),
             quasi: model.quasi_velocities.iter().map(|v| v.symbol).collect(),

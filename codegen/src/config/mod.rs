@@ -156,6 +156,13 @@ impl Config {
         self
     }
 
+    /// Whether every module has a test of its own (`#[cfg(test)]`): the rates at three states are those that the
+    /// generator computed when it held the scene to its definition.
+    pub fn self_test(&mut self, enable: bool) -> &mut Config {
+        self.writing.self_test = enable;
+        self
+    }
+
     /// Whether modules have vectors, matrices, attitudes and places in the types of the crate `nalgebra` too: methods
     /// of `Params` and `State` by the names of the model, and `Prepared::on_vectors`.
     ///

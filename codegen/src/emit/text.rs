@@ -52,9 +52,24 @@ pub struct SceneText {
     pub initial: Option<Vec<f64>>,
     /// Whether the energy is proved to be constant along the motion.
     pub conserves_energy: bool,
+    /// States whose rates a test within the module compares; none for a module without one.
+    pub self_test: Vec<SelfTestText>,
     /// What parameters and components of the state form together, for a module that speaks in the types of
     /// `nalgebra`; none for a module that does without.
     pub groups: Option<GroupTexts>,
+}
+
+/// A state and its rates, as they were when the module was written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SelfTestText {
+    /// Parameters in the order of the program.
+    pub params: Vec<f64>,
+    /// The time.
+    pub t: f64,
+    /// The state.
+    pub state: Vec<f64>,
+    /// Its rates.
+    pub rates: Vec<f64>,
 }
 
 /// The equations between coordinates of a scene.

@@ -517,6 +517,11 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::Disagrees`].
     pub(super) fn held_to(&self, model: &Model, n_points: usize) -> Result<Certificate, Error> {
+        certify(&self.claim(model, n_points))
+    }
+
+    /// The scene as it is compared with a model.
+    pub(super) fn claim<'a>(&'a self, model: &'a Model, n_points: usize) -> Claim<'a> {
         let state: Vec<SymbolId> = self.state.iter().map(|s| s.symbol).collect();
         let in_bracket =
             (0..state.len()).filter(|k| self.equations.state.iter().any(|s| s.symbol == state[*k]));
@@ -528,12 +533,12 @@ impl BuiltScene {
             columns: in_bracket.clone(),
         });
         let implicit = self.implicit.as_ref();
-        certify(&Claim {
+        Claim {
             model,
             scene: &self.name,
             equations: &self.equations,
             program: &self.program,
-            state: &state,
+            state,
             is_in_hamiltonian_time: self.is_in_hamiltonian_time,
             outputs: &self.outputs,
             matrices: matrices.collect(),
@@ -542,6 +547,6 @@ impl BuiltScene {
             differential: implicit.iter().flat_map(|i| i.variables.iter().map(|v| v.is_differential)).collect(),
             implicit_pattern: implicit.map_or(&[], |i| &i.pattern),
             n_points,
-        })
+        }
     }
 }

@@ -4,9 +4,11 @@
 
 use std::collections::BTreeMap;
 
+use crate::certify::{N_POINTS, Sample, samples};
 use crate::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, MatrixText, OutputText,
-    ParamText, PositionsText, ProductText, SceneEntry, SceneText, StateText, UnitText, UnitTexts, WasmModule,
+    ParamText, PositionsText, ProductText, SceneEntry, SceneText, SelfTestText, StateText, UnitText, UnitTexts,
+    WasmModule,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
@@ -33,6 +35,8 @@ pub struct Writing {
     pub runtime: Option<String>,
     /// Whether the module has vectors, matrices, attitudes and places in the types of `nalgebra`.
     pub nalgebra: bool,
+    /// Whether the module has a test of its own: three states and their rates.
+    pub self_test: bool,
     /// The language.
     pub language: Language,
 }
@@ -227,9 +231,25 @@ impl BuiltScene {
             events: self.events().iter().map(event_text).collect(),
             formulas: BTreeMap::from(formulas),
             initial: None,
+            self_test: if writing.self_test { self.self_test() } else { Vec::new() },
             conserves_energy: self.equations.facts.energy_is_conserved,
             groups: writing.nalgebra.then(|| groups(self)),
         }
+    }
+}
+
+impl BuiltScene {
+    /// States at which the scene was held to its definition, with the rates that the interpreter computes.
+    fn self_test(&self) -> Vec<SelfTestText> {
+        let Some(model) = &self.model else { return Vec::new() };
+        let case = |sample: Sample| {
+            let Sample { params, t, state } = sample;
+            let mut rates = vec![0.0; state.len()];
+            self.prepare(&params).ok()?.rhs(t, &state, &mut rates);
+            let is_finite = rates.iter().all(|rate| rate.is_finite());
+            is_finite.then_some(SelfTestText { params, t, state, rates })
+        };
+        samples(&self.claim(model, N_POINTS)).into_iter().filter_map(case).collect()
     }
 }
 

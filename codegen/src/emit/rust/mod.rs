@@ -22,6 +22,7 @@ mod nalgebra;
 mod notation;
 mod params;
 mod prepared;
+mod self_test;
 mod series;
 mod tokens;
 mod traits;
@@ -66,6 +67,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.events()?,
         series.map_or(Ok(TokenStream::new()), |series| writer.series(&series))?,
         writer.groups()?,
+        writer.self_test(),
     ];
     let tokens = items.into_iter().collect();
     Ok(format!(
