@@ -368,7 +368,7 @@ impl Page {
             let list: Vec<String> = system.conditions.iter().map(|c| self.prose(&c.text)).collect();
             self.line(&format!("Valid for {}.", list.join(", ")));
         }
-        let names: Vec<String> = scene.equations.state.iter().map(|s| self.name(&s.name)).collect();
+        let names: Vec<String> = scene.state.iter().map(|s| self.name(&s.name)).collect();
         let list = self.inline(&self.list(&names));
         self.line(&format!("State: {list}."));
         self.units(model, scene);

@@ -15,7 +15,7 @@ impl Page {
             known
                 .extend(units.of(name).filter(|unit| unit.is_inferred()).map(|unit| (self.name(name), unit)));
         }
-        for state in &scene.equations.state {
+        for state in &scene.state {
             known.extend(units.of(&state.name).map(|unit| (self.name(&state.name), unit)));
         }
         for output in scene.outputs() {

@@ -302,7 +302,8 @@ impl Recursion {
         let roots = parts.read(&written);
         let list = parts.list;
         // Names of parts have the values of what they stand for.
-        if !written.iter().zip(&roots).all(|(written, by_parts)| g.fingerprints_agree(*written, *by_parts)) {
+        let mut are_equal = written.iter().zip(&roots);
+        if !are_equal.all(|(a, b)| g.fingerprints_agree(*a, *b) || g.is_equal(*a, *b)) {
             return None;
         }
         let mut values = roots[..n_components].iter().copied();

@@ -225,7 +225,7 @@ impl BuiltScene {
             events: self.events().iter().map(event_text).collect(),
             formulas: BTreeMap::from(formulas),
             initial: None,
-            conserves_energy: self.equations.facts.energy_is_conserved,
+            conserves_energy: self.equations.facts.conserves_energy(),
             groups: writing.nalgebra.then(|| groups(self)),
         }
     }

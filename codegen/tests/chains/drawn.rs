@@ -264,7 +264,7 @@ pub(crate) fn draw_chain(draw: &mut Draw, n: usize) -> Chain {
     }
     let mut restrictions = Vec::new();
     let point = |maker: &mut Maker<'_>| [0; 3].map(|_| maker.number(-0.5, 0.5, "d", false));
-    match maker.draw.below(8) {
+    match maker.draw.below(4) {
         0 if n > 1 => {
             for _ in 0..1 + maker.draw.below(2.min(n - 1)) {
                 let body = maker.draw.below(n);
