@@ -37,7 +37,8 @@ fn parsed(text: &str) -> Model {
 /// By recursion or multiplied out.
 fn built(model: &Model, recursive: bool, text: &str) -> Way {
     let formulation = Formulation { recursive: Some(recursive), ..Formulation::of(model) };
-    let scene = scene::build_in(model, "bare", &formulation).unwrap_or_else(|problems| panic!("{problems}\n{text}"));
+    let scene =
+        scene::build_in(model, "bare", &formulation).unwrap_or_else(|problems| panic!("{problems}\n{text}"));
     Way::Lowered(scene)
 }
 
@@ -238,7 +239,10 @@ fn arms_of_industry_move_as_dalembert_says() {
             assert!(is_linked, "{name} has no recursion\n{text}");
             let start = Instant::now();
             let worst = compare(&chain, &derived(&model, true, &text), &points, &text);
-            println!("{name}, {written:?}: {worst:.1e} of what is allowed, {:.1} s", start.elapsed().as_secs_f64());
+            println!(
+                "{name}, {written:?}: {worst:.1e} of what is allowed, {:.1} s",
+                start.elapsed().as_secs_f64()
+            );
         }
     }
 }

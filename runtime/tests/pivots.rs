@@ -294,7 +294,8 @@ fn passed<M: Method<f64, Divided>>(method: M, options: Options<f64>, has_pole: b
 fn steps_stop_at_a_pole_of_a_single_divisor() {
     let named = |outcome: Result<f64, Error>, method: &str| {
         let error = outcome.expect_err(method);
-        let Error::Failure(Failure::ChangedSign { pivot, .. } | Failure::Singular { pivot, .. }) = error else {
+        let Error::Failure(Failure::ChangedSign { pivot, .. } | Failure::Singular { pivot, .. }) = error
+        else {
             panic!("{method}: {error}")
         };
         assert_eq!(pivot, "t - 1/2", "{method}");

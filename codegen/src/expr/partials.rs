@@ -24,7 +24,9 @@ impl Graph {
                 }
             }
             // An argument without a derivative by it is a number, and nothing that moves.
-            Node::Function(f, a) => return self.func_derivative(f, a, value).map(|by_a| (a, by_a)).into_iter().collect(),
+            Node::Function(f, a) => {
+                return self.func_derivative(f, a, value).map(|by_a| (a, by_a)).into_iter().collect();
+            }
             Node::Atan2(y, x) => {
                 let Some([by_y, by_x]) = self.atan2_derivatives(y, x) else { return Vec::new() };
                 if y == x {

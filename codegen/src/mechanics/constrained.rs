@@ -66,7 +66,8 @@ impl Derivation<'_> {
         let (zero, one) = (self.g.zero(), self.g.one());
         let rows = solved.virtual_displacements.iter().enumerate();
         let is_whole = solved.unknowns.len() == self.y.len()
-            && rows.flat_map(|(i, row)| row.iter().enumerate().map(move |(j, e)| (i == j, *e)))
+            && rows
+                .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, e)| (i == j, *e)))
                 .all(|(is_diagonal, e)| e == if is_diagonal { one } else { zero });
         let is_free = solved.reactions.names.is_empty() && self.system.momenta.is_empty();
         let frame = self.system.frame.as_ref()?;

@@ -233,8 +233,7 @@ impl Look<'_> {
         let is_kept = |i: &usize| !left_out.contains(&equations.state[*i].symbol);
         let kept: Vec<usize> = chart.coordinates.iter().copied().filter(is_kept).collect();
         let matrix = bracket.matrix(g);
-        let entries: Vec<ExprId> =
-            kept.iter().flat_map(|i| kept.iter().map(|j| matrix[*i][*j])).collect();
+        let entries: Vec<ExprId> = kept.iter().flat_map(|i| kept.iter().map(|j| matrix[*i][*j])).collect();
         let rates: Vec<ExprId> = kept.iter().map(|i| equations.state[*i].derivative).collect();
         let remainder: Vec<ExprId> = kept.iter().map(|i| bracket.remainder[*i]).collect();
         let on = OnCoordinates {

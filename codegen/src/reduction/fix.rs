@@ -45,10 +45,17 @@ pub fn with_fixed(mut model: Model, fixed: &[(String, Rational)]) -> Result<Mode
         return Err(model.diagnostics(vec![spec::diagnose(&model, None, message, help)]));
     }
     let roots: Vec<ExprId> = model.expressions().into_iter().map(|(_, e)| e).collect();
-    if !values.is_empty() && let Some(e) = model.graph.without_value(&roots) {
+    if !values.is_empty()
+        && let Some(e) = model.graph.without_value(&roots)
+    {
         let text = model.graph.display(e, Style::Plain);
         let message = format!("`{text}` is no real number with the fixed parameters");
-        return Err(model.diagnostics(vec![spec::diagnose(&model, None, message, "fix them to other values")]));
+        return Err(model.diagnostics(vec![spec::diagnose(
+            &model,
+            None,
+            message,
+            "fix them to other values",
+        )]));
     }
     without_settled_conditions(model)
 }

@@ -79,7 +79,11 @@ pub(crate) struct Body {
 pub(crate) enum Base {
     Fixed,
     /// A body that moves freely in space: mass, centre, principal moments about the origin of its frame.
-    Floating { mass: Length, centre: [Length; 3], moments: [Length; 3] },
+    Floating {
+        mass: Length,
+        centre: [Length; 3],
+        moments: [Length; 3],
+    },
 }
 
 /// What restricts the motion of a point of a body.
@@ -247,8 +251,11 @@ pub(crate) fn draw_chain(draw: &mut Draw, n: usize) -> Chain {
         };
         let n_turns = if is_twisted { maker.draw.below(3) } else { 0 };
         let twist = (0..n_turns).map(|_| {
-            let (text, angle) =
-                if maker.draw.chance(70) { maker.draw.one_of(&ANGLES[..3]) } else { maker.draw.one_of(&ANGLES) };
+            let (text, angle) = if maker.draw.chance(70) {
+                maker.draw.one_of(&ANGLES[..3])
+            } else {
+                maker.draw.one_of(&ANGLES)
+            };
             Turn { axis: [E1, E2, E3][maker.draw.below(3)].clone(), text, angle }
         });
         let twist = twist.collect();

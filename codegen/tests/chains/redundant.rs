@@ -1,7 +1,7 @@
 //! How a chain moves: d'Alembert's principle for bodies in space, by rotation matrices and numbers alone.
 //!
-//! The velocity of every body in space is linear in the rates `y` of the joints and of the base, and its acceleration is
-//! `J ydot + b`. Forces of inertia do no virtual work beside weights and reactions,
+//! The velocity of every body in space is linear in the rates `y` of the joints and of the base, and its acceleration
+//! is `J ydot + b`. Forces of inertia do no virtual work beside weights and reactions,
 //!
 //! ```text
 //! sum_k J_k^T (m_k (a_k - g), I_k alpha_k + omega_k x I_k omega_k) = C^T lambda,    C ydot + c = 0
@@ -162,7 +162,9 @@ fn restricted(chain: &Chain, frames: &[Frame]) -> Vec<[f64; 2]> {
         let frame = frames[restriction.body()];
         let point = frame.at(values(restriction.point()));
         match restriction {
-            Restriction::Loop { component, .. } => [point.velocity[*component], point.acceleration[*component]],
+            Restriction::Loop { component, .. } => {
+                [point.velocity[*component], point.acceleration[*component]]
+            }
             Restriction::Wheel { axis, .. } => {
                 let normal = times(&frame.attitude, axis.value);
                 let turning = cross(frame.omega, normal);
@@ -264,7 +266,8 @@ pub(crate) fn motion(chain: &Chain, State { q, y }: &State) -> Option<Motion> {
         let weight = [0.0, 0.0, chain.gravity.value];
         let force = scaled(mass.mass, sum(frame.acceleration, weight));
         let moment = sum(times(&inertia, frame.alpha), cross(frame.omega, spin));
-        energy += mass.mass * (dot(&frame.velocity, &frame.velocity) / 2.0 + chain.gravity.value * frame.place[2]);
+        energy +=
+            mass.mass * (dot(&frame.velocity, &frame.velocity) / 2.0 + chain.gravity.value * frame.place[2]);
         energy += dot(&frame.omega, &spin) / 2.0;
         for i in 0..n {
             let of_i = &columns[i][k];
@@ -292,8 +295,8 @@ pub(crate) fn motion(chain: &Chain, State { q, y }: &State) -> Option<Motion> {
     Some(Motion { accelerations: accelerations[..n].to_vec(), energy, condition: largest * inverse })
 }
 
-/// The solution of a system with its right side in the last column, and the largest row sum of the inverse; none where a
-/// pivot vanishes.
+/// The solution of a system with its right side in the last column, and the largest row sum of the inverse; none where
+/// a pivot vanishes.
 fn solved(mut rows: Vec<Vec<f64>>) -> Option<(Vec<f64>, f64)> {
     let n = rows.len();
     for (i, row) in rows.iter_mut().enumerate() {
@@ -315,6 +318,7 @@ fn solved(mut rows: Vec<Vec<f64>>) -> Option<(Vec<f64>, f64)> {
             }
         }
     }
-    let inverse = rows.iter().map(|row| row[n + 1..].iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max);
+    let inverse =
+        rows.iter().map(|row| row[n + 1..].iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max);
     Some((rows.iter().map(|row| row[n]).collect(), inverse))
 }

@@ -132,7 +132,11 @@ fn bodies(chain: &Chain, text: &mut String) -> Vec<String> {
             Joint::Prismatic(axis) => format!(" + R{k}*({}*q{k})", direction(axis)),
             Joint::Revolute(_) => String::new(),
         };
-        let _ = writeln!(text, "    let o{k} = {joint}{slid};\n    let p{k} = o{k} + R{k}*{};", vector(&body.centre));
+        let _ = writeln!(
+            text,
+            "    let o{k} = {joint}{slid};\n    let p{k} = o{k} + R{k}*{};",
+            vector(&body.centre)
+        );
         let turning = match is_turned {
             true => format!(" inertia {}; attitude R{k};", inertia(&body.inertia)),
             false => String::new(),
@@ -151,9 +155,15 @@ fn frames(chain: &Chain, text: &mut String) -> Vec<String> {
     match &chain.base {
         Base::Fixed => text.push_str("    let W[0] = [0, 0, 0]; let U[0] = [0, 0, 0];\n"),
         Base::Floating { mass, centre, moments } => {
-            text.push_str("    velocity omega, v in se(3);\n    action left;\n    let W[0] = omega; let U[0] = v;\n");
+            text.push_str(
+                "    velocity omega, v in se(3);\n    action left;\n    let W[0] = omega; let U[0] = v;\n",
+            );
             let _ = writeln!(text, "    let C[0] = U[0] + cross(W[0], {});", vector(centre));
-            energies.push(format!("{}/2*dot(C[0], C[0]) + dot(W[0], diag({})*W[0])/2", mass.text, vector(moments)));
+            energies.push(format!(
+                "{}/2*dot(C[0], C[0]) + dot(W[0], diag({})*W[0])/2",
+                mass.text,
+                vector(moments)
+            ));
         }
     }
     text.push_str("    let G[0] = [0, 0, 1]; let h[0] = 0;\n");
@@ -168,7 +178,9 @@ fn frames(chain: &Chain, text: &mut String) -> Vec<String> {
             None => String::new(),
         };
         let (spin, slide, height) = match &body.joint {
-            Joint::Revolute(axis) => (format!(" + {}*q{k}_dot", direction(axis)), String::new(), String::new()),
+            Joint::Revolute(axis) => {
+                (format!(" + {}*q{k}_dot", direction(axis)), String::new(), String::new())
+            }
             Joint::Prismatic(axis) => {
                 let axis = direction(axis);
                 (

@@ -83,7 +83,7 @@ pub(super) fn divisors(
         if known.contains(base) || found.iter().any(|d| d.expr == *base) || naming.is_harmless(*base) {
             continue;
         }
-        let changes_sign = naming.sign(*base) == Sign::Unknown;
+        let changes_sign = naming.sign(*base) == Sign::Unknown && !naming.is_a_large_number(*base);
         found.push(Divisor { name: naming.name(*base), expr: *base, is_composite: false, changes_sign });
     }
     for denominator in &denominators {
@@ -118,6 +118,23 @@ impl Naming<'_> {
     fn sign(&mut self, e: ExprId) -> Sign {
         let value = self.value(e);
         sign_of(self.graph, value, &self.inputs.signs)
+    }
+
+    /// Whether a value is a number and less than that, by sines and cosines: `2 + sin(x)`.
+    fn is_a_large_number(&mut self, e: ExprId) -> bool {
+        let value = self.value(e);
+        let Node::Sum { constant, terms } = self.graph.node(value) else { return false };
+        let is_up_to_one =
+            |e: &ExprId| matches!(self.graph.node(*e), Node::Function(Func::Sin | Func::Cos | Func::Tanh, _));
+        let sizes = terms.iter().map(|(term, q)| match self.graph.node(*term) {
+            Node::Product { coefficient, factors } => {
+                let bounded = factors.iter().all(|(base, q)| q.is_positive() && is_up_to_one(base));
+                bounded.then(|| (coefficient * q).abs())
+            }
+            _ => is_up_to_one(term).then(|| q.abs()),
+        });
+        let largest: Option<Rational> = sizes.sum();
+        largest.is_some_and(|largest| largest < constant.abs())
     }
 
     /// Whether a value can neither vanish nor overflow.
@@ -187,12 +204,9 @@ fn is_constant(graph: &Graph, inputs: &Inputs, e: ExprId) -> bool {
 const MAX_SINGLE: usize = 40;
 
 /// `sum_m c_m s_m + sum_k 2^-(k+2) s_k` with `s_m` the sum or the product of the signs of a matrix's pivots, factors
-/// `c_m` that keep the numbers apart, and the signs `s_k` of single divisors: a change of less than one is theirs alone.
-pub(super) fn signature(
-    graph: &mut Graph,
-    matrices: &[(bool, Vec<ExprId>)],
-    single: &[ExprId],
-) -> ExprId {
+/// `c_m` that keep the numbers apart, and the signs `s_k` of single divisors: a change of less than one is theirs
+/// alone.
+pub(super) fn signature(graph: &mut Graph, matrices: &[(bool, Vec<ExprId>)], single: &[ExprId]) -> ExprId {
     let sign = |graph: &mut Graph, p: ExprId| {
         let size = graph.func(Func::Abs, p);
         let inverse = graph.powi(size, -1);
@@ -211,8 +225,7 @@ pub(super) fn signature(
     let half = Rational::new(1.into(), 2.into());
     let mut weight = half.clone();
     for k in 0..single.len().min(MAX_SINGLE) {
-        let signs: Vec<ExprId> =
-            single.iter().skip(k).step_by(MAX_SINGLE).map(|p| sign(graph, *p)).collect();
+        let signs: Vec<ExprId> = single.iter().skip(k).step_by(MAX_SINGLE).map(|p| sign(graph, *p)).collect();
         weight *= &half;
         terms.push((graph.product(&signs), weight.clone()));
     }
