@@ -3,7 +3,7 @@
 //!
 //! With gradients `G(q)` the determinants of the largest minors of `G` are a vector `n`, and by Cauchy and Binet `n(a) .
 //! n(b) = det G(a) G(b)^T`. Along a smooth path `n` turns as the gradients do; where they become dependent and
-//! independent again it goes through zero, and its direction flips.
+//! independent again it goes through zero, and its direction jumps: to the opposite one, or to that of another branch.
 //!
 //! Does not know: how steps are made, what is said about it.
 //!
@@ -15,8 +15,12 @@ use super::dynamics::{Dynamics, VecState};
 /// Parts of a step in which the direction is followed where its ends say that it has turned.
 const PARTS: u32 = 16;
 
-/// A cosine of the directions at the ends of such a part, by which it has flipped and not turned.
-const FLIPPED: f64 = -0.5;
+/// The cosine of an angle by which the direction does not turn on such a part: more than two turns on the step.
+const TURNED: f64 = 0.5;
+
+/// The square of the distance of a gradient of length one from the span of others below which it depends on them:
+/// reactions are in inverse proportion to it, and have four digits left.
+const DEPENDENT: f64 = 1e-12;
 
 /// The last state, with the gradients there.
 pub(super) struct Rank {
@@ -43,20 +47,27 @@ impl Rank {
         dynamics.position_gradients(t, y, &mut self.gradients);
     }
 
-    /// Whether the rank is lost on the way to a state, from which the next step begins.
+    /// Whether the rank is lost on the way to a state, or there; the next step begins from it.
     pub(super) fn is_lost(&mut self, dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> bool {
         let mut next = self.gradients.clone();
         dynamics.position_gradients(t, y, &mut next);
-        let has_turned = product(&self.gradients, &next, self.n) < 0.0;
-        let is_lost = has_turned && self.flips(dynamics, t, y);
+        let has_turned = self.is_turned(&self.gradients, &next);
+        let are_dependent = distance(&next[..self.n]) < DEPENDENT;
+        let is_lost = are_dependent || has_turned && self.jumps(dynamics, t, y);
         self.t = t;
         self.y.copy_from_slice(y);
         self.gradients = next;
         is_lost
     }
 
-    /// Whether the direction flips on the cubic through both ends with their slopes.
-    fn flips(&self, dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> bool {
+    /// Whether the direction at one state is far from that at another one.
+    fn is_turned(&self, a: &[VecState], b: &[VecState]) -> bool {
+        let [along, own, other] = [(a, b), (a, a), (b, b)].map(|(a, b)| product(a, b, self.n));
+        along < TURNED * (own * other).sqrt()
+    }
+
+    /// Whether the direction jumps on the cubic through both ends with their slopes.
+    fn jumps(&self, dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> bool {
         let h = t - self.t;
         let mut slopes = [vec![0.0; y.len()], vec![0.0; y.len()]];
         let [first, last] = &mut slopes;
@@ -79,19 +90,48 @@ impl Rank {
             let state: Vec<f64> = (0..y.len()).map(at).collect();
             let mut here = before.clone();
             dynamics.position_gradients(self.t + s * h, &state, &mut here);
-            let sizes = product(&before, &before, self.n) * product(&here, &here, self.n);
-            let flips = product(&before, &here, self.n) < FLIPPED * sizes.sqrt();
+            let jumps = self.is_turned(&before, &here);
             before = here;
-            flips
+            jumps
         })
     }
 }
 
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| x * y).sum()
+}
+
+/// The square of the least distance of a row of length one from the span of those before it, the farthest one first.
+fn distance(rows: &[VecState]) -> f64 {
+    let mut left: Vec<Vec<f64>> = Vec::new();
+    for VecState(row) in rows {
+        let length = dot(row, row).sqrt();
+        left.push(row.iter().map(|x| x / length).collect());
+    }
+    let mut least = 1.0_f64;
+    while let Some(farthest) = (0..left.len()).max_by(|i, j| {
+        let [a, b] = [i, j].map(|k| dot(&left[*k], &left[*k]));
+        a.total_cmp(&b)
+    }) {
+        let row = left.swap_remove(farthest);
+        let size = dot(&row, &row);
+        // A row of zeros has no direction.
+        least = if size.is_nan() { 0.0 } else { size.min(least) };
+        if least == 0.0 {
+            break;
+        }
+        for other in &mut left {
+            let part = dot(other, &row) / size;
+            other.iter_mut().zip(&row).for_each(|(x, y)| *x -= part * y);
+        }
+    }
+    least
+}
+
 /// `det A B^T` of the first `n` rows.
 fn product(a: &[VecState], b: &[VecState], n: usize) -> f64 {
-    let dot = |x: &VecState, y: &VecState| x.0.iter().zip(&y.0).map(|(x, y)| x * y).sum::<f64>();
     let mut rows: Vec<Vec<f64>> =
-        a.iter().take(n).map(|x| b.iter().take(n).map(|y| dot(x, y)).collect()).collect();
+        a.iter().take(n).map(|x| b.iter().take(n).map(|y| dot(&x.0, &y.0)).collect()).collect();
     let mut determinant = 1.0;
     for k in 0..n {
         let best = (k..n).max_by(|i, j| rows[*i][k].abs().total_cmp(&rows[*j][k].abs())).unwrap_or(k);
