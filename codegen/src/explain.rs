@@ -369,7 +369,10 @@ impl Page {
             let list: Vec<String> = system.conditions.iter().map(|c| self.prose(&c.text)).collect();
             self.line(&format!("Valid for {}.", list.join(", ")));
         }
-        let names: Vec<String> = scene.equations.state.iter().map(|s| self.name(&s.name)).collect();
+        // That of the equations without what the scene leaves out.
+        let left_out = scene.left_out();
+        let state = scene.equations.state.iter().filter(|s| !left_out.contains(&s.symbol));
+        let names: Vec<String> = state.map(|s| self.name(&s.name)).collect();
         let list = self.inline(&self.list(&names));
         self.line(&format!("State: {list}."));
         self.units(model, scene);

@@ -258,3 +258,71 @@ fn one_lane_over_a_singular_point_ends_the_integration_of_all() {
         assert_eq!(found, Some(pivot), "lane {k}: {error}");
     }
 }
+
+/// `x' = 1/s` or `x' = sin(s)/s` with `s = t - 1/2`: a single divisor, whose sign is a fraction of the signature.
+struct Divided {
+    has_pole: bool,
+}
+
+impl<R: Real> System<R> for Divided {
+    type State = [R; 1];
+
+    fn rhs(&self, t: R, _y: &[R; 1], dy: &mut [R; 1]) {
+        let s = t - R::from_f64(0.5);
+        *dy = [if self.has_pole { R::ONE / s } else { s.sin() / s }];
+    }
+
+    fn signature(&self, t: R, _y: &[R; 1]) -> R {
+        let s = t - R::from_f64(0.5);
+        R::from_f64(0.25) * s / s.abs()
+    }
+
+    fn pivots(&self, t: R, _y: &[R; 1], visit: &mut dyn FnMut(Pivot<R>)) {
+        visit(Pivot { name: "mass", value: R::from_f64(3.0), scale: R::ZERO });
+        visit(Pivot { name: "t - 1/2", value: t - R::from_f64(0.5), scale: R::ZERO });
+    }
+}
+
+fn passed<M: Method<f64, Divided>>(method: M, options: Options<f64>, has_pole: bool) -> Result<f64, Error> {
+    let system = Divided { has_pole };
+    let mut solver = Integrator::new(&system, method, 0.0, [0.0], options).unwrap();
+    solver.integrate_to(2.0)?;
+    Ok(solver.state()[0])
+}
+
+#[test]
+fn steps_stop_at_a_pole_of_a_single_divisor() {
+    let named = |outcome: Result<f64, Error>, method: &str| {
+        let error = outcome.expect_err(method);
+        let Error::Failure(Failure::ChangedSign { pivot, .. } | Failure::Singular { pivot, .. }) = error
+        else {
+            panic!("{method}: {error}")
+        };
+        assert_eq!(pivot, "t - 1/2", "{method}");
+    };
+    for step in [0.3, 0.03, 0.01] {
+        named(passed(Rk4, Options::fixed(step), true), "rk4");
+        named(passed(Vern9, Options::fixed(step), true), "vern9");
+        named(passed(Gauss8::fixed_point(), Options::fixed(step), true), "gauss8");
+    }
+    named(passed(Dop853, Options::adaptive(1e-3, 1e-3), true), "dop853");
+}
+
+/// Si(3/2) + Si(1/2).
+const SINE_INTEGRALS: f64 = 1.324_683_531_172_119_7 + 0.493_107_418_043_066_7;
+
+#[test]
+fn steps_pass_a_single_divisor_where_the_slope_has_a_value() {
+    for step in [0.3, 0.03] {
+        let found = passed(Vern9, Options::fixed(step), false).unwrap();
+        assert!((found - SINE_INTEGRALS).abs() < 1e-9, "{found}");
+    }
+    for found in [
+        passed(Dop853, Options::adaptive(1e-10, 1e-10), false),
+        passed(Rk4, Options::fixed(0.03), false),
+        passed(Gauss8::fixed_point(), Options::fixed(0.03), false),
+    ] {
+        let found = found.unwrap();
+        assert!((found - SINE_INTEGRALS).abs() < 1e-8, "{found}");
+    }
+}

@@ -1,6 +1,8 @@
 //! Nonholonomic brackets: `y' = Pi dE + R` at random states of printed and random systems, what is found out about
 //! them.
 
+use std::collections::BTreeSet;
+
 use hamel_codegen::explain::explain;
 use hamel_codegen::expr::{Rational, Style};
 use hamel_codegen::mechanics::{BracketFacts, Density, Jacobi};
@@ -208,7 +210,7 @@ fn a_dropped_coordinate_is_in_no_entry() {
 
 fn facts(name: &str, items: &str) -> BracketFacts {
     let scene = of_model(name, items).unwrap_or_else(|e| panic!("{name}: {e}"));
-    BracketFacts::new(&scene.equations).unwrap_or_else(|e| panic!("{name}: {e}"))
+    BracketFacts::new(&scene.equations, &BTreeSet::new()).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 fn shown(facts: &BracketFacts, density: &Density) -> String {

@@ -168,15 +168,29 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
 /// A larger relative drift of an energy that is conserved is told.
 const LARGE_DRIFT: f64 = 1e-3;
 
-/// That fixed steps were too long, where the energy shows it: they have no error estimate.
+/// Of adaptive steps, in units of the relative tolerance: as many steps may add up.
+const MANY_TOLERANCES: f64 = 1e3;
+
+/// That a motion is another one, where the energy shows it: fixed steps have no error estimate, and an estimate does not
+/// see where constraints lose their rank.
 fn drift_warning(info: &Info, steps: Steps, drift: Option<f64>) -> Option<String> {
-    let (Steps::Fixed { step }, Some(drift)) = (steps, drift) else { return None };
-    (info.conserves_energy && drift > LARGE_DRIFT).then(|| {
-        format!(
-            "the energy is conserved but moved by {drift:.1e} of its size: step {step:?} is too long for this motion, \
-             take a shorter one or a method with adaptive steps"
-        )
-    })
+    let drift = drift.filter(|_| info.conserves_energy)?;
+    let (large, reason) = match steps {
+        Steps::Fixed { step } => (
+            LARGE_DRIFT,
+            format!(
+                "step {step:?} is too long for this motion, take a shorter one or a method with adaptive steps"
+            ),
+        ),
+        Steps::Adaptive { rtol, .. } => (
+            LARGE_DRIFT.max(MANY_TOLERANCES * rtol),
+            format!(
+                "on its way the motion passed a place where the constraints or the inertia lose their rank, or the \
+                 tolerance {rtol:?} is too large for it"
+            ),
+        ),
+    };
+    (drift > large).then(|| format!("the energy is conserved but moved by {drift:.1e} of its size: {reason}"))
 }
 
 fn stopped(info: &Info, t: f64, y: &[f64], error: &SolverError) -> Error {

@@ -132,7 +132,7 @@ impl Stored {
             inputs: scene.equations.system.inputs.iter().map(param).collect(),
             outputs: scene.outputs().iter().map(output_entry).collect(),
             has_energy: scene.has_energy(),
-            conserves_energy: scene.has_energy() && scene.equations.facts.energy_is_conserved,
+            conserves_energy: scene.has_energy() && scene.equations.facts.conserves_energy(),
         };
         Stored { executable: scene.executable(), info }
     }

@@ -5,6 +5,7 @@
 use hamel_codegen::spec::Want;
 
 use super::dynamics::Dynamics;
+use super::lost_rank::Rank;
 use super::simulation::{Sample, SimulateRequest, stopped_because};
 use crate::error::Error;
 
@@ -55,6 +56,8 @@ pub(super) struct Record<'a> {
     /// Largest `|E - E0|`.
     pub(super) deviation: f64,
     constraint: Option<std::ops::Range<usize>>,
+    /// Of the equations between coordinates.
+    rank: Option<Rank>,
     pub(super) initial_residual: Option<f64>,
     pub(super) residual: Option<f64>,
     pub(super) energy_at_steps: Vec<(f64, f64)>,
@@ -81,6 +84,7 @@ impl<'a> Record<'a> {
             scale,
             deviation: 0.0,
             constraint,
+            rank: Rank::new(dynamics, 0.0, y),
             initial_residual: None,
             residual: None,
             energy_at_steps: Vec::new(),
@@ -98,8 +102,17 @@ impl<'a> Record<'a> {
     }
 
     /// Notes the energy and the residual after a step.
+    ///
+    /// # Errors
+    /// What is not finite; equations between coordinates that depend on each other on the way.
     pub(super) fn step(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
         self.residual_at(t, y)?;
+        let dynamics = self.dynamics;
+        if self.rank.as_mut().is_some_and(|rank| rank.is_lost(dynamics, t, y)) {
+            let reason = "the equations between coordinates depend on each other on the way of the last step: the \
+                          motion may go on in more than one way there";
+            return Err(stopped_because(dynamics.info(), t, y, reason.into()));
+        }
         let energy = self.energy(t, y)?;
         self.keep(t, energy);
         Ok(())
@@ -112,6 +125,9 @@ impl<'a> Record<'a> {
             return Err(self.not_finite(t, after, "the energy after an event"));
         }
         self.level = energy;
+        if let Some(rank) = &mut self.rank {
+            rank.restart(self.dynamics, t, after);
+        }
         let Some(range) = self.constraint.clone() else { return Ok(None) };
         let largest = |y: &[f64]| {
             self.dynamics.outputs(t, y)[range.clone()].iter().fold(0.0_f64, |max, x| max.max(x.abs()))

@@ -21,7 +21,7 @@ impl Page {
             return;
         }
         self.begin(SectionKind::Bracket);
-        match BracketFacts::new(&scene.equations) {
+        match BracketFacts::new(&scene.equations, &scene.left_out()) {
             Ok(facts) => self.bracket_facts(model, &facts),
             Err(Error::NoBracket { reason }) => {
                 let reason = self.prose(&reason);

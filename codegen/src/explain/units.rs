@@ -15,7 +15,8 @@ impl Page {
             known
                 .extend(units.of(name).filter(|unit| unit.is_inferred()).map(|unit| (self.name(name), unit)));
         }
-        for state in &scene.equations.state {
+        let left_out = scene.left_out();
+        for state in scene.equations.state.iter().filter(|s| !left_out.contains(&s.symbol)) {
             known.extend(units.of(&state.name).map(|unit| (self.name(&state.name), unit)));
         }
         for output in scene.outputs() {

@@ -79,7 +79,8 @@ impl Graph {
                 if inner == Arena::ZERO {
                     return Arena::ZERO;
                 }
-                let outer = self.func_derivative(f, a, e);
+                // Where there is no derivative, the argument is locally constant: `asin(|x|/x)`.
+                let Some(outer) = self.func_derivative(f, a, e) else { return Arena::ZERO };
                 self.mul(outer, inner)
             }
             Node::Atan2(y, x) => {
@@ -87,23 +88,19 @@ impl Graph {
                 if dy == Arena::ZERO && dx == Arena::ZERO {
                     return Arena::ZERO;
                 }
-                let [by_y, by_x] = self.atan2_derivatives(y, x);
+                let Some([by_y, by_x]) = self.atan2_derivatives(y, x) else { return Arena::ZERO };
                 let (along_y, along_x) = (self.mul(by_y, dy), self.mul(by_x, dx));
                 self.add(along_y, along_x)
             }
         }
     }
 
-    /// `f'(a)`, given `value = f(a)`.
-    pub(crate) fn func_derivative(&mut self, f: Func, a: ExprId, value: ExprId) -> ExprId {
+    /// `f'(a)`, given `value = f(a)`; none where that divides by zero whatever the symbols are, as at `asin(1)` and
+    /// `ln(0)`.
+    pub(crate) fn func_derivative(&mut self, f: Func, a: ExprId, value: ExprId) -> Option<ExprId> {
         let one = Arena::ONE;
-        let root_of_one_minus_square = |g: &mut Graph, exponent: Rational| {
-            let square = g.powi(a, 2);
-            let base = g.sub(one, square);
-            g.power_product(&[(base, exponent)]).expect("1 - a^2 is not identically zero")
-        };
-        let minus_half = Rational::new(BigInt::from(-1), BigInt::from(2));
-        match f {
+        let inverse = -Rational::one();
+        Some(match f {
             Func::Sin => self.func(Func::Cos, a),
             Func::Cos => {
                 let s = self.func(Func::Sin, a);
@@ -113,42 +110,38 @@ impl Graph {
                 let square = self.powi(value, 2);
                 self.add(one, square)
             }
-            Func::Asin => root_of_one_minus_square(self, minus_half),
-            Func::Acos => {
-                let d = root_of_one_minus_square(self, minus_half);
-                self.neg(d)
+            Func::Asin | Func::Acos => {
+                let square = self.powi(a, 2);
+                let base = self.sub(one, square);
+                let minus_half = Rational::new(BigInt::from(-1), BigInt::from(2));
+                let d = self.power_product(&[(base, minus_half)]).ok()?;
+                if f == Func::Asin { d } else { self.neg(d) }
             }
             Func::Atan => {
                 let square = self.powi(a, 2);
                 let base = self.add(one, square);
-                self.powi(base, -1)
+                self.power_product(&[(base, inverse)]).ok()?
             }
             Func::Exp => value,
-            Func::Ln => self.power_product(&[(a, -Rational::one())]).expect("the argument of ln is not zero"),
+            Func::Ln => self.power_product(&[(a, inverse)]).ok()?,
             Func::Sinh => self.func(Func::Cosh, a),
             Func::Cosh => self.func(Func::Sinh, a),
             Func::Tanh => {
                 let square = self.powi(value, 2);
                 self.sub(one, square)
             }
-            Func::Abs => {
-                // |a|' = |a| / a, wrong only at a = 0 where there is no derivative.
-                self.power_product(&[(value, Rational::one()), (a, -Rational::one())])
-                    .expect("the argument of abs is not zero")
-            }
-        }
+            // |a|' = |a| / a, wrong only at a = 0 where there is no derivative.
+            Func::Abs => self.power_product(&[(value, Rational::one()), (a, inverse)]).ok()?,
+        })
     }
 
-    /// The partial derivatives of `atan2(y, x)`, `x/(x^2 + y^2)` by `y` and `-y/(x^2 + y^2)` by `x`.
-    pub(crate) fn atan2_derivatives(&mut self, y: ExprId, x: ExprId) -> [ExprId; 2] {
+    /// The partial derivatives of `atan2(y, x)`, `x/(x^2 + y^2)` by `y` and `-y/(x^2 + y^2)` by `x`; none at the origin.
+    pub(crate) fn atan2_derivatives(&mut self, y: ExprId, x: ExprId) -> Option<[ExprId; 2]> {
         let (squared_y, squared_x) = (self.powi(y, 2), self.powi(x, 2));
         let square = self.add(squared_x, squared_y);
         let minus = self.neg(y);
-        let inverse = -Rational::one();
-        [x, minus].map(|numerator| {
-            self.power_product(&[(numerator, Rational::one()), (square, inverse.clone())])
-                .expect("a sum of squares of which not both are zero")
-        })
+        let inverse = self.power_product(&[(square, -Rational::one())]).ok()?;
+        Some([x, minus].map(|numerator| self.mul(numerator, inverse)))
     }
 
     /// Replaces symbols by expressions, all at once.

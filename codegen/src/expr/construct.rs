@@ -311,6 +311,12 @@ impl Graph {
         }
         match f {
             Func::Ln if a == Arena::ONE => return Arena::ZERO,
+            Func::Asin | Func::Acos => {
+                if let Some(turns) = self.half_turns(f, a) {
+                    let pi = self.pi();
+                    return self.scale(pi, &turns);
+                }
+            }
             Func::Abs => {
                 if let Node::Constant(c) = self.node(a) {
                     let c = c.abs();
@@ -370,6 +376,17 @@ impl Graph {
         };
         let pi = self.pi();
         self.scale(pi, &Rational::new(BigInt::from(quarters), BigInt::from(2)))
+    }
+
+    /// The value of an inverse function at plus and minus one, of which it has no derivative, in multiples of pi.
+    fn half_turns(&self, f: Func, a: ExprId) -> Option<Rational> {
+        let value = self.as_rational(a).filter(|value| value.abs().is_one())?;
+        let half = Rational::new(BigInt::one(), BigInt::from(2));
+        match f {
+            Func::Asin => Some(value * half),
+            Func::Acos => Some((Rational::one() - value) * half),
+            _ => None,
+        }
     }
 
     fn quarter_turn(&mut self, f: Func, a: ExprId) -> Option<ExprId> {

@@ -29,6 +29,7 @@ mod real_point;
 mod relations;
 mod samples;
 mod sign;
+mod without_value;
 mod zero;
 
 pub use budget::{Budget, Exhausted, Resource, Stage};

@@ -23,9 +23,12 @@ impl Graph {
                     self.partials_of_term(*term, *term, q, &mut partials);
                 }
             }
-            Node::Function(f, a) => return vec![(a, self.func_derivative(f, a, value))],
+            // An argument without a derivative by it is a number, and nothing that moves.
+            Node::Function(f, a) => {
+                return self.func_derivative(f, a, value).map(|by_a| (a, by_a)).into_iter().collect();
+            }
             Node::Atan2(y, x) => {
-                let [by_y, by_x] = self.atan2_derivatives(y, x);
+                let Some([by_y, by_x]) = self.atan2_derivatives(y, x) else { return Vec::new() };
                 if y == x {
                     return vec![(y, self.add(by_y, by_x))];
                 }

@@ -1,11 +1,11 @@
 //! Accelerations where the constraint has been solved: `A udot = f` for the independent velocities, multipliers
-//! afterwards.
+//! afterwards; in a frame beside them where that is what the equations are written in.
 //!
 //! Does not know: how the constraint was solved, how a matrix is factored.
 
 use crate::error::Error;
 use crate::expr::ExprId;
-use crate::reduction::SolvedConstraint;
+use crate::reduction::{Frame, SolvedConstraint};
 
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
@@ -18,6 +18,9 @@ impl Derivation<'_> {
             let motion = self.solve_linked(&recursion, solved);
             self.recursion = Some(recursion);
             return motion;
+        }
+        if let Some(frame) = self.frame_of_displacements(solved) {
+            return self.solve_in_frame(solved, &frame);
         }
         let (m, k) = (self.y.len(), solved.unknowns.len());
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
@@ -56,6 +59,52 @@ impl Derivation<'_> {
         let psi = self.psi_by_names(solved);
         let added = self.along(&psi, &udot);
         self.motion_of(solved, system, (udot, pivots), (&added, &lag))
+    }
+
+    /// The frame, where its velocities are free and the state has those of the model: `u = T eta`.
+    fn frame_of_displacements(&self, solved: &SolvedConstraint) -> Option<Frame> {
+        let (zero, one) = (self.g.zero(), self.g.one());
+        let rows = solved.virtual_displacements.iter().enumerate();
+        let is_whole = solved.unknowns.len() == self.y.len()
+            && rows
+                .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, e)| (i == j, *e)))
+                .all(|(is_diagonal, e)| e == if is_diagonal { one } else { zero });
+        let is_free = solved.reactions.names.is_empty() && self.system.momenta.is_empty();
+        let frame = self.system.frame.as_ref()?;
+        (is_whole && is_free && solved.psi != solved.virtual_displacements).then(|| frame.clone())
+    }
+
+    /// `L_eta_eta etadot = r`, which is symmetric and couples no levels of stages where the metric does not, and
+    /// `udot = T etadot + dT/dt eta`: `L_eta_eta T^-1 udot = ..` is neither.
+    fn solve_in_frame(&mut self, solved: &SolvedConstraint, frame: &Frame) -> Result<Motion, Error> {
+        let names = self.names.clone();
+        let labels: Vec<String> = names.iter().map(|n| format!("dot_{n}")).collect();
+        let (hessian, drive) = (self.hessian.clone(), self.drive.clone());
+        let pivot_names = inertias(&names);
+        let (acceleration, mut pivots) =
+            self.solve_linear("A", &hessian, &drive, &names, &labels, (&pivot_names, true))?;
+        pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot::of_coefficients(name, *expr)));
+        self.writer.begin("rates of the velocities of the model udot = T etadot + dT/dt eta");
+        let eta: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.sym(*s)).collect();
+        let mut unknown_rates = Vec::new();
+        for unknown in &solved.unknowns {
+            let of_model = frame.original.iter().position(|u| u.symbol == unknown.symbol);
+            let row = of_model.and_then(|k| frame.matrix.get(k)).cloned().unwrap_or_default();
+            let velocity = self.g.dot(&row, &eta);
+            let turning = self.drift(velocity)?;
+            let along = self.g.dot(&row, &acceleration);
+            let sum = self.g.add(along, turning);
+            unknown_rates.push(self.define(&format!("dot_{}", unknown.name), sum));
+        }
+        Ok(Motion {
+            acceleration,
+            unknown_rates,
+            multipliers: Vec::new(),
+            reactions: Vec::new(),
+            system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names }),
+            pivots,
+            momentum_rates: Vec::new(),
+        })
     }
 
     /// The accelerations of the dependent velocities at `udot = 0`: `dPsi u + dpsi0`.

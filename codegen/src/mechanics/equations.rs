@@ -90,6 +90,13 @@ pub struct Facts {
     pub mass_matrix_is_symmetric: bool,
 }
 
+impl Facts {
+    /// Whether the energy stays along every motion that satisfies the constraints.
+    pub fn conserves_energy(&self) -> bool {
+        self.energy_is_conserved || self.energy_is_conserved_on_constraint
+    }
+}
+
 /// What became of the momentum along a section.
 #[derive(Clone, Debug)]
 pub struct SectionMomentum {

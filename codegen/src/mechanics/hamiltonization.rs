@@ -3,7 +3,7 @@
 //!
 //! Does not know: how brackets are derived, how anything is shown.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::Zero;
 
@@ -66,34 +66,36 @@ const MAX_MONOMIALS: usize = 130;
 const MAX_DEGREE: usize = 4;
 
 impl BracketFacts {
-    /// Finds all of it.
+    /// Finds all of it on the state without the coordinates `left_out`, of which nothing on the rest depends; on the
+    /// whole state where something does.
     ///
     /// # Errors
     /// As [`Bracket::new`]; [`Error::OverBudget`]; [`Error::NoBracket`] for states of too many components.
-    pub fn new(equations: &Equations) -> Result<BracketFacts, Error> {
+    pub fn new(equations: &Equations, left_out: &BTreeSet<SymbolId>) -> Result<BracketFacts, Error> {
         let mut g = equations.system.graph.clone();
         g.enter(Stage::Results);
         let bracket = Bracket::new(&mut g, equations)?;
-        let chart = Chart::new(&mut g, equations)?;
+        let mut chart = Chart::new(&mut g, equations)?;
+        let mut left_out = left_out.clone();
+        let (mut kept, mut on) = Look::on(&mut g, equations, &chart, &bracket, &left_out)?;
+        if !is_free_of(&mut g, equations, &left_out, &mut on) {
+            left_out.clear();
+            (kept, on) = Look::on(&mut g, equations, &chart, &bracket, &left_out)?;
+        }
+        chart.coordinates = kept;
+        let OnCoordinates { matrix: all, rates, remainder, determinant } = on;
+        chart.determinant = determinant;
         let n = chart.coordinates.len();
         if n > MAX_COORDINATES {
             let reason = format!("it is not looked into for more than {MAX_COORDINATES} coordinates");
             return Err(Error::NoBracket { reason });
         }
-        let matrix = bracket.matrix(&mut g);
-        let all: Vec<ExprId> = (chart.coordinates.iter())
-            .flat_map(|i| chart.coordinates.iter().map(|j| matrix[*i][*j]).collect::<Vec<_>>())
-            .collect();
-        let all = chart.whole(&mut g, &bracket.sections, &all)?;
         let pi: Vec<Vec<ExprId>> = all.chunks(n.max(1)).map(<[ExprId]>::to_vec).collect();
-        let rates: Vec<ExprId> = chart.coordinates.iter().map(|i| equations.state[*i].derivative).collect();
-        let rates = chart.whole(&mut g, &[], &rates)?;
-        let remainder: Vec<ExprId> = chart.coordinates.iter().map(|i| bracket.remainder[*i]).collect();
-        let remainder = chart.whole(&mut g, &bracket.sections, &remainder)?;
         let symbols: Vec<SymbolId> = chart.coordinates.iter().map(|i| equations.state[*i].symbol).collect();
         let name = |i: usize| equations.state[i].name.clone();
         let coordinates: Vec<String> = chart.coordinates.iter().map(|i| name(*i)).collect();
-        let mut look = Look { g: &mut g, symbols: &symbols, pi: &pi, names: &coordinates };
+        let mut look =
+            Look { g: &mut g, symbols: &symbols, pi: &pi, names: &coordinates, left_out: &left_out };
         let (jacobi, jacobiators) = look.jacobi();
         let rank = independent_rows(look.g, &pi).len();
         let (casimirs, degree) = look.casimirs(equations, &chart)?;
@@ -103,7 +105,8 @@ impl BracketFacts {
         let pairs = |list: &[usize]| list.iter().map(|k| (symbols[*k], rates[*k])).collect::<Vec<_>>();
         let (base, fibre) = (pairs(&base), pairs(&fibre));
         let motion = Motion { base: &base, fibre: &fibre };
-        let minors = minors(look.g, equations, &chart, &bracket)?;
+        let mut minors = minors(look.g, equations, &chart, &bracket)?;
+        minors.retain(|e| !look.g.depends_on(*e, &left_out));
         let expressions: Vec<ExprId> = pi.iter().flatten().chain(&rates).copied().collect();
         let known: Vec<ExprId> = minors.into_iter().chain([chart.determinant]).collect();
         let functions = candidates(look.g, &motion, &known, &expressions);
@@ -123,8 +126,9 @@ impl BracketFacts {
             true => coordinates.iter().cloned().zip(remainder).collect(),
             false => Vec::new(),
         };
-        let dependent = (0..equations.state.len()).filter(|i| !chart.coordinates.contains(i)).map(name);
-        let dependent = dependent.collect();
+        let is_dependent =
+            |i: &usize| !chart.coordinates.contains(i) && !left_out.contains(&equations.state[*i].symbol);
+        let dependent = (0..equations.state.len()).filter(is_dependent).map(name).collect();
         g.within_budget()?;
         Ok(BracketFacts {
             graph: g,
@@ -140,6 +144,37 @@ impl BracketFacts {
             multiplier,
         })
     }
+}
+
+/// What is known of the coordinates, written in these alone.
+struct OnCoordinates {
+    /// The entries of the bracket, row by row.
+    matrix: Vec<ExprId>,
+    rates: Vec<ExprId>,
+    remainder: Vec<ExprId>,
+    /// That of the chart.
+    determinant: ExprId,
+}
+
+/// Whether nothing depends on the coordinates that are left out, which are then gone from the expressions.
+fn is_free_of(
+    g: &mut Graph,
+    equations: &Equations,
+    left_out: &BTreeSet<SymbolId>,
+    on: &mut OnCoordinates,
+) -> bool {
+    let cosines: BTreeSet<SymbolId> = equations.system.circles.iter().map(|c| c.cosine).collect();
+    let origin = |x: &SymbolId| (*x, if cosines.contains(x) { g.one() } else { g.zero() });
+    let origin: BTreeMap<SymbolId, ExprId> = left_out.iter().map(origin).collect();
+    let OnCoordinates { matrix, rates, remainder, determinant } = on;
+    let mut all = matrix.iter_mut().chain(rates).chain(remainder).chain([determinant]);
+    all.all(|e| match g.subs(*e, &origin) {
+        Ok(value) if g.is_equal(value, *e) => {
+            *e = value;
+            true
+        }
+        _ => false,
+    })
 }
 
 /// Products of the leading pivots of each matrix that is solved with, also of those that the bracket alone solves with.
@@ -183,9 +218,33 @@ struct Look<'a> {
     symbols: &'a [SymbolId],
     pi: &'a [Vec<ExprId>],
     names: &'a [String],
+    left_out: &'a BTreeSet<SymbolId>,
 }
 
 impl Look<'_> {
+    /// The places of the coordinates that are not left out, and what is known of them.
+    fn on(
+        g: &mut Graph,
+        equations: &Equations,
+        chart: &Chart,
+        bracket: &Bracket,
+        left_out: &BTreeSet<SymbolId>,
+    ) -> Result<(Vec<usize>, OnCoordinates), Error> {
+        let is_kept = |i: &usize| !left_out.contains(&equations.state[*i].symbol);
+        let kept: Vec<usize> = chart.coordinates.iter().copied().filter(is_kept).collect();
+        let matrix = bracket.matrix(g);
+        let entries: Vec<ExprId> = kept.iter().flat_map(|i| kept.iter().map(|j| matrix[*i][*j])).collect();
+        let rates: Vec<ExprId> = kept.iter().map(|i| equations.state[*i].derivative).collect();
+        let remainder: Vec<ExprId> = kept.iter().map(|i| bracket.remainder[*i]).collect();
+        let on = OnCoordinates {
+            matrix: chart.whole(g, &bracket.sections, &entries)?,
+            rates: chart.whole(g, &[], &rates)?,
+            remainder: chart.whole(g, &bracket.sections, &remainder)?,
+            determinant: chart.determinant,
+        };
+        Ok((kept, on))
+    }
+
     /// All triples `i < j < k`.
     fn triples(&self) -> Vec<[usize; 3]> {
         let n = self.symbols.len();
@@ -274,8 +333,9 @@ impl Look<'_> {
         let mut shown = Vec::new();
         let mut values = Vec::new();
         for (kind, _) in &equations.system.state {
-            if let StateKind::Base(_) = kind {
-                let x = self.g.sym(equations.system.state_symbol(*kind));
+            let symbol = equations.system.state_symbol(*kind);
+            if matches!(kind, StateKind::Base(_)) && !self.left_out.contains(&symbol) {
+                let x = self.g.sym(symbol);
                 shown.push(x);
                 values.push(x);
             }
@@ -287,6 +347,8 @@ impl Look<'_> {
             values.push(*e);
         }
         let values = chart.whole(self.g, &[], &values)?;
+        let (shown, values): (Vec<ExprId>, Vec<ExprId>) =
+            shown.into_iter().zip(values).filter(|(_, e)| !self.g.depends_on(*e, self.left_out)).unzip();
         let n = values.len();
         let count = |degree: usize| (1..=degree).fold(1, |c, d| c * (n + d) / d);
         let degree = (1..=MAX_DEGREE).rev().find(|d| count(*d) - 1 <= MAX_MONOMIALS).unwrap_or(1);

@@ -5,8 +5,10 @@
 
 use std::collections::BTreeMap;
 
+use num_traits::{One, Signed};
+
 use crate::error::Error;
-use crate::expr::{ExprId, SymbolId};
+use crate::expr::{ExprId, Node, Rational, SymbolId};
 use crate::reduction::{AccelerationRow, AccelerationSource};
 
 use super::constrained::inertias;
@@ -47,19 +49,23 @@ impl Derivation<'_> {
         self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T");
         let mut matrix = Vec::new();
         let mut right = Vec::new();
+        let mut is_congruent = true;
         for (c, row) in rows.iter().enumerate() {
-            let mut entries = Vec::new();
-            for (other, z) in response.iter().enumerate() {
-                let product = self.g.dot(&row.one_form, z);
-                entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), product));
-            }
-            matrix.push(entries);
             let rate = match row.source {
                 // In raw velocities, as its derivative is taken.
                 AccelerationSource::Differentiated(residual) => self.drift(residual)?,
                 AccelerationSource::Servo(remainder) => remainder,
             };
-            let product = self.g.dot(&row.one_form, &free);
+            let (form, rate) = self.without_common_factors(&row.one_form, rate);
+            let mut entries = Vec::new();
+            for (other, z) in response.iter().enumerate() {
+                let product = self.g.dot(&form, z);
+                entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), product));
+            }
+            matrix.push(entries);
+            let product = self.g.dot(&form, &free);
+            // S = Lambda L_yy^-1 Lambda^T where the reactions act along the constraints.
+            is_congruent &= reactions.get(c) == Some(&form);
             let sum = self.g.add(product, rate);
             let value = self.g.neg(sum);
             right.push(self.define(&format!("g_{}", c + 1), value));
@@ -67,8 +73,6 @@ impl Derivation<'_> {
         let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
         let pivot_names: Vec<String> =
             rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
-        // S = Lambda L_yy^-1 Lambda^T where the reactions act along the constraints.
-        let is_congruent = rows.iter().zip(reactions).all(|(row, form)| row.one_form == *form);
         let (lambda, constraint_pivots) =
             self.solve_for_multipliers(&matrix, &right, &labels, (&pivot_names, is_congruent))?;
         self.writer.begin("accelerations ydot = L_yy^-1 (r + Lambda^T lambda)");
@@ -92,6 +96,50 @@ impl Derivation<'_> {
             pivots,
             momentum_rates: Vec::new(),
         })
+    }
+
+    /// `w ydot + w0 = 0` without the factors that all its terms share and that change along a motion: `v vdot + x v = 0`
+    /// is `vdot + x = 0`, where nothing divides by `v`.
+    fn without_common_factors(&mut self, form: &[ExprId], rate: ExprId) -> (Vec<ExprId>, ExprId) {
+        let mut shared: Option<BTreeMap<ExprId, Rational>> = None;
+        let zero = self.g.zero();
+        for e in form.iter().copied().chain([rate]).filter(|e| *e != zero) {
+            for (term, _) in self.g.summands(e) {
+                let factors: BTreeMap<ExprId, Rational> = match self.g.node(term) {
+                    Node::Product { factors, .. } => factors.iter().cloned().collect(),
+                    _ => BTreeMap::from([(term, Rational::one())]),
+                };
+                shared = Some(match shared {
+                    None => factors,
+                    Some(mut shared) => {
+                        shared.retain(|base, q| match factors.get(base) {
+                            Some(own) => {
+                                *q = own.min(q).clone();
+                                true
+                            }
+                            None => false,
+                        });
+                        shared
+                    }
+                });
+            }
+        }
+        let mut shared = shared.unwrap_or_default();
+        shared.retain(|base, q| q.is_positive() && self.writer.varies(&self.g, *base));
+        if shared.is_empty() {
+            return (form.to_vec(), rate);
+        }
+        let inverse: Vec<(ExprId, Rational)> = shared.into_iter().map(|(base, q)| (base, -q)).collect();
+        let mut divided = |e: ExprId| {
+            let terms = self.g.summands(e).into_iter().map(|(term, weight)| {
+                let factors = inverse.iter().cloned().chain([(term, Rational::one())]);
+                let quotient = self.g.power_product(&factors.collect::<Vec<_>>());
+                (quotient.unwrap_or(term), weight)
+            });
+            let terms: Vec<(ExprId, Rational)> = terms.collect();
+            self.g.linear_combination(&terms)
+        };
+        (form.iter().map(|e| divided(*e)).collect(), divided(rate))
     }
 
     /// `S lambda = right`; of the pivots the names are given, and whether they follow the Hessian.

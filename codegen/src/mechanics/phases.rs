@@ -82,7 +82,11 @@ fn cyclic_part(g: &mut Graph, equations: &Equations, coordinate: &ReconstructedC
         return None;
     }
     let cyclic = system.momenta.iter().find(|m| m.cyclic == Some(coordinate.symbol))?;
-    let frame = |unknown: usize| system.unknowns[unknown].frame_idx;
+    // In an internal frame the momenta of the model are not along velocities of the frame.
+    let frame = |unknown: usize| {
+        let symbol = system.unknowns[unknown].symbol;
+        system.velocities.iter().position(|y| *y == symbol)
+    };
     let along: Vec<usize> = system.momenta.iter().map(|m| frame(m.unknown)).collect::<Option<_>>()?;
     let own = along.iter().position(|a| Some(*a) == frame(cyclic.unknown))?;
     let mut second = |a: usize, b: usize| {

@@ -161,6 +161,10 @@ impl<'a> Parts<'a> {
     }
 
     /// A sum by the sums before it that leave the fewest of its terms.
+    ///
+    /// A sum before it may bring in terms, and leave parts of others. Where what is left is along several velocities,
+    /// the sum is that of its terms before the last velocity, and the terms along the last velocity with their own
+    /// coefficients.
     fn sum(
         &mut self,
         constant: &Rational,
@@ -188,13 +192,13 @@ impl<'a> Parts<'a> {
             summands.push((self.g.sym(symbol), ratio));
             left = remainder;
         }
-        if !summands.is_empty() && constant.is_zero() {
-            let last = self.along_last(&left);
-            if last.len() < left.len() {
-                let terms = terms.iter().filter(|(e, _)| !last.contains(e)).cloned();
-                let part = self.sum(constant, &terms.collect::<Vec<_>>(), image);
-                left.retain(|e, _| last.contains(e));
+        if !summands.is_empty() && constant.is_zero() && self.along_last(&left).len() < left.len() {
+            let last = self.along_last(&all);
+            if last.len() < all.len() {
+                let before = terms.iter().filter(|(e, _)| !last.contains(e)).cloned();
+                let part = self.sum(constant, &before.collect::<Vec<_>>(), image);
                 summands = vec![(part, Rational::one())];
+                left = all.iter().filter(|(e, _)| last.contains(*e)).map(|(e, q)| (*e, q.clone())).collect();
             }
         }
         summands.extend(left.into_iter().map(|(e, q)| (image[&e], q)));
@@ -276,8 +280,8 @@ fn without(
 }
 
 impl Recursion {
-    /// The recursion of a system; none where a constraint has to be solved together with others, or displacements are
-    /// not those of the motion.
+    /// The recursion of a system; none where a constraint has to be solved together with others, where displacements
+    /// are not those of the motion, or where a sum by parts is not seen to be the sum that was read.
     pub(super) fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Recursion> {
         let solved = eliminated(system)?;
         let rows: Vec<ExprId> = solved.rows.iter().map(|row| row.written).collect::<Option<_>>()?;
@@ -294,8 +298,14 @@ impl Recursion {
         roots.extend(squares.iter().filter_map(Square::frame).flatten());
         let shared = shared_sums(g, &roots, &velocities);
         let mut parts = Parts { shared, ..Parts::new(g, &velocities) };
-        let roots = parts.read(&roots);
+        let written = roots;
+        let roots = parts.read(&written);
         let list = parts.list;
+        // Names of parts have the values of what they stand for.
+        let mut are_equal = written.iter().zip(&roots);
+        if !are_equal.all(|(a, b)| g.fingerprints_agree(*a, *b) || g.is_equal(*a, *b)) {
+            return None;
+        }
         let mut values = roots[..n_components].iter().copied();
         let components = sizes.iter().map(|n| values.by_ref().take(*n).collect()).collect();
         let (of_rows, of_frames) = roots[n_components..].split_at(rows.len());

@@ -96,11 +96,9 @@ impl Derivation<'_> {
             return self.replace(rate);
         }
         let frame = system.velocities.iter().copied().zip(motion.acceleration.iter().copied());
-        // A quasi-velocity is no velocity of the frame, and moves all the same.
-        let unknowns = system.unknowns.iter().zip(motion.unknown_rates.iter().copied());
-        let quasi = unknowns.filter(|(u, _)| u.frame_idx.is_none()).map(|(u, rate)| (u.symbol, rate));
+        let others = self.rates_beside_the_frame(motion);
         let mut terms = vec![self.drift(e)?];
-        for (s, rate) in frame.chain(quasi) {
+        for (s, rate) in frame.chain(others) {
             let slope = self.g.diff(e, s);
             let slope = self.replace(slope)?;
             terms.push(self.g.mul(slope, rate));
@@ -116,14 +114,21 @@ impl Derivation<'_> {
         Ok(self.g.cancel_zero(sum))
     }
 
+    /// Unknowns that are no velocities of the frame, with their rates: quasi-velocities, and the velocities of the model
+    /// where the frame is an internal one.
+    fn rates_beside_the_frame(&self, motion: &Motion) -> Vec<(SymbolId, ExprId)> {
+        let unknowns = self.system.unknowns.iter().zip(&motion.unknown_rates);
+        let others = unknowns.filter(|(u, _)| !self.system.velocities.contains(&u.symbol));
+        others.map(|(u, rate)| (u.symbol, *rate)).collect()
+    }
+
     /// What changes along the motion: time, coordinates, velocities, quasi-velocities and momenta, with their rates.
     fn rates_of_variables(&mut self, motion: &Motion) -> BTreeMap<SymbolId, ExprId> {
         let system = self.system;
         let mut rates = BTreeMap::from([(system.time, self.g.one())]);
         rates.extend(system.algebroid.base().iter().copied().zip(self.rates.iter().copied()));
         rates.extend(system.velocities.iter().copied().zip(motion.acceleration.iter().copied()));
-        let unknowns = system.unknowns.iter().zip(motion.unknown_rates.iter().copied());
-        rates.extend(unknowns.filter(|(u, _)| u.frame_idx.is_none()).map(|(u, rate)| (u.symbol, rate)));
+        rates.extend(self.rates_beside_the_frame(motion));
         let momenta = system.momenta.iter().zip(motion.momentum_rates.iter().copied());
         rates.extend(momenta.filter_map(|(momentum, rate)| Some((momentum.symbol?, rate))));
         rates

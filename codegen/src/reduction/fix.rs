@@ -6,14 +6,15 @@
 use std::collections::BTreeMap;
 
 use crate::error::Error;
-use crate::expr::{DivisionByZero, ExprId, Rational, SymbolId};
+use crate::expr::{DivisionByZero, ExprId, Rational, Style, SymbolId};
 use crate::spec::{self, Diagnostics, Model, Relation};
 
 /// A model whose fixed parameters are replaced by their values everywhere, without the conditions that have become
 /// true.
 ///
 /// # Errors
-/// Unknown parameters, values at which a denominator of the model vanishes, and conditions that have become false.
+/// Unknown parameters, values at which a denominator of the model vanishes or an expression of numbers has no value, and
+/// conditions that have become false.
 pub fn with_fixed(mut model: Model, fixed: &[(String, Rational)]) -> Result<Model, Diagnostics> {
     let mut values = BTreeMap::new();
     let mut unknown = Vec::new();
@@ -42,6 +43,19 @@ pub fn with_fixed(mut model: Model, fixed: &[(String, Rational)]) -> Result<Mode
         let (message, _) = Error::DivisionByZero { place: "the fixed parameters".into() }.message_and_help();
         let help = "a denominator of the model vanishes at these values";
         return Err(model.diagnostics(vec![spec::diagnose(&model, None, message, help)]));
+    }
+    let roots: Vec<ExprId> = model.expressions().into_iter().map(|(_, e)| e).collect();
+    if !values.is_empty()
+        && let Some(e) = model.graph.without_value(&roots)
+    {
+        let text = model.graph.display(e, Style::Plain);
+        let message = format!("`{text}` is no real number with the fixed parameters");
+        return Err(model.diagnostics(vec![spec::diagnose(
+            &model,
+            None,
+            message,
+            "fix them to other values",
+        )]));
     }
     without_settled_conditions(model)
 }

@@ -95,7 +95,7 @@ pub(super) fn hamiltonian_time(
     state: &[StateEquation],
 ) -> Result<(ExprId, Output), Error> {
     let refused = |reason: String| Error::NoHamiltonianTime { reason };
-    let facts = BracketFacts::new(equations)?;
+    let facts = BracketFacts::new(equations, &left_out(equations, state))?;
     g.take_over(&facts.graph);
     if !facts.remainder.is_empty() {
         return Err(refused("an affine constraint, explicit time or a force acts".into()));

@@ -2,15 +2,16 @@
 //!
 //! Does not know: how it came about, what is made of it.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::expr::Budget;
+use crate::expr::{Budget, SymbolId};
 use crate::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation};
 use crate::program::{Program, Role};
 use crate::certify::Certificate;
 use crate::spec::{Model, Param, Want};
 
-use super::dependence::outputs_of_model;
+use super::dependence::{left_out, outputs_of_model};
 use super::derivatives::{Matrix, Product};
 use super::events::SceneEvent;
 use super::implicit::Implicit;
@@ -60,6 +61,11 @@ impl BuiltScene {
     /// Names of the state variables in order.
     pub fn state_names(&self) -> Vec<String> {
         self.state.iter().map(|s| s.name.clone()).collect()
+    }
+
+    /// Coordinates of the base and the group that are no part of the state.
+    pub(crate) fn left_out(&self) -> BTreeSet<SymbolId> {
+        left_out(&self.equations, &self.state)
     }
 
     /// Parameters that the scene leaves free.

@@ -232,7 +232,7 @@ impl BuiltScene {
             formulas: BTreeMap::from(formulas),
             initial: None,
             self_test: if writing.self_test { self.self_test() } else { Vec::new() },
-            conserves_energy: self.equations.facts.energy_is_conserved,
+            conserves_energy: self.equations.facts.conserves_energy(),
             groups: writing.nalgebra.then(|| groups(self)),
         }
     }

@@ -502,7 +502,10 @@ impl Evaluator<'_> {
                     arguments.iter().zip(values).map(|(e, (v, _))| (e, v.shape())).collect();
                 let is_about_shapes = !matches!(
                     error,
-                    ValueError::DivisionByZero | ValueError::LogarithmOfZero | ValueError::AngleOfOrigin
+                    ValueError::DivisionByZero
+                        | ValueError::LogarithmOfZero
+                        | ValueError::AngleOfOrigin
+                        | ValueError::NoValue(_)
                 );
                 let shapes = if is_about_shapes { &shapes[..] } else { &[] };
                 self.error(span, &error, shapes)

@@ -119,6 +119,8 @@ pub enum ValueError {
     LogarithmOfZero,
     /// The angle of a point that is the origin identically.
     AngleOfOrigin,
+    /// A number that is none, by its text.
+    NoValue(String),
     /// An exponent beyond the limits.
     Exponent(Rational),
     /// A power of a matrix that is not diagonal, with an exponent that is no positive whole number.
@@ -151,6 +153,10 @@ pub enum ValueError {
     TooLarge,
 }
 
+/// Where functions have values.
+pub(crate) const NO_VALUE: &str = "logarithms have values of positive numbers, roots of numbers that are not negative, \
+                                   `asin` and `acos` between -1 and 1, `tan` besides odd multiples of pi/2";
+
 impl fmt::Display for ValueError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -171,6 +177,7 @@ impl fmt::Display for ValueError {
             ValueError::DivisionByZero => f.write_str("division by zero"),
             ValueError::LogarithmOfZero => f.write_str("logarithm of zero"),
             ValueError::AngleOfOrigin => f.write_str("angle of the origin"),
+            ValueError::NoValue(text) => write!(f, "`{text}` is no real number"),
             ValueError::MatrixPower(q) => write!(f, "power {q} of a matrix that is not diagonal"),
             ValueError::Exponent(q) => {
                 let shown: String = q.to_string().chars().take(40).collect();
@@ -239,6 +246,7 @@ impl ValueError {
             }
             ValueError::LogarithmOfZero => "its argument vanishes identically".into(),
             ValueError::AngleOfOrigin => "both coordinates of the point vanish identically".into(),
+            ValueError::NoValue(_) => NO_VALUE.into(),
             ValueError::Exponent(_) => "powers are computed exactly".into(),
             ValueError::MatrixPower(_) => "matrices are not inverted: write the solution out".into(),
             ValueError::Ragged { .. } => "a vector holds numbers, a matrix rows of one length".into(),

@@ -6,7 +6,7 @@ use num_traits::{One, Signed, ToPrimitive, Zero};
 
 use super::limits::{MAX_DIM, MAX_EXPONENT};
 use super::shape::{Expected, Operation, Shape, ValueError};
-use crate::expr::{ExprId, Func, Graph, Rational};
+use crate::expr::{ExprId, Func, Graph, Rational, Style};
 
 /// Largest matrix whose determinant is written out.
 const MAX_DETERMINANT: usize = 8;
@@ -251,7 +251,8 @@ impl Value {
     /// `a^b` for numbers: a rational power, `exp(b ln a)` otherwise.
     ///
     /// # Errors
-    /// [`ValueError::Shapes`], [`ValueError::Exponent`] beyond 1000, [`ValueError::DivisionByZero`] for `0^-1`.
+    /// [`ValueError::Shapes`], [`ValueError::Exponent`] beyond 1000, [`ValueError::DivisionByZero`] for `0^-1`,
+    /// [`ValueError::NoValue`] for `(-1)^(1/2)`.
     pub fn pow(&self, g: &mut Graph, exponent: &Value) -> Outcome {
         if let (Value::Matrix { rows, columns, .. }, Value::Scalar(power)) = (self, exponent)
             && rows == columns
@@ -269,13 +270,15 @@ impl Value {
         let Some(q) = g.as_rational(*power).cloned() else {
             let log = g.func(Func::Ln, *base);
             let product = g.mul(*power, log);
-            return Ok(Value::Scalar(g.func(Func::Exp, product)));
+            let value = g.func(Func::Exp, product);
+            return with_value(g, value);
         };
         let small = |n: Option<u32>| n.is_some_and(|n| n <= MAX_EXPONENT);
         if !small(q.numer().abs().to_u32()) || !small(q.denom().to_u32()) {
             return Err(ValueError::Exponent(q));
         }
-        g.pow(*base, &q).map(Value::Scalar).map_err(|_| ValueError::DivisionByZero)
+        let value = g.pow(*base, &q).map_err(|_| ValueError::DivisionByZero)?;
+        with_value(g, value)
     }
 
     /// Whether it is a square matrix with nothing beside its diagonal.
@@ -495,13 +498,14 @@ impl Value {
     /// An elementary function of a number.
     ///
     /// # Errors
-    /// [`ValueError::Argument`] unless it is a number, [`ValueError::LogarithmOfZero`].
+    /// [`ValueError::Argument`] unless it is a number, [`ValueError::LogarithmOfZero`], [`ValueError::NoValue`].
     pub fn func(&self, g: &mut Graph, f: Func) -> Outcome {
         let a = self.scalar(f.name())?;
         if f == Func::Ln && g.as_rational(a).is_some_and(Zero::is_zero) {
             return Err(ValueError::LogarithmOfZero);
         }
-        Ok(Value::Scalar(g.func(f, a)))
+        let value = g.func(f, a);
+        with_value(g, value)
     }
 
     /// The angle of the point `(x, y)` in `(-pi, pi]`, `self` being `y`.
@@ -519,10 +523,11 @@ impl Value {
     /// The square root of a number.
     ///
     /// # Errors
-    /// [`ValueError::Argument`] unless it is a number.
+    /// [`ValueError::Argument`] unless it is a number, [`ValueError::NoValue`].
     pub fn sqrt(&self, g: &mut Graph) -> Outcome {
         let a = self.scalar("sqrt")?;
-        Ok(Value::Scalar(g.sqrt(a)))
+        let value = g.sqrt(a);
+        with_value(g, value)
     }
 
     /// Entry `i` of a vector, row `i` of a matrix; `i` counts from one.
@@ -577,5 +582,13 @@ impl Value {
             });
         }
         Ok(self.map(|e| table.get(&e).copied().unwrap_or(e)))
+    }
+}
+
+/// A number of which nothing is known that shows it to be none.
+fn with_value(g: &Graph, e: ExprId) -> Outcome {
+    match g.is_number_without_value(e) {
+        true => Err(ValueError::NoValue(g.display(e, Style::Plain))),
+        false => Ok(Value::Scalar(e)),
     }
 }

@@ -41,6 +41,79 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         found
     }
 
+    /// Whether the slope has a pole where a pivot changes its sign on the way to the trial state.
+    ///
+    /// On the chord between the states, a slope that is regular changes less on the last tenth of the way to the zero
+    /// of the pivot than before it, `0.09` and `0.4` for one that is linear, and next to a pole of first order ten times
+    /// as much, `90` and `8`. Rounding errors of quotients that have a value there are small at these distances still.
+    #[cold]
+    pub(super) fn has_pole(&self, t_new: R) -> bool {
+        const DISTANCES: [f64; 3] = [0.5, 0.1, 0.01];
+        const GROWTH: f64 = 3.0;
+        // Changes of a slope that are no larger part of it say nothing.
+        const NOISE: f64 = 1e-6;
+        let mut chord = self.work.clone();
+        let pivot = |chord: &mut S::State, index: usize, part: f64| {
+            let t = self.on_chord(t_new, part, chord);
+            let (mut value, mut k) = (None, 0);
+            self.system.pivots(t, chord, &mut |pivot| {
+                if k == index {
+                    value = Some(pivot.value);
+                }
+                k += 1;
+            });
+            value
+        };
+        let mut index = 0;
+        while let (Some(here), Some(there)) = (pivot(&mut chord, index, 0.0), pivot(&mut chord, index, 1.0)) {
+            let (mut low, mut high) = (0.0, 1.0);
+            if changes_sign(here, there) {
+                for _ in 0..40 {
+                    let middle = 0.5 * (low + high);
+                    match pivot(&mut chord, index, middle) {
+                        Some(value) if changes_sign(here, value) => high = middle,
+                        _ => low = middle,
+                    }
+                }
+                // Lanes that cross at places of their own are to be taken one by one.
+                let beyond = pivot(&mut chord, index, high);
+                if !beyond.is_some_and(|beyond| R::ZERO.all_gt(sign(here) * sign(beyond))) {
+                    return true;
+                }
+                // From the side that is farther away.
+                let side = if low < 0.5 { 1.0 - low } else { -low };
+                let slopes = DISTANCES.map(|distance| {
+                    let t = self.on_chord(t_new, low + side * distance, &mut chord);
+                    let mut slope = self.work.zeros_like();
+                    self.system.rhs(t, &chord, &mut slope);
+                    slope
+                });
+                let [far, middle, near] = slopes.each_ref().map(StateVector::as_slice);
+                let is_regular = far.iter().zip(middle).zip(near).all(|((&far, &middle), &near)| {
+                    let change = (near - middle).abs();
+                    let noise = (far.abs() + middle.abs()) * R::from_f64(NOISE);
+                    ((middle - far).abs().mul_add(R::from_f64(GROWTH), noise)).all_ge(change)
+                });
+                if !is_regular {
+                    return true;
+                }
+            }
+            index += 1;
+        }
+        false
+    }
+
+    /// The state at a part of the way from the last accepted state to the trial state, and its time.
+    fn on_chord(&self, t_new: R, part: f64, chord: &mut S::State) -> R {
+        let part = R::from_f64(part);
+        let (from, to) = (self.here(), &self.points[usize::from(!self.current)]);
+        let ends = from.state.as_slice().iter().zip(to.state.as_slice());
+        for (out, (&here, &there)) in chord.as_mut_slice().iter_mut().zip(ends) {
+            *out = (there - here).mul_add(part, here);
+        }
+        (t_new - self.t).mul_add(part, self.t)
+    }
+
     /// The first pivot that is as `is_such` says somewhere on the tangent of the solution: at one of the distances
     /// `h, 2 h, 4 h, ..`.
     #[cold]
@@ -144,6 +217,11 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
 
 /// Whether a pivot has another sign on some lane.
 fn changes_sign<R: Real>(here: R, there: R) -> bool {
-    let signs = (here / here.abs()) * (there / there.abs());
+    let signs = sign(here) * sign(there);
     signs.all_finite() && !signs.all_gt(R::ZERO)
+}
+
+/// One with the sign of a number on every lane.
+fn sign<R: Real>(x: R) -> R {
+    x / x.abs()
 }

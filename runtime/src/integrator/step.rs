@@ -240,12 +240,25 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         }
     }
 
-    /// Whether no pivot has passed through zero on the way to the trial state.
+    /// Whether no pivot has passed through zero on the way to the trial state, and no single divisor through a pole of
+    /// the slope.
     #[inline]
-    fn keeps_signature(&self, t_new: R) -> Result<(), Rejection> {
+    fn keeps_signature(&mut self, t_new: R) -> Result<(), Rejection> {
         let to = &self.points[usize::from(!self.current)];
         let signature = self.system.signature(t_new, &to.state);
         if signature.all_ge(self.signature) && self.signature.all_ge(signature) {
+            return Ok(());
+        }
+        self.takes_signature(t_new, signature)
+    }
+
+    /// Takes the signature of the trial state where single divisors alone have passed through zero, and the slope has
+    /// no pole there: `sin(x)/x` has a value at zero.
+    #[cold]
+    fn takes_signature(&mut self, t_new: R, signature: R) -> Result<(), Rejection> {
+        // A NaN is not smaller.
+        if (signature - self.signature).magnitude() < 1.0 && !self.has_pole(t_new) {
+            self.signature = signature;
             return Ok(());
         }
         Err(Rejection::Failed(self.crossed(t_new).into()))

@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 use num_traits::{One, Signed};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Func, Graph, Node, Rational, Style, SymbolId, inlined, needed_sections, sign_of};
+use crate::expr::{
+    ExprId, Func, Graph, Node, Rational, Sign, Style, SymbolId, inlined, needed_sections, sign_of,
+};
 use crate::lower::Inputs;
 use crate::lower::classes::{Class, Classes};
 use crate::lower::form::Form;
@@ -41,6 +43,8 @@ pub(super) struct Divisor {
     pub(super) expr: ExprId,
     /// Whether it is a product of others, whose rounding errors do not matter besides theirs.
     pub(super) is_composite: bool,
+    /// Whether it is a single one that can be negative and positive.
+    pub(super) changes_sign: bool,
 }
 
 /// The values that `function` divides by and that can vanish or overflow, without those in `known`; first single ones
@@ -79,7 +83,8 @@ pub(super) fn divisors(
         if known.contains(base) || found.iter().any(|d| d.expr == *base) || naming.is_harmless(*base) {
             continue;
         }
-        found.push(Divisor { name: naming.name(*base), expr: *base, is_composite: false });
+        let changes_sign = naming.sign(*base) == Sign::Unknown && !naming.is_a_large_number(*base);
+        found.push(Divisor { name: naming.name(*base), expr: *base, is_composite: false, changes_sign });
     }
     for denominator in &denominators {
         let is_single = matches!(denominator.as_slice(), [(_, q)] if *q <= Rational::one());
@@ -90,7 +95,8 @@ pub(super) fn divisors(
         // Powers of what is not zero: there is nothing that could be divided by zero.
         let Ok(expr) = expr else { continue };
         if !found.iter().any(|d| d.expr == expr) {
-            found.push(Divisor { name: naming.name(expr), expr, is_composite: true });
+            let name = naming.name(expr);
+            found.push(Divisor { name, expr, is_composite: true, changes_sign: false });
         }
     }
     Ok(found)
@@ -109,10 +115,31 @@ impl Naming<'_> {
         self.graph.subs(e, &self.values).unwrap_or(e)
     }
 
+    fn sign(&mut self, e: ExprId) -> Sign {
+        let value = self.value(e);
+        sign_of(self.graph, value, &self.inputs.signs)
+    }
+
+    /// Whether a value is a number and less than that, by sines and cosines: `2 + sin(x)`.
+    fn is_a_large_number(&mut self, e: ExprId) -> bool {
+        let value = self.value(e);
+        let Node::Sum { constant, terms } = self.graph.node(value) else { return false };
+        let is_up_to_one =
+            |e: &ExprId| matches!(self.graph.node(*e), Node::Function(Func::Sin | Func::Cos | Func::Tanh, _));
+        let sizes = terms.iter().map(|(term, q)| match self.graph.node(*term) {
+            Node::Product { coefficient, factors } => {
+                let bounded = factors.iter().all(|(base, q)| q.is_positive() && is_up_to_one(base));
+                bounded.then(|| (coefficient * q).abs())
+            }
+            _ => is_up_to_one(term).then(|| q.abs()),
+        });
+        let largest: Option<Rational> = sizes.sum();
+        largest.is_some_and(|largest| largest < constant.abs())
+    }
+
     /// Whether a value can neither vanish nor overflow.
     fn is_harmless(&mut self, e: ExprId) -> bool {
-        let value = self.value(e);
-        sign_of(self.graph, value, &self.inputs.signs).is_definite() && self.is_bounded(e)
+        self.sign(e).is_definite() && self.is_bounded(e)
     }
 
     /// Whether a value is bounded for bounded parameters, whatever the state.
@@ -173,25 +200,34 @@ fn is_constant(graph: &Graph, inputs: &Inputs, e: ExprId) -> bool {
     graph.free_symbols(e).iter().all(|s| inputs.params.contains(s))
 }
 
-/// `sum_m c_m s_m` with `s_m` the sum or the product of the signs of a matrix's pivots and factors `c_m` that keep the
-/// numbers apart.
-pub(super) fn signature(graph: &mut Graph, matrices: &[(bool, Vec<ExprId>)]) -> ExprId {
+/// Single divisors whose signs are told apart; more of them share a sign, the product of theirs.
+const MAX_SINGLE: usize = 40;
+
+/// `sum_m c_m s_m + sum_k 2^-(k+2) s_k` with `s_m` the sum or the product of the signs of a matrix's pivots, factors
+/// `c_m` that keep the numbers apart, and the signs `s_k` of single divisors: a change of less than one is theirs
+/// alone.
+pub(super) fn signature(graph: &mut Graph, matrices: &[(bool, Vec<ExprId>)], single: &[ExprId]) -> ExprId {
+    let sign = |graph: &mut Graph, p: ExprId| {
+        let size = graph.func(Func::Abs, p);
+        let inverse = graph.powi(size, -1);
+        graph.mul(p, inverse)
+    };
     let mut terms = Vec::new();
     let mut factor = Rational::one();
     for (is_symmetric, pivots) in matrices {
-        let signs: Vec<ExprId> = pivots
-            .iter()
-            .map(|p| {
-                let size = graph.func(Func::Abs, *p);
-                let inverse = graph.powi(size, -1);
-                graph.mul(*p, inverse)
-            })
-            .collect();
+        let signs: Vec<ExprId> = pivots.iter().map(|p| sign(graph, *p)).collect();
         // Sums of n signs have n + 1 values at distances of two, and a product has two.
         let (number, n_values) =
             if *is_symmetric { (graph.sum(&signs), signs.len() + 1) } else { (graph.product(&signs), 2) };
         terms.push((number, factor.clone()));
         factor *= Rational::from_integer(n_values.into());
+    }
+    let half = Rational::new(1.into(), 2.into());
+    let mut weight = half.clone();
+    for k in 0..single.len().min(MAX_SINGLE) {
+        let signs: Vec<ExprId> = single.iter().skip(k).step_by(MAX_SINGLE).map(|p| sign(graph, *p)).collect();
+        weight *= &half;
+        terms.push((graph.product(&signs), weight.clone()));
     }
     graph.linear_combination(&terms)
 }

@@ -14,11 +14,11 @@
 //!    it: `p` is nothing but such errors unless `s + |p| > s`. A number that is compared with a fixed tolerance would
 //!    depend on units. [`conditions`] does the same for conditions on the parameters.
 //! 5. **Watched.** [`Role::Signature`] is one number made of the signs of the pivots of the watched matrices, which
-//!    stays the same while none of them becomes singular.
+//!    stays the same while none of them becomes singular, and, as its fraction, of those of single divisors.
 //! 6. **Tested.** The function `check` of an emitted scene, as `scene::Interpreter::check`, calls
 //!    `hamel_runtime::Pivot::verify` for each, the conditions are tested in `Prepared::new`, and an integrator that
-//!    finds another signature after a step goes back to where it changed. The first pivot that fails is named in the
-//!    error.
+//!    finds another signature after a step goes back to where it changed; where single divisors have changed their
+//!    signs, if the slope has a pole there. The first pivot that fails is named in the error.
 //!
 //! Does not know: mechanics, what is done about a pivot that is lost.
 
@@ -49,13 +49,13 @@ pub(super) fn functions(
     request: &Request,
     rate: Option<&Form>,
 ) -> Result<(Vec<Form>, Search), Error> {
-    let (pivots, search) = scaled_pivots(graph, source, digits, budget, request, rate)?;
-    let signature = signature(graph, source, request, &pivots);
+    let (pivots, crossed, search) = scaled_pivots(graph, source, digits, budget, request, rate)?;
+    let signature = signature(graph, source, request, &pivots, &crossed);
     Ok(([pivots].into_iter().chain(signature).collect(), search))
 }
 
-/// The pivots with their scales, in the form in which the rates have them; a pivot that is no value of that form is
-/// computed in one of its own.
+/// The pivots with their scales, in the form in which the rates have them, and the single divisors among them that can
+/// change their sign; a pivot that is no value of that form is computed in one of its own.
 fn scaled_pivots(
     graph: &mut Graph,
     source: &Source<'_>,
@@ -63,7 +63,7 @@ fn scaled_pivots(
     budget: &SearchBudget,
     request: &Request,
     rate: Option<&Form>,
-) -> Result<(Form, Search), Error> {
+) -> Result<(Form, Vec<ExprId>, Search), Error> {
     let sections_of_rate = rate.map_or(&[][..], |rate| rate.sections.as_slice());
     let divisors = sections_of_rate.iter().flat_map(|s| &s.definitions);
     // With what each is in the units of the pivots: whether it vanishes does not depend on its own.
@@ -92,6 +92,7 @@ fn scaled_pivots(
     let others =
         rate.map_or(Ok(Vec::new()), |rate| divisors::divisors(graph, source.inputs, rate, &known))?;
     let n_composite = others.iter().filter(|d| d.is_composite).count();
+    let crossed: Vec<ExprId> = others.iter().filter(|d| d.changes_sign).map(|d| d.expr).collect();
     results.extend(others.into_iter().map(|d| (d.name, d.expr)));
     let n_single = results.len() - n_composite;
     let values: Vec<ExprId> = results.iter().map(|(_, e)| *e).collect();
@@ -111,13 +112,20 @@ fn scaled_pivots(
     let names: Vec<String> = results.iter().map(|(name, _)| name.clone()).collect();
     results.extend(names.into_iter().zip(scales));
     let request = Request { role: request.role.clone(), results };
-    Ok((Form { sections, request, units, rolled: None }, search))
+    Ok((Form { sections, request, units, rolled: None }, crossed, search))
 }
 
-/// The function [`Role::Signature`], of the pivots as [`Role::Pivots`] has them; none if nothing is watched.
-fn signature(graph: &mut Graph, source: &Source<'_>, request: &Request, pivots: &Form) -> Option<Form> {
+/// The function [`Role::Signature`], of the pivots as [`Role::Pivots`] has them and of the single divisors `crossed`;
+/// none if nothing is watched.
+fn signature(
+    graph: &mut Graph,
+    source: &Source<'_>,
+    request: &Request,
+    pivots: &Form,
+    crossed: &[ExprId],
+) -> Option<Form> {
     let watched = &source.inputs.divisors.watched;
-    if watched.is_empty() {
+    if watched.is_empty() && crossed.is_empty() {
         return None;
     }
     let as_computed = |pivot: &ExprId| {
@@ -126,7 +134,7 @@ fn signature(graph: &mut Graph, source: &Source<'_>, request: &Request, pivots: 
     };
     let matrices: Vec<(bool, Vec<ExprId>)> =
         watched.iter().map(|m| (m.is_symmetric, m.pivots.iter().filter_map(as_computed).collect())).collect();
-    let value = divisors::signature(graph, &matrices);
+    let value = divisors::signature(graph, &matrices, crossed);
     let results = vec![(Role::Signature.name().to_owned(), value)];
     let request = Request { role: Role::Signature, results };
     Some(Form { request, ..pivots.clone() })

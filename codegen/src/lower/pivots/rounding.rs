@@ -67,11 +67,11 @@ pub(super) fn rounding_scales(
             Node::Product { coefficient, factors } => analysis.product(e, &coefficient, &factors),
             Node::Function(f, a) => {
                 let slope = analysis.graph.func_derivative(f, a, e);
-                analysis.function(e, [(a, slope)])
+                analysis.function(e, slope.map(|slope| (a, slope)))
             }
             Node::Atan2(y, x) => {
-                let [by_y, by_x] = analysis.graph.atan2_derivatives(y, x);
-                analysis.function(e, [(y, by_y), (x, by_x)])
+                let slopes = analysis.graph.atan2_derivatives(y, x);
+                analysis.function(e, slopes.into_iter().flat_map(|[by_y, by_x]| [(y, by_y), (x, by_x)]))
             }
         };
         if let Some(scale) = scale {

@@ -1,0 +1,98 @@
+//! Motions into singular places, on the command line: poles, lost ranks, and places that only look singular.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+/// What a run of a model says: whether it succeeded, its output and its messages.
+fn simulate(name: &str, text: &str, arguments: &[&str]) -> (bool, String, String) {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::write(&path, text).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+        .args(["simulate", path.to_str().unwrap()])
+        .args(arguments)
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.success(), text(output.stdout), text(output.stderr))
+}
+
+const POLE: &str = include_str!("../../codegen/tests/edges/pole_in_force.hamel");
+
+#[test]
+fn fixed_steps_do_not_walk_through_a_pole_of_a_force() {
+    for (method, step) in [("rk4", "0.3"), ("rk4", "0.03"), ("vern9", "0.3"), ("gauss8", "0.03")] {
+        let arguments = ["--method", method, "--step", step, "--t-final", "2"];
+        let (succeeds, _, message) = simulate("pole.hamel", POLE, &arguments);
+        assert!(!succeeds, "{method} {step} passes the pole");
+        assert!(message.contains("pivot t - 1/2 passes through zero"), "{method} {step}: {message}");
+    }
+}
+
+/// `(1 - cos x)/x` has the value zero at zero.
+#[test]
+fn a_quotient_that_has_a_value_is_passed() {
+    let text = "model soft { coordinate x in real; lagrangian = x_dot^2/2; force x_dot = -(1 - cos(x))/x;
+        initial x = 1; initial x_dot = -1; }";
+    let mut ends = Vec::new();
+    for (method, step) in [("rk4", "0.01"), ("vern9", "0.1"), ("gauss8", "0.03")] {
+        let (succeeds, text, message) =
+            simulate("soft.hamel", text, &["--method", method, "--step", step, "--t-final", "2"]);
+        assert!(succeeds, "{method}: {message}");
+        ends.push(text.lines().find(|line| line.contains("x ")).map(str::to_owned));
+    }
+    assert!(ends[0].is_some(), "{ends:?}");
+}
+
+/// Both arms of a parallelogram fold onto its base, where the equations of the loop depend on each other and the motion
+/// may go on as a parallelogram or crossed.
+#[test]
+fn multipliers_do_not_pass_a_loss_of_rank() {
+    let text = "model parallelogram {
+        param a = 0.3; param b = 1.0;
+        coordinate al in angle;
+        coordinate be, ga in angle by a*[cos(al), sin(al)] + b*[cos(be), sin(be)] - a*[cos(ga), sin(ga)] = [b, 0];
+        lagrangian = al_dot^2/2 + be_dot^2/2 + ga_dot^2;
+        multipliers;
+        initial al = 1; initial ga = 1; initial al_dot = 1;
+    }";
+    for method in [&["--method", "vern9"][..], &["--method", "gbs14"], &["--method", "rk4", "--step", "0.05"]]
+    {
+        let arguments = [&["--t-final", "20"], method].concat();
+        let (succeeds, output, message) = simulate("parallelogram.hamel", text, &arguments);
+        assert!(!succeeds, "{output}{message}");
+        assert!(message.contains("equations between coordinates depend on each other"), "{message}");
+    }
+    // Steps that shrink next to that place may leave it along the other branch: the energy tells.
+    let (succeeds, output, message) =
+        simulate("parallelogram.hamel", text, &["--t-final", "9.9", "--method", "dop853"]);
+    let is_told = message.contains("the energy is conserved but moved");
+    assert!(!succeeds || is_told, "{output}{message}");
+}
+
+/// Gradients that turn all the way round, in long steps, keep their rank.
+#[test]
+fn a_pendulum_in_place_coordinates_goes_round() {
+    let text = "model pendulum {
+        coordinate x in real;
+        coordinate y in real by x^2 + y^2 = 1;
+        lagrangian = x_dot^2/2 + y_dot^2/2;
+        multipliers;
+        initial x = 1; initial x_dot = 0; initial y = 0; initial y_dot = 1;
+    }";
+    for method in ["dop853", "gbs14", "vern9"] {
+        let arguments = ["--t-final", "60", "--method", method, "--rtol", "1e-6"];
+        let (succeeds, output, message) = simulate("pendulum.hamel", text, &arguments);
+        assert!(succeeds, "{method}: {output}{message}");
+    }
+}
+
+/// The warning of an energy that moves is one of adaptive steps as well: at a tolerance that is none.
+#[test]
+fn adaptive_steps_tell_that_an_energy_moves() {
+    let text = "model oscillator { coordinate x in real; lagrangian = x_dot^2/2 - x^4/4; initial x = 1; initial x_dot = 1; }";
+    let arguments = ["--t-final", "20000", "--rtol", "1e-4", "--atol", "1e-4", "--method", "tsit5"];
+    let (succeeds, output, message) = simulate("oscillator.hamel", text, &arguments);
+    assert!(succeeds, "{message}");
+    assert!(message.contains("the energy is conserved but moved"), "{output}{message}");
+}
