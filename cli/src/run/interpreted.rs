@@ -26,6 +26,7 @@ use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{self, Checked, Model};
+use crate::streams::tell;
 
 /// A program with what runs it: its machine code, or nothing where it is interpreted.
 #[derive(Debug)]
@@ -46,7 +47,7 @@ impl Deref for Runnable {
 fn compiled(program: &Program) -> Option<Compiled> {
     let compiled = Compiled::new(program);
     if let Err(reason) = &compiled {
-        eprintln!("note: {reason}; the scene is interpreted");
+        tell(format_args!("note: {reason}; the scene is interpreted"));
     }
     compiled.ok()
 }
@@ -136,6 +137,31 @@ impl Stored {
         };
         Stored { executable: scene.executable(), info }
     }
+
+    /// Whether the program keeps its rules and has what the names say.
+    fn is_sound(&self, model: &str, scene: &str) -> bool {
+        let Stored { executable, info } = self;
+        let program = &executable.program;
+        let groups = program.functions.iter().filter_map(|function| match &function.role {
+            Role::Output(name) => Some((name, function.results.len())),
+            _ => None,
+        });
+        let told = info.outputs.iter().map(|group| (&group.name, group.components.len()));
+        fits(executable, info)
+            && (info.model.as_str(), info.scene.as_str()) == (model, scene)
+            && groups.eq(told.filter(|(_, n)| *n > 0))
+            && info.has_energy == program.function(&Role::Energy).is_some()
+    }
+}
+
+/// Whether a program keeps its rules and takes the parameters, the inputs and the state of a scene.
+fn fits(executable: &Executable, info: &Info) -> bool {
+    let program = &executable.program;
+    let inputs = program.inputs.iter().map(|(name, _)| name);
+    program.state == info.state
+        && program.params == info.param_names()
+        && inputs.eq(info.inputs.iter().map(|input| &input.name))
+        && executable.verify().is_ok()
 }
 
 /// Components of a state in the place of velocities of the model.
@@ -162,7 +188,8 @@ fn output_entry(output: &hamel_codegen::mechanics::Output) -> OutputEntry {
 /// [`Error::UnknownScene`], [`Error::Models`].
 pub fn build(model: &Arc<Checked>, scene: &str) -> Result<Built, Error> {
     let mut derived = OnceLock::new();
-    let stored = model.cached("scene", scene, || {
+    let is_sound = |stored: &Stored| stored.is_sound(&model.name, scene);
+    let stored = model.cached("scene", scene, is_sound, || {
         let built = model.derive(scene)?;
         let stored = Stored::of(&model.name, &built);
         derived = OnceLock::from(Some(built));
@@ -282,7 +309,13 @@ impl Built {
     /// The scene with the same parameters and state that has the residuals of the constraints that a state can violate,
     /// and the momenta; none if there are no such constraints.
     pub fn with_residuals(&self) -> Option<Built> {
-        let stored: Result<Option<Stored>, Error> = self.model.cached("residuals", &self.info.scene, || {
+        let Info { model, scene, .. } = &self.info;
+        let is_sound = |stored: &Option<Stored>| {
+            stored.as_ref().is_none_or(|stored| {
+                stored.is_sound(model, scene) && fits(&stored.executable, &self.info)
+            })
+        };
+        let stored: Result<Option<Stored>, Error> = self.model.cached("residuals", scene, is_sound, || {
             let scene = self.derived().and_then(|scene| scene.with_residuals().ok()?);
             Ok(scene.map(|scene| {
                 let outputs = scene.outputs().iter().map(output_entry).collect();
@@ -307,7 +340,9 @@ impl Built {
 
     /// The scene with something else, kept by the name of that; none if it is not there.
     fn also(&self, what: &str, with: impl Fn(&BuiltScene) -> Option<BuiltScene>) -> Option<Runnable> {
-        let found = self.model.cached(what, &self.info.scene, || {
+        let is_sound =
+            |found: &Option<Executable>| found.as_ref().is_none_or(|found| fits(found, &self.info));
+        let found = self.model.cached(what, &self.info.scene, is_sound, || {
             Ok(self.derived().and_then(with).map(|scene| scene.executable()))
         });
         let found: Option<Executable> = found.ok().flatten();
@@ -332,7 +367,10 @@ impl Built {
     /// The scene with its exact flows, or why it has none.
     fn with_splitting(&self) -> Result<&Runnable, String> {
         let find = || {
-            let found = self.model.cached("splitting", &self.info.scene, || {
+            let is_sound = |found: &Option<Result<Executable, String>>| {
+                found.iter().flatten().all(|found| fits(found, &self.info))
+            };
+            let found = self.model.cached("splitting", &self.info.scene, is_sound, || {
                 let scene = self.derived().map(|scene| scene.with_splitting().map_err(why_unsplit));
                 Ok(scene.map(|found| found.map(|scene| scene.executable())))
             });

@@ -28,6 +28,7 @@ pub mod protocol;
 pub(crate) mod ranks;
 mod record;
 pub mod remote;
+pub mod resources;
 mod saltation;
 mod sensitivity;
 pub mod simulation;
