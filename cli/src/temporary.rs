@@ -27,8 +27,13 @@ impl Temporary {
     /// The same for a file that this process writes once.
     ///
     /// # Errors
-    /// [`io::ErrorKind::AlreadyExists`] where the process writes it already.
+    /// [`io::ErrorKind::AlreadyExists`] where the process writes it already, [`io::ErrorKind::IsADirectory`] for a
+    /// folder, whose place a file cannot take.
     pub(crate) fn once_beside(path: &Path) -> io::Result<Temporary> {
+        if path.is_dir() {
+            let reason = "it is a folder: give the name of a file";
+            return Err(io::Error::new(io::ErrorKind::IsADirectory, reason));
+        }
         let path = name_beside(path);
         if !present().insert(path.clone()) {
             let reason = "the file is given twice: give it once";

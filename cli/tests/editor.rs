@@ -321,7 +321,7 @@ fn a_long_session_does_not_grow() {
     };
     let mut editor = Editor::start();
     editor.open(&text(1));
-    let mut change = |editor: &mut Editor, version: i32| {
+    let change = |editor: &mut Editor, version: i32| {
         let document = json!({ "uri": URI, "version": version });
         let changes = json!([{ "text": text(version as usize) }]);
         editor.tell("textDocument/didChange", json!({ "textDocument": document, "contentChanges": changes }));

@@ -153,19 +153,21 @@ fn files_that_cannot_be_written_are_told_before_anything_is_integrated() {
     let nowhere = folder.file("nowhere/top.csv");
     let taken = folder.file("taken.csv");
     let twice = folder.file("twice.csv");
-    // A thousand years by steps of a second: nobody waits for the end.
-    let long = ["--t-final", "1e9", "--max-steps", "1000000000000"];
-    let motion = |more: &[&str]| [&["simulate", "heavy_top", "--via", "interpreter"], &long[..], more].concat();
+    // Nobody waits for the end.
+    fn motion<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        let long = ["--via", "interpreter", "--t-final", "1e9", "--max-steps", "1000000000000"];
+        [&["simulate", "heavy_top"], &long[..], more].concat()
+    }
     let cases: [(Vec<&str>, i32, &str); 6] = [
         (motion(&["-o", &nowhere]), 1, "there is no folder"),
-        (motion(&["-o", &taken]), 2, "is a folder"),
+        (motion(&["-o", &taken]), 1, "is a folder"),
         (motion(&["-o", &twice, "-o", &twice]), 1, "given twice"),
         (motion(&["--events", &nowhere]), 1, "there is no folder"),
         (vec!["report", "heavy_top", "--t-final", "1e9", "-o", "/nowhere/top.html"], 1, "there is no folder"),
         (
             vec!["ensemble", "heavy_top", "--sweep", "m=1..2:9", "--t-final", "1e9", "--samples", "2", "-o", &taken],
             1,
-            "taken.csv",
+            "is a folder",
         ),
     ];
     for (arguments, code, message) in cases {

@@ -521,7 +521,7 @@ fn displacements_that_depend_on_velocities_have_no_curvature() {
     // 1 + a1^2 along xi3 vanishes nowhere, and lies along the algebra.
     assert_eq!(forms.complement, [4]);
     assert!(forms.curvature.is_none());
-    assert_eq!(forms.equations.expect("the motion satisfies both forms").alternative.len(), 4);
+    assert_eq!(forms.equations.expect("the motion satisfies both forms").projected.len(), 4);
 }
 
 #[test]

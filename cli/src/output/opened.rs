@@ -21,12 +21,9 @@ impl Opened {
     /// Opens a file; what is at its place stays until it is written.
     ///
     /// # Errors
-    /// [`Error::Request`] for a folder, [`Error::NoFolder`], [`Error::Io`], also for a file that is open already.
+    /// [`Error::NoFolder`]; [`Error::Io`], also for a folder and for a file that is open already.
     pub(crate) fn new(path: &Path) -> Result<Opened, Error> {
         let shown = path.display().to_string();
-        if path.is_dir() {
-            return Err(Error::unusable(shown, "is a folder: give the name of a file"));
-        }
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
         {
             return Err(Error::NoFolder { file: shown, folder: folder.display().to_string() });

@@ -146,7 +146,7 @@ impl Executable {
         }
         let are_gradients = |name: &str, n_functions: usize| {
             let pattern = self.patterns.iter().find(|pattern| pattern.name == name);
-            pattern.is_none_or(|pattern| pattern.shape == (n_functions, n))
+            pattern.map_or(n_functions == 0, |pattern| pattern.shape == (n_functions, n))
         };
         let n_positions = n_of(&Role::Output(Want::Positions.name().to_owned())).unwrap_or(0);
         if !are_gradients(GRADIENTS, self.n_invariants()) || !are_gradients(positions::GRADIENTS, n_positions) {

@@ -3,7 +3,7 @@
 //! Deliberately does not know: attitudes of a model, items.
 
 use num_bigint::BigInt;
-use num_traits::{One, Signed, ToPrimitive, Zero};
+use num_traits::{One, Signed, Zero};
 
 use super::ast::Expr;
 use super::diagnostic::{Diagnostic, Span};
