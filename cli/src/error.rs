@@ -496,10 +496,9 @@ impl fmt::Display for Error {
                 write!(f, "integration stopped at t = {t:?}: {reason}\n  state reached: ")?;
                 values(f, state)
             }
-            Error::Interrupted { t, t_final } => write!(
-                f,
-                "interrupted at t = {t:?} of {t_final:?}: what is told and written ends there"
-            ),
+            Error::Interrupted { t, t_final } => {
+                write!(f, "interrupted at t = {t:?} of {t_final:?}: what is told and written ends there")
+            }
             Error::NotFitted { reason, reached } => {
                 write!(f, "{reason}\n  the best values: ")?;
                 values(f, reached)

@@ -143,7 +143,8 @@ fn lists(value: &mut Value, place: &str, seen: &mut BTreeSet<String>, change: &m
 /// Entries that somebody wrote, digest and all: numbers that point nowhere, and lists that are too short.
 #[test]
 fn entries_that_break_the_rules_of_programs_are_as_good_as_none() {
-    const EVENTS: &str = "model ball { param g = 9.81; coordinate z, x, h in real; constraint rod: h^2 + x^2 = 1;
+    const EVENTS: &str =
+        "model ball { param g = 9.81; coordinate z, x, h in real; constraint rod: h^2 + x^2 = 1;
         initial h = 1; initial x = 0; lagrangian = (z_dot^2 + x_dot^2 + h_dot^2)/2 - g*(z + h);
         event floor = z falling { then z_dot = -0.9*z_dot; } }";
     let folder = Folder::new("crafted");

@@ -317,7 +317,9 @@ fn resident(id: u32) -> usize {
 fn a_long_session_does_not_grow() {
     let comments = "// a comment of a line that somebody has written about the model\n".repeat(800);
     let text = |k: usize| {
-        format!("{comments}model rod {{ param k = {k}; coordinate x in real; lagrangian = x_dot^2/2 - k*x^2; }}")
+        format!(
+            "{comments}model rod {{ param k = {k}; coordinate x in real; lagrangian = x_dot^2/2 - k*x^2; }}"
+        )
     };
     let mut editor = Editor::start();
     editor.open(&text(1));

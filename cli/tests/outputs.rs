@@ -165,7 +165,18 @@ fn files_that_cannot_be_written_are_told_before_anything_is_integrated() {
         (motion(&["--events", &nowhere]), 1, "there is no folder"),
         (vec!["report", "heavy_top", "--t-final", "1e9", "-o", "/nowhere/top.html"], 1, "there is no folder"),
         (
-            vec!["ensemble", "heavy_top", "--sweep", "m=1..2:9", "--t-final", "1e9", "--samples", "2", "-o", &taken],
+            vec![
+                "ensemble",
+                "heavy_top",
+                "--sweep",
+                "m=1..2:9",
+                "--t-final",
+                "1e9",
+                "--samples",
+                "2",
+                "-o",
+                &taken,
+            ],
             1,
             "is a folder",
         ),
@@ -179,7 +190,12 @@ fn files_that_cannot_be_written_are_told_before_anything_is_integrated() {
 
 /// Ends a program by a signal once it has begun its file, and returns what came of it; earlier it would not have
 /// integrated yet, so that later moments are tried where nothing was written.
-fn interrupted(signal: &str, folder: &Folder, arguments: &[&str], is_done: impl Fn(&Output) -> bool) -> Output {
+fn interrupted(
+    signal: &str,
+    folder: &Folder,
+    arguments: &[&str],
+    is_done: impl Fn(&Output) -> bool,
+) -> Output {
     let mut pause = 400;
     loop {
         let mut command = common::command(arguments);
@@ -208,10 +224,12 @@ fn an_interrupted_motion_is_written_as_far_as_it_came() {
     let [csv, svg] = ["top.csv", "top.svg"].map(|name| folder.file(name));
     // About an hour, with a sample every few milliseconds.
     let long = ["--t-final", "1e6", "--samples", "1000001", "--max-steps", "100000000000"];
-    let arguments = [&["simulate", "heavy_top", "--via", "interpreter"], &long[..], &["-o", &csv, "-o", &svg]].concat();
+    let arguments =
+        [&["simulate", "heavy_top", "--via", "interpreter"], &long[..], &["-o", &csv, "-o", &svg]].concat();
     for signal in ["-INT", "-TERM"] {
         let _ = std::fs::remove_file(&csv);
-        let out = interrupted(signal, &folder, &arguments, |out| text(&out.stderr).contains("interrupted at t = "));
+        let out =
+            interrupted(signal, &folder, &arguments, |out| text(&out.stderr).contains("interrupted at t = "));
         let told = text(&out.stderr);
         assert!(told.contains("of 1000000.0: what is told and written ends there"), "{told}");
         let told = text(&out.stdout);
@@ -243,7 +261,8 @@ fn more_than_a_disk_holds_is_refused_with_its_size() {
     let folder = Folder::new("size");
     for (name, samples) in [("tops.zarr", "2"), ("tops.npz", "2"), ("tops.csv", "1000")] {
         let file = folder.file(name);
-        let many = ["ensemble", "heavy_top", "--spread", "m=0.05", "--count", "1000000000000", "--samples", samples];
+        let many =
+            ["ensemble", "heavy_top", "--spread", "m=0.05", "--count", "1000000000000", "--samples", samples];
         let told = refused(&[&many[..], &["-o", &file]].concat(), 2);
         assert!(told.contains("B for 1000000000000 trajectories, and its disk has room for"), "{told}");
     }
@@ -254,7 +273,9 @@ fn more_than_a_disk_holds_is_refused_with_its_size() {
 fn what_nobody_has_generated_is_not_overwritten() {
     let folder = Folder::new("own");
     let spring = |name: &str, more: &str| {
-        format!("model {name} {{ param k = 2; coordinate x in real; lagrangian = x_dot^2/2 - k*x^2; {more} }}")
+        format!(
+            "model {name} {{ param k = 2; coordinate x in real; lagrangian = x_dot^2/2 - k*x^2; {more} }}"
+        )
     };
     let a = folder.write("a.hamel", &spring("a", "scene b { fix k = 3; }"));
     let a_b = folder.write("a_b.hamel", &spring("a_b", ""));
@@ -290,5 +311,8 @@ fn what_nobody_has_generated_is_not_overwritten() {
     let fmu = folder.write("mine.fmu", "not an archive");
     let told = refused(&["generate", &a, "--scene", "b", "--language", "fmu", "-o", &fmu], 2);
     assert!(told.contains("is there and no FMU"), "{told}");
-    assert_eq!((folder.read("mine.rs"), folder.read("mine.fmu")), ("fn mine() {}\n".into(), "not an archive".into()));
+    assert_eq!(
+        (folder.read("mine.rs"), folder.read("mine.fmu")),
+        ("fn mine() {}\n".into(), "not an archive".into())
+    );
 }

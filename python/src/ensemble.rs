@@ -225,7 +225,8 @@ pub(crate) fn write(
         output: vec![to.out],
     };
     let inputs = scene.drives();
-    let subject = Subject { model: &scene.model, text: scene.model_text(), built: scene.built(), inputs, cancel };
+    let subject =
+        Subject { model: &scene.model, text: scene.model_text(), built: scene.built(), inputs, cancel };
     let lines = if names.is_empty() { Lines::none() } else { Lines::of((names, rows)) };
     of_scene(&subject, &mut Local::new(scene.built()), lines, &arguments, |_| {})
 }

@@ -104,7 +104,9 @@ impl Reader {
                     }
                     continue;
                 }
-                '_' | '^' | '<' | '>' | '|' | '"' if mode == Mode::Text => self.problem("a sign of formulas in a text"),
+                '_' | '^' | '<' | '>' | '|' | '"' if mode == Mode::Text => {
+                    self.problem("a sign of formulas in a text")
+                }
                 '&' if mode == Mode::Display && end != Some("}") => self.closed(std::mem::take(&mut n_open)),
                 '&' | '#' | '%' | '~' => self.problem("a sign that is a command"),
                 '\n' if mode == Mode::Inline => self.problem("a formula over two lines"),
@@ -191,7 +193,9 @@ impl Reader {
                     _ => self.problem("an environment at a wrong place"),
                 }
             }
-            _ if mode == Mode::Text && !["textbackslash", "ldots", "ae", "S", "allowdisplaybreaks"].contains(&name.as_str()) => {
+            _ if mode == Mode::Text
+                && !["textbackslash", "ldots", "ae", "S", "allowdisplaybreaks"].contains(&name.as_str()) =>
+            {
                 self.problem("a command of formulas in a text");
             }
             _ => {}

@@ -98,7 +98,8 @@ pub fn serve() -> Result<(), Error> {
     let failed = |e: &dyn std::fmt::Display| Error::io("the editor", std::io::Error::other(e.to_string()));
     let (connection, broken) = wire::stdio();
     // Where no message can be read, that says more than the end of the conversation.
-    let failed = |e: &dyn std::fmt::Display| broken.reason().map_or_else(|| failed(e), |reason| failed(&reason));
+    let failed =
+        |e: &dyn std::fmt::Display| broken.reason().map_or_else(|| failed(e), |reason| failed(&reason));
     let (id, _) = connection.initialize_start().map_err(|e| failed(&e))?;
     let info = json!({
         "capabilities": capabilities(),

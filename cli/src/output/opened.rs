@@ -24,7 +24,8 @@ impl Opened {
     /// [`Error::NoFolder`]; [`Error::Io`], also for a folder and for a file that is open already.
     pub(crate) fn new(path: &Path) -> Result<Opened, Error> {
         let shown = path.display().to_string();
-        if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
+        if let Some(folder) =
+            path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
         {
             return Err(Error::NoFolder { file: shown, folder: folder.display().to_string() });
         }

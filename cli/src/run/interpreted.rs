@@ -8,20 +8,18 @@ use std::collections::BTreeSet;
 use std::ops::Deref;
 use std::sync::{Arc, Mutex, OnceLock};
 
-use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
-use hamel_codegen::spec;
 use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
-use serde::{Deserialize, Serialize};
 
 use super::dynamics::{
     BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PositionEquations, PreparedDuals,
     PreparedLanes, PreparedScene, SideBySide, VecState, lane_by_lane,
 };
-use super::info::{Info, OutputEntry, ParamEntry};
+use super::info::Info;
 use super::inputs::{Drive, InputTable};
 use super::machine::{self, Compiled};
+use super::stored::{Stored, fits, output_entry};
 use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
@@ -108,78 +106,6 @@ pub struct Built {
     positions: OnceLock<Option<Runnable>>,
     /// The same with its exact flows, or why there are none.
     splitting: OnceLock<Result<Runnable, String>>,
-}
-
-/// What is kept of a scene.
-#[derive(Debug, Serialize, Deserialize)]
-struct Stored {
-    executable: Executable,
-    info: Info,
-}
-
-impl Stored {
-    fn of(model: &str, scene: &BuiltScene) -> Stored {
-        let param = |p: &spec::Param| ParamEntry {
-            name: p.name.clone(),
-            default: rational_to_f64(&p.default),
-            doc: p.doc.clone(),
-        };
-        let info = Info {
-            model: model.to_owned(),
-            scene: scene.name.clone(),
-            state: scene.state_names(),
-            momenta: momenta(scene),
-            params: scene.params().iter().map(param).collect(),
-            inputs: scene.equations.system.inputs.iter().map(param).collect(),
-            outputs: scene.outputs().iter().map(output_entry).collect(),
-            has_energy: scene.has_energy(),
-            conserves_energy: scene.has_energy() && scene.equations.facts.energy_is_conserved,
-        };
-        Stored { executable: scene.executable(), info }
-    }
-
-    /// Whether the program keeps its rules and has what the names say.
-    fn is_sound(&self, model: &str, scene: &str) -> bool {
-        let Stored { executable, info } = self;
-        let program = &executable.program;
-        let groups = program.functions.iter().filter_map(|function| match &function.role {
-            Role::Output(name) => Some((name, function.results.len())),
-            _ => None,
-        });
-        let told = info.outputs.iter().map(|group| (&group.name, group.components.len()));
-        fits(executable, info)
-            && (info.model.as_str(), info.scene.as_str()) == (model, scene)
-            && groups.eq(told.filter(|(_, n)| *n > 0))
-            && info.has_energy == program.function(&Role::Energy).is_some()
-    }
-}
-
-/// Whether a program keeps its rules and takes the parameters, the inputs and the state of a scene.
-fn fits(executable: &Executable, info: &Info) -> bool {
-    let program = &executable.program;
-    let inputs = program.inputs.iter().map(|(name, _)| name);
-    program.state == info.state
-        && program.params == info.param_names()
-        && inputs.eq(info.inputs.iter().map(|input| &input.name))
-        && executable.verify().is_ok()
-}
-
-/// Components of a state in the place of velocities of the model.
-fn momenta(scene: &BuiltScene) -> Vec<String> {
-    let carried = scene.equations.system.momenta.iter().filter(|m| m.symbol.is_some()).map(|m| &m.name);
-    let others = scene.legendre().momenta.iter().map(|(name, _)| name);
-    let mut names: Vec<String> = carried.chain(others).cloned().collect();
-    names.sort();
-    names.dedup();
-    names
-}
-
-fn output_entry(output: &hamel_codegen::mechanics::Output) -> OutputEntry {
-    OutputEntry {
-        name: output.name.clone(),
-        components: output.components.iter().map(|(name, _)| name.clone()).collect(),
-        doc: output.doc.clone(),
-    }
 }
 
 /// Derives and lowers a scene.
@@ -311,9 +237,9 @@ impl Built {
     pub fn with_residuals(&self) -> Option<Built> {
         let Info { model, scene, .. } = &self.info;
         let is_sound = |stored: &Option<Stored>| {
-            stored.as_ref().is_none_or(|stored| {
-                stored.is_sound(model, scene) && fits(&stored.executable, &self.info)
-            })
+            stored
+                .as_ref()
+                .is_none_or(|stored| stored.is_sound(model, scene) && fits(&stored.executable, &self.info))
         };
         let stored: Result<Option<Stored>, Error> = self.model.cached("residuals", scene, is_sound, || {
             let scene = self.derived().and_then(|scene| scene.with_residuals().ok()?);

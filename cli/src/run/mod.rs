@@ -34,6 +34,7 @@ mod sensitivity;
 pub mod simulation;
 mod solver;
 pub mod start;
+mod stored;
 pub(crate) mod statistics;
 pub mod typed;
 pub mod watched;

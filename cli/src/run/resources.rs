@@ -50,6 +50,9 @@ mod tests {
         #[cfg(unix)]
         assert!(free_space(&std::env::temp_dir().join("x")).is_some());
         assert_eq!(free_space(std::path::Path::new("/no/such/folder/x")), None);
-        assert_eq!([0, 999, 1500, 58_000_000_000_000].map(shown), ["0 bytes", "999 bytes", "1.5 kB", "58.0 TB"]);
+        assert_eq!(
+            [0, 999, 1500, 58_000_000_000_000].map(shown),
+            ["0 bytes", "999 bytes", "1.5 kB", "58.0 TB"]
+        );
     }
 }

@@ -79,7 +79,8 @@ fn kept(path: &Path, text: &str) -> Option<Problem> {
     // The first line ends with the name of the model, but for files that list several modules.
     let name = |line: &str| Some(line.trim_end_matches(" */").rsplit_once(' ')?.1.to_owned());
     let (of, here) = (name(&line)?, name(text.lines().next()?)?);
-    let is_of_one = path.file_stem().and_then(|stem| stem.to_str()).is_some_and(|stem| stem.starts_with(&here));
+    let is_of_one =
+        path.file_stem().and_then(|stem| stem.to_str()).is_some_and(|stem| stem.starts_with(&here));
     (of != here && is_of_one).then(|| Problem::OfAnother { path: path.to_owned(), of, here })
 }
 

@@ -63,7 +63,8 @@ impl Page {
         self.line(&format!(
             "the equations with multipliers and their projection on {space}, proved of the motion:"
         ));
-        let multipliers = both.with_multipliers.iter().map(|(l, r)| [*l, *r].map(|e| g.display(e, self.style)));
+        let multipliers =
+            both.with_multipliers.iter().map(|(l, r)| [*l, *r].map(|e| g.display(e, self.style)));
         let projected = both.projected.iter().map(|e| [g.display(*e, self.style), self.zero()]);
         let (multipliers, projected): (Vec<_>, Vec<_>) = (multipliers.collect(), projected.collect());
         self.side_by_side(&multipliers, &projected);

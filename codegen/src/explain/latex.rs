@@ -86,7 +86,27 @@ fn push_math(out: &mut String, c: char) {
 /// Letters with accents that pdflatex has in every font.
 fn is_latin(c: char) -> bool {
     matches!(c, 'À'..='Å' | 'Ç'..='Ï' | 'Ñ'..='Ö' | 'Ø'..='Ý' | 'ß'..='å' | 'ç'..='ï' | 'ñ'..='ö' | 'ø'..='ý' | 'ÿ')
-        || matches!(c, 'Ć' | 'ć' | 'Č' | 'č' | 'ě' | 'Ł' | 'ł' | 'ń' | 'ő' | 'ř' | 'Ś' | 'ś' | 'Š' | 'š' | 'ű' | 'ů' | 'ź' | 'Ž' | 'ž')
+        || matches!(
+            c,
+            'Ć' | 'ć'
+                | 'Č'
+                | 'č'
+                | 'ě'
+                | 'Ł'
+                | 'ł'
+                | 'ń'
+                | 'ő'
+                | 'ř'
+                | 'Ś'
+                | 'ś'
+                | 'Š'
+                | 'š'
+                | 'ű'
+                | 'ů'
+                | 'ź'
+                | 'Ž'
+                | 'ž'
+        )
 }
 
 /// Marks of punctuation as TeX spells them.
@@ -197,7 +217,8 @@ fn command(c: char) -> Option<&'static str> {
 
 /// Formulas in rows of left and right sides, aligned at the signs of equality.
 pub(super) fn aligned(rows: &[(String, String)]) -> String {
-    let rows: Vec<String> = rows.iter().map(|(left, right)| format!("  {left} &= {}", broken(right))).collect();
+    let rows: Vec<String> =
+        rows.iter().map(|(left, right)| format!("  {left} &= {}", broken(right))).collect();
     environments(&rows)
 }
 
@@ -231,7 +252,10 @@ fn terms(formula: &str) -> Vec<&str> {
         match byte {
             b'{' | b'(' | b'[' => depth += 1,
             b'}' | b')' | b']' => depth = depth.saturating_sub(1),
-            b' ' if depth == 0 && matches!(bytes.get(at + 1), Some(b'+' | b'-')) && bytes.get(at + 2) == Some(&b' ') => {
+            b' ' if depth == 0
+                && matches!(bytes.get(at + 1), Some(b'+' | b'-'))
+                && bytes.get(at + 2) == Some(&b' ') =>
+            {
                 cuts.push(at);
             }
             _ => {}
@@ -261,13 +285,19 @@ mod tests {
 
     #[test]
     fn everything_in_a_text_stands_for_itself() {
-        assert_eq!(escape("a_b & {c} 5% #1 $x$ ^~\\"), "a\\_b \\& \\{c\\} 5\\% \\#1 \\$x\\$ \\^{}\\~{}\\textbackslash{}");
+        assert_eq!(
+            escape("a_b & {c} 5% #1 $x$ ^~\\"),
+            "a\\_b \\& \\{c\\} 5\\% \\#1 \\$x\\$ \\^{}\\~{}\\textbackslash{}"
+        );
         assert_eq!(escape("Poincaré: ω → `x²` < 中"), "Poincaré: $\\omega$ $\\to$ x$^2$ $<$ [U+4E2D]");
     }
 
     #[test]
     fn lines_keep_their_formulas_and_commands() {
-        assert_eq!(line("p_1 is $p_{1}$, \\_ and ξ = $ξ_1$"), "p\\_1 is $p_{1}$, \\_ and $\\xi$ = ${\\xi}_1$");
+        assert_eq!(
+            line("p_1 is $p_{1}$, \\_ and ξ = $ξ_1$"),
+            "p\\_1 is $p_{1}$, \\_ and $\\xi$ = ${\\xi}_1$"
+        );
     }
 
     #[test]

@@ -62,7 +62,8 @@ fn is_homogeneous(g: &mut Graph, row: &AccelerationRow, velocities: &[SymbolId])
         return true;
     }
     DEGREES.iter().any(|(p, q)| {
-        let terms = [(along, Rational::from_integer(1.into())), (residual, -Rational::new((*p).into(), (*q).into()))];
+        let terms =
+            [(along, Rational::from_integer(1.into())), (residual, -Rational::new((*p).into(), (*q).into()))];
         let rest = g.linear_combination(&terms);
         g.is_zero(rest)
     })

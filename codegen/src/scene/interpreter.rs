@@ -135,7 +135,8 @@ impl Executable {
         let n_of = |role: &Role| program.function(role).map(|f| f.results.len());
         for Pattern { name, shape: (n_rows, n_columns), places, is_antisymmetric } in &self.patterns {
             let is_inside = |(i, j): &(usize, usize)| i < n_rows && j < n_columns;
-            let n_entries = [Role::Output(name.clone()), Role::OfVariables(name.clone())].iter().find_map(n_of);
+            let n_entries =
+                [Role::Output(name.clone()), Role::OfVariables(name.clone())].iter().find_map(n_of);
             let fits = n_rows.checked_mul(*n_columns).is_some_and(|size| size <= MAX_ENTRIES)
                 && places.iter().all(is_inside)
                 && (!is_antisymmetric || n_rows == n_columns)
@@ -149,7 +150,8 @@ impl Executable {
             pattern.map_or(n_functions == 0, |pattern| pattern.shape == (n_functions, n))
         };
         let n_positions = n_of(&Role::Output(Want::Positions.name().to_owned())).unwrap_or(0);
-        if !are_gradients(GRADIENTS, self.n_invariants()) || !are_gradients(positions::GRADIENTS, n_positions) {
+        if !are_gradients(GRADIENTS, self.n_invariants()) || !are_gradients(positions::GRADIENTS, n_positions)
+        {
             return fail("gradients of another number of functions or components".into());
         }
         if let Some(PositionLayout { n_equations, moved }) = &self.positions

@@ -79,8 +79,13 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let text = file.text()?;
     // An interrupt ends the program.
     let cancel = Cancel::default();
-    let subject =
-        Subject { model, text: &text, built: &built, inputs: request::inputs(&arguments.scene.inputs)?, cancel };
+    let subject = Subject {
+        model,
+        text: &text,
+        built: &built,
+        inputs: request::inputs(&arguments.scene.inputs)?,
+        cancel,
+    };
     of_scene(&subject, &mut *backend, lines, arguments, tell_interrupts)
 }
 

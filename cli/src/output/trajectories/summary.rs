@@ -175,7 +175,9 @@ impl<'a> Summary<'a> {
             }
             Format::Svg => {
                 let text = svg(&self.figure(gathered));
-                file.write(text.map_err(|e| Error::io(path, std::io::Error::other(e.to_string())))?.as_bytes())
+                file.write(
+                    text.map_err(|e| Error::io(path, std::io::Error::other(e.to_string())))?.as_bytes(),
+                )
             }
             Format::Zarr => Ok(()),
         }

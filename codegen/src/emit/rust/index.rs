@@ -62,7 +62,11 @@ pub(in crate::emit) fn emit_index(scenes: &[SceneEntry], command: &str) -> Resul
 }
 
 /// As [`emit_include`](crate::emit::emit_include).
-pub(in crate::emit) fn emit_include(scenes: &[SceneEntry], command: &str, beside: bool) -> Result<String, Error> {
+pub(in crate::emit) fn emit_include(
+    scenes: &[SceneEntry],
+    command: &str,
+    beside: bool,
+) -> Result<String, Error> {
     let modules = modules(scenes, |entry| {
         let file = format!("{}.rs", entry.module);
         if beside {

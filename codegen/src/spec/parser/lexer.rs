@@ -12,7 +12,8 @@ pub(super) type Parsed<T> = Result<T, Box<Diagnostic>>;
 /// Whether a character has no place in a text that people read: a control character, or one that changes the order in
 /// which a line is shown, so that it reads as what it is not. XML and Rust refuse both.
 fn is_hidden(c: char) -> bool {
-    let is_direction = matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let is_direction =
+        matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     let is_no_character = matches!(c, '\u{fffe}' | '\u{ffff}');
     (c.is_control() && !matches!(c, '\n' | '\t')) || is_direction || is_no_character
 }
@@ -20,7 +21,8 @@ fn is_hidden(c: char) -> bool {
 /// What is wrong with the first character of a text that [`is_hidden`], which stands at a place.
 pub(super) fn hidden(text: &str, span: Span) -> Option<Diagnostic> {
     let c = text.chars().find(|c| is_hidden(*c))?;
-    let problem = Diagnostic::new(Some(span), format!("the character U+{:04X} is not part of the language", c as u32));
+    let problem =
+        Diagnostic::new(Some(span), format!("the character U+{:04X} is not part of the language", c as u32));
     Some(problem.with_help(match c {
         '\r' => "end lines with a line feed, or with a carriage return and a line feed",
         c if c.is_control() => "remove this control character",

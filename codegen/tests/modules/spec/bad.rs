@@ -471,7 +471,10 @@ fn hidden_characters() {
         format!("{before}model m {{ {inside} coordinate x in real; lagrangian = 1/2*x_dot^2; }}")
     };
     check(
-        &model("/// A title \u{202e}elttil\n/// bell \u{7}, null \0\n", "/// \u{2066}doc\u{2069}\n param p = 1;"),
+        &model(
+            "/// A title \u{202e}elttil\n/// bell \u{7}, null \0\n",
+            "/// \u{2066}doc\u{2069}\n param p = 1;",
+        ),
         expect![[r#"
             1:13 the character U+202E is not part of the language [remove this character: it is not seen, and changes how the line reads]
             2:10 the character U+0007 is not part of the language [remove this control character]

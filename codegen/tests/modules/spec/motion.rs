@@ -783,7 +783,8 @@ fn measured_attitudes_are_taken_to_the_nearest_rotation() {
     assert!((measured - exact).abs() < 1e-4, "{measured} {exact}");
     // As many digits as doubles have say nothing.
     let digits = "[[0.8660254037844387, 0, 0.5], [0, 1, 0], [-0.5, 0, 0.8660254037844387]]";
-    let parsed = parse("m.hamel", &model(&format!("orthonormal({digits})"))).unwrap_or_else(|e| panic!("{e}"));
+    let parsed =
+        parse("m.hamel", &model(&format!("orthonormal({digits})"))).unwrap_or_else(|e| panic!("{e}"));
     assert!(parsed.warnings.is_empty(), "{}", parsed.warnings);
     // Without the word the matrix is no rotation, and the word is proposed.
     let refused = parse("m.hamel", &model(rows)).unwrap_err();
@@ -797,7 +798,8 @@ fn measured_attitudes_are_taken_to_the_nearest_rotation() {
 
 #[test]
 fn entries_of_a_matrix_are_indexed_in_one_bracket_or_in_two() {
-    let text = "model m { param C: matrix(2, 3) = [[1, 2, 3], [4, 5, 6]]; coordinate x in real; let k = 1 + 1;
+    let text =
+        "model m { param C: matrix(2, 3) = [[1, 2, 3], [4, 5, 6]]; coordinate x in real; let k = 1 + 1;
         lagrangian = 1/2*x_dot^2 - (C[2][3] + C[k, 3] + C[1][k] - identity(3)[1][1])*x; }";
     let same = text.replace("C[2][3]", "C[2, 3]").replace("C[1][k]", "C[1, k]").replace("[1][1]", "[1, 1]");
     let shown = |text: &str| {
