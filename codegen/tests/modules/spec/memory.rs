@@ -2,7 +2,7 @@
 
 use hamel_codegen::emit::{SceneEntry, emit_index, method_text};
 use hamel_codegen::program::Role;
-use hamel_codegen::spec::{self, outline};
+use hamel_codegen::spec::{self, Outline};
 
 /// Bytes of all texts that `proc_macro2` has kept in this thread: where the next one begins.
 fn kept() -> usize {
@@ -26,7 +26,7 @@ fn texts_that_were_parsed_are_not_kept() {
         match k % 4 {
             0 => drop(spec::parse("m.hamel", &text).unwrap()),
             1 => drop(spec::parse("m.hamel", &broken).unwrap_err()),
-            2 => drop(outline(&broken)),
+            2 => drop(Outline::new(&broken)),
             _ => drop(spec::format("m.hamel", &text).unwrap()),
         }
     }
