@@ -487,7 +487,7 @@ fn hidden_characters() {
         expect![[r#"
             1:12 the character U+000D is not part of the language [end lines with a line feed, or with a carriage return and a line feed]
             2:18 the character U+202E is not part of the language [remove this character: it is not seen, and changes how the line reads]
-            2:46 the character U+0007 is not part of the language [remove this control character]"#]],
+            2:45 the character U+0007 is not part of the language [remove this control character]"#]],
     );
     // Comments and names as well, and not more of them than anybody reads.
     let many = "\u{200f}".repeat(100);
