@@ -57,7 +57,7 @@ impl Cache {
         Cache { library: Some(file.into()), ..self }
     }
 
-    /// The value that was kept under a key, or the one that `make` makes, which is kept then.
+    /// The value that was kept under a key and that `is_sound`, or the one that `make` makes, which is kept then.
     ///
     /// A cache that cannot be read or written costs time and nothing else.
     ///
@@ -66,6 +66,7 @@ impl Cache {
     pub fn get_or_make<T: Serialize + DeserializeOwned, E>(
         &self,
         key: &[&str],
+        is_sound: impl FnOnce(&T) -> bool,
         make: impl FnOnce() -> Result<T, E>,
     ) -> Result<T, E> {
         let Some(store) = &self.store else { return make() };
@@ -75,7 +76,8 @@ impl Cache {
         };
         let Some(program) = stamp else { return make() };
         let key = Key::of(&(env!("CARGO_PKG_VERSION"), program, key));
-        if let Some(value) = store.read(key).and_then(|text| serde_json::from_str(&text).ok()) {
+        let kept = store.read(key).and_then(|text| serde_json::from_str(&text).ok());
+        if let Some(value) = kept.filter(is_sound) {
             return Ok(value);
         }
         let value = make()?;
@@ -105,7 +107,7 @@ mod tests {
     use super::*;
 
     fn get(cache: &Cache, key: &[&str], value: i32) -> i32 {
-        cache.get_or_make::<i32, ()>(key, || Ok(value)).unwrap()
+        cache.get_or_make::<i32, ()>(key, |kept| *kept > 0, || Ok(value)).unwrap()
     }
 
     #[test]
@@ -116,11 +118,14 @@ mod tests {
         assert_eq!([get(&cache, &["a", "b"], 1), get(&cache, &["a", "b"], 2)], [1, 1]);
         // Where a part ends matters.
         assert_eq!([get(&cache, &["ab", ""], 3), get(&cache, &["a", "c"], 4)], [3, 4]);
-        assert_eq!(cache.get_or_make::<i32, &str>(&["wrong"], || Err("why")), Err("why"));
+        assert_eq!(cache.get_or_make::<i32, &str>(&["wrong"], |_| true, || Err("why")), Err("why"));
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 3);
         assert_eq!([get(&Cache::none(), &["a", "b"], 5), get(&Cache::none(), &["a", "b"], 6)], [5, 6]);
         // What is no value of that type is made anew.
-        assert_eq!(cache.get_or_make::<String, ()>(&["a", "b"], || Ok("text".into())), Ok("text".into()));
+        let text = || Ok("text".into());
+        assert_eq!(cache.get_or_make::<String, ()>(&["a", "b"], |_| true, text), Ok("text".into()));
+        // So is what is not sound.
+        assert_eq!([get(&cache, &["c"], -1), get(&cache, &["c"], 2), get(&cache, &["c"], 3)], [-1, 2, 2]);
         std::fs::remove_dir_all(&folder).unwrap();
     }
 

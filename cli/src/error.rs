@@ -7,6 +7,7 @@ use hamel_codegen::config::{Problem as GenerationProblem, Problems};
 use hamel_codegen::spec::Diagnostics;
 use serde::{Deserialize, Serialize};
 
+use crate::interrupts;
 use crate::names;
 
 /// What can go wrong.
@@ -138,6 +139,13 @@ pub enum Error {
         state: Vec<(String, f64)>,
         /// Why.
         reason: String,
+    },
+    /// An integration that an interrupt has ended; what there was until then is told and written.
+    Interrupted {
+        /// The time reached.
+        t: f64,
+        /// The time that was to be reached.
+        t_final: f64,
     },
     /// A fit that ended at no minimum.
     NotFitted {
@@ -288,6 +296,7 @@ impl Error {
                 };
                 if problems.iter().all(is_input) { 2 } else { 1 }
             }
+            Error::Interrupted { .. } => interrupts::STATUS,
             Error::Remote { code, .. } => *code,
             Error::Several { errors } => errors.iter().map(Error::exit_code).max().unwrap_or(1),
             _ => 2,
@@ -486,6 +495,9 @@ impl fmt::Display for Error {
             Error::Stopped { t, state, reason } => {
                 write!(f, "integration stopped at t = {t:?}: {reason}\n  state reached: ")?;
                 values(f, state)
+            }
+            Error::Interrupted { t, t_final } => {
+                write!(f, "interrupted at t = {t:?} of {t_final:?}: what is told and written ends there")
             }
             Error::NotFitted { reason, reached } => {
                 write!(f, "{reason}\n  the best values: ")?;

@@ -10,6 +10,7 @@ pub mod commands;
 pub mod editor;
 pub mod error;
 mod hash;
+pub mod interrupts;
 pub mod model;
 pub mod names;
 pub mod output;
@@ -17,25 +18,39 @@ pub mod repository;
 pub mod request;
 pub mod run;
 pub mod session;
+pub mod streams;
+mod temporary;
 
 pub use error::Error;
 
-use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
+
+use streams::{print, printed, tell};
+
+/// The arguments of the program, or how it ends where they are wrong or ask for help.
+///
+/// # Errors
+/// The exit status, after the message or the help was printed.
+pub fn arguments<T: clap::Parser>() -> Result<T, ExitCode> {
+    T::try_parse().map_err(|wrong| {
+        let shown = wrong.print();
+        if wrong.use_stderr() {
+            return ExitCode::from(BAD_INPUT);
+        }
+        printed(shown).map_or_else(|error| failed(&error), |()| ExitCode::SUCCESS)
+    })
+}
 
 /// Prints what a command answers, or its error, and says how the program ends.
 pub fn finish(result: Result<String, Error>) -> ExitCode {
-    match result {
-        Ok(text) if text.is_empty() => ExitCode::SUCCESS,
-        Ok(text) => {
-            // A reader that has seen enough, such as `head`, is no failure.
-            let _ = writeln!(std::io::stdout(), "{}", text.trim_end_matches('\n'));
-            ExitCode::SUCCESS
-        }
-        Err(error) => {
-            let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-            eprintln!("{}", error.render(color));
-            ExitCode::from(error.exit_code())
-        }
-    }
+    let printed = result.and_then(|text| if text.is_empty() { Ok(()) } else { print(&text) });
+    printed.map_or_else(|error| failed(&error), |()| ExitCode::SUCCESS)
+}
+
+/// Exit status of a call whose arguments are wrong.
+const BAD_INPUT: u8 = 2;
+
+fn failed(error: &Error) -> ExitCode {
+    tell(error.render(streams::is_coloured()));
+    ExitCode::from(error.exit_code())
 }

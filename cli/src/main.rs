@@ -49,7 +49,11 @@ enum Task {
 }
 
 fn main() -> ExitCode {
-    let Cli { task, budget, size, no_cache } = Cli::parse();
+    let Cli { task, budget, size, no_cache }: Cli = match hamel::arguments() {
+        Ok(arguments) => arguments,
+        Err(ended) => return ended,
+    };
+    hamel::interrupts::watch();
     let here = std::env::current_dir().ok();
     let session = match here.and_then(|folder| Repository::around(&folder)) {
         Some(repository) => Session::of_repository(repository),

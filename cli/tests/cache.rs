@@ -1,8 +1,12 @@
 //! The cache of what was derived: answers have the same bits with it and without, and nothing depends on what is in it.
 
+use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
+
+use hamel_codegen::config::store::Key;
+use serde_json::Value;
 
 /// A cache of its own for a test, removed at the end.
 struct Folder(PathBuf);
@@ -103,6 +107,101 @@ fn answers_have_the_same_bits_with_the_cache_and_without() {
     }
     let third: Vec<_> = runs.iter().map(|r| run(r, &[])).collect();
     assert_eq!(third, without);
+}
+
+/// Every whole number of a document, one of each kind of place, with what stands around it.
+fn numbers(value: &mut Value, place: &str, seen: &mut BTreeSet<String>, change: &mut dyn FnMut(&mut Value)) {
+    match value {
+        Value::Array(list) => {
+            list.iter_mut().for_each(|x| numbers(x, &format!("{place}[]"), seen, change));
+        }
+        Value::Object(fields) => {
+            fields.iter_mut().for_each(|(key, x)| numbers(x, &format!("{place}.{key}"), seen, change));
+        }
+        Value::Number(number) if number.is_u64() && seen.insert(place.to_owned()) => change(value),
+        _ => {}
+    }
+}
+
+/// The last elements of all lists, one list of each kind of place.
+fn lists(value: &mut Value, place: &str, seen: &mut BTreeSet<String>, change: &mut dyn FnMut(&mut Value)) {
+    if let Value::Array(list) = value
+        && !list.is_empty()
+        && seen.insert(place.to_owned())
+    {
+        change(value);
+    }
+    match value {
+        Value::Array(list) => list.iter_mut().for_each(|x| lists(x, &format!("{place}[]"), seen, change)),
+        Value::Object(fields) => {
+            fields.iter_mut().for_each(|(key, x)| lists(x, &format!("{place}.{key}"), seen, change));
+        }
+        _ => {}
+    }
+}
+
+/// Entries that somebody wrote, digest and all: numbers that point nowhere, and lists that are too short.
+#[test]
+fn entries_that_break_the_rules_of_programs_are_as_good_as_none() {
+    const EVENTS: &str =
+        "model ball { param g = 9.81; coordinate z, x, h in real; constraint rod: h^2 + x^2 = 1;
+        initial h = 1; initial x = 0; lagrangian = (z_dot^2 + x_dot^2 + h_dot^2)/2 - g*(z + h);
+        event floor = z falling { then z_dot = -0.9*z_dot; } }";
+    let folder = Folder::new("crafted");
+    let path = folder.0.join("ball.hamel");
+    std::fs::write(&path, EVENTS).unwrap();
+    let model = path.to_str().unwrap();
+    let arguments =
+        ["simulate", model, "--via", "interpreter", "--initial", "z=1", "z_dot=0", "--t-final", "0.7"];
+    let expected = {
+        let first = folder.run(&arguments, "");
+        assert!(first.status.success(), "{first:?}");
+        without_times(&first)
+    };
+    let kept = folder.kept();
+    assert!(kept.len() >= 3, "{}", kept.len());
+    let mut n_crafted = 0;
+    for (path, text) in &kept {
+        let (_, body) = text.split_once('\n').unwrap();
+        let whole: Value = serde_json::from_str(body).unwrap();
+        let mut crafted = Vec::new();
+        // How many of one kind of place there are is found by counting; each is changed alone.
+        for walk in [numbers, lists] {
+            let mut n = 0;
+            walk(&mut whole.clone(), "", &mut BTreeSet::new(), &mut |_| n += 1);
+            for chosen in 0..n {
+                let (mut value, mut at) = (whole.clone(), 0);
+                walk(&mut value, "", &mut BTreeSet::new(), &mut |x| {
+                    if at == chosen {
+                        match x {
+                            Value::Array(list) => _ = list.pop(),
+                            other => *other = 4_000_000_000_u64.into(),
+                        }
+                    }
+                    at += 1;
+                });
+                crafted.push(value.to_string());
+            }
+        }
+        for body in crafted {
+            n_crafted += 1;
+            let key = path.file_stem().unwrap().to_str().unwrap();
+            std::fs::write(path, format!("hamel {key} {}\n{body}", Key::of(&body.as_str()).name())).unwrap();
+            let out = folder.run(&arguments, "");
+            assert!(out.status.success(), "{body}: {out:?}");
+            // A list that is shorter may still be a program, but none that writes nonsense: the motion of the ball has
+            // its events or the entry was made anew.
+            assert_eq!(without_times(&out), expected, "{body}");
+        }
+        std::fs::write(path, text).unwrap();
+    }
+    assert!(n_crafted > 60, "{n_crafted}");
+}
+
+/// The summary of a simulation without what differs between two runs.
+fn without_times(out: &Output) -> Vec<String> {
+    let text = String::from_utf8(out.stdout.clone()).unwrap();
+    text.lines().filter(|line| !line.contains(" evaluations, ")).map(str::to_owned).collect()
 }
 
 #[test]

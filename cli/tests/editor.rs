@@ -287,3 +287,52 @@ fn the_extension_starts_the_server() {
     assert!(repository("editors/vscode/extension.js").contains("args: [\"lsp\"]"));
     let _: Value = serde_json::from_str(&repository("editors/vscode/language-configuration.json")).unwrap();
 }
+
+/// A length that no memory holds, and texts that are no messages, end the conversation with a reason.
+#[test]
+fn a_message_of_absurd_length_is_refused_and_not_made_room_for() {
+    for (input, reason) in [
+        ("Content-Length: 99999999999999\r\n\r\n{}", "a message has 99999999999999 bytes"),
+        ("Content-Length: 2\r\n\r\n{}", "a message is malformed"),
+        ("GET / HTTP/1.1\r\n\r\n", "is no line of a header"),
+    ] {
+        let out = program::output(&mut program::command(&["lsp"]), input);
+        let told = String::from_utf8(out.stderr).unwrap();
+        assert_eq!(out.status.code(), Some(1), "{told}");
+        assert!(told.contains(reason), "{told}");
+    }
+}
+
+/// Kilobytes that a process has in memory.
+#[cfg(target_os = "linux")]
+fn resident(id: u32) -> usize {
+    let text = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap();
+    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    line.trim().trim_end_matches(" kB").parse().unwrap()
+}
+
+/// A file of 50 kB that is changed hundreds of times: its texts are not kept.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_long_session_does_not_grow() {
+    let comments = "// a comment of a line that somebody has written about the model\n".repeat(800);
+    let text = |k: usize| {
+        format!(
+            "{comments}model rod {{ param k = {k}; coordinate x in real; lagrangian = x_dot^2/2 - k*x^2; }}"
+        )
+    };
+    let mut editor = Editor::start();
+    editor.open(&text(1));
+    let change = |editor: &mut Editor, version: i32| {
+        let document = json!({ "uri": URI, "version": version });
+        let changes = json!([{ "text": text(version as usize) }]);
+        editor.tell("textDocument/didChange", json!({ "textDocument": document, "contentChanges": changes }));
+        editor.problems(version);
+    };
+    (2..40).for_each(|version| change(&mut editor, version));
+    let before = resident(editor.program.id());
+    (40..340).for_each(|version| change(&mut editor, version));
+    let grown = resident(editor.program.id()).saturating_sub(before);
+    // Each text that is kept once is 50 kB: 15 MB.
+    assert!(grown < 8_000, "{grown} kB more than {before} kB");
+}

@@ -1,6 +1,7 @@
 //! `ensemble` into a store, and its statistics: the same bytes however the work is cut, interrupted and shared.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
@@ -174,8 +175,9 @@ const BEAD: &str = "model bead {
     lagrangian = 1/2*m*x^2*x_dot^2 - k*x;
 }";
 
-fn floats(bytes: &[u8]) -> Vec<f64> {
-    bytes.chunks(8).map(|x| f64::from_le_bytes(x.try_into().unwrap())).collect()
+/// The numbers of a chunk, before its checksum.
+fn floats(file: &[u8]) -> Vec<f64> {
+    file[..file.len() - 4].chunks(8).map(|x| f64::from_le_bytes(x.try_into().unwrap())).collect()
 }
 
 /// A cell of a table; NaN where it is empty.
@@ -227,7 +229,7 @@ fn a_store_has_the_numbers_of_a_table_and_says_what_stopped() {
     }
     assert!(y[6..12].iter().all(|x| x.is_nan()), "{y:?}");
     assert_eq!(floats(file("inputs/c/0/0"))[3..6], [1.0, 0.2, -1.0]);
-    assert_eq!(file("status/c/0"), &[0, 1, 2, 0]);
+    assert_eq!(file("status/c/0")[..4], [0, 1, 2, 0]);
     let stopped = floats(file("stopped_t/c/0"));
     assert!(stopped[0].is_nan() && stopped[2].is_nan() && stopped[1] == cell(&text, 3, "t"));
     assert_eq!(floats(file("stopped_y/c/0/0"))[2], cell(&text, 3, "x"));
@@ -237,6 +239,65 @@ fn a_store_has_the_numbers_of_a_table_and_says_what_stopped() {
     assert_eq!(group["consolidated_metadata"]["metadata"]["y"]["dimension_names"][1], "t");
     let array: serde_json::Value = serde_json::from_slice(file("y/zarr.json")).unwrap();
     assert_eq!(array["shape"], serde_json::json!([4, 2, 2]));
+    assert_eq!(array["codecs"][1], serde_json::json!({"name": "crc32c"}));
+
+    // What is absent where nothing has stopped is missed where something has.
+    for name in ["error/c/0", "stopped_t/c/0", "stopped_y/c/0/0"] {
+        std::fs::remove_file(folder.0.join("out.zarr").join(name)).unwrap();
+        let arguments = ["ensemble", &model, "--table", &table, "--t-final", "1", "--samples", "2"];
+        let told = done(&[&arguments[..], &["--lanes", "1", "-o", &store, "--resume"]].concat());
+        // All are integrated, so that it is not told how many.
+        assert!(told.contains("4 trajectories, 2 stopped") && !told.contains("of them now"), "{told}");
+        assert!(folder.files("out.zarr") == files, "{name}");
+    }
+}
+
+/// Changes a byte of a file.
+fn flip(path: &Path, at: usize) {
+    let mut bytes = std::fs::read(path).unwrap();
+    bytes[at] ^= 1;
+    std::fs::write(path, bytes).unwrap();
+}
+
+/// Cuts a file after some bytes.
+fn cut(path: &Path, n: u64) {
+    File::options().write(true).open(path).unwrap().set_len(n).unwrap();
+}
+
+#[test]
+fn damaged_chunks_are_made_anew() {
+    let folder = Folder::new("damaged");
+    let store = folder.file("tops.zarr");
+    done(&tops(&store, &[]));
+    let expected = folder.files("tops.zarr");
+    let at = |name: &str| folder.0.join("tops.zarr").join(name);
+    let resumed = |n: usize| {
+        let out = run(&tops(&store, &["--resume"]));
+        let (told, warned) = (String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap());
+        assert!(out.status.success(), "{warned}");
+        let sentence = format!("warning: {n} finished chunks were damaged and are made anew");
+        assert_eq!(warned.contains(&sentence), n > 0, "{warned}");
+        assert!(told.contains(&format!("{} of them now, 0 of 7784 are left", 648 * n)), "{told}");
+        assert!(folder.files("tops.zarr") == expected);
+    };
+    resumed(0);
+    std::fs::remove_file(at("y/c/1/0/0")).unwrap();
+    cut(&at("energy/c/2/0"), 1000);
+    cut(&at("inputs/c/3/0"), 0);
+    flip(&at("y/c/4/0/0"), 12345);
+    flip(&at("steps/c/5"), 3);
+    flip(&at("status/c/6"), 1);
+    cut(&at("status/c/7"), 0);
+    // Longer than it is, with a checksum of its own.
+    std::fs::copy(at("y/c/8/0/0"), at("energy/c/8/0")).unwrap();
+    resumed(8);
+    resumed(0);
+    // A share looks at its own chunks only.
+    flip(&at("y/c/1/0/0"), 0);
+    flip(&at("y/c/2/0/0"), 0);
+    let out = run(&tops(&store, &["--part", "2/3"]));
+    assert!(String::from_utf8_lossy(&out.stderr).contains("1 finished chunks were damaged"), "{out:?}");
+    resumed(1);
 }
 
 #[test]
@@ -319,7 +380,8 @@ fn stores_of_statistics_have_the_same_bytes_however_the_work_is_cut() {
         assert_eq!(cell(&text, row, "q0.75").to_bits(), quantiles[5 * row + 3].to_bits());
         assert_eq!(cell(&text, row, "h3").to_bits(), shares[7 * row + 2].to_bits());
     }
-    let numbers = expected[Path::new("n/c/0/0")].chunks(8).map(|n| u64::from_le_bytes(n.try_into().unwrap()));
+    let numbers = &expected[Path::new("n/c/0/0")];
+    let numbers = numbers[..numbers.len() - 4].chunks(8).map(|n| u64::from_le_bytes(n.try_into().unwrap()));
     assert!(numbers.eq(std::iter::repeat_n(7784, 101 * 7)));
 
     let shares = folder.file("shares.zarr");
@@ -345,5 +407,16 @@ fn stores_of_statistics_have_the_same_bytes_however_the_work_is_cut() {
     assert!([start(), start()].iter_mut().all(|child| child.wait().unwrap().success()));
     assert!(folder.files("crowd.zarr") == expected);
     assert!(done(&tops(&crowd, &more)).contains("0 of them now"));
+    assert!(folder.files("crowd.zarr") == expected);
+
+    // What was gathered went when it was told: all chunks are made anew for statistics that are damaged, and no others
+    // for a chunk that says what became of its trajectories.
+    let at = |name: &str| folder.0.join("crowd.zarr").join(name);
+    flip(&at("mean/c/0/0"), 100);
+    // All are integrated, so that it is not told how many.
+    assert!(!done(&tops(&crowd, &more)).contains("of them now"));
+    assert!(folder.files("crowd.zarr") == expected);
+    cut(&at("steps/c/3"), 8);
+    assert!(done(&tops(&crowd, &more)).contains("648 of them now"));
     assert!(folder.files("crowd.zarr") == expected);
 }

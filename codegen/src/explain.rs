@@ -8,6 +8,7 @@ mod dirac;
 mod displacements;
 mod frame;
 mod implicit;
+mod latex;
 mod rates;
 mod sections;
 mod splitting;
@@ -211,9 +212,11 @@ impl Page {
     }
 
     fn line(&mut self, text: &str) {
-        match self.html() {
-            true => self.raw(&format!("<p>{}</p>\n", text.trim())),
-            false => self.raw(&format!("{text}\n")),
+        match self.style {
+            Style::MathMl => self.raw(&format!("<p>{}</p>\n", text.trim())),
+            // A blank line ends a paragraph.
+            Style::Latex => self.raw(&format!("{}\n\n", latex::line(text.trim()))),
+            Style::Plain | Style::Unicode => self.raw(&format!("{text}\n")),
         }
     }
 
@@ -227,8 +230,7 @@ impl Page {
             return;
         }
         if self.latex() {
-            let body: Vec<String> = rows.iter().map(|(l, r)| format!("  {l} &= {r}")).collect();
-            self.line(&format!("\\begin{{align*}}\n{}\n\\end{{align*}}", body.join(" \\\\\n")));
+            self.raw(&latex::aligned(rows));
             return;
         }
         if self.html() {
@@ -260,7 +262,7 @@ impl Page {
 
     fn prose(&self, text: &str) -> String {
         match self.style {
-            Style::Latex => escape(text),
+            Style::Latex => latex::escape(text),
             Style::MathMl => escape_html(text),
             _ => text.to_owned(),
         }
@@ -326,7 +328,7 @@ impl Page {
         let title = model.doc.first().map_or(model.name.as_str(), String::as_str);
         let title = format!("{} ({}, scene {})", title, model.name, scene.name);
         if self.latex() {
-            self.line(&format!("\\section*{{{}}}", escape(&title)));
+            self.raw(&format!("\\section*{{{}}}\n\\allowdisplaybreaks\n", latex::escape(&title)));
         } else if self.html() {
             self.raw(&format!("<h2>{}</h2>\n", escape_html(&title)));
         } else {
@@ -388,7 +390,7 @@ impl Page {
             (false, _) if self.html() => {
                 format!("<mspace width=\"1em\"/><mtext>{}</mtext>", escape_html(doc))
             }
-            (false, true) => format!(" \\quad\\text{{{}}}", escape(doc)),
+            (false, true) => format!(" \\quad\\text{{{}}}", latex::escape(doc)),
             (false, false) => format!("   {doc}"),
         }
     }
@@ -436,7 +438,7 @@ impl Page {
         let rows: Vec<(String, String)> = algebra
             .brackets()
             .map(|(a, b, value)| {
-                let right = if self.html() {
+                let right = if self.html() || self.latex() {
                     let terms: Vec<String> = value
                         .iter()
                         .map(|(c, q)| {
@@ -990,7 +992,7 @@ impl Page {
 
     fn prose_in_formula(&self, text: &str) -> String {
         match self.style {
-            Style::Latex => format!("\\text{{{}}}", escape(text)),
+            Style::Latex => format!("\\text{{{}}}", latex::escape(text)),
             Style::MathMl => format!("<mtext>{}</mtext>", escape_html(text)),
             _ => text.to_owned(),
         }
@@ -1010,7 +1012,7 @@ impl Page {
         self.begin(SectionKind::Counts);
         let table = scene.operation_table();
         if self.latex() {
-            self.line(&format!("\\begin{{verbatim}}\n{table}\\end{{verbatim}}"));
+            self.raw(&format!("\\begin{{verbatim}}\n{table}\\end{{verbatim}}\n"));
         } else if self.html() {
             self.raw(&format!("<pre>{}</pre>\n", escape_html(&table)));
         } else {
@@ -1048,26 +1050,6 @@ fn terms(formula: &str) -> Vec<&str> {
 /// Text as the content of an element.
 fn escape_html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
-fn escape(text: &str) -> String {
-    let mut out = String::new();
-    for c in text.chars() {
-        match c {
-            '_' | '&' | '%' | '#' | '{' | '}' | '$' => {
-                out.push('\\');
-                out.push(c);
-            }
-            '^' => out.push_str("\\^{}"),
-            '~' => out.push_str("\\~{}"),
-            '\\' => out.push_str("\\textbackslash{}"),
-            '`' => {}
-            '<' => out.push_str("$<$"),
-            '>' => out.push_str("$>$"),
-            c => out.push(c),
-        }
-    }
-    out
 }
 
 /// The graph of the equations, with definitions that are values at a place called so: `X1|phi=0`.

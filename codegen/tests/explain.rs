@@ -163,3 +163,57 @@ fn equations_without_constraints_of_their_own_are_told() {
     assert_eq!(said("constraint x*x_dot + z*z_dot = 0; multipliers;"), expected);
     assert!(said("").is_empty());
 }
+
+/// The velocity of a motion is in the Dirac structure where it is a displacement, and nowhere else.
+#[test]
+fn the_motion_is_in_its_dirac_structure_only_as_a_displacement() {
+    let told = |constraint: &str| {
+        let (model, built) = built(&format!(
+            "coordinate x, y, z in real; lagrangian = (x_dot^2 + y_dot^2 + z_dot^2)/2; constraint {constraint};"
+        ));
+        explain::dirac(&model, &built, Style::Unicode)
+    };
+    for own in [
+        "z_dot = y*x_dot",
+        "z_dot = y*x_dot; multipliers",
+        // Homogeneous of degree two, one and zero.
+        "x_dot^2 + y_dot^2 = 3*z_dot^2",
+        "sqrt(x_dot^2 + y_dot^2) = 3*z_dot",
+        "x_dot/y_dot = 2",
+    ] {
+        let text = told(own);
+        assert!(text.contains("The motion is the velocity y that is in it"), "{own}:\n{text}");
+        assert!(text.contains("the velocity satisfies the constraint"), "{own}:\n{text}");
+    }
+    for other in [
+        "z_dot = y*x_dot + 1",
+        "z_dot = y*x_dot + 1; multipliers",
+        "x_dot^2 + y_dot^2 = 4",
+        "x_dot^2 + y_dot^2 + z_dot = 1",
+        "z_dot = x*y_dot; virtual delta(z_dot) - y*delta(x_dot) = 0",
+    ] {
+        let text = told(other);
+        assert!(!text.contains("The motion is the velocity"), "{other}:\n{text}");
+        assert!(text.contains("satisfies the constraint and is no displacement"), "{other}:\n{text}");
+        assert!(text.contains("the velocity is a virtual displacement"), "{other}:\n{text}");
+    }
+}
+
+#[test]
+fn a_number_that_vanishes_nowhere_is_no_condition() {
+    let told = |product: &str| {
+        explained(
+            &format!(
+                "param a = 0.5; velocity w in so(3); constraint w3 = 0;
+                 lagrangian = (w1^2 + 2*w2^2 + 3*w3^2)/2 + {product}*w1*w3;"
+            ),
+            Style::Unicode,
+        )
+    };
+    let (number, parameter) = (told("0.5"), told("a"));
+    for text in [&number, &parameter] {
+        assert!(text.contains("No smooth invariant measure"), "{text}");
+    }
+    assert!(parameter.contains("There is one where all of these vanish:"), "{parameter}");
+    assert!(!number.contains("There is one where"), "{number}");
+}

@@ -13,12 +13,13 @@ use hamel::request::share::Share;
 use hamel::run::admissible;
 use hamel::run::asked::assignments;
 use hamel::run::backend::{Backend as _, Local};
-use hamel::run::ensemble::{EnsembleRequest, Member, Progress, Width, pool};
+use hamel::run::ensemble::{Cancel, EnsembleRequest, Member, Progress, Width, pool};
 use hamel::run::evaluate::prepare;
 use hamel::run::forms::Forms;
 use hamel::run::info::{Info, ParamEntry};
 use hamel::run::interpreted::Built;
 use hamel::run::method::{MethodName, Steps};
+use hamel::run::resources::{free_memory, shown};
 use hamel::run::simulation::sample_time;
 use hamel::run::start::Starts;
 use numpy::ndarray::ArrayView2;
@@ -66,8 +67,10 @@ pub(crate) fn integrate(
     names: &[String],
     values: ArrayView2<'_, f64>,
     asked: &Asked,
+    cancel: &Cancel,
 ) -> Result<Trajectories, Error> {
     let (built, info) = (scene.built(), scene.info());
+    has_room(info, values.nrows(), asked.samples)?;
     if built.watched().is_some_and(|watched| watched.acts()) {
         let reason = "has events that change the state or end the motion, which ensembles do not carry out: choose a \
                       scene without `events`";
@@ -99,6 +102,9 @@ pub(crate) fn integrate(
     let is_complete = info.state.iter().all(|name| names.contains(name));
     let starts = Starts::new(&scene.model, info, forms)?;
     let start = |k: usize| -> Start {
+        if cancel.is_off() {
+            return Err("called off".into());
+        }
         let row: BTreeMap<&str, f64> =
             names.iter().map(String::as_str).zip(values.row(k).iter().copied()).collect();
         let inputs: Vec<f64> =
@@ -123,9 +129,27 @@ pub(crate) fn integrate(
         max_steps: asked.max_steps,
         threads: asked.threads,
         progress: Progress { all: values.nrows(), ..Progress::default() },
+        cancel: cancel.clone(),
     };
     let integrated = Local::new(built).ensemble(&request)?;
     Ok(side_by_side(info, asked, &members, integrated))
+}
+
+/// Whether the states of all samples can be in memory at once.
+///
+/// # Errors
+/// [`Error::Request`] where they cannot.
+fn has_room(info: &Info, n: usize, samples: usize) -> Result<(), Error> {
+    // Once as they are integrated, and once in the array.
+    let bytes = 16 * n as u128 * samples as u128 * info.state.len() as u128;
+    let Some(free) = free_memory().map(u128::from).filter(|free| bytes > *free) else { return Ok(()) };
+    let reason = format!(
+        "would have at least {} for {n} trajectories, and there is room for {} in memory: take fewer samples or \
+         trajectories, or write them to a file with out=..",
+        shown(bytes),
+        shown(free)
+    );
+    Err(Error::unusable("samples", reason))
 }
 
 /// Inputs with the values that they are held at, to take the place of what drives the scene.
@@ -155,6 +179,7 @@ pub(crate) fn write(
     (names, rows): (Vec<String>, Vec<Vec<f64>>),
     asked: &Asked,
     to: Written,
+    cancel: Cancel,
 ) -> Result<String, Error> {
     let is_varied = |name: &str| names.iter().any(|varied| varied == name);
     let own = scene.info().params.iter().zip(&scene.values).map(|(p, value)| (p.name.clone(), *value));
@@ -200,9 +225,9 @@ pub(crate) fn write(
         output: vec![to.out],
     };
     let inputs = scene.drives();
-    let subject = Subject { model: &scene.model, text: scene.model_text(), built: scene.built(), inputs };
+    let subject =
+        Subject { model: &scene.model, text: scene.model_text(), built: scene.built(), inputs, cancel };
     let lines = if names.is_empty() { Lines::none() } else { Lines::of((names, rows)) };
-    // Interrupts are those of Python.
     of_scene(&subject, &mut Local::new(scene.built()), lines, &arguments, |_| {})
 }
 

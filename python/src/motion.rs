@@ -16,7 +16,7 @@ use hamel::output::report::contents::contents;
 use hamel::run::asked::{Asked, Words};
 use hamel::run::auto;
 use hamel::run::backend::Local;
-use hamel::run::ensemble::Width;
+use hamel::run::ensemble::{Cancel, Width};
 use hamel::run::info::Info;
 use hamel::run::inputs::InputTable;
 use hamel::run::integrate::simulate_at;
@@ -29,7 +29,7 @@ use pyo3::types::PyDict;
 
 use crate::ensemble as many;
 use crate::errors::{OrRaise as _, exception};
-use crate::interrupts::Interrupts;
+use crate::interrupts::{Interrupts, interruptible};
 use crate::scene::Scene;
 
 /// Arguments in Python.
@@ -183,11 +183,12 @@ pub(crate) fn ensemble<'py>(
     let (n_rows, n, n_params) =
         (values.as_array().nrows(), scene.info().state.len(), scene.info().params.len());
     let rows = values.as_array();
+    let cancel = Cancel::default();
     let run = || {
         let asked = options.many(t_final, samples, lanes, threads)?;
-        many::integrate(scene, &names, rows, &asked)
+        many::integrate(scene, &names, rows, &asked, &cancel)
     };
-    let all = py.detach(run).or_raise(py)?;
+    let all = interruptible(py, &cancel, run)?;
     let shape = |e: numpy::ndarray::ShapeError| pyo3::exceptions::PyRuntimeError::new_err(e.to_string());
     let of_two = |width: usize, values| Array2::from_shape_vec((n_rows, width), values).map_err(shape);
     let states = Array3::from_shape_vec((n_rows, samples, n), all.states).map_err(shape)?;
@@ -228,12 +229,13 @@ pub(crate) fn write_ensemble(
     bins: u16,
 ) -> PyResult<String> {
     let rows: Vec<Vec<f64>> = values.as_array().rows().into_iter().map(|row| row.to_vec()).collect();
+    let cancel = Cancel::default();
     let run = || {
         let asked = options.many(t_final, samples, lanes, threads)?;
         let to = many::Written { out, resume, part, statistics, quantiles, bins };
-        many::write(scene, (names, rows), &asked, to)
+        many::write(scene, (names, rows), &asked, to, cancel.clone())
     };
-    py.detach(run).or_raise(py)
+    interruptible(py, &cancel, run)
 }
 
 impl Motion {

@@ -92,3 +92,22 @@ def test_an_interrupt_ends_a_motion(top):
     with pytest.raises(KeyboardInterrupt):
         top.simulate(1e7, {"Omega3": 20.0}, samples=2, max_steps=10**12)
     assert time.monotonic() - begun < 60.0
+
+
+@pytest.mark.parametrize("name", [None, "tops.csv", "tops.zarr"])
+def test_an_interrupt_calls_an_ensemble_off(top, tmp_path, name):
+    main = threading.main_thread().ident
+    timer = threading.Timer(0.5, lambda: signal.pthread_kill(main, signal.SIGINT))
+    timer.start()
+    more = {} if name is None else {"out": tmp_path / name}
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        # About an hour.
+        top.ensemble(1000.0, {"Omega3": np.linspace(10.0, 20.0, 100_000)}, samples=2, **more)
+    assert time.monotonic() - begun < 60.0
+    assert [path.name for path in tmp_path.iterdir()] == ([name] if name == "tops.zarr" else [])
+
+
+def test_more_than_memory_holds_is_refused(top):
+    with pytest.raises(hamel.InputError, match="there is room for .* in memory"):
+        top.ensemble(1.0, {"Omega3": np.linspace(10.0, 20.0, 1000)}, samples=10**11)

@@ -6,6 +6,7 @@ pub mod algebras;
 pub mod bundle;
 pub mod draws;
 pub mod errata;
+pub mod latex;
 pub mod linear;
 pub mod models;
 pub mod problem;

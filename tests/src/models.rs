@@ -129,7 +129,11 @@ pub fn build_scene_from_shelf(name: &str, scene: &str) -> BuiltScene {
     build_from_text(name, &text_from_shelf(name), scene)
 }
 
-fn text_from_shelf(name: &str) -> String {
+/// The text of a model file of the shelf.
+///
+/// # Panics
+/// When there is none.
+pub fn text_from_shelf(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/shelf").join(format!("{name}.hamel"));
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }

@@ -7,6 +7,7 @@ use hamel_tests::errata::{
     Fields, Ours, Point, cross, diagonal, generic, minus, plus, scaled, spec_text, transposed, verdict,
 };
 use hamel_tests::linear::{Vector, dot, fraction, identity, int};
+use hamel_tests::problem::derived;
 
 #[test]
 fn a18_torque_of_the_heavy_top() {
@@ -364,6 +365,13 @@ impl Second {
         self.f.matsum(&sum, &int(-1), &right)
     }
 
+    /// Another flow in the place of this one.
+    fn flow(&mut self, v: Vec<ExprId>) {
+        self.grad = self.f.jacobian(&v);
+        self.a = self.f.matsum(&self.grad, &int(1), &transposed(&self.grad));
+        self.v = v;
+    }
+
     fn numbers(&mut self, t: &Tensor) -> Vector {
         t.iter().flat_map(|row| self.f.all_at(row)).collect()
     }
@@ -373,6 +381,42 @@ impl Second {
         let force: Vec<ExprId> = t.iter().map(|row| self.f.divergence(row)).collect();
         self.f.curl(&force)
     }
+}
+
+#[test]
+fn s4_7_6_constraint_is_holonomic() {
+    // (7.13) is A = L_v g. With the bracket of the paper, [(u, L_u g), (w, L_w g)] has the second slot
+    // L_u L_w g - L_w L_u g, which is L_[u, w] g: brackets of allowed velocities are allowed.
+    let mut s = Second::new(18, 3);
+    let (u, of_u) = (s.v.clone(), s.a.clone());
+    let potential = s.f.vector(3, 3);
+    let w = s.f.curl(&potential);
+    s.flow(w.clone());
+    let of_w = s.a.clone();
+    let w_along_u = s.covariant(&of_u);
+    s.flow(u.clone());
+    let u_along_w = s.covariant(&of_w);
+    let slot = s.f.matsum(&u_along_w, &int(-1), &w_along_u);
+    let mut bracket = Vec::new();
+    for k in 0..3 {
+        let terms = [(s.f.along(&u, w[k]), int(1)), (s.f.along(&w, u[k]), int(-1))];
+        bracket.push(s.f.g.linear_combination(&terms));
+    }
+    s.flow(bracket);
+    let allowed = s.a.clone();
+    let outside = s.f.matsum(&slot, &int(-1), &allowed);
+    let (slot, outside) = (s.numbers(&slot), s.numbers(&outside));
+    verdict("S4 7.6, a bracket of allowed velocities and its part outside", &slot, &outside);
+
+    // The same in finite dimension, told by the generator: (w, w x c) is a subalgebra of se(3), w + c.v = .. is none.
+    let told = |constraint: &str| {
+        let text = format!(
+            "model m {{ velocity w, v in se(3); lagrangian = (dot(w, w) + 2*dot(v, v) + w1*v2)/2; constraint {constraint}; }}"
+        );
+        derived(&text).facts.holonomic
+    };
+    assert_eq!(told("v = cross(w, [1, 2, 3])"), Some(true));
+    assert_eq!(told("v = cross(w, [1, 2, 3]) + [0, 0, w1]"), Some(false));
 }
 
 #[test]

@@ -500,17 +500,17 @@ fn displacements_are_the_horizontal_space_of_a_connection_with_curvature() {
     let expected = g.neg(sum);
     assert!(g.is_equal(*value, expected), "{}", g.display(*value, Style::Plain));
     let both = forms.equations.expect("the motion satisfies both forms");
-    assert_eq!((both.usual.len(), both.alternative.len()), (3, 2));
+    assert_eq!((both.with_multipliers.len(), both.projected.len()), (3, 2));
     let names = ["E_omega", "E_v1", "E_v2"];
-    for ((left, _), name) in both.usual.iter().zip(names) {
+    for ((left, _), name) in both.with_multipliers.iter().zip(names) {
         assert_eq!(g.display(*left, Style::Plain), name);
     }
     // E_omega - tau E_v2 and E_v1 - mu E_v2.
-    let along = both.usual.iter().map(|(left, _)| *left).collect::<Vec<_>>();
+    let along = both.with_multipliers.iter().map(|(left, _)| *left).collect::<Vec<_>>();
     for (k, weight) in [(0, tau), (1, mu)] {
         let product = g.mul(weight, along[2]);
         let expected = g.sub(along[k], product);
-        assert_eq!(g.display(both.alternative[k], Style::Plain), g.display(expected, Style::Plain));
+        assert_eq!(g.display(both.projected[k], Style::Plain), g.display(expected, Style::Plain));
     }
 }
 
@@ -521,7 +521,7 @@ fn displacements_that_depend_on_velocities_have_no_curvature() {
     // 1 + a1^2 along xi3 vanishes nowhere, and lies along the algebra.
     assert_eq!(forms.complement, [4]);
     assert!(forms.curvature.is_none());
-    assert_eq!(forms.equations.expect("the motion satisfies both forms").alternative.len(), 4);
+    assert_eq!(forms.equations.expect("the motion satisfies both forms").projected.len(), 4);
 }
 
 #[test]
@@ -557,7 +557,7 @@ fn the_equations_of_a_right_action_have_the_sign_of_the_coadjoint_term_that_hold
             ];
             assert!(expected.contains(&text), "{text}, expected {expected:?}");
         }
-        assert_eq!(both.alternative.len(), 4);
+        assert_eq!(both.projected.len(), 4);
         // With the printed sign, twice the term p2 xi3 - p3 xi2 less, they do not hold.
         let velocity = |g: &mut Graph, name: &str| {
             let own = e.system.velocities.iter().find(|s| g.name(**s) == name);
@@ -572,7 +572,7 @@ fn the_equations_of_a_right_action_have_the_sign_of_the_coadjoint_term_that_hold
         let [one, other] = [g.mul(p2, xi3), g.mul(p3, xi2)];
         let term = g.sub(one, other);
         let twice = g.scale(term, &int(2));
-        let (left, right) = both.usual[2];
+        let (left, right) = both.with_multipliers[2];
         let wrong = g.sub(left, twice);
         assert!(!g.is_equal(wrong, right), "the printed sign leaves a residual");
     }

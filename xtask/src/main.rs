@@ -117,7 +117,13 @@ fn run(Cli { task, budget, size, no_cache }: Cli) -> Result<String, Error> {
 }
 
 fn main() -> ExitCode {
-    hamel::finish(run(Cli::parse()))
+    match hamel::arguments() {
+        Ok(arguments) => {
+            hamel::interrupts::watch();
+            hamel::finish(run(arguments))
+        }
+        Err(ended) => ended,
+    }
 }
 
 #[cfg(test)]

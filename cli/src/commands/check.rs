@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::error::Error;
 use crate::model::show_warnings;
 use crate::session::{ModelFile, Session};
+use crate::streams::print;
 
 /// Say everything that is wrong with models: errors and warnings, with their places and how to repair them
 ///
@@ -194,7 +195,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         if errors.is_empty() {
             return Ok(text);
         }
-        println!("{text}");
+        print(&text)?;
         return Err(Error::Found { n_errors: findings.errors });
     }
     Error::all_of(errors)?;

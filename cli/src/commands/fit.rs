@@ -12,7 +12,7 @@ use serde_json::{Map, Value};
 use super::options::{MotionOptions, SceneOptions, assignment, assignments, finite};
 use crate::error::{Error, Problem};
 use crate::model::{self, Checked, blocks};
-use crate::output::fitted::{Fitted, Target};
+use crate::output::fitted::{self, Fitted, Target};
 use crate::output::terminal::bold;
 use crate::request::json::{by_name, number};
 use crate::request::table::Table;
@@ -89,6 +89,7 @@ const CURVE: usize = 1001;
 /// Everything that can be wrong with names, the table, the motion and the fit.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let target = arguments.output.as_deref().map(Target::new).transpose()?;
+    let opened = target.as_ref().map(Target::open).transpose()?;
     let (file, choice) = (arguments.scene.find(session)?, arguments.scene.choice()?);
     let model = file.model()?;
     let motion = &arguments.motion;
@@ -133,15 +134,9 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     };
     let response = backend.fit(&request)?;
     let title = model::title(model);
-    if let Some(target) = &target {
-        let blocks = blocks::blocks(model);
-        target.write(&Fitted {
-            info: &info,
-            title: &title,
-            blocks: &blocks,
-            request: &request,
-            response: &response,
-        })?;
+    if let Some(file) = opened {
+        let (info, title, blocks) = (&info, &title, &blocks::blocks(model));
+        fitted::write(file, &Fitted { info, title, blocks, request: &request, response: &response })?;
     }
     if arguments.json {
         return Ok(json(&info, &request, &response).to_string());

@@ -9,13 +9,14 @@ use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use hamel_codegen::Config;
-use hamel_codegen::config::{Language, write_atomically};
+use hamel_codegen::config::Language;
 use hamel_codegen::scene::{self, BuiltScene, Scenes, Writing};
 
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{Checked, Model, has_positions, show_warnings};
 use crate::output::fmu::archive;
+use crate::output::opened::Opened;
 use crate::run::backend::Local;
 use crate::run::dynamics::Factory as _;
 use crate::run::forms::Forms;
@@ -213,6 +214,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         let reason = "is one FMU, of one scene: give one model and one --scene, or --out-dir";
         return Err(Error::unusable("--output", reason));
     }
+    let mut opened = arguments.output.as_deref().map(fmu_file).transpose()?;
     let mut written = Vec::new();
     for model in models {
         let mut scenes = Scenes::new(model);
@@ -229,19 +231,32 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
                 Error::unusable(format!("scene {} of {}:", built.name, model.name), e.to_string())
             })?;
             let bytes = archive(&c, &fmu)?;
-            let path = match (&arguments.output, &arguments.out_dir) {
-                (Some(file), _) => file.clone(),
-                (None, Some(folder)) => folder.join(format!("{}.fmu", c.prefix)),
-                (None, None) => PathBuf::from(format!("{}.fmu", c.prefix)),
+            let name = format!("{}.fmu", c.prefix);
+            let file = match (opened.take(), &arguments.out_dir) {
+                (Some(file), _) => file,
+                (None, Some(folder)) => fmu_file(&folder.join(name))?,
+                (None, None) => fmu_file(Path::new(&name))?,
             };
-            if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-                std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
-            }
-            write_atomically(&path, &bytes).map_err(|e| Error::io(path.display().to_string(), e))?;
-            written.push(format!("\n  {}", path.display()));
+            written.push(format!("\n  {}", file.path().display()));
+            file.write(&bytes)?;
         }
     }
     Ok(format!("{} FMUs written{}", written.len(), written.concat()))
+}
+
+/// The file of an FMU, in a folder that is made. What is at its place is replaced if it is an archive.
+fn fmu_file(path: &Path) -> Result<Opened, Error> {
+    let shown = path.display().to_string();
+    if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("fmu")) {
+        return Err(Error::unusable(shown, "is no FMU: let the name end in .fmu"));
+    }
+    if std::fs::read(path).is_ok_and(|there| !there.is_empty() && !there.starts_with(b"PK")) {
+        return Err(Error::unusable(shown, "is there and no FMU: give another name, or remove it"));
+    }
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
+    }
+    Opened::new(path)
 }
 
 /// Where an FMU begins: at the initial state of the model, whose coordinates satisfy the equations between them; none

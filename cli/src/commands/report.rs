@@ -3,18 +3,19 @@
 //! Does not know: what the page looks like, how a motion is integrated.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use hamel_codegen::config::{Bundle, Config, write_atomically};
+use hamel_codegen::config::{Bundle, Config};
 use hamel_codegen::spec::MatrixFluid;
 
 use super::options::{InputOptions, duration};
 use crate::error::Error;
 use crate::model::{self, Checked, blocks, roles};
 use crate::output::fields::{fields, vorticity};
+use crate::output::opened::Opened;
 use crate::output::plot::field;
 use crate::output::report::contents::{self, Page, contents};
 use crate::output::report::{self, Motion, Precision};
@@ -74,6 +75,7 @@ pub struct Arguments {
 /// Unknown names, problems of the model, a motion that cannot be integrated, and files.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let clock = Instant::now();
+    let opened = arguments.output.as_deref().map(page_file).transpose()?;
     let file = arguments.inputs.drive(session.find(&arguments.model)?)?;
     let (page, motion) = match file.fluid()? {
         Some(fluid) => of_matrices(&fluid, file.text()?.into_owned(), arguments)?,
@@ -88,11 +90,24 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         }
     };
     let text = report::page(&page, motion.as_ref())?;
-    let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.html", page.model)));
-    let shown = path.display().to_string();
-    write_atomically(&path, text.as_bytes()).map_err(|e| Error::io(shown.clone(), e))?;
+    let file = match opened {
+        Some(file) => file,
+        None => page_file(Path::new(&format!("{}.html", page.model)))?,
+    };
+    let shown = file.path().display().to_string();
+    file.write(text.as_bytes())?;
     let (size, seconds) = (text.len() as f64 / 1e3, clock.elapsed().as_secs_f64());
     Ok(format!("wrote {shown} ({size:.0} kB, {seconds:.1} s)"))
+}
+
+/// The file of a page, open before anything is derived.
+fn page_file(path: &Path) -> Result<Opened, Error> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+    if !["html", "htm"].contains(&extension.as_str()) {
+        let reason = "is no page: let the name end in .html";
+        return Err(Error::unusable(path.display().to_string(), reason));
+    }
+    Opened::new(path)
 }
 
 /// The page of a fluid of matrices and its motion.

@@ -11,11 +11,12 @@ use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{EndOptions, MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
+use crate::interrupts::Shield;
 use crate::model::blocks;
 use crate::model::{self, Checked, Model, roles};
-use crate::output::crossings::{Crossings, EventTarget};
+use crate::output::crossings::{Crossings, EventTarget, OpenEventTarget};
 use crate::output::fields::{fields, vorticity};
-use crate::output::files::{Run, Target};
+use crate::output::files::{OpenTarget, Run, Target};
 use crate::output::plot::field::{self, Field};
 use crate::output::terminal::bold;
 use crate::request::{read_request, sizes};
@@ -32,6 +33,7 @@ use crate::run::start::judge;
 use crate::run::watched::{EventRecord, Watched};
 use crate::run::{admissible, auto, interpreted};
 use crate::session::Session;
+use crate::streams::{print, tell};
 
 /// Integrate a model from an initial state; print a summary and write files
 ///
@@ -148,13 +150,15 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
             return Err(Error::unusable("sections", "are not possible: a fluid of matrices has no events"));
         }
         let request = SimulateRequest::parse(&text, &info)?;
+        let shield = Shield::raise();
         let Outcome { response, casimirs, .. } = matrices::simulate(fluid, &request, &[])?;
+        drop(shield);
         let mut answer = response.to_json(&info, 0);
         if let Some(fields) = answer.as_object_mut() {
             let values = casimirs.into_iter().map(|(name, ends)| (name, ends.to_vec().into()));
             fields.insert("casimirs".into(), serde_json::Value::Object(values.collect()));
         }
-        return Ok(answer.to_string());
+        return told_until_interrupted(&request, &response, answer.to_string());
     }
     let motion = &arguments.motion;
     if arguments.reconstruct {
@@ -203,17 +207,18 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         watched: None,
         along: Vec::new(),
     };
+    let opened: Vec<OpenTarget> = targets.iter().map(Target::open).collect::<Result<_, _>>()?;
     let is_drawn = targets.iter().any(Target::is_figure);
     let pictured: Vec<usize> = if is_drawn { field::shown(samples).collect() } else { Vec::new() };
+    let shield = Shield::raise();
     let Outcome { response, fields, casimirs } = matrices::simulate(fluid, &request, &pictured)?;
+    drop(shield);
     let title = fluid.doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default();
     let fields: Vec<Field> = is_drawn.then(|| vorticity(fluid, fields)).into_iter().collect();
     let blocks = [blocks::of_matrices(fluid)];
     let run =
         Run { info: &info, title, blocks: &blocks, request: &request, response: &response, fields: &fields };
-    for target in &targets {
-        target.write(&run)?;
-    }
+    opened.into_iter().try_for_each(|target| target.write(&run))?;
     let mut text = summary(&info, title, &request, &response);
     if !casimirs.is_empty() {
         text.push('\n');
@@ -225,7 +230,24 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     for target in &targets {
         let _ = write!(text, "\nwrote {} ({} samples)", target.path().display(), response.samples.len());
     }
-    Ok(text)
+    told_until_interrupted(&request, &response, text)
+}
+
+/// What there is to tell of a motion; where an interrupt has ended it, that is told at once, and the interrupt is an
+/// error.
+///
+/// # Errors
+/// [`Error::Interrupted`], and [`Error::Io`] where the text cannot be printed.
+fn told_until_interrupted(
+    request: &SimulateRequest,
+    response: &SimulateResponse,
+    text: String,
+) -> Result<String, Error> {
+    if request.is_complete(response) {
+        return Ok(text);
+    }
+    print(&text)?;
+    Err(Error::Interrupted { t: response.t, t_final: request.t_final })
 }
 
 /// The answer to a JSON request.
@@ -276,9 +298,15 @@ pub fn simulate_text(backend: &mut dyn Backend, text: &str) -> Result<String, Er
 }
 
 fn respond(backend: &mut dyn Backend, request: &SimulateRequest) -> Result<String, Error> {
+    let shield = backend.is_here().then(Shield::raise);
     let response = backend.simulate(request)?;
+    drop(shield);
     warn(&response);
-    Ok(response.to_json(backend.info(), request.n_group).to_string())
+    let mut answer = response.to_json(backend.info(), request.n_group);
+    if let (Some(fields), false) = (answer.as_object_mut(), request.is_complete(&response)) {
+        fields.insert("interrupted".into(), true.into());
+    }
+    told_until_interrupted(request, &response, answer.to_string())
 }
 
 /// Integrates as a JSON request with `reconstruct` says; the backend is that of the scene with the group's coordinates.
@@ -301,7 +329,7 @@ pub fn reconstruct_text(
 
 /// Tells the warnings of an integration on standard error.
 fn warn(response: &SimulateResponse) {
-    response.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    response.warnings.iter().for_each(|warning| tell(format_args!("warning: {warning}")));
 }
 
 /// Number of coordinates of the group at the end of a scene's state.
@@ -321,6 +349,9 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
     let of_events: Vec<EventTarget> =
         arguments.events.iter().map(|p| EventTarget::new(p)).collect::<Result<_, _>>()?;
+    let opened: Vec<OpenTarget> = targets.iter().map(Target::open).collect::<Result<_, _>>()?;
+    let opened_for_events: Vec<OpenEventTarget> =
+        of_events.iter().map(EventTarget::open).collect::<Result<_, _>>()?;
     let model = file.model()?;
     let mut choice = arguments.scene.choice()?;
     if arguments.reconstruct {
@@ -371,7 +402,9 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         let reason = "is not carried through events whose inputs are in a table: drive them by expressions";
         return Err(Error::unusable("--sensitivity", reason));
     }
+    let shield = backend.is_here().then(Shield::raise);
     let response = backend.simulate(&request)?;
+    drop(shield);
     warn(&response);
     let title = model::title(model);
     let blocks = blocks::blocks(model);
@@ -384,18 +417,14 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         response: &response,
         fields: &fields,
     };
-    for target in &targets {
-        target.write(&run)?;
-    }
+    opened.into_iter().try_for_each(|target| target.write(&run))?;
     let crossings = Crossings {
         info: &info,
         title: &title,
         plane,
         events: response.events.as_deref().unwrap_or_default(),
     };
-    for target in &of_events {
-        target.write(&crossings)?;
-    }
+    opened_for_events.into_iter().try_for_each(|target| target.write(&crossings))?;
     let mut text = summary(&info, &title, &request, &response);
     if !targets.is_empty() && !missing.is_empty() {
         let list = missing.join(", ");
@@ -411,7 +440,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     for target in &of_events {
         let _ = write!(text, "\nwrote {} ({} events)", target.path().display(), crossings.events.len());
     }
-    Ok(text)
+    told_until_interrupted(&request, &response, text)
 }
 
 /// Positions in the state of the components that span a plane: those named, or the first two.

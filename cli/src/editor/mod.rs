@@ -1,8 +1,8 @@
 //! Model files in editors: problems while somebody writes, what names stand for, what may be written next.
 //!
-//! `server` speaks the Language Server Protocol over standard input and output; the others answer one kind of question
-//! each, about one text. All they know of the language is from [`hamel_codegen::spec`], so that an editor and the
-//! commands say the same.
+//! `server` speaks the Language Server Protocol, whose messages `wire` reads and writes; the others answer one kind of
+//! question each, about one text. All they know of the language is from [`hamel_codegen::spec`], so that an editor and
+//! the commands say the same.
 //!
 //! Does not know: files, scenes, generated code.
 
@@ -13,6 +13,7 @@ mod hover;
 mod navigation;
 mod position;
 mod server;
+mod wire;
 mod work;
 
 pub use server::serve;

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use hamel_codegen::spec;
-use lsp_server::{Connection, ErrorCode, Message, Notification, Request, RequestId, Response};
+use lsp_server::{ErrorCode, Message, Notification, Request, RequestId, Response};
 use lsp_types::{
     CodeActionKind, CodeActionOptions, CodeActionParams, CodeActionProviderCapability, CompletionOptions,
     CompletionParams, DidChangeTextDocumentParams, DidCloseTextDocumentParams, DidOpenTextDocumentParams,
@@ -27,7 +27,7 @@ use super::document::{Checked, Document};
 use super::hover::{self, Answer, Wish};
 use super::position::Lines;
 use super::work::{Board, Workers};
-use super::{actions, completion, navigation};
+use super::{actions, completion, navigation, wire};
 use crate::error::Error;
 
 /// How long an answer about a name waits for its equations.
@@ -96,7 +96,10 @@ fn capabilities() -> ServerCapabilities {
 /// [`Error::Io`] when the editor does not speak the protocol, or ends without saying so.
 pub fn serve() -> Result<(), Error> {
     let failed = |e: &dyn std::fmt::Display| Error::io("the editor", std::io::Error::other(e.to_string()));
-    let (connection, threads) = Connection::stdio();
+    let (connection, broken) = wire::stdio();
+    // Where no message can be read, that says more than the end of the conversation.
+    let failed =
+        |e: &dyn std::fmt::Display| broken.reason().map_or_else(|| failed(e), |reason| failed(&reason));
     let (id, _) = connection.initialize_start().map_err(|e| failed(&e))?;
     let info = json!({
         "capabilities": capabilities(),
@@ -133,7 +136,7 @@ pub fn serve() -> Result<(), Error> {
         }
     };
     // Nobody waits for the threads: workers may be in the middle of a derivation.
-    drop((server, connection, threads));
+    drop((server, connection));
     outcome
 }
 

@@ -40,7 +40,7 @@ impl Checked {
     }
 
     /// What `make` makes of the model, or made of the same text within the same budget before; `what` names it, with
-    /// the scene.
+    /// the scene. What was made before counts if it `is_sound`: a cache is a file that anybody may have written.
     ///
     /// # Errors
     /// That of `make`.
@@ -48,19 +48,20 @@ impl Checked {
         &self,
         what: &str,
         scene: &str,
+        is_sound: impl FnOnce(&T) -> bool,
         make: impl FnOnce() -> Result<T, Error>,
     ) -> Result<T, Error> {
         // A model that somebody built in memory has no text.
         let Some(Origin { text, .. }) = &self.model.origin else { return make() };
         let budget = format!("{:?}", self.model.graph.budget());
-        self.cache.get_or_make(&[what, scene, &budget, text], make)
+        self.cache.get_or_make(&[what, scene, &budget, text], is_sound, make)
     }
 
     /// Names of the scenes, the default first.
     pub fn scene_names(&self) -> Vec<String> {
         let names = || Ok(scene::names(&self.model));
         // Names never fail to be there.
-        self.cached("scene names", "", names).unwrap_or_default()
+        self.cached("scene names", "", |names: &Vec<String>| !names.is_empty(), names).unwrap_or_default()
     }
 
     /// Derives and lowers a scene: also the one of derivatives, which is emitted only for models that declare it.
@@ -97,6 +98,6 @@ impl Checked {
             && self.model.scenes.iter().all(|own| own.name != scene)
             && self.model.carries.is_empty();
         let has_residuals = || Ok(scene::has_residuals(&self.model)?);
-        Ok(!has_all && self.cached("has residuals", "", has_residuals)?)
+        Ok(!has_all && self.cached("has residuals", "", |_| true, has_residuals)?)
     }
 }

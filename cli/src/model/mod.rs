@@ -9,8 +9,6 @@ pub mod roles;
 pub mod spelling;
 pub mod units;
 
-use std::io::IsTerminal as _;
-
 use hamel_codegen::expr::Budget;
 use hamel_codegen::reduction;
 use hamel_codegen::scene;
@@ -21,6 +19,7 @@ pub use checked::Checked;
 pub use extended::{first_message, is_one_expression, with_items};
 
 use crate::error::Error;
+use crate::streams::{is_coloured, tell};
 
 /// Name of the scene that every model has.
 pub const DEFAULT_SCENE: &str = scene::DEFAULT;
@@ -42,8 +41,7 @@ pub fn parse(file: &str, text: &str, budget: u64) -> Result<Model, Error> {
 /// Writes warnings to standard error.
 pub fn show_warnings(warnings: &Diagnostics) {
     if !warnings.is_empty() {
-        let is_coloured = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-        eprintln!("{}", warnings.render(is_coloured));
+        tell(warnings.render(is_coloured()));
     }
 }
 

@@ -5,8 +5,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use hamel_codegen::config::write_atomically;
-
+use super::opened::Opened;
 use super::plot::points::{self, Points};
 use crate::error::Error;
 use crate::run::info::Info;
@@ -27,6 +26,13 @@ pub(crate) struct Crossings<'a> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct EventTarget {
     path: PathBuf,
+    is_svg: bool,
+}
+
+/// A file that is open, and its format.
+#[derive(Debug)]
+pub(crate) struct OpenEventTarget {
+    file: Opened,
     is_svg: bool,
 }
 
@@ -53,19 +59,29 @@ impl EventTarget {
         &self.path
     }
 
+    /// Opens the file, before anything is integrated.
+    ///
+    /// # Errors
+    /// What keeps it from being written.
+    pub(crate) fn open(&self) -> Result<OpenEventTarget, Error> {
+        Ok(OpenEventTarget { file: Opened::new(&self.path)?, is_svg: self.is_svg })
+    }
+}
+
+impl OpenEventTarget {
     /// Writes the events.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub(crate) fn write(&self, crossings: &Crossings<'_>) -> Result<(), Error> {
-        let fail = |e| Error::io(self.path.display().to_string(), e);
+    pub(crate) fn write(self, crossings: &Crossings<'_>) -> Result<(), Error> {
+        let fail = |e| Error::io(self.file.path().display().to_string(), e);
         let text = match self.is_svg {
             false => csv(crossings),
             true => {
                 points::svg(&figure(crossings)).map_err(|e| fail(std::io::Error::other(e.to_string())))?
             }
         };
-        write_atomically(&self.path, text.as_bytes()).map_err(fail)
+        self.file.write(text.as_bytes())
     }
 }
 

@@ -5,8 +5,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use hamel_codegen::config::write_atomically;
-
+use super::opened::Opened;
 use super::plot::field::Field;
 use super::plot::{self, Figure, MAX_LINES, Panel, svg};
 use crate::error::Error;
@@ -20,6 +19,13 @@ use crate::run::simulation::{Sample, SimulateRequest, SimulateResponse};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Target {
     path: PathBuf,
+    format: Format,
+}
+
+/// A file that is open, and its format.
+#[derive(Debug)]
+pub struct OpenTarget {
+    file: Opened,
     format: Format,
 }
 
@@ -79,20 +85,29 @@ impl Target {
         self.format == Format::Svg
     }
 
+    /// Opens the file, before anything is integrated.
+    ///
+    /// # Errors
+    /// What keeps it from being written.
+    pub fn open(&self) -> Result<OpenTarget, Error> {
+        Ok(OpenTarget { file: Opened::new(&self.path)?, format: self.format })
+    }
+}
+
+impl OpenTarget {
     /// Writes the results.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write(&self, run: &Run<'_>) -> Result<(), Error> {
+    pub fn write(self, run: &Run<'_>) -> Result<(), Error> {
         let text = match self.format {
             Format::Csv => csv(run),
             Format::Json => format!("{}\n", run.response.to_json(run.info, run.request.n_group)),
             Format::Svg => svg(&figure(run)).map_err(|e| {
-                Error::io(self.path.display().to_string(), std::io::Error::other(e.to_string()))
+                Error::io(self.file.path().display().to_string(), std::io::Error::other(e.to_string()))
             })?,
         };
-        write_atomically(&self.path, text.as_bytes())
-            .map_err(|e| Error::io(self.path.display().to_string(), e))
+        self.file.write(text.as_bytes())
     }
 }
 

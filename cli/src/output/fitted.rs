@@ -4,8 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hamel_codegen::config::write_atomically;
-
+use super::opened::Opened;
 use super::plot::{Figure, Panel, svg};
 use crate::error::Error;
 use crate::model::blocks::Block;
@@ -52,11 +51,25 @@ impl Target {
         &self.path
     }
 
-    pub(crate) fn write(&self, fitted: &Fitted<'_>) -> Result<(), Error> {
-        let fail = |e| Error::io(self.path.display().to_string(), e);
-        let text = svg(&figure(fitted)).map_err(|e| fail(std::io::Error::other(e.to_string())))?;
-        write_atomically(&self.path, text.as_bytes()).map_err(fail)
+    /// Opens the file, before anything is fitted.
+    ///
+    /// # Errors
+    /// What keeps it from being written.
+    pub(crate) fn open(&self) -> Result<Opened, Error> {
+        Opened::new(&self.path)
     }
+}
+
+/// Writes the figure.
+///
+/// # Errors
+/// [`Error::Io`].
+pub(crate) fn write(file: Opened, fitted: &Fitted<'_>) -> Result<(), Error> {
+    let fail = |e: &dyn std::fmt::Display| {
+        Error::io(file.path().display().to_string(), std::io::Error::other(e.to_string()))
+    };
+    let text = svg(&figure(fitted)).map_err(|e| fail(&e))?;
+    file.write(text.as_bytes())
 }
 
 fn figure(fitted: &Fitted<'_>) -> Figure {

@@ -3,7 +3,7 @@
 //! Deliberately does not know: what the sources compute.
 
 use std::io::{Cursor, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use hamel_codegen::scene::{CModule, Fmu};
@@ -11,6 +11,7 @@ use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
 use crate::error::Error;
+use crate::temporary::Temporary;
 
 /// The archive of a scene: description, sources, and what the C compiler of this machine makes of them.
 ///
@@ -24,13 +25,16 @@ pub fn archive(c: &CModule, fmu: &Fmu) -> Result<Vec<u8>, Error> {
         (format!("{}_fmu.c", c.prefix), &fmu.source),
     ];
     let (platform, extension) = platform()?;
-    let folder = Folder::new(&c.prefix)?;
+    let name = format!("hamel-fmu-{}-{}", c.prefix, std::process::id());
+    let temporary = Temporary::at(std::env::temp_dir().join(name));
+    let folder = temporary.path();
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
     for (name, text) in &sources {
-        let path = folder.0.join(name);
+        let path = folder.join(name);
         std::fs::write(&path, text).map_err(|e| Error::io(path.display().to_string(), e))?;
     }
     let library = format!("{}.{extension}", c.prefix);
-    let binary = compile(&folder.0, &c.prefix, &library)?;
+    let binary = compile(folder, &c.prefix, &library)?;
 
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let options = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
@@ -68,23 +72,6 @@ fn platform() -> Result<(String, &'static str), Error> {
         }
     };
     Ok((format!("{architecture}-{system}"), extension))
-}
-
-/// A folder that is gone when this value is.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Result<Folder, Error> {
-        let path = std::env::temp_dir().join(format!("hamel-fmu-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).map_err(|e| Error::io(path.display().to_string(), e))?;
-        Ok(Folder(path))
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
 }
 
 /// The C compilers to try: the one that `CC` names, else those of usual names.

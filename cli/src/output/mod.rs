@@ -8,6 +8,7 @@ pub mod files;
 pub mod fitted;
 pub mod fmu;
 pub(crate) mod formulations;
+pub(crate) mod opened;
 pub mod plot;
 pub mod report;
 pub mod terminal;

@@ -13,6 +13,7 @@ pub mod variation;
 use std::io::{IsTerminal as _, Read as _};
 
 use crate::error::Error;
+use crate::streams::tell;
 
 /// Reads a request from standard input, and says so when nobody seems to know.
 ///
@@ -21,7 +22,7 @@ use crate::error::Error;
 pub(crate) fn read_request(example: &str) -> Result<String, Error> {
     let stdin = std::io::stdin();
     if stdin.is_terminal() {
-        eprintln!("reading a JSON request such as {example} from the terminal; end it with Ctrl-D");
+        tell(format_args!("reading a JSON request such as {example} from the terminal; end it with Ctrl-D"));
     }
     let mut text = String::new();
     stdin.lock().read_to_string(&mut text).map_err(|e| Error::io("standard input", e))?;

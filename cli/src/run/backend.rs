@@ -27,6 +27,9 @@ pub trait Backend {
     /// As [`eval`].
     fn eval(&mut self, request: &EvalRequest) -> Result<EvalResponse, Error>;
 
+    /// Whether this process integrates, so that an interrupt ends a motion at its next step.
+    fn is_here(&self) -> bool;
+
     /// A solution from an initial state.
     ///
     /// # Errors
@@ -62,6 +65,10 @@ impl<F: Factory> Local<F> {
 impl<F: Factory> Backend for Local<F> {
     fn info(&self) -> &Info {
         self.factory.info()
+    }
+
+    fn is_here(&self) -> bool {
+        true
     }
 
     fn eval(&mut self, request: &EvalRequest) -> Result<EvalResponse, Error> {

@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::error::Error;
 use crate::repository::Repository;
+use crate::streams::tell;
 
 /// How much the compiler optimises what is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,9 +84,9 @@ fn run_build_of(
         return Ok(path);
     }
     for message in messages.iter().filter(|m| m["message"]["level"] == "error") {
-        eprint!("{}", message["message"]["rendered"].as_str().unwrap_or_default());
+        tell(message["message"]["rendered"].as_str().unwrap_or_default().trim_end());
     }
-    eprint!("{}", String::from_utf8_lossy(&output.stderr));
+    tell(String::from_utf8_lossy(&output.stderr).trim_end());
     Ok(None)
 }
 

@@ -17,6 +17,7 @@ use super::{interpreted, machine};
 use crate::error::{Error, Problem};
 use crate::model::{self, Checked};
 use crate::session::ModelFile;
+use crate::streams::tell;
 
 /// Who evaluates a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -97,11 +98,11 @@ impl Choice {
         if model::wants(file.model()?, &self.scene, needed) {
             return Ok(self.clone());
         }
-        eprintln!(
+        tell(format_args!(
             "note: scene {} does not want `{}`, so it is compiled in memory, with those that are found",
             self.scene,
             needed.name()
-        );
+        ));
         Ok(Choice { via: Some(Via::Jit), ..self.clone() })
     }
 
@@ -115,13 +116,16 @@ impl Choice {
             return Ok(Box::new(Remote::open(repository, file.name(), &self.scene)?));
         }
         if self.via == Some(Via::Compiled) && (self.table.is_some() || file.is_driven()) {
-            eprintln!("note: {} is compiled in memory: rustc's module has other inputs", file.shown());
+            tell(format_args!(
+                "note: {} is compiled in memory: rustc's module has other inputs",
+                file.shown()
+            ));
         } else if self.via == Some(Via::Compiled) {
-            eprintln!(
+            tell(format_args!(
                 "note: {} is compiled in memory: rustc compiles the models of hamel's repository, for programs started \
                  inside it",
                 file.shown()
-            );
+            ));
         }
         let mut built = interpreted::build(file.model()?, &self.scene)?;
         if let Some(table) = &self.table {

@@ -4,6 +4,8 @@
 
 use std::fmt;
 use std::io::IsTerminal as _;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
@@ -55,6 +57,32 @@ pub struct EnsembleRequest {
     pub threads: Option<usize>,
     /// How far the whole ensemble is.
     pub progress: Progress,
+    /// Whether it is called off; another process does not learn of it.
+    #[serde(skip)]
+    pub cancel: Cancel,
+}
+
+/// Whether somebody has called an ensemble off: trajectories that have not begun are not integrated then.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Calls it off.
+    pub fn call_off(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it is called off.
+    pub fn is_off(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+impl PartialEq for Cancel {
+    /// Requests are the same whether or not somebody waits for the answer.
+    fn eq(&self, _: &Cancel) -> bool {
+        true
+    }
 }
 
 /// How far an ensemble is before a request, for the progress bar.
@@ -102,7 +130,8 @@ impl Member {
 /// Integrates all members on several threads; results are in their order, and the same for any number of threads.
 ///
 /// # Errors
-/// [`Error::Options`] for a time, tolerances, a method or a number of threads that suit none of them.
+/// [`Error::Options`] for a time, tolerances, a method or a number of threads that suit none of them, and where it is
+/// called off.
 pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
     let options = request.options()?;
     let pool = pool(request.threads)?;
@@ -128,11 +157,26 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec
         Ok(trajectories.into_par_iter().zip(params).map(one).collect())
     });
     bar.finish_and_clear();
+    if request.cancel.is_off() {
+        return Err(Error::Options { reason: "the ensemble was called off".into() });
+    }
     members
 }
 
-/// The scenes of a factory for all parameters.
-struct Scenes<'a>(&'a dyn Factory);
+/// The scenes of a factory for all parameters, none once the ensemble is called off.
+struct Scenes<'a> {
+    factory: &'a dyn Factory,
+    cancel: Cancel,
+}
+
+impl Scenes<'_> {
+    fn go_on(&self) -> Result<(), BadParams> {
+        match self.cancel.is_off() {
+            true => Err(BadParams { condition: "going on".into(), meaning: String::new() }),
+            false => Ok(()),
+        }
+    }
+}
 
 impl<'a> Source<f64> for Scenes<'a> {
     type State = VecState;
@@ -140,7 +184,8 @@ impl<'a> Source<f64> for Scenes<'a> {
     type Error = BadParams;
 
     fn prepare(&self, params: &[f64]) -> Result<Self::System, BadParams> {
-        self.0.prepare(params)
+        self.go_on()?;
+        self.factory.prepare(params)
     }
 
     fn state(&self, components: &[f64]) -> VecState {
@@ -154,7 +199,8 @@ impl<'a> Source<F64x4> for Scenes<'a> {
     type Error = BadParams;
 
     fn prepare(&self, params: &[F64x4]) -> Result<Self::System, BadParams> {
-        self.0.prepare_lanes(params)
+        self.go_on()?;
+        self.factory.prepare_lanes(params)
     }
 
     fn state(&self, components: &[F64x4]) -> VecState<F64x4> {
@@ -216,7 +262,8 @@ impl<'a> Job<'a, '_> {
         Method::<f64, PreparedScene<'a>>::validate(&method, &self.options)
             .map_err(|e| refused(e.to_string()))?;
         let ensemble = Ensemble::new(method, self.options).with_lanes::<L>();
-        let (scenes, t_final) = (Scenes(self.factory), self.request.t_final);
+        let scenes = Scenes { factory: self.factory, cancel: self.request.cancel.clone() };
+        let t_final = self.request.t_final;
         let trajectories =
             ensemble.run_from(&scenes, self.params, self.initial, t_final, self.times, self.progress);
         // As many parameters as states, by construction.

@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 
-use hamel_codegen::program::ViolatedCondition;
+use hamel_codegen::program::{Role, ViolatedCondition};
 use hamel_codegen::scene::{self, Executable};
 use hamel_codegen::spec::CarriedBy;
 use serde::{Deserialize, Serialize};
@@ -81,6 +81,23 @@ struct Carrying {
     carried: Vec<String>,
     /// What its outputs are: velocities by what it carries.
     outputs: Vec<String>,
+}
+
+impl Carrying {
+    /// Whether the program keeps its rules and has what the names say.
+    fn is_sound(&self) -> bool {
+        let program = &self.executable.program;
+        let n_of = |is_one: fn(&Role) -> bool| {
+            let functions = program.functions.iter().filter(move |f| is_one(&f.role));
+            functions.map(|f| (f.argument.len(), f.results.len()))
+        };
+        let n_outputs: usize = n_of(|role| matches!(role, Role::Output(_))).map(|(_, n)| n).sum();
+        let mut transforms = n_of(|role| matches!(role, Role::Product(_)));
+        self.executable.verify().is_ok()
+            && program.state == self.state
+            && n_outputs == self.outputs.len()
+            && transforms.all(|n| n == (self.velocities.len(), self.carried.len()))
+    }
 }
 
 impl Forms {
@@ -313,7 +330,8 @@ impl Forms {
         // Without a model there are no slots.
         let Some(model) = &self.model else { return Err(Error::unusable("initial", "has no other form")) };
         let carried = if levels { "carrying levels" } else { "carrying" };
-        model.cached(&format!("{carried} {}", momenta.join(" ")), &self.info.scene, || {
+        let what = format!("{carried} {}", momenta.join(" "));
+        model.cached(&what, &self.info.scene, Carrying::is_sound, || {
             let built = scene::build_carrying(model, &self.info.scene, momenta, levels)?;
             let legendre = built.legendre();
             let outputs = built.outputs().iter().flat_map(|o| &o.components);

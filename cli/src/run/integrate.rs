@@ -19,8 +19,9 @@ use super::simulation::{SimulateRequest, SimulateResponse, stopped_because};
 use super::solver::{WithMethod, with_method};
 use super::watched::MAX_EVENTS;
 use crate::error::Error;
+use crate::interrupts;
 
-/// Integrates a scene. `progress` is told the time reached after every step.
+/// Integrates a scene. `progress` is told the time reached after every step. A noted interrupt ends the motion there.
 ///
 /// # Errors
 /// [`Error::NoState`], [`Error::Params`], [`Error::State`] and [`Error::Inadmissible`] for the initial state,
@@ -33,7 +34,7 @@ pub fn simulate(
     let times: Vec<f64> = (0..request.samples).map(|k| request.sample_time(k)).collect();
     let mut told = |t| {
         progress(t);
-        ControlFlow::Continue(())
+        interrupts::look()
     };
     simulate_at(factory, request, &times, &mut told)
 }

@@ -8,24 +8,23 @@ use std::collections::BTreeSet;
 use std::ops::Deref;
 use std::sync::{Arc, Mutex, OnceLock};
 
-use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
-use hamel_codegen::spec;
 use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
-use serde::{Deserialize, Serialize};
 
 use super::dynamics::{
     BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PositionEquations, PreparedDuals,
     PreparedLanes, PreparedScene, SideBySide, VecState, lane_by_lane,
 };
-use super::info::{Info, OutputEntry, ParamEntry};
+use super::info::Info;
 use super::inputs::{Drive, InputTable};
 use super::machine::{self, Compiled};
+use super::stored::{Stored, fits, output_entry};
 use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{self, Checked, Model};
+use crate::streams::tell;
 
 /// A program with what runs it: its machine code, or nothing where it is interpreted.
 #[derive(Debug)]
@@ -46,7 +45,7 @@ impl Deref for Runnable {
 fn compiled(program: &Program) -> Option<Compiled> {
     let compiled = Compiled::new(program);
     if let Err(reason) = &compiled {
-        eprintln!("note: {reason}; the scene is interpreted");
+        tell(format_args!("note: {reason}; the scene is interpreted"));
     }
     compiled.ok()
 }
@@ -109,60 +108,14 @@ pub struct Built {
     splitting: OnceLock<Result<Runnable, String>>,
 }
 
-/// What is kept of a scene.
-#[derive(Debug, Serialize, Deserialize)]
-struct Stored {
-    executable: Executable,
-    info: Info,
-}
-
-impl Stored {
-    fn of(model: &str, scene: &BuiltScene) -> Stored {
-        let param = |p: &spec::Param| ParamEntry {
-            name: p.name.clone(),
-            default: rational_to_f64(&p.default),
-            doc: p.doc.clone(),
-        };
-        let info = Info {
-            model: model.to_owned(),
-            scene: scene.name.clone(),
-            state: scene.state_names(),
-            momenta: momenta(scene),
-            params: scene.params().iter().map(param).collect(),
-            inputs: scene.equations.system.inputs.iter().map(param).collect(),
-            outputs: scene.outputs().iter().map(output_entry).collect(),
-            has_energy: scene.has_energy(),
-            conserves_energy: scene.has_energy() && scene.equations.facts.conserves_energy(),
-        };
-        Stored { executable: scene.executable(), info }
-    }
-}
-
-/// Components of a state in the place of velocities of the model.
-fn momenta(scene: &BuiltScene) -> Vec<String> {
-    let carried = scene.equations.system.momenta.iter().filter(|m| m.symbol.is_some()).map(|m| &m.name);
-    let others = scene.legendre().momenta.iter().map(|(name, _)| name);
-    let mut names: Vec<String> = carried.chain(others).cloned().collect();
-    names.sort();
-    names.dedup();
-    names
-}
-
-fn output_entry(output: &hamel_codegen::mechanics::Output) -> OutputEntry {
-    OutputEntry {
-        name: output.name.clone(),
-        components: output.components.iter().map(|(name, _)| name.clone()).collect(),
-        doc: output.doc.clone(),
-    }
-}
-
 /// Derives and lowers a scene.
 ///
 /// # Errors
 /// [`Error::UnknownScene`], [`Error::Models`].
 pub fn build(model: &Arc<Checked>, scene: &str) -> Result<Built, Error> {
     let mut derived = OnceLock::new();
-    let stored = model.cached("scene", scene, || {
+    let is_sound = |stored: &Stored| stored.is_sound(&model.name, scene);
+    let stored = model.cached("scene", scene, is_sound, || {
         let built = model.derive(scene)?;
         let stored = Stored::of(&model.name, &built);
         derived = OnceLock::from(Some(built));
@@ -282,7 +235,13 @@ impl Built {
     /// The scene with the same parameters and state that has the residuals of the constraints that a state can violate,
     /// and the momenta; none if there are no such constraints.
     pub fn with_residuals(&self) -> Option<Built> {
-        let stored: Result<Option<Stored>, Error> = self.model.cached("residuals", &self.info.scene, || {
+        let Info { model, scene, .. } = &self.info;
+        let is_sound = |stored: &Option<Stored>| {
+            stored
+                .as_ref()
+                .is_none_or(|stored| stored.is_sound(model, scene) && fits(&stored.executable, &self.info))
+        };
+        let stored: Result<Option<Stored>, Error> = self.model.cached("residuals", scene, is_sound, || {
             let scene = self.derived().and_then(|scene| scene.with_residuals().ok()?);
             Ok(scene.map(|scene| {
                 let outputs = scene.outputs().iter().map(output_entry).collect();
@@ -307,7 +266,9 @@ impl Built {
 
     /// The scene with something else, kept by the name of that; none if it is not there.
     fn also(&self, what: &str, with: impl Fn(&BuiltScene) -> Option<BuiltScene>) -> Option<Runnable> {
-        let found = self.model.cached(what, &self.info.scene, || {
+        let is_sound =
+            |found: &Option<Executable>| found.as_ref().is_none_or(|found| fits(found, &self.info));
+        let found = self.model.cached(what, &self.info.scene, is_sound, || {
             Ok(self.derived().and_then(with).map(|scene| scene.executable()))
         });
         let found: Option<Executable> = found.ok().flatten();
@@ -332,7 +293,10 @@ impl Built {
     /// The scene with its exact flows, or why it has none.
     fn with_splitting(&self) -> Result<&Runnable, String> {
         let find = || {
-            let found = self.model.cached("splitting", &self.info.scene, || {
+            let is_sound = |found: &Option<Result<Executable, String>>| {
+                found.iter().flatten().all(|found| fits(found, &self.info))
+            };
+            let found = self.model.cached("splitting", &self.info.scene, is_sound, || {
                 let scene = self.derived().map(|scene| scene.with_splitting().map_err(why_unsplit));
                 Ok(scene.map(|found| found.map(|scene| scene.executable())))
             });

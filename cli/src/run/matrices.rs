@@ -11,6 +11,7 @@ use super::info::{Info, OutputEntry};
 use super::method::{MethodName, Steps};
 use super::simulation::{Sample, SimulateRequest, SimulateResponse, stopped_because};
 use crate::error::Error;
+use crate::interrupts;
 use crate::model::DEFAULT_SCENE;
 
 /// What the state is in figures and answers: the modes that the model gives.
@@ -202,7 +203,8 @@ fn run<S: Modes>(
     let n_samples = request.samples;
     // So many points are enough for any figure.
     let stride = (n_steps / 4096.0).ceil().max(1.0) as u64;
-    for k in 0..=intervals {
+    let mut is_interrupted = false;
+    'motion: for k in 0..=intervals {
         let (from, to) =
             (if k == 0 { 0.0 } else { request.t_final * ((k - 1) as f64 / intervals as f64) }, {
                 request.t_final * (k as f64 / intervals as f64)
@@ -217,6 +219,10 @@ fn run<S: Modes>(
             deviation = deviation.max((energy - initial_energy).abs());
             if request.with_outputs && solver.stats().steps.is_multiple_of(stride) {
                 energy_at_steps.push((solver.t(), energy));
+            }
+            if (k, j) != (intervals, count) && interrupts::look().is_break() {
+                is_interrupted = true;
+                break 'motion;
             }
         }
         // A single sample is the end.
@@ -240,7 +246,7 @@ fn run<S: Modes>(
         fields,
         casimirs: names.zip(first.into_iter().zip(last).map(|(a, b)| [a, b])).collect(),
         response: SimulateResponse {
-            t: request.t_final,
+            t: if is_interrupted { solver.t() } else { request.t_final },
             last: modes(&solver),
             along: Vec::new(),
             samples,

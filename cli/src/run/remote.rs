@@ -57,6 +57,10 @@ impl Backend for Remote {
         &self.info
     }
 
+    fn is_here(&self) -> bool {
+        false
+    }
+
     fn eval(&mut self, request: &EvalRequest) -> Result<EvalResponse, Error> {
         let answer: Answer<EvalResponse> = self.process.ask(&Ask::Eval(request.clone()))?;
         Ok(answer?)

@@ -118,6 +118,11 @@ impl SimulateRequest {
         }
     }
 
+    /// Whether a motion has come to its end: to the last time, or to an event that ends it.
+    pub(crate) fn is_complete(&self, response: &SimulateResponse) -> bool {
+        response.t == self.t_final || response.ended_by.is_some()
+    }
+
     /// Time of a sample.
     pub(crate) fn sample_time(&self, k: usize) -> f64 {
         sample_time(self.t_final, self.samples, k)

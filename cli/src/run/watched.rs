@@ -73,8 +73,9 @@ impl Watched {
             };
             Ok(built.executable())
         };
-        let executable: Executable =
-            model.cached(&format!("events {}", sections.join("\n")), &info.scene, make)?;
+        let what = format!("events {}", sections.join("\n"));
+        let is_sound = |executable: &Executable| executable.verify().is_ok();
+        let executable: Executable = model.cached(&what, &info.scene, is_sound, make)?;
         if executable.program.state != info.state || executable.program.params != info.param_names() {
             let reason = format!("cannot be watched in scene {}, which carries another state", info.scene);
             return Err(Error::unusable(path, reason));

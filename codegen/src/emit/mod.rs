@@ -16,10 +16,11 @@ mod series;
 pub mod text;
 
 use crate::error::Error;
-use crate::program::{Jet, Program};
+use crate::parallel::with_own_tokens;
+use crate::program::{Jet, Program, Role};
 
 pub use c::{CModule, Fmu};
-pub use rust::{SceneEntry, WasmModule, emit_include, emit_index, method_text};
+pub use rust::{SceneEntry, WasmModule};
 pub use text::{
     EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
     ImplicitVariableText, MatrixText, OutputText, ParamText, PositionsText, ProductText, SceneText,
@@ -32,14 +33,11 @@ pub use text::{
 /// output and product; what the other functions are, [`Role`] says. With a `jet`, made from [`Role::Rate`], the module
 /// has the Taylor coefficients of solutions.
 ///
-/// [`Role`]: crate::program::Role
-/// [`Role::Rate`]: crate::program::Role::Rate
-///
 /// # Errors
 /// [`Error::ShapeMismatch`] when text and program disagree on a number, [`Error::UnknownName`] when a function is
 /// missing, [`Error::Emission`] when the result is not Rust.
 pub fn emit_scene(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Result<String, Error> {
-    rust::emit(program, jet, text).map_err(|e| match e {
+    with_own_tokens(|| rust::emit(program, jet, text)).map_err(|e| match e {
         Error::Emission { reason, .. } => {
             Error::Emission { model: format!("{} {}", text.model, text.scene), reason }
         }
@@ -70,7 +68,34 @@ pub fn emit_fmu(program: &Program, text: &SceneText) -> Result<(CModule, Fmu), E
 /// # Errors
 /// As [`emit_scene`].
 pub fn emit_wasm(program: &Program, text: &SceneText, file: &str) -> Result<WasmModule, Error> {
-    rust::emit_wasm(program, text, file)
+    with_own_tokens(|| rust::emit_wasm(program, text, file))
+}
+
+/// Emits `mod.rs`: a module for each scene, and `for_each_scene!`.
+///
+/// The macro calls `$visit! { (module, "model", "scene", dimension) .. }`; the module is at
+/// `$crate::generated::module`.
+///
+/// # Errors
+/// [`Error::Emission`] when a module name is no identifier.
+pub fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error> {
+    with_own_tokens(|| rust::emit_index(scenes, command))
+}
+
+/// Emits a file for `include!`: a module for each scene, which includes the scene's own file.
+///
+/// The file is looked for in the crate's `OUT_DIR`, or beside this file when `beside` is set.
+///
+/// # Errors
+/// [`Error::Emission`] when a module name is no identifier.
+pub fn emit_include(scenes: &[SceneEntry], command: &str, beside: bool) -> Result<String, Error> {
+    with_own_tokens(|| rust::emit_include(scenes, command, beside))
+}
+
+/// The lines of a method of an emitted module, without its documentation and the indentation of its first line; none if
+/// the module has no such method.
+pub fn method_text(module: &str, role: &Role) -> Option<String> {
+    with_own_tokens(|| rust::method_text(module, role))
 }
 
 /// Emits the module of a fluid that is moved as products of matrices.
@@ -78,7 +103,7 @@ pub fn emit_wasm(program: &Program, text: &SceneText, file: &str) -> Result<Wasm
 /// # Errors
 /// [`Error::NotAPath`] for a runtime that is no path, [`Error::Emission`] when the result is not Rust.
 pub fn emit_fluid(text: &FluidText) -> Result<String, Error> {
-    rust::emit_fluid(text).map_err(|e| match e {
+    with_own_tokens(|| rust::emit_fluid(text)).map_err(|e| match e {
         Error::Emission { reason, .. } => Error::Emission { model: text.model.clone(), reason },
         other => other,
     })

@@ -108,7 +108,9 @@ impl Page {
                 self.line(&format!(
                     "No smooth invariant measure with a positive density N(x), proved: {reason}."
                 ));
-                if !conditions.is_empty() {
+                // A number other than zero vanishes nowhere.
+                let can_vanish = |e: &ExprId| !facts.graph.free_symbols(*e).is_empty();
+                if !conditions.is_empty() && conditions.iter().all(can_vanish) {
                     self.line("There is one where all of these vanish:");
                     let rows = conditions.iter().enumerate();
                     let rows = rows.map(|(k, e)| {

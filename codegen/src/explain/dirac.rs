@@ -99,7 +99,24 @@ impl Page {
             _ => ("E", "L", "p", "y"),
         };
         let [e, l, p, y] = [e, l, p, y].map(|text| self.inline(text));
-        match equations.system.hamiltonian.is_some() {
+        let is_hamiltonian = equations.system.hamiltonian.is_some();
+        if !has_own_velocities {
+            let eta = self.inline(&self.name("eta"));
+            self.line(&format!(
+                "The velocity {y} of a motion satisfies the constraint and is no displacement, so that it is not in the"
+            ));
+            self.line(&format!(
+                "structure. Its momenta have the rates above all the same, with {y} for {eta} and, for the covector, the"
+            ));
+            self.line(&match is_hamiltonian {
+                true => "differential of h less the force.".to_owned(),
+                false => format!(
+                    "differential of {e} = {p}.{y} - {l} less the force, where {p} is the slope of {l} along {y}."
+                ),
+            });
+            return;
+        }
+        match is_hamiltonian {
             true => {
                 self.line(
                     "The motion is the velocity that is in it with the differential of h less the force.",
@@ -111,11 +128,6 @@ impl Page {
                 ));
                 self.line(&format!("force, where {p} is the slope of {l} along {y}."));
             }
-        }
-        if !has_own_velocities {
-            self.line(
-                "A motion's velocity satisfies the constraint; what is in the structure is a displacement.",
-            );
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::expr::Style;
 use crate::mechanics::{DisplacementForms, Equations};
 use crate::spec::Model;
 
-use super::{Page, SectionKind, visible_width};
+use super::{Page, SectionKind, latex, visible_width};
 
 impl Page {
     /// Displacements of a model that says itself which there are.
@@ -61,12 +61,13 @@ impl Page {
         let rows: Vec<(String, String)> = rows.collect();
         self.formulas(&rows);
         self.line(&format!(
-            "the equations with multipliers (usual form) and along {space} (alternative form), proved of the motion:"
+            "the equations with multipliers and their projection on {space}, proved of the motion:"
         ));
-        let usual = both.usual.iter().map(|(l, r)| [*l, *r].map(|e| g.display(e, self.style)));
-        let alternative = both.alternative.iter().map(|e| [g.display(*e, self.style), self.zero()]);
-        let (usual, alternative): (Vec<_>, Vec<_>) = (usual.collect(), alternative.collect());
-        self.side_by_side(&usual, &alternative);
+        let multipliers =
+            both.with_multipliers.iter().map(|(l, r)| [*l, *r].map(|e| g.display(e, self.style)));
+        let projected = both.projected.iter().map(|e| [g.display(*e, self.style), self.zero()]);
+        let (multipliers, projected): (Vec<_>, Vec<_>) = (multipliers.collect(), projected.collect());
+        self.side_by_side(&multipliers, &projected);
     }
 
     fn zero(&self) -> String {
@@ -105,7 +106,7 @@ impl Page {
             })
             .collect();
         match (latex, html) {
-            (true, _) => self.line(&format!("\\begin{{align*}}\n{}\n\\end{{align*}}", rows.join(" \\\\\n"))),
+            (true, _) => self.raw(&latex::environments(&rows)),
             (_, true) => {
                 self.raw(&format!("<div class=\"formulas\"><table>\n{}\n</table></div>\n", rows.join("\n")));
             }

@@ -10,8 +10,9 @@
 //!
 //! The bracket `C` has curvature and structure constants in it, the anchor `rho` the action on advected parameters.
 //! Right actions have the opposite sign in `C`, as everywhere. The equations of motion are `(y, pdot; dE - F) in D/G`
-//! with `E = p.y - L`: `alpha = -dL/dx`, `beta = -F`, `w = y`, `p = dL/dy`. Affine and nonlinear constraints have
-//! virtual displacements for `eta` in the structure, which the velocity need not be.
+//! with `E = p.y - L`: `alpha = -dL/dx`, `beta = -F`, `w = y`, `p = dL/dy`. Affine constraints, and nonlinear ones that
+//! are not homogeneous, have virtual displacements for `eta` in the structure, and the velocity is none: the momenta
+//! have the rates of the last line with `eta = y` all the same.
 //!
 //! Does not know: how anything is written for people.
 //!
@@ -19,8 +20,8 @@
 //! Gay-Balmaz, Yoshimura 2015 (Dirac reduction for nonholonomic mechanical systems and semidirect products), equations
 //! (2.11), (5.4), (6.9), (6.16).
 
-use crate::expr::{ExprId, Graph, SymbolId};
-use crate::reduction::{KinematicConstraint, ReducedSystem};
+use crate::expr::{ExprId, Graph, Rational, SymbolId};
+use crate::reduction::{AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem};
 
 /// The reduced Dirac structure in the frame of a system.
 #[derive(Clone, Debug)]
@@ -47,6 +48,27 @@ pub struct DiracStructure {
     pub has_own_velocities: bool,
 }
 
+/// Degrees that are tried of a homogeneous constraint, numerators and denominators.
+const DEGREES: [(i64, i64); 8] = [(1, 1), (2, 1), (3, 1), (4, 1), (1, 2), (3, 2), (-1, 1), (-2, 1)];
+
+/// Whether the velocities that satisfy a constraint are displacements along it: `y.dphi/dy` vanishes with `phi`, or
+/// everywhere, as it is a multiple of `phi` where that is homogeneous. A velocity is no acceleration, so that one that
+/// is prescribed says nothing about it.
+fn is_homogeneous(g: &mut Graph, row: &AccelerationRow, velocities: &[SymbolId]) -> bool {
+    let AccelerationSource::Differentiated(residual) = row.source else { return false };
+    let y: Vec<ExprId> = velocities.iter().map(|s| g.sym(*s)).collect();
+    let along = g.dot(&row.one_form, &y);
+    if g.is_zero(along) {
+        return true;
+    }
+    DEGREES.iter().any(|(p, q)| {
+        let terms =
+            [(along, Rational::from_integer(1.into())), (residual, -Rational::new((*p).into(), (*q).into()))];
+        let rest = g.linear_combination(&terms);
+        g.is_zero(rest)
+    })
+}
+
 impl DiracStructure {
     /// The structure of a system.
     pub fn new(system: &ReducedSystem) -> DiracStructure {
@@ -66,7 +88,8 @@ impl DiracStructure {
             }
             KinematicConstraint::Multipliers { rows, reactions } => {
                 let is_own = rows.iter().map(|row| &row.one_form).eq(reactions);
-                (reactions, is_own)
+                let is_homogeneous = |row: &AccelerationRow| is_homogeneous(&mut g, row, &system.velocities);
+                (reactions, is_own && rows.iter().all(is_homogeneous))
             }
         };
         let eta = named(&mut g, "eta", frame);

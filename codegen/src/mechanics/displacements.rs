@@ -22,7 +22,7 @@ use super::rates::rates;
 ///
 /// `E_a = d/dt p_a + C^c_ab y^b p_c - N^c_a p_c - rho^i_a dL/dx^i - F_a`
 ///
-/// the equations of motion are `E = lambda_A f_A` in the usual form and `E_b - A^c_b E_c = 0` in the alternative one.
+/// the equations of motion are `E = lambda_A f_A` with multipliers and `E_b - A^c_b E_c = 0` along the displacements.
 /// The brackets have the side of the action in their signs.
 ///
 /// # Source
@@ -47,15 +47,15 @@ pub struct DisplacementForms {
     pub equations: Option<BothEquations>,
 }
 
-/// The usual and the alternative form.
+/// The equations with multipliers, and their projection on the displacements.
 #[derive(Clone, Debug)]
 pub struct BothEquations {
     /// `E_a` in frame order, by momenta `p_a` and their rates.
     pub residuals: Vec<Definition>,
     /// `E_a` and what it is equal to, in frame order.
-    pub usual: Vec<(ExprId, ExprId)>,
+    pub with_multipliers: Vec<(ExprId, ExprId)>,
     /// What vanishes, one for each section that spans `C_V`.
-    pub alternative: Vec<ExprId>,
+    pub projected: Vec<ExprId>,
 }
 
 impl DisplacementForms {
@@ -241,7 +241,7 @@ fn both(
         })
         .collect();
     let e: Vec<ExprId> = residuals.iter().map(|d| g.sym(d.symbol)).collect();
-    let (mut usual, mut alternative) = (Vec::new(), Vec::new());
+    let (mut with_multipliers, mut projected) = (Vec::new(), Vec::new());
     for (alpha, left) in e.iter().enumerate() {
         let column: Vec<ExprId> = forms.iter().map(|form| form[alpha]).collect();
         let column = g.subs_all(&column, &named).ok()?;
@@ -249,7 +249,7 @@ fn both(
         if !g.is_equal(*left, right) {
             return None;
         }
-        usual.push((*left, right));
+        with_multipliers.push((*left, right));
     }
     for (_, section) in sections {
         let section = g.subs_all(section, &named).ok()?;
@@ -257,7 +257,7 @@ fn both(
         if g.vanishing(left) != Vanishing::Zero {
             return None;
         }
-        alternative.push(left);
+        projected.push(left);
     }
-    Some(BothEquations { residuals, usual, alternative })
+    Some(BothEquations { residuals, with_multipliers, projected })
 }

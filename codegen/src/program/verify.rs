@@ -80,6 +80,7 @@ pub fn verify_rules(program: &Program) -> Result<(), Error> {
     }
     for function in &program.functions {
         let name = function.role.name();
+        verify_tables(program, function)?;
         verify_list(program, name, &function.instructions, Some(function))?;
         let mut section = 0;
         for (i, instruction) in function.instructions.iter().enumerate() {
@@ -106,13 +107,13 @@ pub fn verify_rules(program: &Program) -> Result<(), Error> {
     Ok(())
 }
 
-/// Checks that tables have the shape of what is contracted, that every factor exists where it is read, and that every
-/// result is read by a later contraction or is one of the function.
-fn verify_contractions(program: &Program, function: &Function) -> Result<(), Error> {
+/// Checks that tables have the shape of what is contracted: every size of a contraction is that of a table.
+fn verify_tables(program: &Program, function: &Function) -> Result<(), Error> {
     let fail = |reason: String| Err(Error::Program { reason: format!("{reason} in {}", function.role) });
-    let mut is_read: Vec<bool> = Vec::new();
     for (k, contraction) in function.contractions.iter().enumerate() {
-        is_read.resize(is_read.len() + contraction.n_results, false);
+        if contraction.terms.is_empty() && contraction.n_results > 0 {
+            return fail(format!("no table, contraction {k}"));
+        }
         let n_products = |p: &Products| program.tables.get(p.table as usize).map_or(0, Table::n_products);
         if contraction.terms.iter().map(n_products).sum::<usize>() != contraction.n_products {
             return fail(format!(
@@ -120,7 +121,7 @@ fn verify_contractions(program: &Program, function: &Function) -> Result<(), Err
                 contraction.n_products
             ));
         }
-        for Products { table, left, right } in &contraction.terms {
+        for Products { table, .. } in &contraction.terms {
             let Some(table) = program.tables.get(*table as usize) else {
                 return fail(format!("table {table} does not exist, contraction {k}"));
             };
@@ -134,6 +135,20 @@ fn verify_contractions(program: &Program, function: &Function) -> Result<(), Err
                     contraction.n_results
                 ));
             }
+        }
+    }
+    Ok(())
+}
+
+/// Checks that every factor exists where it is read, and that every result is read by a later contraction or is one of
+/// the function.
+fn verify_contractions(program: &Program, function: &Function) -> Result<(), Error> {
+    let fail = |reason: String| Err(Error::Program { reason: format!("{reason} in {}", function.role) });
+    let mut is_read: Vec<bool> = Vec::new();
+    for (k, contraction) in function.contractions.iter().enumerate() {
+        is_read.resize(is_read.len() + contraction.n_results, false);
+        for Products { table, left, right } in &contraction.terms {
+            let table = &program.tables[*table as usize];
             for (factors, reads) in [(left, table.lefts()), (right, table.rights())] {
                 let n = match factors {
                     Factors::State => program.state.len(),

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use hamel_runtime::{Dual, Real};
 
 use crate::error::Error;
-use crate::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCondition};
+use crate::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCondition, verify_rules};
 use crate::spec::Want;
 
 use super::bracket::REMAINDER;
@@ -21,6 +21,9 @@ use super::invariants::GRADIENTS;
 use super::plan::INVARIANTS;
 use super::positions::{self, PositionLayout};
 use super::splitting::flow_role;
+
+/// Most entries of a matrix that is read back: a gigabyte of numbers.
+const MAX_ENTRIES: usize = 1 << 27;
 
 /// What it takes to run a scene: a plain value without equations, which the feature `serde` stores and reads back.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -102,6 +105,69 @@ impl Executable {
     ) -> Result<Interpreter<'a, R>, ViolatedCondition> {
         assert_eq!(run.program().functions.len(), self.program.functions.len(), "number of functions");
         Interpreter::new(run, Cow::Borrowed(&self.patterns), params)
+    }
+
+    /// Checks the rules of the program, and that every part has the size with which it is read: what holds for a value
+    /// that was built, and has to be asked of one that was stored.
+    ///
+    /// # Errors
+    /// [`Error::Program`] with the first rule that is broken; [`Error::OutOfRange`].
+    pub fn verify(&self) -> Result<(), Error> {
+        verify_rules(&self.program)?;
+        let fail = |reason: String| Err(Error::Program { reason });
+        let (program, n) = (&self.program, self.program.state.len());
+        for (k, function) in program.functions.iter().enumerate() {
+            let (n_results, n_argument) = (function.results.len(), function.argument.len());
+            let fits = match &function.role {
+                Role::Rate => n_results == n && n_argument == 0,
+                Role::Energy | Role::Signature => n_results == 1 && n_argument == 0,
+                Role::Pivots => n_results.is_multiple_of(2) && n_argument == 0,
+                Role::Domain | Role::Output(_) => n_argument == 0,
+                Role::Flow(_) => n_results == n && n_argument == 1,
+                Role::Product(_) | Role::OfVariables(_) => true,
+                // Functions of programs that are made from this one.
+                Role::Points | Role::SeriesStart | Role::SeriesStep => false,
+            };
+            if !fits || program.functions[..k].iter().any(|other| other.role == function.role) {
+                return fail(format!("{} is no such function of a scene", function.role));
+            }
+        }
+        let n_of = |role: &Role| program.function(role).map(|f| f.results.len());
+        for Pattern { name, shape: (n_rows, n_columns), places, is_antisymmetric } in &self.patterns {
+            let is_inside = |(i, j): &(usize, usize)| i < n_rows && j < n_columns;
+            let n_entries =
+                [Role::Output(name.clone()), Role::OfVariables(name.clone())].iter().find_map(n_of);
+            let fits = n_rows.checked_mul(*n_columns).is_some_and(|size| size <= MAX_ENTRIES)
+                && places.iter().all(is_inside)
+                && (!is_antisymmetric || n_rows == n_columns)
+                && n_entries.unwrap_or(0) == places.len();
+            if !fits {
+                return fail(format!("the pattern of {name} is no such matrix"));
+            }
+        }
+        let are_gradients = |name: &str, n_functions: usize| {
+            let pattern = self.patterns.iter().find(|pattern| pattern.name == name);
+            pattern.map_or(n_functions == 0, |pattern| pattern.shape == (n_functions, n))
+        };
+        let n_positions = n_of(&Role::Output(Want::Positions.name().to_owned())).unwrap_or(0);
+        if !are_gradients(GRADIENTS, self.n_invariants()) || !are_gradients(positions::GRADIENTS, n_positions)
+        {
+            return fail("gradients of another number of functions or components".into());
+        }
+        if let Some(PositionLayout { n_equations, moved }) = &self.positions
+            && (*n_equations > n_positions || moved.iter().any(|place| *place >= n))
+        {
+            return fail("equations between coordinates that the scene does not have".into());
+        }
+        let n_events = n_of(&Role::Output(Want::Events.name().to_owned())).unwrap_or(0);
+        let sets = |event: &SceneEvent| {
+            let n_set = n_of(&Role::Output(event.after())).unwrap_or(0);
+            n_set == event.sets.len() && event.sets.iter().all(|place| *place < n)
+        };
+        if n_events != self.events.len() || !self.events.iter().all(sets) {
+            return fail("events that the scene does not have".into());
+        }
+        Ok(())
     }
 
     /// The recurrence of the Taylor coefficients of solutions.

@@ -48,6 +48,8 @@ pub(super) struct Evaluator<'a> {
     pub(super) rates: Option<&'a Rates>,
     /// Angular velocities of rotations that have been made.
     pub(super) spins: &'a mut Spins,
+    /// What is to be told beside a value.
+    pub(super) warnings: &'a mut Vec<Diagnostic>,
     /// The algebra of the velocities.
     pub(super) own_algebra: Option<&'a LieAlgebra<Number>>,
 }
@@ -396,6 +398,7 @@ impl Evaluator<'_> {
         }
         match function {
             "rot" => return self.rotation(arguments, span),
+            "orthonormal" => return self.orthonormal(arguments, span),
             "rate" | "spin" => {
                 let [argument] = arguments else {
                     let message = format!("`{function}` takes 1 argument, found {}", arguments.len());

@@ -81,7 +81,7 @@ impl Evaluator<'_> {
             let unit = if k / n == k % n { self.graph.one() } else { self.graph.zero() };
             let excess = self.graph.sub(entry, unit);
             if !self.graph.is_zero(excess) {
-                let help = "write it as a product of rotations such as `rot(e3, phi)*rot(e1, theta)`";
+                let help = self.advice_for_rotation(value, n);
                 return self.fail(span, "the matrix is no rotation", help);
             }
         }

@@ -18,6 +18,7 @@ mod elaborate;
 mod eval;
 mod eval_algebra;
 mod eval_motion;
+mod eval_orthonormal;
 mod eval_rotation;
 mod event;
 mod expressions;

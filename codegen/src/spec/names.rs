@@ -102,6 +102,7 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "norm",
     "unit",
     "rot",
+    "orthonormal",
     "rate",
     "spin",
     "transpose",

@@ -209,6 +209,7 @@ const OF_FUNCTIONS: &[(&str, &str, &str)] = &[
     ("rate", "rate(x)", "derivative by time of what is made of coordinates, time and parameters"),
     ("spin", "spin(R)", "angular velocity of the frame with an attitude, in that frame"),
     ("rot", "rot(axis, phi)", "rotation by an angle; `rot(phi)` is that of the plane"),
+    ("orthonormal", "orthonormal(A)", "the rotation nearest to a matrix of rounded numbers"),
     ("sum", "sum(a)", "sum of the entries"),
     ("transpose", "transpose(A)", "of a vector: one row"),
     ("diag", "diag(v)", "diagonal matrix of a vector, diagonal of a matrix"),

@@ -17,25 +17,27 @@ pub use plan::Lines;
 pub use request::Subject;
 
 use crate::error::Error;
+use crate::interrupts;
 use crate::model;
 use crate::output::trajectories::Target;
 use crate::output::trajectories::chunk::{Chunk, Heading, Sink, Tally};
 use crate::output::trajectories::gathered::Wanted;
 use crate::output::trajectories::store::Store;
 use crate::output::trajectories::summary::Summary;
-use crate::output::trajectories::temporary;
 use crate::request::table::Table;
 use crate::run::backend::Backend;
 use crate::run::dynamics::Factory as _;
-use crate::run::ensemble::{EnsembleRequest, Member, Progress, pool};
+use crate::run::ensemble::{Cancel, EnsembleRequest, Member, Progress, pool};
 use crate::run::forms::Forms;
 use crate::run::integrate::has_state;
 use crate::run::interpreted;
 use crate::run::method::Steps;
 use crate::run::ranks::Ranks;
+use crate::run::resources::{self, free_space};
 use crate::run::simulation::sample_time;
 use crate::run::start::Starts;
 use crate::session::Session;
+use crate::streams::tell;
 use plan::{Beginning, Plan};
 use work::{Item, Work};
 
@@ -75,9 +77,16 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     }
     let mut backend = choice.open(&file)?;
     let text = file.text()?;
-    let subject =
-        Subject { model, text: &text, built: &built, inputs: request::inputs(&arguments.scene.inputs)? };
-    of_scene(&subject, &mut *backend, lines, arguments, watch_for_interrupts)
+    // An interrupt ends the program.
+    let cancel = Cancel::default();
+    let subject = Subject {
+        model,
+        text: &text,
+        built: &built,
+        inputs: request::inputs(&arguments.scene.inputs)?,
+        cancel,
+    };
+    of_scene(&subject, &mut *backend, lines, arguments, tell_interrupts)
 }
 
 /// Integrates all trajectories of a scene that `backend` evaluates, as [`run`]; the names of model, scene and table in
@@ -128,6 +137,7 @@ pub fn of_scene(
         max_steps: motion.max_steps,
         threads: arguments.threads,
         progress: Progress { all: plan.len(), ..Progress::default() },
+        cancel: subject.cancel.clone(),
     };
     // What no trajectory can have, such as a method that does not suit the scene, is told before any file is begun.
     let first = pool.install(|| plan.members(0..1, &starts, built));
@@ -148,6 +158,7 @@ pub fn of_scene(
         levels: arguments.quantiles.clone(),
         bins: usize::from(arguments.bins),
     });
+    targets.iter().try_for_each(|target| has_room(target, &heading, wanted.as_ref()))?;
     let resume = arguments.resume || arguments.part.is_some();
     let ranks = Ranks::join(resume)?;
     let store = match targets.iter().find(|target| target.is_store()) {
@@ -172,6 +183,7 @@ pub fn of_scene(
         }
         None => None,
     };
+    on_store(store.as_ref().map(Store::folder));
     let mut sinks: Vec<Box<dyn Sink + '_>> = Vec::new();
     match wanted {
         None => {
@@ -181,13 +193,16 @@ pub fn of_scene(
         }
         Some(wanted) if store.is_none() => {
             let (title, blocks) = (model::title(model), model::blocks::blocks(model));
-            sinks.push(Box::new(Summary::new(targets.clone(), &heading, wanted, title, blocks)));
+            sinks.push(Box::new(Summary::new(&targets, &heading, wanted, title, blocks)?));
         }
         // The store gathers them, as other processes do.
         Some(_) => {}
     }
-    on_store(store.as_ref().map(Store::folder));
     let mut work = Work::new(heading.n_chunks(), arguments.part, store.as_ref());
+    let n_damaged = pool.install(|| work.take_back_damaged())?;
+    if n_damaged > 0 {
+        tell(format_args!("warning: {n_damaged} finished chunks were damaged and are made anew"));
+    }
     let found: usize = work.finished().map(|chunk| heading.range(chunk).len()).sum();
     asked.progress = Progress { done: found, found, ..asked.progress };
 
@@ -279,6 +294,26 @@ fn targets(arguments: &Arguments) -> Result<Vec<Target>, Error> {
     Ok(targets)
 }
 
+/// Whether the trajectories that a file or a store lacks can fit onto its disk.
+///
+/// # Errors
+/// [`Error::Request`] where they cannot.
+fn has_room(target: &Target, heading: &Heading<'_>, wanted: Option<&Wanted>) -> Result<(), Error> {
+    let (Some(free), None) = (free_space(target.path()), wanted) else { return Ok(()) };
+    let n_left = heading.n.saturating_sub(target.n_finished(heading)) as u128;
+    let bytes = n_left * target.n_bytes(heading);
+    if bytes <= u128::from(free) {
+        return Ok(());
+    }
+    let reason = format!(
+        "would have at least {} for {n_left} trajectories, and its disk has room for {}: take fewer trajectories or \
+         samples, or gather --statistics",
+        resources::shown(bytes),
+        resources::shown(free.into())
+    );
+    Err(Error::unusable(shown(target), reason))
+}
+
 fn shown(target: &Target) -> String {
     target.path().display().to_string()
 }
@@ -308,26 +343,14 @@ fn integrate(
     Ok(failed.into_iter().map(one).collect())
 }
 
-/// Lets an interrupt remove files that lack trajectories, and say how to go on.
-fn watch_for_interrupts(store: Option<&Path>) {
-    let store = store.map(|store| store.display().to_string());
-    let interrupted = move || {
-        temporary::remove_all();
-        match &store {
-            Some(store) => eprintln!(
-                "\ninterrupted: finished chunks are in {store}; the same command with --resume goes on with it"
-            ),
-            None => eprintln!("\ninterrupted: nothing was written; with -o NAME.zarr the run could go on"),
+/// Has an interrupt say how to go on.
+fn tell_interrupts(store: Option<&Path>) {
+    interrupts::tell_at_end(match store.map(Path::display) {
+        Some(store) => {
+            format!("finished chunks are in {store}; the same command with --resume goes on with it")
         }
-        // As shells say it of a program that was interrupted.
-        std::process::exit(130);
-    };
-    // Without a handler, or with another one, the system ends the program, and a store is as whole as with this one.
-    #[cfg(not(target_family = "wasm"))]
-    let _ = ctrlc::set_handler(interrupted);
-    // What runs WebAssembly ends it at once.
-    #[cfg(target_family = "wasm")]
-    let _ = interrupted;
+        None => "nothing was written; with -o NAME.zarr the run could go on".to_owned(),
+    });
 }
 
 /// For people: how many, how many stopped, and why the first did.

@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::hash::fnv1a;
 use crate::model::blocks::blocks;
 use crate::model::{Checked, Model, title};
-use crate::run::ensemble::{EnsembleRequest, Width};
+use crate::run::ensemble::{Cancel, EnsembleRequest, Width};
 use crate::run::info::{Info, ParamEntry};
 use crate::run::interpreted::Built;
 use crate::run::method::Steps;
@@ -31,6 +31,8 @@ pub struct Subject<'a> {
     pub built: &'a Built,
     /// What drives its inputs, for the document of a store; nothing where they are the model's own.
     pub inputs: Value,
+    /// Whether it is called off.
+    pub cancel: Cancel,
 }
 
 /// Everything that decides about a bit of a result, and what people want to know of it; neither threads nor who

@@ -39,6 +39,14 @@ impl<'a> Work<'a> {
         self.share.is_none_or(|share| share.has(chunk))
     }
 
+    /// Takes back chunks of this process that are damaged; how many.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn take_back_damaged(&self) -> Result<usize, Error> {
+        self.store.map_or(Ok(0), |store| store.take_back_damaged(|chunk| self.is_mine(chunk)))
+    }
+
     /// Chunks of this process that are finished.
     pub(super) fn finished(&self) -> impl Iterator<Item = usize> {
         let is_finished = |chunk: &usize| self.store.is_some_and(|store| store.is_finished(*chunk));

@@ -8,8 +8,8 @@ use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use super::chunk::{Chunk, Heading, Sink};
-use super::temporary::Temporary;
 use crate::error::Error;
+use crate::temporary::Temporary;
 
 /// A line for each sample: number of the trajectory, what varies, time, state, energy, and on its last line what went
 /// wrong.
@@ -32,7 +32,7 @@ impl Csv {
     pub(super) fn new(path: &Path, heading: &Heading<'_>) -> Result<Csv, Error> {
         let info = heading.info;
         let fail = |e| Error::io(path.display().to_string(), e);
-        let temporary = Temporary::beside(path);
+        let temporary = Temporary::once_beside(path).map_err(fail)?;
         let mut out = BufWriter::new(File::create(temporary.path()).map_err(fail)?);
         let mut text = String::from("trajectory");
         for name in &heading.input_names {

@@ -10,7 +10,6 @@ pub(crate) mod npz;
 pub(crate) mod store;
 pub(crate) mod summary;
 mod target;
-pub(crate) mod temporary;
 mod tree;
 pub(crate) mod zarr;
 

@@ -13,9 +13,9 @@ use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
 use super::chunk::{Chunk, Heading, Sink};
-use super::temporary::Temporary;
 use crate::error::Error;
 use crate::run::ensemble::Member;
+use crate::temporary::Temporary;
 
 /// Arrays by name: see `docs/command-line.md`, which promises them. NaN stands where a trajectory has no value, and
 /// `error` says why.
@@ -38,7 +38,7 @@ impl<'a> Npz<'a> {
     /// [`Error::Io`].
     pub(super) fn new(path: &Path, heading: &Heading<'a>) -> Result<Npz<'a>, Error> {
         let fail = |e| Error::io(path.display().to_string(), e);
-        let folder = Temporary::beside(path);
+        let folder = Temporary::once_beside(path).map_err(fail)?;
         std::fs::create_dir_all(folder.path()).map_err(fail)?;
         let begin = |name: &str| Grown::new(folder.path(), name).map_err(fail);
         Ok(Npz {

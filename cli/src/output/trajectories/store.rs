@@ -5,6 +5,9 @@
 //! `status` is the last of its chunk. A chunk is finished when this file is there. Who writes a chunk does not matter,
 //! and a chunk that two processes write has the same bytes twice: locks save work and nothing else.
 //!
+//! Every file of a chunk ends with a checksum. A process that goes on with a store looks at the chunks that it would
+//! have made, and makes those anew of which a file is missing, has another size or another checksum.
+//!
 //! A store of statistics keeps no trajectories: what is gathered of each chunk is merged in the working folder, and
 //! told once the last chunk is finished.
 //!
@@ -15,14 +18,15 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use serde_json::{Map, Value, json};
 
 use super::chunk::{Chunk, Heading, Tally};
 use super::gathered::{Gathered, Statistic, Table, Wanted, quantities};
-use super::temporary::Temporary;
 use super::tree::Tree;
 use super::zarr::{self, Array, DOCUMENT, Kind};
 use crate::error::Error;
+use crate::temporary::Temporary;
 
 /// Folder for locks, for files that have not taken their places, and for what is merged; gone when the store is
 /// complete.
@@ -92,6 +96,11 @@ pub(crate) struct Hold {
     _lock: Option<File>,
 }
 
+/// The folder of a store that has a file for each finished chunk.
+pub(super) fn finished_chunks(store: &Path) -> PathBuf {
+    store.join("status").join("c")
+}
+
 impl<'a> Store<'a> {
     /// Makes a store, or goes on with one whose documents are those of this request when `resume` is set.
     ///
@@ -140,6 +149,92 @@ impl<'a> Store<'a> {
         &self.folder
     }
 
+    /// Takes back finished chunks that are damaged and that `is_mine` names, and told statistics that are damaged: both
+    /// are made anew then. Where statistics are lost with what was gathered, all chunks are. Returns how many chunks
+    /// were taken back.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(crate) fn take_back_damaged(&self, is_mine: impl Fn(usize) -> bool + Sync) -> Result<usize, Error> {
+        // The tree goes after statistics were told, so that it is looked for first.
+        let has_tree = self.tree(&self.folder.join(WORK)).has_nodes();
+        let is_lost = !self.take_back_statistics()? && !has_tree;
+        let is_damaged = |chunk: usize| is_lost || (is_mine(chunk) && self.is_damaged(chunk));
+        let all = (0..self.heading.n_chunks()).into_par_iter();
+        let damaged: Vec<usize> =
+            all.filter(|chunk| self.is_finished(*chunk) && is_damaged(*chunk)).collect();
+        let mut n = 0;
+        for chunk in damaged {
+            // Another process that has the lock makes the chunk now.
+            let Claim::Mine(_hold) = self.lock(chunk)? else { continue };
+            if is_damaged(chunk) {
+                self.remove(&self.arrays.status, chunk)?;
+                n += 1;
+            }
+        }
+        Ok(n)
+    }
+
+    /// Removes told statistics that are damaged; whether all are told, or the store keeps none.
+    fn take_back_statistics(&self) -> Result<bool, Error> {
+        let Kept::Statistics(_, tables) = &self.arrays.kept else { return Ok(true) };
+        let mut are_told = true;
+        for (_, array) in tables {
+            if !self.is_whole(array, 0) {
+                are_told = false;
+                self.remove(array, 0)?;
+            }
+        }
+        Ok(are_told)
+    }
+
+    fn remove(&self, array: &Array<'_>, at: usize) -> Result<(), Error> {
+        let path = self.folder.join(array.chunk(at));
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(Error::io(path.display().to_string(), error))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The bytes of a chunk of an array.
+    ///
+    /// # Errors
+    /// Those of the file system, [`io::ErrorKind::InvalidData`] for another size or checksum than the chunk has.
+    fn read(&self, array: &Array<'_>, at: usize) -> io::Result<Vec<u8>> {
+        let file = std::fs::read(self.folder.join(array.chunk(at)))?;
+        let is_complete = array.n_bytes().is_none_or(|n| n == file.len());
+        match zarr::opened(&file).filter(|_| is_complete) {
+            Some(bytes) => Ok(bytes.to_vec()),
+            None => Err(io::Error::new(
+                io::ErrorKind::InvalidData,
+                "the file is damaged: the same command with --resume makes its chunk anew",
+            )),
+        }
+    }
+
+    fn is_whole(&self, array: &Array<'_>, at: usize) -> bool {
+        self.read(array, at).is_ok()
+    }
+
+    /// Whether a finished chunk lacks a file, or has one that is damaged.
+    fn is_damaged(&self, chunk: usize) -> bool {
+        let Arrays { kept, steps, error, status } = &self.arrays;
+        let Ok(codes) = self.read(status, chunk) else { return true };
+        let n = self.heading.range(chunk).len();
+        // What follows is absent where no trajectory of the chunk has stopped.
+        let has_stopped = codes.iter().take(n).any(|code| *code != ARRIVED);
+        let mut arrays = vec![steps];
+        arrays.extend(has_stopped.then_some(error));
+        if let Kept::Trajectories(kept) = kept {
+            let Trajectories { inputs, y, energy, stopped_t, stopped_y } = &**kept;
+            arrays.extend(inputs.iter().chain(energy).chain([y]));
+            arrays.extend(has_stopped.then_some([stopped_t, stopped_y]).into_iter().flatten());
+        }
+        !arrays.iter().all(|array| self.is_whole(array, chunk))
+    }
+
     /// Whether a chunk is finished.
     pub(crate) fn is_finished(&self, chunk: usize) -> bool {
         self.folder.join(self.arrays.status.chunk(chunk)).is_file()
@@ -153,20 +248,25 @@ impl<'a> Store<'a> {
         if self.is_finished(chunk) {
             return Ok(Claim::Finished);
         }
+        let claim = self.lock(chunk)?;
+        // Finished between the first look and the lock.
+        Ok(if self.is_finished(chunk) { Claim::Finished } else { claim })
+    }
+
+    /// The lock of a chunk, finished or not.
+    fn lock(&self, chunk: usize) -> Result<Claim, Error> {
         let path = self.folder.join(WORK).join(format!("{chunk}.lock"));
         let opened = create_folder_of(&path)
             .and_then(|()| File::options().create(true).append(true).open(&path))
             .map(|file| (file.try_lock(), file));
-        let claim = match opened {
-            Ok((Ok(()), file)) => Claim::Mine(Hold { _lock: Some(file) }),
-            Ok((Err(TryLockError::WouldBlock), _)) => Claim::Taken,
-            Ok((Err(TryLockError::Error(_)), _)) => Claim::Mine(Hold { _lock: None }),
+        match opened {
+            Ok((Ok(()), file)) => Ok(Claim::Mine(Hold { _lock: Some(file) })),
+            Ok((Err(TryLockError::WouldBlock), _)) => Ok(Claim::Taken),
+            Ok((Err(TryLockError::Error(_)), _)) => Ok(Claim::Mine(Hold { _lock: None })),
             // The process that has finished the store has removed the folder.
-            Err(_) if self.is_finished(chunk) => return Ok(Claim::Finished),
-            Err(error) => return Err(Error::io(path.display().to_string(), error)),
-        };
-        // Finished between the first look and the lock.
-        Ok(if self.is_finished(chunk) { Claim::Finished } else { claim })
+            Err(_) if self.is_finished(chunk) => Ok(Claim::Finished),
+            Err(error) => Err(Error::io(path.display().to_string(), error)),
+        }
     }
 
     /// Writes a chunk.
@@ -176,7 +276,7 @@ impl<'a> Store<'a> {
     pub(crate) fn add(&self, chunk: &Chunk) -> Result<(), Error> {
         let Arrays { kept, steps, error, status } = &self.arrays;
         let results = &chunk.results;
-        let put = |array: &Array<'_>, bytes: Vec<u8>| self.put_chunk(array, chunk.at, &bytes);
+        let put = |array: &Array<'_>, bytes: Vec<u8>| self.put_chunk(array, chunk.at, bytes);
         match kept {
             Kept::Trajectories(arrays) => self.add_trajectories(arrays, chunk)?,
             Kept::Statistics(..) => {
@@ -213,7 +313,7 @@ impl<'a> Store<'a> {
         let (heading, results) = (&self.heading, &chunk.results);
         let n_state = heading.info.state.len();
         let floats = |array: &Array<'_>, values: Vec<f64>| {
-            self.put_chunk(array, chunk.at, &zarr::floats(&values, array.n_chunk()))
+            self.put_chunk(array, chunk.at, zarr::floats(&values, array.n_chunk()))
         };
         if let Some(inputs) = inputs {
             floats(inputs, chunk.inputs.iter().flatten().copied().collect())?;
@@ -277,7 +377,7 @@ impl<'a> Store<'a> {
                 }
                 Kind::Float | Kind::Code | Kind::Text => zarr::floats(&values, array.n_chunk()),
             };
-            self.put_chunk(array, 0, &bytes)
+            self.put_chunk(array, 0, bytes)
         })
     }
 
@@ -286,9 +386,9 @@ impl<'a> Store<'a> {
     }
 
     /// Writes a chunk of an array, which may be there already.
-    fn put_chunk(&self, array: &Array<'_>, at: usize, bytes: &[u8]) -> Result<(), Error> {
+    fn put_chunk(&self, array: &Array<'_>, at: usize, bytes: Vec<u8>) -> Result<(), Error> {
         let path = self.folder.join(array.chunk(at));
-        let put = self.put(&path, &format!("{}-{at}", array.name), bytes);
+        let put = self.put(&path, &format!("{}-{at}", array.name), &zarr::sealed(bytes));
         put.or_else(|e| if path.is_file() { Ok(()) } else { Err(Error::io(path.display().to_string(), e)) })
     }
 
@@ -302,7 +402,7 @@ impl<'a> Store<'a> {
             let range = self.heading.range(at);
             let read = |array: &Array<'_>| {
                 let path = self.folder.join(array.chunk(at));
-                std::fs::read(&path).map_err(|e| Error::io(path.display().to_string(), e))
+                self.read(array, at).map_err(|e| Error::io(path.display().to_string(), e))
             };
             let (status, steps) = (read(&self.arrays.status)?, read(&self.arrays.steps)?);
             let steps = steps.as_chunks::<8>().0.iter().map(|bytes| u64::from_le_bytes(*bytes));
@@ -409,7 +509,7 @@ impl<'a> Arrays<'a> {
         let mut add = |array: &Array<'_>, bytes: Option<Vec<u8>>| {
             let document = array.document();
             documents.push((format!("{}/{DOCUMENT}", array.name), zarr::text(&document)));
-            documents.extend(bytes.map(|bytes| (array.chunk(0), bytes)));
+            documents.extend(bytes.map(|bytes| (array.chunk(0), zarr::sealed(bytes))));
             of_arrays.insert(array.name.to_owned(), document);
         };
         let n = heading.times.len();

@@ -5,22 +5,20 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hamel_codegen::config::write_atomically;
-
 use super::chunk::{Chunk, Heading, Sink};
 use super::gathered::{Gathered, Pile, Statistic, Table, Wanted, quantities};
 use super::npz::Archive;
 use super::target::{Format, Target};
-use super::temporary::Temporary;
 use crate::error::Error;
 use crate::model::blocks::Block;
+use crate::output::opened::Opened;
 use crate::output::plot::{Band, Figure, Panel, svg};
 use crate::run::statistics::Distribution;
 
 /// Statistics of each component of the state, and of the energy, at each time; a trajectory counts as far as it came.
 pub(crate) struct Summary<'a> {
     heading: Heading<'a>,
-    targets: Vec<Target>,
+    files: Vec<(Format, Opened)>,
     wanted: Wanted,
     /// Title of the model, and groups of state variables.
     title: String,
@@ -29,15 +27,22 @@ pub(crate) struct Summary<'a> {
 }
 
 impl<'a> Summary<'a> {
-    /// No trajectories yet.
+    /// No trajectories yet, and files that are open.
+    ///
+    /// # Errors
+    /// As [`Opened::new`].
     pub(crate) fn new(
-        targets: Vec<Target>,
+        targets: &[Target],
         heading: &Heading<'a>,
         wanted: Wanted,
         title: String,
         blocks: Vec<Block>,
-    ) -> Summary<'a> {
-        Summary { heading: heading.clone(), targets, wanted, title, blocks, pile: Pile::default() }
+    ) -> Result<Summary<'a>, Error> {
+        // A store has statistics of its own.
+        let files = targets.iter().filter(|target| target.format() != Format::Zarr);
+        let files = files.map(|target| Ok((target.format(), Opened::new(target.path())?)));
+        let files = files.collect::<Result<_, Error>>()?;
+        Ok(Summary { heading: heading.clone(), files, wanted, title, blocks, pile: Pile::default() })
     }
 
     /// A line for each time and quantity; what has no value is empty.
@@ -88,8 +93,7 @@ impl<'a> Summary<'a> {
     fn npz(&self, path: &Path, gathered: &Gathered) -> std::io::Result<()> {
         let quantities = quantities(&self.heading);
         let (n_t, n_q) = (self.heading.times.len(), quantities.len());
-        let temporary = Temporary::beside(path);
-        let mut archive = Archive::new(temporary.path())?;
+        let mut archive = Archive::new(path)?;
         archive.numbers("t", &self.heading.times)?;
         archive.texts("quantity_names", &quantities)?;
         for table in self.wanted.tables() {
@@ -100,8 +104,7 @@ impl<'a> Summary<'a> {
             shape.extend(table.axis(&self.wanted).map(|(_, n)| n));
             archive.array(table.name(), &shape, &gathered.table(table, &self.wanted))?;
         }
-        archive.finish()?;
-        temporary.rename_to(path)
+        archive.finish()
     }
 
     /// A panel for each quantity: bands between quantiles that lie opposite each other, or of one standard deviation,
@@ -162,16 +165,20 @@ impl<'a> Summary<'a> {
         }
     }
 
-    fn write(&self, target: &Target, gathered: &Gathered) -> std::io::Result<()> {
-        let path = target.path();
-        match target.format() {
-            Format::Csv => write_atomically(path, self.csv(gathered).as_bytes()),
-            Format::Npz => self.npz(path, gathered),
-            Format::Svg => {
-                let text = svg(&self.figure(gathered)).map_err(|e| std::io::Error::other(e.to_string()))?;
-                write_atomically(path, text.as_bytes())
+    fn write(&self, format: Format, file: Opened, gathered: &Gathered) -> Result<(), Error> {
+        let path = file.path().display().to_string();
+        match format {
+            Format::Csv => file.write(self.csv(gathered).as_bytes()),
+            Format::Npz => {
+                self.npz(file.temporary(), gathered).map_err(|e| Error::io(path, e))?;
+                file.place()
             }
-            // A store has statistics of its own.
+            Format::Svg => {
+                let text = svg(&self.figure(gathered));
+                file.write(
+                    text.map_err(|e| Error::io(path, std::io::Error::other(e.to_string())))?.as_bytes(),
+                )
+            }
             Format::Zarr => Ok(()),
         }
     }
@@ -185,7 +192,7 @@ impl Sink for Summary<'_> {
 
     fn finish(mut self: Box<Self>) -> Result<(), Error> {
         let gathered = std::mem::take(&mut self.pile).all().unwrap_or_else(|| Gathered::none(&self.heading));
-        let fail = |target: &Target, e| Error::io(target.path().display().to_string(), e);
-        self.targets.iter().try_for_each(|target| self.write(target, &gathered).map_err(|e| fail(target, e)))
+        let files = std::mem::take(&mut self.files);
+        files.into_iter().try_for_each(|(format, file)| self.write(format, file, &gathered))
     }
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::chunk::{Heading, Sink};
 use super::csv::Csv;
 use super::npz::Npz;
+use super::store::finished_chunks;
 use crate::error::Error;
 
 /// A file or store to write and its format, which its extension says.
@@ -62,6 +63,28 @@ impl Target {
 
     pub(super) fn format(&self) -> Format {
         self.format
+    }
+
+    /// Bytes that a trajectory takes at least: every number as it is stored, and in a table a digit with a comma.
+    pub(crate) fn n_bytes(&self, heading: &Heading<'_>) -> u128 {
+        let of_sample = heading.info.state.len() + usize::from(heading.info.has_energy);
+        let (n_samples, n_inputs) = (heading.times.len() as u128, heading.input_names.len() as u128);
+        let numbers = n_samples * of_sample as u128 + n_inputs;
+        match self.format {
+            Format::Csv => 2 * (n_samples * (of_sample as u128 + n_inputs + 2)),
+            Format::Npz => 8 * (numbers + 1 + heading.info.state.len() as u128) + 4,
+            Format::Zarr => 8 * (numbers + 1) + 1,
+            Format::Svg => 0,
+        }
+    }
+
+    /// Trajectories that are there already, in a store.
+    pub(crate) fn n_finished(&self, heading: &Heading<'_>) -> usize {
+        if !self.is_store() {
+            return 0;
+        }
+        let chunks = std::fs::read_dir(finished_chunks(&self.path)).map_or(0, Iterator::count);
+        chunks.saturating_mul(heading.n_chunk)
     }
 
     /// Begins the file; none for a store, which is [opened](super::store::Store), and for a figure, which has no

@@ -14,6 +14,7 @@ use std::time::Duration;
 
 use super::chunk::Heading;
 use super::gathered::Gathered;
+use super::zarr::{opened, sealed};
 
 /// How often a node is looked for while another process merges it, and the time in between.
 const LOOKS: u32 = 200;
@@ -31,6 +32,12 @@ impl Tree<'_, '_> {
         self.folder.join(format!("sum-{level}-{at}"))
     }
 
+    /// Whether anything was gathered that is not told yet.
+    pub(super) fn has_nodes(&self) -> bool {
+        let is_node = |file: std::fs::DirEntry| file.file_name().to_string_lossy().starts_with("sum-");
+        std::fs::read_dir(self.folder).is_ok_and(|files| files.flatten().any(is_node))
+    }
+
     /// Whether a node has any chunks.
     fn has_chunks(&self, level: u32, at: usize) -> bool {
         at.checked_shl(level).is_some_and(|first| first < self.heading.n_chunks())
@@ -38,8 +45,12 @@ impl Tree<'_, '_> {
 
     fn read(&self, level: u32, at: usize) -> io::Result<Gathered> {
         let path = self.path(level, at);
-        let wrong = || io::Error::new(io::ErrorKind::InvalidData, format!("{} is cut off", path.display()));
-        Gathered::from_bytes(self.heading, &std::fs::read(&path)?).ok_or_else(wrong)
+        let wrong = || {
+            let reason = format!("{} is damaged: remove the store and make it anew", path.display());
+            io::Error::new(io::ErrorKind::InvalidData, reason)
+        };
+        let file = std::fs::read(&path)?;
+        opened(&file).and_then(|bytes| Gathered::from_bytes(self.heading, bytes)).ok_or_else(wrong)
     }
 
     /// Writes the leaf of a chunk and merges as far up as both halves are there. `put` writes a file whole or not at
@@ -53,7 +64,7 @@ impl Tree<'_, '_> {
         gathered: &Gathered,
         put: &dyn Fn(&Path, &[u8]) -> io::Result<()>,
     ) -> io::Result<()> {
-        put(&self.path(0, chunk), &gathered.to_bytes())?;
+        put(&self.path(0, chunk), &sealed(gathered.to_bytes()))?;
         let (mut level, mut at) = (0, chunk);
         loop {
             let (left, right, parent) = (at & !1, at | 1, self.path(level + 1, at / 2));
@@ -77,7 +88,7 @@ impl Tree<'_, '_> {
             };
             let mut both = first;
             both.merge(second);
-            put(&parent, &both.to_bytes())?;
+            put(&parent, &sealed(both.to_bytes()))?;
             for half in [left, right] {
                 // One that stays takes room and does no harm.
                 let _ = std::fs::remove_file(self.path(level, half));

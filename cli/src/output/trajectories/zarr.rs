@@ -3,7 +3,7 @@
 //! Does not know: what the arrays are.
 //!
 //! # Source
-//! Zarr core specification, version 3.1; the codec `vlen-utf8` of zarr-extensions for texts.
+//! Zarr core specification, version 3.1, with its codec `crc32c`; the codec `vlen-utf8` of zarr-extensions for texts.
 
 use serde_json::{Map, Value, json};
 
@@ -55,7 +55,7 @@ impl Array<'_> {
             "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": each(|axis| json!(axis.2))}},
             "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
             "fill_value": fill,
-            "codecs": [codec],
+            "codecs": [codec, {"name": "crc32c"}],
             "attributes": self.attributes,
             "dimension_names": each(|axis| json!(axis.0)),
         })
@@ -70,6 +70,56 @@ impl Array<'_> {
     pub(crate) fn n_chunk(&self) -> usize {
         self.axes.iter().map(|axis| axis.2).product()
     }
+
+    /// Number of bytes of the file of a chunk; none for texts, which have any length.
+    pub(crate) fn n_bytes(&self) -> Option<usize> {
+        let each = match self.kind {
+            Kind::Float | Kind::Count => 8,
+            Kind::Code => 1,
+            Kind::Text => return None,
+        };
+        Some(each * self.n_chunk() + CHECKSUM)
+    }
+}
+
+/// Number of bytes of a checksum.
+const CHECKSUM: usize = 4;
+
+/// Remainders of the cyclic redundancy check for each byte: the polynomial of Castagnoli, bits reversed.
+const REMAINDERS: [u32; 256] = {
+    let mut remainders = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let (mut remainder, mut bit) = (byte as u32, 0);
+        while bit < 8 {
+            remainder = if remainder & 1 == 1 { remainder >> 1 ^ 0x82F6_3B78 } else { remainder >> 1 };
+            bit += 1;
+        }
+        remainders[byte] = remainder;
+        byte += 1;
+    }
+    remainders
+};
+
+/// The checksum CRC32C.
+///
+/// # Source
+/// RFC 3720, appendix B.4.
+fn crc32c(bytes: &[u8]) -> u32 {
+    let step = |sum: u32, byte: &u8| sum >> 8 ^ REMAINDERS[((sum ^ u32::from(*byte)) & 0xff) as usize];
+    !bytes.iter().fold(!0, step)
+}
+
+/// The file of a chunk: its bytes and their checksum.
+pub(crate) fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    bytes.extend(crc32c(&bytes).to_le_bytes());
+    bytes
+}
+
+/// The bytes of a chunk from its file; none where the checksum is of other bytes.
+pub(crate) fn opened(file: &[u8]) -> Option<&[u8]> {
+    let (bytes, checksum) = file.split_last_chunk::<CHECKSUM>()?;
+    (crc32c(bytes).to_le_bytes() == *checksum).then_some(bytes)
 }
 
 /// The document of a group, with those of its arrays, so that one file is read to open it.
@@ -163,7 +213,31 @@ pub(crate) fn differences(first: &Value, second: &Value) -> Vec<(String, String,
 mod tests {
     use serde_json::{Map, json};
 
-    use super::{Array, Kind, differences, floats, text_at, texts};
+    use super::{Array, Kind, crc32c, differences, floats, opened, sealed, text_at, texts};
+
+    /// RFC 3720, appendix B.4: 32 zeros, 32 ones, ascending and descending bytes; the usual check value.
+    #[test]
+    fn checksums_are_those_of_the_standard() {
+        let (up, down): (Vec<u8>, Vec<u8>) = ((0..32).collect(), (0..32).rev().collect());
+        let of = |bytes: &[u8]| crc32c(bytes).to_le_bytes();
+        assert_eq!(of(&[0; 32]), [0xaa, 0x36, 0x91, 0x8a]);
+        assert_eq!(of(&[0xff; 32]), [0x43, 0xab, 0xa8, 0x62]);
+        assert_eq!(of(&up), [0x4e, 0x79, 0xdd, 0x46]);
+        assert_eq!(of(&down), [0x5c, 0xdb, 0x3f, 0x11]);
+        assert_eq!(crc32c(b"123456789"), 0xe306_9283);
+    }
+
+    #[test]
+    fn a_chunk_that_was_cut_or_changed_is_not_opened() {
+        let file = sealed(vec![1, 2, 3]);
+        assert_eq!(opened(&file), Some(&[1, 2, 3][..]));
+        for k in 0..file.len() {
+            let mut changed = file.clone();
+            changed[k] ^= 0x10;
+            assert_eq!(opened(&changed), None, "{k}");
+            assert_eq!(opened(&file[..k]), None, "{k}");
+        }
+    }
 
     #[test]
     fn texts_are_found_again() {

@@ -6,9 +6,8 @@ use syn::spanned::Spanned as _;
 
 use crate::program::Role;
 
-/// The lines of a method of an emitted module, without its documentation and the indentation of its first line; none if
-/// the module has no such method.
-pub fn method_text(module: &str, role: &Role) -> Option<String> {
+/// As [`method_text`](crate::emit::method_text).
+pub(in crate::emit) fn method_text(module: &str, role: &Role) -> Option<String> {
     let file = syn::parse_file(module).ok()?;
     let items = file.items.iter().filter_map(|item| match item {
         syn::Item::Impl(own) if own.trait_.is_none() => Some(&own.items),

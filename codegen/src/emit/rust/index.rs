@@ -36,14 +36,8 @@ impl SceneEntry {
     }
 }
 
-/// Emits `mod.rs`: a module for each scene, and `for_each_scene!`.
-///
-/// The macro calls `$visit! { (module, "model", "scene", dimension) .. }`; the module is at
-/// `$crate::generated::module`.
-///
-/// # Errors
-/// [`Error::Emission`] when a module name is no identifier.
-pub fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error> {
+/// As [`emit_index`](crate::emit::emit_index).
+pub(in crate::emit) fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error> {
     let modules = modules(scenes, |_| quote! { ; })?;
     let mut list = String::new();
     for SceneEntry { module, model, scene, n_state, .. } in sorted(scenes) {
@@ -67,13 +61,12 @@ pub fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error>
     Ok(text)
 }
 
-/// Emits a file for `include!`: a module for each scene, which includes the scene's own file.
-///
-/// The file is looked for in the crate's `OUT_DIR`, or beside this file when `beside` is set.
-///
-/// # Errors
-/// [`Error::Emission`] when a module name is no identifier.
-pub fn emit_include(scenes: &[SceneEntry], command: &str, beside: bool) -> Result<String, Error> {
+/// As [`emit_include`](crate::emit::emit_include).
+pub(in crate::emit) fn emit_include(
+    scenes: &[SceneEntry],
+    command: &str,
+    beside: bool,
+) -> Result<String, Error> {
     let modules = modules(scenes, |entry| {
         let file = format!("{}.rs", entry.module);
         if beside {

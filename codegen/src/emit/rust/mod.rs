@@ -30,9 +30,10 @@ mod wasm;
 
 use proc_macro2::TokenStream;
 
-pub use excerpt::method_text;
+pub(super) use excerpt::method_text;
 pub(super) use fluid::emit as emit_fluid;
-pub use index::{SceneEntry, emit_include, emit_index};
+pub use index::SceneEntry;
+pub(super) use index::{emit_include, emit_index};
 
 use self::notation::Rust;
 use super::module::Module;

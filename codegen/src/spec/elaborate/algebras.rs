@@ -119,6 +119,7 @@ impl Elaboration<'_> {
             algebras: &self.algebras,
             rates: None,
             spins: &mut BTreeMap::new(),
+            warnings: &mut self.warnings,
             own_algebra: None,
         };
         let value = evaluator.eval(expr);

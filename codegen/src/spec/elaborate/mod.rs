@@ -40,6 +40,7 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
         loops: file.indices.iter().map(|(_, scope)| *scope).collect(),
         withheld: BTreeSet::new(),
         spins: BTreeMap::new(),
+        warnings: Vec::new(),
         algebras: BTreeMap::new(),
         representations: BTreeMap::new(),
     };
@@ -52,11 +53,12 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
     }
     elaboration.run(&file);
     let definitions = elaboration.definitions(&file.items);
-    let loops = elaboration.loops;
+    let (loops, told) = (elaboration.loops, elaboration.warnings);
     let built = elaboration.builder.build_with(Some(origin.clone()));
     let mut model = built.map_err(|problems| problems.once_for(&loops))?;
     // Beside errors they would be noise: a name that is misspelt once is unused as well.
-    let mut warnings = unused::warnings(&file.items);
+    let mut warnings = told;
+    warnings.extend(unused::warnings(&file.items));
     let (known, contradictions) = units::examine(&model, &definitions);
     model.units = known;
     warnings.extend(contradictions);

@@ -28,6 +28,8 @@ pub(super) struct Elaboration<'a> {
     pub(super) withheld: BTreeSet<String>,
     /// Angular velocities of rotations that have been made.
     pub(super) spins: Spins,
+    /// What is to be told beside values.
+    pub(super) warnings: Vec<Diagnostic>,
     pub(super) algebras: BTreeMap<String, LieAlgebra<Number>>,
     /// Representations with the algebra they belong to.
     pub(super) representations: BTreeMap<String, (LieAlgebra<Number>, Representation<Number>)>,
@@ -132,6 +134,7 @@ impl Elaboration<'_> {
             algebras: &self.algebras,
             rates: None,
             spins: &mut self.spins,
+            warnings: &mut self.warnings,
             own_algebra: self.builder.algebra.as_ref().filter(|_| !is_own).map(|(algebra, _)| algebra),
         }
     }
@@ -167,6 +170,7 @@ impl Elaboration<'_> {
             algebras: &self.algebras,
             rates: None,
             spins: &mut BTreeMap::new(),
+            warnings: &mut self.warnings,
             own_algebra: None,
         };
         let value = evaluator.eval(expr);

@@ -5,7 +5,7 @@
 use proc_macro2::{Delimiter, Spacing};
 use syn::buffer::Cursor;
 
-use super::lexer::{Parsed, span_of, too_deep};
+use super::lexer::{Parsed, hidden, span_of, too_deep};
 use super::scope::Shared;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
@@ -230,19 +230,26 @@ impl<'a> Parser<'a> {
         line.trim().is_empty()
     }
 
-    pub(super) fn string(&mut self) -> Option<String> {
-        let (literal, rest) = self.cursor.literal()?;
+    /// A text in quotes if it is next.
+    ///
+    /// # Errors
+    /// Where an escape stands for a character that no text may have.
+    pub(super) fn string(&mut self) -> Parsed<Option<String>> {
+        let Some((literal, rest)) = self.cursor.literal() else { return Ok(None) };
         let repr = literal.to_string();
         if !repr.starts_with('"') && !repr.starts_with("r\"") && !repr.starts_with("r#") {
-            return None;
+            return Ok(None);
         }
         let span = span_of(literal.span());
         let value = match syn::Lit::new(literal) {
             syn::Lit::Str(text) => text.value(),
-            _ => return None,
+            _ => return Ok(None),
         };
+        if let Some(problem) = hidden(&value, span) {
+            return Err(Box::new(problem));
+        }
         self.advance(span, rest);
-        Some(value)
+        Ok(Some(value))
     }
 
     pub(super) fn docs(&mut self) -> Parsed<Vec<String>> {
@@ -260,7 +267,7 @@ impl<'a> Parser<'a> {
             };
             let (mut inside, _) = self.group(Delimiter::Bracket).ok_or_else(attribute)?;
             let is_doc = inside.word("doc").is_some() && inside.punct("=").is_some();
-            let text = inside.string().filter(|_| is_doc).ok_or_else(attribute)?;
+            let text = inside.string()?.filter(|_| is_doc).ok_or_else(attribute)?;
             for line in text.lines() {
                 lines.push(line.strip_prefix(' ').unwrap_or(line).trim_end().to_owned());
             }

@@ -81,11 +81,15 @@ impl<'a> Parser<'a> {
         let base = self.atom()?;
         let Some((mut inside, span)) = self.group(Delimiter::Bracket) else { return Ok(base) };
         let mut indices = inside.comma_list(|p| p.expr())?;
-        if let Some((_, second)) = self.group(Delimiter::Bracket) {
-            let problem = Diagnostic::new(Some(second), "a second index needs no bracket of its own");
-            return Err(Box::new(problem.with_help("write `C[1, 2]`")));
+        let mut span = base.span.to(span);
+        // `C[1][2]` is the second entry of the row `C[1]`: what `C[1, 2]` is.
+        while let Some((mut inside, more)) = self.group(Delimiter::Bracket) {
+            if inside.at_end() {
+                return inside.expected("an index");
+            }
+            indices.extend(inside.comma_list(|p| p.expr())?);
+            span = span.to(more);
         }
-        let span = base.span.to(span);
         let base = match self.member_of_family(&base, &mut indices, span)? {
             Some(member) if indices.is_empty() => return Ok(member),
             Some(member) => member,

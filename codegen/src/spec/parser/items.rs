@@ -18,11 +18,11 @@ impl<'a> Parser<'a> {
     pub(super) fn item(&mut self) -> Parsed<(ItemKind, bool)> {
         let keyword = self.ident("an item such as `param`, `velocity` or `lagrangian`")?;
         let kind = match keyword.text.as_str() {
-            "source" => match self.string() {
+            "source" => match self.string()? {
                 Some(text) => ItemKind::Source(text),
                 None => return self.expected("a text in quotes"),
             },
-            "topic" => match self.string() {
+            "topic" => match self.string()? {
                 Some(text) => ItemKind::Topic(text),
                 None => return self.expected("a text in quotes"),
             },

@@ -9,6 +9,43 @@ use crate::spec::limits::{MAX_BAD_CHARACTERS, MAX_BRACKETS, MAX_DEPTH};
 
 pub(super) type Parsed<T> = Result<T, Box<Diagnostic>>;
 
+/// Whether a character has no place in a text that people read: a control character, or one that changes the order in
+/// which a line is shown, so that it reads as what it is not. XML and Rust refuse both.
+fn is_hidden(c: char) -> bool {
+    let is_direction =
+        matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let is_no_character = matches!(c, '\u{fffe}' | '\u{ffff}');
+    (c.is_control() && !matches!(c, '\n' | '\t')) || is_direction || is_no_character
+}
+
+/// What is wrong with the first character of a text that [`is_hidden`], which stands at a place.
+pub(super) fn hidden(text: &str, span: Span) -> Option<Diagnostic> {
+    let c = text.chars().find(|c| is_hidden(*c))?;
+    let problem =
+        Diagnostic::new(Some(span), format!("the character U+{:04X} is not part of the language", c as u32));
+    Some(problem.with_help(match c {
+        '\r' => "end lines with a line feed, or with a carriage return and a line feed",
+        c if c.is_control() => "remove this control character",
+        _ => "remove this character: it is not seen, and changes how the line reads",
+    }))
+}
+
+/// The text with blanks in the place of hidden characters, each of which is reported, up to a number of them. Lines may
+/// end with a carriage return before the line feed.
+pub(super) fn without_hidden(text: &str, problems: &mut Vec<Diagnostic>) -> String {
+    let mut result = text.to_owned();
+    let ends_line = |at: usize| text[at..].starts_with("\r\n");
+    let all = text.char_indices().filter(|(at, c)| is_hidden(*c) && !ends_line(*at));
+    for (n, (at, c)) in all.enumerate() {
+        let n_bytes = c.len_utf8();
+        if n < MAX_BAD_CHARACTERS {
+            problems.extend(hidden(&text[at..at + n_bytes], Span::new(at, at + n_bytes)));
+        }
+        result.replace_range(at..at + n_bytes, &" ".repeat(n_bytes));
+    }
+    result
+}
+
 /// The text without what other languages would take for comments, `# to the end of the line`: the first one is
 /// reported.
 ///

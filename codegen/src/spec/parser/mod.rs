@@ -24,25 +24,28 @@ use proc_macro2::Delimiter;
 use syn::buffer::{Cursor, TokenBuffer};
 
 use self::cursor::Parser;
-use self::lexer::{check_brackets, check_nesting, lex, without_hash_comments};
+use self::lexer::{check_brackets, check_nesting, lex, without_hash_comments, without_hidden};
 use self::scope::{Loops, Shared};
 use self::sizes::read_sizes;
+use crate::parallel::with_own_tokens;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::limits::MAX_BYTES;
 
 /// As [`parse_file`] with each loop read once, and also what can be understood of a text whose brackets do not close;
 /// its problems are those of the text in which they do.
 pub(super) fn parse_leniently(text: &str) -> Outcome {
-    let outcome = parse_with(text, Loops::Once);
-    if outcome.file.is_some() || text.len() > MAX_BYTES {
-        return outcome;
-    }
-    parse_with(&recovery::balanced(text), Loops::Once)
+    with_own_tokens(|| {
+        let outcome = parse_with(text, Loops::Once);
+        if outcome.file.is_some() || text.len() > MAX_BYTES {
+            return outcome;
+        }
+        parse_with(&recovery::balanced(text), Loops::Once)
+    })
 }
 
 /// Parses a text of at most [`MAX_BYTES`].
 pub(super) fn parse_file(text: &str) -> Outcome {
-    parse_with(text, Loops::WrittenOut)
+    with_own_tokens(|| parse_with(text, Loops::WrittenOut))
 }
 
 fn parse_with(text: &str, loops: Loops) -> Outcome {
@@ -53,7 +56,8 @@ fn parse_with(text: &str, loops: Loops) -> Outcome {
         outcome.problems.push(Diagnostic::new(start, message).with_help("put one model in a file"));
         return outcome;
     }
-    let blanked = without_hash_comments(text, &mut outcome.problems);
+    let seen = without_hidden(text, &mut outcome.problems);
+    let blanked = without_hash_comments(&seen, &mut outcome.problems);
     let text = blanked.as_str();
     if let Err(problem) = check_brackets(text) {
         outcome.problems.push(*problem);

@@ -463,3 +463,35 @@ fn what_stages_carry_and_depend_on() {
         expect!["1:100 connection on `V` without a base has no use [declare the base with `coordinate`]"],
     );
 }
+
+/// What is not seen has no place in a text: XML and Rust, into which docs and titles go, refuse it.
+#[test]
+fn hidden_characters() {
+    let model = |before: &str, inside: &str| {
+        format!("{before}model m {{ {inside} coordinate x in real; lagrangian = 1/2*x_dot^2; }}")
+    };
+    check(
+        &model(
+            "/// A title \u{202e}elttil\n/// bell \u{7}, null \0\n",
+            "/// \u{2066}doc\u{2069}\n param p = 1;",
+        ),
+        expect![[r#"
+            1:13 the character U+202E is not part of the language [remove this character: it is not seen, and changes how the line reads]
+            2:10 the character U+0007 is not part of the language [remove this control character]
+            2:18 the character U+0000 is not part of the language [remove this control character]
+            3:15 the character U+2066 is not part of the language [remove this character: it is not seen, and changes how the line reads]
+            3:19 the character U+2069 is not part of the language [remove this character: it is not seen, and changes how the line reads]"#]],
+    );
+    check(
+        &model("// one line\r// as another\n", "source \"by \\u{202e}nobody\"; topic \"a\\u{7}b\";"),
+        expect![[r#"
+            1:12 the character U+000D is not part of the language [end lines with a line feed, or with a carriage return and a line feed]
+            2:18 the character U+202E is not part of the language [remove this character: it is not seen, and changes how the line reads]
+            2:45 the character U+0007 is not part of the language [remove this control character]"#]],
+    );
+    // Comments and names as well, and not more of them than anybody reads.
+    let many = "\u{200f}".repeat(100);
+    assert_eq!(report(&model("", &format!("/* {many} */"))).lines().count(), 20);
+    assert!(report(&model("", "param a\u{1b}b = 1;")).contains("U+001B"));
+    assert_eq!(report(&model("/// Äpfel, Ω → 中\r\n\t", "").replace("; ", ";\r\n")), "no problem");
+}

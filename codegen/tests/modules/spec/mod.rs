@@ -7,6 +7,7 @@ mod formulation;
 mod fuzz;
 mod good;
 mod kind;
+mod memory;
 mod motion;
 mod positions;
 

@@ -4,7 +4,7 @@ use expect_test::{Expect, expect};
 
 use super::bad::check;
 use hamel_codegen::algebra::LieAlgebra;
-use hamel_codegen::expr::{ExprId, Rational};
+use hamel_codegen::expr::{ExprId, Rational, Style};
 use hamel_codegen::spec::{
     ConstraintKind, Group, Model, ModelBuilder, ReconstructionKind, Value, Wanted, parse,
 };
@@ -757,4 +757,57 @@ fn the_builder_makes_the_same_servo_ball() {
             "output `h` contains the displacement `delta(xi3)`",
         ]
     );
+}
+
+/// A mounting angle from a drawing, to three digits: a body turns with it, and the model is told how far it moved.
+#[test]
+fn measured_attitudes_are_taken_to_the_nearest_rotation() {
+    let model = |attitude: &str| {
+        format!(
+            "model m {{ coordinate phi in angle; let M = {attitude};
+                body B {{ inertia diag([1, 2, 3]); attitude rot(e3, phi)*M; }} lagrangian = B_energy; }}"
+        )
+    };
+    let rows = "[[0.866, 0, 0.5], [0, 1, 0], [-0.5, 0, 0.866]]";
+    let parsed = parse("m.hamel", &model(&format!("orthonormal({rows})"))).unwrap_or_else(|e| panic!("{e}"));
+    let told: Vec<&str> = parsed.warnings.iter().map(|w| w.message.as_str()).collect();
+    // By 0.866 (1/|(0.866, 0.5)| - 1).
+    assert_eq!(told, ["the nearest rotation differs from the matrix by 1.9e-5"]);
+    let energy = |text: &str| {
+        let model = parse("m.hamel", text).unwrap_or_else(|e| panic!("{e}"));
+        let g = &model.graph;
+        let values = g.free_symbols(model.lagrangian).into_iter().map(|s| (s, 1.0)).collect();
+        g.eval_f64(model.lagrangian, &values).unwrap()
+    };
+    // I_33 along the axis of the turn: sin^2 I_1 + cos^2 I_3 with the angle of 30 degrees.
+    let (measured, exact) = (energy(&model(&format!("orthonormal({rows})"))), 0.5 * (0.25 + 0.75 * 3.0));
+    assert!((measured - exact).abs() < 1e-4, "{measured} {exact}");
+    // As many digits as doubles have say nothing.
+    let digits = "[[0.8660254037844387, 0, 0.5], [0, 1, 0], [-0.5, 0, 0.8660254037844387]]";
+    let parsed =
+        parse("m.hamel", &model(&format!("orthonormal({digits})"))).unwrap_or_else(|e| panic!("{e}"));
+    assert!(parsed.warnings.is_empty(), "{}", parsed.warnings);
+    // Without the word the matrix is no rotation, and the word is proposed.
+    let refused = parse("m.hamel", &model(rows)).unwrap_err();
+    let help: Vec<String> = refused.iter().filter_map(|p| p.help.clone()).collect();
+    assert!(refused.to_string().contains("the matrix is no rotation"), "{refused}");
+    assert!(help.is_empty() || !help[0].contains("orthonormal"), "the product is no number: {help:?}");
+    let plain = model(rows).replace("rot(e3, phi)*M", "M");
+    let refused = parse("m.hamel", &plain).unwrap_err().to_string();
+    assert!(refused.contains("write `orthonormal(A)` for the nearest rotation"), "{refused}");
+}
+
+#[test]
+fn entries_of_a_matrix_are_indexed_in_one_bracket_or_in_two() {
+    let text =
+        "model m { param C: matrix(2, 3) = [[1, 2, 3], [4, 5, 6]]; coordinate x in real; let k = 1 + 1;
+        lagrangian = 1/2*x_dot^2 - (C[2][3] + C[k, 3] + C[1][k] - identity(3)[1][1])*x; }";
+    let same = text.replace("C[2][3]", "C[2, 3]").replace("C[1][k]", "C[1, k]").replace("[1][1]", "[1, 1]");
+    let shown = |text: &str| {
+        let model = parse("m.hamel", text).unwrap_or_else(|e| panic!("{e}"));
+        model.graph.display(model.lagrangian, Style::Plain)
+    };
+    assert_eq!(shown(text), shown(&same));
+    let wrong = text.replace("C[2][3]", "C[2][3][1]");
+    assert!(parse("m.hamel", &wrong).unwrap_err().to_string().contains("3 indices for matrix(2, 3)"));
 }

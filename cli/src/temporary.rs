@@ -21,8 +21,25 @@ pub(crate) struct Temporary(PathBuf);
 impl Temporary {
     /// A name in the same folder, which is not there yet.
     pub(crate) fn beside(path: &Path) -> Temporary {
-        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("file");
-        Temporary::at(path.with_file_name(format!(".{name}.{}.tmp", std::process::id())))
+        Temporary::at(name_beside(path))
+    }
+
+    /// The same for a file that this process writes once.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::AlreadyExists`] where the process writes it already, [`io::ErrorKind::IsADirectory`] for a
+    /// folder, whose place a file cannot take.
+    pub(crate) fn once_beside(path: &Path) -> io::Result<Temporary> {
+        if path.is_dir() {
+            let reason = "it is a folder: give the name of a file";
+            return Err(io::Error::new(io::ErrorKind::IsADirectory, reason));
+        }
+        let path = name_beside(path);
+        if !present().insert(path.clone()) {
+            let reason = "the file is given twice: give it once";
+            return Err(io::Error::new(io::ErrorKind::AlreadyExists, reason));
+        }
+        Ok(Temporary(path))
     }
 
     /// A path, which is not there yet.
@@ -50,6 +67,13 @@ impl Drop for Temporary {
         remove(&self.0);
         present().remove(&self.0);
     }
+}
+
+fn name_beside(path: &Path) -> PathBuf {
+    let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("file");
+    // WebAssembly has one process, and no number for it.
+    let process = if cfg!(target_family = "wasm") { 0 } else { std::process::id() };
+    path.with_file_name(format!(".{name}.{process}.tmp"))
 }
 
 /// Removes all of this process, which ends now.

@@ -1,0 +1,67 @@
+//! A file that is written at the end of some work, and opened before it: what cannot be written costs no work.
+//!
+//! Does not know: what is written.
+
+use std::fs::File;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use crate::error::Error;
+use crate::temporary::Temporary;
+
+/// A file beside the place that it takes when it is written.
+#[derive(Debug)]
+pub(crate) struct Opened {
+    path: PathBuf,
+    temporary: Temporary,
+    file: File,
+}
+
+impl Opened {
+    /// Opens a file; what is at its place stays until it is written.
+    ///
+    /// # Errors
+    /// [`Error::NoFolder`]; [`Error::Io`], also for a folder and for a file that is open already.
+    pub(crate) fn new(path: &Path) -> Result<Opened, Error> {
+        let shown = path.display().to_string();
+        if let Some(folder) =
+            path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
+        {
+            return Err(Error::NoFolder { file: shown, folder: folder.display().to_string() });
+        }
+        let fail = |e| Error::io(shown.clone(), e);
+        let temporary = Temporary::once_beside(path).map_err(fail)?;
+        let file = File::create(temporary.path()).map_err(fail)?;
+        Ok(Opened { path: path.to_owned(), temporary, file })
+    }
+
+    /// Where it will be.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where it is until then.
+    pub(crate) fn temporary(&self) -> &Path {
+        self.temporary.path()
+    }
+
+    /// Writes all of it and puts it into its place.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; what was at its place is there still.
+    pub(crate) fn write(mut self, bytes: &[u8]) -> Result<(), Error> {
+        let written = self.file.write_all(bytes).and_then(|()| self.file.flush());
+        written.map_err(|e| Error::io(self.path.display().to_string(), e))?;
+        self.place()
+    }
+
+    /// Puts what was written to [`Opened::temporary`] into its place.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(crate) fn place(self) -> Result<(), Error> {
+        let Opened { path, temporary, file } = self;
+        drop(file);
+        temporary.rename_to(&path).map_err(|e| Error::io(path.display().to_string(), e))
+    }
+}
