@@ -167,9 +167,11 @@ impl Form<'_> {
     fn coordinates(&mut self) {
         let system = self.system;
         self.writer.begin("kinematics xdot = rho y");
+        let own = system.own_rates_of_base();
         for (i, x) in system.algebroid.base().iter().enumerate() {
-            let terms: Vec<ExprId> =
+            let mut terms: Vec<ExprId> =
                 (0..self.y.len()).map(|a| self.g.mul(system.algebroid.anchor(i, a), self.y[a])).collect();
+            terms.push(own[i]);
             let sum = self.g.sum(&terms);
             let name = format!("dot_{}", self.g.name(*x));
             let rate = self.define(&name, sum);

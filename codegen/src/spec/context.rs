@@ -145,10 +145,10 @@ fn of_item(statement: &[&str]) -> Context {
         "input" if has("=") => Context::Expression,
         "drive" if !has("=") => Context::Input,
         "param" if has("=") || has("where") => Context::Expression,
-        "coordinate" if has("by") => Context::Expression,
-        "coordinate" if last == ":" => Context::Shape,
-        "coordinate" if last == "in" => Context::Domain,
-        "coordinate" if has("in") && has("(") => Context::Expression,
+        "coordinate" | "state" if has("by") => Context::Expression,
+        "coordinate" | "state" if last == ":" => Context::Shape,
+        "coordinate" | "state" if last == "in" => Context::Domain,
+        "coordinate" | "state" if has("in") && has("(") => Context::Expression,
         "velocity" if has("in") => Context::Algebra,
         "momentum" if has("of") => Context::Velocity,
         "momentum" if has("in") => Context::Algebra,
@@ -169,7 +169,7 @@ fn of_item(statement: &[&str]) -> Context {
         "constraint" if has("for") && !has(":") => Context::Velocity,
         "carry" | "routh" => Context::Carried,
         "view" if last == "=" => Context::Solid,
-        "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
+        "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected" | "state"
         | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source" | "topic"
         | "multipliers" => Context::Anything,
         "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {

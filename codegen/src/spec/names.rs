@@ -30,6 +30,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("inner_product", "inner_product = diag([1, 1, 2]);"),
     ("coordinate", "coordinate theta in angle;` or `coordinate x: vector(2) in (0, 1);"),
     ("advected", "advected Gamma in R^3 by cross(Omega, Gamma);"),
+    ("state", "state i in real by i_dot = (V - R*i)/L;"),
     ("lagrangian", "lagrangian = expression;"),
     ("hamiltonian", "hamiltonian = expression;"),
     ("acceleration", "acceleration v = -k*x;"),
@@ -72,8 +73,9 @@ pub(super) fn item_meant_by(word: &str) -> Help {
         "kinetic" | "potential" => {
             "name it with `let`; the system is given by `lagrangian = ..;` or `hamiltonian = ..;`"
         }
-        "variable" | "var" | "state" => {
-            "write `coordinate` for the base, `velocity` for the algebra, `advected` for what the group moves"
+        "variable" | "var" => {
+            "write `coordinate` for the base, `velocity` for the algebra, `advected` for what the group moves, \
+             `state` for what has a rate of its own"
         }
         "group" => "write the algebra: `velocity Omega in so(3);`, and `reconstruct` for the group",
         "constraints" | "nonholonomic" | "holonomic" => "write `constraint dot(Omega, Gamma) = 0;`",

@@ -128,6 +128,11 @@ const OF_ITEMS: &[(&str, &str)] = &[
          expression linear in the velocities: `adot = -xi . a` for a left action, `adot = xi . a` for a \
          right one.",
     ),
+    (
+        "state",
+        "A state of first order: a number or a vector of the state whose rate the model gives, a function of \
+         the state, inputs and the time.",
+    ),
     ("lagrangian", "The reduced Lagrangian `l(x, xdot, xi, a, t)`: a number. Exactly one."),
     (
         "hamiltonian",
