@@ -90,7 +90,7 @@ pub(super) fn item_meant_by(word: &str) -> Help {
 pub(super) const ALGEBRA_FUNCTIONS: &[&str] =
     &["ad", "coad", "laplacian", "poisson", "pointwise", "star_power", "trace_power"];
 
-/// Functions of the expression language.
+/// Functions of the expression language. Their names may be declared as well: parentheses tell functions from values.
 pub(super) const FUNCTIONS: &[&str] = &[
     "dot",
     "cross",
@@ -128,10 +128,9 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "cosh",
     "tanh",
     "abs",
+    "sinc",
+    "cosc",
 ];
-
-/// Functions whose names may be declared as well: parentheses tell them from values, and models had such names first.
-const FREE_FUNCTIONS: &[&str] = &["unit", "rot", "rate", "spin"];
 
 /// What to write instead of a function that has jumps or kinks, for expressions are differentiated; nothing for other
 /// words.
@@ -178,11 +177,6 @@ pub(super) fn refusal(name: &str) -> Option<&'static str> {
     }
     if name == "pi" {
         return Some("it is the number pi");
-    }
-    if FUNCTIONS.contains(&name) && !FREE_FUNCTIONS.contains(&name)
-        || OPERATORS.iter().any(|(operator, _)| *operator == name)
-    {
-        return Some("it is a function of the language");
     }
     if CONDITIONS.contains(&name) {
         return Some("the language has no conditions, so nothing can begin like one");

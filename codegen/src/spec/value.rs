@@ -504,6 +504,16 @@ impl Value {
         Ok(Value::Scalar(g.func(f, a)))
     }
 
+    /// `sinc` and `cosc` of a number `x`: functions of Stumpff of `x^2`, which are smooth where `x` vanishes.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless it is a number.
+    pub fn of_square(&self, g: &mut Graph, f: Func, name: &'static str) -> Outcome {
+        let x = self.scalar(name)?;
+        let square = g.powi(x, 2);
+        Ok(Value::Scalar(g.func(f, square)))
+    }
+
     /// The angle of the point `(x, y)` in `(-pi, pi]`, `self` being `y`.
     ///
     /// # Errors

@@ -23,7 +23,7 @@
 //! z = asin a      z_k = (a_k - S_k(j z, w) / k) / w_0                              w = sqrt(1 - a^2)
 //! ```
 //!
-//! (`sinh`, `cosh`, `tanh` as their circular sisters with other signs, `acos a = pi/2 - asin a`, `|a| = sign(a_0) a`).
+//! (Stumpff's functions as a family, each by the next two: see the rule. `sinh`, `cosh`, `tanh` as their circular sisters with other signs, `acos a = pi/2 - asin a`, `|a| = sign(a_0) a`).
 //! So a [`Jet`] has three parts: `first`, the operations at order zero, which are those of the function itself; the
 //! list of *convolutions* `S_k`, which all run in one short loop whatever they belong to, side by side in the lanes of
 //! the machine's vectors; and `next`, straight-line code, used at every order, which takes the coefficients of order
@@ -193,6 +193,8 @@ enum Company {
     OnePlusSquare,
     /// `sqrt(1 - a^2)`.
     RootOneMinusSquare,
+    /// One of Stumpff's functions.
+    Stumpff(u32),
 }
 
 /// A factor of a convolution: a series, by its coefficient of order `k`, or `j` times it.
@@ -287,7 +289,15 @@ impl<'p> Builder<'p> {
     }
 
     fn constant(&mut self, value: i64) -> Operand {
-        let constant = Constant::Rational(Rational::from_integer(value.into()));
+        self.rational(Rational::from_integer(value.into()))
+    }
+
+    fn half(&mut self) -> Operand {
+        self.rational(Rational::new(1.into(), 2.into()))
+    }
+
+    fn rational(&mut self, value: Rational) -> Operand {
+        let constant = Constant::Rational(value);
         let known = self.constants.iter().position(|c| *c == constant).unwrap_or_else(|| {
             self.constants.push(constant);
             self.constants.len() - 1
