@@ -67,7 +67,7 @@ impl Arena {
 
     /// The root of a product of even powers, with its coefficient before it.
     fn root_of(&self, square: ExprId) -> Option<(Rational, Box<[(ExprId, Rational)]>)> {
-        let Node::Product { coefficient, factors } = self.node(square) else { return None };
+        let Node::Product { coefficient, factors } = self.node(self.named(square)) else { return None };
         let root = |n: &BigInt| Some(n.sqrt()).filter(|root| root * root == *n && !n.is_negative());
         let coefficient = Rational::new(root(coefficient.numer())?, root(coefficient.denom())?);
         let two = Rational::from_integer(2.into());

@@ -247,14 +247,11 @@ impl ModelBuilder {
             {
                 let message = format!("scene `{scene}` drops a part of `{block}`");
                 self.problem(*span, message, format!("drop `{block}` as a whole"));
-            } else if !(self.broken.contains("coordinate") || self.broken.contains("advected")) {
-                let known: Vec<&str> = self
-                    .base
-                    .iter()
-                    .map(|c| c.name.as_str())
-                    .chain(advected.map(|a| a.name.as_str()))
-                    .collect();
-                let help = names::suggest(name, known);
+            } else if !["coordinate", "advected", "state"].iter().any(|item| self.broken.contains(item)) {
+                let known = self.base.iter().map(|c| c.name.as_str());
+                let known = known.chain(advected.map(|a| a.name.as_str()));
+                let known = known.chain(self.first_order.iter().map(|state| state.name.as_str()));
+                let help = names::suggest(name, known.collect::<Vec<_>>());
                 let message = format!(
                     "scene `{scene}` drops `{name}`, which is neither a base coordinate nor an advected parameter"
                 );

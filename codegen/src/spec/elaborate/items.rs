@@ -58,6 +58,7 @@ impl Elaboration<'_> {
                 Some(value) => _ = self.builder.at(Some(action.span)).advected_action(&name.text, &value),
                 None => _ = self.builder.broken.insert("advected"),
             },
+            ItemKind::State { name, .. } if self.poisoned.contains(&name.text) => {}
             ItemKind::State { name, rate: (rate, value), .. } => {
                 match self.builder.value(&rate.text).cloned().filter(|_| !self.poisoned.contains(&rate.text)) {
                     Some(of_rate) => _ = self.builder.at(Some(value.span)).state_rate(&name.text, &of_rate),
