@@ -22,7 +22,8 @@ fn refusal(items: &str, scene: &str) -> String {
 /// Rates of a scene and its energy at a state by names.
 fn rates(built: &BuiltScene, y: &[(&str, f64)], u: &[f64]) -> (Vec<f64>, Option<f64>) {
     let prepared = built.prepare(&[]).unwrap_or_else(|e| panic!("{e}"));
-    let value = |name: &String| y.iter().find(|(own, _)| own == name).unwrap_or_else(|| panic!("no {name}")).1;
+    let value =
+        |name: &String| y.iter().find(|(own, _)| own == name).unwrap_or_else(|| panic!("no {name}")).1;
     let y: Vec<f64> = built.state_names().iter().map(value).collect();
     let mut dy = vec![0.0; y.len()];
     prepared.rhs_with(0.3, &y, u, &mut dy);
@@ -35,7 +36,10 @@ fn rate(built: &BuiltScene, name: &str, y: &[(&str, f64)], u: &[f64]) -> f64 {
 }
 
 fn close(what: &str, found: f64, expected: f64) {
-    assert!((found - expected).abs() < 1e-14 * expected.abs().max(1.0), "{what}: {found}, by hand {expected}");
+    assert!(
+        (found - expected).abs() < 1e-14 * expected.abs().max(1.0),
+        "{what}: {found}, by hand {expected}"
+    );
 }
 
 const U: f64 = 1.7;
@@ -56,7 +60,8 @@ fn a_constraint_may_contain_a_state_whose_rate_has_an_input() {
     close("x''", rate(&solved, "x_dot", &state, &[U]), expected);
     assert!(solved.equations.facts.energy_is_conserved);
     assert_ne!(solved.equations.facts.holonomic, Some(true));
-    let kept = build(&format!("{BLADE} multipliers; scene a {{ input u; want energy, bracket, implicit; }}"), "a");
+    let kept =
+        build(&format!("{BLADE} multipliers; scene a {{ input u; want energy, bracket, implicit; }}"), "a");
     close("x'' by multipliers", rate(&kept, "x_dot", &state, &[U]), expected);
     let turning = s * expected + s_dot * v;
     close("y'' by multipliers", rate(&kept, "y_dot", &state, &[U]), turning);
@@ -93,7 +98,7 @@ fn a_lagrangian_may_contain_a_state() {
 #[test]
 fn a_hamiltonian_may_contain_a_state() {
     let items = "coordinate x in real; momentum p of x_dot; state z in (0, 4) by z_dot = -z*x_dot^2;
-        hamiltonian = p^2/(2*(1 + z)) + z*x^2/2; scene a { want energy, energy_rate, bracket; }";
+        hamiltonian = p^2/(2*(1 + z)) + z*x^2/2; scene a { want energy, energy_rate, bracket, implicit; }";
     let (x, z, p) = (0.6, 0.8, 1.1);
     let built = build(items, "a");
     let state = [("x", x), ("z", z), ("p", p)];
@@ -111,8 +116,7 @@ fn bodies_in_frames_have_states() {
         scene a { want energy, outputs, bracket; }
         stage whole; stage part = ideal([1, 0, 0], [0, 1, 0], [0, 0, 1]);";
     let built = build(items.split(" stage").next().unwrap(), "a");
-    let state =
-        [("Omega1", 0.3), ("Omega2", -0.7), ("Omega3", 0.9), ("f1", 0.1), ("f2", 0.2), ("f3", -0.4)];
+    let state = [("Omega1", 0.3), ("Omega2", -0.7), ("Omega3", 0.9), ("f1", 0.1), ("f2", 0.2), ("f3", -0.4)];
     close("Omega1'", rate(&built, "Omega1", &state, &[]), (2.0 - 3.0) * -0.7 * 0.9 - 0.1);
     close("Omega2'", rate(&built, "Omega2", &state, &[]), ((3.0 - 1.0) * 0.9 * 0.3 - 0.2) / 2.0);
     close("f3'", rate(&built, "f3", &state, &[]), 0.9 + 0.8);
@@ -143,14 +147,23 @@ fn a_field_has_states_beside_it() {
 #[test]
 fn what_a_state_cannot_be_in_is_told() {
     let cases = [
-        ("coordinate x in real; state z in real by z_dot = 1; lagrangian = x_dot^2; constraint x = z;", "positions"),
+        (
+            "coordinate x in real; state z in real by z_dot = 1; lagrangian = x_dot^2; constraint x = z;",
+            "positions",
+        ),
         ("coordinate x in real by x = z; state z in real by z_dot = 1; lagrangian = x_dot^2;", "positions"),
-        ("coordinate x in real; state z in real by z_dot = 1; frame { a = (2 + z)*x_dot; } lagrangian = a^2;", "contains `z`"),
+        (
+            "coordinate x in real; state z in real by z_dot = 1; frame { a = (2 + z)*x_dot; } lagrangian = a^2;",
+            "contains `z`",
+        ),
         (
             "coordinate x, y in real; state z in real by z_dot = -z; lagrangian = x*y_dot - y^2 - z*x;",
             "contains a state of first order",
         ),
-        ("coordinate x in real; state z in real by y_dot = 1; lagrangian = x_dot^2;", "is not the rate of `z`"),
+        (
+            "coordinate x in real; state z in real by y_dot = 1; lagrangian = x_dot^2;",
+            "is not the rate of `z`",
+        ),
         (
             "coordinate x in real; state a in real by a_dot = b_dot; state b in real by b_dot = a_dot; \
              lagrangian = x_dot^2;",
@@ -238,10 +251,7 @@ fn constraints_may_give_every_velocity() {
             let s = ((f64::from(i) + 0.5) / f64::from(n) * 2.0 - 1.0) * l + sign * l;
             let (tangent, normal) = ([angle.cos(), angle.sin()], [-angle.sin(), angle.cos()]);
             let place = [joint + s * tangent[0], s * tangent[1]];
-            let u = [
-                v[0] - w * place[1] + rate * s * normal[0],
-                v[1] + w * place[0] + rate * s * normal[1],
-            ];
+            let u = [v[0] - w * place[1] + rate * s * normal[0], v[1] + w * place[0] + rate * s * normal[1]];
             let (along, across) =
                 (u[0] * tangent[0] + u[1] * tangent[1], k * (u[0] * normal[0] + u[1] * normal[1]));
             let f = [0, 1].map(|i| (along * tangent[i] + across * normal[i]) / f64::from(n));

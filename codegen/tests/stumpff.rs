@@ -192,7 +192,9 @@ fn rotation_vectors_turn_bodies() {
         })
     };
     // Euler's equations, with the rate of the angular velocity along the motion.
-    for y in [[0.0, 0.0, 0.0, 0.3, -0.8, 0.5], [0.4, -1.1, 0.7, 0.3, -0.8, 0.5], [1e-8, 0.0, 0.0, 1.0, 0.2, 0.1]] {
+    for y in
+        [[0.0, 0.0, 0.0, 0.3, -0.8, 0.5], [0.4, -1.1, 0.7, 0.3, -0.8, 0.5], [1e-8, 0.0, 0.0, 1.0, 0.2, 0.1]]
+    {
         let mut dy = [0.0; 6];
         prepared.rhs(0.0, &y, &mut dy);
         let h = 1e-6;
@@ -220,7 +222,8 @@ fn rotation_vectors_turn_bodies() {
 fn names_of_functions_are_free() {
     let items = "param exp = 2; param abs = 3; coordinate sin in real; coordinate cos in real; velocity sqrt in R;
         let delta = sin + exp; input dot = 0; lagrangian = (sin_dot^2 + cos_dot^2 + sqrt^2)/2 - abs*sin(delta)*cos(cos);
-        force sin_dot = dot; virtual delta(cos_dot) = delta(sqrt); constraint cos_dot = sqrt; scene norm { input dot; }";
+        force sin_dot = dot; virtual delta(cos_dot) = delta(sqrt); constraint cos_dot = sqrt;
+        scene norm { input dot; }";
     let built = build(items, "norm");
     let mut dy = [0.0; 4];
     let prepared = built.prepare(&[2.0, 3.0]).unwrap();

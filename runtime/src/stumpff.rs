@@ -72,12 +72,11 @@ mod tests {
     use crate::{DoubleDouble, Dual, Real};
 
     /// Arguments on both sides of every change of formula.
-    const ARGUMENTS: [f64; 16] = [
-        0.0, 1e-300, 4.9e-7, 0.01, 0.99, 1.01, 2.9, 3.1, 5.9, 6.1, 9.8, 10.2, 20.9, 21.1, 39.0, 250.0,
-    ];
+    const ARGUMENTS: [f64; 16] =
+        [0.0, 1e-300, 4.9e-7, 0.01, 0.99, 1.01, 2.9, 3.1, 5.9, 6.1, 9.8, 10.2, 20.9, 21.1, 39.0, 250.0];
 
-    /// A relative error of a few units in the last place, or that of an argument in which `z` is rounded: near a zero of
-    /// the function digits of `z` are worth more than its own.
+    /// A relative error of a few units in the last place, or that of an argument in which `z` is rounded: near a zero
+    /// of the function digits of `z` are worth more than its own.
     #[test]
     fn double_precision_agrees_with_double_double() {
         for k in 0..12 {

@@ -304,8 +304,8 @@ impl Arena {
         Some(z)
     }
 
-    /// `c_k(z)`, by `c_0` and `c_1`, a point of the conic `c_0^2 + z c_1^2 = 1`: where `z` is known to be a square `x^2`,
-    /// `cos x` and `sin(x)/x`. All relations of the family follow from these two values.
+    /// `c_k(z)`, by `c_0` and `c_1`, a point of the conic `c_0^2 + z c_1^2 = 1`: where `z` is known to be a square
+    /// `x^2`, `cos x` and `sin(x)/x`. All relations of the family follow from these two values.
     fn stumpff_at(
         &self,
         k: u8,

@@ -1,10 +1,10 @@
 //! Nonlinear constraints that give a velocity without inertia, such as the entropy of what friction heats: the
 //! coordinate becomes a state of first order.
 //!
-//! A constraint `a(x, y) s' + b(x, y) = 0` on a base velocity `s'` that the Lagrangian does not contain is a rate of the
-//! coordinate `s`. Nothing accelerates along `s`: its equation of motion is the balance of `dL/ds`, of the force on it
-//! and of the reaction, which acts along the displacements that the constraint allows, `delta s = w_alpha
-//! delta^alpha`. What is left of it is a force on the other velocities,
+//! A constraint `a(x, y) s' + b(x, y) = 0` on a base velocity `s'` that the Lagrangian does not contain is a rate of
+//! the coordinate `s`. Nothing accelerates along `s`: its equation of motion is the balance of `dL/ds`, of the force on
+//! it and of the reaction, which acts along the displacements that the constraint allows,
+//! `delta s = w_alpha delta^alpha`. What is left of it is a force on the other velocities,
 //!
 //! ```text
 //! s' = -b/a,    F_alpha + w_alpha (dL/ds + F_s)

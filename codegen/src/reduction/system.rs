@@ -207,8 +207,8 @@ impl ReducedSystem {
         self.blocks.iter().filter(|b| matches!(b.kind, BlockKind::Advected | BlockKind::Attitude))
     }
 
-    /// The rates of base coordinates that no velocity moves, zero for all others: what `xdot = rho y + r` has beside the
-    /// anchor, by the velocities of the system.
+    /// The rates of base coordinates that no velocity moves, zero for all others: what `xdot = rho y + r` has beside
+    /// the anchor, by the velocities of the system.
     pub(crate) fn own_rates_of_base(&self) -> Vec<ExprId> {
         let rate = |x: &SymbolId| self.own_rates.iter().find(|own| own.symbol == *x).map(|own| own.rate);
         self.algebroid.base().iter().map(|x| rate(x).unwrap_or(self.graph.zero())).collect()

@@ -169,9 +169,9 @@ fn of_item(statement: &[&str]) -> Context {
         "constraint" if has("for") && !has(":") => Context::Velocity,
         "carry" | "routh" => Context::Carried,
         "view" if last == "=" => Context::Solid,
-        "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected" | "state"
-        | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source" | "topic"
-        | "multipliers" => Context::Anything,
+        "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
+        | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source"
+        | "topic" | "multipliers" => Context::Anything,
         "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
             Context::Anything
         }

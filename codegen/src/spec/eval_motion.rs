@@ -117,7 +117,8 @@ impl Evaluator<'_> {
     /// Iserles, Munthe-Kaas, Norsett, Zanna 2000, Lie-group methods, section B.1.
     pub(super) fn note_exponential(&mut self, matrix: &Value, v: [ExprId; 3], square: ExprId) {
         let Some(rates) = self.rates else { return };
-        let Ok(rate) = v.into_iter().map(|e| rate_of(self.graph, e, rates)).collect::<Result<Vec<_>, _>>() else {
+        let Ok(rate) = v.into_iter().map(|e| rate_of(self.graph, e, rates)).collect::<Result<Vec<_>, _>>()
+        else {
             return;
         };
         let g = &mut *self.graph;

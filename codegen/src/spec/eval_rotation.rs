@@ -14,7 +14,8 @@ const AXES: [&str; 3] = ["e1", "e2", "e3"];
 
 impl Evaluator<'_> {
     /// `rot(phi)` of the plane, `rot(axis, phi)` of space: by the angle `phi` about an axis of length one, the matrix
-    /// `a a^T + cos(phi) (1 - a a^T) + sin(phi) hat(a)`, whose columns are the turned axes; `rot(v)` of a rotation vector.
+    /// `a a^T + cos(phi) (1 - a a^T) + sin(phi) hat(a)`, whose columns are the turned axes; `rot(v)` of a rotation
+    /// vector.
     pub(super) fn rotation(&mut self, arguments: &[Expr], span: Span) -> Option<Weighed> {
         let (axis, angle) = match arguments {
             [angle] => (None, angle),
@@ -69,8 +70,8 @@ impl Evaluator<'_> {
         Some((matrix, bits + 2 * axis_bits + 8))
     }
 
-    /// The rotation `exp(hat(v)) = (1 - c_2 v.v) + c_1 hat(v) + c_2 v v^T` by the length of `v` about `v`, with Stumpff's
-    /// functions `c_k` of `v.v`, so that everything is smooth where `v` vanishes.
+    /// The rotation `exp(hat(v)) = (1 - c_2 v.v) + c_1 hat(v) + c_2 v v^T` by the length of `v` about `v`, with
+    /// Stumpff's functions `c_k` of `v.v`, so that everything is smooth where `v` vanishes.
     fn exponential(&mut self, v: [ExprId; 3]) -> Value {
         let g = &mut *self.graph;
         let square = g.dot(&v, &v);

@@ -165,7 +165,8 @@ macro_rules! visit {
             }
         }
         for (k, state) in first_order.into_iter().enumerate() {
-            let FirstOrderState { name: _, components: _, domain, rates, doc: _, span: _, of_rate: _ } = state;
+            let FirstOrderState { name: _, components: _, domain, rates, doc: _, span: _, of_rate: _ } =
+                state;
             match domain {
                 Domain::Interval(low, high) => {
                     $visit(ExpressionRole::DomainEnd(n_base + k), low);

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 pub(super) use super::constraint_parts::{CarriedAcceleration, PositionEquation, VirtualConstraint};
-pub(super) use super::first_order::FirstOrderState;
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
+pub(super) use super::first_order::FirstOrderState;
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 use super::size::FamilySize;

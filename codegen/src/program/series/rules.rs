@@ -324,8 +324,8 @@ impl Builder<'_> {
     /// `c_k(a)`, from `c_k' = (k c_(k+2) - c_(k+1)) a'/2`.
     ///
     /// The derivative of a function of the family is made of the next two, and the family has no end. But the
-    /// coefficient of order `n` of `c_k` takes those of order `n - 1` of the two alone, so that functions by `2 n` ahead
-    /// are needed at order zero, and are constant here.
+    /// coefficient of order `n` of `c_k` takes those of order `n - 1` of the two alone, so that functions by `2 n`
+    /// ahead are needed at order zero, and are constant here.
     fn stumpff(&mut self, k: u32, a: Series, a_k: Operand) -> Operand {
         let known = |builder: &Self, m: u32| builder.company.get(&(Company::Stumpff(m), a.first)).copied();
         if let Some((Series { next: Some(known), .. }, _)) = known(self, k) {

@@ -96,7 +96,8 @@ impl ModelBuilder {
         {
             let names = self.velocity_names();
             let known = short_list("the velocities are", &names);
-            let help = format!("{known}; without inertia as many constraints as velocities determine the motion");
+            let help =
+                format!("{known}; without inertia as many constraints as velocities determine the motion");
             self.problem(span, "the lagrangian contains no velocity", help);
         }
         e

@@ -133,7 +133,8 @@ pub(super) fn misplaced_states(model: &Model) -> Vec<Diagnostic> {
         let found = model.graph.free_symbols(e).into_iter().find(|s| symbols.contains(s));
         let (Some(state), Some((what, span))) = (found, of_geometry(model, role)) else { continue };
         let message = format!("{what} contains the state `{}`", model.graph.name(state));
-        let help = "states of first order are for the Lagrangian, forces, constraints, rates, outputs and events";
+        let help =
+            "states of first order are for the Lagrangian, forces, constraints, rates, outputs and events";
         let problem = Diagnostic::new(span, message).with_help(help);
         if !problems.iter().any(|p| p.span == problem.span && p.message == problem.message) {
             problems.push(problem);

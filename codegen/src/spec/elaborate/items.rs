@@ -60,7 +60,8 @@ impl Elaboration<'_> {
             },
             ItemKind::State { name, .. } if self.poisoned.contains(&name.text) => {}
             ItemKind::State { name, rate: (rate, value), .. } => {
-                match self.builder.value(&rate.text).cloned().filter(|_| !self.poisoned.contains(&rate.text)) {
+                match self.builder.value(&rate.text).cloned().filter(|_| !self.poisoned.contains(&rate.text))
+                {
                     Some(of_rate) => _ = self.builder.at(Some(value.span)).state_rate(&name.text, &of_rate),
                     None => _ = self.builder.broken.insert("state"),
                 }

@@ -604,7 +604,8 @@ impl Check<'_> {
         let advected = model.advected.iter().flat_map(|a| a.components.iter().map(|(_, symbol)| *symbol));
         let momenta = model.momenta.iter().flat_map(|m| m.components.iter().map(|(_, symbol, _)| *symbol));
         let group = model.reconstruction.iter().flat_map(|item| item.symbols.iter().copied());
-        let first_order = model.first_order.iter().flat_map(|s| s.components.iter().map(|(_, symbol)| *symbol));
+        let first_order =
+            model.first_order.iter().flat_map(|s| s.components.iter().map(|(_, symbol)| *symbol));
         let state = base.chain(velocities).chain(advected).chain(first_order);
         for symbol in params.chain(state).chain(momenta).chain(group) {
             let form = self.dimensions.of_symbol(symbol);
