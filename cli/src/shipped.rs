@@ -67,6 +67,7 @@ pub(crate) const SHIPPED: Shipped = shipped! {
         "kovalevskaya_gyrostat",
         "magnetic_spherical_pendulum",
         "manakov_top",
+        "motor_arm",
         "pseudo_rigid_body",
         "quadrotor_with_load",
         "rattleback",

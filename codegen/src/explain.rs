@@ -716,6 +716,7 @@ impl Page {
         let mut shown = g.clone();
         let mut rows = Vec::new();
         let carried: Vec<SymbolId> = system.higher.carried.iter().map(|c| c.symbol).collect();
+        let own = system.own_rates_of_base();
         // What constraints of third order give rates of is moved by no velocity.
         for i in (0..system.algebroid.n_base()).filter(|i| !carried.contains(&system.algebroid.base()[*i])) {
             let mut terms = Vec::new();
@@ -723,6 +724,7 @@ impl Page {
                 let y = shown.sym(*y);
                 terms.push(shown.mul(system.algebroid.anchor(i, alpha), y));
             }
+            terms.push(own[i]);
             let sum = shown.sum(&terms);
             let name = g.name(system.algebroid.base()[i]);
             rows.push((self.name(&format!("dot_{name}")), shown.display(sum, self.style)));

@@ -77,6 +77,11 @@ fn functions_have_their_closed_series() {
         all.push(g.pow(next, &Rational::new(1.into(), 2.into())).unwrap());
         all.push(g.pow(next, &Rational::new((-1).into(), 3.into())).unwrap());
         all.push(g.div(one, next).unwrap());
+        let square = g.powi(t, 2);
+        for k in 1..4 {
+            all.push(g.func(Func::Stumpff(k), square));
+        }
+        all.push(g.func(Func::Stumpff(1), t));
         all
     });
     let binomial = |q: f64| by_ratio(|k| (q - k + 1.0) / k);
@@ -97,6 +102,14 @@ fn functions_have_their_closed_series() {
     close("sqrt(1 + t)", &series[6], &binomial(0.5), 1.0);
     close("(1 + t)^(-1/3)", &series[7], &binomial(-1.0 / 3.0), 1.0);
     close("1/(1 + t)", &series[8], &geometric, 1.0);
+    // c_k(z) = sum_j (-z)^j/(2 j + k)!, of a square and of the time itself.
+    let factorial = |n: usize| (1..=n).map(|k| k as f64).product::<f64>();
+    let term = |j: usize, k: usize| (-1.0_f64).powi(j as i32) / factorial(2 * j + k);
+    for k in 1..4 {
+        let even = (0..=ORDER).map(|n| if n % 2 == 0 { term(n / 2, k) } else { 0.0 });
+        close("c_k(t^2)", &series[8 + k], &even.collect::<Vec<_>>(), 1.0);
+    }
+    close("c_1(t)", &series[12], &(0..=ORDER).map(|j| term(j, 1)).collect::<Vec<_>>(), 1.0);
 }
 
 #[test]

@@ -21,6 +21,8 @@ pub(crate) enum Call {
     Tanh,
     Abs,
     Atan2,
+    /// Takes the number of the function before its argument.
+    Stumpff,
 }
 
 macro_rules! foreign {
@@ -31,6 +33,11 @@ macro_rules! foreign {
     )*};
 }
 
+extern "C" fn stumpff(k: f64, z: f64) -> f64 {
+    // Whole numbers up to 255 are exact.
+    hamel_runtime::Real::stumpff(z, k as u32)
+}
+
 foreign! { sin cos tan asin acos atan exp ln sinh cosh tanh abs }
 
 extern "C" fn atan2(y: f64, x: f64) -> f64 {
@@ -38,7 +45,7 @@ extern "C" fn atan2(y: f64, x: f64) -> f64 {
 }
 
 impl Call {
-    pub(crate) const ALL: [Call; 13] = [
+    pub(crate) const ALL: [Call; 14] = [
         Call::Sin,
         Call::Cos,
         Call::Tan,
@@ -52,6 +59,7 @@ impl Call {
         Call::Tanh,
         Call::Abs,
         Call::Atan2,
+        Call::Stumpff,
     ];
 
     /// The function of a program's operation.
@@ -69,12 +77,13 @@ impl Call {
             Func::Cosh => Call::Cosh,
             Func::Tanh => Call::Tanh,
             Func::Abs => Call::Abs,
+            Func::Stumpff(_) => Call::Stumpff,
         }
     }
 
     /// Number of arguments.
     pub(crate) fn n_arguments(self) -> usize {
-        if self == Call::Atan2 { 2 } else { 1 }
+        if matches!(self, Call::Atan2 | Call::Stumpff) { 2 } else { 1 }
     }
 
     /// The name by which code finds it.
@@ -86,6 +95,7 @@ impl Call {
     pub(crate) fn address(self) -> *const u8 {
         let unary: extern "C" fn(f64) -> f64 = match self {
             Call::Atan2 => return atan2 as *const u8,
+            Call::Stumpff => return stumpff as *const u8,
             Call::Sin => sin,
             Call::Cos => cos,
             Call::Tan => tan,

@@ -217,6 +217,12 @@ impl<R: Real> Real for Dual<R> {
         let size = self.value.abs();
         self.chain(size, size / self.value)
     }
+    /// The slope is `(k c_(k+2) - c_(k+1))/2`.
+    fn stumpff(self, k: u32) -> Self {
+        let factor = R::from_f64(f64::from(k));
+        let slope = (factor * self.value.stumpff(k + 2) - self.value.stumpff(k + 1)) * R::from_f64(0.5);
+        self.chain(self.value.stumpff(k), slope)
+    }
     #[inline]
     fn all_gt(self, other: Self) -> bool {
         self.value.all_gt(other.value)
@@ -249,6 +255,8 @@ mod tests {
         ($visit:ident) => {
             $visit! {
                 sqrt: |x| x.sqrt(); [0.3, 2.0]
+                stumpff_1: |x| x.stumpff(1); [-7.0, 0.0, 0.4, 30.0]
+                stumpff_2: |x| x.stumpff(2); [-7.0, 0.0, 0.4, 30.0]
                 sin: |x| x.sin(); [-2.0, 0.0, 0.4]
                 cos: |x| x.cos(); [-2.0, 0.1, 0.4]
                 sin_cos: |x| { let (s, c) = (x + x).sin_cos(); s * c + s }; [-2.0, 0.1]

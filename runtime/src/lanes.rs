@@ -165,6 +165,9 @@ macro_rules! lanes {
                 }
             }
             lanes! { @lanewise tan asin acos atan exp ln sinh cosh tanh }
+            fn stumpff(self, k: u32) -> Self {
+                self.map(|z| Real::stumpff(z, k))
+            }
             #[inline]
             fn atan2(self, x: Self) -> Self {
                 let (y, x) = (self.to_array(), x.to_array());
@@ -258,7 +261,8 @@ mod tests {
             x.sin_cos_of_two(y).1[1],
             x + y, x - y, x * y, x / y, -x, x.mul_add(y, R::ONE), x.recip(), R::ratio(1.0, 3.0) * x,
             x.sqrt(), x.sin(), x.cos(), x.sin_cos().0, x.sin_cos().1, y.sin(), y.cos(), x.tan(), y.asin(), y.acos(),
-            x.atan(), x.atan2(y), x.exp(), x.ln(), x.sinh(), x.cosh(), x.tanh(), x.abs()
+            x.atan(), x.atan2(y), x.exp(), x.ln(), x.sinh(), x.cosh(), x.tanh(), x.abs(),
+            y.stumpff(1), x.stumpff(2), x.stumpff(5)
         }
     }
 

@@ -103,6 +103,7 @@ mod polynomial;
 mod positions;
 mod products;
 mod real;
+mod stumpff;
 mod system;
 mod table;
 mod variational;

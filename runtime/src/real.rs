@@ -106,6 +106,11 @@ pub trait Real:
     fn tanh(self) -> Self;
     /// Absolute value.
     fn abs(self) -> Self;
+    /// Stumpff's function `c_k(z) = sum_j (-z)^j/(2 j + k)!` of `z = self`: `c_1(x^2) = sin(x)/x`, `c_2(x^2) = (1 - cos
+    /// x)/x^2`, exact to rounding also near zero. A scalar of several lanes computes each by itself.
+    fn stumpff(self, k: u32) -> Self {
+        crate::stumpff::stumpff(self, k)
+    }
     /// Reciprocal `1/self`; infinite at zero.
     #[inline]
     fn recip(self) -> Self {

@@ -265,6 +265,24 @@ fn inputs_are_held_and_have_derivatives() {
     compare("c_inputs", scenes);
 }
 
+/// Stumpff's functions, and a state of first order beside them.
+#[test]
+fn sines_of_what_may_vanish_and_states_of_first_order() {
+    let text = "model soft {
+        param k = 3; input u = 1/4;
+        coordinate q in real; coordinate v: vector(3) in real;
+        state pressure in real by pressure_dot = u - pressure*sinc(q);
+        let p = [sinc(q), q*cosc(q)]; let w = spin(rot(v));
+        lagrangian = dot(rate(p), rate(p)) + q_dot^2/2 + dot(w, w)/2 - k*q^2 - p[2]*pressure;
+        force q_dot = pressure*cosc(v1);
+        output tip = p; output axis = rot(v)*[0, 0, 1];
+        scene driven { input u; want energy, energy_rate, outputs, linearization, jvp; }
+    }";
+    let model = hamel_codegen::spec::parse("soft", text).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene::build(&model, "driven").unwrap_or_else(|e| panic!("{e}"));
+    compare("c_stumpff", vec![(built, None)]);
+}
+
 #[test]
 fn an_fmu_casadi_and_cpp_take_inputs() {
     let Some(compiler) = compilers().into_iter().next() else {

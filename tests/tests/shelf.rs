@@ -6,7 +6,7 @@ mod shelf_systems;
 use hamel_tests::models;
 use hamel_tests::random::Random;
 use hamel_tests::unreduced::{Parameters, Unreduced, check, random_motion};
-use shelf_systems::{balls, bicycles, flying, matrices, particles, rolling, spinning, vehicles};
+use shelf_systems::{actuated, balls, bicycles, flying, matrices, particles, rolling, spinning, vehicles};
 
 /// A model by its name against a system; `idle` are parameters that do nothing at their defaults.
 fn held<S: Unreduced>(name: &str, idle: &[&str]) {
@@ -134,6 +134,11 @@ fn bodies_in_air_and_water() {
     held::<flying::Steklov>("steklov_body", &[]);
     held::<flying::Underwater>("underwater_vehicle", &[]);
     held::<flying::Quadrotor>("quadrotor_with_load", &[]);
+}
+
+#[test]
+fn mechanisms_with_motors() {
+    held::<actuated::MotorArm>("motor_arm", &["i_max"]);
 }
 
 #[test]

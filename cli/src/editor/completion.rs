@@ -106,6 +106,9 @@ impl Proposals {
         self.inputs(document, model);
         if let Some(model) = model {
             self.coordinates(document, Some(model), |_| true);
+            for (name, _) in model.first_order.iter().flat_map(|state| &state.components) {
+                self.add(name, CompletionItemKind::VARIABLE, "state of first order", "");
+            }
             for (name, _) in model.advected.iter().flat_map(|a| &a.components) {
                 self.add(name, CompletionItemKind::VARIABLE, "advected parameter", "");
             }

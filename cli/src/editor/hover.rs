@@ -158,6 +158,10 @@ fn components(declaration: &Declaration, model: &Model) -> Vec<String> {
             let of = model.advected.iter().find(|a| a.name == *name);
             of.map(|a| a.components.iter().map(|(name, _)| name.clone()).collect()).unwrap_or_default()
         }
+        DeclarationKind::State => {
+            let of = model.first_order.iter().find(|state| state.name == *name);
+            of.map(|s| s.components.iter().map(|(name, _)| name.clone()).collect()).unwrap_or_default()
+        }
         DeclarationKind::Momentum => {
             let of = model.momenta.iter().find(|m| m.name == *name);
             of.map(|m| m.components.iter().map(|(name, ..)| name.clone()).collect()).unwrap_or_default()

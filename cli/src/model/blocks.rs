@@ -95,6 +95,11 @@ pub fn blocks(model: &Model) -> Vec<Block> {
         let members = advected.components.iter().map(|(name, _)| (name.clone(), spell(name)));
         blocks.push(Block { symbol: spell(&advected.name), doc, unit, members: members.collect() });
     }
+    for state in &model.first_order {
+        let (doc, unit) = split_unit(&state.doc, 0);
+        let members = state.components.iter().map(|(name, _)| (name.clone(), spell(name)));
+        blocks.push(Block { symbol: spell(&state.name), doc, unit, members: members.collect() });
+    }
     for item in &model.reconstruction {
         // A pose is two things of different units.
         let n_turn = match item.kind {

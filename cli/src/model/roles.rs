@@ -53,17 +53,20 @@ pub fn all_params(model: &Model, scene_name: &str, given: &BTreeMap<String, f64>
 pub fn roles(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, Role> {
     let symbols = model.params.iter().filter_map(|p| Some((p.symbol, *params.get(&p.name)?))).collect();
     let mut roles = BTreeMap::new();
-    for coordinate in &model.base {
-        let role = match coordinate.domain {
-            Domain::Interval(from, to) => {
-                match (model.graph.eval_f64(from, &symbols), model.graph.eval_f64(to, &symbols)) {
-                    (Some(from), Some(to)) => Role::Bounded { from, to },
-                    _ => Role::Unbounded,
-                }
+    let role_in = |domain| match domain {
+        Domain::Interval(from, to) => {
+            match (model.graph.eval_f64(from, &symbols), model.graph.eval_f64(to, &symbols)) {
+                (Some(from), Some(to)) => Role::Bounded { from, to },
+                _ => Role::Unbounded,
             }
-            Domain::Angle | Domain::Real => Role::Unbounded,
-        };
-        roles.insert(coordinate.name.clone(), role);
+        }
+        Domain::Angle | Domain::Real => Role::Unbounded,
+    };
+    for state in &model.first_order {
+        roles.extend(state.components.iter().map(|(name, _)| (name.clone(), role_in(state.domain))));
+    }
+    for coordinate in &model.base {
+        roles.insert(coordinate.name.clone(), role_in(coordinate.domain));
         // A scene may carry it as a point of the circle.
         for (index, name) in circle_names(&coordinate.name).into_iter().enumerate() {
             roles.insert(name, Role::Advected { index, n: 2 });

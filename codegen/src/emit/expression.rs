@@ -118,7 +118,10 @@ impl Notation for Formula {
     }
 
     fn call(&self, function: Func, argument: Text) -> Text {
-        Formula::apply(function.name(), argument)
+        match function {
+            Func::Stumpff(k) => Formula::apply(&format!("c{k}"), argument),
+            _ => Formula::apply(function.name(), argument),
+        }
     }
 
     fn reciprocal(&self, of: Text) -> Text {

@@ -130,6 +130,13 @@ impl Graph {
                 let square = self.powi(value, 2);
                 self.sub(one, square)
             }
+            Func::Stumpff(k) => {
+                // c_k' = (k c_(k+2) - c_(k+1))/2: a function of the family, also where a vanishes.
+                let half = |n: i64| Rational::new(BigInt::from(n), BigInt::from(2));
+                let one = self.func(Func::Stumpff(k.saturating_add(1)), a);
+                let two = self.func(Func::Stumpff(k.saturating_add(2)), a);
+                self.linear_combination(&[(two, half(k.into())), (one, half(-1))])
+            }
             // |a|' = |a| / a, wrong only at a = 0 where there is no derivative.
             Func::Abs => self.power_product(&[(value, Rational::one()), (a, inverse)]).ok()?,
         })

@@ -306,6 +306,10 @@ impl Graph {
                     self.scale(pi, &Rational::new(BigInt::one(), BigInt::from(2)))
                 }
                 Func::Ln => self.intern(Node::Function(f, a)),
+                Func::Stumpff(k) => {
+                    let factorial: BigInt = (1..=k).map(BigInt::from).product();
+                    self.rational(Rational::new(BigInt::one(), factorial))
+                }
                 _ => Arena::ZERO,
             };
         }

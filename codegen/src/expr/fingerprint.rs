@@ -8,6 +8,8 @@
 //!   that no combination with rational coefficients ties to each other or to a constant. Then their values are tied
 //!   by nothing but the addition theorems (Ax, On Schanuel's conjectures, 1971), and each term is free to get a
 //!   random point of the circle, and a random power. Multiples of pi are exact points of the circle.
+//! * Stumpff's functions `c_k(x^2)` are made of sine and cosine of `x`, and get their values. Of what is not seen to be
+//!   a square they are opaque, with all relations between the functions of one argument.
 //! * A root is the field's own root, a square. Roots of bases of which no product is a square are tied by
 //!   nothing but their squares (Kummer).
 //! * `ln` turns products into sums, and undoes `exp`; logarithms of bases of which no product is constant are free.
@@ -33,7 +35,7 @@ use rustc_hash::FxHashSet;
 use super::arena::Arena;
 use super::field;
 use super::knowledge::{
-    Base, DENOMINATOR, Doubts, FURTHER, Fingerprint, PI, POINTS, Scale, Signs, UNIT, UnknownSign,
+    Base, DENOMINATOR, Doubts, FURTHER, Fingerprint, PI, POINTS, Scale, Signs, Terms, UNIT, UnknownSign,
 };
 use super::node::{ExprId, Func, Node};
 use super::rational::Rational;
@@ -61,6 +63,8 @@ const GROWTH: u64 = 102;
 const LOGARITHM: u64 = 103;
 
 const ARCTANGENT: u64 = 104;
+
+const CONIC: u64 = 105;
 
 /// The point of the circle and the power that a term gets for an angle of `1/DENOMINATOR` of its value.
 pub(super) fn scale(value: u64) -> Scale {
@@ -101,6 +105,11 @@ impl Arena {
                 Some(terms) => terms.iter().for_each(|(k, _)| knowledge.behind_term(*k, &mut visit)),
                 None => visit(*a),
             },
+            Node::Function(Func::Stumpff(_), square) => {
+                visit(*square);
+                let root = knowledge.root(*square).into_iter().flatten();
+                root.for_each(|(k, _)| knowledge.behind_term(*k, &mut visit));
+            }
             Node::Product { factors, .. } => {
                 for (base, q) in factors {
                     visit(*base);
@@ -165,7 +174,7 @@ impl Arena {
             Node::Function(Func::Abs, a) => {
                 let value = at(*a)?;
                 match signs {
-                    None => Some(opaque(Func::Abs as u64, field::mul(value, value))),
+                    None => Some(opaque(Func::Abs.number(), field::mul(value, value))),
                     Some(signs) => {
                         let (mut negative, factors) = self.factors_with_signs(*a);
                         factors.iter().for_each(|e| negative ^= signs[&UnknownSign::OfFactor(*e)]);
@@ -173,7 +182,8 @@ impl Arena {
                     }
                 }
             }
-            Node::Function(f, a) => Some(opaque(*f as u64, at(*a)?)),
+            Node::Function(Func::Stumpff(k), square) => self.stumpff_at(*k, *square, point, at, signs),
+            Node::Function(f, a) => Some(opaque(f.number(), at(*a)?)),
             Node::Atan2(y, x) => Some(opaque(opaque(ARCTANGENT, at(*y)?), at(*x)?)),
         }
     }
@@ -222,34 +232,17 @@ impl Arena {
         let is_circular = matches!(f, Func::Sin | Func::Cos | Func::Tan);
         let terms = match knowledge.argument(a) {
             Some(terms) if !is_circular || knowledge.is_angle(terms) => terms,
-            _ => return Some(opaque(f as u64, at(a)?)),
-        };
-        let scale_of = |k: u32| -> Option<Scale> {
-            match knowledge.scale(k, point) {
-                Some(known) => known,
-                None => self.term_at(k, point, at, signs).map(scale),
-            }
+            _ => return Some(opaque(f.number(), at(a)?)),
         };
         if is_circular {
-            let mut z = (field::ONE, 0);
-            for (k, q) in terms {
-                let factor = if *k == PI {
-                    field::multiple_of_pi(q)?
-                } else {
-                    let scale = scale_of(*k)?;
-                    match field::small_exponent(q.numer()).filter(|_| q.is_integer()) {
-                        Some(n) => field::times(scale.whole_point, n),
-                        None => field::times(scale.point, steps(q)?),
-                    }
-                };
-                z = field::turn_by(z, factor);
-            }
+            let z = self.turned(terms, point, at, signs)?;
             return match f {
                 Func::Sin => Some(z.1),
                 Func::Cos => Some(z.0),
                 _ => Some(field::mul(z.1, field::inverse(z.0)?)),
             };
         }
+        let scale_of = |k: u32| self.scale_at(k, point, at, signs);
         let mut product = field::ONE;
         for (k, q) in terms {
             let factor = if let Some(base) = knowledge.logarithm_term(*k) {
@@ -277,6 +270,82 @@ impl Arena {
             Func::Cosh => Some(field::mul(sum, half)),
             _ => Some(field::mul(difference, field::inverse(sum)?)),
         }
+    }
+
+    /// What stands for a term at a point.
+    fn scale_at(&self, k: u32, point: usize, at: &Operands<'_>, signs: Option<&Signs>) -> Option<Scale> {
+        match self.knowledge().scale(k, point) {
+            Some(known) => known,
+            None => self.term_at(k, point, at, signs).map(scale),
+        }
+    }
+
+    /// Cosine and sine of a combination of terms.
+    fn turned(
+        &self,
+        terms: &Terms,
+        point: usize,
+        at: &Operands<'_>,
+        signs: Option<&Signs>,
+    ) -> Option<field::Point> {
+        let mut z = (field::ONE, 0);
+        for (k, q) in terms {
+            let factor = if *k == PI {
+                field::multiple_of_pi(q)?
+            } else {
+                let scale = self.scale_at(*k, point, at, signs)?;
+                match field::small_exponent(q.numer()).filter(|_| q.is_integer()) {
+                    Some(n) => field::times(scale.whole_point, n),
+                    None => field::times(scale.point, steps(q)?),
+                }
+            };
+            z = field::turn_by(z, factor);
+        }
+        Some(z)
+    }
+
+    /// `c_k(z)`, by `c_0` and `c_1`, a point of the conic `c_0^2 + z c_1^2 = 1`: where `z` is known to be a square
+    /// `x^2`, `cos x` and `sin(x)/x`. All relations of the family follow from these two values.
+    fn stumpff_at(
+        &self,
+        k: u8,
+        square: ExprId,
+        point: usize,
+        at: &Operands<'_>,
+        signs: Option<&Signs>,
+    ) -> Option<u64> {
+        let z = at(square)?;
+        let (cosine, sine) = match self.knowledge().root(square) {
+            Some(terms) => {
+                let mut x = 0;
+                for (k, q) in terms {
+                    let term = self.term_at(*k, point, at, signs)?;
+                    x = field::add(x, field::mul(field::rational(q)?, term));
+                }
+                let (cosine, sine) = self.turned(terms, point, at, signs)?;
+                (cosine, field::mul(sine, field::inverse(x)?))
+            }
+            None => {
+                // ((1 - z m^2)/(1 + z m^2), 2 m/(1 + z m^2))
+                let m = opaque(CONIC, z);
+                let along = field::mul(z, field::mul(m, m));
+                let norm = field::inverse(field::add(field::ONE, along))?;
+                let cosine = field::mul(field::add(field::ONE, field::negate(along)), norm);
+                (cosine, field::mul(field::add(m, m), norm))
+            }
+        };
+        let inverse = field::inverse(z)?;
+        let mut value = if k % 2 == 0 { cosine } else { sine };
+        let mut reciprocal = Rational::from(BigInt::from(1));
+        for m in (k % 2..k).step_by(2) {
+            // c_(m+2) = (1/m! - c_m)/z
+            for n in [m.wrapping_sub(1), m].into_iter().filter(|n| *n > 1 && *n <= m) {
+                reciprocal /= Rational::from(BigInt::from(n));
+            }
+            let rest = field::add(field::rational(&reciprocal)?, field::negate(value));
+            value = field::mul(rest, inverse);
+        }
+        Some(value)
     }
 
     /// The value of a term of arguments.
@@ -348,6 +417,10 @@ impl Arena {
                     .filter_map(|(k, q)| Some((knowledge.logarithm_term(*k)?, q)))
                     .fold(Doubts::default(), |all, (base, q)| all.and(of_power(base, q))),
                 None => opaque,
+            },
+            Node::Function(Func::Stumpff(_), square) => match knowledge.root(*square) {
+                Some(terms) if terms.iter().all(|(k, _)| knowledge.is_proved(*k)) => Doubts::default(),
+                _ => opaque,
             },
             Node::Function(..) | Node::Atan2(..) => opaque,
             Node::Constant(_) | Node::Pi | Node::Symbol(_) | Node::Sum { .. } => Doubts::default(),

@@ -38,8 +38,41 @@ impl Arena {
             Node::Product { factors, .. } => self.learn_bases(factors),
             Node::Function(Func::Ln, a) => self.learn_logarithm(*a),
             Node::Function(f, a) if is_character(*f) => self.learn_argument(*a),
+            Node::Function(Func::Stumpff(_), square) => self.learn_root(*square),
             _ => {}
         }
+    }
+
+    /// `c_k(x^2)` is made of sine and cosine of `x`, and is given their values, so that no relation between them is
+    /// lost.
+    fn learn_root(&mut self, square: ExprId) {
+        if self.knowledge().roots.contains_key(&square) {
+            return;
+        }
+        let terms = self.root_of(square).and_then(|(q, factors)| {
+            let term = match &*factors {
+                [(base, power)] if power.is_one() => return self.multiple_of(*base, &q),
+                _ => Term::Product(factors),
+            };
+            let terms = self.combination_of(term)?;
+            Some(terms.into_iter().map(|(k, c)| (k, c * &q)).collect::<Terms>())
+        });
+        let terms = terms.filter(|terms| terms.iter().all(|(k, q)| *k == PI || steps(q).is_some()));
+        self.knowledge_mut().roots.insert(square, terms);
+    }
+
+    fn multiple_of(&mut self, base: ExprId, q: &Rational) -> Option<Terms> {
+        Some(self.terms_of(base)?.into_iter().map(|(k, c)| (k, c * q)).collect())
+    }
+
+    /// The root of a product of even powers, with its coefficient before it.
+    fn root_of(&self, square: ExprId) -> Option<(Rational, Box<[(ExprId, Rational)]>)> {
+        let Node::Product { coefficient, factors } = self.node(self.named(square)) else { return None };
+        let root = |n: &BigInt| Some(n.sqrt()).filter(|root| root * root == *n && !n.is_negative());
+        let coefficient = Rational::new(root(coefficient.numer())?, root(coefficient.denom())?);
+        let two = Rational::from_integer(2.into());
+        let halved = factors.iter().map(|(base, q)| Some((*base, q / &two)).filter(|(_, q)| q.is_integer()));
+        Some((coefficient, halved.collect::<Option<_>>()?))
     }
 
     fn learn_bases(&mut self, factors: &[(ExprId, Rational)]) {

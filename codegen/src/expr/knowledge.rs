@@ -156,6 +156,8 @@ pub(super) struct Knowledge {
     pub(super) generators: Vec<Generator>,
     pub(super) terms: FxHashMap<Term, Option<Terms>>,
     pub(super) arguments: FxHashMap<ExprId, Option<Terms>>,
+    /// Of arguments of Stumpff's functions that are squares the roots, as combinations of terms.
+    pub(super) roots: FxHashMap<ExprId, Option<Terms>>,
     pub(super) bases: FxHashMap<ExprId, Base>,
     pub(super) free_bases: Vec<FreeBase>,
     pub(super) logarithms: FxHashMap<ExprId, Option<Parts>>,
@@ -170,6 +172,7 @@ impl Knowledge {
             generators: Vec::new(),
             terms: FxHashMap::default(),
             arguments: FxHashMap::default(),
+            roots: FxHashMap::default(),
             bases: FxHashMap::default(),
             free_bases: Vec::new(),
             logarithms: FxHashMap::default(),
@@ -181,6 +184,11 @@ impl Knowledge {
     /// An argument as a combination of terms; none of one that is opaque.
     pub(super) fn argument(&self, a: ExprId) -> Option<&Terms> {
         self.arguments.get(&a)?.as_ref()
+    }
+
+    /// The root of a square as a combination of terms; none of what is no square, or of which that is not known.
+    pub(super) fn root(&self, square: ExprId) -> Option<&Terms> {
+        self.roots.get(&square)?.as_ref().filter(|terms| self.is_angle(terms))
     }
 
     /// Whether sine and cosine of a combination of terms have values: its multiple of pi is an angle of the field.

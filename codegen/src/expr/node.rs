@@ -48,10 +48,12 @@ pub enum Func {
     Cosh,
     Tanh,
     Abs,
+    /// Stumpff's function `c_k(z) = sum_j (-z)^j/(2 j + k)!`.
+    Stumpff(u8),
 }
 
 impl Func {
-    /// All functions, in a fixed order.
+    /// All functions but those of Stumpff, in a fixed order.
     pub const ALL: [Func; 12] = [
         Func::Sin,
         Func::Cos,
@@ -82,6 +84,15 @@ impl Func {
             Func::Cosh => "cosh",
             Func::Tanh => "tanh",
             Func::Abs => "abs",
+            Func::Stumpff(_) => "stumpff",
+        }
+    }
+
+    /// A number of its own, below 100 for all but those of Stumpff, which are above 1000.
+    pub(super) fn number(self) -> u64 {
+        match self {
+            Func::Stumpff(k) => 1000 + u64::from(k),
+            other => Func::ALL.iter().position(|f| *f == other).unwrap_or_default() as u64,
         }
     }
 
@@ -106,6 +117,7 @@ impl Func {
             Func::Cosh => Real::cosh(x),
             Func::Tanh => Real::tanh(x),
             Func::Abs => Real::abs(x),
+            Func::Stumpff(k) => Real::stumpff(x, k.into()),
         }
     }
 }

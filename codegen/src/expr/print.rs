@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use num_traits::{One, Signed};
 
 use super::graph::Graph;
-use super::node::{ExprId, Node};
+use super::node::{ExprId, Func, Node};
 use super::rational::Rational;
 
 /// How an expression is spelled.
@@ -245,6 +245,14 @@ impl Graph {
             Node::Symbol(s) => atom(identifier(self.name(*s), style)),
             Node::Sum { constant, terms } => self.sum_text(constant, terms, style, memo),
             Node::Product { coefficient, factors } => self.product_text(coefficient, factors, style, memo),
+            Node::Function(Func::Stumpff(k), z) => atom(match style {
+                Style::Latex => format!("c_{{{k}}}\\left({}\\right)", memo[z].text),
+                Style::MathMl => format!(
+                    "<mrow><msub><mi>c</mi><mn>{k}</mn></msub><mo>&#x2061;</mo>{}</mrow>",
+                    parenthesised(&memo[z].text, style)
+                ),
+                Style::Unicode | Style::Plain => format!("stumpff{k}({})", memo[z].text),
+            }),
             Node::Function(f, a) => atom(match style {
                 Style::Latex => format!("\\{}\\left({}\\right)", latex_function(f.name()), memo[a].text),
                 Style::MathMl => {

@@ -93,6 +93,14 @@ impl Ball {
             Func::Tan => self
                 .function(Func::Sin)?
                 .times(self.function(Func::Cos)?.power(&-Rational::from_integer(1.into()))?),
+            Func::Stumpff(k) => {
+                // |c_k| <= 1/k! and |c_k'| <= 1/(k + 2)! from zero on, and less than twice that from -1 on.
+                let inverse = |k: u8| 2.0 / (1..=k).map(f64::from).product::<f64>();
+                let ball = self.gentle(|x| f.eval(x), inverse(k + 2))?;
+                (k < 100 && self.middle - self.radius >= -1.0)
+                    .then(|| Ball::new(ball.middle, ball.radius + FUNCTION_ERROR * inverse(k)))
+                    .flatten()
+            }
             Func::Cosh => self.gentle(f64::cosh, (self.middle.abs() + self.radius).sinh()),
             Func::Asin | Func::Acos | Func::Atan | Func::Exp | Func::Ln | Func::Sinh | Func::Tanh => {
                 self.monotone(|x| f.eval(x))

@@ -227,5 +227,6 @@ fn applied(f: Func, x: DoubleDouble) -> DoubleDouble {
         Func::Cosh => x.cosh(),
         Func::Tanh => x.tanh(),
         Func::Abs => x.abs(),
+        Func::Stumpff(k) => x.stumpff(k.into()),
     }
 }

@@ -136,6 +136,14 @@ pub(crate) fn remembered_sign_of(
             Node::Function(Func::Abs, a) if memo[a].is_definite() => Sign::Positive,
             Node::Function(Func::Abs, _) => Sign::NonNegative,
             Node::Function(Func::Sinh | Func::Tanh | Func::Asin | Func::Atan, a) => memo[a],
+            // The mean of a cosine with a weight that falls.
+            Node::Function(Func::Stumpff(k), z) if matches!(memo[z], Sign::NonNegative | Sign::Positive) => {
+                match k {
+                    0 | 1 => Sign::Unknown,
+                    2 => Sign::NonNegative,
+                    _ => Sign::Positive,
+                }
+            }
             // The angle has the sign of y.
             Node::Atan2(y, _) => match memo[y] {
                 Sign::Negative | Sign::Positive | Sign::NonNegative => memo[y],

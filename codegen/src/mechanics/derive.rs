@@ -108,17 +108,17 @@ impl<'a> Derivation<'a> {
         match &self.system.hamiltonian {
             Some(hamiltonian) => {
                 self.velocities_of(hamiltonian)?;
-                self.kinematics();
+                self.kinematics()?;
             }
             None if self.system.accelerations.is_some() => {
                 self.velocities()?;
-                self.kinematics();
+                self.kinematics()?;
                 self.momentum = vec![self.g.zero(); self.y.len()];
             }
             None => {
                 self.legendre()?;
                 self.velocities()?;
-                self.kinematics();
+                self.kinematics()?;
                 self.momenta()?;
             }
         }
@@ -210,11 +210,12 @@ impl<'a> Derivation<'a> {
         self.writer.define(&mut self.g, name, value)
     }
 
-    /// `xdot^i = rho^i_alpha y^alpha`.
-    fn kinematics(&mut self) {
+    /// `xdot^i = rho^i_alpha y^alpha + r^i`, with `r` of states of first order alone.
+    fn kinematics(&mut self) -> Result<(), Error> {
         self.writer.begin("kinematics xdot = rho y");
-        for i in 0..self.system.algebroid.n_base() {
-            let mut terms = Vec::new();
+        let own = self.system.own_rates_of_base();
+        for (i, own) in own.into_iter().enumerate() {
+            let mut terms = vec![self.replace(own)?];
             for alpha in 0..self.y.len() {
                 let anchor = self.system.algebroid.anchor(i, alpha);
                 terms.push(self.g.mul(anchor, self.y[alpha]));
@@ -224,5 +225,6 @@ impl<'a> Derivation<'a> {
             let rate = self.define(&name, sum);
             self.rates.push(rate);
         }
+        Ok(())
     }
 }

@@ -38,7 +38,7 @@ pub struct DiracStructure {
     pub beta: Vec<SymbolId>,
     /// Symbols of `lambda`.
     pub lambda: Vec<SymbolId>,
-    /// `xdot = rho eta`, by base coordinate.
+    /// `xdot = rho eta`, by base coordinate; of states of first order the rates that they have.
     pub rates: Vec<ExprId>,
     /// `a(eta)`, which vanishes, for each constraint.
     pub annihilator: Vec<ExprId>,
@@ -101,9 +101,13 @@ impl DiracStructure {
             |g: &mut Graph, list: &[SymbolId]| -> Vec<ExprId> { list.iter().map(|s| g.sym(*s)).collect() };
         let [y, p, b, a, l] = [&eta, &momenta, &beta, &alpha, &lambda].map(|list| symbols(&mut g, list));
         let mut rates = Vec::new();
-        for i in 0..base.len() {
+        let along_eta = system.velocities.iter().copied().zip(y.iter().copied()).collect();
+        for (i, own) in system.own_rates_of_base().into_iter().enumerate() {
             let row: Vec<ExprId> = (0..frame.len()).map(|k| system.algebroid.anchor(i, k)).collect();
-            rates.push(g.dot(&row, &y));
+            let along = g.dot(&row, &y);
+            // Names in the place of names divide by nothing.
+            let own = g.subs(own, &along_eta).unwrap_or(own);
+            rates.push(g.add(along, own));
         }
         let annihilator = forms.iter().map(|form| g.dot(form, &y)).collect();
         // The slopes -alpha and the force -beta of the structure itself.

@@ -155,6 +155,7 @@ fn curvature(
     sections: &[(usize, Vec<ExprId>)],
 ) -> Option<Vec<(usize, usize, usize, ExprId)>> {
     let carried = system.higher.carried.iter().map(|c| c.symbol);
+    let carried = carried.chain(system.own_rates.iter().map(|own| own.symbol));
     let moving: BTreeSet<SymbolId> = system.velocities.iter().copied().chain(carried).collect();
     if rows.iter().flatten().any(|e| g.depends_on(*e, &moving)) {
         return None;

@@ -167,12 +167,13 @@ impl Form<'_> {
     fn coordinates(&mut self) {
         let system = self.system;
         self.writer.begin("kinematics xdot = rho y");
-        for (i, x) in system.algebroid.base().iter().enumerate() {
-            let terms: Vec<ExprId> =
-                (0..self.y.len()).map(|a| self.g.mul(system.algebroid.anchor(i, a), self.y[a])).collect();
-            let sum = self.g.sum(&terms);
-            let name = format!("dot_{}", self.g.name(*x));
-            let rate = self.define(&name, sum);
+        let along_y = system.velocities.iter().copied().zip(self.y.iter().copied()).collect();
+        for (i, (x, own)) in system.algebroid.base().iter().zip(system.own_rates_of_base()).enumerate() {
+            let anchors = (0..self.y.len()).map(|a| system.algebroid.anchor(i, a)).collect::<Vec<_>>();
+            let own = self.g.subs(own, &along_y).unwrap_or(own);
+            let moved = self.g.dot(&anchors, &self.y);
+            let sum = self.g.add(moved, own);
+            let rate = self.define(&format!("dot_{}", self.g.name(*x)), sum);
             self.rates.push(rate);
         }
         for (i, x) in system.algebroid.base().iter().enumerate() {

@@ -1,5 +1,7 @@
 //! Sections of the constraint distribution.
 
+use std::collections::BTreeSet;
+
 use crate::algebra::Algebroid;
 use crate::expr::{ExprId, Graph, SymbolId, Vanishing};
 use crate::reduction::SolvedConstraint;
@@ -8,13 +10,17 @@ use crate::reduction::SolvedConstraint;
 /// `[Psi_a, Psi_b]^gamma = Psi_a^alpha Psi_b^beta C^gamma_{alpha beta} + rho(Psi_a) Psi_b^gamma - rho(Psi_b) Psi_a^gamma`
 /// lies in the span, and so does `[d/dt, Psi_a]^gamma = dPsi_a^gamma/dt + N^gamma_alpha Psi_a^alpha`: a constraint that
 /// moves with time may keep no function of place and time although it does at each moment. `None` for affine
-/// constraints, where quasi-velocities parametrise the distribution, and where that could not be found out.
+/// constraints, where quasi-velocities parametrise the distribution, where the distribution depends on states of first
+/// order (`states`), and where that could not be found out.
 pub(super) fn is_subalgebroid(
     g: &mut Graph,
     algebroid: &Algebroid,
-    time: SymbolId,
+    (time, states): (SymbolId, &BTreeSet<SymbolId>),
     solved: &SolvedConstraint,
 ) -> Option<bool> {
+    if solved.psi.iter().flatten().any(|e| g.depends_on(*e, states)) {
+        return None;
+    }
     let frame: Vec<usize> = solved.unknowns.iter().map(|u| u.frame_idx).collect::<Option<_>>()?;
     if solved.psi0.iter().any(|e| *e != g.zero()) {
         return None;

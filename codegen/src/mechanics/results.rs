@@ -209,18 +209,28 @@ impl Derivation<'_> {
         ])
     }
 
-    /// Power of forces, explicit time, the drift of the frame and constraint reactions:
-    /// `F.y - dL/dt + N^gamma_alpha y^alpha p_gamma + sum_A lambda_A form_A.y`.
+    /// Power of forces, explicit time, states of first order, the drift of the frame and constraint reactions:
+    /// `F.y - dL/dt - dL/dz zdot + N^gamma_alpha y^alpha p_gamma + sum_A lambda_A form_A.y`.
     fn power(&mut self, motion: &Motion) -> Result<ExprId, Error> {
-        let explicit = match &self.system.hamiltonian {
-            Some(hamiltonian) => self.g.diff(hamiltonian.h, self.system.time),
-            None => {
-                let explicit = self.g.diff(self.system.lagrangian, self.system.time);
-                self.g.neg(explicit)
-            }
+        let system = self.system;
+        let of_rates = |(x, rate): (&SymbolId, &ExprId)| {
+            system.own_rates.iter().any(|own| own.symbol == *x).then_some((*x, *rate))
         };
-        let explicit = self.replace(explicit)?;
-        let mut terms = vec![explicit];
+        let mut moving: Vec<(SymbolId, ExprId)> =
+            system.algebroid.base().iter().zip(&self.rates).filter_map(of_rates).collect();
+        moving.push((system.time, self.g.one()));
+        let mut terms = Vec::new();
+        for (symbol, rate) in moving {
+            let slope = match &system.hamiltonian {
+                Some(hamiltonian) => self.g.diff(hamiltonian.h, symbol),
+                None => {
+                    let slope = self.g.diff(system.lagrangian, symbol);
+                    self.g.neg(slope)
+                }
+            };
+            let slope = self.replace(slope)?;
+            terms.push(self.g.mul(slope, rate));
+        }
         for (force, y) in self.system.forces.iter().zip(self.y.clone()) {
             let force = self.replace(*force)?;
             terms.push(self.g.mul(force, y));
@@ -333,8 +343,9 @@ impl Derivation<'_> {
             && system.degeneracy.is_none()
             && system.hamiltonian.is_none()
         {
-            facts.holonomic =
-                integrable::is_subalgebroid(&mut self.g, &system.algebroid, system.time, solved);
+            let states = system.own_rates.iter().map(|own| own.symbol).collect();
+            let beside = (system.time, &states);
+            facts.holonomic = integrable::is_subalgebroid(&mut self.g, &system.algebroid, beside, solved);
             outputs.extend(self.momentum_equation(solved)?);
         }
         if !system.casimirs.is_empty() {

@@ -181,6 +181,7 @@ fn apply<R: Real>(f: Func, x: R) -> R {
         Func::Cosh => x.cosh(),
         Func::Tanh => x.tanh(),
         Func::Abs => x.abs(),
+        Func::Stumpff(k) => x.stumpff(k.into()),
     }
 }
 

@@ -129,6 +129,10 @@ impl Real for Bounded {
         tanh Tanh;
     }
 
+    fn stumpff(self, k: u32) -> Bounded {
+        Bounded(self.0.function(Func::Stumpff(u8::try_from(k).unwrap_or(u8::MAX))))
+    }
+
     fn abs(self) -> Bounded {
         Bounded(Measured { value: self.0.value.abs(), ..self.0 })
     }

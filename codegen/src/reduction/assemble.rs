@@ -20,7 +20,7 @@ use super::given;
 use super::momenta::{self, CarriedMomentum};
 use super::reconstruction;
 use super::stages::Stages;
-use super::system::{Block, BlockKind, PositionResidual, ReducedSystem, StateKind};
+use super::system::{Block, BlockKind, OwnRate, PositionResidual, ReducedSystem, StateKind};
 
 /// A model that says everything itself on its Lie algebroid: no connection is left to derive.
 ///
@@ -93,6 +93,14 @@ pub(super) fn on_algebroid(
     let hamiltonian =
         momenta::hamiltonian(&model, &momenta).map_err(|problem| model.diagnostics(vec![*problem]))?;
     let mut state = state_order(&model, &unknowns, &momenta);
+    let mut own_rates = Vec::new();
+    for of_first_order in &model.first_order {
+        for ((_, symbol), rate) in of_first_order.components.iter().zip(&of_first_order.rates) {
+            own_rates.push(OwnRate { symbol: *symbol, rate: *rate });
+            state.push((StateKind::Base(algebroid.n_base()), of_first_order.doc.clone()));
+            algebroid.extend_base(&model.graph, [*symbol]);
+        }
+    }
     for carried in &higher.carried {
         state.push((StateKind::Base(algebroid.n_base()), carried.doc.clone()));
         algebroid.extend_base(&model.graph, [carried.symbol]);
@@ -144,6 +152,7 @@ pub(super) fn on_algebroid(
         forces: model.forces,
         constraint,
         higher,
+        own_rates,
         positions,
         degeneracy,
         unknowns,
@@ -191,6 +200,11 @@ fn blocks(model: &Model) -> Vec<Block> {
         components: a.components.iter().map(|(_, s)| *s).collect(),
         kind: BlockKind::Advected,
     }));
+    blocks.extend(model.first_order.iter().filter(|s| s.components.len() > 1).map(|s| Block {
+        name: s.name.clone(),
+        components: s.components.iter().map(|(_, symbol)| *symbol).collect(),
+        kind: BlockKind::FirstOrder,
+    }));
     for item in &model.reconstruction {
         let mut start = 0;
         for (k, (name, n)) in item.blocks.iter().enumerate() {
@@ -234,7 +248,10 @@ fn metric_of_lagrangian(model: &mut Model) -> Result<Vec<Vec<ExprId>>, Error> {
     let velocities = model.all_velocities().into_iter().map(|(name, s)| ("velocity", name.to_owned(), s));
     let advected = (model.advected.iter())
         .flat_map(|a| a.components.iter().map(|(name, s)| ("advected parameter", name.clone(), *s)));
-    let moving: Vec<(&str, String, SymbolId)> = velocities.chain(advected).collect();
+    let first_order = model.first_order.iter();
+    let first_order =
+        first_order.flat_map(|s| s.components.iter().map(|(name, x)| ("state", name.clone(), *x)));
+    let moving: Vec<(&str, String, SymbolId)> = velocities.chain(advected).chain(first_order).collect();
     let g = &mut model.graph;
     let mut rows = Vec::new();
     for a in &model.velocities {

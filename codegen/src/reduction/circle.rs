@@ -382,6 +382,9 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
         Part::Condition => ("a condition on parameters".into(), None),
         Part::Algebroid => ("the algebroid".into(), None),
         Part::CarriedRate => ("the rate of an acceleration along a constraint".into(), first),
+        Part::OwnRate => {
+            ("the rate of a state".into(), model.first_order.iter().find_map(|state| state.of_rate))
+        }
         Part::MomentumInSpace => ("the momentum in space".into(), None),
         Part::GroupEquation => ("what a matrix group keeps".into(), None),
         Part::Momentum => ("a momentum".into(), None),

@@ -221,7 +221,11 @@ fn fixed_on_the_base(
         .flat_map(|a| a.components.iter().map(|(name, s)| ("advected parameter", name.clone(), *s)));
     let accelerations = model.accelerations.iter();
     let accelerations = accelerations.map(|s| ("acceleration", model.graph.name(*s).to_owned(), *s));
-    let moving: Vec<(&str, String, SymbolId)> = velocities.chain(advected).chain(accelerations).collect();
+    let first_order = model.first_order.iter();
+    let first_order =
+        first_order.flat_map(|s| s.components.iter().map(|(name, x)| ("state", name.clone(), *x)));
+    let moving: Vec<(&str, String, SymbolId)> =
+        velocities.chain(advected).chain(first_order).chain(accelerations).collect();
     let g = &mut model.graph;
     let mut value = e;
     for (sort, name, symbol) in moving {
@@ -275,6 +279,7 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
         let has_velocities = match role {
             ExpressionRole::Lagrangian
             | ExpressionRole::Force(_)
+            | ExpressionRole::FirstOrderRate(_)
             | ExpressionRole::ConstraintResidual(_)
             | ExpressionRole::ConstraintAcceleration(_)
             | ExpressionRole::VirtualConstraint(_)

@@ -212,6 +212,12 @@ impl Search<'_> {
             let y = g.sym(*y);
             terms.push(g.mul(slope, y));
         }
+        for state in &self.model.first_order {
+            for ((_, symbol), rate) in state.components.iter().zip(&state.rates) {
+                let slope = g.diff(e, *symbol);
+                terms.push(g.mul(slope, *rate));
+            }
+        }
         g.sum(&terms)
     }
 
@@ -298,6 +304,10 @@ impl Search<'_> {
             let inputs: BTreeSet<SymbolId> = self.model.inputs.iter().map(|input| input.symbol).collect();
             if g.depends_on(condition, &inputs) {
                 return Err(left(g, direction, condition, "contains an input, whose rate is not known"));
+            }
+            let states = self.model.first_order.iter().flat_map(|s| s.components.iter().map(|(_, x)| *x));
+            if g.depends_on(condition, &states.collect()) {
+                return Err(left(g, direction, condition, "contains a state of first order"));
             }
             let velocities: BTreeSet<SymbolId> = self.symbols.iter().copied().collect();
             if g.depends_on(condition, &velocities) {

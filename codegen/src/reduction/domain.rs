@@ -61,9 +61,10 @@ pub(super) fn signs(model: &mut Model) -> BTreeMap<ExprId, Sign> {
             signs.insert(c.greater, sign);
         }
     }
-    for coordinate in &model.base {
-        if let spec::Domain::Interval(low, high) = coordinate.domain {
-            let x = g.sym(coordinate.symbol);
+    let first_order = model.first_order.iter().flat_map(|s| s.components.iter().map(|(_, x)| (s.domain, *x)));
+    for (domain, symbol) in model.base.iter().map(|c| (c.domain, c.symbol)).chain(first_order) {
+        if let spec::Domain::Interval(low, high) = domain {
+            let x = g.sym(symbol);
             let (above, below) = (g.sub(x, low), g.sub(high, x));
             signs.insert(above, Sign::Positive);
             signs.insert(below, Sign::Positive);
@@ -82,13 +83,15 @@ pub(super) fn signs(model: &mut Model) -> BTreeMap<ExprId, Sign> {
     signs
 }
 
-/// `low < x` and `x < high` for the coordinates that live in intervals.
+/// `low < x` and `x < high` for the coordinates and states of first order that live in intervals.
 pub(super) fn domains(model: &mut Model) -> Vec<DomainCondition> {
-    let Model { graph: g, base, .. } = model;
+    let Model { graph: g, base, first_order, .. } = model;
     let mut conditions = Vec::new();
-    for coordinate in base {
-        let spec::Domain::Interval(low, high) = coordinate.domain else { continue };
-        let (x, name) = (g.sym(coordinate.symbol), &coordinate.name);
+    let base = base.iter().map(|c| (&c.name, c.domain, c.symbol));
+    let first_order = first_order.iter().flat_map(|s| s.components.iter().map(|(n, x)| (n, s.domain, *x)));
+    for (name, domain, symbol) in base.chain(first_order) {
+        let spec::Domain::Interval(low, high) = domain else { continue };
+        let x = g.sym(symbol);
         for (relation, end, sign) in [(">", low, 1), ("<", high, -1)] {
             // A fraction of pi would be computed at run time.
             let times = Rational::from(g.split_coefficient(end).0.denom().clone())

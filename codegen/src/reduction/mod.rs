@@ -18,6 +18,7 @@ mod fix;
 mod formulation;
 mod frame;
 mod given;
+mod inertialess;
 mod matrix_group;
 mod momenta;
 mod part;
@@ -45,7 +46,7 @@ pub use momenta::{CarriedMomentum, Hamiltonian};
 pub use part::Part;
 pub use reconstruction::ReconstructedCoordinate;
 pub use stages::{StageLevel, Stages, Tensor};
-pub use system::{Block, BlockKind, Circle, PositionResidual, ReducedSystem, StateKind};
+pub use system::{Block, BlockKind, Circle, OwnRate, PositionResidual, ReducedSystem, StateKind};
 
 /// Reduces a model in the formulation that is asked for.
 ///
@@ -58,6 +59,7 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
     let mut written = chosen(model, formulation);
     written = with_fixed(written, &formulation.fixed)?;
     written = with_held_inputs(written, &formulation.inputs)?;
+    written = inertialess::without_inertialess(written, formulation)?;
     if let Some(kind) = formulation.connection {
         written = with_connection(&written, kind)?;
     }

@@ -28,6 +28,8 @@ pub enum Part {
     VirtualDisplacement,
     /// The rate of an acceleration along a constraint of third order.
     CarriedRate,
+    /// The rate of a state of first order.
+    OwnRate,
     /// An equation between coordinates.
     Position,
     /// A condition that equations without accelerations are.

@@ -55,6 +55,8 @@ pub enum BlockKind {
     Momentum,
     /// An advected parameter.
     Advected,
+    /// A state of first order.
+    FirstOrder,
     /// A unit quaternion `(w, x, y, z)` that turns the body frame to space.
     Attitude,
     /// The angle from space to the body frame of a planar pose.
@@ -69,6 +71,15 @@ pub enum BlockKind {
     Matrix(usize),
     /// Any other coordinates of the group, or those whose rate the model gives.
     Reconstructed,
+}
+
+/// A component of the state that the model gives a rate of: on the algebroid a base coordinate that no velocity moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OwnRate {
+    /// Its symbol.
+    pub symbol: SymbolId,
+    /// `zdot`, a function of base coordinates, velocities, inputs and the time.
+    pub rate: ExprId,
 }
 
 /// An equation between coordinates.
@@ -143,6 +154,8 @@ pub struct ReducedSystem {
     /// Accelerations along constraints of third order, which are base coordinates of the algebroid that no velocity
     /// moves.
     pub higher: HigherOrder,
+    /// States of first order.
+    pub own_rates: Vec<OwnRate>,
     /// Equations between coordinates; the constraint contains their derivatives.
     pub positions: Vec<PositionResidual>,
     /// What equations without accelerations say, where the Lagrangian is degenerate; the constraint contains it.
@@ -194,6 +207,13 @@ impl ReducedSystem {
         self.blocks.iter().filter(|b| matches!(b.kind, BlockKind::Advected | BlockKind::Attitude))
     }
 
+    /// The rates of base coordinates that no velocity moves, zero for all others: what `xdot = rho y + r` has beside
+    /// the anchor, by the velocities of the system.
+    pub(crate) fn own_rates_of_base(&self) -> Vec<ExprId> {
+        let rate = |x: &SymbolId| self.own_rates.iter().find(|own| own.symbol == *x).map(|own| own.rate);
+        self.algebroid.base().iter().map(|x| rate(x).unwrap_or(self.graph.zero())).collect()
+    }
+
     /// The symbol of a state variable.
     pub fn state_symbol(&self, kind: StateKind) -> SymbolId {
         match kind {
@@ -230,6 +250,7 @@ impl ReducedSystem {
             forces,
             constraint,
             higher: HigherOrder { carried, accelerations: _ },
+            own_rates,
             positions,
             degeneracy,
             unknowns: _,
@@ -264,6 +285,7 @@ impl ReducedSystem {
         list.extend(forces.iter_mut().enumerate().map(|(k, e)| (Part::Force(k), e)));
         list.extend(constraint.expressions_mut());
         list.extend(carried.iter_mut().map(|c| (Part::CarriedRate, &mut c.rate)));
+        list.extend(own_rates.iter_mut().map(|own| (Part::OwnRate, &mut own.rate)));
         list.extend(positions.iter_mut().map(|p| (Part::Position, &mut p.residual)));
         let conditions = degeneracy.iter_mut().flat_map(Degeneracy::expressions_mut);
         list.extend(conditions.map(|e| (Part::Degeneracy, e)));

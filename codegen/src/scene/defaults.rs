@@ -85,8 +85,9 @@ impl<'a> Defaults<'a> {
             ConstraintKind::ThirdOrder { carried, .. } => Some((carried.name.as_str(), carried.symbol)),
             ConstraintKind::Linear | ConstraintKind::Nonlinear | ConstraintKind::SecondOrder { .. } => None,
         });
+        let first_order = model.first_order.iter().flat_map(|s| &s.components).map(|(n, x)| (n.as_str(), *x));
         let symbols: BTreeMap<&str, SymbolId> =
-            velocities.chain(momenta).chain(base).chain(advected).chain(carried).collect();
+            velocities.chain(momenta).chain(base).chain(advected).chain(first_order).chain(carried).collect();
         let mut start = params.clone();
         for (name, value) in &model.initial {
             let value = model.graph.eval_f64(*value, &params);
@@ -352,8 +353,12 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
             (format!("the action on `{}`", advected.name), advected.span)
         }
         ExpressionRole::DomainEnd(k) => {
-            let name = &model.base[k].name;
+            let name = model.name_of_domain(k);
             (format!("the domain of `{name}`"), places.declared.get(name).copied())
+        }
+        ExpressionRole::FirstOrderRate(k) => {
+            let state = &model.first_order[k];
+            (format!("the rate of `{}`", state.name), state.of_rate)
         }
         ExpressionRole::Ideal => (
             "an ideal of a stage".into(),

@@ -38,6 +38,7 @@ fn of_state(blocks: &[Block], state: &[SymbolId]) -> Vec<GroupText> {
             BlockKind::Velocity
             | BlockKind::Momentum
             | BlockKind::Advected
+            | BlockKind::FirstOrder
             | BlockKind::Position { .. }
             | BlockKind::Reconstructed => (GroupKind::Vector, None),
         };

@@ -310,6 +310,14 @@ pub(super) enum ItemKind {
         labels: Vec<Name>,
         action: Expr,
     },
+    /// `state i in real by i_dot = rate;`
+    State {
+        name: Name,
+        shape: Shape,
+        domain: DomainExpr,
+        /// The name of the rate, and its value.
+        rate: (Name, Expr),
+    },
     Lagrangian(Expr),
     Hamiltonian(Expr),
     /// `constraint name for v, w: left = right;`

@@ -145,10 +145,10 @@ fn of_item(statement: &[&str]) -> Context {
         "input" if has("=") => Context::Expression,
         "drive" if !has("=") => Context::Input,
         "param" if has("=") || has("where") => Context::Expression,
-        "coordinate" if has("by") => Context::Expression,
-        "coordinate" if last == ":" => Context::Shape,
-        "coordinate" if last == "in" => Context::Domain,
-        "coordinate" if has("in") && has("(") => Context::Expression,
+        "coordinate" | "state" if has("by") => Context::Expression,
+        "coordinate" | "state" if last == ":" => Context::Shape,
+        "coordinate" | "state" if last == "in" => Context::Domain,
+        "coordinate" | "state" if has("in") && has("(") => Context::Expression,
         "velocity" if has("in") => Context::Algebra,
         "momentum" if has("of") => Context::Velocity,
         "momentum" if has("in") => Context::Algebra,
@@ -170,8 +170,8 @@ fn of_item(statement: &[&str]) -> Context {
         "carry" | "routh" => Context::Carried,
         "view" if last == "=" => Context::Solid,
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
-        | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source" | "topic"
-        | "multipliers" => Context::Anything,
+        | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source"
+        | "topic" | "multipliers" => Context::Anything,
         "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
             Context::Anything
         }

@@ -491,6 +491,8 @@ impl Evaluator<'_> {
             "sum" => (a.sum(g), a_bits + 8),
             "sqrt" => (a.sqrt(g), *a_bits),
             "atan2" => (a.atan2(g, b), a_bits + b_bits),
+            "sinc" => (a.of_square(g, Func::Stumpff(1), "sinc"), 2 * a_bits),
+            "cosc" => (a.of_square(g, Func::Stumpff(2), "cosc"), 2 * a_bits),
             _ => (Func::from_name(function).map_or(Err(ValueError::TooLarge), |f| a.func(g, f)), *a_bits),
         };
         match result {

@@ -12,7 +12,7 @@ use super::eval::{Evaluator, Weighed};
 use super::rates::rate_of;
 use super::shape::Shape;
 use super::value::Value;
-use crate::expr::{ExprId, Graph};
+use crate::expr::{ExprId, Func, Graph};
 
 /// The axial vector of a skew matrix of three rows, the number of one of two.
 fn axial(entry: impl Fn(usize, usize) -> ExprId, n: usize) -> Vec<ExprId> {
@@ -108,6 +108,37 @@ impl Evaluator<'_> {
             Some(_) => return,
         };
         self.spins.insert(matrix.entries().to_vec(), w);
+    }
+
+    /// Notes the angular velocity of the rotation by a vector `v` with the square `v.v`, where it is known:
+    /// `v' - c_2 v x v' + c_3 v x (v x v')`.
+    ///
+    /// # Source
+    /// Iserles, Munthe-Kaas, Norsett, Zanna 2000, Lie-group methods, section B.1.
+    pub(super) fn note_exponential(&mut self, matrix: &Value, v: [ExprId; 3], square: ExprId) {
+        let Some(rates) = self.rates else { return };
+        let Ok(rate) = v.into_iter().map(|e| rate_of(self.graph, e, rates)).collect::<Result<Vec<_>, _>>()
+        else {
+            return;
+        };
+        let g = &mut *self.graph;
+        let [two, three] = [2, 3].map(|k| g.func(Func::Stumpff(k), square));
+        let cross = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| -> Vec<ExprId> {
+            let component = |k: usize| {
+                let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                let (plus, minus) = (g.mul(a[i], b[j]), g.mul(a[j], b[i]));
+                g.sub(plus, minus)
+            };
+            (0..3).map(component).collect()
+        };
+        let once = cross(g, &v, &rate);
+        let twice = cross(g, &v, &once);
+        let component = |k: usize| {
+            let (bent, turned) = (g.mul(two, once[k]), g.mul(three, twice[k]));
+            let rest = g.sub(turned, bent);
+            g.add(rate[k], rest)
+        };
+        self.spins.insert(matrix.entries().to_vec(), (0..3).map(component).collect());
     }
 
     /// Notes the angular velocity of a product of rotations: `B^T w_A + w_B`.

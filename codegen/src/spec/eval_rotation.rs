@@ -14,14 +14,16 @@ const AXES: [&str; 3] = ["e1", "e2", "e3"];
 
 impl Evaluator<'_> {
     /// `rot(phi)` of the plane, `rot(axis, phi)` of space: by the angle `phi` about an axis of length one, the matrix
-    /// `a a^T + cos(phi) (1 - a a^T) + sin(phi) hat(a)`, whose columns are the turned axes.
+    /// `a a^T + cos(phi) (1 - a a^T) + sin(phi) hat(a)`, whose columns are the turned axes; `rot(v)` of a rotation
+    /// vector.
     pub(super) fn rotation(&mut self, arguments: &[Expr], span: Span) -> Option<Weighed> {
         let (axis, angle) = match arguments {
             [angle] => (None, angle),
             [axis, angle] => (Some(axis), angle),
             _ => {
                 let message = format!("`rot` takes 1 or 2 arguments, found {}", arguments.len());
-                return self.fail(span, message, "write `rot(phi)` in the plane, `rot(e3, phi)` in space");
+                let help = "write `rot(phi)` in the plane, `rot(e3, phi)` or `rot(v)` with a vector in space";
+                return self.fail(span, message, help);
             }
         };
         let axis = match axis {
@@ -29,6 +31,12 @@ impl Evaluator<'_> {
             None => None,
         };
         let (value, bits) = self.eval(angle)?;
+        if let (None, Value::Vector(v)) = (&axis, &value)
+            && let [a, b, c] = v[..]
+        {
+            self.charge(256, span)?;
+            return Some((self.exponential([a, b, c]), 4 * bits + 16));
+        }
         let Value::Scalar(phi) = value else {
             let message = format!("the angle of `rot` is a number, found {}", value.shape());
             return self.fail(angle.span, message, "write `rot(e3, phi)`: the axis comes first");
@@ -60,6 +68,27 @@ impl Evaluator<'_> {
         let matrix = Value::Matrix { rows: 3, columns: 3, entries };
         self.note_rotation(&matrix, Some(&axis), phi);
         Some((matrix, bits + 2 * axis_bits + 8))
+    }
+
+    /// The rotation `exp(hat(v)) = (1 - c_2 v.v) + c_1 hat(v) + c_2 v v^T` by the length of `v` about `v`, with
+    /// Stumpff's functions `c_k` of `v.v`, so that everything is smooth where `v` vanishes.
+    fn exponential(&mut self, v: [ExprId; 3]) -> Value {
+        let g = &mut *self.graph;
+        let square = g.dot(&v, &v);
+        let [one, two] = [1, 2].map(|k| g.func(Func::Stumpff(k), square));
+        let bent = g.mul(square, two);
+        let cosine = g.sub(g.one(), bent);
+        let zero = g.zero();
+        let minus = v.map(|e| g.neg(e));
+        let hat = [zero, minus[2], v[1], v[2], zero, minus[0], minus[1], v[0], zero];
+        let entries = (0..9).map(|k| {
+            let (i, j) = (k / 3, k % 3);
+            let (across, along) = (g.mul(one, hat[k]), g.product(&[two, v[i], v[j]]));
+            g.sum(&[if i == j { cosine } else { zero }, across, along])
+        });
+        let matrix = Value::Matrix { rows: 3, columns: 3, entries: entries.collect() };
+        self.note_exponential(&matrix, v, square);
+        matrix
     }
 
     /// An axis of space: `e1`, `e2`, `e3` where the model has no such names, or a vector whose length is one.

@@ -19,12 +19,14 @@ pub enum ExpressionRole {
     Hamiltonian,
     /// The external force on a velocity, in the order of [`Model::all_velocities`].
     Force(usize),
-    /// An end of the interval of a base coordinate.
+    /// An end of the interval of a base coordinate, or behind these of a state of first order.
     DomainEnd(usize),
     /// A side of a condition on the parameters.
     Condition(usize),
     /// A component of the infinitesimal action on an advected parameter.
     AdvectedAction(usize),
+    /// A component of the rate of a state of first order.
+    FirstOrderRate(usize),
     /// A component of [`Model::connection`].
     Connection,
     /// A coefficient of anchor or bracket of [`Model::algebroid`].
@@ -90,6 +92,7 @@ macro_rules! visit {
             given,
             stages,
             advected,
+            first_order,
             lagrangian,
             hamiltonian,
             constraints,
@@ -139,6 +142,7 @@ macro_rules! visit {
         for (k, force) in forces.into_iter().enumerate() {
             $visit(ExpressionRole::Force(k), force);
         }
+        let n_base = base.len();
         for (k, coordinate) in base.into_iter().enumerate() {
             let Coordinate { name: _, symbol: _, velocity_name: _, velocity: _, domain, doc: _ } = coordinate;
             match domain {
@@ -158,6 +162,20 @@ macro_rules! visit {
             let Advected { name: _, components: _, action, doc: _, span: _ } = parameter;
             for e in action {
                 $visit(ExpressionRole::AdvectedAction(k), e);
+            }
+        }
+        for (k, state) in first_order.into_iter().enumerate() {
+            let FirstOrderState { name: _, components: _, domain, rates, doc: _, span: _, of_rate: _ } =
+                state;
+            match domain {
+                Domain::Interval(low, high) => {
+                    $visit(ExpressionRole::DomainEnd(n_base + k), low);
+                    $visit(ExpressionRole::DomainEnd(n_base + k), high);
+                }
+                Domain::Angle | Domain::Real => {}
+            }
+            for e in rates {
+                $visit(ExpressionRole::FirstOrderRate(k), e);
             }
         }
         for e in connection.into_iter().flatten().flatten() {
@@ -278,6 +296,14 @@ impl Model {
         let mut visit = |role: ExpressionRole, e: &ExprId| list.push((role, *e));
         visit!(self, _graph, visit);
         list
+    }
+
+    /// The name of what the interval of [`ExpressionRole::DomainEnd`] belongs to.
+    pub(crate) fn name_of_domain(&self, k: usize) -> &str {
+        match self.base.get(k) {
+            Some(coordinate) => &coordinate.name,
+            None => self.first_order.get(k - self.base.len()).map_or("", |state| &state.name),
+        }
     }
 
     /// The graph, and every expression with its role in the order of [`Model::expressions`], to be replaced.

@@ -23,6 +23,7 @@ mod eval_rotation;
 mod event;
 mod expressions;
 mod family;
+mod first_order;
 mod fluid;
 mod format;
 mod group;
@@ -55,6 +56,7 @@ pub use diagnostic::{Diagnostic, Diagnostics, Help, Origin, Replacement, Severit
 pub use event::{Event, EventDirection, OutputPart};
 pub use expressions::ExpressionRole;
 pub use family::with_sizes;
+pub use first_order::FirstOrderState;
 pub use fluid::{FluidCasimir, FluidMode, FluidSurface, MatrixFluid};
 pub use format::format;
 pub use group::Group;

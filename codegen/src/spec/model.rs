@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 pub(super) use super::constraint_parts::{CarriedAcceleration, PositionEquation, VirtualConstraint};
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
+pub(super) use super::first_order::FirstOrderState;
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 use super::size::FamilySize;
@@ -534,6 +535,8 @@ pub struct Model {
     pub stages: Option<IdealChain>,
     /// Advected parameters.
     pub advected: Vec<Advected>,
+    /// States of first order.
+    pub first_order: Vec<FirstOrderState>,
     /// The reduced Lagrangian; zero where the model has a Hamiltonian.
     pub lagrangian: ExprId,
     /// The Hamiltonian `h(x, p, t)` in the place of a Lagrangian; every velocity has a momentum then.

@@ -30,6 +30,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("inner_product", "inner_product = diag([1, 1, 2]);"),
     ("coordinate", "coordinate theta in angle;` or `coordinate x: vector(2) in (0, 1);"),
     ("advected", "advected Gamma in R^3 by cross(Omega, Gamma);"),
+    ("state", "state i in real by i_dot = (V - R*i)/L;"),
     ("lagrangian", "lagrangian = expression;"),
     ("hamiltonian", "hamiltonian = expression;"),
     ("acceleration", "acceleration v = -k*x;"),
@@ -72,8 +73,9 @@ pub(super) fn item_meant_by(word: &str) -> Help {
         "kinetic" | "potential" => {
             "name it with `let`; the system is given by `lagrangian = ..;` or `hamiltonian = ..;`"
         }
-        "variable" | "var" | "state" => {
-            "write `coordinate` for the base, `velocity` for the algebra, `advected` for what the group moves"
+        "variable" | "var" => {
+            "write `coordinate` for the base, `velocity` for the algebra, `advected` for what the group moves, \
+             `state` for what has a rate of its own"
         }
         "group" => "write the algebra: `velocity Omega in so(3);`, and `reconstruct` for the group",
         "constraints" | "nonholonomic" | "holonomic" => "write `constraint dot(Omega, Gamma) = 0;`",
@@ -88,7 +90,7 @@ pub(super) fn item_meant_by(word: &str) -> Help {
 pub(super) const ALGEBRA_FUNCTIONS: &[&str] =
     &["ad", "coad", "laplacian", "poisson", "pointwise", "star_power", "trace_power"];
 
-/// Functions of the expression language.
+/// Functions of the expression language. Their names may be declared as well: parentheses tell functions from values.
 pub(super) const FUNCTIONS: &[&str] = &[
     "dot",
     "cross",
@@ -127,10 +129,9 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "cosh",
     "tanh",
     "abs",
+    "sinc",
+    "cosc",
 ];
-
-/// Functions whose names may be declared as well: parentheses tell them from values, and models had such names first.
-const FREE_FUNCTIONS: &[&str] = &["unit", "rot", "rate", "spin"];
 
 /// What to write instead of a function that has jumps or kinks, for expressions are differentiated; nothing for other
 /// words.
@@ -177,11 +178,6 @@ pub(super) fn refusal(name: &str) -> Option<&'static str> {
     }
     if name == "pi" {
         return Some("it is the number pi");
-    }
-    if FUNCTIONS.contains(&name) && !FREE_FUNCTIONS.contains(&name)
-        || OPERATORS.iter().any(|(operator, _)| *operator == name)
-    {
-        return Some("it is a function of the language");
     }
     if CONDITIONS.contains(&name) {
         return Some("the language has no conditions, so nothing can begin like one");

@@ -33,6 +33,7 @@ pub enum DeclarationKind {
     Stage,
     Coordinate,
     Advected,
+    State,
     Constraint,
     Casimir,
     Output,
@@ -63,6 +64,7 @@ impl DeclarationKind {
             DeclarationKind::Stage => "stage",
             DeclarationKind::Coordinate => "coordinate",
             DeclarationKind::Advected => "advected parameter",
+            DeclarationKind::State => "state of first order",
             DeclarationKind::Constraint => "constraint",
             DeclarationKind::Casimir => "casimir",
             DeclarationKind::Output => "output",
@@ -77,8 +79,8 @@ impl DeclarationKind {
 
     /// Whether it is a state variable or follows from the state: what has an equation of motion.
     pub fn is_of_state(self) -> bool {
-        use DeclarationKind::{Advected, Coordinate, Momentum, QuasiVelocity, Velocity};
-        matches!(self, Velocity | QuasiVelocity | Momentum | Coordinate | Advected)
+        use DeclarationKind::{Advected, Coordinate, Momentum, QuasiVelocity, State, Velocity};
+        matches!(self, Velocity | QuasiVelocity | Momentum | Coordinate | Advected | State)
     }
 
     /// Whether expressions of the model may mention it.
@@ -453,6 +455,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
             names.iter().map(|name| one(DeclarationKind::Coordinate, name, is_array(shape))).collect()
         }
         ItemKind::Advected { name, .. } => vec![one(DeclarationKind::Advected, name, true)],
+        ItemKind::State { name, shape, .. } => vec![one(DeclarationKind::State, name, is_array(shape))],
         ItemKind::Constraint { name, .. } | ItemKind::Virtual { name, .. } => {
             name.iter().map(|name| one(DeclarationKind::Constraint, name, false)).collect()
         }

@@ -148,6 +148,15 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
                 add("coordinate", name, all, ends.clone());
             }
         }
+        ItemKind::State { name, shape, domain, rate: (_, rate) } => {
+            let mut all = spellings(&name.text, shape);
+            all.push(format!("{}_dot", name.text));
+            let ends = match domain {
+                DomainExpr::Interval(low, high) => mentions([low, high]),
+                DomainExpr::Angle | DomainExpr::Real => Vec::new(),
+            };
+            add("state", name, all, mentions([rate]).into_iter().chain(ends).collect());
+        }
         ItemKind::Advected { name, space, labels, action } => {
             let shape = match space.node {
                 AlgebraNode::Power(value) => Shape::Vector(Size { value, span: space.span }),
@@ -232,6 +241,7 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Action(_)
         | ItemKind::Coordinate { by: None, .. }
         | ItemKind::Advected { .. }
+        | ItemKind::State { .. }
         | ItemKind::Independent(_)
         | ItemKind::Multipliers => Vec::new(),
     }

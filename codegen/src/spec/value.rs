@@ -508,6 +508,16 @@ impl Value {
         with_value(g, value)
     }
 
+    /// `sinc` and `cosc` of a number `x`: functions of Stumpff of `x^2`, which are smooth where `x` vanishes.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless it is a number.
+    pub fn of_square(&self, g: &mut Graph, f: Func, name: &'static str) -> Outcome {
+        let x = self.scalar(name)?;
+        let square = g.powi(x, 2);
+        Ok(Value::Scalar(g.func(f, square)))
+    }
+
     /// The angle of the point `(x, y)` in `(-pi, pi]`, `self` being `y`.
     ///
     /// # Errors

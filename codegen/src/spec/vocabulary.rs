@@ -128,6 +128,11 @@ const OF_ITEMS: &[(&str, &str)] = &[
          expression linear in the velocities: `adot = -xi . a` for a left action, `adot = xi . a` for a \
          right one.",
     ),
+    (
+        "state",
+        "A state of first order: a number or a vector of the state whose rate the model gives, a function of \
+         the state, inputs and the time.",
+    ),
     ("lagrangian", "The reduced Lagrangian `l(x, xdot, xi, a, t)`: a number. Exactly one."),
     (
         "hamiltonian",
@@ -208,8 +213,14 @@ const OF_FUNCTIONS: &[(&str, &str, &str)] = &[
     ("unit", "unit(a)", "direction, of length one"),
     ("rate", "rate(x)", "derivative by time of what is made of coordinates, time and parameters"),
     ("spin", "spin(R)", "angular velocity of the frame with an attitude, in that frame"),
-    ("rot", "rot(axis, phi)", "rotation by an angle; `rot(phi)` is that of the plane"),
+    (
+        "rot",
+        "rot(axis, phi)",
+        "rotation by an angle; `rot(phi)` is that of the plane, `rot(v)` that of a rotation vector",
+    ),
     ("orthonormal", "orthonormal(A)", "the rotation nearest to a matrix of rounded numbers"),
+    ("sinc", "sinc(x)", "`sin(x)/x`, one at zero"),
+    ("cosc", "cosc(x)", "`(1 - cos(x))/x^2`, one half at zero"),
     ("sum", "sum(a)", "sum of the entries"),
     ("transpose", "transpose(A)", "of a vector: one row"),
     ("diag", "diag(v)", "diagonal matrix of a vector, diagonal of a matrix"),

@@ -1,5 +1,6 @@
 //! The systems of the shelf in redundant coordinates.
 
+pub(crate) mod actuated;
 pub(crate) mod balls;
 pub(crate) mod bicycles;
 pub(crate) mod flying;

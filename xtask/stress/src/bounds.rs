@@ -83,6 +83,8 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("mobile_robot", "default", [7.0, 32.0, 8.0, 32.0]),
     ("mobile_robot", "minimal", [7.0, 32.0, 4.0, 32.0]),
     ("mobile_robot", "reconstruction", [7.0, 32.0, 6.0, 32.0]),
+    ("motor_arm", "default", [8.0, 32.0, 4.0, 32.0]),
+    ("motor_arm", "driven", [8.0, 32.0, 4.0, 32.0]),
     ("point_vortices", "default", [7.0, 32.0, 4.0, 32.0]),
     ("point_vortices", "taylor", [6.0, 32.0, 4.0, 32.0]),
     ("pseudo_rigid_body", "default", [8.0, 1e14, 5.0, 32.0]),

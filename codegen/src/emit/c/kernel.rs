@@ -16,6 +16,7 @@ pub(super) const MUL_ADD: &str = "hamel_fma";
 pub(super) const SIN: &str = "hamel_sin";
 pub(super) const COS: &str = "hamel_cos";
 pub(super) const SIN_COS: &str = "hamel_sin_cos";
+pub(super) const STUMPFF: &str = "hamel_stumpff";
 pub(super) const ADD_PRODUCTS: &str = "hamel_add_products";
 
 thread_local! {
@@ -148,6 +149,39 @@ static inline double hamel_cos(double x) {
 }
 ";
 
+const STUMPFF_FUNCTION: &str = "\
+/* c_k(z) = sum_j (-z)^j/(2 j + k)!: the operations of hamel_runtime's Real::stumpff. */
+static double hamel_stumpff(int k, double z) {
+    if (!(fabs(z) > (double)((k + 1) * (k + 2)) * 0.5)) {
+        const int n = fabs(z) > 1.0 ? 24 + k / 2 : 12;
+        double sum = 1.0, factorial = 1.0;
+        for (int j = n - 1; j >= 0; j--) {
+            const int first = k + 2 * j + 1;
+            sum = 1.0 - z * sum / (double)(first * (first + 1));
+        }
+        for (int m = 2; m <= k; m++) factorial *= (double)m;
+        return sum / factorial;
+    }
+    const int circular = z > 0.0;
+    const double x = circular ? sqrt(z) : sqrt(-z);
+    int m = k % 2 == 1 ? 1 : 2;
+    double c;
+    if (k == 0) return circular ? hamel_cos(x) : cosh(x);
+    if (m == 1) {
+        c = circular ? hamel_sin(x) / x : sinh(x) / x;
+    } else {
+        const double sine = circular ? hamel_sin(x * 0.5) / x : sinh(x * 0.5) / x;
+        c = sine * sine * 2.0;
+    }
+    double factorial = (double)m;
+    for (; m < k; m += 2) {
+        if (m > 2) factorial = factorial * (double)(m - 1) * (double)m;
+        c = (1.0 / factorial - c) / z;
+    }
+    return c;
+}
+";
+
 const PRODUCTS: &str = "\
 /* out_k += sum over the products of k of number * left_i * right_j, in four sums a result, as hamel_runtime::Products.
    places: left factor, right factor and number of each product; ends: products up to and with those of a result. */
@@ -169,7 +203,9 @@ static void hamel_add_products(const uint16_t (*places)[3], const uint32_t *ends
 pub(super) fn functions(text: &str) -> String {
     let calls = |text: &str, name: &str| text.contains(&format!("{name}("));
     let mut functions: Vec<String> = Vec::new();
-    let (sine, cosine, products) = (calls(text, SIN), calls(text, COS), calls(text, ADD_PRODUCTS));
+    let stumpff = calls(text, STUMPFF);
+    let (sine, cosine) = (stumpff || calls(text, SIN), stumpff || calls(text, COS));
+    let products = calls(text, ADD_PRODUCTS);
     let pair = sine || cosine || calls(text, SIN_COS);
     if pair || products || calls(text, MUL_ADD) {
         functions.push(FUSED.to_owned());
@@ -179,6 +215,7 @@ pub(super) fn functions(text: &str) -> String {
     }
     functions.extend(sine.then(|| SINE.to_owned()));
     functions.extend(cosine.then(|| COSINE.to_owned()));
+    functions.extend(stumpff.then(|| STUMPFF_FUNCTION.to_owned()));
     functions.extend(products.then(|| PRODUCTS.to_owned()));
     functions.join("\n")
 }

@@ -51,6 +51,9 @@ impl Notation for C {
             Func::Cosh => "cosh",
             Func::Tanh => "tanh",
             Func::Abs => "fabs",
+            Func::Stumpff(k) => {
+                return C::function(kernel::STUMPFF, &[Text::atom(k.to_string()), argument]);
+            }
         };
         C::function(name, &[argument])
     }

@@ -182,6 +182,9 @@ macro_rules! functions {
                     self.call($name)
                 }
             )*
+            fn stumpff(self, k: u32) -> Recorded {
+                record(&format!("{}({k}, {})", kernel::STUMPFF, self.text()))
+            }
             fn all_gt(self, _: Recorded) -> bool {
                 true
             }

@@ -35,7 +35,10 @@ impl Notation for Rust {
     }
 
     fn call(&self, function: Func, argument: Text) -> Text {
-        Rust::method(argument, function.name())
+        let Func::Stumpff(k) = function else { return Rust::method(argument, function.name()) };
+        let receiver = argument.at_least(Binding::Atom);
+        let text = format!("{}.stumpff({k})", receiver.text);
+        Text { text, binding: Binding::Atom, depth: receiver.depth + 1 }
     }
 
     fn reciprocal(&self, of: Text) -> Text {

@@ -163,7 +163,7 @@ impl Naming<'_> {
                     _,
                 )
                 | Node::Atan2(..) => true,
-                Node::Function(Func::Abs, a) => bounded[a],
+                Node::Function(Func::Abs | Func::Stumpff(_), a) => bounded[a],
                 Node::Function(_, a) => is_constant(self.graph, inputs, *a),
             };
             bounded.insert(node, is_bounded);

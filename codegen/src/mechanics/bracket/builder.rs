@@ -233,6 +233,15 @@ impl<'a> Builder<'a> {
         .collect()
     }
 
+    /// Adds the rates of base coordinates that no velocity moves to a vector of the base.
+    pub(super) fn add_own_rates(&mut self, vector: &mut [ExprId]) -> Result<(), Error> {
+        for (e, own) in vector.iter_mut().zip(self.equations.system.own_rates_of_base()) {
+            let own = self.replace(own)?;
+            *e = self.g.add(*e, own);
+        }
+        Ok(())
+    }
+
     /// The derivative of an expression in raw velocities along a vector of the base, at fixed velocities.
     pub(super) fn along(&mut self, e: ExprId, direction: &[ExprId]) -> Result<ExprId, Error> {
         let mut terms = Vec::new();

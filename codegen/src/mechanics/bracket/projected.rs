@@ -20,7 +20,7 @@ impl Builder<'_> {
     /// ```text
     /// W_a = e_a - a_Aa S^AB n_B,   n_A = L_yy^-1 a_A
     /// {p_a, p_b} = -<p, [W_a, W_b]_0> + a_Bb G_B(W_a) - a_Ba G_B(W_b)
-    /// R_x = -kappa_B rho(n_B),   R_p = W (F + N p + kappa_B (<p, [., n_B]_0> + rho dpsi_B))
+    /// R_x = r - kappa_B rho(n_B),   R_p = W (F + N p + kappa_B (<p, [., n_B]_0> + rho dpsi_B))
     ///       - a^T S^-1 (dpsi(R_x) + dpsi/dt),   kappa = S^-1 b
     /// ```
     ///
@@ -233,6 +233,7 @@ impl Builder<'_> {
                 pushed[alpha] = self.g.add(pushed[alpha], term);
             }
         }
+        self.add_own_rates(&mut along_x)?;
         // Changes of p at fixed velocities, along R_x and with time.
         let (mut turned, mut lag) = (vec![self.g.zero(); m], vec![self.g.zero(); m]);
         let mut by_time = turned.clone();

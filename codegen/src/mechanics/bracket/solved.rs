@@ -12,7 +12,7 @@ impl Builder<'_> {
     /// The bracket along the columns of `Psi`:
     ///
     /// ```text
-    /// R_x = rho psi0,   R_b = W_b F + <p, dW_b/dt + N W_b> - <p, [W_b, psi0]>
+    /// R_x = rho psi0 + r,   R_b = W_b F + <p, dW_b/dt + N W_b> - <p, [W_b, psi0]>
     /// ```
     pub(super) fn of_solved(&mut self, solved: &SolvedConstraint) -> Result<MomentumForm, Error> {
         let (m, k) = (self.momentum.len(), solved.unknowns.len());
@@ -72,7 +72,8 @@ impl Builder<'_> {
         }
         let forces = self.forces()?;
         let psi0 = &solved.psi0;
-        let along_x = self.anchor_of(psi0);
+        let mut along_x = self.anchor_of(psi0);
+        self.add_own_rates(&mut along_x)?;
         let is_affine = psi0.iter().any(|e| *e != self.g.zero());
         let (mut along_pi, mut lag) = (Vec::new(), Vec::new());
         let drift_of_p = if is_hamiltonian { Vec::new() } else { along_p(self, &along_x)? };

@@ -2,9 +2,14 @@
 //!
 //! Does not know: which operations there are in a program, which of the values are needed.
 
+use hamel_runtime::MAX_ORDER;
+
 use super::{Builder, Company, MINUS_ADDEND, MINUS_PRODUCT, PLAIN, Series, plain, weighted};
 use crate::expr::Func;
 use crate::program::ir::{Instruction, Op, Operand};
+
+/// Functions of Stumpff up to this one share the rules of one family, whichever is asked for first.
+const AHEAD: u32 = 12;
 
 impl Builder<'_> {
     pub(super) fn instruction(&mut self, instruction: &Instruction) -> Series {
@@ -214,6 +219,7 @@ impl Builder<'_> {
                 }
                 Some(z)
             }
+            Func::Stumpff(k) => Some(self.stumpff(k.into(), a, a_k)),
             Func::Abs => {
                 // The sign is not a number where the function has no derivative.
                 let sign = self.at_zero(Op::Div(value, a.first));
@@ -313,6 +319,53 @@ impl Builder<'_> {
             let cosh_k = builder.define(c, Op::MulAdd(PLAIN, sinh_0, a_k, of_sinh));
             (Series { first: sinh, next: Some(sinh_k) }, Series { first: cosh, next: Some(cosh_k) })
         })
+    }
+
+    /// `c_k(a)`, from `c_k' = (k c_(k+2) - c_(k+1)) a'/2`.
+    ///
+    /// The derivative of a function of the family is made of the next two, and the family has no end. But the
+    /// coefficient of order `n` of `c_k` takes those of order `n - 1` of the two alone, so that functions by `2 n`
+    /// ahead are needed at order zero, and are constant here.
+    fn stumpff(&mut self, k: u32, a: Series, a_k: Operand) -> Operand {
+        let known = |builder: &Self, m: u32| builder.company.get(&(Company::Stumpff(m), a.first)).copied();
+        if let Some((Series { next: Some(known), .. }, _)) = known(self, k) {
+            return known;
+        }
+        let last = k.max(AHEAD) + 2 * MAX_ORDER as u32;
+        let half = self.half();
+        let mut next: [Option<Operand>; 2] = [None; 2];
+        for m in (k..=last).rev() {
+            if let Some((series, _)) = known(self, m) {
+                next = [series.next, next[0]];
+                continue;
+            }
+            let [one, two] = [1, 2].map(|ahead| self.stumpff_at_zero(m + ahead, a));
+            let factor = self.constant(m.into());
+            let own = (m + 2 <= last).then(|| {
+                // (m c_(m+2) - c_(m+1))/2 at order zero, and its mean with a'.
+                let slope = self.at_zero(Op::MulAdd(MINUS_ADDEND, factor, two, one));
+                let slope = self.at_zero(Op::Mul(half, slope));
+                let slope = self.keep(slope);
+                let [one, two] = next.map(|c| c.map(|c| self.mean(weighted(a_k), plain(c))));
+                let two = two.map(|two| self.at_order(Op::Mul(factor, two)));
+                match self.subtract(two, one) {
+                    Some(rest) => {
+                        let rest = self.at_order(Op::Mul(half, rest));
+                        self.at_order(Op::MulAdd(PLAIN, slope, a_k, rest))
+                    }
+                    None => self.at_order(Op::Mul(slope, a_k)),
+                }
+            });
+            let series = Series { first: self.stumpff_at_zero(m, a), next: own };
+            self.company.insert((Company::Stumpff(m), a.first), (series, series));
+            next = [own, next[0]];
+        }
+        next[0].expect("the rule of a function that others follow")
+    }
+
+    fn stumpff_at_zero(&mut self, m: u32, a: Series) -> Operand {
+        let order = u8::try_from(m).expect("derivatives of no equations of motion reach this far");
+        self.at_zero(Op::Function(Func::Stumpff(order), a.first))
     }
 
     /// `1 + a^2`.

@@ -106,7 +106,14 @@ pub(in crate::reduction) fn solve_rows(
     let is_by_rows = choice.is_by_rows;
     let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs, is_by_rows };
     // Solving also detects dependent and inconsistent rows, so it runs even when multipliers are asked for.
-    let solved = solver.solve(&linear, wanted, choice.said)?.filter(|_| !keep_all);
+    let solved = solver.solve(&linear, wanted, choice.said)?;
+    let is_determined = linear.len() == names.len() && quasi.is_empty();
+    let solved = match solved {
+        // Multipliers would stand beside accelerations of velocities that the constraints determine, and need inertia
+        // along each. Determinants are watched where they are not known to have a sign.
+        None if is_determined && !keep_all => Some(solver.solve_somewhere(&linear)?),
+        other => other.filter(|_| !keep_all),
+    };
     (solver.quasi, solver.is_by_rows) = (&[], false);
     let allowed = solver.solve(&displacements, None, Said::default())?;
     if !displacements.is_empty() {

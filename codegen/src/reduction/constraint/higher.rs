@@ -101,6 +101,9 @@ fn rates_of_state(model: &mut Model, algebroid: &Algebroid) -> BTreeMap<SymbolId
         let anchor: Vec<ExprId> = (0..y.len()).map(|alpha| algebroid.anchor(i, alpha)).collect();
         rates.insert(*x, g.dot(&anchor, &y));
     }
+    for state in &model.first_order {
+        rates.extend(state.components.iter().map(|(_, symbol)| *symbol).zip(state.rates.iter().copied()));
+    }
     for (velocity, acceleration) in own.into_iter().zip(&model.accelerations) {
         rates.insert(velocity, g.sym(*acceleration));
     }

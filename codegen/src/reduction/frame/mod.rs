@@ -97,6 +97,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         forces,
         constraint,
         higher,
+        mut own_rates,
         positions,
         degeneracy,
         unknowns,
@@ -170,7 +171,8 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     for (_, e) in outputs.iter_mut().flat_map(|o| &mut o.components) {
         replace(g, e)?;
     }
-    for e in reconstruction.iter_mut().map(|c| &mut c.rate) {
+    let rates = reconstruction.iter_mut().map(|c| &mut c.rate);
+    for e in rates.chain(own_rates.iter_mut().map(|own| &mut own.rate)) {
         replace(g, e)?;
     }
     for section in &mut sections {
@@ -198,6 +200,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         forces,
         constraint,
         higher,
+        own_rates,
         positions,
         degeneracy,
         unknowns,

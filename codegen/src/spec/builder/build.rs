@@ -3,6 +3,7 @@
 //! Deliberately does not know: what is checked.
 
 use super::draft::{GivenDraft, ModelBuilder};
+use super::first_order::misplaced_states;
 use super::inputs::{close, misplaced_inputs};
 use crate::algebra::LieAlgebra;
 use crate::expr::Graph;
@@ -34,6 +35,7 @@ impl ModelBuilder {
         self.check_beside_frame();
         let stages = self.check_stages();
         let advected = self.check_advected();
+        let first_order = self.check_first_order();
         let connection = self.check_connection();
         let constraints = self.check_constraints(&advected, connection.as_deref());
         let virtual_constraints = self.check_virtual_constraints();
@@ -103,6 +105,7 @@ impl ModelBuilder {
             action: self.action.map_or(Side::Left, |(side, _)| side),
             stages,
             advected,
+            first_order,
             lagrangian,
             hamiltonian,
             constraints,
@@ -123,6 +126,7 @@ impl ModelBuilder {
             origin,
         };
         let mut problems = misplaced_inputs(&model);
+        problems.extend(misplaced_states(&model));
         if problems.is_empty() {
             problems.extend(close(&mut model, &drives));
         }

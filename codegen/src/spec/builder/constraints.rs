@@ -302,6 +302,9 @@ impl ModelBuilder {
         let unknowns: Vec<SymbolId> =
             velocities.into_iter().chain(self.quasi_velocities.iter().map(|v| v.symbol)).collect();
         let occurring = self.occurring(e, &unknowns);
+        if occurring.is_empty() && self.reports_first_order(e, place, span) {
+            return None;
+        }
         if occurring.is_empty() && self.has_positions(e) {
             let position = PositionEquation { residual: e, determines: None };
             let rate = self.along(e, rates);

@@ -30,6 +30,8 @@ pub(in crate::spec) enum DeclaredAs {
     CoordinateVelocity,
     Advected,
     AdvectedComponent,
+    FirstOrder,
+    FirstOrderComponent,
     QuasiVelocity,
     Momentum,
     MomentumComponent,
@@ -54,6 +56,8 @@ impl DeclaredAs {
             DeclaredAs::CoordinateVelocity => "the velocity of a coordinate",
             DeclaredAs::Advected => "an advected parameter",
             DeclaredAs::AdvectedComponent => "a component of an advected parameter",
+            DeclaredAs::FirstOrder => "a state of first order",
+            DeclaredAs::FirstOrderComponent => "a component of a state of first order",
             DeclaredAs::QuasiVelocity => "a quasi-velocity",
             DeclaredAs::Momentum => "a momentum",
             DeclaredAs::MomentumComponent => "a component of a momentum",
@@ -69,8 +73,8 @@ impl DeclaredAs {
     /// What to change where a name is declared twice, once so and once as `other`.
     fn help_against(self, other: DeclaredAs) -> &'static str {
         use DeclaredAs::{
-            AdvectedComponent, CoordinateVelocity, InputComponent, MomentumComponent, ParameterComponent,
-            VelocityComponent,
+            AdvectedComponent, CoordinateVelocity, FirstOrderComponent, InputComponent, MomentumComponent,
+            ParameterComponent, VelocityComponent,
         };
         match (self, other) {
             (CoordinateVelocity, _) | (_, CoordinateVelocity) => {
@@ -78,13 +82,13 @@ impl DeclaredAs {
             }
             (
                 ParameterComponent | InputComponent | VelocityComponent | AdvectedComponent
-                | MomentumComponent,
+                | FirstOrderComponent | MomentumComponent,
                 _,
             )
             | (
                 _,
                 ParameterComponent | InputComponent | VelocityComponent | AdvectedComponent
-                | MomentumComponent,
+                | FirstOrderComponent | MomentumComponent,
             ) => "rename one of them; a vector `v` declares `v1`, `v2`, .. too",
             _ => "rename one of them",
         }
@@ -113,6 +117,17 @@ pub(super) struct AdvectedDraft {
     pub(super) value: Value,
     pub(super) components: Vec<(String, SymbolId)>,
     pub(super) action: Option<(Value, Option<Span>)>,
+    pub(super) doc: String,
+    pub(super) span: Option<Span>,
+}
+
+/// A state of first order.
+#[derive(Clone, Debug)]
+pub(super) struct FirstOrderDraft {
+    pub(super) name: String,
+    pub(super) components: Vec<(String, SymbolId)>,
+    pub(super) domain: Domain,
+    pub(super) rate: Option<(Value, Option<Span>)>,
     pub(super) doc: String,
     pub(super) span: Option<Span>,
 }
@@ -372,6 +387,7 @@ pub struct ModelBuilder {
     /// Connections of stages: by stage and velocity.
     pub(super) stage_connections: Vec<(String, String, Value, Option<Span>)>,
     pub(super) advected: Vec<AdvectedDraft>,
+    pub(super) first_order: Vec<FirstOrderDraft>,
     pub(super) lagrangian: Option<(Value, Option<Span>)>,
     pub(super) hamiltonian: Option<(Value, Option<Span>)>,
     pub(super) constraints: Vec<ConstraintDraft>,
@@ -449,6 +465,7 @@ impl ModelBuilder {
             inner_product: None,
             stage_connections: Vec::new(),
             advected: Vec::new(),
+            first_order: Vec::new(),
             lagrangian: None,
             hamiltonian: None,
             constraints: Vec::new(),

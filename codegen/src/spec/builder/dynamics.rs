@@ -86,16 +86,19 @@ impl ModelBuilder {
         let e = self.simple_in_frame(e);
         self.reports_stray(e, span, "the lagrangian", &[]);
         let velocities = self.velocity_symbols();
-        if !velocities.is_empty()
+        // Constraints that determine every velocity leave nothing to be derived, as for a swimmer without inertia.
+        let rows = self.constraints.iter().chain(self.determined.iter().map(|(_, draft)| draft));
+        let n_rows: usize = rows.map(|c| c.left.entries().len().max(c.right.entries().len())).sum();
+        if n_rows < velocities.len()
             && self.occurring(e, &velocities).is_empty()
             && !self.broken.contains("velocity")
+            && !self.broken.contains("constraint")
         {
             let names = self.velocity_names();
-            self.problem(
-                span,
-                "the lagrangian contains no velocity",
-                short_list("the velocities are", &names),
-            );
+            let known = short_list("the velocities are", &names);
+            let help =
+                format!("{known}; without inertia as many constraints as velocities determine the motion");
+            self.problem(span, "the lagrangian contains no velocity", help);
         }
         e
     }

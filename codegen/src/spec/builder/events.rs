@@ -75,7 +75,7 @@ impl ModelBuilder {
 
     /// Checks the events; their functions and what they set become outputs.
     pub(super) fn check_events(&mut self) -> Vec<Event> {
-        let declares = ["velocity", "coordinate", "advected", "frame", "algebroid", "momentum"];
+        let declares = ["velocity", "coordinate", "advected", "state", "frame", "algebroid", "momentum"];
         if declares.iter().any(|item| self.broken.contains(item)) {
             return Vec::new();
         }
@@ -135,7 +135,8 @@ impl ModelBuilder {
         let advected = self.advected.iter().flat_map(|a| a.components.iter().map(|(_, symbol)| *symbol));
         let momenta = self.momenta.iter().flat_map(|m| m.components.iter().map(|(_, symbol, _)| *symbol));
         let base = self.base.iter().map(|c| c.symbol);
-        velocities.chain(quasi).chain(advected).chain(momenta).chain(base).collect()
+        let first_order = self.first_order_symbols();
+        velocities.chain(quasi).chain(advected).chain(momenta).chain(base).chain(first_order).collect()
     }
 
     /// The function of an event: a number that can change its sign.
@@ -176,7 +177,7 @@ impl ModelBuilder {
         (name, span): &(String, Option<Span>),
         state: &BTreeSet<SymbolId>,
     ) -> Option<Vec<SymbolId>> {
-        let help = "an event sets velocities, coordinates and advected parameters";
+        let help = "an event sets velocities, coordinates, advected parameters and states of first order";
         let Some(declared) = self.names.get(name).map(|declared| declared.what) else {
             let known = self.names.iter().filter(|(_, d)| is_of_state(d.what)).map(|(name, _)| name.as_str());
             let near = names::suggest(name, known);

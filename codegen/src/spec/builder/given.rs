@@ -111,7 +111,10 @@ impl ModelBuilder {
             if let Some((_, span)) = span {
                 let problem = Diagnostic::new(first.span, format!("the model has `{item}` and a {other}"))
                     .with_place(*span, format!("the {other}"))
-                    .with_help(format!("keep one of them; forces are added to a {other} with `force`"));
+                    .with_help(format!(
+                        "keep one of them; forces are added to a {other} with `force`, and numbers with a rate of \
+                         their own by `state`"
+                    ));
                 self.problems.push(problem);
                 return;
             }

@@ -222,9 +222,10 @@ pub(super) fn misplaced_inputs(model: &Model) -> Vec<Diagnostic> {
 fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>, &'static str)> {
     const FORCE: &str = "an input acts by `force`: the equations of a Lagrangian would need the input's rate";
     const CONSTRAINT: &str = "the reaction would need the input's rate: let the input be the acceleration, \
-                              `ddt(v) = u`, or give the whole motion by `field`";
+                              `ddt(v) = u`, or give the whole motion by `field`; what has inertia in nothing is \
+                              a `state`, as in `state i in real by i_dot = (u - R*i)/L;`";
     const PLACE: &str =
-        "inputs are for `force`, `acceleration`, `field`, `output`, `event` and `reconstruct .. by`";
+        "inputs are for `force`, `acceleration`, `field`, `state`, `output`, `event` and `reconstruct .. by`";
     let places = &model.places;
     let of_constraint = |k: usize| {
         let constraint = &model.constraints[k];
@@ -232,6 +233,7 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
     };
     Some(match role {
         ExpressionRole::Force(_)
+        | ExpressionRole::FirstOrderRate(_)
         | ExpressionRole::Given(_)
         | ExpressionRole::Output(_)
         | ExpressionRole::Reconstruction(_) => return None,
@@ -245,7 +247,7 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
         ExpressionRole::Lagrangian => ("the Lagrangian".to_owned(), places.lagrangian, FORCE),
         ExpressionRole::Hamiltonian => ("the Hamiltonian".to_owned(), places.lagrangian, FORCE),
         ExpressionRole::DomainEnd(k) => {
-            let name = &model.base[k].name;
+            let name = model.name_of_domain(k);
             (format!("the interval of `{name}`"), places.declared.get(name).copied(), PLACE)
         }
         ExpressionRole::Condition(k) => {

@@ -11,6 +11,7 @@ mod constraints;
 mod draft;
 mod dynamics;
 mod events;
+mod first_order;
 mod frame;
 mod given;
 mod inputs;

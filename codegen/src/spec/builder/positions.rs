@@ -99,7 +99,7 @@ impl ModelBuilder {
             self.problem(span, format!("{place} always holds"), "remove it");
             return false;
         }
-        if self.reports_stray(e, span, place, &[]) {
+        if self.reports_stray(e, span, place, &[]) || self.reports_first_order(e, place, span) {
             return false;
         }
         if let Some(velocity) = self.velocity_symbols().into_iter().find(|v| self.mentions(e, *v)) {

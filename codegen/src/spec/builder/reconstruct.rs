@@ -394,6 +394,8 @@ impl ModelBuilder {
         symbols
             .extend(self.momenta.iter().flat_map(|m| m.components.iter().map(|(n, s, _)| (*s, n.clone()))));
         symbols.extend(self.advected.iter().flat_map(|a| a.components.iter().map(|(n, s)| (*s, n.clone()))));
+        let first_order = self.first_order.iter().flat_map(|state| &state.components);
+        symbols.extend(first_order.map(|(n, s)| (*s, n.clone())));
         let reconstructed = self.reconstructions.iter().flat_map(|r| r.symbols.iter().zip(&r.names));
         symbols.extend(reconstructed.map(|(s, n)| (*s, n.clone())));
         symbols.extend(self.carried_accelerations.iter().map(|(s, n)| (*s, n.clone())));
@@ -401,7 +403,7 @@ impl ModelBuilder {
     }
 
     fn unknown_variable(&mut self, name: &str, span: Option<Span>) {
-        let declares = ["velocity", "coordinate", "advected", "reconstruct", "quasi_velocity"];
+        let declares = ["velocity", "coordinate", "advected", "state", "reconstruct", "quasi_velocity"];
         if declares.iter().any(|item| self.broken.contains(item)) {
             return;
         }

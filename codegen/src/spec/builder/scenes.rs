@@ -236,9 +236,10 @@ impl ModelBuilder {
             let scene = &draft.scene.name;
             let is_base = self.names.get(name).is_some_and(|d| d.what == DeclaredAs::Coordinate);
             let advected = self.advected.iter();
+            let is_state = self.first_order.iter().any(|state| state.name == *name);
             if drops.contains(name) {
                 self.problem(*span, format!("scene `{scene}` drops `{name}` twice"), "keep one of them");
-            } else if is_base || self.advected.iter().any(|a| a.name == *name) {
+            } else if is_base || is_state || self.advected.iter().any(|a| a.name == *name) {
                 drops.push(name.clone());
                 components.extend(self.components_of(name).into_iter().map(|component| (component, *span)));
             } else if let Some(block) =
@@ -246,14 +247,11 @@ impl ModelBuilder {
             {
                 let message = format!("scene `{scene}` drops a part of `{block}`");
                 self.problem(*span, message, format!("drop `{block}` as a whole"));
-            } else if !(self.broken.contains("coordinate") || self.broken.contains("advected")) {
-                let known: Vec<&str> = self
-                    .base
-                    .iter()
-                    .map(|c| c.name.as_str())
-                    .chain(advected.map(|a| a.name.as_str()))
-                    .collect();
-                let help = names::suggest(name, known);
+            } else if !["coordinate", "advected", "state"].iter().any(|item| self.broken.contains(item)) {
+                let known = self.base.iter().map(|c| c.name.as_str());
+                let known = known.chain(advected.map(|a| a.name.as_str()));
+                let known = known.chain(self.first_order.iter().map(|state| state.name.as_str()));
+                let help = names::suggest(name, known.collect::<Vec<_>>());
                 let message = format!(
                     "scene `{scene}` drops `{name}`, which is neither a base coordinate nor an advected parameter"
                 );
@@ -321,8 +319,10 @@ impl ModelBuilder {
 
     /// The components of a base coordinate or an advected parameter, of one or more numbers.
     fn components_of(&mut self, name: &str) -> Vec<String> {
-        if let Some(advected) = self.advected.iter().find(|a| a.name == name) {
-            return advected.components.iter().map(|(component, _)| component.clone()).collect();
+        let advected = self.advected.iter().find(|a| a.name == name).map(|a| &a.components);
+        let first_order = self.first_order.iter().find(|state| state.name == name).map(|s| &s.components);
+        if let Some(components) = advected.or(first_order) {
+            return components.iter().map(|(component, _)| component.clone()).collect();
         }
         let base: Vec<String> = self.base.iter().map(|c| c.name.clone()).collect();
         base.into_iter().filter(|component| component == name || self.is_part(component, name)).collect()

@@ -152,7 +152,7 @@ impl ModelBuilder {
         (place, rate)
     }
 
-    fn check_interval(&mut self, low: ExprId, high: ExprId) {
+    pub(super) fn check_interval(&mut self, low: ExprId, high: ExprId) {
         let here = self.here;
         let params: BTreeSet<SymbolId> = self.params.iter().map(|p| p.symbol).collect();
         let mut free = self.graph.free_symbols(low);

@@ -58,6 +58,14 @@ impl Elaboration<'_> {
                 Some(value) => _ = self.builder.at(Some(action.span)).advected_action(&name.text, &value),
                 None => _ = self.builder.broken.insert("advected"),
             },
+            ItemKind::State { name, .. } if self.poisoned.contains(&name.text) => {}
+            ItemKind::State { name, rate: (rate, value), .. } => {
+                match self.builder.value(&rate.text).cloned().filter(|_| !self.poisoned.contains(&rate.text))
+                {
+                    Some(of_rate) => _ = self.builder.at(Some(value.span)).state_rate(&name.text, &of_rate),
+                    None => _ = self.builder.broken.insert("state"),
+                }
+            }
             ItemKind::Lagrangian(expr) => match self.eval(expr) {
                 Some(value) => _ = self.builder.at(Some(expr.span)).lagrangian(&value),
                 None => _ = self.builder.broken.insert("lagrangian"),

@@ -1,6 +1,6 @@
 //! Definitions, in the order of their use.
 //!
-//! Deliberately does not know: items other than `let` and `body`.
+//! Deliberately does not know: items other than `let`, `state` and `body`.
 
 use std::collections::BTreeMap;
 
@@ -58,6 +58,8 @@ impl Elaboration<'_> {
         let mut index: BTreeMap<&'a str, usize> = BTreeMap::new();
         let defined = items.iter().flat_map(|item| match &item.kind {
             ItemKind::Let { name, value } => vec![(name, Definition::Value(value))],
+            // A rate is a definition: what mentions it means its value.
+            ItemKind::State { rate: (name, value), .. } => vec![(name, Definition::Value(value))],
             ItemKind::Body(body) => {
                 body.parts.iter().map(|(part, name)| (name, Definition::Part(body, *part))).collect()
             }

@@ -171,6 +171,9 @@ impl Elaboration<'_> {
                 ItemKind::Coordinate { names, shape, domain, by: _ } => {
                     self.declare_coordinates(item, names, shape, domain)
                 }
+                ItemKind::State { name, shape, domain, rate: _ } => {
+                    self.declare_first_order(item, name, shape, domain);
+                }
                 ItemKind::Advected { name, space, labels, .. } => {
                     self.declare_advected(item, name, space, labels.first());
                 }
@@ -240,8 +243,8 @@ impl Elaboration<'_> {
         }
     }
 
-    fn declare_coordinates(&mut self, item: &Item, names: &[Name], shape: &ast::Shape, domain: &DomainExpr) {
-        let domain = match domain {
+    fn domain(&mut self, domain: &DomainExpr) -> Domain {
+        match domain {
             DomainExpr::Angle => Domain::Angle,
             DomainExpr::Real => Domain::Real,
             DomainExpr::Interval(low, high) => {
@@ -252,7 +255,27 @@ impl Elaboration<'_> {
                     _ => Domain::Real,
                 }
             }
-        };
+        }
+    }
+
+    fn declare_first_order(&mut self, item: &Item, name: &Name, shape: &ast::Shape, domain: &DomainExpr) {
+        let domain = self.domain(domain);
+        let doc = item.doc.join("\n");
+        self.builder.at(Some(name.span));
+        match shape {
+            ast::Shape::Scalar => _ = self.builder.state(&name.text, domain, &doc),
+            ast::Shape::Vector(n) => _ = self.builder.state_vector(&name.text, n.value, domain, &doc),
+            _ => {
+                let message = format!("state `{}` must be a number or a vector", name.text);
+                self.problem(name.span, message, "write `state z: vector(2) in real by z_dot = ..;`");
+                self.poisoned.insert(name.text.clone());
+                self.builder.broken.insert("state");
+            }
+        }
+    }
+
+    fn declare_coordinates(&mut self, item: &Item, names: &[Name], shape: &ast::Shape, domain: &DomainExpr) {
+        let domain = self.domain(domain);
         let doc = item.doc.join("\n");
         for name in names {
             self.builder.at(Some(name.span));

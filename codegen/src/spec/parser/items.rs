@@ -105,6 +105,7 @@ impl<'a> Parser<'a> {
                 }
             }
             "coordinate" => self.coordinate()?,
+            "state" => self.first_order_state()?,
             "advected" => self.advected()?,
             "lagrangian" => {
                 self.equals()?;
@@ -418,25 +419,7 @@ impl<'a> Parser<'a> {
     fn coordinate(&mut self) -> Parsed<ItemKind> {
         let names = self.comma_separated(|p| p.declared_coordinate("the name of a coordinate"))?;
         let shape = self.shape()?;
-        self.require_word("in")?;
-        let domain = match self.group(Delimiter::Parenthesis) {
-            Some((mut inside, _)) => {
-                let low = inside.expr()?;
-                inside.require_punct(",")?;
-                let high = inside.expr()?;
-                inside.finish("`)`")?;
-                DomainExpr::Interval(low, high)
-            }
-            None => {
-                let domain = match self.peek_ident().as_deref() {
-                    Some("angle") => DomainExpr::Angle,
-                    Some("real") => DomainExpr::Real,
-                    _ => return self.expected("a domain: `(low, high)`, `angle` or `real`"),
-                };
-                self.ident("")?;
-                domain
-            }
-        };
+        let domain = self.domain()?;
         if self.word("by").is_none() {
             return Ok(ItemKind::Coordinate { names, shape, domain, by: None });
         }
@@ -449,6 +432,47 @@ impl<'a> Parser<'a> {
         self.equals()?;
         let right = self.expr()?;
         Ok(ItemKind::Coordinate { names, shape, domain, by: Some((left, right)) })
+    }
+
+    /// `in (low, high)`, `in angle` or `in real`.
+    fn domain(&mut self) -> Parsed<DomainExpr> {
+        self.require_word("in")?;
+        if let Some((mut inside, _)) = self.group(Delimiter::Parenthesis) {
+            let low = inside.expr()?;
+            inside.require_punct(",")?;
+            let high = inside.expr()?;
+            inside.finish("`)`")?;
+            return Ok(DomainExpr::Interval(low, high));
+        }
+        let domain = match self.peek_ident().as_deref() {
+            Some("angle") => DomainExpr::Angle,
+            Some("real") => DomainExpr::Real,
+            _ => return self.expected("a domain: `(low, high)`, `angle` or `real`"),
+        };
+        self.ident("")?;
+        Ok(domain)
+    }
+
+    /// `i: vector(2) in real by i_dot = rate`.
+    fn first_order_state(&mut self) -> Parsed<ItemKind> {
+        let name = self.declared_coordinate("the name of the state")?;
+        let shape = self.shape()?;
+        let domain = self.domain()?;
+        let expected = format!("{}_dot", name.text);
+        let help = format!("a state of first order is given by its rate: `by {expected} = ..`");
+        if self.word("by").is_none() {
+            return Err(Box::new(self.unexpected("`by` and the rate").with_help(help)));
+        }
+        let rate = self.named("the rate")?;
+        if rate.text != expected {
+            let message = format!("`{}` is not the rate of `{}`", rate.text, name.text);
+            return Err(Box::new(Diagnostic::new(Some(rate.span), message).with_help(help)));
+        }
+        if !self.peek_punct('=') {
+            return Err(Box::new(self.unexpected("`=`").with_help(help)));
+        }
+        self.equals()?;
+        Ok(ItemKind::State { name, shape, domain, rate: (rate, self.expr()?) })
     }
 
     fn advected(&mut self) -> Parsed<ItemKind> {

@@ -65,8 +65,9 @@ fn declares_units(model: &Model) -> bool {
         has_unit(&v.doc) || model.momenta.iter().any(by_momentum)
     });
     let advected = model.advected.iter().all(|a| has_unit(&a.doc));
+    let first_order = model.first_order.iter().all(|s| s.domain == Domain::Angle || has_unit(&s.doc));
     let is_any = !(model.params.is_empty() && model.base.is_empty() && model.velocities.is_empty());
-    is_any && params && base && velocities && advected
+    is_any && params && base && velocities && advected && first_order
 }
 
 /// Whether a unit of a model has a time in it; the others may count the time by anything.
@@ -74,7 +75,7 @@ fn has_seconds(model: &Model) -> bool {
     let params = model.params.iter().map(|p| &p.doc);
     let state = model.base.iter().map(|c| &c.doc).chain(model.velocities.iter().map(|v| &v.doc));
     let others = model.advected.iter().map(|a| &a.doc).chain(model.momenta.iter().map(|m| &m.doc));
-    let docs = params.chain(state).chain(others);
+    let docs = params.chain(state).chain(others).chain(model.first_order.iter().map(|s| &s.doc));
     docs.flat_map(|doc| units(doc)).filter_map(Dimension::parse).any(|unit| unit.has_time())
 }
 
@@ -184,6 +185,14 @@ impl Check<'_> {
         for advected in &model.advected {
             for (_, symbol) in &advected.components {
                 self.declared(*symbol, &advected.doc, 0);
+            }
+        }
+        for state in &model.first_order {
+            for (_, symbol) in &state.components {
+                match state.domain {
+                    Domain::Angle if units(&state.doc).is_empty() => self.angle(*symbol),
+                    _ => self.declared(*symbol, &state.doc, 0),
+                }
             }
         }
         let mut lines: Vec<&str> = Vec::new();
@@ -372,6 +381,13 @@ impl Check<'_> {
                     let what = format!("the connection on `{}`", model.velocities[a].name);
                     self.equal(&what, model.places.connection, *entry, &expected, "the velocities give");
                 }
+            }
+        }
+        for state in &model.first_order {
+            for ((name, symbol), e) in state.components.iter().zip(&state.rates) {
+                let expected = self.dimensions.of_symbol(*symbol).divided(&second);
+                let what = format!("the rate of `{name}`");
+                self.equal(&what, state.of_rate, *e, &expected, "its unit by the time gives");
             }
         }
         for advected in &model.advected {
@@ -588,7 +604,10 @@ impl Check<'_> {
         let advected = model.advected.iter().flat_map(|a| a.components.iter().map(|(_, symbol)| *symbol));
         let momenta = model.momenta.iter().flat_map(|m| m.components.iter().map(|(_, symbol, _)| *symbol));
         let group = model.reconstruction.iter().flat_map(|item| item.symbols.iter().copied());
-        for symbol in params.chain(base).chain(velocities).chain(advected).chain(momenta).chain(group) {
+        let first_order =
+            model.first_order.iter().flat_map(|s| s.components.iter().map(|(_, symbol)| *symbol));
+        let state = base.chain(velocities).chain(advected).chain(first_order);
+        for symbol in params.chain(state).chain(momenta).chain(group) {
             let form = self.dimensions.of_symbol(symbol);
             if let Some(unit) = self.declared.get(&symbol).cloned().or_else(|| inferred(self, &form)) {
                 units.of_name.insert(model.graph.name(symbol).to_owned(), unit);

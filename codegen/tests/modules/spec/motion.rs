@@ -255,14 +255,6 @@ fn bad_displacements() {
         r#"model m { velocity v in R^2; lagrangian = dot(v, v); virtual c: delta(v1) = 0; virtual c: delta(v2) = 0; }"#,
         expect![[r#"1:91 condition `c` is declared twice [rename one of them]"#]],
     );
-    check(
-        r#"model m { param delta = 1; velocity v in R^2; lagrangian = dot(v, v); }"#,
-        expect![[r#"1:17 `delta` cannot be used as a name [it is a function of the language]"#]],
-    );
-    check(
-        r#"model m { let ddt = 1; velocity v in R^2; lagrangian = dot(v, v); }"#,
-        expect![[r#"1:15 `ddt` cannot be used as a name [it is a function of the language]"#]],
-    );
 }
 
 #[test]
