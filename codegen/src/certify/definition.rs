@@ -54,6 +54,8 @@ pub(super) struct Definition<'a> {
     /// Velocities before quasi-velocities.
     original: Vec<SymbolId>,
     velocities: Vec<SymbolId>,
+    /// Rates of states of first order.
+    first_order: Tape,
     forces: Tape,
     /// Residuals of all constraints.
     residuals: Tape,
@@ -150,6 +152,7 @@ impl<'a> Definition<'a> {
             advected: model.advected.iter().flat_map(|a| a.components.iter().map(|(_, s)| *s)).collect(),
             original,
             velocities,
+            first_order: tape(&model.first_order.iter().flat_map(|s| s.rates.iter().copied()).collect::<Vec<_>>()),
             forces: tape(&model.forces),
             residuals: tape(&residuals),
             highest,
@@ -243,6 +246,12 @@ impl<'a> Definition<'a> {
         let actions = self.actions.eval(&moving)?.roots;
         rates.extend(self.advected.iter().copied().zip(actions.into_iter().map(|a| sign * a)));
         Ok(rates)
+    }
+
+    /// The rates of states of first order.
+    pub(super) fn first_order<R: Real>(&self, env: &Env<R>) -> Result<Displacement<R>, Missing> {
+        let symbols = self.model.first_order.iter().flat_map(|s| s.components.iter().map(|(_, symbol)| *symbol));
+        Ok(symbols.zip(self.first_order.eval(env)?.roots).collect())
     }
 
     /// `[w, y]` in the frame of the group.

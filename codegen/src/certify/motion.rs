@@ -64,6 +64,8 @@ impl Motion {
             setting.state.contains(on_circle.map_or(symbol, |[cosine, ..]| cosine))
         };
         along.extend(base.into_iter().filter(|(symbol, _)| !carried(symbol)));
+        let of_first_order = definition.first_order(&at.env)?;
+        along.extend(of_first_order.into_iter().filter(|(symbol, _)| !carried(symbol)));
         let moving = setting.place(&setting.seeded(&point.env, &along))?;
         for (symbol, y) in definition.model.accelerations.iter().zip(&moving.of_model) {
             at.env.set(*symbol, y.derivative);
@@ -98,7 +100,8 @@ impl Motion {
     fn kinematics(&self, setting: &Setting<'_>, sheet: &mut Sheet) -> Result<(), Missing> {
         let definition = &setting.definition;
         let model = definition.model;
-        for (symbol, rate) in definition.anchored(&self.at.env, &self.at.group)? {
+        let moved = definition.anchored(&self.at.env, &self.at.group)?;
+        for (symbol, rate) in moved.into_iter().chain(definition.first_order(&self.at.env)?) {
             let name = model.graph.name(symbol);
             if let Some(found) = self.rate_of(setting, symbol) {
                 sheet.equal(RATES, format!("the rate of {name}"), found, rate);
@@ -120,7 +123,7 @@ impl Motion {
     fn state_is_what_it_is_named(&self, setting: &Setting<'_>, sheet: &mut Sheet) -> Result<(), Missing> {
         let definition = &setting.definition;
         let system = &setting.claim.equations.system;
-        for (symbol, y) in system.velocities.iter().zip(&self.at.of_system) {
+        for (symbol, y) in setting.velocity_symbols.iter().zip(&self.at.of_system) {
             if let Some(k) = setting.state.iter().position(|s| s == symbol) {
                 let name = &setting.claim.program.state[k];
                 sheet.equal(RATES, format!("the velocity {name}"), *y, self.state[k]);

@@ -28,8 +28,10 @@ pub(super) struct Setting<'a> {
     pub(super) claim: &'a Claim<'a>,
     pub(super) definition: Definition<'a>,
     pub(super) runner: Runner<'a>,
-    /// All velocities of the system.
+    /// All velocities of the system, and of the model.
     velocities: Tape,
+    /// Their symbols.
+    pub(super) velocity_symbols: Vec<SymbolId>,
     /// Symbols of the scene's state.
     pub(super) state: Vec<SymbolId>,
     /// Base coordinates of the system that the scene leaves out.
@@ -98,8 +100,19 @@ impl<'a> Setting<'a> {
     pub(super) fn new(claim: &'a Claim<'a>) -> Setting<'a> {
         let (model, equations) = (claim.model, claim.equations);
         let system = &equations.system;
-        let sections = needed_sections(&system.graph, &equations.sections, &equations.velocities);
-        let velocities = Tape::with_definitions(&system.graph, &sections, &equations.velocities);
+        // A coordinate that reduction has made a state of first order keeps its velocity in the model: its rate.
+        let is_whole = system.velocities.len() == model.all_velocities().len();
+        let (symbols, roots): (Vec<SymbolId>, Vec<ExprId>) = match is_whole {
+            true => (system.velocities.clone(), equations.velocities.clone()),
+            false => model.all_velocities().iter().enumerate().filter_map(|(k, (_, symbol))| {
+                let place = system.velocities.iter().position(|s| s == symbol);
+                let coordinate = model.base[..model.n_shape()].get(k).map(|c| c.symbol);
+                let rate = || equations.state.iter().find(|s| Some(s.symbol) == coordinate).map(|s| s.derivative);
+                Some((*symbol, place.map(|k| equations.velocities[k]).or_else(rate)?))
+            }).unzip(),
+        };
+        let sections = needed_sections(&system.graph, &equations.sections, &roots);
+        let velocities = Tape::with_definitions(&system.graph, &sections, &roots);
         let is_left_out = |s: &SymbolId| !claim.state.contains(s);
         let angle = |name: &str| model.base.iter().find(|c| c.name == name).map(|c| c.symbol);
         let circles = system.circles.iter().filter_map(|c| Some([c.cosine, c.sine, angle(&c.angle)?]));
@@ -107,15 +120,16 @@ impl<'a> Setting<'a> {
             model.constraints.iter().filter_map(|c| Some(c.position?.residual)).collect();
         let of_degeneracy: Vec<ExprId> =
             system.degeneracy.iter().flat_map(|d| d.positions.iter().map(|(_, e)| *e)).collect();
-        let symbols = symbols_by_name(model, equations);
+        let by_name = symbols_by_name(model, equations);
         let initial = model.initial.iter().filter_map(|(name, e)| {
-            let (_, symbol) = symbols.iter().find(|(known, _)| known == name)?;
+            let (_, symbol) = by_name.iter().find(|(known, _)| known == name)?;
             Some((*symbol, Tape::new(&model.graph, &[*e])))
         });
         Setting {
             definition: Definition::new(model, equations),
             runner: Runner::new(claim.program),
             velocities,
+            velocity_symbols: symbols,
             state: claim.state.clone(),
             left_out: system.algebroid.base().iter().copied().filter(is_left_out).collect(),
             circles: circles.collect(),
@@ -153,7 +167,7 @@ impl<'a> Setting<'a> {
         let system = &self.claim.equations.system;
         let before = self.definition.before_stages(env, &values.roots)?;
         let value = |symbol: SymbolId| {
-            let of_system = system.velocities.iter().position(|s| *s == symbol).map(|k| values.roots[k]);
+            let of_system = self.velocity_symbols.iter().position(|s| *s == symbol).map(|k| values.roots[k]);
             let original = system.frame.as_ref().map(|frame| &frame.original);
             let of_original = original.and_then(|o| o.iter().position(|u| u.symbol == symbol)).map(|k| before[k]);
             let found = of_system.or(of_original).or_else(|| values.defined.get(&symbol).copied());
@@ -241,9 +255,12 @@ impl<'a> Setting<'a> {
             let (_, tape) = self.initial.iter().find(|(own, _)| *own == symbol)?;
             Some(tape.eval(env).ok()?.roots[0].to_f64())
         };
-        for coordinate in &model.base {
-            let start = initial(coordinate.symbol, env);
-            let value = match coordinate.domain {
+        let base = model.base.iter().map(|c| (c.symbol, c.domain));
+        let first_order = model.first_order.iter();
+        let first_order = first_order.flat_map(|s| s.components.iter().map(|(_, symbol)| (*symbol, s.domain)));
+        for (symbol, domain) in base.chain(first_order) {
+            let start = initial(symbol, env);
+            let value = match domain {
                 Domain::Interval(low, high) => {
                     let ends = Tape::new(&model.graph, &[low, high]).eval(env).ok()?.roots;
                     let [low, high] = [ends[0].to_f64(), ends[1].to_f64()];
@@ -257,7 +274,7 @@ impl<'a> Setting<'a> {
                 }
                 Domain::Angle | Domain::Real => start.unwrap_or(0.0) + 0.6 * random.signed(),
             };
-            env.set(coordinate.symbol, Wide::exact(value));
+            env.set(symbol, Wide::exact(value));
         }
         for advected in &model.advected {
             let symbols: Vec<SymbolId> = advected.components.iter().map(|(_, s)| *s).collect();

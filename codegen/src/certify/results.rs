@@ -10,6 +10,7 @@ use crate::program::Role;
 use crate::spec::{ReconstructionKind, Want};
 
 use super::definition::{Missing, Place};
+use super::linear::Reduced;
 use super::motion::{Motion, constants};
 use super::point::{Point, Random, Setting};
 use super::runner::At;
@@ -162,7 +163,7 @@ impl Results<'_, '_> {
         let system = &self.setting.claim.equations.system;
         match &system.frame {
             Some(frame) => frame.original.iter().map(|u| u.name.clone()).collect(),
-            None => system.velocities.iter().map(|s| system.graph.name(*s).to_owned()).collect(),
+            None => self.setting.velocity_symbols.iter().map(|s| system.graph.name(*s).to_owned()).collect(),
         }
     }
 
@@ -274,10 +275,20 @@ impl Results<'_, '_> {
         }
         let definition = &self.setting.definition;
         let n = definition.n_displacements();
-        let displacement = random.vector(n);
+        let by_order = !definition.model.virtual_constraints.is_empty();
+        let mut displacement = random.vector(n);
+        if self.setting.claim.equations.system.velocities.len() < definition.m {
+            // What gives a velocity without inertia has no multiplier: displacements satisfy it.
+            let forms = definition.one_forms(&self.motion.at)?.into_iter();
+            let rows = forms.filter(|(name, _)| {
+                let own = format!("lambda_{name}");
+                output.components.iter().all(|(name, _)| *name != own)
+            });
+            let rows = rows.map(|(_, form)| form.into_iter().chain([Wide::ZERO]).collect());
+            displacement = Reduced::new(rows.collect(), n).solution(&displacement);
+        }
         let w = definition.group_velocities(&self.motion.at.env, &displacement[..definition.m])?;
         let mut terms = self.motion.unbalanced(self.setting, &w)?.to_vec();
-        let by_order = !definition.model.virtual_constraints.is_empty();
         for (k, (name, form)) in definition.one_forms(&self.motion.at)?.into_iter().enumerate() {
             let own = format!("lambda_{name}");
             // Reactions along displacements of their own have the names of the constraints that they keep.

@@ -231,5 +231,6 @@ pub(super) fn apply<R: Real>(f: Func, x: R) -> R {
         Func::Cosh => x.cosh(),
         Func::Tanh => x.tanh(),
         Func::Abs => x.abs(),
+        Func::Stumpff(k) => x.stumpff(k.into()),
     }
 }

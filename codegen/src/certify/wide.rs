@@ -33,9 +33,9 @@ impl Wide {
         Wide { error: 0.0, ..x }
     }
 
-    /// The number with at least that error.
+    /// The number with a further error.
     pub(super) fn uncertain(self, error: f64) -> Wide {
-        Wide { error: self.error.max(error), ..self }
+        Wide { error: self.error + error, ..self }
     }
 
     pub(super) fn size(self) -> f64 {
@@ -190,6 +190,13 @@ impl Real for Wide {
     }
     fn abs(self) -> Wide {
         Wide { value: self.value.abs(), ..self }
+    }
+    fn stumpff(self, k: u32) -> Wide {
+        let z = self.value;
+        let [own, one, two] = [0, 1, 2].map(|j| z.stumpff(k + j));
+        let slope = 0.5 * (f64::from(k) * two.hi() - one.hi());
+        // Sums of the series and of the recursion cancel to numbers below one.
+        self.chain(own, slope).uncertain(UNIT)
     }
     fn all_gt(self, other: Wide) -> bool {
         self.value > other.value
