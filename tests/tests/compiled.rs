@@ -113,9 +113,18 @@ fn compare_on_duals<S: Scene<Dual>>(built: &BuiltScene, zeros: S::State) -> usiz
     compared
 }
 
+/// Every function of a shipped scene is compared with its definition; that a time is Hamiltonian is proved symbolically.
+fn is_held_to_its_definition(built: &BuiltScene) {
+    let certificate = built.certificate();
+    let label = format!("{} {}: {}", built.equations.system.name, built.name, certificate.sentence());
+    assert_eq!(certificate.n_points, 3, "{label}");
+    assert!(certificate.open.keys().all(|name| name == "hamiltonian_time"), "{label} {:?}", certificate.open);
+}
+
 /// Every function of a scene compiled in memory, on numbers and on lanes, to the last bit. Points are everywhere, so
 /// that there are NaN among the values, and angles beyond the kernel of sine and cosine.
 fn compare_in_memory(built: &BuiltScene) -> usize {
+    is_held_to_its_definition(built);
     let (label, program) = (&built.name, &built.program);
     let compiled = Compiled::new(program).unwrap_or_else(|e| panic!("{label}: {e}"));
     compiled.compile(true).unwrap_or_else(|e| panic!("{label}: {e}"));
