@@ -90,7 +90,8 @@ fn a_pendulum_in_place_coordinates_goes_round() {
 /// The warning of an energy that moves is one of adaptive steps as well: at a tolerance that is none.
 #[test]
 fn adaptive_steps_tell_that_an_energy_moves() {
-    let text = "model oscillator { coordinate x in real; lagrangian = x_dot^2/2 - x^4/4; initial x = 1; initial x_dot = 1; }";
+    let text = "model oscillator { coordinate x in real; lagrangian = x_dot^2/2 - x^4/4;
+        initial x = 1; initial x_dot = 1; }";
     let arguments = ["--t-final", "20000", "--rtol", "1e-4", "--atol", "1e-4", "--method", "tsit5"];
     let (succeeds, output, message) = simulate("oscillator.hamel", text, &arguments);
     assert!(succeeds, "{message}");

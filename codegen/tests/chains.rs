@@ -250,7 +250,7 @@ fn arms_of_industry_move_as_dalembert_says() {
 /// Chains drawn unless asked for more.
 const N_CHAINS: usize = 24;
 
-/// Bodies that are multiplied out beside the recursion: number of operations grows with the fourth power.
+/// Bodies that are multiplied out beside the recursion: the number of operations grows with the fourth power.
 const MAX_EXPANDED: usize = 3;
 
 /// Longer chains are derived alone.

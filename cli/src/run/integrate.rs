@@ -172,8 +172,8 @@ const LARGE_DRIFT: f64 = 1e-3;
 /// Of adaptive steps, in units of the relative tolerance: as many steps may add up.
 const MANY_TOLERANCES: f64 = 1e3;
 
-/// That a motion is another one, where the energy shows it: fixed steps have no error estimate, and an estimate does not
-/// see where constraints lose their rank.
+/// That a motion is another one, where the energy shows it: fixed steps have no error estimate, and an estimate does
+/// not see where constraints lose their rank.
 fn drift_warning(info: &Info, steps: Steps, drift: Option<f64>) -> Option<String> {
     let drift = drift.filter(|_| info.conserves_energy)?;
     let (large, reason) = match steps {

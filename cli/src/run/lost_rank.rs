@@ -1,8 +1,8 @@
 //! Whether equations between coordinates have lost their rank on the way of a step, where a motion may go on in more
 //! than one way.
 //!
-//! With gradients `G(q)` the determinants of the largest minors of `G` are a vector `n`, and by Cauchy and Binet `n(a) .
-//! n(b) = det G(a) G(b)^T`. Along a smooth path `n` turns as the gradients do; where they become dependent and
+//! With gradients `G(q)` the determinants of the largest minors of `G` are a vector `n`, and by Cauchy and Binet
+//! `n(a) . n(b) = det G(a) G(b)^T`. Along a smooth path `n` turns as the gradients do; where they become dependent and
 //! independent again it goes through zero, and its direction jumps: to the opposite one, or to that of another branch.
 //!
 //! Does not know: how steps are made, what is said about it.

@@ -142,7 +142,8 @@ impl Graph {
         })
     }
 
-    /// The partial derivatives of `atan2(y, x)`, `x/(x^2 + y^2)` by `y` and `-y/(x^2 + y^2)` by `x`; none at the origin.
+    /// The partial derivatives of `atan2(y, x)`, `x/(x^2 + y^2)` by `y` and `-y/(x^2 + y^2)` by `x`; none at the
+    /// origin.
     pub(crate) fn atan2_derivatives(&mut self, y: ExprId, x: ExprId) -> Option<[ExprId; 2]> {
         let (squared_y, squared_x) = (self.powi(y, 2), self.powi(x, 2));
         let square = self.add(squared_x, squared_y);

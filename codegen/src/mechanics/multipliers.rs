@@ -98,8 +98,8 @@ impl Derivation<'_> {
         })
     }
 
-    /// `w ydot + w0 = 0` without the factors that all its terms share and that change along a motion: `v vdot + x v = 0`
-    /// is `vdot + x = 0`, where nothing divides by `v`.
+    /// `w ydot + w0 = 0` without the factors that all its terms share and that change along a motion:
+    /// `v vdot + x v = 0` is `vdot + x = 0`, where nothing divides by `v`.
     fn without_common_factors(&mut self, form: &[ExprId], rate: ExprId) -> (Vec<ExprId>, ExprId) {
         let mut shared: Option<BTreeMap<ExprId, Rational>> = None;
         let zero = self.g.zero();

@@ -114,8 +114,8 @@ impl Derivation<'_> {
         Ok(self.g.cancel_zero(sum))
     }
 
-    /// Unknowns that are no velocities of the frame, with their rates: quasi-velocities, and the velocities of the model
-    /// where the frame is an internal one.
+    /// Unknowns that are no velocities of the frame, with their rates: quasi-velocities, and the velocities of the
+    /// model where the frame is an internal one.
     fn rates_beside_the_frame(&self, motion: &Motion) -> Vec<(SymbolId, ExprId)> {
         let unknowns = self.system.unknowns.iter().zip(&motion.unknown_rates);
         let others = unknowns.filter(|(u, _)| !self.system.velocities.contains(&u.symbol));

@@ -13,8 +13,8 @@ use crate::spec::{self, Diagnostics, Model, Relation};
 /// true.
 ///
 /// # Errors
-/// Unknown parameters, values at which a denominator of the model vanishes or an expression of numbers has no value, and
-/// conditions that have become false.
+/// Unknown parameters, values at which a denominator of the model vanishes or an expression of numbers has no value,
+/// and conditions that have become false.
 pub fn with_fixed(mut model: Model, fixed: &[(String, Rational)]) -> Result<Model, Diagnostics> {
     let mut values = BTreeMap::new();
     let mut unknown = Vec::new();

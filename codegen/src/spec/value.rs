@@ -596,7 +596,7 @@ impl Value {
 }
 
 /// A number of which nothing is known that shows it to be none.
-fn with_value(g: &Graph, e: ExprId) -> Outcome {
+fn with_value(g: &mut Graph, e: ExprId) -> Outcome {
     match g.is_number_without_value(e) {
         true => Err(ValueError::NoValue(g.display(e, Style::Plain))),
         false => Ok(Value::Scalar(e)),
