@@ -7,8 +7,10 @@ use hamel_codegen::config::{Problem as GenerationProblem, Problems};
 use hamel_codegen::spec::Diagnostics;
 use serde::{Deserialize, Serialize};
 
-use crate::interrupts;
 use crate::names;
+
+/// Exit status of an interrupted program, as shells have it.
+pub(crate) const INTERRUPTED: u8 = 130;
 
 /// What can go wrong.
 #[derive(Debug)]
@@ -296,7 +298,7 @@ impl Error {
                 };
                 if problems.iter().all(is_input) { 2 } else { 1 }
             }
-            Error::Interrupted { .. } => interrupts::STATUS,
+            Error::Interrupted { .. } => INTERRUPTED,
             Error::Remote { code, .. } => *code,
             Error::Several { errors } => errors.iter().map(Error::exit_code).max().unwrap_or(1),
             _ => 2,

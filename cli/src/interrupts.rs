@@ -9,11 +9,9 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use crate::error::INTERRUPTED;
 use crate::streams::tell;
 use crate::temporary;
-
-/// Exit status of an interrupted program, as shells have it.
-pub const STATUS: u8 = 130;
 
 /// An interrupt ends the program.
 const OPEN: u8 = 0;
@@ -37,7 +35,7 @@ pub fn watch() {
         if !message.is_empty() {
             tell(format_args!("\ninterrupted: {message}"));
         }
-        std::process::exit(i32::from(STATUS));
+        std::process::exit(i32::from(INTERRUPTED));
     };
     // Another handler is as good.
     #[cfg(not(target_family = "wasm"))]

@@ -637,9 +637,10 @@ impl Page {
         let is_own = model.algebroid.is_some() || model.frame.is_some();
         let mut g = equations.system.graph.clone();
         g.set_budget(Budget::UNLIMITED);
-        let lift = |page: &Page, i: usize| match page.html() {
-            true => format!("<msub><mi>D</mi>{}</msub>", page.name(&model.base[i].name)),
-            false => format!("D_{}", page.name(&model.base[i].name)),
+        let lift = |page: &Page, i: usize| match (page.style, page.name(&model.base[i].name)) {
+            (Style::MathMl, name) => format!("<msub><mi>D</mi>{name}</msub>"),
+            (Style::Latex, name) => format!("D_{{{name}}}"),
+            (_, name) => format!("D_{name}"),
         };
         let basis: Vec<String> = match equations.system.frame {
             Some(_) => {

@@ -5,7 +5,7 @@
 /// Commands that stand for a sign or a letter, and those that take groups.
 const COMMANDS: &str = "alpha beta gamma delta varepsilon epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau \
     upsilon phi varphi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega \
-    dot ddot dddot frac sqrt mathrm mathbf text left right sin cos tan arcsin arccos arctan exp ln log sinh cosh tanh \
+    dot ddot dddot frac tfrac sqrt mathrm mathbf text left right sin cos tan arcsin arccos arctan exp ln log sinh cosh tanh \
     operatorname cdot times div pm quad qquad ldots dots langle rangle supset subset to mapsto le ge ne approx equiv in \
     infty partial nabla int surd circ oplus otimes \
     section subsection allowdisplaybreaks begin end textbackslash ae S";
@@ -104,7 +104,7 @@ impl Reader {
                     }
                     continue;
                 }
-                '_' | '^' | '<' | '>' | '|' | '"' if mode == Mode::Text => {
+                '_' | '^' | '<' | '>' | '|' if mode == Mode::Text => {
                     self.problem("a sign of formulas in a text")
                 }
                 '&' if mode == Mode::Display && end != Some("}") => self.closed(std::mem::take(&mut n_open)),

@@ -35,8 +35,8 @@ mod sensitivity;
 pub mod simulation;
 mod solver;
 pub mod start;
-mod stored;
 pub(crate) mod statistics;
+mod stored;
 pub mod typed;
 pub mod watched;
 

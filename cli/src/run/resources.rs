@@ -11,6 +11,7 @@ pub fn free_space(path: &Path) -> Option<u64> {
 }
 
 #[cfg(unix)]
+#[allow(clippy::useless_conversion, reason = "some systems count blocks in 32 bits")]
 fn of_folder(folder: &Path) -> Option<u64> {
     let found = nix::sys::statvfs::statvfs(folder).ok()?;
     // Some file systems of networks and of memory say nothing.
