@@ -335,7 +335,7 @@ impl Arena {
             }
         };
         let inverse = field::inverse(z)?;
-        let mut value = if k % 2 == 0 { cosine } else { sine };
+        let mut value = if k.is_multiple_of(2) { cosine } else { sine };
         let mut reciprocal = Rational::from(BigInt::from(1));
         for m in (k % 2..k).step_by(2) {
             // c_(m+2) = (1/m! - c_m)/z

@@ -49,30 +49,29 @@ impl Arena {
         if self.knowledge().roots.contains_key(&square) {
             return;
         }
-        let terms = self.root_of(square).and_then(|(q, factors)| {
-            let term = match &*factors {
-                [(base, power)] if power.is_one() => return self.multiple_of(*base, &q),
-                _ => Term::Product(factors),
+        let terms = self.root_of(square).and_then(|(q, root)| {
+            let terms = match &root {
+                Term::Expr(base) => self.terms_of(*base)?,
+                Term::Product(_) => self.combination_of(root)?,
             };
-            let terms = self.combination_of(term)?;
             Some(terms.into_iter().map(|(k, c)| (k, c * &q)).collect::<Terms>())
         });
         let terms = terms.filter(|terms| terms.iter().all(|(k, q)| *k == PI || steps(q).is_some()));
         self.knowledge_mut().roots.insert(square, terms);
     }
 
-    fn multiple_of(&mut self, base: ExprId, q: &Rational) -> Option<Terms> {
-        Some(self.terms_of(base)?.into_iter().map(|(k, c)| (k, c * q)).collect())
-    }
-
     /// The root of a product of even powers, with its coefficient before it.
-    fn root_of(&self, square: ExprId) -> Option<(Rational, Box<[(ExprId, Rational)]>)> {
+    fn root_of(&self, square: ExprId) -> Option<(Rational, Term)> {
         let Node::Product { coefficient, factors } = self.node(self.named(square)) else { return None };
-        let root = |n: &BigInt| Some(n.sqrt()).filter(|root| root * root == *n && !n.is_negative());
+        let root = |n: &BigInt| (!n.is_negative()).then(|| n.sqrt()).filter(|root| root * root == *n);
         let coefficient = Rational::new(root(coefficient.numer())?, root(coefficient.denom())?);
         let two = Rational::from_integer(2.into());
         let halved = factors.iter().map(|(base, q)| Some((*base, q / &two)).filter(|(_, q)| q.is_integer()));
-        Some((coefficient, halved.collect::<Option<_>>()?))
+        let factors = halved.collect::<Option<Box<[_]>>>()?;
+        Some(match &*factors {
+            [(base, power)] if power.is_one() => (coefficient, Term::Expr(*base)),
+            _ => (coefficient, Term::Product(factors)),
+        })
     }
 
     fn learn_bases(&mut self, factors: &[(ExprId, Rational)]) {
