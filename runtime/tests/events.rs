@@ -54,15 +54,15 @@ fn events<M: Method<f64, Circle>>(method: M, options: Options<f64>, end: f64) ->
 #[test]
 fn events_are_located_in_the_order_of_time() {
     fn check<M: Method<f64, Circle>>(method: M, options: Options<f64>, tolerance: f64) {
-        // At zero the sine is zero, which is not a change of sign; at pi it falls.
-        let forward = [(0, 0.5 * PI), (2, 2.0), (0, 1.5 * PI), (1, 2.0 * PI), (0, 2.5 * PI)];
+        // At zero the sine is zero and rises; at pi it falls.
+        let forward = [(1, 0.0), (0, 0.5 * PI), (2, 2.0), (0, 1.5 * PI), (1, 2.0 * PI), (0, 2.5 * PI)];
         // Backward in time the sine falls from zero to negative, and rises at -pi.
         let backward = [(0, -0.5 * PI), (2, -2.0), (1, -PI), (0, -1.5 * PI), (0, -2.5 * PI)];
-        for (end, expected) in [(9.0, forward), (-9.0, backward)] {
+        for (end, expected) in [(9.0, &forward[..]), (-9.0, &backward[..])] {
             let found = events(method, options, end);
             let name = M::TABLEAU.name;
             assert_eq!(found.len(), expected.len(), "{name}: {found:?}");
-            for (&(index, t), (expected_index, expected_t)) in found.iter().zip(expected) {
+            for (&(index, t), &(expected_index, expected_t)) in found.iter().zip(expected) {
                 assert_eq!(index, expected_index, "{name}: {found:?}");
                 assert!((t - expected_t).abs() < tolerance, "{name}: {found:?}");
             }
