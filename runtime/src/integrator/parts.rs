@@ -52,14 +52,10 @@ pub(super) enum Verdict {
     Rough,
 }
 
-/// Judges a function by its values, of which a spread up to `noise` is rounding. Where `leaves` is true the first value
-/// is zero but for rounding.
-pub(super) fn judge(mut values: [f64; N_PLACES], leaves: bool, noise: f64) -> Verdict {
+/// Judges a function by its values, of which a spread up to `noise` is rounding.
+pub(super) fn judge(values: [f64; N_PLACES], noise: f64) -> Verdict {
     if values.iter().any(|value| !value.is_finite()) {
         return Verdict::Rough;
-    }
-    if leaves {
-        values[0] = 0.0;
     }
     let largest = values.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
     let least = values.iter().fold(f64::INFINITY, |a, b| a.min(*b));
@@ -128,7 +124,7 @@ mod tests {
     use super::{PLACES, Verdict, judge};
 
     fn judged(f: impl Fn(f64) -> f64) -> Verdict {
-        judge(PLACES.map(f), false, 0.0)
+        judge(PLACES.map(f), 0.0)
     }
 
     #[test]
@@ -140,7 +136,7 @@ mod tests {
         assert_eq!(judged(|x| (3.0 * x).cos()), Verdict::Simple);
         assert_eq!(judged(|x| (x - 0.3) * (x - 0.6)), Verdict::Rough);
         assert_eq!(judged(|x| (x - 0.3).abs() + 1e-9), Verdict::Rough);
-        assert_eq!(judge(PLACES.map(|x| -x), true, 0.0), Verdict::Simple);
+        assert_eq!(judge(PLACES.map(|x| -x), 0.0), Verdict::Simple);
         for sign in [1.0, -1.0] {
             let Verdict::Turns(x) = judged(|x| sign * ((x - 0.38) * (x - 0.38) - 1e-4)) else { panic!() };
             assert!((x - 0.38).abs() < 1e-12);

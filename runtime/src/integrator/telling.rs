@@ -164,7 +164,14 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     ) -> Result<Told, Error> {
         let is_whole = part.ends.from == self.t_previous && part.ends.to == self.t;
         let mut within = LastStep { integrator: &mut *self, observer: &mut *observer, along, is_whole };
-        watch.search(part, &mut within)?;
+        if let Err(error) = watch.search(part, &mut within) {
+            if let Error::EventsAccumulate { .. } = error {
+                // The motion has ended at the event.
+                self.evaluate_dense(part.ends.from)?;
+                self.place_at(part.ends.from)?;
+            }
+            return Err(error);
+        }
         self.tell_events(watch, samples, observer, start)
     }
 

@@ -20,6 +20,9 @@ const LATER: f64 = 8.0;
 /// so that it is many times [`DEPARTURE`]: a flight may be a few hundredths of the one before.
 const ACCUMULATED: f64 = 4096.0;
 
+/// So do those that are closer than so many roundings of the whole time of a motion: nobody lives to see its end.
+const SHORTEST: f64 = 16.0;
+
 /// Events that are closer than so many roundings of the times of a step are at one time.
 const TOGETHER: f64 = 4.0;
 
@@ -69,6 +72,8 @@ pub(super) struct Watch<R, const K: usize> {
     fired: [bool; K],
     /// Times of the last restart by each event.
     restarts: [Option<R>; K],
+    /// Shortest distance of times that matters beside the whole of the motion.
+    shortest: f64,
     left: u64,
     limit: u64,
 }
@@ -146,7 +151,7 @@ impl<R: Real, const K: usize> Watch<R, K> {
     pub(super) fn new(
         directions: [Direction; K],
         limit: u64,
-        (t, values): (R, [R; K]),
+        (t, t_end, values): (R, R, [R; K]),
         is_told: bool,
     ) -> Result<Self, Error> {
         let before = finite_values(t, values)?;
@@ -168,6 +173,7 @@ impl<R: Real, const K: usize> Watch<R, K> {
             due: [false; K],
             fired: [false; K],
             restarts: [None; K],
+            shortest: SHORTEST * R::EPSILON * (t_end - t).magnitude(),
             left: limit,
             limit,
         })
@@ -188,9 +194,9 @@ impl<R: Real, const K: usize> Watch<R, K> {
                 continue;
             }
             match self.judge_one(part, index) {
-                Verdict::Clear => {}
-                Verdict::Simple if judgement == Judgement::Clear => judgement = Judgement::Simple,
-                Verdict::Simple => {}
+                Verdict::Clear if self.phases[index] == Phase::Apart => {}
+                Verdict::Clear | Verdict::Simple if judgement == Judgement::Clear => judgement = Judgement::Simple,
+                Verdict::Clear | Verdict::Simple => {}
                 Verdict::Turns(x) => judgement = Judgement::Cut(index, x),
                 Verdict::Rough => return Judgement::Divide(index),
             }
@@ -205,7 +211,7 @@ impl<R: Real, const K: usize> Watch<R, K> {
         if part.is_exact {
             self.largest[index] = values.iter().fold(self.largest[index], |a, b| a.max(b.abs()));
         }
-        judge(values, self.phases[index] != Phase::Apart, NOISE * R::EPSILON * self.largest[index])
+        judge(values, NOISE * R::EPSILON * self.largest[index])
     }
 
     /// Whether the functions that are not clear in a part have the same values there at another state.
@@ -322,8 +328,15 @@ impl<R: Real, const K: usize> Watch<R, K> {
             }
             if start == R::ZERO {
                 let is_behind = last != own && direction.may_end(last - own);
-                if phase == Phase::Restarted && is_behind && self.rests(index, part, within)? {
-                    return Err(Error::EventsAccumulate { t: signed(ends.from), index });
+                if phase == Phase::Restarted && is_behind {
+                    match self.rests(index, part, within)? {
+                        None => return Ok(None),
+                        Some(false) => {}
+                        Some(true) => {
+                            let t = self.restarts[index].unwrap_or(ends.from);
+                            return Err(Error::EventsAccumulate { t: signed(t), index });
+                        }
+                    }
                 }
                 if last == own {
                     return Ok(None);
@@ -387,22 +400,48 @@ impl<R: Real, const K: usize> Watch<R, K> {
         Ok((last != level).then(|| (1.0, last - level)))
     }
 
-    /// Whether a function that its own event has left on zero goes on behind it, from a rate of zero: the event has
-    /// taken all of the rate, and does not hold the function.
+    /// Whether a function that its own event has left on zero goes on behind it from a rate of zero: the event has taken
+    /// all of the rate, and does not hold the function. None where no two values tell yet.
     ///
     /// ```text
-    /// a b x + c x^2 / 2:   over 16 x, 16 times as much where b is not zero, and 256 times where it is
+    /// a s + b s^2:   as a power of the time s since the restart, 1 where a is not zero, and 2 where it is
     /// ```
-    fn rests(&self, index: usize, part: &Part<R, K>, within: &mut impl Within<R, K>) -> Result<bool, Error> {
-        const GROWTH: core::ops::Range<f64> = 64.0..1024.0;
-        let Some((x, value)) = self.leaves(index, part, within)? else { return Ok(false) };
-        let later = x * NEXT;
-        if signed(value) * self.sides[index] < 0.0 || later > 1.0 {
-            return Ok(false);
+    fn rests(
+        &self,
+        index: usize,
+        part: &Part<R, K>,
+        within: &mut impl Within<R, K>,
+    ) -> Result<Option<bool>, Error> {
+        let (ends, level) = (part.ends, self.levels[index]);
+        let noise = NOISE * R::EPSILON * self.largest[index];
+        let Some(restart) = self.restarts[index] else { return Ok(Some(false)) };
+        let [from, to] = [ends.from, ends.to].map(|t| (t - restart).magnitude());
+        let mut value = |s: f64| {
+            let t = ends.time(R::from_f64((s - from) / (to - from)));
+            finite_values(t, within.values(t)?).map(|values| signed(values[index] - level))
+        };
+        // The first time at which it is off its level by more than rounding.
+        let start = signed(self.before[index] - level);
+        let mut first = (from > 0.0 && start.abs() > noise).then_some((from, start));
+        let mut x = FIRST;
+        while x < 1.0 && first.is_none() {
+            let s = from + x * (to - from);
+            first = Some((s, value(s)?)).filter(|(_, value)| value.abs() > noise);
+            x *= NEXT;
         }
-        let t = part.ends.time(R::from_f64(later));
-        let growth = signed((finite_values(t, within.values(t)?)?[index] - self.levels[index]) / value);
-        Ok(GROWTH.contains(&growth))
+        let Some((s, at_s)) = first else { return Ok(None) };
+        if at_s * self.sides[index] < 0.0 {
+            return Ok(Some(false));
+        }
+        let later = (NEXT * s).min(to);
+        if later < 2.0 * s {
+            return Ok(None);
+        }
+        let at_later = if later < to { value(later)? } else { signed(part.values[N_PLACES - 1][index] - level) };
+        let (growth, ratio) = (at_later / at_s, later / s);
+        let square = growth * growth;
+        let cube = ratio * ratio * ratio;
+        Ok(Some(growth > 0.0 && square > cube && square < cube * ratio * ratio))
     }
 
     /// The time of the first event that is still to be told.
@@ -476,7 +515,7 @@ impl<R: Real, const K: usize> Watch<R, K> {
                 }
                 continue;
             }
-            let rounding = ACCUMULATED * R::EPSILON * t.magnitude();
+            let rounding = (ACCUMULATED * R::EPSILON * t.magnitude()).max(self.shortest);
             if self.restarts[index].is_some_and(|last| (t - last).magnitude() <= rounding) {
                 return Err(Error::EventsAccumulate { t: signed(t), index });
             }

@@ -62,6 +62,8 @@ typedef struct {
     Watch watch[AT_LEAST_ONE(FMU_EVENTS)];
     /* When an event has last changed the state. */
     double since;
+    /* Events that are closer accumulate. */
+    double shortest;
     /* Whether the motion has ended by an event. */
     bool has_ended;
     double tolerance;

@@ -93,7 +93,7 @@ static bool carry_out(Data *d, const bool *due, const double *sides, bool *accum
             }
             continue;
         }
-        *accumulates = *accumulates || fabs(d->t - w->last) <= 4096.0 * EPSILON * fabs(d->t);
+        *accumulates = *accumulates || fabs(d->t - w->last) <= fmax(4096.0 * EPSILON * fabs(d->t), d->shortest);
         w->last = d->t;
         w->value = now[k];
         /* Elsewhere the event has moved the state away from its own zero. */
@@ -184,7 +184,7 @@ static void look_along_cubic(const Data *d, double h, const double *next, double
 static Verdict judge(const Watch *w, Values values, int k, double *place) {
     double v[PLACES], largest = -HUGE_VAL, least = HUGE_VAL, error = 0.0;
     for (int j = 0; j < PLACES; j++) {
-        v[j] = j == 0 && w->phase != APART ? 0.0 : values[j][k] - w->level;
+        v[j] = values[j][k] - w->level;
         if (!isfinite(v[j])) {
             return ROUGH;
         }
@@ -192,8 +192,10 @@ static Verdict judge(const Watch *w, Values values, int k, double *place) {
         least = fmin(least, v[j]);
     }
     const double spread = largest - least, distance = fmax(least, -largest);
+    /* One that may rest on its level is never out of sight. */
+    const Verdict clear = w->phase == APART ? CLEAR : SIMPLE;
     if (distance > 4.0 * spread) {
-        return CLEAR;
+        return clear;
     }
     if (spread <= noise(w)) {
         return SIMPLE;
@@ -214,7 +216,7 @@ static Verdict judge(const Watch *w, Values values, int k, double *place) {
         return ROUGH;
     }
     if (distance > 0.5 * spread) {
-        return CLEAR;
+        return clear;
     }
     if (distance > 0.0) {
         double lowest = HUGE_VAL;
@@ -229,7 +231,7 @@ static Verdict judge(const Watch *w, Values values, int k, double *place) {
                 *place = x;
             }
         }
-        return lowest < HUGE_VAL ? TURNS : CLEAR;
+        return lowest < HUGE_VAL ? TURNS : clear;
     }
     int n_changes = 0;
     double last = 0.0;
@@ -254,6 +256,36 @@ static double leaves(const Data *d, int k, double from, double to, double last, 
     }
     *value = last - w->level;
     return *value != 0.0 ? 1.0 : -1.0;
+}
+
+/* Whether a function that its own event has left on zero goes on behind it from a rate of zero, as the square of the
+   time since then: the event does not hold it. Negative where no two values tell yet. */
+static int rests(const Data *d, int k, double from, double to, double last) {
+    const Watch *w = &d->watch[k];
+    const double before = d->t - w->last, least = noise(w);
+    double now[AT_LEAST_ONE(FMU_EVENTS)] = {0.0};
+    double s = before + from, value = w->value - w->level;
+    for (double x = 1.0 / 16777216.0; x < 1.0 && !(s > 0.0 && fabs(value) > least); x *= 16.0) {
+        s = before + from + x * (to - from);
+        inside(d, from + x * (to - from), now);
+        value = now[k] - w->level;
+    }
+    if (!(fabs(value) > least)) {
+        return -1;
+    }
+    if (value * w->side < 0.0) {
+        return 0;
+    }
+    const double later = fmin(16.0 * s, before + to), ratio = later / s;
+    if (ratio < 2.0) {
+        return -1;
+    }
+    if (later < before + to) {
+        inside(d, later - before, now);
+        last = now[k];
+    }
+    const double growth = (last - w->level) / value;
+    return growth > 0.0 && growth * growth > pow(ratio, 3.0) && growth * growth < pow(ratio, 5.0);
 }
 
 /* Finds the change of sign of a function within a part of the step: how long after its start, or negative; `side` says
@@ -296,11 +328,10 @@ static double find(Data *d, int k, double from, double to, Values values, double
         }
         if (a == 0.0) {
             if (phase == RESTARTED && may_end && behind != 0.0) {
-                const double x = leaves(d, k, from, to, last, &value);
-                if (x > 0.0 && 16.0 * x <= 1.0 && value * w->side >= 0.0) {
-                    inside(d, from + 16.0 * x * length, now);
-                    const double growth = (now[k] - w->level) / value;
-                    *accumulates = *accumulates || (growth >= 64.0 && growth < 1024.0);
+                const int is_at_rest = rests(d, k, from, to, last);
+                *accumulates = *accumulates || is_at_rest > 0;
+                if (is_at_rest < 0) {
+                    return -1.0;
                 }
             }
             if (behind == 0.0) {
@@ -452,6 +483,8 @@ static fmi3Status advance(Instance *m, double end) {
     Data *d = &m->data;
     double next[AT_LEAST_ONE(FMU_STATE)], slopes[2][AT_LEAST_ONE(FMU_STATE)];
     look_again(d);
+    /* Nobody lives to see the end of what happens more often. */
+    d->shortest = 16.0 * EPSILON * fabs(end - d->t);
     while (d->t < end && !d->has_ended) {
         const double rest = end - d->t;
         const double least = 16.0 * EPSILON * fmax(fabs(d->t), fabs(end));
