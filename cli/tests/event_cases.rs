@@ -90,7 +90,10 @@ fn check(case: &Case, how: &str, answer: Result<Value, String>) {
     assert_eq!(found.len(), case.events.len(), "{what}: {found:?}");
     let tolerance = if case.name.contains("grazed") { GRAZED } else { TOLERANCE };
     for ((name, t), (expected, at)) in found.iter().zip(&case.events) {
-        assert!(name == expected && (t - at).abs() < tolerance * (1.0 + at.abs()), "{what}: {name} at {t}, {expected} at {at}");
+        assert!(
+            name == expected && (t - at).abs() < tolerance * (1.0 + at.abs()),
+            "{what}: {name} at {t}, {expected} at {at}"
+        );
     }
     match &case.end {
         End::Reached(last) => {
@@ -169,7 +172,10 @@ fn options_of_the_command_give_what_json_gives() {
         assert!(!is_done && told.contains(message), "{bad:?}: {told}");
     }
     let mut command = program::command(&["simulate", &path, "--json"]);
-    let out = program::output(&mut command, r#"{"initial": {"x": 0, "y": 0, "x_dot": 1, "y_dot": 1}, "t_final": 1, "max_step": 0}"#);
+    let out = program::output(
+        &mut command,
+        r#"{"initial": {"x": 0, "y": 0, "x_dot": 1, "y_dot": 1}, "t_final": 1, "max_step": 0}"#,
+    );
     assert!(!out.status.success() && text(&out.stderr).contains("max_step is 0.0"), "{}", text(&out.stderr));
 }
 
@@ -178,8 +184,16 @@ fn ensembles_bound_their_steps_and_refuse_events_that_act() {
     let case = &cases()[0];
     let out = folder().join("case_ensemble.csv");
     let run = |path: &str, more: &[&str]| {
-        let mut arguments =
-            vec!["ensemble", path, "--sweep", "x=0.1..0.2:5", "--t-final", "0.5", "-o", out.to_str().unwrap()];
+        let mut arguments = vec![
+            "ensemble",
+            path,
+            "--sweep",
+            "x=0.1..0.2:5",
+            "--t-final",
+            "0.5",
+            "-o",
+            out.to_str().unwrap(),
+        ];
         arguments.extend(more);
         let out = program::output(&mut program::command(&arguments), "");
         (out.status.success(), text(&out.stdout) + &text(&out.stderr))
@@ -187,7 +201,11 @@ fn ensembles_bound_their_steps_and_refuse_events_that_act() {
     let (is_done, told) = run(&file(case), &[]);
     assert!(!is_done && told.contains("has events that change the state"), "{told}");
     let free = folder().join("case_free.hamel");
-    std::fs::write(&free, "model m { coordinate x in real; lagrangian = x_dot^2/2 - x^4; initial x_dot = 1; }").unwrap();
+    std::fs::write(
+        &free,
+        "model m { coordinate x in real; lagrangian = x_dot^2/2 - x^4; initial x_dot = 1; }",
+    )
+    .unwrap();
     let path = free.to_str().unwrap();
     for lanes in ["1", "4"] {
         let (is_done, told) = run(path, &["--lanes", lanes, "--max-step", "0.01"]);
@@ -234,7 +252,8 @@ fn co_simulation_carries_the_events_out_whatever_the_communication_step() {
         for size in [0.01, 0.37, 2.0, 5.0, 10.0] {
             let mut command = Command::new(folder.join("run"));
             let n = case.initial.len().to_string();
-            let out = command.args([token, &case.t_final.to_string(), &size.to_string(), &n]).output().unwrap();
+            let out =
+                command.args([token, &case.t_final.to_string(), &size.to_string(), &n]).output().unwrap();
             let (what, told) = (format!("{} in steps of {size}", case.name), text(&out.stdout));
             assert!(out.status.success(), "{what}: {told}");
             let lines: Vec<&str> = told.lines().collect();
@@ -242,7 +261,10 @@ fn co_simulation_carries_the_events_out_whatever_the_communication_step() {
             let numbers: Vec<f64> = lines[at + 1..].iter().map(|line| line.parse().unwrap()).collect();
             match &case.end {
                 End::Accumulates(t) => {
-                    assert!(lines[at] == "stopped" && lines[0].contains("events accumulate"), "{what}: {told}");
+                    assert!(
+                        lines[at] == "stopped" && lines[0].contains("events accumulate"),
+                        "{what}: {told}"
+                    );
                     assert!((numbers[0] - t).abs() < 1e-6, "{what}: {told}");
                 }
                 End::By(_) => {
@@ -253,7 +275,10 @@ fn co_simulation_carries_the_events_out_whatever_the_communication_step() {
                     assert_eq!(lines[at], "reached", "{what}: {told}");
                     // Methods of order five at a tolerance of 1e-11.
                     let is_close = |a: &f64, b: &f64| (a - b).abs() < 1e-6 * (1.0 + b.abs());
-                    assert!(numbers[1..].iter().zip(last).all(|(a, b)| is_close(a, b)), "{what}: {numbers:?}, not {last:?}");
+                    assert!(
+                        numbers[1..].iter().zip(last).all(|(a, b)| is_close(a, b)),
+                        "{what}: {numbers:?}, not {last:?}"
+                    );
                 }
             }
         }

@@ -174,7 +174,10 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         method => method,
     };
     if motion.max_step.is_some() {
-        return Err(Error::unusable("--max-step", "is not possible: a fluid of matrices is moved by fixed steps"));
+        return Err(Error::unusable(
+            "--max-step",
+            "is not possible: a fluid of matrices is moved by fixed steps",
+        ));
     }
     let (Some(step), None, None) = (motion.step, motion.rtol, motion.atol) else {
         let reason =

@@ -26,9 +26,8 @@ pub fn method_of_long(factory: &dyn Factory, request: &SimulateRequest) -> Optio
         return None;
     }
     let dynamics = prepare(factory, &request.params).ok()?;
-    is_long(&dynamics, request).then(|| {
-        auto::choose_for_long(matches!(dynamics.n_invariants(), Some(1..=MAX_INVARIANTS)))
-    })
+    is_long(&dynamics, request)
+        .then(|| auto::choose_for_long(matches!(dynamics.n_invariants(), Some(1..=MAX_INVARIANTS))))
 }
 
 fn is_long(dynamics: &PreparedScene<'_>, request: &SimulateRequest) -> bool {

@@ -269,10 +269,10 @@ impl Steps {
             (_, Some(max)) if !(max.is_finite() && max > 0.0) => {
                 Err(format!("is {max:?}: give a positive, finite time"))
             }
-            (Steps::Fixed { .. }, Some(_)) => {
-                Err("is given together with a fixed step, which is the largest as well: leave one of them out"
-                    .into())
-            }
+            (Steps::Fixed { .. }, Some(_)) => Err(
+                "is given together with a fixed step, which is the largest as well: leave one of them out"
+                    .into(),
+            ),
             (Steps::Adaptive { rtol, atol, .. }, max) => Ok(Steps::Adaptive { rtol, atol, max }),
         }
     }

@@ -180,7 +180,13 @@ pub(crate) fn cases() -> Vec<Case> {
     assert_eq!(events.len(), 170);
     add("170 crossings", oscillating, &[("x", 0.5), ("x_dot", 17.0)], 9.99, (events, reached(last)));
     let (events, last) = moved(drifts, &own, [0.5, 17.0], -9.99);
-    add("170 crossings backward", oscillating, &[("x", 0.5), ("x_dot", 17.0)], -9.99, (events, reached(last)));
+    add(
+        "170 crossings backward",
+        oscillating,
+        &[("x", 0.5), ("x_dot", 17.0)],
+        -9.99,
+        (events, reached(last)),
+    );
 
     let clock = "coordinate x in real; lagrangian = x_dot^2/2 - x^2/2;
         event tick = sin(10*pi*t) rising { then x_dot = x_dot + 0.1; }";

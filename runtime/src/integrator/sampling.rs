@@ -215,10 +215,12 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         samples.draw(self.t)?;
         self.output_until(self.t, &mut samples, observer)?;
         let values = observer.values(self.t, self.state());
-        let is_told = self.told_until == Some(self.t);
+        let begin = self.t;
+        let is_told = self.told_until == Some(begin);
         let mut watch = Watch::new(directions, self.options.max_events, (self.t, t_end, values), is_told)?;
         let progress = self.observe_on(t_end, (&mut watch, &mut samples), observer)?;
-        if const { K > 0 } {
+        // Without a step nothing was looked for.
+        if const { K > 0 } && self.t != begin {
             self.told_until = Some(self.t);
         }
         Ok(progress)

@@ -90,11 +90,14 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
                 }
             }
         }
-        let mut ends = whole;
+        let (mut ends, mut rough) = (whole, 0);
         for _ in 0..MAX_PARTS {
             let part = self.look(watch, (ends, after), along, observer)?;
             match watch.judge(&part) {
-                Judgement::Divide(_) if (ends.to - ends.from).magnitude() > SHORTEST * whole.spacing() => {
+                Judgement::Divide(index)
+                    if (ends.to - ends.from).magnitude() > SHORTEST * whole.spacing() =>
+                {
+                    rough = index;
                     ends.to = ends.time(R::from_f64(0.5));
                     continue;
                 }
@@ -116,9 +119,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             let is_last = length.magnitude() >= (whole.to - ends.to).magnitude();
             ends = Ends { from: ends.to, to: if is_last { whole.to } else { ends.to + length } };
         }
-        let part = self.look(watch, (ends, after), along, observer)?;
-        let index = if let Judgement::Divide(index) = watch.judge(&part) { index } else { 0 };
-        Err(Error::EventsUnresolved { t: signed(ends.from), index })
+        Err(Error::EventsUnresolved { t: signed(ends.from), index: rough })
     }
 
     /// The values of the functions in a part of the last step, which has the values `after` at its end.

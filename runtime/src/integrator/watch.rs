@@ -195,7 +195,9 @@ impl<R: Real, const K: usize> Watch<R, K> {
             }
             match self.judge_one(part, index) {
                 Verdict::Clear if self.phases[index] == Phase::Apart => {}
-                Verdict::Clear | Verdict::Simple if judgement == Judgement::Clear => judgement = Judgement::Simple,
+                Verdict::Clear | Verdict::Simple if judgement == Judgement::Clear => {
+                    judgement = Judgement::Simple
+                }
                 Verdict::Clear | Verdict::Simple => {}
                 Verdict::Turns(x) => judgement = Judgement::Cut(index, x),
                 Verdict::Rough => return Judgement::Divide(index),
@@ -437,7 +439,8 @@ impl<R: Real, const K: usize> Watch<R, K> {
         if later < 2.0 * s {
             return Ok(None);
         }
-        let at_later = if later < to { value(later)? } else { signed(part.values[N_PLACES - 1][index] - level) };
+        let at_later =
+            if later < to { value(later)? } else { signed(part.values[N_PLACES - 1][index] - level) };
         let (growth, ratio) = (at_later / at_s, later / s);
         let square = growth * growth;
         let cube = ratio * ratio * ratio;
