@@ -242,7 +242,8 @@ static Verdict judge(const Watch *w, Values values, int k, double *place) {
     return n_changes > 1 ? ROUGH : SIMPLE;
 }
 
-/* Where a function that is on its level at the start of a part has left it by more than rounding; negative if nowhere. */
+/* Where a function that is on its level at the start of a part has left it by more than rounding; negative if it has
+   not. */
 static double leaves(const Data *d, int k, double from, double to, double last, double *value) {
     const Watch *w = &d->watch[k];
     const double least = fmin(noise(w), 0.5 * fabs(last - w->level));
@@ -382,7 +383,8 @@ static double turn(const Data *d, int k, double from, double to, Values values, 
     double x[3] = {places[j - 1], place, places[j + 1 < PLACES ? j + 1 : j]};
     for (int trial = 0; trial < 40; trial++) {
         /* The golden section, as the minimum may be as flat as rounding. */
-        const double wide = x[2] - x[1] > x[1] - x[0] ? x[1] + 0.381966 * (x[2] - x[1]) : x[1] - 0.381966 * (x[1] - x[0]);
+        const bool is_right_wider = x[2] - x[1] > x[1] - x[0];
+        const double wide = x[1] + 0.381966 * (is_right_wider ? x[2] - x[1] : x[0] - x[1]);
         inside(d, from + x[1] * (to - from), now);
         const double at_middle = sign * now[k];
         if (at_middle < 0.0) {
