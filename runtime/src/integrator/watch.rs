@@ -402,8 +402,8 @@ impl<R: Real, const K: usize> Watch<R, K> {
         Ok((last != level).then(|| (1.0, last - level)))
     }
 
-    /// Whether a function that its own event has left on zero goes on behind it from a rate of zero: the event has taken
-    /// all of the rate, and does not hold the function. None where no two values tell yet.
+    /// Whether a function that its own event has left on zero goes on behind it from a rate of zero: the event has
+    /// taken all of the rate, and does not hold the function. None where no two values tell yet.
     ///
     /// ```text
     /// a s + b s^2:   as a power of the time s since the restart, 1 where a is not zero, and 2 where it is
