@@ -111,12 +111,9 @@ fn nearest(values: &[f64; N_PLACES]) -> Option<f64> {
 pub(super) fn vertex([(a, at_a), (b, at_b), (c, at_c)]: [(f64, f64); 3]) -> Option<(f64, f64)> {
     let (first, second) = ((at_b - at_a) / (b - a), (at_c - at_b) / (c - b));
     let bend = (second - first) / (c - a);
-    if !(bend > 0.0) {
-        return None;
-    }
     // Slope at `b`.
     let slope = first + bend * (b - a);
-    Some((b - 0.5 * slope / bend, at_b - 0.25 * slope * slope / bend))
+    (bend > 0.0).then(|| (b - 0.5 * slope / bend, at_b - 0.25 * slope * slope / bend))
 }
 
 #[cfg(test)]

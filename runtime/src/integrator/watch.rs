@@ -484,7 +484,8 @@ impl<R: Real, const K: usize> Watch<R, K> {
         if let Some((before, now)) = values {
             let noise = NOISE * R::EPSILON * self.largest[index];
             let is_behind = signed(now) * self.sides[index] >= 0.0;
-            if !is_behind && !(now.magnitude() <= before.magnitude() + noise) {
+            let is_zero = now.magnitude() <= before.magnitude() + noise;
+            if !(is_behind || is_zero) {
                 return Ok(false);
             }
         }
