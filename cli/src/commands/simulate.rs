@@ -375,11 +375,12 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         along: arguments.sensitivity.clone(),
     };
     let mut request = asked.request(&Words::OPTIONS, model, &mut *backend)?;
-    if motion.method == MethodName::Auto && choice.table.is_none() {
-        if let Some(method) = method_of_long(&interpreted::build(model, &choice.scene)?, &request) {
-            backend = choice.suited_to(&file, method)?.open(&file)?;
-            request.method = method;
-        }
+    if motion.method == MethodName::Auto
+        && choice.table.is_none()
+        && let Some(method) = method_of_long(&interpreted::build(model, &choice.scene)?, &request)
+    {
+        backend = choice.suited_to(&file, method)?.open(&file)?;
+        request.method = method;
     }
     if choice.table.is_some() && !request.along.is_empty() && request.watched.is_some() {
         let reason = "is not carried through events whose inputs are in a table: drive them by expressions";
