@@ -352,3 +352,21 @@ fn completions_and_manual_pages_know_every_command() {
     assert_eq!(out.status.code(), Some(2));
     assert!(text(&out.stderr).contains("did you mean `simulate`?"));
 }
+
+/// Errors of the energy add up with `gbs14`, to 7e-9 here.
+#[test]
+fn auto_keeps_the_energy_of_long_motions_and_takes_continuous_output_through_events() {
+    let by = |t_final: &str, more: &[&str]| {
+        let mut arguments = vec!["simulate", "free_rigid_body", "--method", "auto", "--t-final", t_final];
+        arguments.extend(more);
+        let out = hamel(&arguments, "");
+        assert!(out.status.success(), "{}", text(&out.stderr));
+        text(&out.stdout)
+    };
+    assert!(by("10", &[]).contains(" by gbs14,"), "{}", by("10", &[]));
+    assert!(!by("10", &["--section", "Omega2"]).contains(" by gbs14,"));
+    let long = by("10000", &[]);
+    assert!(long.contains(" by projected,"), "{long}");
+    let drift = long.split("drift ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
+    assert!(drift.parse::<f64>().unwrap() < 1e-14, "{long}");
+}

@@ -406,6 +406,7 @@ class Model:
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
+        max_step: float | None = None,
         samples: int = 201,
         events: Sequence[str] = (),
         sensitivity: Sequence[str] = (),
@@ -422,10 +423,10 @@ class Model:
         than two times, of which the first is zero; a motion backward has negative times. ``y0`` is a complete state, or
         components by name: those that are left out are the model's own, or chosen such that the constraints hold.
         ``params`` differ from the model's. ``rtol`` and ``atol`` are 1e-10 and 1e-12 unless given; ``step`` is for
-        methods with fixed steps. Events of the model happen; ``events`` are further functions of the state to watch, in
-        the language of models, such as ``"Omega1 rising"``, named ``section1``, ``section2``, .. in the result.
-        ``sensitivity`` names parameters and components of the initial state to differentiate by. ``inputs`` are as
-        :meth:`with_inputs` takes them; functions of time without an array ``t`` are called at ``knots`` times at equal
+        methods with fixed steps, ``max_step`` bounds those of the others. Events of the model happen; ``events`` are
+        further functions of the state to watch, in the language of models, such as ``"Omega1 rising"``, named
+        ``section1``, ``section2``, .. in the result. ``sensitivity`` names parameters and components of the initial
+        state to differentiate by. ``inputs`` are as :meth:`with_inputs` takes them; functions of time without an array ``t`` are called at ``knots`` times at equal
         distances from the beginning to the end, with cubics between them. An interrupt of the keyboard ends the motion.
 
         Raises :class:`IntegrationError` with the state reached, :class:`InputError`.
@@ -437,11 +438,12 @@ class Model:
                 inputs = {"t": at, **inputs}
             driven = self.with_inputs(inputs, interpolation=interpolation) if inputs else self
             return driven.with_params(**(params or {})).simulate(
-                t, y0, method=method, rtol=rtol, atol=atol, step=step, samples=samples, events=events,
-                sensitivity=sensitivity, outputs=outputs, max_steps=max_steps, max_events=max_events,
+                t, y0, method=method, rtol=rtol, atol=atol, step=step, max_step=max_step,
+                samples=samples, events=events, sensitivity=sensitivity, outputs=outputs, max_steps=max_steps,
+                max_events=max_events,
             )  # fmt: skip
         t_final, times = _times(t, samples)
-        options = _options(method, rtol, atol, step, max_steps)
+        options = _options(method, rtol, atol, step, max_step, max_steps)
         native = _hamel.simulate(
             self._native, self._by_name(y0), t_final, times, options, list(events), list(sensitivity), max_events, outputs
         )
@@ -460,6 +462,7 @@ class Model:
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
+        max_step: float | None = None,
         samples: int = 1,
         max_steps: int | None = None,
         lanes: int = 4,
@@ -484,6 +487,7 @@ class Model:
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
+        max_step: float | None = None,
         samples: int = 1,
         max_steps: int | None = None,
         lanes: int = 4,
@@ -507,6 +511,7 @@ class Model:
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
+        max_step: float | None = None,
         samples: int = 1,
         max_steps: int | None = None,
         lanes: int = 4,
@@ -560,7 +565,7 @@ class Model:
         values = np.empty((n_rows, len(columns)))
         for k, column in enumerate(columns.values()):
             values[:, k] = column
-        options = _options(method, rtol, atol, step, max_steps)
+        options = _options(method, rtol, atol, step, max_step, max_steps)
         if out is not None:
             return _hamel.write_ensemble(
                 self._native, list(columns), values, float(t), int(samples), options, int(lanes), threads,
@@ -644,9 +649,16 @@ class Model:
 
 
 def _options(
-    method: str, rtol: float | None, atol: float | None, step: float | None, max_steps: int | None
+    method: str,
+    rtol: float | None,
+    atol: float | None,
+    step: float | None,
+    max_step: float | None,
+    max_steps: int | None,
 ) -> dict[str, Any]:
-    return {"method": method, "rtol": rtol, "atol": atol, "step": step, "max_steps": max_steps}
+    return {
+        "method": method, "rtol": rtol, "atol": atol, "step": step, "max_step": max_step, "max_steps": max_steps,
+    }  # fmt: skip
 
 
 def _times(t: float | ArrayLike, samples: int) -> tuple[float, list[float]]:

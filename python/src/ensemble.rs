@@ -183,9 +183,9 @@ pub(crate) fn write(
 ) -> Result<String, Error> {
     let is_varied = |name: &str| names.iter().any(|varied| varied == name);
     let own = scene.info().params.iter().zip(&scene.values).map(|(p, value)| (p.name.clone(), *value));
-    let (rtol, atol, step) = match asked.steps {
-        Steps::Adaptive { rtol, atol } => (Some(rtol), Some(atol), None),
-        Steps::Fixed { step } => (None, None, Some(step)),
+    let (rtol, atol, step, max_step) = match asked.steps {
+        Steps::Adaptive { rtol, atol, max } => (Some(rtol), Some(atol), None, max),
+        Steps::Fixed { step } => (None, None, Some(step), None),
     };
     let arguments = Arguments {
         scene: SceneOptions {
@@ -206,6 +206,7 @@ pub(crate) fn write(
             rtol,
             atol,
             step,
+            max_step,
             max_steps: asked.max_steps,
         },
         end: EndOptions { t_final: asked.t_final },

@@ -20,6 +20,7 @@ use hamel::run::ensemble::{Cancel, Width};
 use hamel::run::info::Info;
 use hamel::run::inputs::InputTable;
 use hamel::run::integrate::simulate_at;
+use hamel::run::length::method_of_long;
 use hamel::run::method::{MethodName, Steps};
 use hamel::run::simulation::{SimulateRequest, SimulateResponse};
 use numpy::ndarray::{Array2, Array3};
@@ -65,6 +66,8 @@ pub(crate) struct Options {
     #[pyo3(item)]
     step: Option<f64>,
     #[pyo3(item)]
+    max_step: Option<f64>,
+    #[pyo3(item)]
     max_steps: Option<u64>,
 }
 
@@ -76,7 +79,8 @@ impl Options {
     fn steps(&self) -> Result<(MethodName, Steps), Error> {
         let method = MethodName::named(&self.method).map_err(|reason| Error::unusable("method", reason))?;
         let steps = Steps::new(method, self.rtol, self.atol, self.step);
-        Ok((method, steps.map_err(|reason| Error::unusable(ARGUMENTS.step, reason))?))
+        let steps = steps.map_err(|reason| Error::unusable(ARGUMENTS.step, reason))?;
+        Ok((method, steps.within(self.max_step).map_err(|reason| Error::unusable("max_step", reason))?))
     }
 
     /// How all trajectories of an ensemble are integrated.
@@ -120,7 +124,8 @@ pub(crate) fn simulate(
     let run = || -> Result<Motion, Error> {
         let (asked_method, steps) = options.steps()?;
         let built = scene.built();
-        let purpose = auto::Purpose::of_samples(times.len());
+        let has_events = !sections.is_empty() || built.watched().is_some();
+        let purpose = auto::Purpose::of(times.len(), has_events);
         let method = match (asked_method, steps) {
             (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
                 // Series have no derivatives along parameters, and a table ends a step of theirs at every row.
@@ -145,7 +150,10 @@ pub(crate) fn simulate(
             sections,
             along: sensitivity,
         };
-        let request = asked.request(&ARGUMENTS, &scene.model, &mut Local::new(built))?;
+        let mut request = asked.request(&ARGUMENTS, &scene.model, &mut Local::new(built))?;
+        if asked_method == MethodName::Auto {
+            request.method = method_of_long(&built, &request).unwrap_or(request.method);
+        }
         if built.is_driven() && !request.along.is_empty() && request.watched.is_some() {
             let reason = "is not carried through events whose inputs are in a table or held elsewhere than in the \
                           model: drive them by expressions";

@@ -100,6 +100,18 @@ def test_what_cannot_go_on_says_where():
     assert "integration stopped at t = " in str(caught.value)
 
 
+def test_steps_are_bounded():
+    model = hamel.load(SINGULAR)
+    start = {"x": 1.0, "x_dot": 1.0}
+    assert model.simulate(1.0, start, max_step=0.01).stats["steps"] >= 100 > model.simulate(1.0, start).stats["steps"]
+    with pytest.raises(hamel.InputError, match="max_step is 0.0: give a positive, finite time"):
+        model.simulate(1.0, start, max_step=0.0)
+    with pytest.raises(hamel.InputError, match="max_step is given together with a fixed step"):
+        model.simulate(1.0, start, method="rk4", step=0.1, max_step=0.1)
+    many = model.ensemble(1.0, {"x": [1.0, 2.0], "x_dot": 1.0}, max_step=0.01)
+    assert np.all(np.asarray(many.steps) >= 100)
+
+
 def test_motions_pickle_and_become_data_sets(top):
     xarray = pytest.importorskip("xarray")
     motion = top.simulate(1.0, START, params={"m": 2.0}, samples=11, events=["Omega1"])

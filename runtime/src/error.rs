@@ -166,11 +166,18 @@ pub enum Error {
         index: usize,
     },
     /// An event that changes the state follows itself within the rounding of time: infinitely many events before a
-    /// time, as of a ball that comes to rest.
+    /// time, as of a ball that comes to rest, or one that leaves a ball at rest on a ground that does not hold it.
     EventsAccumulate {
         /// Time of the last of them.
         t: f64,
         /// Position of its function.
+        index: usize,
+    },
+    /// An event function changes more often within a step than can be followed.
+    EventsUnresolved {
+        /// Time up to which it was followed.
+        t: f64,
+        /// Position of the function.
         index: usize,
     },
     /// The limit on events was reached.
@@ -319,6 +326,13 @@ impl fmt::Display for Error {
                      rounding of time; stop before, or let it end the motion"
                 )
             }
+            Self::EventsUnresolved { t, index } => {
+                write!(
+                    f,
+                    "event function {index} changes too often from t = {t} on: let steps be shorter, by max_step or \
+                     tighter tolerances"
+                )
+            }
             Self::TooManyEvents { t, limit } => {
                 write!(f, "limit of {limit} events reached at t = {t}: raise max_events if they are meant")
             }
@@ -427,6 +441,7 @@ mod tests {
             Error::NotConverged { method: "gauss6", t: 1.0, h: 0.1, iterations: 100 },
             Error::EventNotFinite { t: 1.0, index: 0 },
             Error::EventsAccumulate { t: 1.0, index: 0 },
+            Error::EventsUnresolved { t: 1.0, index: 0 },
             Error::TooManyEvents { t: 1.0, limit: 10 },
             Error::InvariantNotFinite { t: 1.0, index: 0 },
             Error::PositionMissed { t: 1.0, index: 0, residual: 0.1 },

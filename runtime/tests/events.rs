@@ -54,15 +54,15 @@ fn events<M: Method<f64, Circle>>(method: M, options: Options<f64>, end: f64) ->
 #[test]
 fn events_are_located_in_the_order_of_time() {
     fn check<M: Method<f64, Circle>>(method: M, options: Options<f64>, tolerance: f64) {
-        // At zero the sine is zero, which is not a change of sign; at pi it falls.
-        let forward = [(0, 0.5 * PI), (2, 2.0), (0, 1.5 * PI), (1, 2.0 * PI), (0, 2.5 * PI)];
+        // At zero the sine is zero and rises; at pi it falls.
+        let forward = [(1, 0.0), (0, 0.5 * PI), (2, 2.0), (0, 1.5 * PI), (1, 2.0 * PI), (0, 2.5 * PI)];
         // Backward in time the sine falls from zero to negative, and rises at -pi.
         let backward = [(0, -0.5 * PI), (2, -2.0), (1, -PI), (0, -1.5 * PI), (0, -2.5 * PI)];
-        for (end, expected) in [(9.0, forward), (-9.0, backward)] {
+        for (end, expected) in [(9.0, &forward[..]), (-9.0, &backward[..])] {
             let found = events(method, options, end);
             let name = M::TABLEAU.name;
             assert_eq!(found.len(), expected.len(), "{name}: {found:?}");
-            for (&(index, t), (expected_index, expected_t)) in found.iter().zip(expected) {
+            for (&(index, t), &(expected_index, expected_t)) in found.iter().zip(expected) {
                 assert_eq!(index, expected_index, "{name}: {found:?}");
                 assert!((t - expected_t).abs() < tolerance, "{name}: {found:?}");
             }
@@ -346,4 +346,69 @@ fn series_are_refused_where_they_are_not_finite() {
     let mut solver = Integrator::new(&Root, Taylor::new(), 0.0, [1e-100], Options::fixed(1e-3)).unwrap();
     assert!(matches!(solver.integrate_to(1.0), Err(Error::Failure(Failure::NonFinite { t: 0.0, index: 0 }))));
     assert_eq!((solver.t(), *solver.state()), (0.0, [1e-100]));
+}
+
+/// Ticks of a clock, whose steps are as long as the motion.
+fn ticks<M: Method<f64, Circle>>(method: M, options: Options<f64>, ends: &[f64], is_told: bool) -> Vec<f64> {
+    let mut times = vec![];
+    let mut solver = Integrator::new(&Circle, method, 0.0, [1.0, 0.0], options).unwrap();
+    if is_told {
+        solver = solver.with_events_told();
+    }
+    for end in ends {
+        let clock = |t: f64, _: &[f64; 2]| [(4.0 * PI * t).sin()];
+        let told = solver.integrate_with_events(*end, [Direction::Rising], clock, |event| {
+            times.push(event.t);
+            Continue(())
+        });
+        assert_eq!(told, Ok(Progress::Reached));
+    }
+    times
+}
+
+#[test]
+fn a_clock_ticks_once_however_long_steps_are_and_wherever_motions_are_cut() {
+    for options in [Options::fixed(10.0), Options::fixed(0.3), Options::adaptive(1e-9, 1e-9)] {
+        for times in [
+            ticks(Vern9, options, &[9.9], false),
+            ticks(Taylor::new(), options, &[9.9], false),
+            // Cut where the clock is zero: the tick of that time has been told.
+            ticks(Vern9, options, &[0.0, 0.5, 1.0, 7.5, 9.9], false),
+        ] {
+            assert_eq!(times.len(), 20, "{times:?}");
+            for (k, t) in times.iter().enumerate() {
+                assert!((t - 0.5 * k as f64).abs() < 1e-14 * (1.0 + t), "{times:?}");
+            }
+        }
+        // The motion goes on from the end of another one.
+        let times = ticks(Dop853, options, &[9.9], true);
+        assert!(times.len() == 19 && times[0] > 0.4, "{times:?}");
+    }
+}
+
+#[test]
+fn a_function_that_changes_too_often_is_told() {
+    let mut solver = Integrator::new(&HalfLine, Rk4, 0.0, [1e8], Options::fixed(1e7)).unwrap();
+    let clock = |t: f64, _: &[f64; 1]| [1.0, (t * 1e3).sin()];
+    let told = solver.integrate_with_events(1e7, [Direction::Rising; 2], clock, |_| Continue(()));
+    assert!(matches!(told, Err(Error::EventsUnresolved { index: 1, .. })), "{told:?}");
+}
+
+#[test]
+fn a_function_that_barely_passes_zero_within_a_step_is_seen() {
+    // The cosine is below -1 + depth around pi, for a time of sqrt(8 depth).
+    for depth in [1e-2, 1e-6, 1e-10] {
+        let mut times = vec![];
+        let mut solver =
+            Integrator::new(&Circle, Taylor::new(), 0.0, [1.0, 0.0], Options::fixed(1.5)).unwrap();
+        let function = |_: f64, y: &[f64; 2]| [y[0] + (1.0 - depth)];
+        let told = solver.integrate_with_events(5.0, [Direction::Either], function, |event| {
+            times.push(event.t - PI);
+            Continue(())
+        });
+        assert_eq!((told, times.len()), (Ok(Progress::Reached), 2), "{depth}: {times:?}");
+        // The depth is known to some roundings of one.
+        let half = (2.0 * depth).sqrt();
+        assert!(times.iter().all(|t| (t.abs() - half).abs() < 0.02 * half), "{depth}: {times:?}");
+    }
 }

@@ -176,18 +176,18 @@ fn events_are_found_to_the_spacing_of_times() {
             |_, y| [y[1]],
             |event| {
                 times.push(event.t);
-                // Just after the change of sign, which is passed at a speed of 1.7 at most.
-                assert!((0.0..2.0 * f64::EPSILON * event.t).contains(&event.state[1]), "{:?}", event.state);
-                if times.len() == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                // Just after the change of sign, which is passed at a speed of 1.7 at most; the first is the start.
+                assert!((0.0..=2.0 * f64::EPSILON * event.t).contains(&event.state[1]), "{:?}", event.state);
+                if times.len() == 4 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             },
         )
         .unwrap();
     assert!(!progress.reached());
-    assert_eq!(times.len(), 3);
+    assert_eq!(times.len(), 4);
     for (k, t) in times.iter().enumerate() {
-        assert!((t - PERIOD * (k + 1) as f64).abs() < 5e-12, "{k}: {t}");
+        assert!((t - PERIOD * k as f64).abs() < 5e-12, "{k}: {t}");
     }
-    assert_eq!(solver.t(), times[2]);
+    assert_eq!(solver.t(), times[3]);
 }
 
 #[test]
@@ -210,9 +210,10 @@ fn an_event_costs_a_few_steps() {
     let ((none, plain), (found, with_events)) = (evaluations(false), evaluations(true));
     assert_eq!(none, 0);
     assert!(found >= 20, "{found}");
-    // Two steps and the one whose state is told would be the least; bisection would take fifty.
+    // Two steps and the one whose state is told would be the least; bisection would take fifty. Where the cubic between
+    // the ends is not close to the motion, five places within the step are looked at besides.
     let steps = (with_events - plain) as f64 / (14 * found) as f64;
-    assert!(steps < 6.5, "{steps} of {found} events");
+    assert!(steps < 7.5, "{steps} of {found} events");
 }
 
 /// Where the cubic leaves the domain of the function, the place is found without it.

@@ -22,7 +22,6 @@ use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::integrate::has_state;
 use crate::run::interpreted;
-use crate::run::method::Steps;
 use crate::run::start::Starts;
 use crate::session::Session;
 
@@ -93,8 +92,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let (file, choice) = (arguments.scene.find(session)?, arguments.scene.choice()?);
     let model = file.model()?;
     let motion = &arguments.motion;
-    let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
-        .map_err(|reason| Error::unusable("--step", reason))?;
+    let steps = motion.steps()?;
     // Has the events and residuals of the scene, whoever evaluates it.
     let built = interpreted::build(model, &choice.scene)?;
     if built.watched().is_some_and(|watched| watched.acts()) {

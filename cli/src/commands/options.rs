@@ -16,7 +16,7 @@ use crate::run::choice::{Choice, Via};
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::inputs::{Between, InputTable};
-use crate::run::method::MethodName;
+use crate::run::method::{MethodName, Steps};
 use crate::session::{ModelFile, Session};
 
 /// Which scene of which model, and who evaluates it.
@@ -133,12 +133,25 @@ pub struct MotionOptions {
     /// Fixed step size instead of tolerances
     #[arg(long, value_name = "H", value_parser = finite)]
     pub step: Option<f64>,
+    /// Largest step where tolerances choose steps
+    #[arg(long, value_name = "H", value_parser = finite)]
+    pub max_step: Option<f64>,
     /// Largest number of steps, rejected ones included [default: 50000000, with fixed steps 1000000000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub max_steps: Option<u64>,
 }
 
 impl MotionOptions {
+    /// How steps are chosen.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for options that contradict each other.
+    pub(crate) fn steps(&self) -> Result<Steps, Error> {
+        let steps = Steps::new(self.method, self.rtol, self.atol, self.step)
+            .map_err(|reason| Error::unusable("--step", reason))?;
+        steps.within(self.max_step).map_err(|reason| Error::unusable("--max-step", reason))
+    }
+
     /// Parameters and components of the initial state that were given, by name; of a state in one of its forms.
     pub(crate) fn given(
         &self,

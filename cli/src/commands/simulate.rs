@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
+use hamel_codegen::scene;
 use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{EndOptions, MotionOptions, SceneOptions, assignments};
@@ -26,6 +27,7 @@ use crate::run::choice::Via;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::integrate::has_state;
+use crate::run::length::method_of_long;
 use crate::run::matrices::{self, Outcome};
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse};
@@ -115,7 +117,7 @@ pub struct Arguments {
     pub output: Vec<PathBuf>,
     /// Read a JSON request from standard input and print a JSON answer
     #[arg(long, conflicts_with_all =
-        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_steps", "samples", "output",
+        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_step", "max_steps", "samples", "output",
          "section", "sensitivity", "events", "plane", "max_events"])]
     pub json: bool,
 }
@@ -175,6 +177,12 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         method if method == MethodName::default() => MethodName::Isospectral,
         method => method,
     };
+    if motion.max_step.is_some() {
+        return Err(Error::unusable(
+            "--max-step",
+            "is not possible: a fluid of matrices is moved by fixed steps",
+        ));
+    }
     let (Some(step), None, None) = (motion.step, motion.rtol, motion.atol) else {
         let reason =
             "is what a fluid of matrices is moved by, without tolerances: give one, such as --step 0.01";
@@ -362,8 +370,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         return Err(Error::UnknownScene { model: model.name.clone(), name: choice.scene, known });
     }
     let motion = &arguments.motion;
-    let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
-        .map_err(|reason| Error::unusable("--step", reason))?;
+    let steps = motion.steps()?;
     let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
     let method = match (motion.method, steps) {
         (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
@@ -374,7 +381,8 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             let has_series = arguments.sensitivity.is_empty()
                 && choice.table.is_none()
                 && (is_interpreted || model::wants(model, &choice.scene, Want::Taylor));
-            auto::choose(rtol, Some(cost), has_series, auto::Purpose::of_samples(samples))
+            let has_events = !arguments.section.is_empty() || scene::has_events(model, &choice.scene);
+            auto::choose(rtol, Some(cost), has_series, auto::Purpose::of(samples, has_events))
         }
         (method, _) => method,
     };
@@ -397,7 +405,14 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         sections: arguments.section.clone(),
         along: arguments.sensitivity.clone(),
     };
-    let request = asked.request(&Words::OPTIONS, model, &mut *backend)?;
+    let mut request = asked.request(&Words::OPTIONS, model, &mut *backend)?;
+    if motion.method == MethodName::Auto
+        && choice.table.is_none()
+        && let Some(method) = method_of_long(&interpreted::build(model, &choice.scene)?, &request)
+    {
+        backend = choice.suited_to(&file, method)?.open(&file)?;
+        request.method = method;
+    }
     if choice.table.is_some() && !request.along.is_empty() && request.watched.is_some() {
         let reason = "is not carried through events whose inputs are in a table: drive them by expressions";
         return Err(Error::unusable("--sensitivity", reason));
@@ -485,10 +500,7 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     if info.scene != model::DEFAULT_SCENE {
         let _ = write!(text, ", scene {}", info.scene);
     }
-    let steps = match request.steps {
-        Steps::Adaptive { rtol, atol } => format!("rtol {rtol:e}, atol {atol:e}"),
-        Steps::Fixed { step } => format!("step {step:?}"),
-    };
+    let steps = request.steps.describe();
     let _ = write!(
         text,
         "\n  t = {:?} by {}, {steps}: {} steps, {} rejected, {} evaluations, {:.1} ms",
@@ -499,7 +511,7 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
         response.rhs_evals,
         1e3 * response.seconds
     );
-    if let Steps::Adaptive { rtol, atol } = request.steps {
+    if let Steps::Adaptive { rtol, atol, .. } = request.steps {
         let largest = request.initial.iter().chain(&response.last).fold(0.0_f64, |max, y| max.max(y.abs()));
         if largest > 0.0 && rtol * largest < atol {
             let _ = write!(

@@ -12,7 +12,6 @@ use crate::error::Error;
 use crate::model::blocks::Block;
 use crate::model::spelling::lower_first;
 use crate::run::info::Info;
-use crate::run::method::Steps;
 use crate::run::simulation::{Sample, SimulateRequest, SimulateResponse};
 
 /// A file to write and its format, which its extension says.
@@ -207,10 +206,7 @@ pub fn figure(run: &Run<'_>) -> Figure {
     } else {
         format!(", scene {}", info.scene)
     };
-    let steps = match request.steps {
-        Steps::Adaptive { rtol, atol } => format!("rtol {rtol:e}, atol {atol:e}"),
-        Steps::Fixed { step } => format!("step {step:?}"),
-    };
+    let steps = request.steps.describe();
     Figure {
         title: if title.is_empty() { info.model.clone() } else { title.to_owned() },
         subtitle: format!(

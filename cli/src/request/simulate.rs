@@ -73,7 +73,8 @@ impl SimulateRequest {
         })
     }
 
-    /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples", "max_steps"}`.
+    /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "max_step", "samples",
+    /// "max_steps"}`.
     ///
     /// Missing parameters take the scene's defaults; `initial` and `t_final` have to be there; the other defaults are
     /// `dop853` and [`Steps::RTOL`], [`Steps::ATOL`].
@@ -98,7 +99,7 @@ impl SimulateRequest {
         n_group: usize,
         defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
     ) -> Result<SimulateRequest, Error> {
-        const FIELDS: [&str; 14] = [
+        const FIELDS: [&str; 15] = [
             "params",
             "initial",
             "t_final",
@@ -106,6 +107,7 @@ impl SimulateRequest {
             "rtol",
             "atol",
             "step",
+            "max_step",
             "reconstruct",
             "samples",
             "max_steps",
@@ -139,6 +141,11 @@ impl SimulateRequest {
         let steps = Steps::new(method, rtol, atol, step).unwrap_or_else(|reason| {
             fields.problems.push(unusable("step", reason));
             Steps::Fixed { step: 1.0 }
+        });
+        let max_step = fields.number("max_step");
+        let steps = steps.within(max_step).unwrap_or_else(|reason| {
+            fields.problems.push(unusable("max_step", reason));
+            steps
         });
         match fields.take("reconstruct") {
             None => {}

@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_bar_says_what_is_left_of_time_or_of_steps() {
-        let steps = Steps::Adaptive { rtol: 1e-10, atol: 1e-12 };
+        let steps = Steps::Adaptive { rtol: 1e-10, atol: 1e-12, max: None };
         let request = |t_final, max_steps| SimulateRequest {
             params: Vec::new(),
             initial: vec![1.0],

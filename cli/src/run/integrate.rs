@@ -12,7 +12,8 @@ use super::dynamics::{Factory, PreparedScene, VecState};
 use super::evaluate::{describe, prepare, why_stopped};
 use super::events::Watcher;
 use super::info::Info;
-use super::method::Steps;
+use super::length::method_of_long;
+use super::method::{MethodName, Steps};
 use super::record::Record;
 use super::sensitivity::Along;
 use super::simulation::{SimulateRequest, SimulateResponse, stopped_because};
@@ -54,6 +55,10 @@ pub fn simulate_at(
     request.validate(factory.info())?;
     let dynamics = prepare(factory, &request.params)?;
     admissible::check(&*dynamics, &request.initial, request.n_group)?;
+    let long = if request.method == MethodName::Auto { method_of_long(factory, request) } else { None };
+    if let Some(method) = long {
+        return motion(&dynamics, &SimulateRequest { method, ..request.clone() }, times, progress);
+    }
     if request.along.is_empty() {
         return motion(&dynamics, request, times, progress);
     }
@@ -73,7 +78,7 @@ fn motion(
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<SimulateResponse, Error> {
     let run = Run { dynamics, request, times, progress };
-    let purpose = Purpose::of_samples(request.samples);
+    let purpose = Purpose::of(request.samples, request.watched.is_some());
     with_method(request.method, request.steps, purpose, &**dynamics, &request.initial, run)?
 }
 

@@ -211,6 +211,9 @@ pub enum Steps {
         rtol: f64,
         /// Absolute tolerance.
         atol: f64,
+        /// Largest step; none for any.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        max: Option<f64>,
     },
     /// All of one size.
     Fixed {
@@ -250,8 +253,38 @@ impl Steps {
                 embedded_names()
             )),
             (None, rtol, atol) => {
-                Ok(Steps::Adaptive { rtol: rtol.unwrap_or(Self::RTOL), atol: atol.unwrap_or(Self::ATOL) })
+                let (rtol, atol) = (rtol.unwrap_or(Self::RTOL), atol.unwrap_or(Self::ATOL));
+                Ok(Steps::Adaptive { rtol, atol, max: None })
             }
+        }
+    }
+
+    /// The same with a largest step, if one is given.
+    ///
+    /// # Errors
+    /// Why it cannot be, and what to change.
+    pub fn within(self, max_step: Option<f64>) -> Result<Steps, String> {
+        match (self, max_step) {
+            (steps, None) => Ok(steps),
+            (_, Some(max)) if !(max.is_finite() && max > 0.0) => {
+                Err(format!("is {max:?}: give a positive, finite time"))
+            }
+            (Steps::Fixed { .. }, Some(_)) => Err(
+                "is given together with a fixed step, which is the largest as well: leave one of them out"
+                    .into(),
+            ),
+            (Steps::Adaptive { rtol, atol, .. }, max) => Ok(Steps::Adaptive { rtol, atol, max }),
+        }
+    }
+
+    /// The same for people, such as `rtol 1e-10, atol 1e-12`.
+    pub fn describe(self) -> String {
+        match self {
+            Steps::Adaptive { rtol, atol, max: None } => format!("rtol {rtol:e}, atol {atol:e}"),
+            Steps::Adaptive { rtol, atol, max: Some(max) } => {
+                format!("rtol {rtol:e}, atol {atol:e}, steps up to {max:?}")
+            }
+            Steps::Fixed { step } => format!("step {step:?}"),
         }
     }
 
@@ -272,7 +305,19 @@ impl Steps {
             return Err(Error::Options { reason: format!("t_final is {t_final}: give a finite time") });
         }
         let options = match self {
-            Steps::Adaptive { rtol, atol } => Options::adaptive(rtol, atol),
+            Steps::Adaptive { rtol, atol, max } => {
+                let n_steps = max.map_or(0.0, |max| (t_final / max).abs());
+                if n_steps > max_steps as f64 * (1.0 + 1e-9) {
+                    let reason = format!(
+                        "max_step {:?} is too small for t_final = {t_final:?}: it needs {n_steps:.1e} steps, and at \
+                         most {max_steps} are taken; give a larger one, or raise max_steps",
+                        max.unwrap_or_default()
+                    );
+                    return Err(Error::Options { reason });
+                }
+                let options = Options::adaptive(rtol, atol);
+                max.map_or(options, |max| options.with_max_step(max))
+            }
             Steps::Fixed { step } => {
                 let n_steps = (t_final / step).abs();
                 // The quotient is rounded.

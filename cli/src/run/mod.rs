@@ -21,6 +21,7 @@ mod inside;
 pub mod integrate;
 pub mod interpreted;
 mod least_squares;
+pub mod length;
 mod lost_rank;
 mod machine;
 pub mod matrices;

@@ -1,5 +1,5 @@
-//! Cubics between the ends of a step, which cost no evaluation: they see functions that change their sign twice within
-//! it, and give brackets of events where the inside of a step is computed by steps of their own, so that few are taken.
+//! Cubics between the ends of a step: they tell cheaply where functions are far from zero, and give brackets of events
+//! where the inside of a step is computed by steps of their own, so that few are taken.
 //!
 //! Does not know directions of events, or what is done where one is found.
 
@@ -7,16 +7,13 @@ use super::Integrator;
 use super::norms::copy;
 use crate::error::Error;
 use crate::events::{is_after, locate};
-use crate::methods::Method;
+use crate::methods::{Method, Point};
 use crate::options::signed;
 use crate::real::Real;
 use crate::system::{StateVector, System};
 
 /// Most cubics for one event; each takes the distance to the fourth power where the function is smooth.
 const MAX_CUBICS: usize = 8;
-
-/// Parts of a step at which functions are looked at along the cubic.
-pub(super) const PROBES: [f64; 3] = [0.25, 0.5, 0.75];
 
 /// An end of a bracket.
 struct End<R, V> {
@@ -29,40 +26,35 @@ struct End<R, V> {
 }
 
 impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
-    /// Whether a function that has the values `before` and `after` at the ends of the last step seems to change its
-    /// sign more than once within it: the cubic between the ends, or the series of the step, is looked at in
-    /// [`PROBES`].
-    pub(super) fn turns<const K: usize>(
-        &mut self,
-        before: [R; K],
-        after: [R; K],
-        mut functions: impl FnMut(R, &S::State) -> [R; K],
-    ) -> Result<bool, Error> {
-        let (mut signs, mut n_changes) = (before.map(sign), [0; K]);
-        let mut note = |values: [R; K]| {
-            for ((own, n), value) in signs.iter_mut().zip(&mut n_changes).zip(values) {
-                // What is zero or not finite says nothing.
-                if let Some(new) = sign(value) {
-                    *n += u8::from(*own == Some(!new));
-                    *own = Some(new);
-                }
-            }
-        };
+    /// Writes the state at a time of the last step along the cubic between its ends to `work`.
+    pub(super) fn evaluate_cubic(&mut self, t: R) {
         let (from, length) = (self.t_previous, self.t - self.t_previous);
-        for part in PROBES {
-            let t = from + R::from_f64(part) * length;
-            if const { M::TABLEAU.is_series() } {
-                self.evaluate_dense(t)?;
-            } else {
-                let [first, last] =
-                    [usize::from(!self.current), usize::from(self.current)].map(|k| &self.points[k]);
-                let ends = [(&first.state, &first.slope), (&last.state, &last.slope)];
-                cubic(ends, length, R::from_f64(part), &mut self.work);
-            }
-            note(functions(t, &self.work));
-        }
-        note(after);
-        Ok(n_changes.iter().any(|n| *n > 1))
+        let ends = ends_of(&self.points, self.current);
+        cubic(ends, length, (t - from) / length, &mut self.work);
+    }
+
+    /// Whether the cubic between the ends of the last step is close to the motion: its slope in the middle is that of
+    /// the equations there, but for a twentieth. One evaluation.
+    ///
+    /// ```text
+    /// y'(h/2) = 3/2 (y_b - y_a)/h - (y'_a + y'_b)/4
+    /// ```
+    pub(super) fn is_cubic_close(&mut self) -> bool {
+        const CLOSE: f64 = 0.05;
+        let length = self.t - self.t_previous;
+        let middle = self.t_previous + R::from_f64(0.5) * length;
+        self.evaluate_cubic(middle);
+        // Scales of errors are computed anew for every step.
+        self.system.rhs(middle, &self.work, &mut self.scales);
+        self.stats.rhs_evals += 1;
+        let [a, b] = ends_of(&self.points, self.current);
+        let states = a.0.as_slice().iter().zip(b.0.as_slice());
+        let slopes = a.1.as_slice().iter().zip(b.1.as_slice());
+        states.zip(slopes).zip(self.scales.as_slice()).all(|(((&y_a, &y_b), (&first, &last)), &slope)| {
+            let along = R::from_f64(1.5) * (y_b - y_a) / length - R::from_f64(0.25) * (first + last);
+            let size = first.magnitude().max(last.magnitude()).max(slope.magnitude());
+            (along - slope).magnitude() <= CLOSE * size
+        })
     }
 
     /// Parts of the last step, and values there, between which a function changes its sign: at most `resolution` apart
@@ -126,8 +118,8 @@ fn cubic<R: Real, V: StateVector<R>>([a, b]: [(&V, &V); 2], h: R, x: R, out: &mu
     }
 }
 
-/// Whether a number is positive, rather than negative; none where it is neither.
-fn sign<R: Real>(value: R) -> Option<bool> {
-    let (is_positive, is_negative) = (value.all_gt(R::ZERO), R::ZERO.all_gt(value));
-    (is_positive || is_negative).then_some(is_positive)
+/// States and slopes at the ends of the last step.
+fn ends_of<V>(points: &[Point<V>; 2], current: bool) -> [(&V, &V); 2] {
+    let [first, last] = [usize::from(!current), usize::from(current)].map(|k| &points[k]);
+    [(&first.state, &first.slope), (&last.state, &last.slope)]
 }

@@ -1,16 +1,19 @@
 //! The one driver of all methods: time, state and counts of an integration.
 //!
 //! [`step`] takes one accepted step, [`failure`] says why there is none, [`dense`] interpolates within the last step,
-//! [`sampling`] visits times and events on the way, [`watch`] finds the events of a step, [`crossing`] brackets them
-//! with few steps, [`norms`] measures errors. The module deliberately does not know any method: the integrator reads a
+//! [`sampling`] visits times on the way, [`telling`] looks for the events of a step and carries them out, [`watch`] has
+//! what is known of their functions, [`parts`] judges these by a few values, [`crossing`] brackets events with few
+//! steps, [`norms`] measures errors. The module deliberately does not know any method: the integrator reads a
 //! tableau and has the stages, or a series, computed.
 
 mod crossing;
 mod dense;
 mod failure;
 mod norms;
+mod parts;
 mod sampling;
 mod step;
+mod telling;
 mod watch;
 
 use core::fmt;
@@ -114,6 +117,8 @@ pub struct Integrator<'s, R: Real, S: System<R>, M: Method<R, S>> {
     dense: Dense,
     /// [`System::signature`] of the initial state, which all accepted states have.
     signature: R,
+    /// The time up to which events were told.
+    told_until: Option<R>,
     stats: Stats,
 }
 
@@ -176,6 +181,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
             storage,
             dense: Dense::NoStep,
             signature,
+            told_until: None,
             stats: Stats { rhs_evals: 1, ..Stats::default() },
         })
     }
@@ -195,6 +201,14 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         }
         (self.rtol, self.atol) = (rtol, atol);
         Ok(self)
+    }
+
+    /// Says that the motion goes on from the end of another one, along which events were told: a function that is zero
+    /// at the start has no event there.
+    #[must_use]
+    pub fn with_events_told(mut self) -> Self {
+        self.told_until = Some(self.t);
+        self
     }
 
     /// Time of the last accepted state.

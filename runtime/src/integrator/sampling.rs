@@ -1,21 +1,18 @@
 //! States at given times and at events on the way to an end.
 //!
-//! Does not know how a step is taken or interpolated.
+//! Does not know how a step is taken or interpolated, how events are found.
 
 use core::ops::ControlFlow;
 
-use super::crossing::PROBES;
-use super::dense::Dense;
-use super::norms::copy;
-use super::watch::{Ends, Watch, Within, finite_values};
+use super::telling::Told;
+use super::watch::Watch;
 use super::{Integrator, Progress};
-use crate::controller::Controller;
 use crate::error::Error;
 use crate::events::{Action, Direction, Event, Events, Observer};
 use crate::methods::Method;
 use crate::options::signed;
 use crate::real::Real;
-use crate::system::{StateVector, System};
+use crate::system::System;
 
 impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// Integrates to `t_end` and calls `output` with the state at each of `times`, from dense output.
@@ -41,10 +38,16 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     ///
     /// Events are located on dense output up to the spacing of times, and told in the order of time, just after the
     /// change of sign; where a function is zero over a stretch of time, at its start. Where `on_event` breaks, the
-    /// integration stops: time and state are those of the event, and the answer is [`Progress::Running`] unless that
-    /// is the end. A function that is zero at the start has no event there. Of several changes of one function within
-    /// one step, an even number is overlooked and one of an odd number is found;
-    /// [`Options::with_max_step`](crate::Options::with_max_step) bounds the step.
+    /// integration stops once the other events of that time are told: time and state are those of the event, and the
+    /// answer is [`Progress::Running`] unless that is the end. A function of one direction that is zero at the start,
+    /// and goes on in that direction, has an event there; one of either direction has none, nor has one where the
+    /// integration goes on from the end of another with events.
+    ///
+    /// Within a step functions are looked at along the motion in seven places, and in parts of the step where these
+    /// values do not tell how they go on in between: a function that oscillates within a step is followed through all
+    /// of its changes of sign, and an error says where it does so more often than can be followed. Overlooked is a
+    /// function that leaves its sign for a small part of a step without having turned towards zero beside it; where
+    /// one may do so, [`Options::with_max_step`](crate::Options::with_max_step) bounds the step.
     ///
     /// With a scalar of several lanes, the lanes are to change sign together.
     ///
@@ -183,19 +186,20 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// Integrates to `t_end` and tells an observer the states at `times`, the ends of steps and the events, in the
     /// order of time.
     ///
-    /// Events are located as [`integrate_with_events`](Self::integrate_with_events) says. A function that changes its
-    /// sign twice within a step is seen where it has the other sign at a quarter, the half or three quarters of the
-    /// step. Several at one time are told
-    /// in the order of their functions, each with the state that the one before has left. Where one answers
-    /// [`Action::Restart`], the motion goes on from the changed state at the time of the event: the step after it
-    /// starts anew, samples at that time have the state before, and what a change of the state does to the sign of a
-    /// function is no event. A function that its own event leaves at zero does not fire again until it has left zero.
+    /// Events are found as [`integrate_with_events`](Self::integrate_with_events) says. Several at one time, up to
+    /// rounding, are told in the order of their functions, each with the state that the one before has left, unless
+    /// that one has moved its function off zero, to where it came from. All of them are told, also where one stops.
+    /// Where one answers [`Action::Restart`], the motion goes on from the changed state at the time of the event: the
+    /// step after it starts anew, samples at that time have the state before, and what a change of the state does to
+    /// the sign of a function is no event, unless it is left at zero and goes on in the direction of its events. A
+    /// function that its own event leaves at zero does not fire again until it has left zero.
     ///
     /// # Errors
     ///
     /// As [`sample`](Self::sample); [`Error::EventNotFinite`] if a function has no value; [`Error::Failure`] for a
     /// changed state outside of the domain, or without a derivative; [`Error::EventsAccumulate`] where events that
-    /// change the state follow each other within the rounding of time; [`Error::TooManyEvents`].
+    /// change the state follow each other within the rounding of time, or where one takes the whole rate of its own
+    /// function and does not hold it there; [`Error::EventsUnresolved`]; [`Error::TooManyEvents`].
     pub fn observe<const K: usize>(
         &mut self,
         t_end: R,
@@ -203,7 +207,6 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         directions: [Direction; K],
         observer: &mut impl Observer<R, S::State, K>,
     ) -> Result<Progress, Error> {
-        let mut budget = self.options.max_steps;
         if !t_end.all_finite() {
             return Err(Error::TimeNotFinite { value: signed(t_end) });
         }
@@ -212,12 +215,29 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         samples.draw(self.t)?;
         self.output_until(self.t, &mut samples, observer)?;
         let values = observer.values(self.t, self.state());
-        let mut watch = Watch::new(directions, self.options.max_events, (self.t, values))?;
-        let mut start = self.t;
+        let begin = self.t;
+        let is_told = self.told_until == Some(begin);
+        let mut watch = Watch::new(directions, self.options.max_events, (self.t, t_end, values), is_told)?;
+        let progress = self.observe_on(t_end, (&mut watch, &mut samples), observer)?;
+        // Without a step nothing was looked for.
+        if const { K > 0 } && self.t != begin {
+            self.told_until = Some(self.t);
+        }
+        Ok(progress)
+    }
+
+    /// Goes on to `t_end`, or to an event that stops.
+    fn observe_on<const K: usize>(
+        &mut self,
+        t_end: R,
+        (watch, samples): (&mut Watch<R, K>, &mut Samples<R, impl Iterator<Item = R>>),
+        observer: &mut impl Observer<R, S::State, K>,
+    ) -> Result<Progress, Error> {
+        let (mut start, mut budget) = (self.t, self.options.max_steps);
         loop {
             let progress = self.step_within(t_end, &mut budget)?;
             let after = observer.values(self.t, self.state());
-            match self.tell_step(&mut watch, &mut samples, observer, (start, after))? {
+            match self.tell_step(watch, samples, observer, (start, after))? {
                 Told::Nothing => {}
                 Told::Stop => {
                     return Ok(if self.t == t_end { Progress::Reached } else { Progress::Running });
@@ -228,7 +248,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
                     continue;
                 }
             }
-            self.output_until(self.t, &mut samples, observer)?;
+            self.output_until(self.t, samples, observer)?;
             if observer.step(self.t, self.state()).is_break() {
                 return Ok(progress);
             }
@@ -238,95 +258,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         }
     }
 
-    /// Finds and tells the events of the last step, at whose end the functions have the values `after`, up to one that
-    /// stops or changes the motion since `start`: part by part where functions turn within it.
-    fn tell_step<const K: usize>(
-        &mut self,
-        watch: &mut Watch<R, K>,
-        samples: &mut Samples<R, impl Iterator<Item = R>>,
-        observer: &mut impl Observer<R, S::State, K>,
-        (start, after): (R, [R; K]),
-    ) -> Result<Told, Error> {
-        // Nothing of what follows is compiled without functions.
-        if const { K == 0 } {
-            return Ok(Told::Nothing);
-        }
-        let (begin, end) = (self.t_previous, self.t);
-        let turns = self.turns(watch.before(), after, |t, y| observer.values(t, y))?;
-        let mut ends = Ends { from: begin, to: end };
-        for part in PROBES.into_iter().filter(|_| turns) {
-            ends.to = begin + R::from_f64(part) * (end - begin);
-            self.evaluate_dense(ends.to)?;
-            let values = observer.values(ends.to, &self.work);
-            let told = self.tell_part(watch, samples, observer, (start, ends, values))?;
-            if !matches!(told, Told::Nothing) {
-                return Ok(told);
-            }
-            ends.from = ends.to;
-        }
-        ends.to = end;
-        self.tell_part(watch, samples, observer, (start, ends, after))
-    }
-
-    fn tell_part<const K: usize>(
-        &mut self,
-        watch: &mut Watch<R, K>,
-        samples: &mut Samples<R, impl Iterator<Item = R>>,
-        observer: &mut impl Observer<R, S::State, K>,
-        (start, ends, after): (R, Ends<R>, [R; K]),
-    ) -> Result<Told, Error> {
-        let is_whole = ends.from == self.t_previous && ends.to == self.t;
-        let mut within = LastStep { integrator: &mut *self, observer: &mut *observer, is_whole };
-        watch.search(ends, after, &mut within)?;
-        self.tell_events(watch, samples, observer, start)
-    }
-
-    /// Tells the events found last, up to one that stops or changes the motion since `start`.
-    fn tell_events<const K: usize>(
-        &mut self,
-        watch: &mut Watch<R, K>,
-        samples: &mut Samples<R, impl Iterator<Item = R>>,
-        observer: &mut impl Observer<R, S::State, K>,
-        start: R,
-    ) -> Result<Told, Error> {
-        // The values where the first event that changes the state has found it.
-        let mut changed: Option<[R; K]> = None;
-        while let Some((index, t)) = watch.next(samples.backward)? {
-            if changed.is_none() {
-                self.output_until(t, samples, observer)?;
-                self.evaluate_dense(t)?;
-            }
-            let before = match changed {
-                Some(values) => values,
-                None => observer.values(t, &self.work),
-            };
-            match observer.event(index, t, &mut self.work) {
-                Action::Continue => {}
-                Action::Restart => changed = Some(before),
-                Action::Stop if changed.is_none() => {
-                    self.stop_at(t)?;
-                    return Ok(Told::Stop);
-                }
-                Action::Stop | Action::ChangeAndStop => {
-                    self.restart_at(t)?;
-                    return Ok(Told::Stop);
-                }
-            }
-            let Some(before) = changed.filter(|_| !watch.has_another_at(t)) else { continue };
-            self.restart_at(t)?;
-            self.control = Controller::new(M::TABLEAU.estimate_order().unwrap_or(M::TABLEAU.order));
-            // The motion until now says how soon the next event may be; a step has to change the time.
-            let least = 1e4 * R::EPSILON * t.magnitude();
-            let longest = (t - start).magnitude().max(least);
-            self.next_step = self.next_step.map(|step| step.min(longest));
-            watch.restart(t, before, observer.values(t, self.state()))?;
-            return Ok(Told::Restart);
-        }
-        Ok(Told::Nothing)
-    }
-
     /// Tells the samples at the times up to `t`.
-    fn output_until<const K: usize>(
+    pub(super) fn output_until<const K: usize>(
         &mut self,
         t: R,
         samples: &mut Samples<R, impl Iterator<Item = R>>,
@@ -339,56 +272,14 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         }
         Ok(())
     }
-
-    /// Makes the state in `work` the last accepted one, at a time within the last step.
-    fn stop_at(&mut self, t: R) -> Result<(), Error> {
-        if t == self.t {
-            return Ok(());
-        }
-        self.place_at(t)
-    }
-
-    /// The same with a state that has been changed.
-    fn restart_at(&mut self, t: R) -> Result<(), Error> {
-        if let Some(failure) = self.point_failure(t, &self.work, None) {
-            return Err(failure.into());
-        }
-        self.system.domain(t, &self.work)?;
-        self.place_at(t)?;
-        let state = &self.points[usize::from(self.current)].state;
-        self.signature = self.system.signature(t, state);
-        self.method.restart(&mut self.storage, self.system, t, state);
-        Ok(())
-    }
-
-    fn place_at(&mut self, t: R) -> Result<(), Error> {
-        let point = &mut self.points[usize::from(self.current)];
-        copy(&self.work, &mut point.state);
-        point.residue.as_mut_slice().fill(R::ZERO);
-        (self.t, self.t_residue, self.dense) = (t, R::ZERO, Dense::Lost);
-        self.system.rhs(t, &point.state, &mut point.slope);
-        self.stats.rhs_evals += 1;
-        let here = self.here();
-        self.point_failure(t, &here.state, Some(&here.slope)).map_or(Ok(()), |failure| Err(failure.into()))
-    }
-}
-
-/// What has come of the events of a step.
-enum Told {
-    /// The motion goes on.
-    Nothing,
-    /// It goes on from a changed state.
-    Restart,
-    /// It stops.
-    Stop,
 }
 
 /// Times still to be sampled.
-struct Samples<R, I> {
+pub(super) struct Samples<R, I> {
     times: I,
     next: Option<R>,
     t_end: R,
-    backward: bool,
+    pub(super) backward: bool,
 }
 
 impl<R: Real, I: Iterator<Item = R>> Samples<R, I> {
@@ -406,41 +297,5 @@ impl<R: Real, I: Iterator<Item = R>> Samples<R, I> {
             }
             _ => Ok(()),
         }
-    }
-}
-
-/// The last step of an integrator, as an observer sees it.
-struct LastStep<'i, I, O> {
-    integrator: &'i mut I,
-    observer: &'i mut O,
-    /// Whether all of it is searched.
-    is_whole: bool,
-}
-
-impl<R, S, M, O, const K: usize> Within<R, K> for LastStep<'_, Integrator<'_, R, S, M>, O>
-where
-    R: Real,
-    S: System<R>,
-    M: Method<R, S>,
-    O: Observer<R, S::State, K>,
-{
-    fn values(&mut self, t: R) -> Result<[R; K], Error> {
-        self.integrator.evaluate_dense(t)?;
-        Ok(self.observer.values(t, &self.integrator.work))
-    }
-
-    fn bracket(
-        &mut self,
-        (index, level): (usize, R),
-        (before, after): (f64, f64),
-        resolution: f64,
-    ) -> Result<[(R, f64); 2], Error> {
-        if const { !M::DENSE_BY_STEPS } || !self.is_whole {
-            return Ok([(R::ZERO, before), (R::ONE, after)]);
-        }
-        let mut function = |t: R, y: &S::State| {
-            finite_values(t, self.observer.values(t, y)).map(|values| signed(values[index] - level))
-        };
-        self.integrator.bracket_by_cubics(&mut function, (before, after), resolution)
     }
 }

@@ -31,7 +31,6 @@ use crate::run::ensemble::{Cancel, EnsembleRequest, Member, Progress, pool};
 use crate::run::forms::Forms;
 use crate::run::integrate::has_state;
 use crate::run::interpreted;
-use crate::run::method::Steps;
 use crate::run::ranks::Ranks;
 use crate::run::resources::{self, free_space};
 use crate::run::simulation::sample_time;
@@ -104,8 +103,7 @@ pub fn of_scene(
     let clock = Instant::now();
     let motion = &arguments.motion;
     let targets = targets(arguments)?;
-    let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
-        .map_err(|reason| Error::unusable("--step", reason))?;
+    let steps = motion.steps()?;
     let Subject { model, built, .. } = *subject;
     has_state(built.info())?;
     let forms = Forms::of(model, built.info())?;
@@ -143,7 +141,7 @@ pub fn of_scene(
     let first = pool.install(|| plan.members(0..1, &starts, built));
     let first = first.into_iter().filter_map(|(_, start)| start.ok()).collect();
     asked.options()?;
-    backend.ensemble(&EnsembleRequest { members: first, max_steps: Some(1), ..asked.clone() })?;
+    backend.ensemble(&EnsembleRequest { members: first, t_final: 0.0, ..asked.clone() })?;
     let heading = Heading {
         info: &info,
         input_names: plan.names(),

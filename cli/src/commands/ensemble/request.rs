@@ -46,7 +46,8 @@ pub(super) fn document(
     n_chunk: usize,
 ) -> Value {
     let steps = match asked.steps {
-        Steps::Adaptive { rtol, atol } => json!({"rtol": rtol, "atol": atol}),
+        Steps::Adaptive { rtol, atol, max: None } => json!({"rtol": rtol, "atol": atol}),
+        Steps::Adaptive { rtol, atol, max } => json!({"rtol": rtol, "atol": atol, "max_step": max}),
         Steps::Fixed { step } => json!({"step": step}),
     };
     let named = |values: &[(String, f64)]| {

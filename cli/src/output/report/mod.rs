@@ -79,7 +79,7 @@ impl Precision {
         t_final: f64,
         mut solve: impl FnMut(MethodName, Steps) -> Result<SimulateResponse, Error>,
     ) -> Precision {
-        let adaptive = |rtol: f64| Steps::Adaptive { rtol, atol: rtol / 100.0 };
+        let adaptive = |rtol: f64| Steps::Adaptive { rtol, atol: rtol / 100.0, max: None };
         let [Ok(reference), Ok(other)] = REFERENCE.map(|rtol| solve(MethodName::Dop853, adaptive(rtol)))
         else {
             return Precision::default();

@@ -1,8 +1,7 @@
-/* FMI 3.0 for one scene: model exchange, and co-simulation by the method of Dormand and Prince.
+/* FMI 3.0 for one scene: model exchange, and co-simulation, whose steps fmi3_events.c has.
    What comes before this text says how many numbers of each kind there are, and how they are computed (fmu_..).
-   Deliberately does not know: which model it is.
-   Sources: Functional Mock-up Interface Specification 3.0 (Modelica Association, 2022); Dormand and Prince, A family
-   of embedded Runge-Kutta formulae (1980). */
+   Deliberately does not know: which model it is, how events are found.
+   Source: Functional Mock-up Interface Specification 3.0 (Modelica Association, 2022). */
 
 #if defined(_WIN32)
 #define FMI3_EXPORT __declspec(dllexport)
@@ -33,6 +32,24 @@ enum { INSTANTIATED, INITIALIZATION, EVENT, CONTINUOUS, STEP, TERMINATED };
 
 #define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)
 
+/* What is known of a function of events: that it has a sign; that it is on its level and leaves it, after its own event
+   or not; that it is zero, and has its event where it goes on in the direction of that. */
+enum { APART, DEPARTS, RESTARTED, STARTS };
+
+typedef struct {
+    int phase;
+    /* At the last point. */
+    double value;
+    /* Zero, or the value, zero but for rounding, at which its own event has left it. */
+    double level;
+    /* Largest magnitude so far. */
+    double largest;
+    /* To which side of zero it has gone in its last event. */
+    double side;
+    /* When its event has last changed the state. */
+    double last;
+} Watch;
+
 /* What a motion consists of: copied where the state of the FMU is kept. */
 typedef struct {
     int mode;
@@ -42,8 +59,11 @@ typedef struct {
     /* Whether the parameters have changed since they were prepared. */
     bool is_stale;
     fmu_prepared prepared;
-    /* Signs of event indicators at the last point, 0 for one that has just been zero. */
-    int signs[AT_LEAST_ONE(FMU_EVENTS)];
+    Watch watch[AT_LEAST_ONE(FMU_EVENTS)];
+    /* When an event has last changed the state. */
+    double since;
+    /* Events that are closer accumulate. */
+    double shortest;
     /* Whether the motion has ended by an event. */
     bool has_ended;
     double tolerance;
@@ -72,6 +92,9 @@ static void start(Data *d) {
     fmu_params(d->params);
     d->is_stale = true;
     d->tolerance = 1e-8;
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        d->watch[k].last = -HUGE_VAL;
+    }
 }
 
 /* Checks and prepares the parameters where they have changed. */
@@ -86,149 +109,7 @@ static fmi3Status ready(Instance *m) {
     return fmi3OK;
 }
 
-static int sign(double x) {
-    return (x > 0.0) - (x < 0.0);
-}
-
-/* Whether an indicator has gone through zero in the direction of its event. */
-static bool has_crossed(int event, int before, double now) {
-    const int direction = fmu_direction(event);
-    return (before > 0 && now <= 0.0 && direction <= 0) || (before < 0 && now >= 0.0 && direction >= 0);
-}
-
-static bool any_crossed(const Data *d, const double *now) {
-    for (int k = 0; k < FMU_EVENTS; k++) {
-        if (has_crossed(k, d->signs[k], now[k])) {
-            return true;
-        }
-    }
-    return false;
-}
-
-/* Takes the signs of the indicators where the motion is now. */
-static void take_signs(Data *d) {
-    double now[AT_LEAST_ONE(FMU_EVENTS)];
-    fmu_events(&d->prepared, d->t, d->y, now);
-    for (int k = 0; k < FMU_EVENTS; k++) {
-        d->signs[k] = sign(now[k]);
-    }
-}
-
-/* Carries out the events whose indicators have crossed zero; returns whether the state has changed. */
-static bool apply_events(Data *d) {
-    double now[AT_LEAST_ONE(FMU_EVENTS)];
-    bool fired[AT_LEAST_ONE(FMU_EVENTS)] = {false};
-    bool changed = false;
-    fmu_events(&d->prepared, d->t, d->y, now);
-    for (int k = 0; k < FMU_EVENTS; k++) {
-        if (has_crossed(k, d->signs[k], now[k])) {
-            const int action = fmu_apply(&d->prepared, k, d->t, d->y);
-            fired[k] = true;
-            changed = changed || (action & 1) != 0;
-            d->has_ended = d->has_ended || (action & 2) != 0;
-        }
-    }
-    fmu_events(&d->prepared, d->t, d->y, now);
-    for (int k = 0; k < FMU_EVENTS; k++) {
-        /* What has just been zero has no sign yet. */
-        d->signs[k] = fired[k] ? 0 : sign(now[k]);
-    }
-    return changed;
-}
-
-/* One step of the method; returns the norm of its error, which is at most 1 where the tolerance is met. */
-static double step(const Data *d, double h, double *next) {
-    static const double c[7] = {0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0};
-    static const double a[7][6] = {
-        {0.0},
-        {1.0 / 5.0},
-        {3.0 / 40.0, 9.0 / 40.0},
-        {44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0},
-        {19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0},
-        {9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0},
-        {35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0},
-    };
-    static const double e[7] = {71.0 / 57600.0,      0.0,          -71.0 / 16695.0, 71.0 / 1920.0,
-                                -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0};
-    double k[7][AT_LEAST_ONE(FMU_STATE)];
-    for (int s = 0; s < 7; s++) {
-        for (int i = 0; i < FMU_STATE; i++) {
-            double sum = 0.0;
-            for (int r = 0; r < s; r++) {
-                sum += a[s][r] * k[r][i];
-            }
-            next[i] = d->y[i] + h * sum;
-        }
-        fmu_rates(&d->prepared, d->t + c[s] * h, next, k[s]);
-    }
-    double norm = 0.0;
-    for (int i = 0; i < FMU_STATE; i++) {
-        double error = 0.0;
-        for (int s = 0; s < 7; s++) {
-            error += e[s] * k[s][i];
-        }
-        const double scale = d->tolerance * (1.0 + fmax(fabs(d->y[i]), fabs(next[i])));
-        norm += (h * error / scale) * (h * error / scale);
-    }
-    return sqrt(norm / AT_LEAST_ONE(FMU_STATE));
-}
-
-/* Moves on to a time, or to the end of the motion. */
-static fmi3Status advance(Instance *m, double end) {
-    Data *d = &m->data;
-    double next[AT_LEAST_ONE(FMU_STATE)], now[AT_LEAST_ONE(FMU_EVENTS)];
-    while (d->t < end && !d->has_ended) {
-        const double rest = end - d->t;
-        const double least = 16.0 * 2.220446049250313e-16 * fmax(fabs(d->t), fabs(end));
-        if (!(d->h > 0.0)) {
-            d->h = fmin(rest, 1e-3);
-        }
-        /* The last step lands on the end, and leaves no sliver behind. */
-        const bool is_last = d->h >= rest || rest - d->h < least;
-        double h = is_last ? rest : d->h;
-        const double error = step(d, h, next);
-        if (!(error <= 1.0) || fmu_domain(&d->prepared, d->t + h, next) != 0) {
-            const double shorter = error > 1.0 ? fmax(0.2, 0.9 * pow(error, -0.2)) : 0.2;
-            d->h = h * shorter;
-            if (d->h < least) {
-                const int code = fmu_check(&d->prepared, d->t, d->y);
-                const int outside = fmu_domain(&d->prepared, d->t + h, next);
-                return fail(m, code != 0 ? fmu_message(code)
-                                         : outside != 0 ? fmu_message(outside)
-                                                        : "the steps of the method become too short");
-            }
-            continue;
-        }
-        const double longer = h * fmin(5.0, 0.9 * pow(fmax(error, 1e-10), -0.2));
-        fmu_events(&d->prepared, d->t + h, next, now);
-        const bool is_event = any_crossed(d, now);
-        if (is_event) {
-            /* The shortest step after which an indicator has crossed zero. */
-            double before = 0.0, after = h;
-            while (after - before > least) {
-                const double middle = before + 0.5 * (after - before);
-                step(d, middle, next);
-                fmu_events(&d->prepared, d->t + middle, next, now);
-                if (any_crossed(d, now)) {
-                    after = middle;
-                } else {
-                    before = middle;
-                }
-            }
-            h = after;
-            step(d, h, next);
-        }
-        d->t = is_last && !is_event ? end : d->t + h;
-        memcpy(d->y, next, sizeof next);
-        d->h = is_last && longer < d->h ? d->h : longer;
-        if (is_event) {
-            apply_events(d);
-        } else {
-            take_signs(d);
-        }
-    }
-    return fmi3OK;
-}
+/* EVENTS */
 
 /* All variables. */
 static void evaluate(const Data *d, double *all) {
@@ -250,6 +131,15 @@ static void differentiate(const Data *d, const double *seeds, double *all) {
 
 /* Arrays of evaluate may be written past a part that is empty. */
 enum { N_ALL = N_REFERENCES + 1 };
+
+/* How fast the functions of events change along the motion. */
+static void event_rates(const Data *d, double *slopes) {
+    double seeds[N_ALL] = {0.0}, all[N_ALL];
+    seeds[0] = 1.0;
+    fmu_rates(&d->prepared, d->t, d->y, seeds + FIRST_STATE);
+    differentiate(d, seeds, all);
+    memcpy(slopes, all + FIRST_EVENT, FMU_EVENTS * sizeof(double));
+}
 
 FMI3_EXPORT const char *fmi3GetVersion(void) {
     return "3.0";
@@ -322,7 +212,7 @@ FMI3_EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, bool t
     if (tolerance_defined && tolerance > 0.0) {
         m->data.tolerance = tolerance;
     }
-    m->data.t = start_time;
+    m->data.t = m->data.since = start_time;
     m->data.mode = INITIALIZATION;
     return fmi3OK;
 }
@@ -340,7 +230,7 @@ FMI3_EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     if (code != 0) {
         return fail(m, fmu_message(code));
     }
-    take_signs(&m->data);
+    look_again(&m->data);
     m->data.mode = m->is_co_simulation ? STEP : EVENT;
     return fmi3OK;
 }
@@ -613,7 +503,24 @@ FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *nee
     if (ready(m) != fmi3OK) {
         return fmi3Error;
     }
-    *values_changed = apply_events(&m->data);
+    double now[AT_LEAST_ONE(FMU_EVENTS)], slopes[AT_LEAST_ONE(FMU_EVENTS)], sides[AT_LEAST_ONE(FMU_EVENTS)];
+    bool due[AT_LEAST_ONE(FMU_EVENTS)] = {false}, accumulates = false;
+    fmu_events(&m->data.prepared, m->data.t, m->data.y, now);
+    event_rates(&m->data, slopes);
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        Watch *w = &m->data.watch[k];
+        /* One that is zero at the start, and moves in the direction of its event. */
+        const bool starts = w->phase == STARTS && now[k] == 0.0 && slopes[k] * fmu_direction(k) > 0.0;
+        due[k] = starts || (w->phase == APART && is_change(k, w->value, now[k]));
+        sides[k] = starts ? slopes[k] : now[k] - w->value;
+        w->side = due[k] ? sides[k] : w->side;
+        w->phase = starts ? APART : w->phase;
+    }
+    *values_changed = carry_out(&m->data, due, sides, &accumulates);
+    if (accumulates) {
+        return fail(m, "events accumulate: one changes the state again within the rounding of time; let it end the "
+                       "motion");
+    }
     *terminate = m->data.has_ended;
     *need_update = *nominals_changed = *next_defined = false;
     *next = 0.0;
@@ -633,10 +540,18 @@ FMI3_EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, bool n
         return fmi3Error;
     }
     fmu_events(&m->data.prepared, m->data.t, m->data.y, now);
-    *enter_event_mode = any_crossed(&m->data, now);
-    *terminate = false;
+    *enter_event_mode = *terminate = false;
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        const Watch *w = &m->data.watch[k];
+        *enter_event_mode = *enter_event_mode || (w->phase == APART && is_change(k, w->value, now[k]));
+    }
     if (!*enter_event_mode) {
-        take_signs(&m->data);
+        pass(&m->data, now);
+        for (int k = 0; k < FMU_EVENTS; k++) {
+            Watch *w = &m->data.watch[k];
+            /* What has just been zero has no sign before it has left its level. */
+            w->phase = now[k] != w->level ? APART : w->phase;
+        }
     }
     return fmi3OK;
 }

@@ -38,6 +38,10 @@ struct Variable {
 /// The functions of FMI 3.0 over those that the text before them defines.
 const FUNCTIONS: &str = include_str!("fmi3.c");
 
+/// Steps of co-simulation and their events, which stand in the place of [`EVENTS_HERE`] of these.
+const EVENTS: &str = include_str!("fmi3_events.c");
+const EVENTS_HERE: &str = "/* EVENTS */\n";
+
 /// What stands before and after lines of [`FUNCTIONS`] that scenes with inputs alone have.
 const WITH_INPUTS: [&str; 2] = ["#ifdef FMU_INPUTS\n", "#endif /* FMU_INPUTS */\n"];
 
@@ -357,7 +361,8 @@ impl Writer<'_> {
 
 /// The functions of FMI for a scene with or without inputs.
 fn functions(has_inputs: bool) -> String {
-    let mut pieces = FUNCTIONS.split(WITH_INPUTS[0]);
+    let all = FUNCTIONS.replace(EVENTS_HERE, EVENTS);
+    let mut pieces = all.split(WITH_INPUTS[0]);
     let mut text = pieces.next().unwrap_or_default().to_owned();
     for piece in pieces {
         let (with_inputs, after) = piece.split_once(WITH_INPUTS[1]).unwrap_or((piece, ""));

@@ -48,6 +48,26 @@ impl Writer<'_> {
             }
         };
         let consistent = self.wasm_consistent();
+        // A function that is zero at the end of a motion has had its event when the motion goes on from there.
+        let [last, is_told, note_end] = match text.events.is_empty() {
+            true => [TokenStream::new(), TokenStream::new(), TokenStream::new()],
+            false => [
+                quote! {
+                    /// State and time where `integrate` has ended last.
+                    static LAST: [AtomicU64; #n + 1] = [const { AtomicU64::new(u64::MAX) }; #n + 1];
+                },
+                quote! {
+                    let here = load(&STATE).into_iter().chain([t]).map(f64::to_bits);
+                    if LAST.iter().map(|last| last.load(Relaxed)).eq(here) {
+                        solver = solver.with_events_told();
+                    }
+                },
+                quote! {
+                    let end: Vec<f64> = solver.state().iter().copied().chain([solver.t()]).collect();
+                    store(&LAST, &end);
+                },
+            ],
+        };
         let energy_of = quote! { system.energy_of(t, &y).into_iter().collect::<Vec<f64>>() };
         let items = quote! {
             #doc
@@ -73,6 +93,7 @@ impl Writer<'_> {
             static ENERGY: [AtomicU64; 1] = [const { AtomicU64::new(0) }; 1];
             static OUTPUTS: [AtomicU64; INFO.n_outputs()] = [const { AtomicU64::new(0) }; INFO.n_outputs()];
             static TIME: [AtomicU64; 1] = [const { AtomicU64::new(0) }; 1];
+            #last
 
             thread_local! {
                 static SYSTEM: RefCell<Option<Prepared>> = const { RefCell::new(None) };
@@ -246,7 +267,9 @@ impl Writer<'_> {
                     let options = Options::adaptive(rtol, atol);
                     let solver = Integrator::new(system, #method, t, load(&STATE), options);
                     let mut solver = solver.map_err(|e| e.to_string())?;
+                    #is_told
                     let done = #advance;
+                    #note_end
                     store(&STATE, solver.state());
                     store(&TIME, &[solver.t()]);
                     done
