@@ -22,6 +22,7 @@ use hamel::run::inputs::InputTable;
 use hamel::run::integrate::simulate_at;
 use hamel::run::method::{MethodName, Steps};
 use hamel::run::simulation::{SimulateRequest, SimulateResponse};
+use hamel_codegen::scene::told_in_words;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray as _};
 use pyo3::prelude::*;
@@ -51,6 +52,8 @@ pub(crate) struct Motion {
     table: Option<Arc<InputTable>>,
     request: SimulateRequest,
     response: SimulateResponse,
+    /// What the initial state has that nobody gave.
+    told: Option<String>,
 }
 
 /// How steps are made.
@@ -145,7 +148,7 @@ pub(crate) fn simulate(
             sections,
             along: sensitivity,
         };
-        let request = asked.request(&ARGUMENTS, &scene.model, &mut Local::new(built))?;
+        let (request, told) = asked.request(&ARGUMENTS, &scene.model, &mut Local::new(built))?;
         if built.is_driven() && !request.along.is_empty() && request.watched.is_some() {
             let reason = "is not carried through events whose inputs are in a table or held elsewhere than in the \
                           model: drive them by expressions";
@@ -158,6 +161,7 @@ pub(crate) fn simulate(
             table: scene.table.clone(),
             request,
             response,
+            told: told_in_words(&told),
         })
     };
     let made = py.detach(run);
@@ -332,6 +336,7 @@ impl Motion {
         stats.set_item("initial_energy", self.response.initial_energy)?;
         stats.set_item("constraint_residual", self.response.constraint_residual)?;
         stats.set_item("seconds", self.response.seconds)?;
+        stats.set_item("start", self.told.clone())?;
         Ok(stats)
     }
 
@@ -385,15 +390,15 @@ impl Motion {
 
     /// What `restored` takes besides the scene.
     fn kept(&self, py: Python<'_>) -> PyResult<String> {
-        let kept = serde_json::to_string(&(&self.request, &self.response));
+        let kept = serde_json::to_string(&(&self.request, &self.response, &self.told));
         kept.map_err(|e| exception(py, &Error::Options { reason: e.to_string() }))
     }
 
     /// A motion of a scene that was kept as text.
     #[staticmethod]
     fn restored(py: Python<'_>, scene: &Scene, kept: &str) -> PyResult<Motion> {
-        let kept: Result<(SimulateRequest, SimulateResponse), _> = serde_json::from_str(kept);
-        let (request, response) =
+        let kept: Result<(SimulateRequest, SimulateResponse, Option<String>), _> = serde_json::from_str(kept);
+        let (request, response, told) =
             kept.map_err(|e| exception(py, &Error::Options { reason: e.to_string() }))?;
         Ok(Motion {
             model: Arc::clone(&scene.model),
@@ -401,6 +406,7 @@ impl Motion {
             table: scene.table.clone(),
             request,
             response,
+            told,
         })
     }
 }

@@ -22,8 +22,8 @@ pub use c::{CModule, Fmu};
 pub use rust::{SceneEntry, WasmModule, emit_include, emit_index, method_text};
 pub use text::{
     EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
-    ImplicitVariableText, MatrixText, OutputText, ParamText, PositionsText, ProductText, SceneText,
-    StateText, SurfaceText, UnitText, UnitTexts,
+    ImplicitVariableText, InitialText, MatrixText, OutputText, ParamText, PositionsText, ProductText,
+    SceneText, StateText, SurfaceText, UnitText, UnitTexts,
 };
 
 /// Emits the module of one scene.

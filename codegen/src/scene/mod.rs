@@ -24,9 +24,12 @@ mod groups;
 mod implicit;
 mod interpreter;
 mod invariants;
+pub mod nearest;
 mod pivots;
 mod plan;
 mod positions;
+mod prior;
+mod roles;
 mod splitting;
 mod start;
 mod text;
@@ -56,6 +59,11 @@ pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
 pub use positions::PositionLayout;
+pub use prior::{
+    Conditions, InPositions, Origin, Prior, Told, free_coordinates, free_velocities, settle, told_in_words,
+};
+pub use roles::{VariableRole, all_params, initial_slopes, initial_values, variable_roles};
+pub use start::{Start, start};
 pub use text::{Language, Writing};
 
 /// The scenes of a model; what several of them share is derived once.
