@@ -90,7 +90,7 @@ fn initial_values_are_found_on_the_branch_of_the_model_and_kept() {
     let out = hamel(&["simulate", "--scene", "kept", "--method", "projected", "--t-final", "50"]);
     let text = String::from_utf8(out.stdout).unwrap();
     assert!(out.status.success(), "{text}{}", String::from_utf8_lossy(&out.stderr));
-    let (beta, gamma) = (number(&text, "beta"), number(&text, "gamma"));
+    let (beta, gamma) = (number(&text, "  beta"), number(&text, "  gamma"));
     let (a, b, c, d) = (0.3, 0.9, 0.7, 0.8);
     let x = a * 1.0_f64.cos() + b * beta.cos() - c * gamma.cos() - d;
     let y = a * 1.0_f64.sin() + b * beta.sin() - c * gamma.sin();

@@ -8,13 +8,14 @@ use std::sync::Arc;
 use hamel::cache::Cache;
 use hamel::commands::eval::eval_text;
 use hamel::error::Error;
-use hamel::model::{Checked, roles};
+use hamel::model::Checked;
 use hamel::run::backend::{Backend, Local};
 use hamel::run::evaluate::EvalRequest;
 use hamel::run::forms::Forms;
 use hamel::run::interpreted::{self, Built};
 use hamel::run::simulation::SimulateRequest;
 use hamel::run::start::{self, Chosen};
+use hamel_codegen::scene::Prior;
 use hamel_codegen::spec;
 use serde_json::{Value, json};
 
@@ -119,7 +120,7 @@ fn simulate_takes_either_form_and_answers_in_that_of_the_scene() {
     let initial = json!({"Omega1": 1, "Omega2": 2, "Omega3": 3, "Gamma1": 0, "Gamma2": 0, "Gamma3": 1});
     let text = json!({"initial": initial, "t_final": 1}).to_string();
     assert!(SimulateRequest::has_other_names(&text, backend.info()).unwrap());
-    let request = SimulateRequest::parse_in(&text, backend.info(), &forms, 0, &|_| Vec::new()).unwrap();
+    let request = SimulateRequest::parse_in(&text, backend.info(), &forms, 0, &|_| Vec::new(), None).unwrap();
     assert_eq!(request.initial[..2], [2.0, 3.0]);
     let answer = backend.simulate(&request).unwrap().to_json(backend.info(), 0);
     let names: Vec<&String> = answer["final"].as_object().unwrap().keys().collect();
@@ -145,12 +146,11 @@ fn each_mistake_tells_both_names() {
 
 fn started(text: &str, scene: &str, given: &[(&str, f64)]) -> Result<BTreeMap<String, f64>, Error> {
     let (model, mut backend) = built(text, scene);
-    let params = roles::all_params(&model, scene, &BTreeMap::new());
-    let (roles, preferred) = (roles::roles(&model, &params), roles::initial_values(&model, &params));
+    let prior = Prior::of(&model, scene, &BTreeMap::new());
     let given = given.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
     let forms = Forms::of(&model, backend.info()).unwrap();
     let values = backend.info().defaults();
-    let chosen = Chosen { roles: &roles, preferred: &preferred, given: &given, positions: None };
+    let chosen = Chosen { prior: &prior, given: &given, positions: None };
     let y = start::state(&mut backend, None, (&values, &values), &forms, chosen)?;
     Ok(backend.info().state.iter().cloned().zip(y).collect())
 }

@@ -6,12 +6,13 @@ use hamel::cache::Cache;
 use hamel::commands::eval::eval_text;
 use hamel::commands::simulate::{reconstruct_text, simulate_text};
 use hamel::error::{Error, Problem};
-use hamel::model::{Checked, roles};
+use hamel::model::Checked;
 use hamel::run::backend::{Backend, Local};
 use hamel::run::choice::{Choice, Via};
 use hamel::run::forms::Forms;
 use hamel::run::interpreted;
 use hamel::run::start::Chosen;
+use hamel_codegen::scene::Prior;
 use hamel_codegen::spec;
 use serde_json::{Value, json};
 
@@ -500,13 +501,11 @@ fn the_drift_is_relative_to_something_even_where_the_energy_cancels() {
 fn the_default_initial_state_meets_the_constraint() {
     let model = model(VESELOVA);
     let mut backend = Local::new(interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}")));
-    let params = roles::all_params(&model, "default", &Default::default());
-    let roles = roles::roles(&model, &params);
+    let prior = Prior::of(&model, "default", &Default::default());
     let values = backend.info().defaults();
     let given = [("Omega1".to_owned(), 2.0)].into();
     let start = |backend: &mut Local<interpreted::Built>, given| {
-        let none = Default::default();
-        let chosen = Chosen { roles: &roles, preferred: &none, given, positions: None };
+        let chosen = Chosen { prior: &prior, given, positions: None };
         let forms = Forms::own(backend.info());
         hamel::run::start::state(backend, None, (&values, &[]), &forms, chosen).unwrap()
     };

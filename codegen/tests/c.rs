@@ -7,7 +7,7 @@ use expect_test::expect_file;
 use hamel_codegen::config::{Config, Language};
 use hamel_codegen::explain;
 use hamel_codegen::expr::Style;
-use hamel_codegen::scene::{self, Scenes, Writing};
+use hamel_codegen::scene::{self, Scenes, Start, Writing};
 use hamel_codegen::spec::{self, Model};
 
 /// A bead on a wire in a wheel: a domain, a sine, an event that changes the state, a division by the mass.
@@ -40,7 +40,7 @@ fn the_texts_are_those_that_were_looked_at() {
     let writing = Writing { command, ..Writing::default() };
     let initial = scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(initial, Some(vec![1.0, 0.5]));
-    let (c, fmu) = built.emit_fmu(&writing, initial).unwrap_or_else(|e| panic!("{e}"));
+    let (c, fmu) = built.emit_fmu(&writing, initial.map(Start::from)).unwrap_or_else(|e| panic!("{e}"));
     expect_file!["c/bead.h"].assert_eq(&c.header);
     expect_file!["c/bead.c"].assert_eq(&c.source);
     expect_file!["c/bead.hpp"].assert_eq(&c.cpp);
@@ -55,9 +55,12 @@ fn an_fmu_needs_an_initial_state() {
     let text = TEXT.replace("initial theta_dot = 1/2;", "");
     let model = spec::parse("bead", &text).unwrap_or_else(|e| panic!("{e}"));
     let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
-    let initial = scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(initial, None);
-    let error = built.emit_fmu(&Writing::default(), initial).unwrap_err();
+    // What the model does not give is zero, and said to be so.
+    let initial = scene::start(&model, &built).unwrap_or_else(|e| panic!("{e}")).expect("a start");
+    assert_eq!(initial.state, [1.0, 0.0]);
+    let c = built.emit_c(&Writing::default(), Some(initial)).unwrap_or_else(|e| panic!("{e}"));
+    assert!(c.source.contains("Beside the values of the model, chosen: theta_dot = 0.0."), "{}", c.source);
+    let error = built.emit_fmu(&Writing::default(), None).unwrap_err();
     assert!(error.to_string().contains("initial x = 1;"), "{error}");
     // C does without.
     let c = built.emit_c(&Writing::default(), None).unwrap_or_else(|e| panic!("{e}"));
@@ -68,8 +71,9 @@ fn an_fmu_needs_an_initial_state() {
 fn an_fmu_lists_what_rates_and_outputs_are_computed_from() {
     let model = bead();
     let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
-    let (_, fmu) =
-        built.emit_fmu(&Writing::default(), Some(vec![1.0, 0.5])).unwrap_or_else(|e| panic!("{e}"));
+    let (_, fmu) = built
+        .emit_fmu(&Writing::default(), Some(Start::from(vec![1.0, 0.5])))
+        .unwrap_or_else(|e| panic!("{e}"));
     // 0 time, 1 theta, 2 theta_dot, 3 and 4 their rates, 5 m, 6 g: theta' = theta_dot, theta_dot' = -g sin(theta).
     for line in [
         "<ContinuousStateDerivative valueReference=\"3\" dependencies=\"2\" dependenciesKind=\"dependent\"/>",
@@ -105,7 +109,8 @@ fn an_fmu_defines_the_units_of_its_variables() {
     assert!(model.warnings.to_string().is_empty(), "{}", model.warnings);
     let built = scene::build(&model, scene::CONTROLLED).unwrap_or_else(|e| panic!("{e}"));
     let initial = scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}"));
-    let (_, fmu) = built.emit_fmu(&Writing::default(), initial).unwrap_or_else(|e| panic!("{e}"));
+    let (_, fmu) =
+        built.emit_fmu(&Writing::default(), initial.map(Start::from)).unwrap_or_else(|e| panic!("{e}"));
     let variables: Vec<&str> = fmu.description.lines().filter(|line| line.contains("<Float64")).collect();
     for (name, unit, base) in [
         ("time", "s", "s=\"1\""),

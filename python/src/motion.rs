@@ -23,6 +23,7 @@ use hamel::run::integrate::simulate_at;
 use hamel::run::length::method_of_long;
 use hamel::run::method::{MethodName, Steps};
 use hamel::run::simulation::{SimulateRequest, SimulateResponse};
+use hamel_codegen::scene::told_in_words;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray as _};
 use pyo3::prelude::*;
@@ -52,6 +53,8 @@ pub(crate) struct Motion {
     table: Option<Arc<InputTable>>,
     request: SimulateRequest,
     response: SimulateResponse,
+    /// What the initial state has that nobody gave.
+    told: Option<String>,
 }
 
 /// How steps are made.
@@ -150,7 +153,7 @@ pub(crate) fn simulate(
             sections,
             along: sensitivity,
         };
-        let mut request = asked.request(&ARGUMENTS, &scene.model, &mut Local::new(built))?;
+        let (mut request, told) = asked.request(&ARGUMENTS, &scene.model, &mut Local::new(built))?;
         if asked_method == MethodName::Auto {
             request.method = method_of_long(&built, &request).unwrap_or(request.method);
         }
@@ -166,6 +169,7 @@ pub(crate) fn simulate(
             table: scene.table.clone(),
             request,
             response,
+            told: told_in_words(&told),
         })
     };
     let made = py.detach(run);
@@ -342,6 +346,7 @@ impl Motion {
         stats.set_item("initial_energy", self.response.initial_energy)?;
         stats.set_item("constraint_residual", self.response.constraint_residual)?;
         stats.set_item("seconds", self.response.seconds)?;
+        stats.set_item("start", self.told.clone())?;
         Ok(stats)
     }
 
@@ -395,15 +400,15 @@ impl Motion {
 
     /// What `restored` takes besides the scene.
     fn kept(&self, py: Python<'_>) -> PyResult<String> {
-        let kept = serde_json::to_string(&(&self.request, &self.response));
+        let kept = serde_json::to_string(&(&self.request, &self.response, &self.told));
         kept.map_err(|e| exception(py, &Error::Options { reason: e.to_string() }))
     }
 
     /// A motion of a scene that was kept as text.
     #[staticmethod]
     fn restored(py: Python<'_>, scene: &Scene, kept: &str) -> PyResult<Motion> {
-        let kept: Result<(SimulateRequest, SimulateResponse), _> = serde_json::from_str(kept);
-        let (request, response) =
+        let kept: Result<(SimulateRequest, SimulateResponse, Option<String>), _> = serde_json::from_str(kept);
+        let (request, response, told) =
             kept.map_err(|e| exception(py, &Error::Options { reason: e.to_string() }))?;
         Ok(Motion {
             model: Arc::clone(&scene.model),
@@ -411,6 +416,7 @@ impl Motion {
             table: scene.table.clone(),
             request,
             response,
+            told,
         })
     }
 }

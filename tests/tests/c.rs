@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use hamel_codegen::config::Language;
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::program::{Function, Point, Role};
-use hamel_codegen::scene::{self, BuiltScene, Writing};
+use hamel_codegen::scene::{self, BuiltScene, Start, Writing};
 use hamel_codegen::spec::Model;
 use hamel_tests::models::{build, model, names};
 use hamel_tests::random::Random;
@@ -26,8 +26,8 @@ struct Case {
     expected: Vec<f64>,
 }
 
-fn initial_state(model: &Model, built: &BuiltScene) -> Option<Vec<f64>> {
-    scene::initial_state(model, built).unwrap_or_else(|e| panic!("{e}"))
+fn initial_state(model: &Model, built: &BuiltScene) -> Option<Start> {
+    scene::start(model, built).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// The compilers that are there.
@@ -170,7 +170,7 @@ fn compile(compiler: &str, folder: &Path, cases: &[Case]) -> PathBuf {
 }
 
 /// Writes scenes as C to a folder of this name, compiles them with every compiler and compares.
-fn compare(name: &str, scenes: Vec<(BuiltScene, Option<Vec<f64>>)>) {
+fn compare(name: &str, scenes: Vec<(BuiltScene, Option<Start>)>) {
     let compilers = compilers();
     if compilers.is_empty() {
         println!("skipped: no C compiler; install gcc or clang");

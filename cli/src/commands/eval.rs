@@ -54,7 +54,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         Ok(sizes) => file.sized(sizes),
         Err(_) => file,
     };
-    let mut backend = arguments.scene.choice()?.open(&file)?;
+    let mut backend = arguments.scene.choice_of(&file)?.open(&file)?;
     sizes?;
     if !EvalRequest::has_other_names(&text, backend.info())? {
         return eval_text(&mut *backend, &text);

@@ -2,26 +2,18 @@
 //!
 //! Does not know: how a scene becomes text.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use hamel_codegen::Config;
 use hamel_codegen::config::Language;
-use hamel_codegen::scene::{self, BuiltScene, Scenes, Writing};
+use hamel_codegen::scene::{self, BuiltScene, Scenes, Start, Writing};
 
-use crate::cache::Cache;
 use crate::error::Error;
-use crate::model::{Checked, Model, has_positions, show_warnings};
+use crate::model::{Model, show_warnings};
 use crate::output::fmu::archive;
 use crate::output::opened::Opened;
-use crate::run::backend::Local;
-use crate::run::dynamics::Factory as _;
-use crate::run::forms::Forms;
-use crate::run::interpreted;
-use crate::run::start::Starts;
 use crate::session::Session;
 
 /// Write the scenes of models as Rust modules or as C, or check that they are up to date
@@ -259,19 +251,10 @@ fn fmu_file(path: &Path) -> Result<Opened, Error> {
     Opened::new(path)
 }
 
-/// Where an FMU begins: at the initial state of the model, whose coordinates satisfy the equations between them; none
-/// where the model does not say it all.
+/// Where an FMU begins: at the initial state of the scene; none where the scene leaves out what it takes to tell.
 ///
 /// # Errors
-/// Why there are no such coordinates.
-fn start(model: &Model, built: &BuiltScene) -> Result<Option<Vec<f64>>, Error> {
-    if !has_positions(model) {
-        return scene::initial_state(model, built).map_err(|e| Error::unusable(&model.name, e.to_string()));
-    }
-    let model = Arc::new(Checked::new(model.clone(), Cache::none()));
-    let scene = interpreted::build(&model, &built.name)?;
-    let (info, none) = (scene.info().clone(), BTreeMap::new());
-    let starts = Starts::new(&model, &info, Forms::of(&model, &info)?)?;
-    let (_, initial) = starts.choose(&mut Local::new(scene), &none, &none)?;
-    Ok(Some(initial))
+/// Why there are no coordinates that satisfy the equations between them.
+fn start(model: &Model, built: &BuiltScene) -> Result<Option<Start>, Error> {
+    scene::start(model, built).map_err(|e| Error::unusable(&model.name, e.to_string()))
 }

@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 
 use clap::Args;
-use hamel_codegen::scene::{self, BuiltScene, Derivative};
+use hamel_codegen::scene::{self, BuiltScene, Derivative, told_in_words};
 use nalgebra::DMatrix;
 use serde_json::{Map, Value};
 
@@ -62,6 +62,8 @@ struct Linear {
     outputs: Vec<String>,
     params: Vec<(String, f64)>,
     y: Vec<f64>,
+    /// What the state has that nobody gave.
+    told: Option<String>,
     u: Vec<f64>,
     rates: Vec<f64>,
     /// `A`, `B`, `C`, `D`, row by row.
@@ -92,9 +94,12 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if !problems.is_empty() {
         return Err(Error::Request { problems });
     }
-    let (params, y) = Starts::new(model, &info, forms)?.choose(&mut backend, &set, &given)?;
+    let starts = Starts::new(model, &info, forms)?;
+    let (params, y) = starts.choose(&mut backend, &set, &given)?;
+    let told = told_in_words(&starts.told([&set, &given], (&params, &y))?);
     let u: Vec<f64> = info.inputs.iter().map(|i| held.get(&i.name).copied().unwrap_or(i.default)).collect();
-    let linear = linear(&scene::build_linearized(model, scene)?, (&params, arguments.t, &y, &u))?;
+    let linear =
+        Linear { told, ..linear(&scene::build_linearized(model, scene)?, (&params, arguments.t, &y, &u))? };
     Ok(if arguments.json { linear.to_json(&info.model, scene).to_string() } else { linear.to_text() })
 }
 
@@ -124,6 +129,7 @@ fn linear(scene: &BuiltScene, (params, t, y, u): (&[f64], f64, &[f64], &[f64])) 
         outputs: scene.observed(),
         params: scene.params().iter().map(|p| p.name.clone()).zip(params.iter().copied()).collect(),
         y: y.to_vec(),
+        told: None,
         u: u.to_vec(),
         rates,
         matrices,
@@ -148,6 +154,9 @@ impl Linear {
         answer.insert("params".into(), named(&params, &values));
         answer.insert("at".into(), named(&self.state, &self.y));
         answer.insert("hold".into(), named(&self.inputs, &self.u));
+        if let Some(told) = &self.told {
+            answer.insert("start".into(), told.clone().into());
+        }
         answer.insert("rates".into(), named(&self.state, &self.rates));
         for (name, matrix) in [("A", a), ("B", b), ("C", c), ("D", d)] {
             answer.insert(name.into(), rows(matrix));
@@ -173,6 +182,9 @@ impl Linear {
             }
         };
         point(&mut text, "state y0", &self.state, &self.y);
+        if let Some(told) = &self.told {
+            let _ = writeln!(text, "  start: {told}");
+        }
         if !self.inputs.is_empty() {
             point(&mut text, "inputs u0", &self.inputs, &self.u);
         }

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use clap::Args;
 
 use crate::error::{Error, Problem};
+use crate::model::{CONTROLLED_SCENE, DEFAULT_SCENE};
 use crate::request::table::Table;
 pub(crate) use crate::run::asked::assignments;
 use crate::run::asked::{self, Words};
@@ -92,6 +93,20 @@ impl SceneOptions {
     /// As [`InputOptions::table`].
     pub fn choice(&self) -> Result<Choice, Error> {
         Ok(Choice { scene: self.scene.clone(), via: self.via, table: self.inputs.table()? })
+    }
+
+    /// The scene and who evaluates it. Where expressions drive every input, the scene that takes inputs is the default
+    /// one.
+    ///
+    /// # Errors
+    /// As [`SceneOptions::choice`], and problems of the model.
+    pub fn choice_of(&self, file: &ModelFile<'_>) -> Result<Choice, Error> {
+        let choice = self.choice()?;
+        let takes_inputs = choice.scene == CONTROLLED_SCENE && file.is_driven();
+        if takes_inputs && !file.model()?.scene_names().contains(&choice.scene) {
+            return Ok(Choice { scene: DEFAULT_SCENE.to_owned(), ..choice });
+        }
+        Ok(choice)
     }
 
     /// The file of the model, whose inputs are driven as the options say.

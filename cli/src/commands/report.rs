@@ -9,11 +9,12 @@ use std::time::Instant;
 
 use clap::Args;
 use hamel_codegen::config::{Bundle, Config};
+use hamel_codegen::scene::Prior;
 use hamel_codegen::spec::MatrixFluid;
 
 use super::options::{InputOptions, duration};
 use crate::error::Error;
-use crate::model::{self, Checked, blocks, roles};
+use crate::model::{self, Checked, blocks};
 use crate::output::fields::{fields, vorticity};
 use crate::output::opened::Opened;
 use crate::output::plot::field;
@@ -143,6 +144,7 @@ fn of_matrices(
         max_events: MAX_EVENTS,
         watched: None,
         along: Vec::new(),
+        tangents: Vec::new(),
     };
     let pictured: Vec<usize> = field::shown(request.samples).collect();
     let Outcome { response, fields, .. } = matrices::simulate(fluid, &request, &pictured)?;
@@ -210,16 +212,16 @@ pub fn pictured(
     table: Option<&InputTable>,
     (t_final, method, steps, samples): (f64, MethodName, Steps, usize),
 ) -> Result<Motion, Error> {
-    let params = roles::all_params(model, scene, set);
-    let (roles, preferred) = (roles::roles(model, &params), roles::initial_values(model, &params));
+    let prior = Prior::of(model, scene, set);
     let full = driven(interpreted::build_pictured(model, scene)?.in_memory(), table)?;
     let watched = full.watched();
     let mut backend = Local::new(&full);
     let info = full.info().clone();
     let values: Vec<f64> =
         info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
-    let chosen = start::Chosen { roles: &roles, preferred: &preferred, given, positions: Some(&full) };
-    let initial = start::state(&mut backend, None, (&values, &[]), &Forms::of(model, &info)?, chosen)?;
+    let chosen = start::Chosen { prior: &prior, given, positions: Some(&full) };
+    let forms = Forms::of(model, &info)?;
+    let initial = start::state(&mut backend, None, (&values, &[]), &forms, chosen)?;
     let request = SimulateRequest {
         params: values,
         initial,
@@ -233,6 +235,7 @@ pub fn pictured(
         max_events: MAX_EVENTS,
         watched,
         along: Vec::new(),
+        tangents: Vec::new(),
     };
     let response = backend.simulate(&request)?;
     let (fields, _) = fields(model, &info, &request, &response);

@@ -5,9 +5,10 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Args;
-use hamel_codegen::scene;
+use hamel_codegen::scene::{Prior, told_in_words};
 use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{EndOptions, MotionOptions, SceneOptions, assignments};
@@ -20,10 +21,14 @@ use crate::output::fields::{fields, vorticity};
 use crate::output::files::{OpenTarget, Run, Target};
 use crate::output::plot::field::{self, Field};
 use crate::output::terminal::bold;
+use crate::request::json::by_name;
+use crate::request::simulate::Completion;
 use crate::request::{read_request, sizes};
 use crate::run::asked::{Asked, Words};
 use crate::run::backend::Backend;
 use crate::run::choice::Via;
+use crate::run::fit::Follows as _;
+use crate::run::follow::Follower;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
 use crate::run::integrate::has_state;
@@ -31,7 +36,7 @@ use crate::run::length::method_of_long;
 use crate::run::matrices::{self, Outcome};
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse};
-use crate::run::start::judge;
+use crate::run::start::{Starts, judge};
 use crate::run::watched::{EventRecord, Watched};
 use crate::run::{admissible, auto, interpreted};
 use crate::session::Session;
@@ -39,8 +44,8 @@ use crate::streams::{print, tell};
 
 /// Integrate a model from an initial state; print a summary and write files
 ///
-/// Integration starts at t = 0, from the model's own initial state where it has one and otherwise from a moderate one
-/// on the constraint; --initial changes components of it.
+/// Integration starts at t = 0, from what --initial gives, else from the model's own initial values, else from zero,
+/// moved onto equations between coordinates and constraints; the summary says what was chosen or moved.
 ///
 /// With --reconstruct, position and attitude are integrated as well, and a figure shows the path.
 ///
@@ -53,6 +58,8 @@ use crate::streams::{print, tell};
 ///
 /// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift",
 /// "constraint_residual", "initial_residual", "warnings"}
+///
+/// Components of "initial" that the model gives may be left out; the answer then has the whole of it as "initial".
 ///
 /// A request with "sections", a list of texts as for --section, and a model with events add "events" to the answer,
 /// [{"name", "t", "state": {..}}, ..], and "ended_by" where one has ended the motion; "max_events" limits their number.
@@ -214,6 +221,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         max_events: MAX_EVENTS,
         watched: None,
         along: Vec::new(),
+        tangents: Vec::new(),
     };
     let opened: Vec<OpenTarget> = targets.iter().map(Target::open).collect::<Result<_, _>>()?;
     let is_drawn = targets.iter().any(Target::is_figure);
@@ -227,7 +235,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     let run =
         Run { info: &info, title, blocks: &blocks, request: &request, response: &response, fields: &fields };
     opened.into_iter().try_for_each(|target| target.write(&run))?;
-    let mut text = summary(&info, title, &request, &response);
+    let mut text = summary(&info, title, &request, &response, None);
     if !casimirs.is_empty() {
         text.push('\n');
     }
@@ -260,7 +268,8 @@ fn told_until_interrupted(
 
 /// The answer to a JSON request.
 fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
-    let (file, choice) = (scene.find(session)?, scene.choice()?);
+    let file = scene.find(session)?;
+    let choice = scene.choice_of(&file)?;
     let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
     let file = file.sized(&sizes::of_request(&text)?);
     let (reconstructs, asking) =
@@ -278,10 +287,16 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
         true => Forms::of(model()?, &info)?,
         false => Forms::own(&info),
     };
-    if reconstructs {
-        return reconstruct_text(&mut *backend, model()?, &text, &forms);
+    let n_group = if reconstructs { n_group(&info, model()?)? } else { 0 };
+    if SimulateRequest::lacks_names(&text, &info, n_group)? {
+        return answer_completed(&mut *backend, model()?, &text, n_group);
     }
-    let mut request = SimulateRequest::parse_in(&text, &info, &forms, 0, &|_| Vec::new())?;
+    if reconstructs {
+        let mut request = reconstructing(&*backend, model()?, &text, &forms)?;
+        follow(&mut request, model, &info)?;
+        return respond(&mut *backend, &request);
+    }
+    let mut request = SimulateRequest::parse_in(&text, &info, &forms, 0, &|_| Vec::new(), None)?;
     let sections = SimulateRequest::sections(&text)?;
     request.watched = Watched::new(model()?, &info, &sections, "sections")?;
     // The default scene has what there is, so that nobody has to read the model, unless it carries momenta.
@@ -290,7 +305,56 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
     if projects || !(has_all || admissible::is_judged_by(&info)) {
         judge(model()?, &request, &info)?;
     }
+    follow(&mut request, model, &info)?;
     respond(&mut *backend, &request)
+}
+
+/// Derivatives of the initial state of a request that stay on the equations of the model.
+fn follow<'m>(
+    request: &mut SimulateRequest,
+    model: impl Fn() -> Result<&'m Arc<Checked>, Error>,
+    info: &Info,
+) -> Result<(), Error> {
+    if !request.along.is_empty() {
+        let scene = interpreted::build(model()?, &info.scene)?;
+        let follower = Follower::of_whole(model()?, &scene);
+        request.tangents = follower.tangents(&request.along, (&request.params, &request.initial), &[])?;
+    }
+    Ok(())
+}
+
+/// The answer to a JSON request that leaves out components of the initial state, with the whole of it.
+fn answer_completed(
+    backend: &mut dyn Backend,
+    model: &Arc<Checked>,
+    text: &str,
+    n_group: usize,
+) -> Result<String, Error> {
+    let info = backend.info().clone();
+    let forms = Forms::of(model, &info)?;
+    let starts = Starts::new(model, &info, Forms::of(model, &info)?)?;
+    let known = Prior::of(model, &info.scene, &BTreeMap::new());
+    let mut is_chosen = false;
+    let mut choose = |set: &BTreeMap<String, f64>, given: &BTreeMap<String, f64>| {
+        is_chosen = true;
+        Ok(starts.choose(&mut *backend, set, given)?.1)
+    };
+    let defaults = |params: &BTreeMap<String, f64>| roles::group_start(model, params);
+    let mut completion = Completion { known: known.initial(), choose: &mut choose };
+    let mut request =
+        SimulateRequest::parse_in(text, &info, &forms, n_group, &defaults, Some(&mut completion))?;
+    let sections = SimulateRequest::sections(text)?;
+    request.watched = Watched::new(model, &info, &sections, "sections")?;
+    judge(model, &request, &info)?;
+    follow(&mut request, || Ok(model), &info)?;
+    let response = backend.simulate(&request)?;
+    warn(&response);
+    let mut answer = response.to_json(&info, n_group);
+    if let (true, Some(fields)) = (is_chosen, answer.as_object_mut()) {
+        let names = info.state.iter().map(String::as_str).take(info.state.len() - n_group);
+        fields.insert("initial".into(), by_name(names, &request.initial));
+    }
+    Ok(answer.to_string())
 }
 
 /// Integrates as a JSON request says.
@@ -327,12 +391,23 @@ pub fn reconstruct_text(
     text: &str,
     forms: &Forms,
 ) -> Result<String, Error> {
+    let request = reconstructing(&*backend, model, text, forms)?;
+    respond(backend, &request)
+}
+
+/// The request of such a text.
+fn reconstructing(
+    backend: &dyn Backend,
+    model: &Checked,
+    text: &str,
+    forms: &Forms,
+) -> Result<SimulateRequest, Error> {
     let n_group = n_group(backend.info(), model)?;
     let defaults = |params: &BTreeMap<String, f64>| roles::group_start(model, params);
-    let mut request = SimulateRequest::parse_in(text, backend.info(), forms, n_group, &defaults)?;
+    let mut request = SimulateRequest::parse_in(text, backend.info(), forms, n_group, &defaults, None)?;
     let sections = SimulateRequest::sections(text)?;
     request.watched = Watched::new(model, backend.info(), &sections, "sections")?;
-    respond(backend, &request)
+    Ok(request)
 }
 
 /// Tells the warnings of an integration on standard error.
@@ -361,7 +436,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let opened_for_events: Vec<OpenEventTarget> =
         of_events.iter().map(EventTarget::open).collect::<Result<_, _>>()?;
     let model = file.model()?;
-    let mut choice = arguments.scene.choice()?;
+    let mut choice = arguments.scene.choice_of(&file)?;
     if arguments.reconstruct {
         choice = choice.reconstructing(model, "--reconstruct")?;
     }
@@ -405,7 +480,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         sections: arguments.section.clone(),
         along: arguments.sensitivity.clone(),
     };
-    let mut request = asked.request(&Words::OPTIONS, model, &mut *backend)?;
+    let (mut request, told) = asked.request(&Words::OPTIONS, model, &mut *backend)?;
     if motion.method == MethodName::Auto
         && choice.table.is_none()
         && let Some(method) = method_of_long(&interpreted::build(model, &choice.scene)?, &request)
@@ -440,7 +515,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         events: response.events.as_deref().unwrap_or_default(),
     };
     opened_for_events.into_iter().try_for_each(|target| target.write(&crossings))?;
-    let mut text = summary(&info, &title, &request, &response);
+    let mut text = summary(&info, &title, &request, &response, told_in_words(&told).as_deref());
     if !targets.is_empty() && !missing.is_empty() {
         let list = missing.join(", ");
         let _ = write!(
@@ -495,7 +570,13 @@ fn told(events: &[EventRecord]) -> String {
     }
 }
 
-fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &SimulateResponse) -> String {
+fn summary(
+    info: &Info,
+    title: &str,
+    request: &SimulateRequest,
+    response: &SimulateResponse,
+    start: Option<&str>,
+) -> String {
     let mut text = format!("{}  {title}", bold(&info.model));
     if info.scene != model::DEFAULT_SCENE {
         let _ = write!(text, ", scene {}", info.scene);
@@ -535,6 +616,9 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     }
     if let Some(event) = &response.ended_by {
         let _ = write!(text, "\n  ended by event {event}");
+    }
+    if let Some(start) = start {
+        let _ = write!(text, "\n  start      {start}");
     }
     let width = info.state.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(5);
     let _ = write!(text, "\n\n  {:width$}  {:>24}  {:>24}", "", "initial", "final");

@@ -2,6 +2,7 @@
 //!
 //! Does not know: which requests there are.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
@@ -220,6 +221,36 @@ impl Fields {
         let known: Vec<&str> =
             forms.known().into_iter().filter(|name| !names[n_own..].contains(name)).collect();
         (self.numbers_among(path, value, ("state", &known), &names[..n_own], None), form)
+    }
+
+    /// Some numbers by name, of those in `known`.
+    pub(crate) fn some_numbers(
+        &mut self,
+        path: &str,
+        value: Option<Json>,
+        kind: &'static str,
+        known: &[&str],
+    ) -> BTreeMap<String, f64> {
+        let mut values = BTreeMap::new();
+        let entries = match value {
+            Some(Json::Object(entries)) => entries,
+            Some(other) => {
+                self.wrong(path, &other, "an object of numbers by name");
+                return values;
+            }
+            None => return values,
+        };
+        for (name, value) in entries {
+            if !known.contains(&name.as_str()) {
+                let known = known.iter().map(|n| (*n).to_owned()).collect();
+                self.problems.push(Problem::UnknownName { path: path.to_owned(), kind, name, known });
+            } else if values.contains_key(&name) {
+                self.problems.push(Problem::Repeated { path: path.to_owned(), name });
+            } else if let Some(x) = self.as_number(format!("{path}.{name}"), value) {
+                values.insert(name, x);
+            }
+        }
+        values
     }
 
     /// Numbers by name in the order of `names`; without `defaults` every name has to be there.

@@ -5,7 +5,7 @@
 mod eval;
 pub mod json;
 pub mod share;
-mod simulate;
+pub mod simulate;
 pub mod sizes;
 pub(crate) mod table;
 pub mod variation;

@@ -18,6 +18,35 @@ use crate::run::watched::EventRecord;
 /// Largest number that a request can give exactly.
 const MAX_WHOLE: f64 = (1_u64 << 53) as f64;
 
+/// The state of a scene by its parameters and the components that are given, by name.
+type Choose<'a> = dyn FnMut(&BTreeMap<String, f64>, &BTreeMap<String, f64>) -> Result<Vec<f64>, Error> + 'a;
+
+/// The initial state of a model for requests that give a part of it.
+pub struct Completion<'a> {
+    /// The components that the model gives.
+    pub known: &'a BTreeMap<String, f64>,
+    /// Finds the state.
+    pub choose: &'a mut Choose<'a>,
+}
+
+impl std::fmt::Debug for Completion<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Completion").field("known", &self.known).finish_non_exhaustive()
+    }
+}
+
+impl Completion<'_> {
+    /// Whether the model gives every component that is missing beside `given`; not where none is missing.
+    fn completes(&self, given: Vec<&str>, forms: &Forms, n_group: usize) -> bool {
+        let zeros = given.iter().map(|name| ((*name).to_owned(), 0.0)).collect();
+        let (Ok(given), Ok(form)) = (forms.with_points(&zeros), forms.form_of(given)) else { return false };
+        let names = forms.names(&form);
+        let own = &names[..names.len() - n_group];
+        let is_whole = own.iter().all(|name| zeros.contains_key(name));
+        !is_whole && own.iter().all(|name| given.contains_key(name) || self.known.contains_key(name))
+    }
+}
+
 impl SimulateRequest {
     /// Whether a request has a field `reconstruct`, so that the scene with the group's coordinates is to be run.
     ///
@@ -82,13 +111,26 @@ impl SimulateRequest {
     /// # Errors
     /// [`Error::NotJson`], or [`Error::Request`] with everything that is wrong.
     pub fn parse(text: &str, info: &Info) -> Result<SimulateRequest, Error> {
-        Self::parse_in(text, info, &Forms::own(info), 0, &|_| Vec::new())
+        Self::parse_in(text, info, &Forms::own(info), 0, &|_| Vec::new(), None)
+    }
+
+    /// Whether `initial` leaves out components of the state before the last `n_group`.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn lacks_names(text: &str, info: &Info, n_group: usize) -> Result<bool, Error> {
+        let Json::Object(entries) = Json::parse(text)? else { return Ok(false) };
+        let initial = entries.iter().find(|(name, _)| name == "initial").map(|(_, value)| value);
+        let names = names_in(initial);
+        let own = info.state.iter().take(info.state.len().saturating_sub(n_group));
+        Ok(own.into_iter().any(|own| !names.contains(&own.as_str())))
     }
 
     /// Reads a request whose `initial` is in any form of a state, and whose `reconstruct` has the values of the last
     /// `n_group` components.
     ///
-    /// An empty `reconstruct` stands for `defaults`, which depend on the parameters by name.
+    /// An empty `reconstruct` stands for `defaults`, which depend on the parameters by name. Components of `initial`
+    /// that the model gives may be left out where there is a `model` to ask.
     ///
     /// # Errors
     /// As [`SimulateRequest::parse`], and what [`Forms::convert`] finds.
@@ -98,6 +140,7 @@ impl SimulateRequest {
         forms: &Forms,
         n_group: usize,
         defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
+        model: Option<&mut Completion<'_>>,
     ) -> Result<SimulateRequest, Error> {
         const FIELDS: [&str; 15] = [
             "params",
@@ -123,7 +166,21 @@ impl SimulateRequest {
         let names = info.state_names();
         let group = &names[names.len() - n_group..];
         let initial = fields.take("initial");
-        let (mut initial, form) = fields.state("initial", initial, forms, n_group);
+        let completed = match &model {
+            Some(model) => model.completes(names_in(initial.as_ref()), forms, n_group),
+            None => false,
+        };
+        let (mut given, mut form) = (BTreeMap::new(), forms.own_form());
+        let mut initial = if completed {
+            let known = forms.known();
+            let known: Vec<&str> = known.into_iter().filter(|name| !group.contains(name)).collect();
+            given = fields.some_numbers("initial", initial, "state", &known);
+            vec![0.0; names.len() - n_group]
+        } else {
+            let (initial, own) = fields.state("initial", initial, forms, n_group);
+            form = own;
+            initial
+        };
         let before = fields.problems.len();
         let t_final = fields.number("t_final");
         if t_final.is_none() && fields.problems.len() == before {
@@ -180,6 +237,11 @@ impl SimulateRequest {
         }
         let along = along(&mut fields, info);
         fields.finish()?;
+        if let (true, Some(model)) = (completed, model) {
+            let set = info.params.iter().zip(&params).map(|(p, x)| (p.name.clone(), *x)).collect();
+            let found = (model.choose)(&set, &given)?;
+            initial.iter_mut().zip(found).take(names.len() - n_group).for_each(|(own, found)| *own = found);
+        }
         let own = forms.own_form();
         let initial = forms.convert(&params, 0.0, &initial, [&form, &own]).map_err(|e| e.at("initial"))?;
         let t_final = t_final.unwrap_or(0.0);
@@ -198,6 +260,7 @@ impl SimulateRequest {
             max_events,
             watched: None,
             along,
+            tangents: Vec::new(),
         })
     }
 }

@@ -7,10 +7,15 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use hamel_codegen::scene::Told;
+
 use super::backend::Backend;
 use super::direction::Direction;
+use super::fit::Follows as _;
+use super::follow::Follower;
 use super::forms::Forms;
 use super::info::Info;
+use super::interpreted;
 use super::method::{MethodName, Steps};
 use super::simulation::{MAX_EVENTS, SimulateRequest, samples_refusal};
 use super::start::Starts;
@@ -85,12 +90,14 @@ impl Asked {
     /// # Errors
     /// [`Error::Request`] with every name that is not there, sections that are no expressions, too many samples; why
     /// there is no such initial state.
+    ///
+    /// Beside the request is what became of the components of the initial state that were not given.
     pub fn request(
         &self,
         words: &Words,
         model: &Arc<Checked>,
         backend: &mut dyn Backend,
-    ) -> Result<SimulateRequest, Error> {
+    ) -> Result<(SimulateRequest, Vec<Told>), Error> {
         let info = backend.info().clone();
         let mut problems = Vec::new();
         let forms = Forms::of(model, &info)?;
@@ -117,8 +124,18 @@ impl Asked {
             return Err(Error::unusable(words.samples, reason));
         }
         let watched = Watched::new(model, &info, &self.sections, words.sections)?;
-        let (params, initial) = Starts::new(model, &info, forms)?.choose(backend, &set, &given)?;
-        Ok(SimulateRequest {
+        let starts = Starts::new(model, &info, forms)?;
+        let (params, initial) = starts.choose(backend, &set, &given)?;
+        let told = starts.told([&set, &given], (&params, &initial))?;
+        let tangents = match along.is_empty() {
+            true => Vec::new(),
+            false => {
+                let scene = interpreted::build(model, &info.scene)?;
+                let follower = Follower::new(model, (&scene, &Forms::of(model, &info)?), [&set, &given])?;
+                follower.tangents(&along, (&params, &initial), &[])?
+            }
+        };
+        let request = SimulateRequest {
             params,
             initial,
             t_final: self.t_final,
@@ -131,7 +148,9 @@ impl Asked {
             max_events: self.max_events.unwrap_or(MAX_EVENTS),
             watched,
             along,
-        })
+            tangents,
+        };
+        Ok((request, told))
     }
 }
 

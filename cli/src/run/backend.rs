@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::dynamics::Factory;
 use super::ensemble::{EnsembleRequest, Member, integrate};
 use super::evaluate::{EvalRequest, EvalResponse, eval};
-use super::fit::{FitRequest, FitResponse, fit};
+use super::fit::{FitRequest, FitResponse, Follows, fit};
 use super::info::Info;
 use super::integrate::simulate;
 use super::simulation::{SimulateRequest, SimulateResponse};
@@ -80,7 +80,7 @@ impl<F: Factory> Backend for Local<F> {
     }
 
     fn fit(&mut self, request: &FitRequest) -> Result<FitResponse, Error> {
-        fit_with_bar(&self.factory, request)
+        fit_with_bar(&self.factory, request, None)
     }
 
     fn ensemble(&mut self, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
@@ -92,15 +92,19 @@ impl<F: Factory> Backend for Local<F> {
 ///
 /// # Errors
 /// As [`fit`].
-pub fn fit_with_bar(factory: &dyn Factory, request: &FitRequest) -> Result<FitResponse, Error> {
+pub fn fit_with_bar(
+    factory: &dyn Factory,
+    request: &FitRequest,
+    follower: Option<&dyn Follows>,
+) -> Result<FitResponse, Error> {
     if !std::io::stderr().is_terminal() {
-        return fit(factory, request, &mut |_, _| {});
+        return fit(factory, request, follower, &mut |_, _| {});
     }
     let bar = ProgressBar::new_spinner();
     let template = "  {spinner} motion {pos}, sum of squares {msg}  {elapsed}";
     // The template is a constant that indicatif accepts.
     bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
-    let result = fit(factory, request, &mut |n, sum| {
+    let result = fit(factory, request, follower, &mut |n, sum| {
         bar.set_position(n as u64);
         if sum.is_finite() {
             bar.set_message(format!("{sum:.6e}"));
@@ -198,6 +202,7 @@ mod tests {
             max_events: MAX_EVENTS,
             watched: None,
             along: Vec::new(),
+            tangents: Vec::new(),
         };
         let told =
             |t_final, max_steps, t| status(&request(t_final, max_steps), t, 1000, Duration::from_secs(10));

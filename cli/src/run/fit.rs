@@ -14,13 +14,13 @@ use super::dynamics::{Factory, PreparedDuals, PreparedScene, VecState};
 use super::evaluate::{describe, prepare, why_stopped};
 use super::info::Info;
 use super::integrate::has_state;
-use super::least_squares::{End, Linearised, minimise, precision};
+use super::least_squares::{End, Found, Linearised, minimise, precision};
 use super::method::{MethodName, Steps};
 use super::sensitivity::Along;
 use super::simulation::stopped_because;
 use super::solver::{WithMethod, with_method};
+pub use super::verdict::Verdict;
 use crate::error::Error;
-use crate::names;
 
 /// A number of a scene along its motion that can be measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -129,6 +129,8 @@ pub struct FitResponse {
     pub sum_of_squares: f64,
     /// Motions that were integrated.
     pub n_evaluations: usize,
+    /// What the residuals say about the fit.
+    pub verdict: Verdict,
     /// Times of the curves.
     pub curve_times: Vec<f64>,
     /// The fitted motion at these times, a curve for each column.
@@ -142,6 +144,27 @@ impl FitResponse {
     }
 }
 
+/// How a start stays on its equations while parameters and components of it change.
+pub trait Follows {
+    /// A state moved onto its equations, with the components that `given` names as they are.
+    ///
+    /// # Errors
+    /// Which equation cannot be met.
+    fn settled(&self, params: &[f64], y: &[f64], given: &[Direction]) -> Result<Vec<f64>, Error>;
+
+    /// The derivatives of a start, by parameters and state, along directions, where the components that `given` names
+    /// do not follow.
+    ///
+    /// # Errors
+    /// Parameters that are not allowed; [`Error::Request`] where no component that may follow keeps an equation.
+    fn tangents(
+        &self,
+        directions: &[Direction],
+        at: (&[f64], &[f64]),
+        given: &[Direction],
+    ) -> Result<Vec<Vec<f64>>, Error>;
+}
+
 /// Finds the parameters and initial values whose motion is nearest to what was measured.
 ///
 /// ```text
@@ -151,7 +174,8 @@ impl FitResponse {
 /// with the derivatives of `y` and of the outputs `g_c` by dual numbers. Steps to values that the model does not allow,
 /// or from which no motion reaches the last time, are shortened. Standard deviations come from the derivatives at the
 /// minimum, `(J^T J)^-1`, times the mean square of what is left where no `sigma` is known. `progress` is told how many
-/// motions were integrated, and the sum of squares of the last.
+/// motions were integrated, and the sum of squares of the last. With a `follower`, what nobody gave of the start stays
+/// on its equations.
 ///
 /// # Errors
 /// [`Error::NoState`]; [`Error::Options`] for a method without derivatives; what is wrong with the start, as for a
@@ -159,18 +183,37 @@ impl FitResponse {
 pub fn fit(
     factory: &dyn Factory,
     request: &FitRequest,
+    follower: Option<&dyn Follows>,
     progress: &mut dyn FnMut(usize, f64),
 ) -> Result<FitResponse, Error> {
     has_state(factory.info())?;
     let along = Along::new(factory, &request.free, request.method, "fit")?;
+    let start = start(request);
     let (mut refused, mut n) = (None, 0);
-    let mut evaluate = |x: &[f64]| {
+    let mut evaluate = |request: &FitRequest, x: &[f64]| {
         n += 1;
-        let at = linearised(factory, &along, request, x);
+        let at = linearised((factory, follower), &along, request, x);
         progress(n, at.as_ref().map_or(f64::NAN, |at| at.residuals.norm_squared()));
         at
     };
-    let found = minimise(&start(request), &mut refused, &mut evaluate)?;
+    // Over a short time the sum of squares has few minima, of which the one that is found is near the right one of the
+    // next longer time.
+    let mut near = start.clone();
+    for part in HORIZONS {
+        let Some(shorter) = until(request, part) else { continue };
+        let found = minimise(&near, &mut None, &mut |x: &[f64]| evaluate(&shorter, x));
+        // A short motion may not determine everything.
+        let found =
+            found.ok().filter(|found| found.end == End::Minimum && precision(&found.at.jacobian).is_ok());
+        near = found.map_or(near, |found| found.x);
+    }
+    let mut from = |near: &[f64]| minimise(near, &mut refused, &mut |x: &[f64]| evaluate(request, x));
+    let found = match from(&near) {
+        Ok(found) if found.end == End::Minimum && !is_poor(request, &found) => found,
+        found if near == start => found?,
+        // The long motion alone may know better.
+        found => better(found, from(&start))?,
+    };
     let info = factory.info();
     let free = || request.free.iter().map(|direction| direction.name(info).to_owned());
     let by_name = || free().zip(found.x.iter().copied()).collect();
@@ -186,8 +229,7 @@ pub fn fit(
         }
         End::Patience => {
             let reason = format!(
-                "{} motions were not enough to find a minimum: start nearer to it with --set and --initial",
-                found.n_evaluations
+                "{n} motions were not enough to find a minimum: start nearer to it with --set and --initial"
             );
             return Err(not_fitted(reason));
         }
@@ -205,11 +247,15 @@ pub fn fit(
         rms: Vec::new(),
         n_values: Vec::new(),
         sum_of_squares: found.at.residuals.norm_squared(),
-        n_evaluations: found.n_evaluations,
+        n_evaluations: n,
+        verdict: verdict(request, &found),
         curve_times: Vec::new(),
         curves: Vec::new(),
     };
     (response.params, response.initial) = values(request, &found.x);
+    if let Some(follower) = follower {
+        response.initial = follower.settled(&response.params, &response.initial, &request.free)?;
+    }
     for (c, column) in request.columns.iter().enumerate() {
         let cells = cells(request).zip(found.at.residuals.iter()).filter(|((_, at, _), _)| *at == c);
         let sum: f64 = cells.clone().map(|(_, r)| (r * column.sigma.unwrap_or(1.0)).powi(2)).sum();
@@ -221,9 +267,17 @@ pub fn fit(
     response.estimates = estimates
         .map(|((name, value), deviation)| Estimate { name, value: *value, deviation: *deviation })
         .collect();
+    if response.verdict.is_poor {
+        return Err(not_fitted(response.verdict.reason(request.times.last().copied().unwrap_or_default())));
+    }
     if request.columns.iter().any(|column| column.sigma.is_none()) {
         let scale = (response.sum_of_squares / response.degrees_of_freedom() as f64).sqrt();
         response.estimates.iter_mut().for_each(|estimate| estimate.deviation *= scale);
+    }
+    let numbers = response.estimates.iter().flat_map(|estimate| [estimate.value, estimate.deviation]);
+    if !numbers.chain([response.sum_of_squares]).all(f64::is_finite) {
+        let reason = "numbers overflow at the minimum: measure in other units, or start elsewhere";
+        return Err(not_fitted(reason.to_owned()));
     }
     if request.n_curve > 1 {
         let end = request.times.last().copied().unwrap_or_default();
@@ -232,6 +286,46 @@ pub fn fit(
         response.curves = curves(factory, request, &response)?;
     }
     Ok(response)
+}
+
+/// Parts of the time of a table that are fitted before all of it: over a tenth of it, and then over a third.
+const HORIZONS: [f64; 2] = [0.1, 1.0 / 3.0];
+
+/// Residuals and slopes above this are those of a motion that runs away: their squares would overflow.
+const RUNS_AWAY: f64 = 1e100;
+
+/// The request with the first part of its table; none where it has too few values for the unknowns.
+fn until(request: &FitRequest, part: f64) -> Option<FitRequest> {
+    let end = part * request.times.last()?;
+    let n = request.times.iter().take_while(|t| **t <= end).count();
+    let (times, values) = (request.times[..n].to_vec(), request.values[..n].to_vec());
+    let shorter = FitRequest { times, values, ..request.clone() };
+    (cells(&shorter).count() > 2 * request.free.len()).then_some(shorter)
+}
+
+/// The one of two ends of a search with the smaller sum of squares at a minimum.
+fn better(one: Result<Found, Error>, other: Result<Found, Error>) -> Result<Found, Error> {
+    let (one, other) = match (one, other) {
+        (Ok(one), Ok(other)) => (one, other),
+        (found, Err(_)) | (Err(_), found) => return found,
+    };
+    let rank = |found: &Found| (found.end != End::Minimum, found.at.residuals.norm_squared());
+    Ok(if rank(&other) < rank(&one) { other } else { one })
+}
+
+/// What the residuals of a minimum say.
+fn verdict(request: &FitRequest, found: &Found) -> Verdict {
+    let left = |c: usize, column: &Column| -> Vec<(f64, f64)> {
+        let sigma = column.sigma.unwrap_or(1.0);
+        let cells = cells(request).zip(found.at.residuals.iter()).filter(|((_, at, _), _)| *at == c);
+        cells.map(|((_, _, value), r)| (value, r * sigma)).collect()
+    };
+    let columns = request.columns.iter().enumerate();
+    Verdict::of(columns.map(|(c, column)| (left(c, column), column.sigma)).collect())
+}
+
+fn is_poor(request: &FitRequest, found: &Found) -> bool {
+    verdict(request, found).is_poor
 }
 
 /// Values of the unknowns where the search starts.
@@ -266,15 +360,21 @@ fn cells(request: &FitRequest) -> impl Iterator<Item = (usize, usize, f64)> + Cl
 
 /// Residuals and their derivatives with values of the unknowns.
 fn linearised(
-    factory: &dyn Factory,
+    (factory, follower): (&dyn Factory, Option<&dyn Follows>),
     along: &Along<'_>,
     request: &FitRequest,
     x: &[f64],
 ) -> Result<Linearised, Error> {
-    let (params, initial) = values(request, x);
+    let (params, mut initial) = values(request, x);
     let base = prepare(factory, &params)?;
+    let mut tangents = Vec::new();
+    if let Some(follower) = follower {
+        initial = follower.settled(&params, &initial, &request.free)?;
+        tangents = follower.tangents(&request.free, (&params, &initial), &request.free)?;
+    }
     admissible::check(&*base, &initial, 0)?;
-    let states = states(&prepare(along, &params)?, request, &along.initial(&initial), &request.times)?;
+    let start = along.initial(&initial, &tangents);
+    let states = states(&prepare(along, &params)?, request, &start, &request.times)?;
     let n = initial.len();
     let needs_outputs = request.columns.iter().any(|column| !matches!(column.quantity, Quantity::State(_)));
     let duals: Vec<PreparedDuals<'_>> = if needs_outputs {
@@ -303,8 +403,10 @@ fn linearised(
             };
             residuals[at] = (value.value - cell) * scale;
             jacobian[(at, j)] = value.derivative * scale;
-            if !(residuals[at].is_finite() && jacobian[(at, j)].is_finite()) {
-                let reason = format!("{} or its derivative is not finite", column.name);
+            let size = residuals[at].abs().max(jacobian[(at, j)].abs());
+            if !(residuals[at].is_finite() && jacobian[(at, j)].is_finite() && size < RUNS_AWAY) {
+                let what = if size < f64::INFINITY { "runs away" } else { "is not finite" };
+                let reason = format!("{} or its derivative {what}", column.name);
                 return Err(stopped_because(factory.info(), t, &z[..n], reason));
             }
         }
@@ -400,44 +502,4 @@ impl<'a> WithMethod<'a> for Run<'_, 'a> {
             }
         }
     }
-}
-
-/// Whether the initial state keeps the constraints of a scene while what is free changes; `factory` is that of a scene
-/// that has the residuals of its constraints.
-///
-/// # Errors
-/// [`Error::Request`] with what moves the state off which constraint.
-pub(crate) fn keeps_constraints(
-    factory: &dyn Factory,
-    free: &[Direction],
-    params: &[f64],
-    initial: &[f64],
-) -> Result<(), Error> {
-    /// Derivatives of residuals are numbers such as one, or the rounding errors of zero.
-    const ROUNDING: f64 = 1e-9;
-    let info = factory.info();
-    let Some(range) = info.output_range(Want::Constraint.name()) else { return Ok(()) };
-    for direction in free {
-        let scene = factory.prepare_duals(&direction.params(params));
-        let scene = scene.map_err(|bad| super::evaluate::refused(info, params, bad))?;
-        let mut y: Vec<Dual> = initial.iter().copied().map(Dual::constant).collect();
-        if let Direction::Initial(k) = direction {
-            y[*k] = Dual::variable(initial[*k]);
-        }
-        let outputs = scene.outputs(Dual::constant(0.0), &y);
-        if let Some(at) = range.clone().find(|at| outputs[*at].derivative.abs() > ROUNDING) {
-            let all = Quantity::all(info);
-            let residual = all.iter().find(|(_, quantity)| *quantity == Quantity::Output(at));
-            let others: Vec<&str> = info.param_names().into_iter().chain(info.state_names()).collect();
-            let reason = format!(
-                "has {}, which moves the initial state off its constraint {}: fit others of {}, or choose a scene that \
-                 solves the constraint",
-                direction.name(info),
-                residual.map(|(name, _)| name.as_str()).unwrap_or_default(),
-                names::list(others)
-            );
-            return Err(Error::unusable("--free", reason));
-        }
-    }
-    Ok(())
 }

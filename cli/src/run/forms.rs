@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex};
 
 use hamel_codegen::program::{Role, ViolatedCondition};
 use hamel_codegen::scene::{self, Executable};
-use hamel_codegen::spec::CarriedBy;
+use hamel_codegen::spec::{CarriedBy, circle_names};
 use serde::{Deserialize, Serialize};
 
 use super::dynamics::BadParams;
@@ -66,6 +66,8 @@ pub struct Forms {
     info: Info,
     slots: Vec<Slot>,
     own: Form,
+    /// Angles that the scene carries as points of the circle.
+    angles: Vec<String>,
     /// Scenes that carry what a form holds, once they have been asked for.
     carrying: Mutex<BTreeMap<Form, Arc<Carrying>>>,
 }
@@ -108,6 +110,7 @@ impl Forms {
             info: info.clone(),
             slots: Vec::new(),
             own: Form(Vec::new()),
+            angles: Vec::new(),
             carrying: Mutex::default(),
         }
     }
@@ -119,6 +122,10 @@ impl Forms {
     pub fn of(model: &Arc<Checked>, info: &Info) -> Result<Forms, Error> {
         let mut forms = Forms { model: Some(Arc::clone(model)), ..Forms::own(info) };
         let place = |name: &str| info.state.iter().position(|own| own == name);
+        let is_turned = |angle: &String| {
+            place(angle).is_none() && circle_names(angle).iter().all(|name| place(name).is_some())
+        };
+        let angles = model.base.iter().map(|c| c.name.clone()).filter(is_turned).collect();
         let mut found: Vec<(Slot, Held)> = Vec::new();
         let own_items = model.scenes.iter().find(|own| own.name == info.scene).map(|own| &own.carries);
         let mut carries = model.carries.iter().chain(own_items.into_iter().flatten());
@@ -150,7 +157,7 @@ impl Forms {
         }
         found.sort_by_key(|(slot, _)| slot.at);
         let (slots, own): (Vec<Slot>, Vec<Held>) = found.into_iter().unzip();
-        (forms.slots, forms.own) = (slots, Form(own));
+        (forms.slots, forms.own, forms.angles) = (slots, Form(own), angles);
         Ok(forms)
     }
 
@@ -190,7 +197,24 @@ impl Forms {
             let own = slot.name(*own);
             slot.names().filter(move |name| *name != own)
         });
-        self.info.state.iter().chain(others).map(String::as_str).collect()
+        self.info.state.iter().chain(others).chain(&self.angles).map(String::as_str).collect()
+    }
+
+    /// Given values with angles as the points of the circle that the scene carries.
+    ///
+    /// # Errors
+    /// An angle that is given together with its point.
+    pub(crate) fn with_points(&self, given: &BTreeMap<String, f64>) -> Result<BTreeMap<String, f64>, String> {
+        let mut values = given.clone();
+        for angle in &self.angles {
+            let Some(value) = values.remove(angle) else { continue };
+            let names = circle_names(angle);
+            if let Some(other) = names.iter().find(|name| values.contains_key(*name)) {
+                return Err(format!("gives the angle {angle} and {other}: give one of them"));
+            }
+            values.extend(names.into_iter().zip([value.cos(), value.sin()]));
+        }
+        Ok(values)
     }
 
     /// Names of the components of a state in a form.

@@ -63,7 +63,7 @@ pub fn simulate_at(
         return motion(&dynamics, request, times, progress);
     }
     let along = Along::new(factory, &request.along, request.method, "sensitivity")?;
-    let initial = along.initial(&request.initial);
+    let initial = along.initial(&request.initial, &request.tangents);
     let extended = SimulateRequest { initial, ..request.clone() };
     extended.validate(along.info())?;
     let mut response = motion(&prepare(&along, &request.params)?, &extended, times, progress)?;

@@ -280,6 +280,11 @@ impl Built {
         model::has_positions(&self.model) && self.derived().is_some_and(BuiltScene::is_restricted)
     }
 
+    /// The scene with its equations between coordinates; none where it has none, or leaves out a coordinate in them.
+    pub(super) fn equations_between_coordinates(&self) -> Option<&Executable> {
+        self.with_positions().map(|found| &**found)
+    }
+
     /// The components of the state that the equations between coordinates contain.
     pub fn components_in_positions(&self) -> Vec<usize> {
         self.with_positions().map_or_else(Vec::new, |found| found.components_in_positions())

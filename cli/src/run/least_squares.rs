@@ -31,8 +31,6 @@ pub(super) struct Found {
     pub(super) x: Vec<f64>,
     pub(super) at: Linearised,
     pub(super) end: End,
-    /// Evaluations, those without values included.
-    pub(super) n_evaluations: usize,
 }
 
 /// What residuals are made of at a point, or why they have no values there.
@@ -70,7 +68,6 @@ struct Problem<'p, 'e, E> {
     /// None where the residuals have no values.
     at: Option<Linearised>,
     n_residuals: usize,
-    n_evaluations: usize,
     /// Why the last point without values has none.
     refused: &'p mut Option<E>,
 }
@@ -86,7 +83,6 @@ impl<E> LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_, '_, E> {
             return;
         }
         self.x.copy_from(x);
-        self.n_evaluations += 1;
         self.at = match (self.evaluate)(x.as_slice()) {
             Ok(at) => Some(at),
             Err(error) => {
@@ -126,10 +122,9 @@ pub(super) fn minimise<E>(
     let at = evaluate(start)?;
     let n_residuals = at.residuals.len();
     let x = DVector::from_column_slice(start);
-    let problem = Problem { evaluate, x, at: Some(at), n_residuals, n_evaluations: 1, refused };
+    let problem = Problem { evaluate, x, at: Some(at), n_residuals, refused };
     let (mut problem, report) = LevenbergMarquardt::new().minimize(problem);
     let is_patient = report.termination != TerminationReason::LostPatience;
-    let n_evaluations = problem.n_evaluations;
     let at = match problem.at.take() {
         Some(at) => at,
         // The search ends at a point with values, unless numbers overflow on the way: then at the start.
@@ -144,7 +139,7 @@ pub(super) fn minimise<E>(
         (true, true) => End::Minimum,
         (true, false) => End::Edge,
     };
-    Ok(Found { x: problem.x.as_slice().to_vec(), at, end, n_evaluations })
+    Ok(Found { x: problem.x.as_slice().to_vec(), at, end })
 }
 
 /// How well the unknowns are determined at a minimum.

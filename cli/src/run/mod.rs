@@ -14,6 +14,7 @@ pub mod ensemble;
 pub mod evaluate;
 mod events;
 pub mod fit;
+pub mod follow;
 pub mod forms;
 pub mod info;
 pub mod inputs;
@@ -39,6 +40,7 @@ pub mod start;
 pub(crate) mod statistics;
 mod stored;
 pub mod typed;
+mod verdict;
 pub mod watched;
 
 pub use record::energy_scale;

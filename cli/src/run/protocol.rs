@@ -105,7 +105,7 @@ fn serve_on(
                 say(serde_json::to_string(&answer.map_err(|e| WireError::from(&e))))?;
             }
             Ask::Fit(request) => {
-                let answer = chosen.ok_or_else(not_open).and_then(|f| fit_with_bar(f, &request));
+                let answer = chosen.ok_or_else(not_open).and_then(|f| fit_with_bar(f, &request, None));
                 say(serde_json::to_string(&answer.map_err(|e| WireError::from(&e))))?;
             }
             Ask::Ensemble(request) => {

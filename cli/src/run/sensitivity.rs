@@ -51,13 +51,16 @@ impl<'f> Along<'f> {
         Ok(Along { factory, directions, info })
     }
 
-    /// An initial state with its derivatives.
-    pub(super) fn initial(&self, initial: &[f64]) -> Vec<f64> {
+    /// An initial state with its derivatives, or those with everything else fixed where there are none.
+    pub(super) fn initial(&self, initial: &[f64], tangents: &[Vec<f64>]) -> Vec<f64> {
         let mut extended = initial.to_vec();
-        for direction in self.directions {
-            extended
-                .extend((0..initial.len()).map(|k| f64::from(u8::from(*direction == Direction::Initial(k)))));
+        if tangents.is_empty() {
+            for direction in self.directions {
+                let is_moved = |k| f64::from(u8::from(*direction == Direction::Initial(k)));
+                extended.extend((0..initial.len()).map(is_moved));
+            }
         }
+        extended.extend(tangents.iter().flatten());
         extended
     }
 

@@ -37,6 +37,9 @@ pub struct SimulateRequest {
     pub watched: Option<Watched>,
     /// What the motion is differentiated by.
     pub along: Vec<Direction>,
+    /// Derivatives of the initial state along each direction; where there are none, everything but what a direction
+    /// names is fixed.
+    pub tangents: Vec<Vec<f64>>,
 }
 
 /// Largest number of events unless somebody asks for another one: all of them are kept.

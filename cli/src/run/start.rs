@@ -1,16 +1,19 @@
-//! Parameters and an initial state for those who do not give all of them: moderate, deterministic, on the constraint.
+//! Parameters and an initial state for those who do not give all of them, by the rule of
+//! [`hamel_codegen::scene::Prior`].
 //!
 //! Does not know: who evaluates the scene.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use hamel_codegen::scene::nearest::{Outcome, Places, project};
+use hamel_codegen::scene::{Conditions, InPositions, Origin, Prior, Told, settle};
 use hamel_codegen::spec::Want;
 use hamel_runtime::consistent_by;
 
-use super::admissible::{self, Outcome, Places, project};
+use super::admissible;
 use super::backend::{Backend, Local};
-use super::dynamics::{Factory as _, VecState};
+use super::dynamics::{Factory as _, PreparedScene, VecState};
 use super::evaluate::{EvalRequest, prepare};
 use super::forms::Forms;
 use super::info::Info;
@@ -18,7 +21,6 @@ use super::interpreted::{self, Built};
 use super::simulation::SimulateRequest;
 use super::solver::MAX_INVARIANTS;
 use crate::error::Error;
-use crate::model::roles::{self, Role};
 use crate::model::{self, Checked};
 
 /// How often other values are tried when the scene has no value at the first ones.
@@ -27,22 +29,18 @@ const N_ATTEMPTS: usize = 4;
 /// What is known about an initial state.
 #[derive(Clone, Copy, Debug)]
 pub struct Chosen<'a> {
-    /// What the state variables are.
-    pub roles: &'a BTreeMap<String, Role>,
-    /// Values that the model prefers, in whatever form.
-    pub preferred: &'a BTreeMap<String, f64>,
+    /// What the model says.
+    pub prior: &'a Prior,
     /// Values that it has to have.
     pub given: &'a BTreeMap<String, f64>,
     /// The scene, where its model has equations between coordinates.
     pub positions: Option<&'a Built>,
 }
 
-/// A state of a scene in which `given` components have the given values, and others the `preferred` ones of the model.
-///
-/// The rest is chosen: velocities get distinct moderate values, coordinates the middle of their interval (others a
-/// small value), advected parameters unit vectors. Where the scene keeps velocities that a constraint relates, the ones
-/// that were not given are moved by the least amount onto it; `constraint` answers for the scene's output group of that
-/// name. Momenta follow from velocities and the other way round, as `forms` have it: what is chosen is velocities.
+/// A state of a scene in which `given` components have the given values, and others those of the model, or chosen ones,
+/// moved onto the equations between coordinates and the constraint as [`settle`] does; `constraint` answers for the
+/// scene's output group of that name. Momenta follow from velocities and the other way round, as `forms` have it: what
+/// is chosen is velocities.
 ///
 /// # Errors
 /// Why no such state could be found.
@@ -53,25 +51,35 @@ pub fn state(
     forms: &Forms,
     chosen: Chosen<'_>,
 ) -> Result<Vec<f64>, Error> {
-    let Chosen { roles, preferred, given, positions } = chosen;
+    let Chosen { prior, given, positions } = chosen;
+    let given = &forms.with_points(given).map_err(|reason| Error::unusable("initial", reason))?;
     let n_state = backend.info().state.len();
     let mut constraint = constraint;
     let own = forms.own_form();
     // As the model gives it, and as the user does, which is the same wherever it can be.
-    let first = forms.with_momenta_of(preferred);
+    let first = forms.with_momenta_of(prior.initial());
     let asked = forms
         .form_among(std::slice::from_ref(&first), given.keys().map(String::as_str))
         .map_err(|reason| Error::unusable("initial", reason))?;
     let (names, asked_names) = (forms.names(&first), forms.names(&asked));
-    let mut start = preferred.clone();
-    start.extend(given.iter().map(|(name, value)| (name.clone(), *value)));
     let of_velocities = forms.names(&forms.velocities());
-    let is_velocity = |k: &usize| roles.get(&of_velocities[*k]) == Some(&Role::Velocity);
-    let velocities: Vec<usize> = (0..n_state).filter(is_velocity).collect();
-    let is_free = |k: &usize| !given.contains_key(&asked_names[*k]);
-    let free: Vec<usize> = velocities.iter().copied().filter(is_free).collect();
+    let velocities: Vec<usize> = (0..n_state).filter(|k| prior.is_velocity(&of_velocities[*k])).collect();
+    let origins = origins(prior, &names, &asked_names, given);
+    let prepared = positions.map(|scene| prepare(scene, params.0)).transpose()?;
+    if let (Some(scene), Some(prepared)) = (positions, &prepared)
+        && prepared.positions().is_none()
+        && scene.is_restricted()
+        && (0..n_state).any(|k| origins[k] != Origin::Given && !velocities.contains(&k))
+    {
+        let reason = format!(
+            "scene {} leaves out a coordinate that the equations between the others contain: give all others, or take \
+             a scene that keeps it",
+            scene.info().scene
+        );
+        return Err(Error::State { path: "initial".into(), reason });
+    }
     let mut attempt = |attempt: usize| -> Result<Vec<f64>, Error> {
-        let mut y = first_guess(&names, roles, &start, attempt);
+        let mut y = prior.guess(&names, given, attempt);
         if first != asked {
             y = forms.convert(params.0, 0.0, &y, [&first, &asked])?;
             for (value, name) in y.iter_mut().zip(&asked_names) {
@@ -79,19 +87,18 @@ pub fn state(
             }
         }
         let own_state = |y: &[f64]| forms.convert(params.0, 0.0, y, [&asked, &own]);
-        if let Some(scene) = positions {
-            let is_given = |k: usize| given.contains_key(&asked_names[k]);
-            let is_place = |k: usize| !matches!(roles.get(&of_velocities[k]), Some(Role::Velocity));
-            meet_positions(scene, params.0, &mut y, &is_given, (0..n_state).filter(|k| is_place(*k)))?;
-        }
-        if !free.is_empty() {
-            match &mut constraint {
-                Some(other) => {
-                    meet_constraint(&mut **other, params.1, &own_state, &mut y, [&velocities, &free])?;
-                }
-                None => meet_constraint(backend, params.0, &own_state, &mut y, [&velocities, &free])?,
-            }
-        }
+        let (judge, judged_params): (&mut dyn Backend, &[f64]) = match &mut constraint {
+            Some(other) => (&mut **other, params.1),
+            None => (&mut *backend, params.0),
+        };
+        let mut conditions = OfScene {
+            positions: positions.zip(prepared.as_ref()),
+            judge,
+            params: judged_params,
+            own_state: &own_state,
+            velocities: &velocities,
+        };
+        settle(&mut conditions, &mut y, &origins, &velocities)?;
         let y = own_state(&y)?;
         backend.eval(&EvalRequest { params: params.0.to_vec(), t: 0.0, states: vec![y.clone()] })?;
         Ok(y)
@@ -113,133 +120,91 @@ pub fn state(
     })
 }
 
-/// Values without regard to the constraint.
-fn first_guess(
+/// Where the components of a state come from, by the names that the model and the user give them.
+pub(super) fn origins(
+    prior: &Prior,
     names: &[String],
-    roles: &BTreeMap<String, Role>,
-    start: &BTreeMap<String, f64>,
-    attempt: usize,
-) -> Vec<f64> {
-    // A fixed sequence of signs and sizes, none equal to another.
-    const SIZES: [f64; 7] = [0.8, -0.5, 1.1, 0.6, -0.9, 0.4, -0.7];
-    let shift = 0.15 * attempt as f64;
-    let mut n_velocities = 0;
-    let mut n_coordinates = 0;
-    let value = |name: &String| {
-        if let Some(value) = start.get(name) {
-            return *value;
+    asked: &[String],
+    given: &BTreeMap<String, f64>,
+) -> Vec<Origin> {
+    let mut origins = prior.origins(asked, given);
+    // A velocity may follow from a momentum that the model gives.
+    for (origin, by_model) in origins.iter_mut().zip(prior.origins(names, &BTreeMap::new())) {
+        if *origin == Origin::Chosen {
+            *origin = by_model;
         }
-        match roles.get(name) {
-            Some(Role::Bounded { from, to }) => from + (to - from) * (0.5 + shift / 2.0),
-            // Coordinates of the group start at its identity.
-            Some(Role::Group { identity }) => *identity,
-            Some(Role::Unbounded) => {
-                n_coordinates += 1;
-                shift * (1.0 + 0.3 * f64::from(n_coordinates))
-            }
-            Some(Role::Advected { index, n }) => unit_vector(*index, *n, attempt),
-            Some(Role::Velocity) | None => {
-                let round = n_velocities / SIZES.len();
-                let size = SIZES[n_velocities % SIZES.len()] / (1.0 + 0.37 * round as f64);
-                n_velocities += 1;
-                size + shift
-            }
-        }
-    };
-    names.iter().map(value).collect()
-}
-
-/// A component of a unit vector that is along no axis.
-fn unit_vector(index: usize, n: usize, attempt: usize) -> f64 {
-    let component = |k: usize| 0.48 + 0.16 * ((k + attempt) % n) as f64 - if k == 0 { 0.12 } else { 0.0 };
-    if n == 3 && attempt == 0 {
-        return [0.36, 0.48, 0.8][index];
     }
-    component(index) / (0..n).map(|k| component(k).powi(2)).sum::<f64>().sqrt()
+    origins
 }
 
 /// From the components that a state was guessed in to the scene's own.
-type OwnState<'a> = &'a dyn Fn(&[f64]) -> Result<Vec<f64>, Error>;
+pub(super) type OwnState<'a> = &'a dyn Fn(&[f64]) -> Result<Vec<f64>, Error>;
 
-/// Moves the velocities at positions `free` onto the constraint, by Newton's method with the least change; `velocities`
-/// are the positions of all, and `own_state` makes the state of the scene.
-fn meet_constraint(
-    backend: &mut dyn Backend,
-    params: &[f64],
-    own_state: OwnState<'_>,
-    y: &mut [f64],
-    [velocities, free]: [&[usize]; 2],
-) -> Result<(), Error> {
-    let Some(constraint) = backend.info().output_range(Want::Constraint.name()) else { return Ok(()) };
-    // Whoever gives no velocity has no metric in mind, and the model's own initial velocities are moved as little as
-    // can be.
-    let places = Places { constraint, velocities: velocities.to_vec(), momenta: None };
-    let mut outputs = |states: Vec<Vec<f64>>| {
-        let states = states.iter().map(|y| own_state(y)).collect::<Result<_, Error>>()?;
-        Ok(backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs)
-    };
-    match project(&mut outputs, &places, y, free)? {
-        Outcome::Met => Ok(()),
-        Outcome::Missed { largest } => {
-            let reason = format!(
-                "the constraint is violated by {largest:e} and the velocities that were not given cannot meet it: \
-                 give others"
-            );
-            Err(Error::State { path: "initial".into(), reason })
-        }
-    }
+/// What a state of a scene has to satisfy.
+pub(super) struct OfScene<'a, 'b> {
+    pub(super) positions: Option<(&'a Built, &'a PreparedScene<'a>)>,
+    /// Has the residuals of the constraint.
+    pub(super) judge: &'b mut dyn Backend,
+    pub(super) params: &'a [f64],
+    pub(super) own_state: OwnState<'b>,
+    /// Places of all velocities.
+    pub(super) velocities: &'a [usize],
 }
 
-/// Moves the coordinates that equations give until they satisfy these; where some of them are given, all others in the
-/// equations. The components of `y` are those of the scene but for velocities, which no equation contains; `places` are
-/// all others.
-fn meet_positions(
-    scene: &Built,
-    params: &[f64],
-    y: &mut Vec<f64>,
-    is_given: &dyn Fn(usize) -> bool,
-    mut places: impl Iterator<Item = usize>,
-) -> Result<(), Error> {
-    let dynamics = prepare(scene, params)?;
-    let Some(found) = dynamics.positions() else {
-        if !scene.is_restricted() || places.all(is_given) {
-            return Ok(());
-        }
+impl Conditions for OfScene<'_, '_> {
+    type Error = Error;
+
+    fn in_positions(&self) -> Option<InPositions> {
+        let (scene, prepared) = self.positions?;
+        let determined = prepared.positions()?.moved.to_vec();
+        Some(InPositions { determined, all: scene.components_in_positions() })
+    }
+
+    fn meet_positions(&mut self, y: &mut Vec<f64>, free: &[usize]) -> Result<(), Error> {
+        let Some((scene, prepared)) = self.positions else { return Ok(()) };
+        let mut state = VecState(std::mem::take(y));
+        let met = consistent_by::<_, MAX_INVARIANTS, _>(prepared, 0.0, &mut state, free);
+        *y = state.0;
+        let name = |index: usize| scene.position_names().get(index).cloned().unwrap_or_default();
+        let reason = match met {
+            Ok(()) => return Ok(()),
+            Err(hamel_runtime::Error::PositionMissed { index, residual, .. }) => format!(
+                "the equations between coordinates are violated by {residual:e} ({}) and the coordinates that were not \
+                 given cannot meet them: give others",
+                name(index)
+            ),
+            Err(hamel_runtime::Error::PositionSingular { index, residual, .. }) => format!(
+                "the equations between coordinates are violated by {residual:e} ({}), at a dead centre, where the \
+                 coordinates that were not given do not change that: give others beside it",
+                name(index)
+            ),
+            Err(other) => other.to_string(),
+        };
+        Err(Error::State { path: "initial".into(), reason })
+    }
+
+    fn meet_constraint(&mut self, y: &mut Vec<f64>, free: &[usize]) -> Result<(), Error> {
+        let OfScene { judge, params, own_state, velocities, .. } = self;
+        let Some(constraint) = judge.info().output_range(Want::Constraint.name()) else { return Ok(()) };
+        // Whoever gives no velocity has no metric in mind, and the model's own initial velocities are moved as little
+        // as can be.
+        let places = Places { constraint, velocities: velocities.to_vec(), momenta: None };
+        let mut outputs = |states: Vec<Vec<f64>>| -> Result<Vec<Vec<f64>>, Error> {
+            let states = states.iter().map(|y| own_state(y)).collect::<Result<_, Error>>()?;
+            Ok(judge.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs)
+        };
+        let (index, largest) = match project(&mut outputs, &places, y, free)? {
+            Outcome::Met => return Ok(()),
+            Outcome::Missed { index, largest } => (index, largest),
+        };
+        let group = judge.info().outputs.iter().find(|group| group.name == Want::Constraint.name());
+        let name = group.and_then(|group| group.components.get(index)).cloned().unwrap_or_default();
         let reason = format!(
-            "scene {} leaves out a coordinate that the equations between the others contain: give all others, or take \
-             a scene that keeps it",
-            scene.info().scene
+            "the constraint is violated by {largest:e} ({name}) and the velocities that were not given cannot meet it: \
+             give others"
         );
-        return Err(Error::State { path: "initial".into(), reason });
-    };
-    let mut free = found.moved.to_vec();
-    if free.iter().any(|k| is_given(*k)) {
-        free = scene.components_in_positions();
-        free.retain(|k| !is_given(*k));
+        Err(Error::State { path: "initial".into(), reason })
     }
-    // Who gives all of them is told what is violated.
-    if free.is_empty() {
-        return Ok(());
-    }
-    let mut state = VecState(std::mem::take(y));
-    let met = consistent_by::<_, MAX_INVARIANTS, _>(&dynamics, 0.0, &mut state, &free);
-    *y = state.0;
-    let name = |index: usize| scene.position_names().get(index).cloned().unwrap_or_default();
-    let reason = match met {
-        Ok(()) => return Ok(()),
-        Err(hamel_runtime::Error::PositionMissed { index, residual, .. }) => format!(
-            "the equations between coordinates are violated by {residual:e} ({}) and the coordinates that were not \
-             given cannot meet them: give others",
-            name(index)
-        ),
-        Err(hamel_runtime::Error::PositionSingular { index, residual, .. }) => format!(
-            "the equations between coordinates are violated by {residual:e} ({}), at a dead centre, where the \
-             coordinates that were not given do not change that: give others beside it",
-            name(index)
-        ),
-        Err(other) => other.to_string(),
-    };
-    Err(Error::State { path: "initial".into(), reason })
 }
 
 /// Chooses parameters and initial states of a scene.
@@ -265,6 +230,18 @@ impl<'a> Starts<'a> {
         Ok(Starts { model, info, forms, residuals: residuals(model, info)?, positions })
     }
 
+    /// What became of an initial state beside what the user gave.
+    ///
+    /// # Errors
+    /// As [`Forms::convert`].
+    pub fn told(
+        &self,
+        asked: [&BTreeMap<String, f64>; 2],
+        found: (&[f64], &[f64]),
+    ) -> Result<Vec<Told>, Error> {
+        told(self.model, (self.info, &self.forms), asked, found)
+    }
+
     /// The value of a variable of some form at a state of the scene; none where there is no such variable.
     pub(crate) fn value(&self, params: &[f64], y: &[f64], name: &str) -> Result<Option<f64>, Error> {
         self.forms.value(params, y, name)
@@ -283,13 +260,11 @@ impl<'a> Starts<'a> {
     ) -> Result<(Vec<f64>, Vec<f64>), Error> {
         let params: Vec<f64> =
             self.info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
-        let all_params = roles::all_params(self.model, &self.info.scene, set);
-        let roles = roles::roles(self.model, &all_params);
-        let preferred = roles::initial_values(self.model, &all_params);
+        let prior = Prior::of(self.model, &self.info.scene, set);
         let mut other = self.residuals.as_ref().map(Local::new);
         let other = other.as_mut().map(|local| local as &mut dyn Backend);
         let positions = self.positions.as_ref();
-        let chosen = Chosen { roles: &roles, preferred: &preferred, given, positions };
+        let chosen = Chosen { prior: &prior, given, positions };
         let initial = state(backend, other, (&params, &params), &self.forms, chosen)?;
         // What the user gave may leave nothing to choose.
         if let Some(scene) = &self.residuals {
@@ -297,6 +272,24 @@ impl<'a> Starts<'a> {
         }
         Ok((params, initial))
     }
+}
+
+/// What became of an initial state beside what the user gave, by the names that the state was asked for in.
+///
+/// # Errors
+/// As [`Forms::convert`].
+pub(crate) fn told(
+    model: &Checked,
+    (info, forms): (&Info, &Forms),
+    [set, given]: [&BTreeMap<String, f64>; 2],
+    (params, initial): (&[f64], &[f64]),
+) -> Result<Vec<Told>, Error> {
+    let prior = Prior::of(model, &info.scene, set);
+    let given = &forms.with_points(given).map_err(|reason| Error::unusable("initial", reason))?;
+    let first = forms.with_momenta_of(prior.initial());
+    let asked = forms.form_among(&[first], given.keys().map(String::as_str)).unwrap_or(forms.own_form());
+    let state = forms.convert(params, 0.0, initial, [&forms.own_form(), &asked])?;
+    Ok(prior.told(&forms.names(&asked), given, &state))
 }
 
 /// Checks that the initial state of a request keeps the constraints, where the scene leaves out what tells that.
@@ -317,19 +310,4 @@ fn residuals(model: &Arc<Checked>, info: &Info) -> Result<Option<Built>, Error> 
         return Ok(None);
     }
     Ok(interpreted::build(model, &info.scene)?.with_residuals())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::unit_vector;
-
-    #[test]
-    fn advected_vectors_are_unit_vectors() {
-        for n in [2, 3, 5] {
-            for attempt in 0..3 {
-                let square: f64 = (0..n).map(|k| unit_vector(k, n, attempt).powi(2)).sum();
-                assert!((square - 1.0).abs() < 1e-15);
-            }
-        }
-    }
 }

@@ -432,18 +432,22 @@ impl Config {
     /// The files of a scene by name.
     fn texts_of(&self, model: &Model, scene: &BuiltScene) -> Result<Vec<(String, String)>, Error> {
         Ok(match self.writing.language {
-            Language::Rust => vec![(format!("{}.rs", scene.module_name()), scene.emit_as(&self.writing)?)],
+            Language::Rust => {
+                let text = scene.emit_from(&self.writing, scene::start(model, scene)?)?;
+                vec![(format!("{}.rs", scene.module_name()), text)]
+            }
             Language::Wasm => {
                 let name = scene.module_name();
-                let wasm = scene.emit_wasm(&self.writing, scene::initial_state(model, scene)?)?;
+                let initial = scene::start(model, scene)?;
+                let wasm = scene.emit_wasm(&self.writing, initial.clone())?;
                 vec![
-                    (format!("{name}.rs"), scene.emit_as(&self.writing)?),
+                    (format!("{name}.rs"), scene.emit_from(&self.writing, initial)?),
                     (format!("{name}_wasm.rs"), wasm.root),
                     (format!("{name}.mjs"), wasm.script),
                 ]
             }
             Language::C | Language::Cpp | Language::Casadi => {
-                let c = scene.emit_c(&self.writing, scene::initial_state(model, scene)?)?;
+                let c = scene.emit_c(&self.writing, scene::start(model, scene)?)?;
                 let file = |ending: &str| format!("{}{ending}", c.prefix);
                 let mut files = vec![(file(".h"), c.header), (file(".c"), c.source)];
                 match self.writing.language {

@@ -23,8 +23,8 @@ pub use c::{CModule, Fmu};
 pub use rust::{SceneEntry, WasmModule};
 pub use text::{
     EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
-    ImplicitVariableText, MatrixText, OutputText, ParamText, PositionsText, ProductText, SceneText,
-    SelfTestText, StateText, SurfaceText, UnitText, UnitTexts,
+    ImplicitVariableText, InitialText, MatrixText, OutputText, ParamText, PositionsText, ProductText,
+    SceneText, SelfTestText, StateText, SurfaceText, UnitText, UnitTexts,
 };
 
 /// Emits the module of one scene.

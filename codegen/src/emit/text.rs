@@ -48,8 +48,8 @@ pub struct SceneText {
     pub events: Vec<EventText>,
     /// Formula lines of functions, by role.
     pub formulas: BTreeMap<Role, Vec<String>>,
-    /// The initial state for the parameters' defaults, where the model has one.
-    pub initial: Option<Vec<f64>>,
+    /// The initial state for the parameters' defaults, where there is one.
+    pub initial: Option<InitialText>,
     /// Whether the energy is proved to be constant along the motion.
     pub conserves_energy: bool,
     /// States whose rates a test within the module compares; none for a module without one.
@@ -70,6 +70,25 @@ pub struct SelfTestText {
     pub state: Vec<f64>,
     /// Its rates.
     pub rates: Vec<f64>,
+}
+
+/// The initial state of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InitialText {
+    /// The values in the order of the state.
+    pub values: Vec<f64>,
+    /// What the model does not give, or gives otherwise; empty where it gives all.
+    pub told: String,
+}
+
+impl InitialText {
+    /// What the state is, a paragraph each.
+    pub(super) fn doc(&self) -> Vec<String> {
+        let first = "The initial state of the model, for the parameters as published.".to_owned();
+        let told = Some(&self.told).filter(|told| !told.is_empty());
+        let told = told.map(|told| format!("Beside the values of the model, {told}."));
+        std::iter::once(first).chain(told).collect()
+    }
 }
 
 /// The equations between coordinates of a scene.

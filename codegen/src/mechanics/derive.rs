@@ -145,9 +145,9 @@ impl<'a> Derivation<'a> {
         let varying = system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied();
         let varying = varying.chain(system.inputs.iter().map(|input| input.symbol));
         let varying = varying.chain(system.momenta.iter().filter_map(|m| m.symbol)).collect();
-        // Points of circles and advected vectors are not zero: functions divide by their lengths.
+        // Functions may divide by the lengths of these vectors: the point at which they are evaluated is not zero.
         let cosines = system.circles.iter().map(|c| c.cosine);
-        let first = system.vectors_of_fixed_length().filter_map(|block| block.components.first().copied());
+        let first = system.carried_vectors().filter_map(|block| block.components.first().copied());
         let units: Vec<SymbolId> = cosines.chain(first).collect();
         let writer = SectionWriter::new(&g, varying, &units);
         Derivation {

@@ -202,8 +202,9 @@ pub struct ReducedSystem {
 }
 
 impl ReducedSystem {
-    /// Advected parameters and quaternions, none of which is zero.
-    pub(crate) fn vectors_of_fixed_length(&self) -> impl Iterator<Item = &Block> {
+    /// Advected parameters and quaternions. Whether the motion keeps their lengths depends on what moves them: their
+    /// rates tell.
+    pub(crate) fn carried_vectors(&self) -> impl Iterator<Item = &Block> {
         self.blocks.iter().filter(|b| matches!(b.kind, BlockKind::Advected | BlockKind::Attitude))
     }
 

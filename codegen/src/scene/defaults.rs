@@ -13,7 +13,7 @@ use crate::spec::{ConstraintKind, Diagnostic, Diagnostics, ExpressionRole, Model
 
 use super::built::BuiltScene;
 use super::interpreter::Interpreter;
-use super::start;
+use super::start::start;
 
 /// Symbols and values that are told in a message, and characters of an expression.
 const MAX_NAMED: usize = 4;
@@ -37,18 +37,12 @@ pub fn warnings(model: &Model, scenes: &[BuiltScene]) -> Diagnostics {
     model.diagnostics(list)
 }
 
-/// The initial state that a model gives a scene, for its defaults of the parameters: momenta by their velocities where
-/// the model has these, and coordinates that satisfy the equations between them; none where a component has no value.
+/// The initial state of a scene, as [`start`] finds it.
 ///
 /// # Errors
-/// [`Error::NoStart`].
+/// As [`start`].
 pub fn initial_state(model: &Model, scene: &BuiltScene) -> Result<Option<Vec<f64>>, Error> {
-    let defaults = Defaults::new(model, scene);
-    let values: Vec<f64> = scene.params().iter().map(|p| defaults.params[&p.symbol]).collect();
-    let Ok(interpreter) = scene.prepare(&values) else { return Ok(None) };
-    let Some(state) = defaults.state() else { return Ok(None) };
-    let state = start::met(scene, &values, state)?.and_then(|y| defaults.with_momenta(&interpreter, y));
-    Ok(state.filter(|state| state.iter().all(|x| x.is_finite())))
+    Ok(start(model, scene)?.map(|found| found.state))
 }
 
 struct Defaults<'a> {

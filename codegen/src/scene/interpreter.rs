@@ -372,6 +372,15 @@ impl<'a, R: Real> Interpreter<'a, R> {
         event.sets.iter().zip(after).for_each(|(place, value)| y[*place] = value);
     }
 
+    /// Residuals of the equations between coordinates, and behind them what coordinates keep, when the scene wants
+    /// them.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn positions(&self, t: R, y: &[R]) -> Option<Vec<R>> {
+        self.values(&Role::Output(Want::Positions.name().to_owned()), t, y)
+    }
+
     /// Everything that the right-hand side divides by and that may vanish or overflow: names, values, and scales of
     /// their rounding errors, as [`hamel_runtime::Pivot`] has them.
     ///
@@ -534,15 +543,6 @@ impl Interpreter<'_> {
     /// When the size of `y` is wrong.
     pub fn invariant_gradients(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
         self.matrix_named(GRADIENTS, t, y)
-    }
-
-    /// Residuals of the equations between coordinates, and behind them what coordinates keep, when the scene wants
-    /// them.
-    ///
-    /// # Panics
-    /// When the size of `y` is wrong.
-    pub fn positions(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
-        self.values(&Role::Output(Want::Positions.name().to_owned()), t, y)
     }
 
     /// Their gradients, a row for each.

@@ -87,7 +87,7 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
         found.flat_map(|o| o.components.iter().cloned())
     };
     let mut candidates: Vec<(String, ExprId)> = group(Want::Circles).chain(group(Want::Casimirs)).collect();
-    let vectors: Vec<&Block> = equations.system.vectors_of_fixed_length().collect();
+    let vectors: Vec<&Block> = equations.system.carried_vectors().collect();
     for (k, Block { name, components: a, .. }) in vectors.iter().enumerate() {
         let others = vectors[k..].iter().filter(|b| b.components.len() == a.len());
         for Block { name: other, components: b, .. } in others {

@@ -24,9 +24,12 @@ mod groups;
 mod implicit;
 mod interpreter;
 mod invariants;
+pub mod nearest;
 mod pivots;
 mod plan;
 mod positions;
+mod prior;
+mod roles;
 mod splitting;
 mod start;
 #[cfg(feature = "internals")]
@@ -60,6 +63,11 @@ pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
 pub use positions::PositionLayout;
+pub use prior::{
+    Conditions, InPositions, Origin, Prior, Told, free_coordinates, free_velocities, settle, told_in_words,
+};
+pub use roles::{VariableRole, all_params, initial_slopes, initial_values, variable_roles};
+pub use start::{Start, start};
 #[cfg(feature = "internals")]
 pub use tamper::{Made, build_tampered};
 pub use text::{Language, Writing};

@@ -1,8 +1,9 @@
 //! Residuals of the equations between coordinates of a scene, with their gradients: what initial values have to satisfy
 //! and projection keeps.
 //!
-//! Coordinates that are points of circles and advected vectors stay on their circles and keep their lengths when they
-//! are moved to satisfy an equation: these functions follow the residuals, and are kept at their values.
+//! Coordinates that are points of circles stay on their circles when they are moved to satisfy an equation, and advected
+//! vectors keep their lengths where the motion keeps these, which their rates prove: these functions follow the
+//! residuals, and are kept at their values.
 //!
 //! Deliberately does not know: how anything is differentiated, lowered or emitted, who solves the equations.
 
@@ -12,7 +13,7 @@ use super::dependence::{left_out, needs};
 use super::gradients::{WithGradients, Words, with_gradients};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, SymbolId};
-use crate::mechanics::{Equations, StateEquation};
+use crate::mechanics::{Equations, StateEquation, rates};
 use crate::reduction::{BlockKind, PositionResidual};
 use crate::spec::Want;
 
@@ -59,18 +60,20 @@ pub(super) fn find(
     }
     let mut functions: Vec<(String, ExprId)> =
         positions.iter().map(|p| (p.name.clone(), p.residual)).collect();
-    for circle in &equations.system.circles {
-        let point = [circle.cosine, circle.sine];
-        if point.iter().any(|symbol| touched.contains(symbol)) {
-            touched.extend(point);
-            functions.push((format!("{}_circle", circle.angle), sum_of_squares(g, &point)));
-        }
-    }
+    let circles = equations.system.circles.iter();
+    let circles = circles.map(|c| (format!("{}_circle", c.angle), vec![c.cosine, c.sine]));
     let advected = equations.system.blocks.iter().filter(|b| b.kind == BlockKind::Advected);
-    for vector in advected {
-        if vector.components.iter().any(|symbol| touched.contains(symbol)) {
-            touched.extend(&vector.components);
-            functions.push((format!("{0}_dot_{0}", vector.name), sum_of_squares(g, &vector.components)));
+    let advected = advected.map(|b| (format!("{0}_dot_{0}", b.name), b.components.clone()));
+    for (name, vector) in circles.chain(advected) {
+        if !vector.iter().any(|symbol| touched.contains(symbol)) {
+            continue;
+        }
+        // Not every group that moves an advected parameter turns it: a height that a velocity raises keeps nothing.
+        let square = sum_of_squares(g, &vector);
+        let rate = rates(g, equations, state, &[square]);
+        if rate.iter().all(|rate| g.is_zero(*rate)) {
+            touched.extend(&vector);
+            functions.push((name, square));
         }
     }
     let places = |symbols: &BTreeSet<SymbolId>| -> Vec<usize> {

@@ -6,8 +6,9 @@ use std::collections::BTreeMap;
 
 use crate::certify::{N_POINTS, Sample, samples};
 use crate::emit::{
-    self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, MatrixText, OutputText,
-    ParamText, PositionsText, ProductText, SceneEntry, SceneText, SelfTestText, StateText, UnitText, UnitTexts,
+    self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText, MatrixText,
+    OutputText, ParamText, PositionsText, ProductText, SceneEntry, SceneText, SelfTestText, StateText, UnitText,
+    UnitTexts,
     WasmModule,
 };
 use crate::error::Error;
@@ -23,7 +24,9 @@ use super::groups::groups;
 use super::implicit::{self, Implicit};
 use super::interpreter;
 use super::positions::{self, PositionLayout};
+use super::prior::told_in_words;
 use super::splitting::flow_role;
+use super::start::Start;
 
 /// How a scene's module is written down.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -98,19 +101,26 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::NotAPath`] for the runtime; [`Error::OverBudget`]; [`Error::Emission`], a bug of the emitter.
     pub fn emit_as(&self, writing: &Writing) -> Result<String, Error> {
-        self.within_bytes()?;
-        let jet = if self.wants_taylor { Some(self.jet()?) } else { None };
-        emit::emit_scene(&self.program, jet.as_ref(), &self.text(writing))
+        self.emit_from(writing, None)
     }
 
-    /// The scene as C99; `initial` is the state that the function of that name gives, see
-    /// [`initial_state`](super::initial_state).
+    /// The same with the constant `INITIAL`, the initial state, see [`start`](super::start()).
+    ///
+    /// # Errors
+    /// As [`emit_as`](Self::emit_as).
+    pub fn emit_from(&self, writing: &Writing, initial: Option<Start>) -> Result<String, Error> {
+        self.within_bytes()?;
+        let jet = if self.wants_taylor { Some(self.jet()?) } else { None };
+        emit::emit_scene(&self.program, jet.as_ref(), &self.text_from(writing, initial))
+    }
+
+    /// The scene as C99; `initial` is the state that the function of that name gives, see [`start`](super::start()).
     ///
     /// # Errors
     /// [`Error::OverBudget`].
-    pub fn emit_c(&self, writing: &Writing, initial: Option<Vec<f64>>) -> Result<CModule, Error> {
+    pub fn emit_c(&self, writing: &Writing, initial: Option<Start>) -> Result<CModule, Error> {
         self.within_bytes()?;
-        let text = SceneText { initial, ..self.text(writing) };
+        let text = self.text_from(writing, initial);
         emit::emit_c(&self.program, &text)
     }
 
@@ -118,9 +128,9 @@ impl BuiltScene {
     ///
     /// # Errors
     /// [`Error::OverBudget`]; [`Error::NoInitialState`].
-    pub fn emit_fmu(&self, writing: &Writing, initial: Option<Vec<f64>>) -> Result<(CModule, Fmu), Error> {
+    pub fn emit_fmu(&self, writing: &Writing, initial: Option<Start>) -> Result<(CModule, Fmu), Error> {
         self.within_bytes()?;
-        let text = SceneText { initial, ..self.text(writing) };
+        let text = self.text_from(writing, initial);
         emit::emit_fmu(&self.program, &text)
     }
 
@@ -129,10 +139,19 @@ impl BuiltScene {
     ///
     /// # Errors
     /// As [`emit_as`](Self::emit_as).
-    pub fn emit_wasm(&self, writing: &Writing, initial: Option<Vec<f64>>) -> Result<WasmModule, Error> {
+    pub fn emit_wasm(&self, writing: &Writing, initial: Option<Start>) -> Result<WasmModule, Error> {
         self.within_bytes()?;
-        let text = SceneText { initial, ..self.text(writing) };
+        let text = self.text_from(writing, initial);
         emit::emit_wasm(&self.program, &text, &format!("{}.rs", self.module_name()))
+    }
+
+    /// The texts of the scene, which begins at a state.
+    fn text_from(&self, writing: &Writing, initial: Option<Start>) -> SceneText {
+        let initial = initial.map(|Start { state, told }| InitialText {
+            values: state,
+            told: told_in_words(&told).unwrap_or_default(),
+        });
+        SceneText { initial, ..self.text(writing) }
     }
 
     /// Refuses to write down what would take more memory than the budget has.

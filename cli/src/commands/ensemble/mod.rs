@@ -57,7 +57,8 @@ fn chunk_of(n_numbers: usize) -> usize {
 /// Everything that can be wrong with names, values and files; not what stops a trajectory, unless it stops all:
 /// [`Error::NoneArrived`], after the files have been written.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let (file, mut choice) = (arguments.scene.find(session)?, arguments.scene.choice()?);
+    let file = arguments.scene.find(session)?;
+    let mut choice = arguments.scene.choice_of(&file)?;
     let lines = match &arguments.table {
         Some(path) => Lines::of(Table::read(path)?.full()?),
         None => Lines::none(),
@@ -139,7 +140,12 @@ pub fn of_scene(
     };
     // What no trajectory can have, such as a method that does not suit the scene, is told before any file is begun.
     let first = pool.install(|| plan.members(0..1, &starts, built));
-    let first = first.into_iter().filter_map(|(_, start)| start.ok()).collect();
+    let first: Vec<_> = first.into_iter().filter_map(|(_, start)| start.ok()).collect();
+    if let Some((params, y)) = first.first()
+        && let Some(told) = plan.told(&starts, (params, y))?
+    {
+        eprintln!("note: trajectories start at values that nobody gives, of the first {told}");
+    }
     asked.options()?;
     backend.ensemble(&EnsembleRequest { members: first, t_final: 0.0, ..asked.clone() })?;
     let heading = Heading {

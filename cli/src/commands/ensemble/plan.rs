@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use hamel_codegen::scene::told_in_words;
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::arguments::Arguments;
@@ -168,6 +169,19 @@ impl<'a> Plan<'a> {
     /// Whether trajectories differ in their inputs.
     pub(super) fn has_inputs(&self) -> bool {
         self.names().iter().any(|name| self.info.inputs.iter().any(|input| input.name == *name))
+    }
+
+    /// What became of the components of the first initial state that neither the options nor the plan give.
+    ///
+    /// # Errors
+    /// As [`Starts::told`].
+    pub(super) fn told(&self, starts: &Starts<'_>, found: (&[f64], &[f64])) -> Result<Option<String>, Error> {
+        let names = self.names();
+        let mut given = self.given.clone();
+        // What varies is given; parameters among it are of no account here.
+        given.extend(names.into_iter().map(|name| (name, f64::NAN)));
+        let params = found.0.iter().copied().take(self.info.params.len()).collect::<Vec<f64>>();
+        Ok(told_in_words(&starts.told([&self.set, &given], (&params, found.1))?))
     }
 
     /// The starts of some trajectories in a row, on the threads of the current pool.

@@ -143,10 +143,10 @@ impl Writer<'_> {
             &body,
         );
         if let Some(initial) = &module.text.initial {
-            let values: Vec<String> = initial.iter().map(|x| number(*x)).collect();
+            let values: Vec<String> = initial.values.iter().map(|x| number(*x)).collect();
             let lines: String =
                 values.iter().enumerate().map(|(k, value)| format!("    y[{k}] = {value};\n")).collect();
-            let doc = ["The initial state of the model, for the parameters as published.".to_owned()];
+            let doc = initial.doc();
             let body = nothing(lines, "(void)y;");
             let signature = format!("void {}(double y[{}])", self.name("initial"), length(values.len()));
             self.function(&doc, &signature, &body);

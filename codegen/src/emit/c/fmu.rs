@@ -222,7 +222,7 @@ impl Writer<'_> {
         };
         let time = "causality=\"independent\" variability=\"continuous\"".to_owned();
         add("time", time, units.time.as_ref());
-        let initial = text.initial.iter().flatten();
+        let initial = text.initial.iter().flat_map(|initial| &initial.values);
         for (state, start) in text.state.iter().zip(initial) {
             add(
                 &state.name,

@@ -110,7 +110,10 @@ impl Writer<'_> {
         let title =
             doc_attributes([format!("State of {} by name, in the order of the array.", self.module.title())]);
         let (marker, marked) = if fields.is_empty() { phantom() } else { Default::default() };
+        let initial = self.initial();
         quote! {
+            #initial
+
             #title
             #[derive(Clone, Copy, Debug, PartialEq)]
             #names
@@ -134,6 +137,19 @@ impl Writer<'_> {
                     [#(self.#fields),*]
                 }
             }
+        }
+    }
+
+    /// The initial state, where there is one.
+    fn initial(&self) -> TokenStream {
+        let Some(initial) = &self.module.text.initial else { return TokenStream::new() };
+        let (n, doc) = (size(initial.values.len()), doc_attributes(initial.doc()));
+        let values = initial.values.iter().copied().map(number);
+        let allow = allow_numbers(initial.values.iter().copied());
+        quote! {
+            #doc
+            #allow
+            pub const INITIAL: [f64; #n] = [#(#values),*];
         }
     }
 }

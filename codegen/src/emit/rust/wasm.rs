@@ -23,7 +23,8 @@ impl Writer<'_> {
         let (n, n_params, m) = (size(module.state.len()), size(module.params.len()), size(text.inputs.len()));
         let of = |params: &[ParamText]| params.iter().map(|p| rational_to_f64(&p.default)).collect();
         let (params, inputs): (Vec<f64>, Vec<f64>) = (of(&text.params), of(&text.inputs));
-        let initial = text.initial.clone().unwrap_or_else(|| vec![0.0; module.state.len()]);
+        let initial = text.initial.as_ref().map(|initial| initial.values.clone());
+        let initial = initial.unwrap_or_else(|| vec![0.0; module.state.len()]);
         let [params_at, inputs_at, state_at] = [&params, &inputs, &initial].map(|values| {
             let values = values.iter().copied().map(number);
             quote! { [#(AtomicU64::new(f64::to_bits(#values))),*] }

@@ -1,0 +1,154 @@
+//! Initial states of scenes: what is chosen, what is moved onto equations, and what a projection keeps.
+//!
+//! Deliberately does not know: how equations are derived, commands.
+
+use hamel_codegen::scene;
+use hamel_codegen::spec;
+
+fn model(text: &str) -> spec::Model {
+    spec::parse("start.hamel", text).unwrap_or_else(|p| panic!("{p}"))
+}
+
+/// A floor over a line that a body climbs: neither height nor way is the length of a vector that turns.
+const FLOOR: &str = "model floor_of_heights {
+    velocity w, v in product(R, R);
+    advected z in R by -v;
+    advected s in R by -w;
+    lagrangian = (w^2 + v^2)/2;
+    constraint floor: z = s^2/4 + 1;
+    multipliers;
+    initial z = 1; initial s = 0; initial w = 1; initial v = 0;
+    scene closed { want rhs, positions; }
+}";
+
+#[test]
+fn a_projection_keeps_no_length_that_the_motion_changes() {
+    let built = scene::build(&model(FLOOR), "closed").unwrap_or_else(|p| panic!("{p}"));
+    assert_eq!(built.executable().position_names(), ["position_floor"]);
+    // The square of a vector that turns is kept, and of a vector that is stretched as well is not.
+    let turned = |by: &str, kept: &[&str]| {
+        let text = format!(
+            "model turned {{
+                velocity Omega in so(3);
+                coordinate x in real;
+                advected Gamma in R^3 by {by};
+                lagrangian = dot(Omega, Omega)/2 + x_dot^2/2 - Gamma3;
+                constraint level: x = Gamma3;
+                multipliers;
+                scene closed {{ want rhs, positions; }}
+            }}"
+        );
+        let built = scene::build(&model(&text), "closed").unwrap_or_else(|p| panic!("{by}: {p}"));
+        assert_eq!(built.executable().position_names(), kept, "{by}");
+    };
+    turned("cross(Omega, Gamma)", &["position_level", "Gamma_dot_Gamma"]);
+}
+
+/// A linkage whose rocker nobody turns.
+const PARALLELOGRAM: &str = "model parallelogram {
+    param a = 0.3; param b = 1.0;
+    coordinate al in angle;
+    coordinate be, ga in angle by a*[cos(al), sin(al)] + b*[cos(be), sin(be)] - a*[cos(ga), sin(ga)] = [b, 0];
+    lagrangian = al_dot^2/2 + be_dot^2/2 + ga_dot^2;
+    multipliers;
+    initial al = 1; initial ga = 1; initial al_dot = 1;
+}";
+
+fn started(text: &str, scene: &str) -> (Vec<String>, scene::Start) {
+    let model = model(text);
+    let built = scene::build(&model, scene).unwrap_or_else(|p| panic!("{p}"));
+    let start = scene::start(&model, &built).unwrap_or_else(|e| panic!("{e}")).expect("a start");
+    (built.state_names(), start)
+}
+
+fn value((names, start): &(Vec<String>, scene::Start), name: &str) -> f64 {
+    start.state[names.iter().position(|own| own == name).unwrap_or_else(|| panic!("{name}: {names:?}"))]
+}
+
+#[test]
+fn what_nobody_gave_is_moved_first() {
+    let found = started(PARALLELOGRAM, "default");
+    for (name, expected) in
+        [("al", 1.0), ("be", 0.0), ("ga", 1.0), ("al_dot", 1.0), ("be_dot", 0.0), ("ga_dot", 1.0)]
+    {
+        assert!((value(&found, name) - expected).abs() < 1e-14, "{name}: {found:?}");
+    }
+    let words = scene::told_in_words(&found.1.told).unwrap();
+    assert!(words.starts_with("chosen: be = ") && !words.contains("moved"), "{words}");
+    // What the model gives is moved where nothing else is left, and said to be.
+    let full =
+        PARALLELOGRAM.replace("initial al_dot", "initial be_dot = 0; initial ga_dot = 0; initial al_dot");
+    let found = started(&full, "default");
+    let words = scene::told_in_words(&found.1.told).unwrap();
+    assert!(words.contains("moved onto the equations: ") && words.contains("al_dot from 1.0 to "), "{words}");
+    assert!((value(&found, "al_dot") - value(&found, "ga_dot")).abs() < 1e-14, "{found:?}");
+}
+
+#[test]
+fn what_a_model_does_not_give_is_zero_or_the_identity() {
+    let text = "model sleigh {
+        param h = 0.5;
+        velocity omega, v in se(2);
+        coordinate q in (1, 3);
+        advected height in R by -v1;
+        lagrangian = omega^2/2 + dot(v, v) + q_dot^2 - height;
+        constraint v2 = 0;
+        reconstruct theta, x, y in SE(2);
+        initial v1 = h;
+    }";
+    let found = started(text, "reconstruction");
+    let expected = [("omega", 0.0), ("v1", 0.5), ("q", 2.0), ("q_dot", 0.0), ("height", 0.0), ("theta", 0.0)];
+    for (name, expected) in expected {
+        assert_eq!(value(&found, name), expected, "{name}: {found:?}");
+    }
+    // A model that gives nothing does not begin at rest, and says so.
+    let (_, start) = started(&text.replace("initial v1 = h;", ""), "default");
+    let words = scene::told_in_words(&start.told).unwrap();
+    assert!(words.contains("omega = 0.8"), "{words}");
+    // An angle that a scene carries as a point is at zero.
+    let text = "model bead {
+        coordinate theta in angle;
+        lagrangian = theta_dot^2/2 + cos(theta);
+        initial theta_dot = 1;
+        scene turned { circle theta; want rhs; }
+    }";
+    let found = started(text, "turned");
+    assert_eq!((value(&found, "theta_c"), value(&found, "theta_s")), (1.0, 0.0));
+}
+
+#[test]
+fn momenta_begin_where_their_velocities_do() {
+    let text = "model wheel {
+        param J = 2;
+        coordinate phi in angle;
+        momentum p of phi_dot;
+        lagrangian = J*phi_dot^2/2;
+        initial phi_dot = 3;
+        scene momenta { carry p; want rhs; }
+    }";
+    assert_eq!(value(&started(text, "momenta"), "p"), 6.0);
+    // One is given by its momentum, the other by its velocity: p1 = 2 v1 + v2, p2 = v1 + 2 v2.
+    let text = "model coupled {
+        coordinate x1, x2 in real;
+        momentum p1 of x1_dot;
+        momentum p2 of x2_dot;
+        lagrangian = x1_dot^2 + x1_dot*x2_dot + x2_dot^2;
+        initial x1 = 0; initial x2 = 0; initial p1 = 1; initial x2_dot = 2;
+        scene both { carry p1, p2; want rhs; }
+    }";
+    let found = started(text, "both");
+    assert!(
+        (value(&found, "p1") - 1.0).abs() < 1e-15 && (value(&found, "p2") - 3.5).abs() < 1e-14,
+        "{found:?}"
+    );
+}
+
+#[test]
+fn modules_of_rust_say_where_a_scene_begins() {
+    let model = model(FLOOR);
+    let built = scene::build(&model, "default").unwrap_or_else(|p| panic!("{p}"));
+    let start = scene::start(&model, &built).unwrap_or_else(|e| panic!("{e}"));
+    let text = built.emit_from(&scene::Writing::default(), start).unwrap();
+    assert!(text.contains("pub const INITIAL: [f64; 4] = ["), "{text}");
+    assert!(!built.emit().unwrap().contains("INITIAL"));
+}
