@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use hamel_codegen::scene::{Prior, told_in_words};
+use hamel_codegen::scene::{self, Prior, told_in_words};
 use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{EndOptions, MotionOptions, SceneOptions, assignments};
