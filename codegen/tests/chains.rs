@@ -39,20 +39,20 @@ fn built(model: &Model, recursive: bool, text: &str) -> Way {
     let formulation = Formulation { recursive: Some(recursive), ..Formulation::of(model) };
     let scene =
         scene::build_in(model, "bare", &formulation).unwrap_or_else(|problems| panic!("{problems}\n{text}"));
-    Way::Lowered(scene)
+    Way::Lowered(Box::new(scene))
 }
 
 fn derived(model: &Model, recursive: bool, text: &str) -> Way {
     let formulation = Formulation { recursive: Some(recursive), ..Formulation::of(model) };
     let system = reduce(model, &formulation).unwrap_or_else(|e| panic!("{e}\n{text}"));
-    Way::Derived(derive(&system).unwrap_or_else(|e| panic!("{e}\n{text}")))
+    Way::Derived(Box::new(derive(&system).unwrap_or_else(|e| panic!("{e}\n{text}"))))
 }
 
 /// How far a chain goes through the generator: its equations alone, whose definitions are evaluated one after the
 /// other, take a small part of the time of a program.
 enum Way {
-    Derived(Equations),
-    Lowered(BuiltScene),
+    Derived(Box<Equations>),
+    Lowered(Box<BuiltScene>),
 }
 
 impl Way {
@@ -149,8 +149,11 @@ fn compare(chain: &Chain, way: &Way, points: &[(State, Motion)], text: &str) -> 
     worst
 }
 
+/// The coordinates of the first state, and all states with their motions.
+type Points = (Vec<f64>, Vec<(State, Motion)>);
+
 /// States that the restrictions of a chain allow, at the same angles where there are loops.
-fn points(chain: &Chain, draw: &mut Draw) -> Option<(Vec<f64>, Vec<(State, Motion)>)> {
+fn points(chain: &Chain, draw: &mut Draw) -> Option<Points> {
     let n = chain.bodies.len();
     let is_closed = chain.restrictions.iter().any(|r| matches!(r, Restriction::Loop { .. }));
     let mut points = Vec::new();

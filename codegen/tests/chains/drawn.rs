@@ -81,8 +81,8 @@ pub(crate) enum Base {
     /// A body that moves freely in space: mass, centre, principal moments about the origin of its frame.
     Floating {
         mass: Length,
-        centre: [Length; 3],
-        moments: [Length; 3],
+        centre: Box<[Length; 3]>,
+        moments: Box<[Length; 3]>,
     },
 }
 
@@ -231,8 +231,8 @@ pub(crate) fn draw_chain(draw: &mut Draw, n: usize) -> Chain {
     let base = match is_floating {
         true => Base::Floating {
             mass: maker.number(0.5, 2.0, "m", true),
-            centre: [0; 3].map(|_| Length::decimal(0.0)),
-            moments: maker.moments(),
+            centre: Box::new([0; 3].map(|_| Length::decimal(0.0))),
+            moments: Box::new(maker.moments()),
         },
         false => Base::Fixed,
     };

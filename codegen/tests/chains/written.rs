@@ -95,7 +95,7 @@ fn place_of(chain: &Chain, written: Written, body: usize, point: &str) -> String
         Written::Bodies => format!("o{body} + R{body}*{point}"),
         Written::Frames => {
             // In frames nobody has places: those of the joints are put together from the base.
-            let mut factors = format!("{point}");
+            let mut factors = point.to_owned();
             let mut next = Some(body - 1);
             while let Some(k) = next {
                 let own = &chain.bodies[k];
