@@ -235,7 +235,7 @@ fn co_simulation_carries_the_events_out_whatever_the_communication_step() {
         }
         let model = spec::parse("m", &model(&case)).unwrap_or_else(|e| panic!("{e}"));
         let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
-        let initial = scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}"));
+        let initial = scene::start(&model, &built).unwrap_or_else(|e| panic!("{e}"));
         let (c, fmu) = built.emit_fmu(&Writing::default(), initial).unwrap_or_else(|e| panic!("{e}"));
         let name: String = case.name.chars().filter(char::is_ascii_alphanumeric).collect();
         let folder = folder().join(format!("fmu_{name}"));
