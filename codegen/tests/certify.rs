@@ -97,7 +97,11 @@ fn negate(g: &mut Graph, e: &mut ExprId) {
 }
 
 /// The bracket of sections `a` and `b`, changed.
-fn with_bracket(s: &mut ReducedSystem, (a, b): (usize, usize), change: fn(&mut Graph, &mut Vec<(usize, ExprId)>)) {
+fn with_bracket(
+    s: &mut ReducedSystem,
+    (a, b): (usize, usize),
+    change: fn(&mut Graph, &mut Vec<(usize, ExprId)>),
+) {
     let mut value = s.algebroid.bracket(&mut s.graph, a, b);
     assert!(!value.is_empty(), "a bracket that does not vanish");
     change(&mut s.graph, &mut value);
@@ -386,7 +390,8 @@ fn scenes_without_a_fault_are_held_to_their_definitions() {
         assert_eq!(certificate.n_points, 3, "{}", certificate.sentence());
         assert!(certificate.open.is_empty(), "{:?}", certificate.open);
         let functions = built.program.functions.iter().map(|f| &f.role);
-        let has_identity = |role: &&Role| !matches!(role, Role::Pivots | Role::Signature | Role::Domain | Role::Flow(_));
+        let has_identity =
+            |role: &&Role| !matches!(role, Role::Pivots | Role::Signature | Role::Domain | Role::Flow(_));
         for role in functions.filter(has_identity) {
             let name = role.name();
             let name = name.strip_suffix("_rhs").unwrap_or(name);

@@ -110,7 +110,8 @@ const DEEP: usize = 64;
 /// What was held to its definition, a line for each function.
 fn certificate(found: &Certificate) -> String {
     let mut text = format!("{}\n", found.sentence());
-    let width = found.held.keys().chain(found.open.keys()).map(|name| name.chars().count()).max().unwrap_or(0);
+    let width =
+        found.held.keys().chain(found.open.keys()).map(|name| name.chars().count()).max().unwrap_or(0);
     for (name, residual) in &found.held {
         text.push_str(&format!("  {name:width$}  {residual:.1e} of its terms\n"));
     }

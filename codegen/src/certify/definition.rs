@@ -115,7 +115,8 @@ impl<'a> Definition<'a> {
             let mut roots = entries(&own.anchor);
             let mut brackets = Vec::new();
             for bracket in &own.brackets {
-                let value = bracket.value.iter().enumerate().map(|(k, (c, _))| (*c, roots.len() + k)).collect();
+                let value =
+                    bracket.value.iter().enumerate().map(|(k, (c, _))| (*c, roots.len() + k)).collect();
                 roots.extend(bracket.value.iter().map(|(_, e)| *e));
                 brackets.push(Bracket { pair: bracket.pair, value });
             }
@@ -127,7 +128,8 @@ impl<'a> Definition<'a> {
             None => velocities.clone(),
         };
         let highest = model.constraints.iter().flat_map(|c| match &c.kind {
-            ConstraintKind::SecondOrder { acceleration: row } | ConstraintKind::ThirdOrder { jerk: row, .. } => row.clone(),
+            ConstraintKind::SecondOrder { acceleration: row }
+            | ConstraintKind::ThirdOrder { jerk: row, .. } => row.clone(),
             ConstraintKind::Linear | ConstraintKind::Nonlinear => Vec::new(),
         });
         let highest = tape(&highest.collect::<Vec<_>>());
@@ -152,12 +154,18 @@ impl<'a> Definition<'a> {
             advected: model.advected.iter().flat_map(|a| a.components.iter().map(|(_, s)| *s)).collect(),
             original,
             velocities,
-            first_order: tape(&model.first_order.iter().flat_map(|s| s.rates.iter().copied()).collect::<Vec<_>>()),
+            first_order: tape(
+                &model.first_order.iter().flat_map(|s| s.rates.iter().copied()).collect::<Vec<_>>(),
+            ),
             forces: tape(&model.forces),
             residuals: tape(&residuals),
             highest,
             displacements: tape(
-                &model.virtual_constraints.iter().flat_map(|v| v.one_form.iter().copied()).collect::<Vec<_>>(),
+                &model
+                    .virtual_constraints
+                    .iter()
+                    .flat_map(|v| v.one_form.iter().copied())
+                    .collect::<Vec<_>>(),
             ),
             chosen_connection: system
                 .formulation
@@ -187,7 +195,11 @@ impl<'a> Definition<'a> {
     }
 
     /// The velocities `(xdot, xi)` of velocities before stages.
-    pub(super) fn group_velocities_before_stages<R: Real>(&self, env: &Env<R>, y: &[R]) -> Result<Vec<R>, Missing> {
+    pub(super) fn group_velocities_before_stages<R: Real>(
+        &self,
+        env: &Env<R>,
+        y: &[R],
+    ) -> Result<Vec<R>, Missing> {
         let mut y = y.to_vec();
         if let Some(matrix) = &self.quasi_matrix {
             y = times(&matrix.eval(env)?.roots, &y);
@@ -201,7 +213,13 @@ impl<'a> Definition<'a> {
     }
 
     /// `v -= sign A xdot`.
-    fn shift<R: Real>(&self, env: &Env<R>, connection: Option<&Tape>, y: &mut [R], sign: R) -> Result<(), Missing> {
+    fn shift<R: Real>(
+        &self,
+        env: &Env<R>,
+        connection: Option<&Tape>,
+        y: &mut [R],
+        sign: R,
+    ) -> Result<(), Missing> {
         let Some(connection) = connection.filter(|_| self.n_shape > 0) else { return Ok(()) };
         let coefficients = connection.eval(env)?.roots;
         let (shape, fibre) = y.split_at_mut(self.n_shape);
@@ -250,7 +268,8 @@ impl<'a> Definition<'a> {
 
     /// The rates of states of first order.
     pub(super) fn first_order<R: Real>(&self, env: &Env<R>) -> Result<Displacement<R>, Missing> {
-        let symbols = self.model.first_order.iter().flat_map(|s| s.components.iter().map(|(_, symbol)| *symbol));
+        let symbols =
+            self.model.first_order.iter().flat_map(|s| s.components.iter().map(|(_, symbol)| *symbol));
         Ok(symbols.zip(self.first_order.eval(env)?.roots).collect())
     }
 
@@ -272,7 +291,12 @@ impl<'a> Definition<'a> {
     }
 
     /// `L` and its derivative along a change of velocities, in the frame of the group, and of the base.
-    pub(super) fn lagrangian<R: Real>(&self, at: &Place<R>, dy: &[R], dx: &Displacement<R>) -> Result<Dual<R>, Missing> {
+    pub(super) fn lagrangian<R: Real>(
+        &self,
+        at: &Place<R>,
+        dy: &[R],
+        dx: &Displacement<R>,
+    ) -> Result<Dual<R>, Missing> {
         let Energetic::Lagrangian(tape) = &self.energetic else { return Ok(Dual::ZERO) };
         let mut env = at.env.map(Dual::constant);
         displace(&mut env, dx);
@@ -292,15 +316,20 @@ impl<'a> Definition<'a> {
                 }
                 Ok(tape.eval(&env)?.roots[0].derivative)
             }
-            Energetic::Hamiltonian { momenta, .. } => {
-                momenta.iter().zip(s).try_fold(R::ZERO, |sum, (p, s)| Ok(sum + at.env.get(*p).ok_or(*p)? * *s))
-            }
+            Energetic::Hamiltonian { momenta, .. } => momenta
+                .iter()
+                .zip(s)
+                .try_fold(R::ZERO, |sum, (p, s)| Ok(sum + at.env.get(*p).ok_or(*p)? * *s)),
             Energetic::None => Ok(R::ZERO),
         }
     }
 
     /// `h` and its derivative along a change of the base at fixed momenta of the model.
-    pub(super) fn hamiltonian<R: Real>(&self, at: &Place<R>, dx: &Displacement<R>) -> Result<Dual<R>, Missing> {
+    pub(super) fn hamiltonian<R: Real>(
+        &self,
+        at: &Place<R>,
+        dx: &Displacement<R>,
+    ) -> Result<Dual<R>, Missing> {
         let Energetic::Hamiltonian { h, .. } = &self.energetic else { return Ok(Dual::ZERO) };
         let mut env = at.env.map(Dual::constant);
         displace(&mut env, dx);

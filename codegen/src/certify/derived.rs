@@ -69,7 +69,12 @@ impl Results<'_, '_> {
         Some(self.setting.runner.call(k, &self.point.at(&self.motion.state), argument))
     }
 
-    pub(super) fn check_derived(&self, sheet: &mut Sheet, random: &mut Random, open: &mut dyn FnMut(&str, Open)) {
+    pub(super) fn check_derived(
+        &self,
+        sheet: &mut Sheet,
+        random: &mut Random,
+        open: &mut dyn FnMut(&str, Open),
+    ) {
         for matrix in &self.setting.claim.matrices {
             if let Err(why) = self.matrix(matrix, sheet, random) {
                 open(matrix.name, why);
@@ -154,7 +159,10 @@ impl Results<'_, '_> {
 
     fn products(&self, sheet: &mut Sheet, random: &mut Random) {
         let n = self.motion.state.len();
-        let by = [(Want::Jvp, Want::Vjp, n), (Want::SensitivityJvp, Want::SensitivityVjp, self.point.params.len())];
+        let by = [
+            (Want::Jvp, Want::Vjp, n),
+            (Want::SensitivityJvp, Want::SensitivityVjp, self.point.params.len()),
+        ];
         for (forward, reverse, n_by) in by {
             let v = random.vector(n_by);
             let direction = match forward {
@@ -200,7 +208,11 @@ impl Results<'_, '_> {
         for (a, k) in carried.iter().enumerate() {
             let own = remainder.as_ref().map_or(Wide::ZERO, |r| r[a]);
             terms[a].extend([own, -rates[*k]]);
-            sheet.zero(matrix.name, format!("{} by the bracket", self.setting.claim.program.state[*k]), &terms[a]);
+            sheet.zero(
+                matrix.name,
+                format!("{} by the bracket", self.setting.claim.program.state[*k]),
+                &terms[a],
+            );
         }
         Ok(())
     }
@@ -212,10 +224,13 @@ impl Results<'_, '_> {
             return Ok(());
         }
         let legendre = &self.setting.claim.equations.legendre;
-        let velocities = self.setting.velocities_of(&self.point.env, legendre.velocities.iter().map(|(_, s)| *s))?;
+        let velocities =
+            self.setting.velocities_of(&self.point.env, legendre.velocities.iter().map(|(_, s)| *s))?;
         let found = self.product(&role, &velocities).unwrap_or_default();
         for ((name, _), found) in legendre.momenta.iter().zip(found) {
-            let Some(k) = self.setting.claim.program.state.iter().position(|own| own == name) else { continue };
+            let Some(k) = self.setting.claim.program.state.iter().position(|own| own == name) else {
+                continue;
+            };
             sheet.equal("legendre", name.clone(), found, self.motion.state[k]);
         }
         Ok(())
@@ -224,8 +239,9 @@ impl Results<'_, '_> {
     /// `sum_k d/ds flow_k = rates` at `s = 0` and any time, and `d/ds flow_k(s, y) = piece_k(y + flow_k(s, y))`.
     fn flows(&self, sheet: &mut Sheet, random: &mut Random) {
         let program = self.setting.claim.program;
-        let flows: Vec<usize> =
-            (0..program.functions.len()).filter(|k| matches!(program.functions[*k].role, Role::Flow(_))).collect();
+        let flows: Vec<usize> = (0..program.functions.len())
+            .filter(|k| matches!(program.functions[*k].role, Role::Flow(_)))
+            .collect();
         if flows.is_empty() {
             return;
         }
@@ -254,8 +270,15 @@ impl Results<'_, '_> {
                 sheet.equal(name, format!("the rate of {own}"), later.derivative, piece.derivative);
             }
             // Flows are composed at whatever time a step begins.
-            for (value, own) in call(k, D::variable(self.point.t), &state, D::constant(step)).iter().zip(&program.state) {
-                sheet.vanishes(name, format!("{own} at another time"), value.derivative, value.value.size().max(1.0));
+            for (value, own) in
+                call(k, D::variable(self.point.t), &state, D::constant(step)).iter().zip(&program.state)
+            {
+                sheet.vanishes(
+                    name,
+                    format!("{own} at another time"),
+                    value.derivative,
+                    value.value.size().max(1.0),
+                );
             }
         }
         let direction = Direction { t: Wide::ONE, ..self.still() };
@@ -283,7 +306,9 @@ impl Results<'_, '_> {
                 false => sheet.vanishes(function, name.clone(), *f, 1.0),
             }
         }
-        let Some(jacobian) = program.function_idx(&Role::OfVariables("implicit_jacobian".to_owned())) else { return };
+        let Some(jacobian) = program.function_idx(&Role::OfVariables("implicit_jacobian".to_owned())) else {
+            return;
+        };
         let entries = self.setting.runner.call(jacobian, &at, &values);
         let v = random.vector(values.len());
         let mut found = vec![Wide::ZERO; f.len()];
@@ -292,7 +317,13 @@ impl Results<'_, '_> {
         }
         let (params, slots) = (constants(&self.point.params), constants(&self.point.slots));
         let (inputs, state) = (constants(&self.point.inputs), constants(&self.motion.state));
-        let at = At { params: &params, slots: &slots, inputs: &inputs, t: D::constant(self.point.t), state: &state };
+        let at = At {
+            params: &params,
+            slots: &slots,
+            inputs: &inputs,
+            t: D::constant(self.point.t),
+            state: &state,
+        };
         let defined = self.setting.runner.call(k, &at, &along(&values, &v));
         let defined: Vec<Wide> = defined.iter().map(|d| d.derivative).collect();
         rows("implicit_jacobian", &found, &defined, sheet);
@@ -321,9 +352,8 @@ impl Results<'_, '_> {
             Dual::new(Dual::new(Wide::ZERO, Wide::ONE), Dual::constant(Wide::ONE)),
             Dual::constant(Dual::constant(Wide::ONE)),
         );
-        let state: Vec<D3> = (0..n)
-            .map(|i| (0..=ORDER).rev().fold(D3::ZERO, |sum, k| sum * s + lift(out[k][i])))
-            .collect();
+        let state: Vec<D3> =
+            (0..n).map(|i| (0..=ORDER).rev().fold(D3::ZERO, |sum, k| sum * s + lift(out[k][i]))).collect();
         let params: Vec<D3> = self.point.params.iter().map(|x| lift(*x)).collect();
         let prepared: Vec<D3> = prepared.iter().map(|x| lift(*x)).collect();
         let mut f = vec![D3::ZERO; program.functions[rate].results.len()];
@@ -374,8 +404,11 @@ impl Results<'_, '_> {
         let (params, slots, inputs) =
             (constants(&self.point.params), constants(slots), constants(&self.point.inputs));
         let t = D::constant(self.point.t);
-        let points =
-            runner.call(Circles::POINTS, &At { params: &params, slots: &slots, inputs: &inputs, t, state: &whole }, &[]);
+        let points = runner.call(
+            Circles::POINTS,
+            &At { params: &params, slots: &slots, inputs: &inputs, t, state: &whole },
+            &[],
+        );
         whole.truncate(circles.n_state);
         whole.extend(points);
         whole

@@ -17,7 +17,8 @@ const N_TERMS: usize = 60;
 
 /// `g h`.
 fn product<R: Real>(g: &Rows<R>, h: &Rows<R>) -> Rows<R> {
-    let entry = |row: &Vec<R>, j: usize| row.iter().zip(h).fold(R::ZERO, |sum, (a, other)| sum + *a * other[j]);
+    let entry =
+        |row: &Vec<R>, j: usize| row.iter().zip(h).fold(R::ZERO, |sum, (a, other)| sum + *a * other[j]);
     g.iter().map(|row| (0..h.len()).map(|j| entry(row, j)).collect()).collect()
 }
 

@@ -211,7 +211,9 @@ fn settle(claim: &Claim<'_>, sheet: &Sheet, certificate: &mut Certificate) -> Re
 
 /// The same for the same model and scene everywhere: a hash of their names (FNV-1a).
 fn seed(claim: &Claim<'_>) -> u64 {
-    let names = [claim.model.name.as_str(), claim.scene].into_iter().chain(claim.program.state.iter().map(String::as_str));
+    let names = [claim.model.name.as_str(), claim.scene]
+        .into_iter()
+        .chain(claim.program.state.iter().map(String::as_str));
     names.flat_map(str::bytes).fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })

@@ -56,7 +56,8 @@ impl Motion {
         let definition = &setting.definition;
         let mut at = setting.place(&point.env)?;
         let base = definition.anchored(&at.env, &at.group)?;
-        let mut along: Vec<(SymbolId, Wide)> = setting.state.iter().copied().zip(rates.iter().copied()).collect();
+        let mut along: Vec<(SymbolId, Wide)> =
+            setting.state.iter().copied().zip(rates.iter().copied()).collect();
         along.push((definition.model.time, Wide::ONE));
         // What the scene leaves out moves as the model says.
         let carried = |symbol: &SymbolId| {
@@ -131,7 +132,12 @@ impl Motion {
         }
         if let (true, false) = (definition.has_hamiltonian(), definition.m == 0) {
             for (k, slope) in definition.hamiltonian_velocities(&self.at)?.into_iter().enumerate() {
-                sheet.equal(RATES, format!("velocity {} by the Hamiltonian", k + 1), self.at.of_model[k], slope);
+                sheet.equal(
+                    RATES,
+                    format!("velocity {} by the Hamiltonian", k + 1),
+                    self.at.of_model[k],
+                    slope,
+                );
             }
             return Ok(());
         }
@@ -183,7 +189,9 @@ impl Motion {
                     form.push(R::ZERO);
                     rows.push(form);
                 }
-                rows.extend((0..system.unknowns.len()).map(|k| unit(k, if k == unknown { R::ONE } else { R::ZERO })));
+                rows.extend(
+                    (0..system.unknowns.len()).map(|k| unit(k, if k == unknown { R::ONE } else { R::ZERO })),
+                );
             }
         }
         Ok(Reduced::new(rows, n).solution(&vec![R::ZERO; n]))
@@ -197,7 +205,8 @@ impl Motion {
         let at_rest = definition.residuals(&self.at.env)?;
         let forms: BTreeMap<String, f64> = match model.virtual_constraints.is_empty() {
             true => {
-                let size = |form: &[Wide]| form.iter().zip(&self.at.of_system).map(|(w, y)| (*w * *y).size()).sum();
+                let size =
+                    |form: &[Wide]| form.iter().zip(&self.at.of_system).map(|(w, y)| (*w * *y).size()).sum();
                 definition.one_forms(&self.at)?.into_iter().map(|(name, form)| (name, size(&form))).collect()
             }
             false => BTreeMap::new(),
@@ -218,14 +227,26 @@ impl Motion {
                     let (turning, offset) = moving.split_at(jerk.len());
                     let along = dot(row, &accelerations);
                     sheet.zero(RATES, what("the acceleration along"), &[own, -along, -offset[0].value]);
-                    let lag = turning.iter().zip(&accelerations).fold(Wide::ZERO, |s, (w, a)| s + w.derivative * *a);
-                    sheet.zero(RATES, what("the constraint"), &[rate, -lag, -offset[0].derivative, at_rest[k]]);
+                    let lag = turning
+                        .iter()
+                        .zip(&accelerations)
+                        .fold(Wide::ZERO, |s, (w, a)| s + w.derivative * *a);
+                    sheet.zero(
+                        RATES,
+                        what("the constraint"),
+                        &[rate, -lag, -offset[0].derivative, at_rest[k]],
+                    );
                 }
                 _ => {
                     let residual = residuals.as_ref().map_err(|missing| *missing)?[k];
                     let terms = forms.get(&constraint.name).copied().unwrap_or(1.0).max(self.scale());
                     sheet.vanishes(RATES, what("the constraint"), residual.value, terms);
-                    sheet.vanishes(RATES, what("the derivative of the constraint"), residual.derivative, terms);
+                    sheet.vanishes(
+                        RATES,
+                        what("the derivative of the constraint"),
+                        residual.derivative,
+                        terms,
+                    );
                 }
             }
         }
@@ -259,7 +280,8 @@ impl Motion {
         let dx = definition.anchored(&self.at.env, w)?;
         let work = definition.work(&self.at, w)?;
         if !definition.has_hamiltonian() {
-            let inertia = definition.lagrangian(&self.moving, &constants(w), &Vec::new())?.derivative.derivative;
+            let inertia =
+                definition.lagrangian(&self.moving, &constants(w), &Vec::new())?.derivative.derivative;
             let turning = definition.lagrangian(&self.at, &z, &Vec::new())?.derivative;
             let still = vec![Wide::ZERO; w.len()];
             let drive = definition.lagrangian(&self.at, &still, &minus(&dx))?.derivative;
@@ -309,7 +331,12 @@ impl Motion {
 
     /// Horizontal velocities `(xdot, -A xdot)` of a mechanical connection are orthogonal to vertical ones in the kinetic
     /// energy.
-    fn connection(&self, setting: &Setting<'_>, sheet: &mut Sheet, random: &mut Random) -> Result<(), Missing> {
+    fn connection(
+        &self,
+        setting: &Setting<'_>,
+        sheet: &mut Sheet,
+        random: &mut Random,
+    ) -> Result<(), Missing> {
         let definition = &setting.definition;
         let (n, m) = (definition.n_shape, definition.m);
         let chosen = setting.claim.equations.system.formulation.connection;
@@ -340,7 +367,8 @@ impl Motion {
         for item in &model.reconstruction {
             let rates: Option<Vec<Wide>> = item.symbols.iter().map(|s| self.rate_of(setting, *s)).collect();
             let Some(rates) = rates else { continue };
-            let values: Vec<Wide> = item.symbols.iter().map(|s| self.at.env.get(*s).unwrap_or_default()).collect();
+            let values: Vec<Wide> =
+                item.symbols.iter().map(|s| self.at.env.get(*s).unwrap_or_default()).collect();
             let moving: Vec<Dual<Wide>> = values.iter().zip(&rates).map(|(x, d)| Dual::new(*x, *d)).collect();
             let number = |list: &[crate::expr::ExprId]| -> Result<Vec<Wide>, Missing> {
                 Ok(Tape::new(&model.graph, list).eval(&self.at.env)?.roots)
@@ -384,7 +412,12 @@ impl Motion {
                         ],
                     };
                     for k in 0..3 {
-                        sheet.equal(RATES, format!("the rate of {}", item.names[4 + k]), rates[4 + k], defined[k]);
+                        sheet.equal(
+                            RATES,
+                            format!("the rate of {}", item.names[4 + k]),
+                            rates[4 + k],
+                            defined[k],
+                        );
                     }
                 }
             }

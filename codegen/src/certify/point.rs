@@ -104,12 +104,19 @@ impl<'a> Setting<'a> {
         let is_whole = system.velocities.len() == model.all_velocities().len();
         let (symbols, roots): (Vec<SymbolId>, Vec<ExprId>) = match is_whole {
             true => (system.velocities.clone(), equations.velocities.clone()),
-            false => model.all_velocities().iter().enumerate().filter_map(|(k, (_, symbol))| {
-                let place = system.velocities.iter().position(|s| s == symbol);
-                let coordinate = model.base[..model.n_shape()].get(k).map(|c| c.symbol);
-                let rate = || equations.state.iter().find(|s| Some(s.symbol) == coordinate).map(|s| s.derivative);
-                Some((*symbol, place.map(|k| equations.velocities[k]).or_else(rate)?))
-            }).unzip(),
+            false => model
+                .all_velocities()
+                .iter()
+                .enumerate()
+                .filter_map(|(k, (_, symbol))| {
+                    let place = system.velocities.iter().position(|s| s == symbol);
+                    let coordinate = model.base[..model.n_shape()].get(k).map(|c| c.symbol);
+                    let rate = || {
+                        equations.state.iter().find(|s| Some(s.symbol) == coordinate).map(|s| s.derivative)
+                    };
+                    Some((*symbol, place.map(|k| equations.velocities[k]).or_else(rate)?))
+                })
+                .unzip(),
         };
         let sections = needed_sections(&system.graph, &equations.sections, &roots);
         let velocities = Tape::with_definitions(&system.graph, &sections, &roots);
@@ -169,7 +176,8 @@ impl<'a> Setting<'a> {
         let value = |symbol: SymbolId| {
             let of_system = self.velocity_symbols.iter().position(|s| *s == symbol).map(|k| values.roots[k]);
             let original = system.frame.as_ref().map(|frame| &frame.original);
-            let of_original = original.and_then(|o| o.iter().position(|u| u.symbol == symbol)).map(|k| before[k]);
+            let of_original =
+                original.and_then(|o| o.iter().position(|u| u.symbol == symbol)).map(|k| before[k]);
             let found = of_system.or(of_original).or_else(|| values.defined.get(&symbol).copied());
             found.or_else(|| env.get(symbol)).ok_or(symbol)
         };
@@ -257,7 +265,8 @@ impl<'a> Setting<'a> {
         };
         let base = model.base.iter().map(|c| (c.symbol, c.domain));
         let first_order = model.first_order.iter();
-        let first_order = first_order.flat_map(|s| s.components.iter().map(|(_, symbol)| (*symbol, s.domain)));
+        let first_order =
+            first_order.flat_map(|s| s.components.iter().map(|(_, symbol)| (*symbol, s.domain)));
         for (symbol, domain) in base.chain(first_order) {
             let start = initial(symbol, env);
             let value = match domain {

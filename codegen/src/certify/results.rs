@@ -167,7 +167,14 @@ impl Results<'_, '_> {
         }
     }
 
-    fn group(&self, want: Want, output: &Output, found: &[Wide], sheet: &mut Sheet, random: &mut Random) -> Outcome {
+    fn group(
+        &self,
+        want: Want,
+        output: &Output,
+        found: &[Wide],
+        sheet: &mut Sheet,
+        random: &mut Random,
+    ) -> Outcome {
         let definition = &self.setting.definition;
         let model = definition.model;
         let equations = self.setting.claim.equations;
@@ -236,7 +243,8 @@ impl Results<'_, '_> {
                 for (name, found) in named() {
                     let is_rate = want == Want::MomentumEquation;
                     let prefix = if is_rate { "dot_J_" } else { "J_" };
-                    let unknown = system.unknowns.iter().position(|u| name.strip_prefix(prefix) == Some(&u.name));
+                    let unknown =
+                        system.unknowns.iter().position(|u| name.strip_prefix(prefix) == Some(&u.name));
                     let unknown = unknown.ok_or(Open::Because("a momentum along no independent velocity"))?;
                     let at = &self.motion.moving;
                     let along = self.motion.displacement_of(self.setting, at, unknown)?;
@@ -254,7 +262,9 @@ impl Results<'_, '_> {
             }
             Want::Positions => self.positions(output, sheet, random)?,
             Want::Events | Want::Outputs => self.of_model(output, found, sheet)?,
-            Want::HamiltonianTime => return Err(Open::Because("its Jacobi identity is proved symbolically alone")),
+            Want::HamiltonianTime => {
+                return Err(Open::Because("its Jacobi identity is proved symbolically alone"));
+            }
             // Matrices, brackets and implicit forms have identities of their own.
             _ => {}
         }
@@ -269,7 +279,13 @@ impl Results<'_, '_> {
     }
 
     /// `E = lambda_A a^A` along a random displacement, virtual or not.
-    fn multipliers(&self, output: &Output, found: &[Wide], sheet: &mut Sheet, random: &mut Random) -> Outcome {
+    fn multipliers(
+        &self,
+        output: &Output,
+        found: &[Wide],
+        sheet: &mut Sheet,
+        random: &mut Random,
+    ) -> Outcome {
         if output.kind == OutputKind::Component {
             return Err(Open::Because("a balance needs all multipliers, and the scene has one"));
         }
@@ -330,7 +346,8 @@ impl Results<'_, '_> {
         let residuals = definition.residuals(&place.env)?;
         let positions = self.setting.positions.eval(&place.env)?.roots;
         for ((name, _), found) in output.components.iter().zip(found) {
-            let constraint = model.constraints.iter().position(|c| name.strip_prefix("residual_") == Some(&c.name));
+            let constraint =
+                model.constraints.iter().position(|c| name.strip_prefix("residual_") == Some(&c.name));
             match constraint {
                 Some(k) => sheet.equal(&output.name, name.clone(), found, residuals[k]),
                 None => nearest(&output.name, name, found, &positions, sheet)?,
@@ -360,7 +377,8 @@ impl Results<'_, '_> {
     /// Geometric and dynamic phases add up to the rate of their coordinate.
     fn phases(&self, output: &Output, found: &[Wide], sheet: &mut Sheet) -> Outcome {
         let model = self.setting.definition.model;
-        let value = |name: String| output.components.iter().position(|(own, _)| *own == name).map(|k| found[k]);
+        let value =
+            |name: String| output.components.iter().position(|(own, _)| *own == name).map(|k| found[k]);
         for item in &model.reconstruction {
             let rates: Vec<ExprId> = match &item.kind {
                 ReconstructionKind::Angle { omega } => vec![*omega],

@@ -43,7 +43,9 @@ impl Power {
         let twice = q + q;
         match (q.is_integer(), twice.is_integer()) {
             (true, _) => q.to_integer().to_i64().map_or(Power::Other(parts(q)), Power::Whole),
-            (false, true) => q.floor().to_integer().to_i64().map_or(Power::Other(parts(q)), Power::HalfBeyond),
+            (false, true) => {
+                q.floor().to_integer().to_i64().map_or(Power::Other(parts(q)), Power::HalfBeyond)
+            }
             _ => Power::Other(parts(q)),
         }
     }
@@ -202,9 +204,11 @@ impl Tape {
                         Some(q) => sum + scalar::<R>(*q) * of(place),
                     })
                 }
-                Step::Product(coefficient, factors) => factors
-                    .iter()
-                    .fold(scalar(*coefficient), |product: R, (place, power)| product * power.raise(of(place))),
+                Step::Product(coefficient, factors) => {
+                    factors.iter().fold(scalar(*coefficient), |product: R, (place, power)| {
+                        product * power.raise(of(place))
+                    })
+                }
                 Step::Function(f, x) => apply(*f, of(x)),
                 Step::Atan2(y, x) => of(y).atan2(of(x)),
             };

@@ -544,7 +544,10 @@ impl BuiltScene {
             matrices: matrices.collect(),
             observed: self.observed(),
             n_positions: self.positions.as_ref().map_or(0, |layout| layout.n_equations),
-            differential: implicit.iter().flat_map(|i| i.variables.iter().map(|v| v.is_differential)).collect(),
+            differential: implicit
+                .iter()
+                .flat_map(|i| i.variables.iter().map(|v| v.is_differential))
+                .collect(),
             implicit_pattern: implicit.map_or(&[], |i| &i.pattern),
             n_points,
         }

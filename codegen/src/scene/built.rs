@@ -5,10 +5,10 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use crate::certify::Certificate;
 use crate::expr::{Budget, SymbolId};
 use crate::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation};
 use crate::program::{Program, Role};
-use crate::certify::Certificate;
 use crate::spec::{Model, Param, Want};
 
 use super::dependence::{left_out, outputs_of_model};

@@ -27,7 +27,11 @@ pub enum Made<'a> {
 ///
 /// # Errors
 /// As [`build`](super::build); [`Error::Disagrees`](crate::error::Error::Disagrees) for the faults.
-pub fn build_tampered(model: &Model, scene: &str, fault: &dyn Fn(Made<'_>)) -> Result<BuiltScene, Diagnostics> {
+pub fn build_tampered(
+    model: &Model,
+    scene: &str,
+    fault: &dyn Fn(Made<'_>),
+) -> Result<BuiltScene, Diagnostics> {
     let plan = Scenes::new(model).plan(scene)?;
     let mut system = reduce(model, &plan.formulation)?;
     fault(Made::System(&mut system));

@@ -7,9 +7,8 @@ use std::collections::BTreeMap;
 use crate::certify::{N_POINTS, Sample, samples};
 use crate::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText, MatrixText,
-    OutputText, ParamText, PositionsText, ProductText, SceneEntry, SceneText, SelfTestText, StateText, UnitText,
-    UnitTexts,
-    WasmModule,
+    OutputText, ParamText, PositionsText, ProductText, SceneEntry, SceneText, SelfTestText, StateText,
+    UnitText, UnitTexts, WasmModule,
 };
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
