@@ -128,7 +128,7 @@ pub(crate) fn certify(claim: &Claim<'_>) -> Result<Certificate, Error> {
                 certificate.open.insert(row.function.clone(), reason);
                 continue;
             }
-            settle(claim, &sheet, &mut certificate)?;
+            settle(claim, (&sheet, scale), &mut certificate)?;
             certificate.n_points += 1;
             certificate.open.retain(|function, _| !certificate.held.contains_key(function));
             certificate.open.extend(open);
@@ -193,18 +193,22 @@ fn compared(setting: &Setting<'_>, point: &Point, random: &mut Random) -> (Sheet
 }
 
 /// Takes over the residuals of a point.
-fn settle(claim: &Claim<'_>, sheet: &Sheet, certificate: &mut Certificate) -> Result<(), Error> {
+fn settle(
+    claim: &Claim<'_>,
+    (sheet, scale): (&Sheet, f64),
+    certificate: &mut Certificate,
+) -> Result<(), Error> {
     for row in &sheet.rows {
         if !row.is_zero() {
             return Err(Error::Disagrees {
                 scene: claim.scene.to_owned(),
                 function: row.function.clone(),
                 what: row.what.clone(),
-                residual: row.relative(),
+                residual: row.relative(scale),
             });
         }
         let largest = certificate.held.entry(row.function.clone()).or_insert(0.0);
-        *largest = largest.max(row.relative());
+        *largest = largest.max(row.relative(scale));
     }
     Ok(())
 }

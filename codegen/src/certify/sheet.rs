@@ -13,6 +13,9 @@ const BOUND: f64 = 16.0;
 /// have to be left. A fault that is smaller than that everywhere is not one of formulas.
 const SHARP: f64 = 1e-12;
 
+/// Terms below this part of the numbers of a state are what is left of larger ones.
+const NOTHING: f64 = 1e-18;
+
 /// One row of an identity.
 #[derive(Clone, Debug)]
 pub(super) struct Residual {
@@ -39,9 +42,11 @@ impl Residual {
         self.value.size() <= BOUND * self.value.error()
     }
 
-    /// The residual beside the terms of its row.
-    pub(super) fn relative(&self) -> f64 {
-        if self.terms > 0.0 { self.value.size() / self.terms } else { self.value.size() }
+    /// The residual beside the terms of its row or, where these are next to nothing, beside numbers of that size.
+    pub(super) fn relative(&self, scale: f64) -> f64 {
+        // Terms that are residuals themselves say nothing about a size.
+        let size = if self.terms > NOTHING * scale { self.terms } else { scale };
+        if size > 0.0 { self.value.size() / size } else { self.value.size() }
     }
 }
 
