@@ -7,7 +7,7 @@ use hamel_runtime::Real;
 use crate::expr::Relation;
 use crate::program::{Constant, Instruction, Op, Operand, Point, Program};
 
-use super::tape::{self, apply};
+use super::tape;
 
 /// A program, beside its constants to 31 digits.
 pub(super) struct Runner<'a> {
@@ -112,7 +112,7 @@ fn run<R: Real>(instructions: &[Instruction], read: impl Fn(Operand) -> R) -> Ve
             Op::Recip(a) => of(a).recip(),
             Op::Sqrt(a) => of(a).sqrt(),
             Op::Power(a, q) => (of(q) * of(a).ln()).exp(),
-            Op::Function(f, a) => apply(f, of(a)),
+            Op::Function(f, a) => f.of(of(a)),
             Op::Atan2(y, x) => of(y).atan2(of(x)),
             Op::MulAdd(signs, a, b, c) => {
                 let product = of(a) * of(b);

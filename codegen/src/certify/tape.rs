@@ -209,7 +209,7 @@ impl Tape {
                         product * power.raise(of(place))
                     })
                 }
-                Step::Function(f, x) => apply(*f, of(x)),
+                Step::Function(f, x) => f.of(of(x)),
                 Step::Atan2(y, x) => of(y).atan2(of(x)),
             };
             values.push(value);
@@ -218,23 +218,5 @@ impl Tape {
             roots: self.roots.iter().map(|place| values[*place as usize]).collect(),
             defined: self.defined.iter().map(|(symbol, place)| (*symbol, values[*place as usize])).collect(),
         })
-    }
-}
-
-pub(super) fn apply<R: Real>(f: Func, x: R) -> R {
-    match f {
-        Func::Sin => x.sin(),
-        Func::Cos => x.cos(),
-        Func::Tan => x.tan(),
-        Func::Asin => x.asin(),
-        Func::Acos => x.acos(),
-        Func::Atan => x.atan(),
-        Func::Exp => x.exp(),
-        Func::Ln => x.ln(),
-        Func::Sinh => x.sinh(),
-        Func::Cosh => x.cosh(),
-        Func::Tanh => x.tanh(),
-        Func::Abs => x.abs(),
-        Func::Stumpff(k) => x.stumpff(k.into()),
     }
 }

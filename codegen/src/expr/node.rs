@@ -4,6 +4,7 @@
 
 use std::hash::{Hash as _, Hasher as _};
 
+use hamel_runtime::Real;
 use num_traits::Signed;
 use rustc_hash::FxHasher;
 
@@ -103,21 +104,25 @@ impl Func {
 
     /// The value, through the functions that emitted code calls.
     pub fn eval(self, x: f64) -> f64 {
-        use hamel_runtime::Real;
+        self.of(x)
+    }
+
+    /// The value for any scalar.
+    pub fn of<R: Real>(self, x: R) -> R {
         match self {
-            Func::Sin => Real::sin(x),
-            Func::Cos => Real::cos(x),
-            Func::Tan => Real::tan(x),
-            Func::Asin => Real::asin(x),
-            Func::Acos => Real::acos(x),
-            Func::Atan => Real::atan(x),
-            Func::Exp => Real::exp(x),
-            Func::Ln => Real::ln(x),
-            Func::Sinh => Real::sinh(x),
-            Func::Cosh => Real::cosh(x),
-            Func::Tanh => Real::tanh(x),
-            Func::Abs => Real::abs(x),
-            Func::Stumpff(k) => Real::stumpff(x, k.into()),
+            Func::Sin => x.sin(),
+            Func::Cos => x.cos(),
+            Func::Tan => x.tan(),
+            Func::Asin => x.asin(),
+            Func::Acos => x.acos(),
+            Func::Atan => x.atan(),
+            Func::Exp => x.exp(),
+            Func::Ln => x.ln(),
+            Func::Sinh => x.sinh(),
+            Func::Cosh => x.cosh(),
+            Func::Tanh => x.tanh(),
+            Func::Abs => x.abs(),
+            Func::Stumpff(k) => x.stumpff(k.into()),
         }
     }
 }

@@ -187,10 +187,10 @@ impl Measured {
     /// A function of it.
     pub(crate) fn function(self, f: Func) -> Measured {
         let size = |x: DoubleDouble| x.hi().abs();
-        let value = applied(f, self.value);
+        let value = f.of(self.value);
         // The slope by a difference quotient: it weighs an error and need not be exact.
         let shift = DoubleDouble::from(size(self.value) * 1e-10 + 1e-300);
-        let slope = (applied(f, self.value + shift) - value) / shift;
+        let slope = (f.of(self.value + shift) - value) / shift;
         Measured { value, error: size(slope) * self.error + size(value) }
     }
 }
@@ -211,22 +211,4 @@ fn raised(base: DoubleDouble, power: f64) -> DoubleDouble {
         value *= (base.ln() * DoubleDouble::from(rest)).exp();
     }
     if power < 0.0 { value.recip() } else { value }
-}
-
-fn applied(f: Func, x: DoubleDouble) -> DoubleDouble {
-    match f {
-        Func::Sin => x.sin(),
-        Func::Cos => x.cos(),
-        Func::Tan => x.tan(),
-        Func::Asin => x.asin(),
-        Func::Acos => x.acos(),
-        Func::Atan => x.atan(),
-        Func::Exp => x.exp(),
-        Func::Ln => x.ln(),
-        Func::Sinh => x.sinh(),
-        Func::Cosh => x.cosh(),
-        Func::Tanh => x.tanh(),
-        Func::Abs => x.abs(),
-        Func::Stumpff(k) => x.stumpff(k.into()),
-    }
 }

@@ -8,7 +8,6 @@ use hamel_runtime::Real;
 
 use super::ir::{Constant, Function, Instruction, Literal, Op, Operand, Program};
 use super::table::{Factors, Products, Table};
-use crate::expr::Func;
 use crate::expr::Relation;
 
 /// A condition on the parameters that does not hold.
@@ -127,7 +126,7 @@ impl<R: Real> Memory<'_, R> {
                 Op::Recip(a) => self.read(a).recip(),
                 Op::Sqrt(a) => self.read(a).sqrt(),
                 Op::Power(a, q) => (self.read(q) * self.read(a).ln()).exp(),
-                Op::Function(f, a) => apply(f, self.read(a)),
+                Op::Function(f, a) => f.of(self.read(a)),
                 Op::Atan2(y, x) => self.read(y).atan2(self.read(x)),
                 Op::MulAdd(signs, a, b, c) => {
                     let signed = |negative, x: R| if negative { -x } else { x };
@@ -164,24 +163,6 @@ impl Function {
             contracted.extend(sums);
         }
         contracted
-    }
-}
-
-fn apply<R: Real>(f: Func, x: R) -> R {
-    match f {
-        Func::Sin => x.sin(),
-        Func::Cos => x.cos(),
-        Func::Tan => x.tan(),
-        Func::Asin => x.asin(),
-        Func::Acos => x.acos(),
-        Func::Atan => x.atan(),
-        Func::Exp => x.exp(),
-        Func::Ln => x.ln(),
-        Func::Sinh => x.sinh(),
-        Func::Cosh => x.cosh(),
-        Func::Tanh => x.tanh(),
-        Func::Abs => x.abs(),
-        Func::Stumpff(k) => x.stumpff(k.into()),
     }
 }
 
