@@ -107,7 +107,7 @@ mod tests {
             let mut inverse = DoubleDouble::ONE;
             for k in 0..20_u32 {
                 close("recurrence", z.stumpff(k) + z * z.stumpff(k + 2), inverse);
-                inverse = inverse / DoubleDouble::from(f64::from(k + 1));
+                inverse /= DoubleDouble::from(f64::from(k + 1));
             }
         }
     }

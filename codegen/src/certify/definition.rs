@@ -34,6 +34,13 @@ struct Bracket {
     value: Vec<(usize, usize)>,
 }
 
+/// `[e_a, e_b] = c^c_ab e_c` of the algebra, for one pair `a < b`.
+struct StructureConstants {
+    pair: [usize; 2],
+    /// `c` and `c^c_ab` to 31 digits, with the sign of the action.
+    value: Vec<(usize, [f64; 2])>,
+}
+
 /// What the model says, ready for evaluation.
 pub(super) struct Definition<'a> {
     pub(super) model: &'a Model,
@@ -67,8 +74,7 @@ pub(super) struct Definition<'a> {
     chosen_connection: Option<Option<Tape>>,
     /// The frame of stages.
     stage_frame: Option<Tape>,
-    /// `[e_a, e_b]` of the algebra for `a < b`.
-    structure: Vec<(usize, usize, Vec<(usize, [f64; 2])>)>,
+    structure: Vec<StructureConstants>,
 }
 
 /// All velocities at a point.
@@ -137,7 +143,7 @@ impl<'a> Definition<'a> {
         let structure = model.algebra.brackets().map(|(a, b, value)| {
             let sign = if offset { -1.0 } else { 1.0 };
             let value = value.iter().map(|(c, q)| (*c, q.parts().map(|x| sign * x)));
-            (a, b, value.collect())
+            StructureConstants { pair: [a, b], value: value.collect() }
         });
         let of_system = |rows: &[Vec<ExprId>]| Tape::new(&system.graph, &entries(rows));
         let residuals: Vec<ExprId> = model.constraints.iter().map(|c| c.residual).collect();
@@ -284,7 +290,7 @@ impl<'a> Definition<'a> {
             }
         }
         let n = self.n_shape;
-        for (a, b, value) in &self.structure {
+        for StructureConstants { pair: [a, b], value } in &self.structure {
             value.iter().for_each(|(c, [hi, lo])| z[n + c] += R::from_parts(*hi, *lo) * area(n + a, n + b));
         }
         Ok(z)

@@ -413,7 +413,7 @@ impl<'a> Setting<'a> {
             let role = Role::Output(Want::HamiltonianTime.name().to_owned());
             if let Some(factor) = self.claim.program.function_idx(&role) {
                 let factor = self.runner.call(factor, at, &[])[0];
-                rates.iter_mut().for_each(|r| *r = *r / factor);
+                rates.iter_mut().for_each(|r| *r /= factor);
             }
         }
         rates
