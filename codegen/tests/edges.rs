@@ -30,7 +30,10 @@ fn rates(scene: &BuiltScene, t: f64, state: &[f64]) -> Vec<f64> {
     rates
 }
 
-const FUNCTIONS: [(&str, fn(f64) -> f64); 13] = [
+/// A function by its name.
+type Named = (&'static str, fn(f64) -> f64);
+
+const FUNCTIONS: [Named; 13] = [
     ("sin", f64::sin),
     ("cos", f64::cos),
     ("tan", f64::tan),

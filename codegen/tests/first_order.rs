@@ -12,11 +12,10 @@ fn build(items: &str, scene: &str) -> BuiltScene {
 /// What is wrong with a scene.
 fn refusal(items: &str, scene: &str) -> String {
     let text = format!("model m {{ {items} }}");
-    let problems = match spec::parse("m.hamel", &text) {
+    match spec::parse("m.hamel", &text) {
         Ok(model) => scene::build(&model, scene).expect_err("a refusal").to_string(),
         Err(problems) => problems.to_string(),
-    };
-    problems
+    }
 }
 
 /// Rates of a scene and its energy at a state by names.

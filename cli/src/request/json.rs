@@ -3,6 +3,7 @@
 //! Does not know: which requests there are.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fmt;
 
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
@@ -244,10 +245,15 @@ impl Fields {
             if !known.contains(&name.as_str()) {
                 let known = known.iter().map(|n| (*n).to_owned()).collect();
                 self.problems.push(Problem::UnknownName { path: path.to_owned(), kind, name, known });
-            } else if values.contains_key(&name) {
-                self.problems.push(Problem::Repeated { path: path.to_owned(), name });
-            } else if let Some(x) = self.as_number(format!("{path}.{name}"), value) {
-                values.insert(name, x);
+                continue;
+            }
+            let number = self.as_number(format!("{path}.{name}"), value);
+            match values.entry(name) {
+                Entry::Occupied(entry) => {
+                    let name = entry.key().clone();
+                    self.problems.push(Problem::Repeated { path: path.to_owned(), name });
+                }
+                Entry::Vacant(entry) => _ = number.map(|x| entry.insert(x)),
             }
         }
         values

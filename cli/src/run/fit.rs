@@ -19,6 +19,7 @@ use super::method::{MethodName, Steps};
 use super::sensitivity::Along;
 use super::simulation::stopped_because;
 use super::solver::{WithMethod, with_method};
+use super::verdict::Judged;
 pub use super::verdict::Verdict;
 use crate::error::Error;
 
@@ -321,7 +322,8 @@ fn verdict(request: &FitRequest, found: &Found) -> Verdict {
         cells.map(|((_, _, value), r)| (value, r * sigma)).collect()
     };
     let columns = request.columns.iter().enumerate();
-    Verdict::of(columns.map(|(c, column)| (left(c, column), column.sigma)).collect())
+    let judged = columns.map(|(c, column)| Judged { cells: left(c, column), sigma: column.sigma });
+    Verdict::of(&judged.collect::<Vec<_>>())
 }
 
 fn is_poor(request: &FitRequest, found: &Found) -> bool {

@@ -20,6 +20,14 @@ pub struct Verdict {
     pub is_poor: bool,
 }
 
+/// A column of a table.
+pub(super) struct Judged {
+    /// Values and residuals, row by row.
+    pub(super) cells: Vec<(f64, f64)>,
+    /// The standard deviation of their errors, where it is given.
+    pub(super) sigma: Option<f64>,
+}
+
 impl Verdict {
     /// Of values and residuals of each column, row by row, with the standard deviation of their errors where it is
     /// given.
@@ -27,9 +35,9 @@ impl Verdict {
     /// A column is explained badly where its residuals are more than three tenths of its spread, and are errors neither
     /// by their given size nor, where none is given, by being independent from row to row: those of a wrong minimum are
     /// the difference of two smooth motions. Few rows say nothing about the second.
-    pub(super) fn of(columns: Vec<(Vec<(f64, f64)>, Option<f64>)>) -> Verdict {
+    pub(super) fn of(columns: &[Judged]) -> Verdict {
         let (mut left, mut n_all, mut is_poor) = (0.0, 0.0, false);
-        for (cells, sigma) in &columns {
+        for Judged { cells, sigma } in columns {
             let n = cells.len() as f64;
             if cells.is_empty() {
                 continue;
@@ -76,7 +84,7 @@ mod tests {
 
     fn of(residual: impl Fn(usize) -> f64, sigma: Option<f64>) -> Verdict {
         let cells = (0..200).map(|k| ((0.1 * k as f64).sin(), residual(k))).collect();
-        Verdict::of(vec![(cells, sigma)])
+        Verdict::of(&[super::Judged { cells, sigma }])
     }
 
     #[test]

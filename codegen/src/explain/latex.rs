@@ -304,7 +304,7 @@ mod tests {
     fn long_sums_are_broken_between_their_terms() {
         let term = "\\alpha_{1} \\left(x + y\\right) \\sin\\left(\\phi\\right)";
         assert_eq!(broken(term), term);
-        let sum = vec![term; 12].join(" - ");
+        let sum = [term; 12].join(" - ");
         let text = broken(&sum);
         assert!(text.matches("\\\\\n  &\\quad - ").count() >= 1, "{text}");
         assert_eq!(text.replace(" \\\\\n  &\\quad ", " "), sum);
