@@ -91,6 +91,11 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+/// Beside the values of the model, chosen: x = 0.0, y = 0.0, z = 0.0.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.0, 0.0, 0.0, 3.0, 4.0, 2.5];
+
 /// State of `appell_machine` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -139,6 +144,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// A point mass in a uniform field of gravity whose velocity obeys the nonlinear constraint `z_dot^2 = k^2 (x_dot^2 +
 /// y_dot^2)`, Appell's idealised winch, with Chetaev's rule for the virtual displacements. The direction of the horizontal
 /// velocity is constant and the horizontal speed changes at the rate `-g k/(1 + k^2)` while the mass rises.
+///
+/// Held to its definition at 3 points: 7 functions.
 ///
 /// # State
 ///
@@ -447,6 +454,8 @@ impl<
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 3]>::try_from(values) else {

@@ -70,6 +70,11 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+/// Beside the values of the model, chosen: z = 0.0.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 4] = [0.0, 3.0, 4.0, 2.5];
+
 /// State of `appell_machine`, scene `minimal` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -109,6 +114,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// velocity is constant and the horizontal speed changes at the rate `-g k/(1 + k^2)` while the mass rises.
 ///
 /// Scene `minimal`: without the coordinates on which nothing depends
+///
+/// Held to its definition at 3 points: 3 functions.
 ///
 /// # State
 ///
@@ -318,6 +325,8 @@ impl<
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 3]>::try_from(values) else {

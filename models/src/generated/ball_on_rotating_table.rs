@@ -98,6 +98,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.4, 0.0, 0.1, 0.3, 0.5];
+
 /// State of `ball_on_rotating_table` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -143,6 +147,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// A homogeneous ball of unit mass that rolls without slipping on a table turning at a constant rate: affine
 /// constraints, energy is not conserved, the ball moves on a circle. Right action of SO(3), angular velocity in the
 /// space frame.
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

@@ -98,6 +98,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 9] = [0.4, 0.0, 0.1, 0.3, 0.5, 1.0, 0.0, 0.0, 0.0];
+
 /// State of `ball_on_rotating_table`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -167,6 +171,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// space frame.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

@@ -82,6 +82,25 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+/// Beside the values of the model, chosen: c_3 = 0.0, s_3 = -0.0, c_4 = 0.0, s_4 = 0.0, c_5 = -0.0, s_5 = 0.0, c_6 = -0.0, s_6 = 0.0.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 13] = [
+    0.4,
+    0.3,
+    -0.1,
+    0.05,
+    0.1,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+];
+
 /// State of `camassa_holm` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -165,6 +184,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Geodesics of the group of diffeomorphisms of the circle with the metric `integral of u^2 + alpha^2 u_x^2`, truncated
 /// to waves up to the sixth: `m_t + u m_x + 2 u_x m = 0` for the momentum `m = u - alpha^2 u_xx`. The bracket of the
 /// truncation does not satisfy Jacobi, so that the energy is conserved and Casimirs are not.
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

@@ -164,6 +164,17 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [
+    1.1636000000000002,
+    -1.05904,
+    2.8068000000000004,
+    0.0,
+    0.6,
+    -0.8,
+];
+
 /// State of `chaplygin_ball`, scene `momenta` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -217,6 +228,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// `l(Omega, X, Gamma) = 1/2 Omega . I Omega + m/2 |X|^2 - m g l Gamma . chi`. `Gamma` is not normalised.
 ///
 /// Scene `momenta`: Lie-Poisson-Suslov form: the state carries the angular momentum about the contact.
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

@@ -164,6 +164,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.5, -1.0, 1.5, 0.0, 0.6, -0.8];
+
 /// State of `chaplygin_ball`, scene `taylor` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -217,6 +221,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// `l(Omega, X, Gamma) = 1/2 Omega . I Omega + m/2 |X|^2 - m g l Gamma . chi`. `Gamma` is not normalised.
 ///
 /// Scene `taylor`: With the Taylor coefficients of solutions.
+///
+/// Held to its definition at 3 points: 3 functions.
 ///
 /// # State
 ///

@@ -195,6 +195,27 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 16] = [
+    0.3,
+    1.2,
+    0.5,
+    -0.2,
+    0.4,
+    0.9,
+    -0.6,
+    0.0,
+    0.6,
+    0.8,
+    0.9486832980505138,
+    0.31622776601683794,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+];
+
 /// State of `chaplygin_gyro`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -296,6 +317,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// in the body frame. `Gamma` is not normalised. Singular at `sin beta = 0`, where the coordinates of p are.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 9 functions.
 ///
 /// # State
 ///

@@ -103,6 +103,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 2] = [0.4, -0.9];
+
 /// State of `chaplygin_sleigh` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -136,6 +140,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// A rigid body sliding on a plane on a knife edge that does not slip sideways, `v2 = 0`: Euler-Poincare-Suslov
 /// equations on se(2). The frame sits at the contact of the edge, its first axis along the edge; the mass centre is at
 /// `(a, b)` in this frame and `J` is the moment of inertia about the mass centre.
+///
+/// Held to its definition at 3 points: 7 functions.
 ///
 /// # State
 ///

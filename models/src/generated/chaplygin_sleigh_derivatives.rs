@@ -112,6 +112,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 2] = [0.4, -0.9];
+
 /// State of `chaplygin_sleigh`, scene `derivatives` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -164,6 +168,8 @@ pub const SENSITIVITY_PATTERN: [(usize, usize); 8] = [
 /// `(a, b)` in this frame and `J` is the moment of inertia about the mass centre.
 ///
 /// Scene `derivatives`: All derivatives of the right-hand side, for implicit methods and variational equations.
+///
+/// Held to its definition at 3 points: 10 functions.
 ///
 /// # State
 ///

@@ -88,6 +88,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 2] = [0.4, -0.9];
+
 /// State of `chaplygin_sleigh`, scene `implicit` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -175,6 +179,8 @@ pub const IMPLICIT_JACOBIAN_PATTERN: [(usize, usize); 13] = [
 /// `(a, b)` in this frame and `J` is the moment of inertia about the mass centre.
 ///
 /// Scene `implicit`: For solvers of equations with a mass matrix, with the knife edge as an equation of its own.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -93,6 +93,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 2] = [0.4, -0.9];
+
 /// State of `chaplygin_sleigh`, scene `invariants` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -132,6 +136,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 2] = [(0, 0), (0, 1)];
 /// `(a, b)` in this frame and `J` is the moment of inertia about the mass centre.
 ///
 /// Scene `invariants`: With the invariants of the motion and their gradients, for projection.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -103,6 +103,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.4, -0.9, 0.0, 0.0, 0.0];
+
 /// State of `chaplygin_sleigh`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -144,6 +148,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// `(a, b)` in this frame and `J` is the moment of inertia about the mass centre.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

@@ -123,6 +123,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.9, 0.0, 0.0, 1.5, -6.0];
+
 /// State of `euler_disk` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -169,6 +173,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// axis, then by the translations of the plane. `theta` is the angle from the vertical to the axis `z` of the disk, `phi`
 /// the azimuth of the line of nodes, `y` points from the contact point to the centre of the lower face, `u = z x y`;
 /// the centre of mass is at `x + r y + (r e/2) z`, where `x` is the contact point. Rolling: `xdot = r psidot u`.
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

@@ -118,6 +118,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.3, 0.8, -6.0, 0.8, 0.0, 0.6];
+
 /// State of `euler_disk_advected` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -170,6 +174,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// `X = Omega x s` is the velocity of the mass centre in the body frame and
 /// `l(Omega, X, Gamma) = 1/2 Omega . I Omega + m/2 |X|^2 - m g Gamma . s`, `I = diag(I1, I1, I3)`.
 /// Singular when the disk lies flat, `Gamma1 = Gamma2 = 0`. `Gamma` is not normalised.
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

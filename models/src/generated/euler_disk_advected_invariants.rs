@@ -112,6 +112,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.3, 0.8, -6.0, 0.8, 0.0, 0.6];
+
 /// State of `euler_disk_advected`, scene `invariants` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -179,6 +183,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 8] = [
 /// Singular when the disk lies flat, `Gamma1 = Gamma2 = 0`. `Gamma` is not normalised.
 ///
 /// Scene `invariants`: With the invariants of the motion and their gradients, for projection.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

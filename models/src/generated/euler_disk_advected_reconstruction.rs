@@ -132,6 +132,24 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 13] = [
+    0.3,
+    0.8,
+    -6.0,
+    0.8,
+    0.0,
+    0.6,
+    0.8944271909999159,
+    0.0,
+    -0.4472135954999579,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+];
+
 /// State of `euler_disk_advected`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -222,6 +240,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Singular when the disk lies flat, `Gamma1 = Gamma2 = 0`. `Gamma` is not normalised.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

@@ -113,6 +113,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.6216099682706644, 0.7833269096274834, 0.0, 1.5, -6.0];
+
 /// State of `euler_disk`, scene `circle` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -161,6 +165,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// the centre of mass is at `x + r y + (r e/2) z`, where `x` is the contact point. Rolling: `xdot = r psidot u`.
 ///
 /// Scene `circle`: The inclination as a point of the circle: no sine, no cosine.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

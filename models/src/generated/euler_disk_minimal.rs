@@ -102,6 +102,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 4] = [0.9, 0.0, 1.5, -6.0];
+
 /// State of `euler_disk`, scene `minimal` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -147,6 +151,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// the centre of mass is at `x + r y + (r e/2) z`, where `x` is the contact point. Rolling: `xdot = r psidot u`.
 ///
 /// Scene `minimal`: without the coordinates on which nothing depends
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

@@ -607,6 +607,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 9] = [0.5, -0.4, 0.7, 0.6, 0.1, -0.3, -0.2, 0.8, 0.4];
+
 /// State of `extended_pose` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -676,6 +680,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Free motion on SE_2(3) = SO(3) |x (R^3 + R^3) with a generic left-invariant metric,
 /// `l(z) = 1/2 z . G z`, `z = (Omega, V, U)`: Euler-Poincare equations by three stages.
 /// The bracket is `[(O, V, U), (O', V', U')] = (O x O', O x V' - O' x V, O x U' - O' x U)`.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

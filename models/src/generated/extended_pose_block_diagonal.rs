@@ -261,6 +261,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 9] = [0.5, -0.4, 0.7, 0.6, 0.1, -0.3, -0.2, 0.8, 0.4];
+
 /// State of `extended_pose`, scene `block_diagonal` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -332,6 +336,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// The bracket is `[(O, V, U), (O', V', U')] = (O x O', O x V' - O' x V, O x U' - O' x U)`.
 ///
 /// Scene `block_diagonal`: A metric for which the three stages are orthogonal: each stage keeps a block of its own.
+///
+/// Held to its definition at 3 points: 3 functions.
 ///
 /// # State
 ///

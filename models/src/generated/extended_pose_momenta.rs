@@ -592,6 +592,20 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 9] = [
+    0.9959,
+    -0.6170000000000001,
+    0.9088999999999999,
+    0.8982999999999999,
+    0.1709,
+    -0.4027,
+    -0.27249999999999996,
+    0.7766000000000001,
+    0.6542,
+];
+
 /// State of `extended_pose`, scene `momenta` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -663,6 +677,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// The bracket is `[(O, V, U), (O', V', U')] = (O x O', O x V' - O' x V, O x U' - O' x U)`.
 ///
 /// Scene `momenta`: Lie-Poisson form: the state carries the momenta.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -627,6 +627,30 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 19] = [
+    0.5,
+    -0.4,
+    0.7,
+    0.6,
+    0.1,
+    -0.3,
+    -0.2,
+    0.8,
+    0.4,
+    1.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+];
+
 /// State of `extended_pose`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -739,6 +763,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// The bracket is `[(O, V, U), (O', V', U')] = (O x O', O x V' - O' x V, O x U' - O' x U)`.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

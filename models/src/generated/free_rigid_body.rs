@@ -83,6 +83,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 3] = [0.01, 2.0, 0.03];
+
 /// State of `free_rigid_body` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -119,6 +123,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// Euler's equations `I Omega' = I Omega x Omega` on so(3): the Euler-Poincare equations of the kinetic energy.
 /// Body frame, left action, `Omega = R^-1 R'` \[rad/s\].
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -78,6 +78,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 3] = [0.02, 3.0, 0.024];
+
 /// State of `free_rigid_body`, scene `momenta` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -116,6 +120,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Body frame, left action, `Omega = R^-1 R'` \[rad/s\].
 ///
 /// Scene `momenta`: Lie-Poisson form: the state carries the angular momentum.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

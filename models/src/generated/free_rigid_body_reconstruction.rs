@@ -83,6 +83,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 7] = [0.01, 2.0, 0.03, 1.0, 0.0, 0.0, 0.0];
+
 /// State of `free_rigid_body`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -137,6 +141,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Body frame, left action, `Omega = R^-1 R'` \[rad/s\].
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -95,6 +95,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 3] = [0.02, 3.0, 0.024];
+
 /// State of `free_rigid_body`, scene `splitting` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -144,6 +148,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 6] = [
 /// Body frame, left action, `Omega = R^-1 R'` \[rad/s\].
 ///
 /// Scene `splitting`: Lie-Poisson form with exact flows, for explicit steps that keep the Casimir.
+///
+/// Held to its definition at 3 points: 10 functions.
 ///
 /// # State
 ///

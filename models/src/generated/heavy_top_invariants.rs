@@ -179,6 +179,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.4, -0.3, 2.0, 0.0, 0.6, 0.8];
+
 /// State of `heavy_top`, scene `invariants` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -251,6 +255,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 15] = [
 /// `Gamma = Lambda^-1 e3` is the vertical seen from the body, advected by `Gamma' = Gamma x Omega`; it is not normalised.
 ///
 /// Scene `invariants`: With the invariants of the motion and their gradients, for projection.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

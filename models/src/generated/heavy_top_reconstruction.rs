@@ -174,6 +174,21 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 10] = [
+    0.4,
+    -0.3,
+    2.0,
+    0.0,
+    0.6,
+    0.8,
+    0.9486832980505138,
+    0.31622776601683794,
+    0.0,
+    0.0,
+];
+
 /// State of `heavy_top`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -249,6 +264,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// `Gamma = Lambda^-1 e3` is the vertical seen from the body, advected by `Gamma' = Gamma x Omega`; it is not normalised.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -235,6 +235,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.8, -0.5, 0.3, 0.9, 0.2, -0.6];
+
 /// State of `kirchhoff_body` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -286,6 +290,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// rotation, then the translation,
 /// `l(Omega, V) = 1/2 Omega . J Omega + Omega . C V + 1/2 V . M V`.
 /// Body frame, left action: `Omega` angular velocity, `V` velocity of the body's reference point.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -224,6 +224,17 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [
+    1.028,
+    -0.6829999999999999,
+    0.15400000000000003,
+    1.847,
+    0.455,
+    -0.948,
+];
+
 /// State of `kirchhoff_body`, scene `momenta` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -270,6 +281,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Body frame, left action: `Omega` angular velocity, `V` velocity of the body's reference point.
 ///
 /// Scene `momenta`: Lie-Poisson form: the state carries the impulses.
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

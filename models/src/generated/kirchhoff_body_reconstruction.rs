@@ -249,6 +249,24 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 13] = [
+    0.8,
+    -0.5,
+    0.3,
+    0.9,
+    0.2,
+    -0.6,
+    1.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+];
+
 /// State of `kirchhoff_body`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -337,6 +355,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Body frame, left action: `Omega` angular velocity, `V` velocity of the body's reference point.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -96,6 +96,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 2] = [0.3, -0.2];
+
 /// State of `lotka_volterra` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -127,6 +131,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Predator and prey of Lotka and Volterra
 ///
 /// In the logarithms of both populations the equations are those of a Lagrangian that is linear in the velocities.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

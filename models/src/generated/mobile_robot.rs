@@ -133,6 +133,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 4] = [0.0, 0.0, -4.0, -6.0];
+
 /// State of `mobile_robot` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -175,6 +179,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// A platform on two driven wheels that roll without slipping: Chaplygin-type, on the Atiyah algebroid of
 /// `T^2 x SE(2)`. `P` is the midpoint of the wheel axle, `l` the distance from `P` to the platform's mass centre along
 /// the body axis, `c` half the axle. Body velocities `omega`, `v1` (forward), `v2` (sideways) of `P`.
+///
+/// Held to its definition at 3 points: 7 functions.
 ///
 /// # State
 ///

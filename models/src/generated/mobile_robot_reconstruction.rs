@@ -133,6 +133,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 7] = [0.0, 0.0, -4.0, -6.0, 0.0, 0.0, 0.0];
+
 /// State of `mobile_robot`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -186,6 +190,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// the body axis, `c` half the axle. Body velocities `omega`, `v1` (forward), `v2` (sideways) of `P`.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

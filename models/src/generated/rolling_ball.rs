@@ -93,6 +93,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.0, 0.0, 0.4, -0.3, 2.0];
+
 /// State of `rolling_ball` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -137,6 +141,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// A homogeneous ball that rolls without slipping, with the right action of SO(3): `xi = Rdot R^-1` is the angular
 /// velocity in the space frame and `adot = r xi x E3`. Everything is constant but the point of contact.
+///
+/// Held to its definition at 3 points: 7 functions.
 ///
 /// # State
 ///

@@ -72,6 +72,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 3] = [0.4, -0.3, 2.0];
+
 /// State of `rolling_ball`, scene `minimal` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -108,6 +112,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// velocity in the space frame and `adot = r xi x E3`. Everything is constant but the point of contact.
 ///
 /// Scene `minimal`: without the coordinates on which nothing depends
+///
+/// Held to its definition at 3 points: 3 functions.
 ///
 /// # State
 ///

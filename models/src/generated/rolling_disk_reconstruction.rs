@@ -103,6 +103,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [3.0, 0.7, 0.0, 0.0, 0.0, 0.0];
+
 /// State of `rolling_disk`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -152,6 +156,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// space `SO(2) x SE(2)`; the velocities turn out to be constant.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

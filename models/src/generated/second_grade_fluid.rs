@@ -136,6 +136,36 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+/// Beside the values of the model, chosen: re_0_2 = 0.0, im_0_2 = -0.0, re_1_m2 = 0.0, im_1_m2 = 0.0, re_1_2 = -0.0, im_1_2 = 0.0, re_2_m2 = -0.0, im_2_m2 = 0.0, re_2_m1 = -0.0, im_2_m1 = 0.0, re_2_0 = 0.0, im_2_0 = -0.0 and 4 more.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 24] = [
+    -0.3,
+    -0.5,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    -0.15,
+    0.2,
+    0.25,
+    0.6,
+    0.4,
+    0.35,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+];
+
 /// State of `second_grade_fluid` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -266,6 +296,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// not satisfy Jacobi. The state is vorticity by its Fourier coefficients `omega_m = re_m + i im_m`;
 /// `l = 1/2 sum (1 + alpha1 |m|^2) |omega_m|^2/|m|^2`, and viscosity alone does work:
 /// `E' = -mu sum |omega_m|^2` for every `alpha2`.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

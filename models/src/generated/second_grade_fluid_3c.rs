@@ -115,6 +115,27 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 16] = [
+    -0.3,
+    -0.5,
+    -0.15,
+    0.2,
+    0.25,
+    0.6,
+    0.4,
+    0.35,
+    0.2,
+    0.25,
+    0.6,
+    0.4,
+    0.35,
+    -0.3,
+    -0.5,
+    -0.15,
+];
+
 /// State of `second_grade_fluid_3c` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -230,6 +251,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// `w` of the velocity by their Fourier coefficients;
 /// `l = 1/2 sum (1 + alpha1 |m|^2) (|o_m|^2/|m|^2 + |w_m|^2)`. The force of the printed theory has the factor
 /// `alpha1 + alpha2`, so that energy is conserved for `mu = 0`, `alpha1 + alpha2 = 0`.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

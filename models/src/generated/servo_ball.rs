@@ -98,6 +98,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 7] = [0.5, -0.2, 0.3, 0.4, 0.2, -0.5, 0.8];
+
 /// State of `servo_ball` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -149,6 +153,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// A ball with a second-order constraint on its motion that a force outside the span of the constraint keeps: a
 /// higher-order constrained system. Right action of SO(3), `xi` the angular velocity in the space frame. Virtual
 /// displacements are annihilated by `(f1, f2)`, `f1 = (1, xi3)`, `f2 = (a2_dot, 0, 1 + a1^2)`.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

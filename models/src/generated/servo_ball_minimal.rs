@@ -82,6 +82,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.5, 0.3, 0.4, 0.2, -0.5, 0.8];
+
 /// State of `servo_ball`, scene `minimal` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -132,6 +136,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// displacements are annihilated by `(f1, f2)`, `f1 = (1, xi3)`, `f2 = (a2_dot, 0, 1 + a1^2)`.
 ///
 /// Scene `minimal`: without the coordinates on which nothing depends
+///
+/// Held to its definition at 3 points: 3 functions.
 ///
 /// # State
 ///

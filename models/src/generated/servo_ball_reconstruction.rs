@@ -110,6 +110,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 11] = [0.5, -0.2, 0.3, 0.4, 0.2, -0.5, 0.8, 1.0, 0.0, 0.0, 0.0];
+
 /// State of `servo_ball`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -187,6 +191,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// displacements are annihilated by `(f1, f2)`, `f1 = (1, xi3)`, `f2 = (a2_dot, 0, 1 + a1^2)`.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

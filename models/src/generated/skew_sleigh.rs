@@ -128,6 +128,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 2] = [0.4, -0.9];
+
 /// State of `skew_sleigh` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -161,6 +165,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// The Chaplygin sleigh with a constraint force that is not along the constraint: the knife edge keeps `v2 = 0`, virtual
 /// displacements obey `tau delta(omega) + mu delta(v1) + delta(v2) = 0`. A generalized nonholonomic system; energy is not
 /// conserved.
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

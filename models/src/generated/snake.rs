@@ -93,6 +93,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 4] = [0.6, 0.6, 0.2, 1.0];
+
 /// State of `snake` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -132,6 +136,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// along it and across, in its own frame, and `w` is its angular velocity; wheels do not slide across: `s = 0`.
 ///
 /// Read with `n = 3`.
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

@@ -118,6 +118,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.0, 0.4, 1.5, 0.3, -1.0];
+
 /// State of `snakeboard` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -163,6 +167,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// A board with two steerable pairs of wheels and a rotor: group SE(2) in body velocities `omega`, `v1`, `v2`, shape
 /// `(psi, phi)` (rotor angle, steering angle). On the constraint `(v1, v2, omega) = s (-r cos phi, 0, sin phi)`, which is
 /// smooth through `cos phi = 0` where the two printed wheel constraints coincide.
+///
+/// Held to its definition at 3 points: 9 functions.
 ///
 /// # State
 ///

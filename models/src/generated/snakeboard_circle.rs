@@ -103,6 +103,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.9210609940028851, 0.3894183423086505, 1.5, 0.3, -1.0];
+
 /// State of `snakeboard`, scene `circle` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -150,6 +154,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// smooth through `cos phi = 0` where the two printed wheel constraints coincide.
 ///
 /// Scene `circle`: The steering angle as a point of the circle: no sine, no cosine.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -136,6 +136,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.0, 0.4, 1.5, 0.3, -1.0];
+
 /// State of `snakeboard`, scene `controlled` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -208,6 +212,8 @@ pub const FEEDTHROUGH_PATTERN: [(usize, usize); 0] = [];
 /// smooth through `cos phi = 0` where the two printed wheel constraints coincide.
 ///
 /// Scene `controlled`: With the torques as inputs, and the linear system near a motion.
+///
+/// Held to its definition at 3 points: 10 functions.
 ///
 /// # State
 ///

@@ -110,6 +110,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.0, 0.4, 1.5, 0.3, -1.0];
+
 /// State of `snakeboard`, scene `invariants` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -168,6 +172,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 6] = [
 /// smooth through `cos phi = 0` where the two printed wheel constraints coincide.
 ///
 /// Scene `invariants`: With the invariants of the motion and their gradients, for projection.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

@@ -92,6 +92,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 4] = [0.4, 1.5, 0.3, -1.0];
+
 /// State of `snakeboard`, scene `minimal` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -131,6 +135,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// smooth through `cos phi = 0` where the two printed wheel constraints coincide.
 ///
 /// Scene `minimal`: without the coordinates on which nothing depends
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

@@ -118,6 +118,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 8] = [0.0, 0.4, 1.5, 0.3, -1.0, 0.0, 0.0, 0.0];
+
 /// State of `snakeboard`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -183,6 +187,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// smooth through `cos phi = 0` where the two printed wheel constraints coincide.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 9 functions.
 ///
 /// # State
 ///

@@ -92,6 +92,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.0, 0.4, 1.5, 0.3, -1.0];
+
 /// State of `snakeboard`, scene `taylor` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -139,6 +143,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// smooth through `cos phi = 0` where the two printed wheel constraints coincide.
 ///
 /// Scene `taylor`: With the Taylor coefficients of solutions.
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

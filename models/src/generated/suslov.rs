@@ -130,6 +130,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 2] = [1.7, -1.3];
+
 /// State of `suslov` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -164,6 +168,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// A rigid body about its mass centre whose angular velocity has no component along a body axis: Euler-Poincare-Suslov
 /// equations on so(3), `l = 1/2 Omega . I Omega`, constraint `Omega3 = 0`.
+///
+/// Held to its definition at 3 points: 7 functions.
 ///
 /// # State
 ///

@@ -120,6 +120,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 2] = [1.7, -1.3];
+
 /// State of `suslov`, scene `invariants` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -160,6 +164,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 2] = [(0, 0), (0, 1)];
 /// equations on so(3), `l = 1/2 Omega . I Omega`, constraint `Omega3 = 0`.
 ///
 /// Scene `invariants`: With the invariants of the motion and their gradients, for projection.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

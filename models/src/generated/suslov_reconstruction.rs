@@ -130,6 +130,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [1.7, -1.3, 1.0, 0.0, 0.0, 0.0];
+
 /// State of `suslov`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -181,6 +185,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// equations on so(3), `l = 1/2 Omega . I Omega`, constraint `Omega3 = 0`.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 7 functions.
 ///
 /// # State
 ///

@@ -120,6 +120,27 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 16] = [
+    0.4,
+    1.2,
+    -0.3,
+    0.5,
+    0.0,
+    0.2,
+    1.0,
+    0.2,
+    -0.4,
+    1.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+];
+
 /// State of `tethered_body`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -220,6 +241,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// `adot = -Omega x a - V`: the translation part is the cocycle of the action.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

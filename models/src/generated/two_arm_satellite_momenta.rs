@@ -142,6 +142,19 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(clippy::approx_constant, reason = "values are those of the model")]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 7] = [
+    0.3,
+    -0.4,
+    0.28610441656458,
+    0.0795943931117167,
+    0.9493158209220052,
+    -1.6174744533833891,
+    2.8893323669891244,
+];
+
 /// State of `two_arm_satellite`, scene `momenta` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -198,6 +211,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// Scene `momenta`: Hamilton's form: the state carries the momenta of the arms and the angular momentum. The model
 /// two_arm_satellite_routh carries the angular momentum alone.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

@@ -200,6 +200,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 11] = [0.4, -0.3, 0.2, 0.5, 0.6, -0.9, 1.1, 1.0, 0.0, 0.0, 0.0];
+
 /// State of `two_arm_satellite_routh`, scene `invariants` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -313,6 +317,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 28] = [
 ///
 /// Scene `invariants`: With the invariants of the motion and their gradients, for projection: the group's coordinates and momenta in space
 /// among them.
+///
+/// Held to its definition at 3 points: 7 functions.
 ///
 /// # State
 ///

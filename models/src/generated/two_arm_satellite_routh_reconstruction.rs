@@ -176,6 +176,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 11] = [0.4, -0.3, 0.2, 0.5, 0.6, -0.9, 1.1, 1.0, 0.0, 0.0, 0.0];
+
 /// State of `two_arm_satellite_routh`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -255,6 +259,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Routhian. Hinge A is at (0.6, 0, 0) about E3, hinge B at (0, 0.5, 0.2) about E1; the hinge numbers are constants.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///

@@ -142,6 +142,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 7] = [0.3, -0.4, 0.5, 0.2, 0.6, -0.8, 1.1];
+
 /// State of `two_arm_satellite`, scene `taylor` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -205,6 +209,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// (0, 0.5, 0.2) about E1; the hinge numbers are constants.
 ///
 /// Scene `taylor`: With the Taylor coefficients of solutions.
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

@@ -146,6 +146,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [1.2, 0.3, -0.4, 0.0, 0.8, 0.6];
+
 /// State of `veselova` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -196,6 +200,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// A rigid body about its mass centre whose angular velocity has no component along a direction `gamma` fixed in space,
 /// in the potential `V(gamma) = k chi . gamma`: an LR system, written with `gamma` as advected parameter,
 /// `gamma' = gamma x Omega`. The constraint `Omega . gamma = 0` depends on the state.
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///
@@ -702,6 +708,8 @@ impl<
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 7]>::try_from(values) else {

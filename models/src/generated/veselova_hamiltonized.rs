@@ -144,6 +144,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [1.2, 0.3, -0.4, 0.0, 0.8, 0.6];
+
 /// State of `veselova`, scene `hamiltonized` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -213,6 +217,8 @@ pub const BRACKET_PATTERN: [(usize, usize); 12] = [
 /// `gamma' = gamma x Omega`. The constraint `Omega . gamma = 0` depends on the state.
 ///
 /// Scene `hamiltonized`: In the time in which the motion is Hamiltonian, with its bracket.
+///
+/// Held to its definition at 3 points: 4 functions; not held: hamiltonian_time.
 ///
 /// # State
 ///
@@ -837,6 +843,8 @@ impl<
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 7]>::try_from(values) else {

@@ -141,6 +141,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [1.2, 0.3, -0.4, 0.0, 0.8, 0.6];
+
 /// State of `veselova`, scene `invariants` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -207,6 +211,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 9] = [
 /// `gamma' = gamma x Omega`. The constraint `Omega . gamma = 0` depends on the state.
 ///
 /// Scene `invariants`: With the invariants of the motion and their gradients, for projection.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///
@@ -610,6 +616,8 @@ impl<
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 7]>::try_from(values) else {

@@ -157,6 +157,21 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 10] = [
+    1.2,
+    0.3,
+    -0.4,
+    0.0,
+    0.8,
+    0.6,
+    0.8944271909999159,
+    0.4472135954999579,
+    0.0,
+    0.0,
+];
+
 /// State of `veselova`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -232,6 +247,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// `gamma' = gamma x Omega`. The constraint `Omega . gamma = 0` depends on the state.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 8 functions.
 ///
 /// # State
 ///
@@ -752,6 +769,8 @@ impl<
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 7]>::try_from(values) else {

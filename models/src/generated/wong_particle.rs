@@ -76,6 +76,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 9] = [1.0, 0.2, -0.3, 0.1, 0.9, 0.4, 0.5, -0.6, 0.8];
+
 /// State of `wong_particle` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -142,6 +146,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// Wong's equations on R^3 x SO(3): `L = m/2 |xdot|^2 + kappa/2 |v|^2`, `v = xi + A(x) xdot`, `xi = g^-1 gdot`, with the
 /// connection `A^a_i(x) = eps_aij x_j/(|x|^2 + rho^2)` and its curvature.
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

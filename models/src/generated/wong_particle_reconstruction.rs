@@ -90,6 +90,24 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 13] = [
+    1.0,
+    0.2,
+    -0.3,
+    0.1,
+    0.9,
+    0.4,
+    0.5,
+    -0.6,
+    0.8,
+    1.0,
+    0.0,
+    0.0,
+    0.0,
+];
+
 /// State of `wong_particle`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -174,6 +192,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// connection `A^a_i(x) = eps_aij x_j/(|x|^2 + rho^2)` and its curvature.
 ///
 /// Scene `reconstruction`: with the coordinates of the group
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

@@ -86,6 +86,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 8] = [-0.3, -0.5, -0.15, 0.2, 0.25, 0.6, 0.4, 0.35];
+
 /// State of `zeitlin_euler_3` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -150,6 +154,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// sine basis, so that `3 - 1` Casimirs remain. The state is vorticity by its Fourier coefficients
 /// `omega_m = re_m + i im_m`, and `omega' = [psi, omega]` with the stream function `psi_m = omega_m/|m|^2`.
 /// `W` is the matrix of vorticity.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

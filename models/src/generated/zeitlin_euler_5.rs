@@ -134,6 +134,36 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+/// Beside the values of the model, chosen: re_0_2 = 0.0, im_0_2 = -0.0, re_1_m2 = 0.0, im_1_m2 = 0.0, re_1_2 = -0.0, im_1_2 = 0.0, re_2_m2 = -0.0, im_2_m2 = 0.0, re_2_m1 = -0.0, im_2_m1 = 0.0, re_2_0 = 0.0, im_2_0 = -0.0 and 4 more.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 24] = [
+    -0.3,
+    -0.5,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    -0.15,
+    0.2,
+    0.25,
+    0.6,
+    0.4,
+    0.35,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+];
+
 /// State of `zeitlin_euler_5` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -264,6 +294,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// sine basis, so that `5 - 1` Casimirs remain. The state is vorticity by its Fourier coefficients
 /// `omega_m = re_m + i im_m`, and `omega' = [psi, omega]` with the stream function `psi_m = omega_m/|m|^2`.
 /// `W` is the matrix of vorticity.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

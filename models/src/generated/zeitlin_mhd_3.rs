@@ -94,6 +94,27 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 16] = [
+    -0.3,
+    -0.5,
+    -0.15,
+    0.2,
+    0.25,
+    0.6,
+    0.4,
+    0.35,
+    -0.075,
+    0.1,
+    0.125,
+    0.3,
+    0.2,
+    0.175,
+    -0.15,
+    -0.25,
+];
+
 /// State of `zeitlin_mhd_3` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -192,6 +213,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// dual. Vorticity `w` and the potential `a` of the magnetic field are carried by Fourier coefficients:
 /// `w' = [psi, w] + [j, a]`, `a' = [psi, a]` with `psi_m = w_m/|m|^2` and the current `j_m = |m|^2 a_m`. `W` and `A` are
 /// the matrices of `w` and `a`.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

@@ -158,6 +158,61 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+/// Beside the values of the model, chosen: w_re_0_2 = 0.0, w_im_0_2 = -0.0, w_re_1_m2 = 0.0, w_im_1_m2 = 0.0, w_re_1_2 = -0.0, w_im_1_2 = 0.0, w_re_2_m2 = -0.0, w_im_2_m2 = 0.0, w_re_2_m1 = -0.0, w_im_2_m1 = 0.0, w_re_2_0 = 0.0, w_im_2_0 = -0.0 and 20 more.
+#[allow(clippy::approx_constant, reason = "values are those of the model")]
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 48] = [
+    -0.3,
+    -0.5,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    -0.15,
+    0.2,
+    0.25,
+    0.6,
+    0.4,
+    0.35,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    -0.075,
+    0.1,
+    0.06354075029306912,
+    0.07624890035168294,
+    0.08895705041029676,
+    0.10166520046891059,
+    0.125,
+    0.3,
+    0.2,
+    0.175,
+    -0.15,
+    -0.25,
+    0.19062225087920734,
+    0.20333040093782118,
+    0.216038550996435,
+    0.2287467010550488,
+    0.24145485111366263,
+    0.25416300117227647,
+    0.2668711512308903,
+    0.2795793012895041,
+    0.29228745134811795,
+    0.30499560140673176,
+    0.3177037514653456,
+    0.3304119015239594,
+];
+
 /// State of `zeitlin_mhd_5` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -388,6 +443,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// dual. Vorticity `w` and the potential `a` of the magnetic field are carried by Fourier coefficients:
 /// `w' = [psi, w] + [j, a]`, `a' = [psi, a]` with `psi_m = w_m/|m|^2` and the current `j_m = |m|^2 a_m`. `W` and `A` are
 /// the matrices of `w` and `a`.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

@@ -103,6 +103,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.0, 0.0, 0.0, 0.0, 1.1, 0.5];
+
 /// State of `coin_on_incline`, scene `invariants` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -153,6 +157,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 2] = [(0, 0), (0, 5)];
 /// Coin on an incline
 ///
 /// A vertical disk that rolls without slipping on a plane that is tilted about the `y` axis.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///

@@ -92,6 +92,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.0, 0.0, 0.0, 0.0, 1.1, 0.5];
+
 /// State of `coin_on_incline`, scene `taylor` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -138,6 +142,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Coin on an incline
 ///
 /// A vertical disk that rolls without slipping on a plane that is tilted about the `y` axis.
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///

@@ -118,6 +118,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 8] = [0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 1.1, 0.5];
+
 /// State of `coin_on_incline_unreduced` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -290,6 +294,8 @@ pub const IMPLICIT_JACOBIAN_PATTERN: [(usize, usize); 27] = [
 /// Coin on an incline
 ///
 /// A vertical disk that rolls without slipping on a plane that is tilted about the `y` axis.
+///
+/// Held to its definition at 3 points: 7 functions.
 ///
 /// # State
 ///
@@ -960,6 +966,8 @@ impl<
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 5]>::try_from(values) else {

@@ -91,6 +91,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.9, 0.7, -0.4, 0.3, 0.5];
+
 /// State of `contact_oscillator` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -130,6 +134,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// A unit mass in three dimensions whose velocity lies in a contact distribution. The coordinate `y` moves alone and
 /// drives the others, which exchange energy with nothing where `beta = 0`: the motion is fibred over that of `y`, and
 /// without `epsilon` and `gamma` integrable and reversible.
+///
+/// Held to its definition at 3 points: 7 functions.
 ///
 /// # State
 ///

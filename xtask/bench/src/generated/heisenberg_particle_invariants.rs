@@ -65,6 +65,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.8, 0.0, 0.2, 0.3, 0.6];
+
 /// State of `heisenberg_particle`, scene `invariants` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -113,6 +117,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 5] = [
 ///
 /// A unit mass whose velocity lies in the left-invariant contact distribution of the Heisenberg group, in an
 /// anisotropic harmonic potential.
+///
+/// Held to its definition at 3 points: 5 functions.
 ///
 /// # State
 ///

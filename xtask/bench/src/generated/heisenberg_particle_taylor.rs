@@ -48,6 +48,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 5] = [0.8, 0.0, 0.2, 0.3, 0.6];
+
 /// State of `heisenberg_particle`, scene `taylor` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -86,6 +90,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// A unit mass whose velocity lies in the left-invariant contact distribution of the Heisenberg group, in an
 /// anisotropic harmonic potential.
+///
+/// Held to its definition at 3 points: 3 functions.
 ///
 /// # State
 ///

@@ -70,6 +70,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.8, 0.0, 0.2, 0.3, 0.6, -0.48];
+
 /// State of `heisenberg_particle_unreduced` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -203,6 +207,8 @@ pub const IMPLICIT_JACOBIAN_PATTERN: [(usize, usize); 22] = [
 ///
 /// A unit mass whose velocity lies in the left-invariant contact distribution of the Heisenberg group, in an
 /// anisotropic harmonic potential.
+///
+/// Held to its definition at 3 points: 6 functions.
 ///
 /// # State
 ///
@@ -618,6 +624,8 @@ impl<
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 1]>::try_from(values) else {

@@ -72,6 +72,10 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
     }
 }
 
+/// The initial state of the model, for the parameters as published.
+#[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+pub const INITIAL: [f64; 6] = [0.0, 0.0, 0.0, 0.5, 0.0, 1.3];
+
 /// State of `skate_on_incline`, scene `taylor` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -119,6 +123,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// A knife edge on a plane that is tilted about the `y` axis: the point of contact is the mass centre, and the edge
 /// turns with constant rate. The skate does not slide down; the point of contact describes cycloids across the slope.
+///
+/// Held to its definition at 3 points: 4 functions.
 ///
 /// # State
 ///
@@ -324,6 +330,8 @@ impl<
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 3]>::try_from(values) else {
