@@ -113,7 +113,8 @@ fn compare_on_duals<S: Scene<Dual>>(built: &BuiltScene, zeros: S::State) -> usiz
     compared
 }
 
-/// Every function of a shipped scene is compared with its definition; that a time is Hamiltonian is proved symbolically.
+/// Every function of a shipped scene is compared with its definition; that a time is Hamiltonian is proved
+/// symbolically.
 fn is_held_to_its_definition(built: &BuiltScene) {
     let certificate = built.certificate();
     let label = format!("{} {}: {}", built.equations.system.name, built.name, certificate.sentence());

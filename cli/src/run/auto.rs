@@ -50,9 +50,9 @@ pub fn choose(rtol: f64, rhs_cost: Option<u64>, has_series: bool, purpose: Purpo
 
 /// The method for so many steps that the errors of an energy that is conserved add up: they do with every method with
 /// tolerances. A projection onto the invariants, if there are some, keeps the energy to rounding however long a motion
-/// is; otherwise the method of which they are least. On `heavy_top` until 1e4, at the default tolerances, the energy has
-/// moved by 9e-9 with `gbs14`, 7e-9 with `dop853`, 5e-10 with `taylor`, 2e-10 with `vern9` and 7e-16 with `projected`
-/// (`hamel simulate heavy_top --t-final 10000 --method ..`).
+/// is; otherwise the method of which they are least. On `heavy_top` until 1e4, at the default tolerances, the energy
+/// has moved by 9e-9 with `gbs14`, 7e-9 with `dop853`, 5e-10 with `taylor`, 2e-10 with `vern9` and 7e-16 with
+/// `projected` (`hamel simulate heavy_top --t-final 10000 --method ..`).
 pub fn choose_for_long(has_invariants: bool) -> MethodName {
     if has_invariants { MethodName::Projected } else { MethodName::Vern9 }
 }

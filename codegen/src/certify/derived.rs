@@ -10,9 +10,9 @@ use crate::expr::SymbolId;
 use crate::program::{Circles, Jet, Role};
 use crate::spec::Want;
 
-use super::MatrixClaim;
+use super::claim::MatrixClaim;
 use super::motion::constants;
-use super::point::Random;
+use super::random::Random;
 use super::results::{Open, Results};
 use super::runner::{At, Runner};
 use super::sheet::Sheet;

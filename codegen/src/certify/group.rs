@@ -6,7 +6,7 @@ use hamel_runtime::Real;
 
 use crate::spec::{MatrixGroup, MatrixSpace, Side};
 
-use super::point::Random;
+use super::random::Random;
 use super::tape::rational;
 use super::wide::Wide;
 

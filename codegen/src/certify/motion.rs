@@ -19,7 +19,8 @@ use crate::spec::{ConnectionKind, ConstraintKind, Given, ReconstructionKind, Sid
 use super::definition::{Displacement, Missing, Place};
 use super::group;
 use super::linear::Reduced;
-use super::point::{Point, Random, Setting};
+use super::point::{Point, Setting};
+use super::random::Random;
 use super::sheet::Sheet;
 use super::tape::Tape;
 use super::wide::Wide;
@@ -151,8 +152,8 @@ impl Motion {
         Ok(())
     }
 
-    /// The virtual displacement along an unknown, with no part along others; where multipliers keep the constraints, the
-    /// velocity alone.
+    /// The virtual displacement along an unknown, with no part along others; where multipliers keep the constraints,
+    /// the velocity alone.
     pub(super) fn displacement_of<R: Real>(
         &self,
         setting: &Setting<'_>,
@@ -329,8 +330,8 @@ impl Motion {
         Ok(())
     }
 
-    /// Horizontal velocities `(xdot, -A xdot)` of a mechanical connection are orthogonal to vertical ones in the kinetic
-    /// energy.
+    /// Horizontal velocities `(xdot, -A xdot)` of a mechanical connection are orthogonal to vertical ones in the
+    /// kinetic energy.
     fn connection(
         &self,
         setting: &Setting<'_>,

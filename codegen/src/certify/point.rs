@@ -5,13 +5,14 @@
 
 use hamel_runtime::{Dual, Real};
 
-use crate::expr::{ExprId, Relation, SymbolId, needed_sections, uniform};
+use crate::expr::{ExprId, Relation, SymbolId, needed_sections};
 use crate::mechanics::Equations;
 use crate::spec::{Domain, Model, ReconstructionKind};
 
-use super::Claim;
+use super::claim::Claim;
 use super::definition::{Definition, Missing, Place};
 use super::linear::Reduced;
+use super::random::Random;
 use super::runner::{At, Runner};
 use super::tape::{Env, Tape, rational};
 use super::wide::Wide;
@@ -66,33 +67,6 @@ impl Point {
 
     pub(super) fn state(&self, setting: &Setting<'_>) -> Vec<Wide> {
         setting.state.iter().map(|s| self.env.get(*s).unwrap_or_default()).collect()
-    }
-}
-
-pub(super) struct Random(u64);
-
-impl Random {
-    pub(super) fn new(seed: u64) -> Random {
-        Random(seed)
-    }
-
-    /// Between `-1` and `1`.
-    pub(super) fn symmetric(&mut self) -> f64 {
-        2.0 * uniform(&mut self.0) - 1.0
-    }
-
-    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * uniform(&mut self.0)
-    }
-
-    /// Of a size near one, with any sign.
-    pub(super) fn signed(&mut self) -> f64 {
-        let size = self.between(0.3, 1.3);
-        if self.symmetric() < 0.0 { -size } else { size }
-    }
-
-    pub(super) fn vector(&mut self, n: usize) -> Vec<Wide> {
-        (0..n).map(|_| Wide::exact(self.signed())).collect()
     }
 }
 

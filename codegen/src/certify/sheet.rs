@@ -9,8 +9,8 @@ use super::wide::Wide;
 /// A residual is zero where it is no larger than so many times the bound of its rounding errors. The bound is of first
 /// order and leaves out that sums of few terms may round against each other; 16 is more than both need.
 const BOUND: f64 = 16.0;
-/// Largest bound of rounding errors beside the terms of a row at which the row says anything: twelve digits of thirty-one
-/// have to be left. A fault that is smaller than that everywhere is not one of formulas.
+/// Largest bound of rounding errors beside the terms of a row at which the row says anything: twelve digits of
+/// thirty-one have to be left. A fault that is smaller than that everywhere is not one of formulas.
 const SHARP: f64 = 1e-12;
 
 /// Terms below this part of the numbers of a state are what is left of larger ones.

@@ -1,7 +1,7 @@
 //! Expressions of a graph as a list of operations that any scalar runs through.
 //!
-//! Evaluates nodes as they stand: no constructor of the graph, no rule of rewriting and no value that the graph keeps is
-//! used. Does not know: what expressions mean, where values of symbols come from.
+//! Evaluates nodes as they stand: no constructor of the graph, no rule of rewriting and no value that the graph keeps
+//! is used. Does not know: what expressions mean, where values of symbols come from.
 
 use std::collections::{BTreeMap, HashMap};
 

@@ -1,9 +1,9 @@
 //! Residuals of the equations between coordinates of a scene, with their gradients: what initial values have to satisfy
 //! and projection keeps.
 //!
-//! Coordinates that are points of circles stay on their circles when they are moved to satisfy an equation, and advected
-//! vectors keep their lengths where the motion keeps these, which their rates prove: these functions follow the
-//! residuals, and are kept at their values.
+//! Coordinates that are points of circles stay on their circles when they are moved to satisfy an equation, and
+//! advected vectors keep their lengths where the motion keeps these, which their rates prove: these functions follow
+//! the residuals, and are kept at their values.
 //!
 //! Deliberately does not know: how anything is differentiated, lowered or emitted, who solves the equations.
 

@@ -45,7 +45,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     ///
     /// On the chord between the states, a slope that is regular changes less on the last tenth of the way to the zero
     /// of the pivot than before it, `0.09` and `0.4` for one that is linear, and next to a pole of first order ten
-    /// times as much, `90` and `8`. Rounding errors of quotients that have a value there are small at these distances still.
+    /// times as much, `90` and `8`. Rounding errors of quotients that have a value there are small at these distances
+    /// still.
     #[cold]
     pub(super) fn has_pole(&self, t_new: R) -> bool {
         const DISTANCES: [f64; 3] = [0.5, 0.1, 0.01];

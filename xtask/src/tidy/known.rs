@@ -22,6 +22,12 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
         &["dense", "mod"],
         "dense output is a part of the integrator in a file of its own",
     ),
+    (
+        "runtime/src/integrator",
+        &["sampling", "telling"],
+        "samples end at events, and events are told between samples",
+    ),
+    ("runtime/src", &["real", "stumpff"], "the default of a function of scalars is computed with any scalar"),
 ];
 
 /// Files that are too long: the file, why.
