@@ -59,7 +59,7 @@ fn an_fmu_needs_an_initial_state() {
     let initial = scene::start(&model, &built).unwrap_or_else(|e| panic!("{e}")).expect("a start");
     assert_eq!(initial.state, [1.0, 0.0]);
     let c = built.emit_c(&Writing::default(), Some(initial)).unwrap_or_else(|e| panic!("{e}"));
-    assert!(c.source.contains("Beside the values of the model, chosen: theta_dot = 0.0."), "{}", c.source);
+    assert!(c.header.contains("Beside the values of the model, chosen: theta_dot = 0.0."), "{}", c.header);
     let error = built.emit_fmu(&Writing::default(), None).unwrap_err();
     assert!(error.to_string().contains("initial x = 1;"), "{error}");
     // C does without.

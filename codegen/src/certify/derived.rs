@@ -102,7 +102,13 @@ impl Results<'_, '_> {
         if matrix.name == Want::Bracket.name() {
             return self.bracket(matrix, &entries, sheet);
         }
-        let v = random.vector(matrix.shape.1);
+        let is_gradient = matrix.name.ends_with("_gradients");
+        let mut v = random.vector(matrix.shape.1);
+        if is_gradient {
+            // What never moves is a parameter of invariants.
+            let moving = v.iter_mut().zip(&self.motion.rates);
+            moving.filter(|(_, rate)| rate.size() == 0.0).for_each(|(v, _)| *v = Wide::ZERO);
+        }
         let mut found = vec![Wide::ZERO; matrix.shape.0];
         for ((i, j), e) in matrix.pattern.iter().zip(&entries) {
             found[*i] += *e * v[*j];
@@ -127,9 +133,6 @@ impl Results<'_, '_> {
                 "position_gradients" => Want::Positions,
                 _ => return Err(Open::Because("a matrix of no known function")),
             };
-            // What never moves is a parameter of these functions.
-            let moving = v.iter().zip(&self.motion.rates);
-            let v = moving.map(|(v, rate)| if rate.size() == 0.0 { Wide::ZERO } else { *v }).collect();
             self.slope(&Role::Output(values.name().to_owned()), &Direction { state: v, ..self.still() })
         };
         rows(matrix.name, &found, &defined.unwrap_or_default(), sheet);

@@ -168,10 +168,25 @@ impl Motion {
             let quasi = || definition.model.quasi_velocities.iter().position(|v| v.symbol == unknown.symbol);
             unknown.frame_idx.or_else(|| Some(definition.m + quasi()?))
         };
+        // The state keeps velocities of the model where the frame of stages is internal.
+        let kept = |k: usize| {
+            let original = system.frame.as_ref().map(|frame| &frame.original)?;
+            original.iter().position(|u| u.symbol == system.unknowns[k].symbol)
+        };
+        let mut before_stages: Vec<Vec<R>> = Vec::new();
+        for k in 0..definition.m {
+            let unit: Vec<R> = (0..definition.m).map(|j| if j == k { R::ONE } else { R::ZERO }).collect();
+            before_stages.push(definition.before_stages(&at.env, &unit)?);
+        }
         let unit = |k: usize, right: R| {
             let mut row = vec![R::ZERO; n + 1];
-            if let Some(entry) = place(k).and_then(|at| row.get_mut(at)) {
-                *entry = R::ONE;
+            match kept(k) {
+                Some(i) => row.iter_mut().zip(&before_stages).for_each(|(entry, column)| *entry = column[i]),
+                None => {
+                    if let Some(entry) = place(k).and_then(|at| row.get_mut(at)) {
+                        *entry = R::ONE;
+                    }
+                }
             }
             row[n] = right;
             row

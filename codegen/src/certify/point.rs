@@ -14,7 +14,7 @@ use super::definition::{Definition, Missing, Place};
 use super::linear::Reduced;
 use super::random::Random;
 use super::runner::{At, Runner};
-use super::tape::{Env, Tape, rational};
+use super::tape::{Env, PI, Tape, rational};
 use super::wide::Wide;
 
 /// Iterations of Newton's method: doubling 31 digits from one takes five.
@@ -127,7 +127,14 @@ impl<'a> Setting<'a> {
         let mut env = env.clone();
         for [cosine, sine, angle] in &self.circles {
             let [c, s] = [*cosine, *sine].map(|symbol| env.get(symbol).ok_or(symbol));
-            env.set(*angle, s?.atan2(c?));
+            let value = s?.atan2(c?);
+            // Of all angles of the point the one next to what was drawn, which lies in the domain.
+            let drawn = env.get(*angle).unwrap_or(value);
+            let turn = |k: f64| value + R::from_parts(2.0 * PI[0], 2.0 * PI[1]) * R::from_f64(k);
+            let apart = |a: &R| (drawn - *a).magnitude();
+            let all = [-2.0, -1.0, 0.0, 1.0, 2.0].map(turn);
+            let next = all.into_iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+            env.set(*angle, next.unwrap_or(value));
         }
         let values = self.velocities.eval(&env)?;
         for symbol in &self.quasi {
@@ -176,8 +183,10 @@ impl<'a> Setting<'a> {
         let mut env: Env<Wide> = Env::new();
         let t = Wide::exact(random.between(0.2, 1.2));
         env.set(model.time, t);
+        let fixed = &system.formulation.fixed;
         for input in &model.inputs {
-            env.set(input.symbol, rational(&input.default));
+            let held = fixed.iter().find(|(name, _)| *name == input.name).map_or(&input.default, |(_, q)| q);
+            env.set(input.symbol, rational(held));
         }
         let inputs: Vec<Wide> = system.inputs.iter().map(|_| Wide::exact(random.signed())).collect();
         system.inputs.iter().zip(&inputs).for_each(|(input, value)| env.set(input.symbol, *value));
@@ -273,11 +282,7 @@ impl<'a> Setting<'a> {
             let vector: Vec<Wide> = vector.into_iter().map(|x| x * Wide::exact(scale)).collect();
             env.set_all(&symbols, &vector);
         }
-        for [cosine, sine, angle] in &self.circles {
-            let (s, c) = env.get(*angle)?.sin_cos();
-            env.set(*cosine, c);
-            env.set(*sine, s);
-        }
+        self.set_points(env);
         let drawn = |symbol: &SymbolId, env: &Env<Wide>| env.get(*symbol).is_some();
         let others: Vec<SymbolId> = (self.state.iter().copied())
             .chain(system.algebroid.base().iter().copied())
@@ -304,6 +309,33 @@ impl<'a> Setting<'a> {
             }
         }
         Some(())
+    }
+
+    /// A state beside this one, which satisfies no restriction; points stay on their circles.
+    pub(super) fn beside(&self, point: &Point, random: &mut Random) -> Point {
+        let mut moved = point.clone();
+        let is_on_circle = |s: &SymbolId| self.circles.iter().any(|[c, sine, _]| s == c || s == sine);
+        let angles = self.circles.iter().map(|[.., angle]| *angle);
+        let variables: Vec<SymbolId> =
+            self.state.iter().copied().filter(|s| !is_on_circle(s)).chain(angles).collect();
+        for symbol in variables {
+            if let Some(x) = moved.env.get(symbol) {
+                moved.env.set(symbol, Wide::of(x * Wide::exact(1.0 + 0.1 * random.symmetric())));
+            }
+        }
+        self.set_points(&mut moved.env);
+        moved
+    }
+
+    /// Points of circles by their angles.
+    fn set_points(&self, env: &mut Env<Wide>) {
+        for [cosine, sine, angle] in &self.circles {
+            if let Some(x) = env.get(*angle) {
+                let (s, c) = x.sin_cos();
+                env.set(*cosine, c);
+                env.set(*sine, s);
+            }
+        }
     }
 
     /// Moves coordinates and velocities until all restrictions hold.
@@ -341,11 +373,7 @@ impl<'a> Setting<'a> {
                 // The value is what it is: only its distance from a solution counts as an error.
                 env.set(*symbol, Wide::of(x).uncertain(SOLVED * x.size()));
             }
-            for [cosine, sine, angle] in &self.circles {
-                let (s, c) = env.get(*angle)?.sin_cos();
-                env.set(*cosine, c);
-                env.set(*sine, s);
-            }
+            self.set_points(env);
         }
         None
     }

@@ -323,13 +323,7 @@ impl Results<'_, '_> {
 
     /// A state beside the restrictions, with everything that follows from it.
     fn beside(&self, random: &mut Random) -> Result<(Point, Place<Wide>), Missing> {
-        let mut point = self.point.clone();
-        for symbol in &self.setting.state {
-            if let Some(x) = point.env.get(*symbol) {
-                let moved = Wide::exact(1.0 + 0.1 * random.symmetric());
-                point.env.set(*symbol, Wide::of(x * moved));
-            }
-        }
+        let point = self.setting.beside(self.point, random);
         let place = self.setting.place(&point.env)?;
         Ok((point, place))
     }
