@@ -10,6 +10,8 @@ extern "C" {
  * Model bead.
  *
  *
+ * Held to its definition at 3 points: 11 functions.
+ *
  * No function allocates, keeps anything between calls or fails in another way than by the code it returns.
  * Arrays that are written may be those that are read.
  */

@@ -117,6 +117,8 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// Two bodies that turn about one axis, coupled by a spring, the first with a weight.
 ///
+/// Held to its definition at 3 points: 8 functions.
+///
 /// # State
 ///
 /// ```text

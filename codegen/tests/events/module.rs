@@ -119,6 +119,9 @@ impl<R: ::hamel_runtime::Real> State<R> {
 
 /// Equations of `rimless_wheel` with everything computed that depends on parameters alone.
 ///
+///
+/// Held to its definition at 3 points: 8 functions.
+///
 /// # State
 ///
 /// ```text
