@@ -111,7 +111,7 @@ fn what_a_model_does_not_give_is_zero_or_the_identity() {
     // A model that gives nothing does not begin at rest, and says so.
     let (_, start) = started(&text.replace("initial v1 = h;", ""), "default");
     let words = scene::told_in_words(&start.told).unwrap();
-    assert!(words.contains("omega = 0.8"), "{words}");
+    assert!(words.contains("omega = -0.5, v1 = 1.1"), "{words}");
     // An angle that a scene carries as a point is at zero.
     let text = "model bead {
         coordinate theta in angle;
