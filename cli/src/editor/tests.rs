@@ -162,7 +162,7 @@ fn a_rename_takes_components_and_rates_along_and_keeps_a_model() {
     let offset = TOP.find("Omega in").unwrap();
     let renamed = apply(navigation::rename(&document, &uri(), offset, "w").unwrap());
     assert_eq!(renamed, TOP.replace("Omega", "w"));
-    for (name, reason) in [("let", "cannot be used"), ("Gamma", "would be wrong"), ("a b", "ASCII letters")] {
+    for (name, reason) in [("pi", "cannot be used"), ("Gamma", "would be wrong"), ("a b", "ASCII letters")] {
         let refusal = navigation::rename(&document, &uri(), offset, name).unwrap_err();
         assert!(refusal.contains(reason), "{refusal}");
     }
