@@ -1,13 +1,13 @@
 //! Holds a finished program to the model that it was made from: every function at random points, against its
 //! definition.
 //!
-//! [`certify`] evaluates the checked [`Model`] and the [`Program`] in numbers of 31 digits that carry bounds of their
+//! `certify` evaluates the checked `Model` and the `Program` in numbers of 31 digits that carry bounds of their
 //! errors, and demands the identity that defines each function: equations of motion along virtual displacements, with
 //! derivatives by dual numbers; energy, outputs, momenta by their definitions; derivatives, brackets, flows, series and
 //! implicit forms by the rates. A residual above the rounding errors of its own evaluation is a fault of the generator,
 //! and the scene is refused.
 //!
-//! Uses nothing that rewrites: of [`Equations`] it takes velocities by the state and the names of things, which the
+//! Uses nothing that rewrites: of `Equations` it takes velocities by the state and the names of things, which the
 //! identities check as well. Does not know: how anything was derived, searched, lowered or emitted.
 //!
 //! # Why three points
