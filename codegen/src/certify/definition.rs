@@ -415,8 +415,7 @@ impl<'a> Definition<'a> {
         // Derivatives of all residuals along one velocity after the other.
         let fixed = at.env.map(Dual::constant);
         let mut slopes: Vec<Vec<R>> = Vec::new();
-        for (k, [of_model, _]) in columns.iter().enumerate() {
-            debug_assert_eq!(k, slopes.len());
+        for [of_model, _] in &columns {
             let mut env = fixed.clone();
             for ((symbol, y), d) in self.velocities.iter().zip(&at.of_model).zip(of_model) {
                 env.set(*symbol, Dual::new(*y, *d));

@@ -93,7 +93,7 @@ impl Results<'_, '_> {
         self.flows(sheet, random);
         self.implicit(sheet, random);
         self.series(sheet);
-        self.on_circles(sheet, random);
+        self.on_circles(sheet);
     }
 
     /// The entries of a matrix times a random vector.
@@ -375,7 +375,7 @@ impl Results<'_, '_> {
     }
 
     /// Rates with cosines and sines of angles behind the state: those of the state, and those of the points.
-    fn on_circles(&self, sheet: &mut Sheet, random: &mut Random) {
+    fn on_circles(&self, sheet: &mut Sheet) {
         let program = self.setting.claim.program;
         let Some(circles) = Circles::of(program) else { return };
         let runner = Runner::new(&circles.program);
@@ -397,7 +397,6 @@ impl Results<'_, '_> {
         let moving = self.whole_state(&circles, &runner, &slots, &moving);
         let slopes: Vec<Wide> = moving.iter().map(|z| z.derivative).collect();
         rows(function, &rates[circles.n_state..], &slopes[circles.n_state..], sheet);
-        _ = random;
     }
 
     /// The state with its points of circles.

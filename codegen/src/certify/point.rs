@@ -7,7 +7,8 @@ use hamel_runtime::{Dual, Real};
 
 use crate::expr::{ExprId, Relation, SymbolId, needed_sections};
 use crate::mechanics::Equations;
-use crate::spec::{Domain, Model, ReconstructionKind};
+use crate::program::Role;
+use crate::spec::{Domain, Model, ReconstructionKind, Want};
 
 use super::claim::Claim;
 use super::definition::{Definition, Missing, Place};
@@ -398,7 +399,6 @@ impl<'a> Setting<'a> {
 
     /// Whether the functions that say where the domain ends are positive, and pivots do not vanish.
     fn is_inside(&self, point: &Point) -> bool {
-        use crate::program::Role;
         let state = point.state(self);
         let at = point.at(&state);
         let Some(domain) = self.claim.program.function_idx(&Role::Domain) else { return true };
@@ -407,8 +407,6 @@ impl<'a> Setting<'a> {
 
     /// The rates that the program computes, by the time of the model.
     pub(super) fn rates<R: Real>(&self, at: &At<'_, R>) -> Vec<R> {
-        use crate::program::Role;
-        use crate::spec::Want;
         let Some(rate) = self.claim.program.function_idx(&Role::Rate) else { return Vec::new() };
         let mut rates = self.runner.call(rate, at, &[]);
         if self.claim.is_in_hamiltonian_time {
