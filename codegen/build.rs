@@ -1,14 +1,20 @@
 //! Tells the crate which sources it was built from, and how: results of other sources are never reused, and a build
 //! script that runs it without optimisation is told what to do about it.
+//!
+//! In the repository the sources are those of this crate and of the crates in its folder. A published crate has its own
+//! alone: its version asks for exactly one version of each of the others.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 fn main() -> io::Result<()> {
-    println!("cargo::rerun-if-changed=src");
     let mut files = Vec::new();
-    list(Path::new("src"), &mut files)?;
+    let folders = ["src", "expr/src", "lang/src", "mechanics/src", "program/src"];
+    for folder in folders.map(Path::new).into_iter().filter(|folder| folder.is_dir()) {
+        println!("cargo::rerun-if-changed={}", folder.display());
+        list(folder, &mut files)?;
+    }
     files.sort();
     let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
     for file in files {

@@ -21,17 +21,17 @@ use std::fmt::Write as _;
 
 use num_traits::One;
 
-use crate::error::spell_vector;
-use crate::expr::{Budget, Definition, ExprId, Graph, Number, Style, SymbolId, identifier, rational_to_f64};
-use crate::mechanics::{
+use crate::scene::BuiltScene;
+use hamel_expr::error::spell_vector;
+use hamel_expr::{Budget, Definition, ExprId, Graph, Number, Style, SymbolId, identifier, rational_to_f64};
+use hamel_lang::spec::{Model, Side};
+use hamel_mechanics::mechanics::{
     Coefficients, Equations, Form, Routhian, VerticalEquation, VerticalEquations, unused_stem,
 };
-use crate::reduction::{
+use hamel_mechanics::reduction::{
     AccelerationRow, AccelerationSource, DegenerateOutcome, KinematicConstraint, ReducedSystem,
     SolvedConstraint, Stages, Tensor,
 };
-use crate::scene::BuiltScene;
-use crate::spec::{Model, Side};
 
 /// What a part of an explanation is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -2,8 +2,15 @@
 //!
 //! A model file is parsed and checked ([`spec`]), reduced to a Lie algebroid with Lagrangian, constraint and force
 //! ([`reduction`]), its equations of motion are derived once and for all kinds of systems ([`mechanics`]), a [`scene`]
-//! says what is wanted of them, [`lower`] makes a flat [`program`] and [`emit`] writes Rust. [`Config`] runs all of it
-//! from a build script.
+//! says what is wanted of them, [`lower`] makes a flat [`program`] and [`emit`] writes Rust. Every scene is held to the
+//! definition of its functions ([`certify`]) before anything is done with it. [`Config`] runs all of it from a build
+//! script.
+//!
+//! [`reduction`]: hamel_mechanics::reduction
+//! [`mechanics`]: hamel_mechanics::mechanics
+//! [`lower`]: hamel_program::lower
+//! [`program`]: hamel_program::program
+//! [`emit`]: hamel_program::emit
 //!
 //! ```
 //! use hamel_codegen::{scene, spec};
@@ -23,61 +30,18 @@
 //!
 //! # What is promised
 //!
-//! [`compile`], [`Config`], [`read`](config::read), [`spec`], [`scene`] and [`error`]. The modules in between are
-//! public with the feature `internals`, for hamel's own crates: they change without notice.
+//! [`compile`], [`Config`], [`read`](config::read), [`spec`], [`scene`] and [`error`]. [`certify`], [`explain`] and the
+//! crates below (`hamel-expr`, `hamel-lang`, `hamel-mechanics`, `hamel-program`) serve hamel's own programs: they
+//! change without notice, and every version asks for exactly its own.
 
-// What the inner modules offer is for the crates that turn the feature on; with it, these lints look at everything.
-#![cfg_attr(not(feature = "internals"), allow(dead_code, unreachable_pub, unused_imports))]
-
-pub mod config;
-pub mod error;
-mod parallel;
-pub mod scene;
-pub mod spec;
-
-#[cfg(feature = "internals")]
-pub mod algebra;
-#[cfg(feature = "internals")]
 pub mod certify;
-#[cfg(feature = "internals")]
-pub mod differentiate;
-#[cfg(feature = "internals")]
-pub mod emit;
-#[cfg(feature = "internals")]
+pub mod config;
 pub mod explain;
-#[cfg(feature = "internals")]
-pub mod expr;
-#[cfg(feature = "internals")]
-pub mod lower;
-#[cfg(feature = "internals")]
-pub mod mechanics;
-#[cfg(feature = "internals")]
-pub mod program;
-#[cfg(feature = "internals")]
-pub mod reduction;
-
-#[cfg(not(feature = "internals"))]
-mod algebra;
-#[cfg(not(feature = "internals"))]
-mod certify;
-#[cfg(not(feature = "internals"))]
-mod differentiate;
-#[cfg(not(feature = "internals"))]
-mod emit;
-#[cfg(not(feature = "internals"))]
-mod explain;
-#[cfg(not(feature = "internals"))]
-mod expr;
-#[cfg(not(feature = "internals"))]
-mod lower;
-#[cfg(not(feature = "internals"))]
-mod mechanics;
-#[cfg(not(feature = "internals"))]
-mod program;
-#[cfg(not(feature = "internals"))]
-mod reduction;
+pub mod scene;
 
 pub use config::{Config, compile};
+pub use hamel_expr::error;
+pub use hamel_lang::spec;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -4,10 +4,10 @@
 //!
 //! Deliberately does not know: how the equations are derived.
 
-use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_expr::rational_to_f64;
+use hamel_program::program::Role;
 use hamel_runtime::Dual;
 
 const LAMBDA: f64 = std::f64::consts::PI / 10.0;

@@ -1,7 +1,7 @@
 //! Rotations, bodies, and forces at places, against the same written out by hand.
 
-use hamel_codegen::expr::{ExprId, Style};
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::{ExprId, Style};
 
 fn parsed(text: &str) -> Model {
     spec::parse("body.hamel", text).unwrap_or_else(|problems| panic!("{problems}"))

@@ -6,9 +6,9 @@
 use expect_test::expect_file;
 use hamel_codegen::config::{Config, Language};
 use hamel_codegen::explain;
-use hamel_codegen::expr::Style;
 use hamel_codegen::scene::{self, Scenes, Start, Writing};
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::Style;
 
 /// A bead on a wire in a wheel: a domain, a sine, an event that changes the state, a division by the mass.
 const TEXT: &str = "model bead {

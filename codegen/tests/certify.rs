@@ -1,12 +1,12 @@
 //! Scenes are held to the models that they were made from: deliberate faults of every step are found, and what was
 //! wrong once is refused or right.
 
-use hamel_codegen::expr::{ExprId, Graph, Rational};
-use hamel_codegen::mechanics::Equations;
-use hamel_codegen::program::{Op, Operand, Program, Role};
-use hamel_codegen::reduction::{KinematicConstraint, ReducedSystem};
 use hamel_codegen::scene::{self, Made, build_tampered};
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::{ExprId, Graph, Rational};
+use hamel_mechanics::mechanics::Equations;
+use hamel_mechanics::reduction::{KinematicConstraint, ReducedSystem};
+use hamel_program::program::{Op, Operand, Program, Role};
 
 /// A heavy top with friction and a drive: bracket, advected parameter, force, explicit time, attitude.
 const TOP: &str = "model top {
@@ -108,7 +108,7 @@ fn with_bracket(
     s.algebroid.set_bracket(a, b, value);
 }
 
-fn solved(s: &mut ReducedSystem) -> (&mut Graph, &mut hamel_codegen::reduction::SolvedConstraint) {
+fn solved(s: &mut ReducedSystem) -> (&mut Graph, &mut hamel_mechanics::reduction::SolvedConstraint) {
     match &mut s.constraint {
         KinematicConstraint::Solved(solved) => (&mut s.graph, solved),
         KinematicConstraint::Multipliers { .. } => panic!("a solved constraint"),
@@ -138,7 +138,7 @@ fn swap(p: &mut Program, role: &Role, (i, j): (usize, usize)) {
 /// Puts zero in the place of a result.
 fn drop_result(p: &mut Program, role: &Role, i: usize) {
     let k = idx(p, role);
-    p.constants.push(hamel_codegen::program::Constant::Rational(Rational::from_integer(0.into())));
+    p.constants.push(hamel_program::program::Constant::Rational(Rational::from_integer(0.into())));
     p.functions[k].results[i].1 = Operand::Constant(p.constants.len() as u32 - 1);
 }
 
@@ -299,7 +299,7 @@ fn faults() -> Vec<Fault> {
         "an addition that subtracts" in TOP "all": Program(p) => change_operation(p, &Role::Rate, |op| match op {
             Op::Sub(a, b) => Some(Op::Add(a, b)),
             Op::MulAdd(signs, a, b, c) => {
-                Some(Op::MulAdd(hamel_codegen::program::Signs { addend: !signs.addend, ..signs }, a, b, c))
+                Some(Op::MulAdd(hamel_program::program::Signs { addend: !signs.addend, ..signs }, a, b, c))
             }
             _ => None,
         });

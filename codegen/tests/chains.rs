@@ -22,11 +22,11 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use drawn::{Base, Chain, Draw, Restriction, draw_chain};
-use hamel_codegen::expr::{ExprId, SymbolId, rational_to_f64};
-use hamel_codegen::mechanics::{Equations, derive, is_recursive};
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::{ExprId, SymbolId, rational_to_f64};
+use hamel_mechanics::mechanics::{Equations, derive, is_recursive};
+use hamel_mechanics::reduction::{Formulation, reduce};
 use redundant::{Motion, State};
 use written::{Written, text};
 

@@ -6,9 +6,9 @@
 use std::ops::ControlFlow;
 
 use expect_test::expect_file;
-use hamel_codegen::program::{Circles as Found, Role};
 use hamel_codegen::scene::{self, BuiltScene, Writing};
 use hamel_codegen::spec;
+use hamel_program::program::{Circles as Found, Role};
 use hamel_runtime::{Circles, DoubleDouble, Integrator, OnCircles, Options, Real, Scene, System, Vern9};
 
 /// The module, as a crate has it.

@@ -121,8 +121,7 @@ fn built(text: &str) -> BuiltScene {
 
 /// The rate of a component of the state at a state given by names; what is not named is none of the state's.
 fn rates(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str) -> f64 + use<> {
-    let params: Vec<f64> =
-        scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let params: Vec<f64> = scene.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let interpreter = scene.prepare(&params).unwrap();
     let names = scene.state_names();
     let value = |name: &String| values.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name}")).1;
@@ -135,8 +134,7 @@ fn rates(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str) -> f64 + u
 /// Rates of coordinates and accelerations in a scene that carries the momenta of all its velocities, at a state given
 /// by these: what follows from the momenta, differentiated along their motion.
 fn rates_by_momenta(scene: &BuiltScene, values: &[(&str, f64)]) -> impl Fn(&str) -> f64 + use<> {
-    let params: Vec<f64> =
-        scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let params: Vec<f64> = scene.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let interpreter = scene.prepare(&params).unwrap();
     let value = |name: &str| values.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("{name}")).1;
     let (names, legendre) = (scene.state_names(), scene.legendre());
@@ -426,7 +424,7 @@ struct Closed<'a> {
 impl<'a> Closed<'a> {
     fn new(scene: &'a BuiltScene) -> Closed<'a> {
         let params: Vec<f64> =
-            scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+            scene.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
         Closed { interpreter: scene.prepare(&params).unwrap(), layout: scene.positions().unwrap().clone() }
     }
 }

@@ -6,9 +6,9 @@
 
 use std::path::Path;
 
-use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_program::program::Role;
 use hamel_runtime::{DoubleDouble, Real};
 
 const SHIFT: f64 = 1.0 / (1u128 << 64) as f64;
@@ -67,8 +67,7 @@ fn loss(scene: &BuiltScene, params: &[f64], state: &[f64]) -> Option<f64> {
 /// The largest loss of many random states with every parameter moved by up to three decades.
 fn at_parameters_of_a_machine_that_one_builds(model: &str, state: impl Fn(&mut Random) -> Vec<f64>) -> f64 {
     let scene = build(model);
-    let defaults: Vec<f64> =
-        scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let defaults: Vec<f64> = scene.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let mut random = Random(1);
     let mut worst: f64 = 0.0;
     let mut n = 0;
@@ -117,7 +116,7 @@ fn a_skew_sleigh_keeps_its_digits_when_every_parameter_moves_by_three_decades() 
 fn veselovas_body_keeps_its_digits_next_to_an_axis_at_any_speed() {
     let scene = build("veselova");
     let mut params: Vec<f64> =
-        scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+        scene.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     params[..3].copy_from_slice(&[1.69226352, 1.25110093, 0.36976687]);
     let state = [215099545.15, -233220141.45, 12.175, 8.3e-8, 2.43e-8, -1.0];
     let found = loss(&scene, &params, &state).unwrap();

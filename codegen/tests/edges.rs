@@ -4,12 +4,12 @@
 use std::collections::BTreeSet;
 
 use hamel_codegen::explain::explain;
-use hamel_codegen::expr::{Style, rational_to_f64};
-use hamel_codegen::mechanics::{BracketFacts, Density, derive, same_motion};
-use hamel_codegen::program::Role;
-use hamel_codegen::reduction::{Formulation, StageUse, reduce};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::{Style, rational_to_f64};
+use hamel_mechanics::mechanics::{BracketFacts, Density, derive, same_motion};
+use hamel_mechanics::reduction::{Formulation, StageUse, reduce};
+use hamel_program::program::Role;
 
 fn parsed(text: &str) -> Model {
     spec::parse("edge.hamel", text).unwrap_or_else(|problems| panic!("{problems}\n{text}"))

@@ -1,9 +1,9 @@
 //! What explanations say: group velocity, vertical equations by stages, definitions at the origin of ignorable
 //! coordinates.
 
-use hamel_codegen::expr::Style;
-use hamel_codegen::mechanics::VerticalEquations;
 use hamel_codegen::{explain, scene, spec};
+use hamel_expr::Style;
+use hamel_mechanics::mechanics::VerticalEquations;
 
 fn built(items: &str) -> (spec::Model, scene::BuiltScene) {
     let model = spec::parse("m.hamel", &format!("model m {{ {items} }}")).unwrap_or_else(|e| panic!("{e}"));

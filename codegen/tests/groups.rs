@@ -5,10 +5,10 @@
 use std::f64::consts::FRAC_PI_2;
 
 use expect_test::expect_file;
-use hamel_codegen::emit::{GroupKind, GroupText, GroupTexts, ParamText, SceneText, StateText, emit_scene};
-use hamel_codegen::expr::{Graph, Rational};
-use hamel_codegen::lower::{Inputs, Request, SearchBudget, lower};
-use hamel_codegen::program::Role;
+use hamel_expr::{Graph, Rational};
+use hamel_program::emit::{GroupKind, GroupText, GroupTexts, ParamText, SceneText, StateText, emit_scene};
+use hamel_program::lower::{Inputs, Request, SearchBudget, lower};
+use hamel_program::program::Role;
 use hamel_runtime::nalgebra::{
     Isometry2, Isometry3, Matrix2, Matrix2x3, Matrix3, Point2, Point3, SVector, UnitQuaternion, Vector2,
     Vector3,

@@ -4,10 +4,10 @@
 //! itself are in `tests/bad` and beside the modules that have them.
 
 use hamel_codegen::config::Config;
-use hamel_codegen::expr::Budget;
-use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_expr::Budget;
+use hamel_program::program::Role;
 
 /// The default scene of a model of these items, or the report.
 fn built(budget: Budget, items: &str) -> Result<BuiltScene, String> {
@@ -303,6 +303,6 @@ fn expressions_that_share_their_parts_have_texts_of_moderate_length() {
     let text = format!("model big {{\n{items}\n}}");
     let model = spec::parse("big.hamel", &text).unwrap();
     let (_, e) = &model.outputs[0].components[0];
-    let shown = model.graph.display(*e, hamel_codegen::expr::Style::Plain);
+    let shown = model.graph.display(*e, hamel_expr::Style::Plain);
     assert!(shown.len() < 1 << 22, "{} bytes", shown.len());
 }

@@ -12,12 +12,12 @@ use std::time::Instant;
 
 use articulated::{Input, Number, Origin};
 use families::{IIWA, planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake};
-use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::mechanics::{derive, is_recursive, same_motion};
-use hamel_codegen::program::Role;
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::rational_to_f64;
+use hamel_mechanics::mechanics::{derive, is_recursive, same_motion};
+use hamel_mechanics::reduction::{Formulation, reduce};
+use hamel_program::program::Role;
 
 fn parsed(text: &str) -> Model {
     spec::parse("linkage.hamel", text).unwrap_or_else(|problems| panic!("{problems}"))
@@ -355,7 +355,7 @@ fn measured() {
                     println!(
                         "  {} = {}",
                         e.system.graph.name(d.symbol),
-                        e.display(d.expr, hamel_codegen::expr::Style::Plain)
+                        e.display(d.expr, hamel_expr::Style::Plain)
                     );
                 }
             }

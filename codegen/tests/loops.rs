@@ -4,10 +4,10 @@
 //! `loops/module.rs` is the module. Write it again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test loops`.
 
 use expect_test::expect_file;
-use hamel_codegen::lower::SearchBudget;
-use hamel_codegen::program::{Factors, Point, Role};
 use hamel_codegen::scene::{self, BuiltScene, Writing};
 use hamel_codegen::spec;
+use hamel_program::lower::SearchBudget;
+use hamel_program::program::{Factors, Point, Role};
 use hamel_runtime::{DoubleDouble, MAX_ORDER, Real, Scene};
 
 /// The module, as a crate has it.

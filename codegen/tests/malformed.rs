@@ -6,9 +6,9 @@
 
 use std::path::Path;
 
-use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::rational_to_f64;
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};

@@ -13,10 +13,10 @@ mod unreduced;
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::SymbolId;
-use hamel_codegen::reduction::with_connection;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec::{self, ConnectionKind, Model};
+use hamel_expr::SymbolId;
+use hamel_mechanics::reduction::with_connection;
 use proptest::prelude::Rng as _;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 use unreduced::expression::{Expr, Point, Sym};

@@ -4,10 +4,10 @@
 //! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test reserved`.
 
 use expect_test::expect_file;
-use hamel_codegen::emit::{MatrixText, OutputText, ParamText, SceneText, StateText, emit_scene};
-use hamel_codegen::expr::{Definition, Func, Graph, Rational, Section};
-use hamel_codegen::lower::{Inputs, ParamCondition, Request, SearchBudget, lower};
-use hamel_codegen::program::{Jet, Program, Relation, Role};
+use hamel_expr::{Definition, Func, Graph, Rational, Section};
+use hamel_program::emit::{MatrixText, OutputText, ParamText, SceneText, StateText, emit_scene};
+use hamel_program::lower::{Inputs, ParamCondition, Request, SearchBudget, lower};
+use hamel_program::program::{Jet, Program, Relation, Role};
 use hamel_runtime::{Dop853, Integrator, Options, Scene as _, Taylor};
 
 /// The module, as a crate has it.

@@ -7,10 +7,10 @@ mod families;
 
 use families::{planar_arm, planar_pendulum, wheeled_snake};
 use hamel_codegen::Config;
-use hamel_codegen::program::Program;
-use hamel_codegen::reduction::Formulation;
 use hamel_codegen::scene;
 use hamel_codegen::spec::{self, DeclarationKind, Model, Outline};
+use hamel_mechanics::reduction::Formulation;
+use hamel_program::program::Program;
 
 const SNAKE: &str = include_str!("sizes/snake.hamel");
 const ARM: &str = include_str!("sizes/arm.hamel");

@@ -1,10 +1,10 @@
 //! Exact flows: each is the flow of its generator, the generators add up to the motion, and what cannot be split says
 //! why.
 
-use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::{Point, Program, Role};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_expr::rational_to_f64;
+use hamel_program::program::{Point, Program, Role};
 use hamel_runtime::{Dual, ExactFlows, Gauss8, Integrator, Options, Real, Splitting6, StateVector, System};
 
 /// A state of any dimension.

@@ -1,9 +1,9 @@
 //! Taylor coefficients of solutions: against closed forms, identities, the equations, and compiled against interpreted.
 
-use hamel_codegen::expr::{ExprId, Func, Graph, Rational};
-use hamel_codegen::lower::{Inputs, Request, SearchBudget, lower};
-use hamel_codegen::program::{Jet, Role};
 use hamel_codegen::{scene, spec};
+use hamel_expr::{ExprId, Func, Graph, Rational};
+use hamel_program::lower::{Inputs, Request, SearchBudget, lower};
+use hamel_program::program::{Jet, Role};
 use hamel_runtime::{Dop853, Error, Integrator, Options, Scene, System, Taylor};
 
 const ORDER: usize = 24;

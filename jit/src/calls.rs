@@ -2,7 +2,7 @@
 //!
 //! Deliberately does not know: Cranelift.
 
-use hamel_codegen::expr::Func;
+use hamel_expr::Func;
 use hamel_runtime::math;
 
 /// A function of the runtime on one number, or two.

@@ -16,7 +16,7 @@ use cranelift_codegen::settings::{self, Configurable as _};
 use cranelift_frontend::FunctionBuilderContext;
 use cranelift_jit::{JITBuilder, JITModule};
 use cranelift_module::{FuncId, Linkage, Module, default_libcall_names};
-use hamel_codegen::program::{Function, Program};
+use hamel_program::program::{Function, Program};
 use hamel_runtime::F64x4;
 
 use crate::calls::Call;

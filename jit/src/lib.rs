@@ -6,7 +6,7 @@
 //! interpreter.
 //!
 //! ```
-//! use hamel_codegen::program::{Point, Role, Run as _};
+//! use hamel_program::program::{Point, Role, Run as _};
 //! use hamel_codegen::{scene, spec};
 //!
 //! let text = "
@@ -40,7 +40,7 @@ mod translate;
 use std::sync::OnceLock;
 
 use cranelift_codegen::isa::OwnedTargetIsa;
-use hamel_codegen::program::{Point, Program, Run, verify_rules};
+use hamel_program::program::{Point, Program, Run, verify_rules};
 use hamel_runtime::{F64x4, Real};
 
 pub use error::Error;

@@ -9,8 +9,8 @@ use cranelift_codegen::ir::{
     self, AbiParam, Block, BlockArg, InstBuilder, MemFlags, Type, Value, condcodes::FloatCC, types,
 };
 use cranelift_frontend::{FuncInstBuilder, FunctionBuilder, FunctionBuilderContext};
-use hamel_codegen::expr::Func;
-use hamel_codegen::program::{Constant, Function, Instruction, Op, Operand, Program, Signs};
+use hamel_expr::Func;
+use hamel_program::program::{Constant, Function, Instruction, Op, Operand, Program, Signs};
 use hamel_runtime::math::kernel::{BOUND, FUSED};
 
 use crate::calls::Call;

@@ -1,8 +1,8 @@
 //! Functions that read inputs, in memory and interpreted, bit for bit on numbers and on lanes.
 
-use hamel_codegen::program::{Point, Run};
 use hamel_codegen::{scene, spec};
 use hamel_jit::Compiled;
+use hamel_program::program::{Point, Run};
 use hamel_runtime::F64x4;
 
 const TEXT: &str = "model pushed {

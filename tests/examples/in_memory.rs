@@ -7,9 +7,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use hamel_codegen::program::{Point, Role, Run};
 use hamel_codegen::scene::BuiltScene;
 use hamel_jit::Compiled;
+use hamel_program::program::{Point, Role, Run};
 use hamel_runtime::{F64x4, Scene, System};
 use hamel_tests::models::build;
 use hamel_tests::random::Random;

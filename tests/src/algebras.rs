@@ -1,7 +1,7 @@
 //! Random Lie algebras with chains of ideals: named ones, semidirect products, and random changes of basis.
 
-use hamel_codegen::algebra::{LieAlgebra, Matrix, Representation};
-use hamel_codegen::expr::Rational;
+use hamel_expr::Rational;
+use hamel_lang::algebra::{LieAlgebra, Matrix, Representation};
 use num_traits::Zero;
 
 use crate::draws::Draws;

@@ -1,7 +1,7 @@
 //! Random systems on `R^2 x G` as model text, written with and without a connection.
 
-use hamel_codegen::algebra::{LieAlgebra, Representation};
-use hamel_codegen::expr::Rational;
+use hamel_expr::Rational;
+use hamel_lang::algebra::{LieAlgebra, Representation};
 use num_traits::Zero;
 
 use crate::draws::Draws;

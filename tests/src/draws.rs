@@ -1,6 +1,6 @@
 //! Small random numbers that shrink to the simplest object, and the loop over cases.
 
-use hamel_codegen::expr::Rational;
+use hamel_expr::Rational;
 use num_traits::Zero;
 use proptest::strategy::{Strategy, ValueTree as _};
 use proptest::test_runner::{Config, RngSeed, TestCaseError, TestError, TestRunner};

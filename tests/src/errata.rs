@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use hamel_codegen::algebra::LieAlgebra;
-use hamel_codegen::expr::{ExprId, Graph, Rational, SymbolId, rational_to_f64};
-use hamel_codegen::mechanics::Equations;
-use hamel_codegen::reduction::Stages;
+use hamel_expr::{ExprId, Graph, Rational, SymbolId, rational_to_f64};
+use hamel_lang::algebra::LieAlgebra;
+use hamel_mechanics::mechanics::Equations;
+use hamel_mechanics::reduction::Stages;
 use num_traits::{Signed, Zero};
 
 use crate::algebras::Transported;

@@ -1,6 +1,6 @@
 //! Exact linear algebra of the oracles, written apart from the generator's own.
 
-use hamel_codegen::expr::Rational;
+use hamel_expr::Rational;
 use num_traits::{One, Zero};
 
 /// A vector of exact numbers.

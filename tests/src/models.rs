@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::{self, BuiltScene, Interpreter, PositionLayout};
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::rational_to_f64;
+use hamel_mechanics::mechanics::{Equations, derive};
+use hamel_mechanics::reduction::{Formulation, reduce};
 use hamel_runtime::{Dop853, Failure, Integrator, Options, Positions, StateVector, System};
 
 /// The text of a model file.

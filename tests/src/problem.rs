@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::algebra::{LieAlgebra, Representation};
-use hamel_codegen::expr::{ExprId, Graph, Rational, SymbolId};
-use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::reduction::{Formulation, KinematicConstraint, reduce};
 use hamel_codegen::spec;
+use hamel_expr::{ExprId, Graph, Rational, SymbolId};
+use hamel_lang::algebra::{LieAlgebra, Representation};
+use hamel_mechanics::mechanics::{Equations, derive};
+use hamel_mechanics::reduction::{Formulation, KinematicConstraint, reduce};
 use num_traits::Zero;
 
 use crate::algebras::{Family, Transported, ad_star, transported_representation};
@@ -517,7 +517,7 @@ impl Evaluation {
         let value = self.graph.subs(e, &self.values).ok()?;
         match self.graph.as_rational(value) {
             Some(q) => Some(q.clone()),
-            None => panic!("not a number: {}", self.graph.display(value, hamel_codegen::expr::Style::Plain)),
+            None => panic!("not a number: {}", self.graph.display(value, hamel_expr::Style::Plain)),
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use hamel_codegen::expr::{Rational, parse_decimal};
+use hamel_expr::{Rational, parse_decimal};
 use serde_json::Value;
 
 /// Models in `models/specs` without reference values, and why.
@@ -193,7 +193,7 @@ pub fn exact(decimal: &str) -> Rational {
 /// When `computed` is not finite.
 pub fn distance(computed: f64, reference: &str) -> f64 {
     let computed = Rational::from_float(computed).unwrap_or_else(|| panic!("{computed} is not finite"));
-    hamel_codegen::expr::rational_to_f64(&(computed - exact(reference))).abs()
+    hamel_expr::rational_to_f64(&(computed - exact(reference))).abs()
 }
 
 /// Values of `names` in order, as doubles.

@@ -1,6 +1,6 @@
 //! Chains of stages as items of a model.
 
-use hamel_codegen::expr::{ExprId, Graph, Rational};
+use hamel_expr::{ExprId, Graph, Rational};
 use num_traits::Zero;
 
 use crate::linear::{Rows, Vector};

@@ -1,7 +1,7 @@
 //! Right-hand sides run on tracked numbers, and their distance from the reference.
 
-use hamel_codegen::program::Role;
 use hamel_codegen::scene::BuiltScene;
+use hamel_program::program::Role;
 
 use crate::reference;
 

@@ -4,10 +4,10 @@
 use std::collections::BTreeSet;
 
 use hamel_codegen::explain::explain;
-use hamel_codegen::expr::{Rational, Style};
-use hamel_codegen::mechanics::{BracketFacts, Density, Jacobi};
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec;
+use hamel_expr::{Rational, Style};
+use hamel_mechanics::mechanics::{BracketFacts, Density, Jacobi};
 use hamel_tests::models::text_with;
 use hamel_tests::random::Random;
 
@@ -37,8 +37,7 @@ fn slopes(of: &Interpreter<'_>, t: f64, y: &[f64]) -> Vec<f64> {
 /// The largest `|y' - Pi dE - R|` at random states, each moved by `onto` to where the constraints hold; relative to the
 /// size of the terms.
 fn worst(scene: &BuiltScene, onto: impl Fn(&mut [f64])) -> f64 {
-    let defaults: Vec<f64> =
-        scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let defaults: Vec<f64> = scene.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let interpreter = scene.prepare(&defaults).unwrap();
     let n = scene.state.len();
     let mut random = Random(15);
@@ -345,8 +344,7 @@ fn the_robot_keeps_a_measure_on_the_covering() {
 fn scenes_move_in_the_time_in_which_they_are_hamiltonian() {
     let plain = of_model("veselova", "").unwrap();
     let timed = of_model("veselova", "want hamiltonian_time, jacobian;").unwrap();
-    let params: Vec<f64> =
-        plain.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let params: Vec<f64> = plain.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let (slow, fast) = (plain.prepare(&params).unwrap(), timed.prepare(&params).unwrap());
     let y = [0.3, -0.7, 0.2, 0.5, 0.1, -0.4];
     let y = [y[0], y[1], -(y[0] * y[3] + y[1] * y[4]) / y[5], y[3], y[4], y[5]];

@@ -1,8 +1,8 @@
 //! Connections change coordinates, not motion; curvature and brackets have the signs of the theory.
 
-use hamel_codegen::algebra::LieAlgebra;
-use hamel_codegen::expr::{Graph, Rational, SymbolId};
-use hamel_codegen::mechanics::Equations;
+use hamel_expr::{Graph, Rational, SymbolId};
+use hamel_lang::algebra::LieAlgebra;
+use hamel_mechanics::mechanics::Equations;
 use hamel_tests::bundle::{Bundle, BundleState};
 use hamel_tests::draws::{Draws, for_all, one};
 use hamel_tests::linear::{Vector, add_scaled, dot, int, unit};
@@ -20,12 +20,7 @@ fn groups() -> [LieAlgebra; 3] {
 const LIFTS: (usize, usize) = (0, 1);
 
 /// The value of an expression of the base coordinates.
-fn value_at(
-    graph: &mut Graph,
-    e: hamel_codegen::expr::ExprId,
-    base: &[SymbolId],
-    x: &[Rational],
-) -> Rational {
+fn value_at(graph: &mut Graph, e: hamel_expr::ExprId, base: &[SymbolId], x: &[Rational]) -> Rational {
     let values: BTreeMap<SymbolId, _> =
         base.iter().zip(x).map(|(s, q)| (*s, graph.rational(q.clone()))).collect();
     let value = graph.subs(e, &values).expect("no denominator vanishes");

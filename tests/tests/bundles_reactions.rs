@@ -1,9 +1,9 @@
 //! Reactions that are not along the constraint, servo constraints and affine actions, exactly.
 
-use hamel_codegen::expr::{ExprId, Graph, Rational, SymbolId};
-use hamel_codegen::mechanics::Equations;
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::spec;
+use hamel_expr::{ExprId, Graph, Rational, SymbolId};
+use hamel_mechanics::mechanics::Equations;
+use hamel_mechanics::reduction::{Formulation, reduce};
 use hamel_tests::draws::{Draws, for_all};
 use hamel_tests::linear::int;
 use hamel_tests::models::{self, equations};
@@ -142,7 +142,7 @@ fn appells_machine_has_the_accelerations_of_its_closed_form() {
 }
 
 fn anchor(g: &Graph, e: &Equations, component: usize, velocity: usize) -> String {
-    g.display(e.system.algebroid.anchor(component, velocity), hamel_codegen::expr::Style::Plain)
+    g.display(e.system.algebroid.anchor(component, velocity), hamel_expr::Style::Plain)
 }
 
 #[test]

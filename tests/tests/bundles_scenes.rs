@@ -1,10 +1,10 @@
 //! What the generator finds out by itself: constant velocities, coordinates that nothing depends on.
 
 use hamel_codegen::explain::explain;
-use hamel_codegen::expr::Style;
-use hamel_codegen::program::{Constant, Operand, Role};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_expr::Style;
+use hamel_program::program::{Constant, Operand, Role};
 use hamel_tests::draws::{Draws, for_all};
 use hamel_tests::models::{self, build, equations, params};
 use num_traits::{ToPrimitive, Zero};

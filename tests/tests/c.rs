@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use hamel_codegen::config::Language;
-use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::{Function, Point, Role};
 use hamel_codegen::scene::{self, BuiltScene, Start, Writing};
 use hamel_codegen::spec::Model;
+use hamel_expr::rational_to_f64;
+use hamel_program::program::{Function, Point, Role};
 use hamel_tests::models::{build, model, names};
 use hamel_tests::random::Random;
 

@@ -1,7 +1,7 @@
 //! What models claim to be conserved is differentiated along all of the motion, quasi-velocities included.
 
-use hamel_codegen::expr::Rational;
 use hamel_codegen::{scene, spec};
+use hamel_expr::Rational;
 use hamel_tests::algebras::{FAMILIES, Family};
 use hamel_tests::draws::{for_all, one};
 use hamel_tests::linear::{Vector, dot, inverse, times, unit};

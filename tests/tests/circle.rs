@@ -2,9 +2,9 @@
 //!
 //! Bounds on rates are those of `reference.rs`: 64 units in the last place of the largest term that enters.
 
-use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_program::program::Role;
 use hamel_runtime::{Dop853, Integrator, Options};
 use hamel_tests::models::{self, Interpreted, State, params, text_with};
 use hamel_tests::random::Random;

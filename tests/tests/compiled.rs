@@ -1,8 +1,8 @@
 //! Compiled scenes, by rustc and in memory, against the interpreter, bit for bit, and generation against itself.
 
-use hamel_codegen::program::{Point, Role, Run};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_jit::Compiled;
+use hamel_program::program::{Point, Role, Run};
 use hamel_runtime::{Dual, F64x4, Failure, Real, Scene, StateVector};
 use hamel_tests::models::{build, build_from_shelf, model, names, names_on_shelf};
 use hamel_tests::random::Random;
@@ -129,8 +129,7 @@ fn compare_in_memory(built: &BuiltScene) -> usize {
     let (label, program) = (&built.name, &built.program);
     let compiled = Compiled::new(program).unwrap_or_else(|e| panic!("{label}: {e}"));
     compiled.compile(true).unwrap_or_else(|e| panic!("{label}: {e}"));
-    let params: Vec<f64> =
-        built.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let params: Vec<f64> = built.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
     let mut random = Random(20_261_123);
     let mut compared = 0;

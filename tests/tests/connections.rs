@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{Graph, SymbolId, rational_to_f64};
-use hamel_codegen::mechanics::derive;
-use hamel_codegen::reduction::{Formulation, KinematicConstraint, ReducedSystem, reduce, with_connection};
 use hamel_codegen::scene;
 use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Model};
+use hamel_expr::{Graph, SymbolId, rational_to_f64};
+use hamel_mechanics::mechanics::derive;
+use hamel_mechanics::reduction::{Formulation, KinematicConstraint, ReducedSystem, reduce, with_connection};
 use hamel_runtime::{Dop853, Integrator, Options};
 use hamel_tests::models::{Interpreted, State, model};
 

@@ -3,11 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{ExprId, Graph, Rational, SymbolId, inlined, rational_to_f64};
-use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::reduction::{DegenerateOutcome, Formulation, KinematicConstraint, reduce};
 use hamel_codegen::scene;
 use hamel_codegen::spec::{self, Model, Want};
+use hamel_expr::{ExprId, Graph, Rational, SymbolId, inlined, rational_to_f64};
+use hamel_mechanics::mechanics::{Equations, derive};
+use hamel_mechanics::reduction::{DegenerateOutcome, Formulation, KinematicConstraint, reduce};
 use hamel_tests::draws::{Draws, for_all};
 use hamel_tests::models;
 

@@ -4,11 +4,11 @@
 //! Rounding: a value and its counterpart by dual numbers are computed with different operations, each run on
 //! [`Tracked`] numbers; they may differ by 16 units in the last place of the larger of their largest terms.
 
-use hamel_codegen::expr::{ExprId, Graph, SymbolId};
-use hamel_codegen::lower::Inputs;
-use hamel_codegen::program::{Point, Program, Role};
 use hamel_codegen::scene::{self, BuiltScene, Derivative};
 use hamel_codegen::spec;
+use hamel_expr::{ExprId, Graph, SymbolId};
+use hamel_program::lower::Inputs;
+use hamel_program::program::{Point, Program, Role};
 use hamel_runtime::{
     Differentiable, Dop853, DoubleDouble, Dual, Integrator, Options, Real, Scene, StateVector, System,
 };

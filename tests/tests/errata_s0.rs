@@ -3,10 +3,10 @@
 //!
 //! A1 for random bases, metrics and chains of many algebras is tested in `properties_stages.rs`.
 
-use hamel_codegen::algebra::{LieAlgebra, Representation};
-use hamel_codegen::expr::Rational;
 use hamel_codegen::scene;
 use hamel_codegen::spec;
+use hamel_expr::Rational;
+use hamel_lang::algebra::{LieAlgebra, Representation};
 use hamel_tests::algebras::ad_star;
 use hamel_tests::draws::{Draws, one};
 use hamel_tests::errata::{
@@ -299,7 +299,7 @@ impl Disk {
         assert_eq!(scene.state_names(), ["theta", "phi", "theta_dot", "phi_dot", "psi_dot"]);
         let default = |name: &str| {
             let found = scene.params().iter().find(|p| p.name == name).unwrap();
-            hamel_codegen::expr::rational_to_f64(&found.default)
+            hamel_expr::rational_to_f64(&found.default)
         };
         let [m, r, e, i3] = ["M", "r", "e", "I3"].map(default);
         let defaults: Vec<f64> = scene.params().iter().map(|p| default(&p.name)).collect();

@@ -1,7 +1,7 @@
 //! Misprints of Cortes, de Leon, Marrero and Martinez (S2) that change equations of motion: the printed formula,
 //! written out by hand, and the corrected one at accelerations that the generator derives.
 
-use hamel_codegen::expr::Rational;
+use hamel_expr::Rational;
 use hamel_tests::errata::{
     Ours, Point, cross, diagonal, generic, inverse_pairing, minus, plus, scaled, spec_text, verdict,
 };

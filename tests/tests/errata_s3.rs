@@ -1,7 +1,7 @@
 //! Misprints of Crampin and Mestdag (S3) that matter for the motion: signs of `C` in the invariant frame, and the
 //! momentum.
 
-use hamel_codegen::expr::Rational;
+use hamel_expr::Rational;
 use hamel_tests::errata::{Ours, Point, cross, diagonal, generic, minus, plus, spec_text, verdict};
 use hamel_tests::linear::{Rows, Vector, dot, identity, int, inverse, product, times, transposed};
 

@@ -2,7 +2,7 @@
 //! generator derives. Fluids: on the su(3) truncation of the flow on a torus, and as identities of polynomial fields,
 //! both exact.
 
-use hamel_codegen::expr::{ExprId, Rational};
+use hamel_expr::{ExprId, Rational};
 use hamel_tests::errata::{
     Fields, Ours, Point, cross, diagonal, generic, minus, plus, scaled, spec_text, transposed, verdict,
 };

@@ -1,11 +1,11 @@
 //! Truncated fluids: Casimirs by matrices, balances of energy, misprints of the source, almost algebras.
 
-use hamel_codegen::expr::{ExprId, SymbolId};
-use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::program::Role;
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene;
 use hamel_codegen::spec;
+use hamel_expr::{ExprId, SymbolId};
+use hamel_mechanics::mechanics::{Equations, derive};
+use hamel_mechanics::reduction::{Formulation, reduce};
+use hamel_program::program::Role;
 use hamel_tests::models;
 use hamel_tests::reference;
 use hamel_tests::tracked::{tracked, units_off};
@@ -20,7 +20,7 @@ fn equations(name: &str, text: &str) -> Equations {
 fn energy_rate(e: &mut Equations) -> ExprId {
     let definitions: Vec<_> = e.sections.iter().flat_map(|s| s.definitions.clone()).collect();
     let g = &mut e.system.graph;
-    let values = hamel_codegen::expr::inlined(g, &definitions);
+    let values = hamel_expr::inlined(g, &definitions);
     g.subs(e.energy_rate, &values).expect("nothing is divided by zero")
 }
 
@@ -180,8 +180,7 @@ fn coefficients(n: usize, f: impl Fn(f64) -> f64) -> Vec<f64> {
 fn rates(name: &str, text: &str, state: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let model = spec::parse(name, text).unwrap_or_else(|e| panic!("{e}"));
     let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
-    let params: Vec<f64> =
-        built.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let params: Vec<f64> = built.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let mut rates = vec![0.0; state.len()];
     built.prepare(&params).unwrap().rhs(0.0, state, &mut rates);
     (rates, params)

@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use hamel_codegen::expr::SymbolId;
-use hamel_codegen::mechanics::{ChangeOfState, Unrelated, derive, same_motion};
-use hamel_codegen::program::Role;
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::{self, BuiltScene, Formulations};
 use hamel_codegen::spec::{self, ConnectionKind, Model};
+use hamel_expr::SymbolId;
+use hamel_mechanics::mechanics::{ChangeOfState, Unrelated, derive, same_motion};
+use hamel_mechanics::reduction::{Formulation, reduce};
+use hamel_program::program::Role;
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::bundle::Bundle;
 use hamel_tests::draws::{for_all, one};
@@ -55,8 +55,7 @@ struct Start {
 
 /// A start at the defaults with state variables of order one, the same for all formulations.
 fn start(scene: &BuiltScene) -> Start {
-    let params: Vec<f64> =
-        scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let params: Vec<f64> = scene.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let mut values: BTreeMap<SymbolId, f64> =
         scene.params().iter().map(|p| p.symbol).zip(params.clone()).collect();
     let numbers = (0..).map(|k| 0.9 - 0.37 * f64::from(k % 5) + 0.01 * f64::from(k));

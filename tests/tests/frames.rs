@@ -3,11 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::algebra::LieAlgebra;
-use hamel_codegen::expr::{ExprId, Graph, Rational, Style, inlined};
-use hamel_codegen::mechanics::{Equations, connection_coefficients};
 use hamel_codegen::scene;
 use hamel_codegen::spec;
+use hamel_expr::{ExprId, Graph, Rational, Style, inlined};
+use hamel_lang::algebra::LieAlgebra;
+use hamel_mechanics::mechanics::{Equations, connection_coefficients};
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::bundle::{Bundle, Polynomial};
 use hamel_tests::draws::{Draws, for_all, one};

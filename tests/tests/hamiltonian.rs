@@ -1,9 +1,9 @@
 //! Hamiltonian models: the motion of the Lagrangian that a Legendre transform relates them to.
 
-use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::build;
 use hamel_codegen::spec::{Model, parse};
+use hamel_mechanics::mechanics::{Equations, derive};
+use hamel_mechanics::reduction::{Formulation, reduce};
 
 fn model(text: &str) -> Model {
     parse("m.hamel", text).unwrap_or_else(|e| panic!("{e}"))
@@ -18,8 +18,7 @@ fn derived(text: &str) -> Equations {
 fn rates(text: &str, values: &[f64]) -> Vec<f64> {
     let model = model(text);
     let scene = build(&model, "default").unwrap_or_else(|e| panic!("{e}"));
-    let params: Vec<f64> =
-        model.params.iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let params: Vec<f64> = model.params.iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let interpreter = scene.prepare(&params).expect("parameters");
     let mut out = vec![0.0; values.len()];
     interpreter.rhs(0.3, values, &mut out);

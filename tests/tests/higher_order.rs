@@ -4,11 +4,11 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{ExprId, Graph, Rational, Style};
-use hamel_codegen::mechanics::{DisplacementForms, Equations, derive, same_motion};
-use hamel_codegen::reduction::{Formulation, StageUse, reduce};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec::{self, ConnectionKind, LieAlgebra, ModelBuilder, Value, ValueError};
+use hamel_expr::{ExprId, Graph, Rational, Style};
+use hamel_mechanics::mechanics::{DisplacementForms, Equations, derive, same_motion};
+use hamel_mechanics::reduction::{Formulation, StageUse, reduce};
 use hamel_tests::draws::{Draws, for_all};
 use hamel_tests::linear::int;
 use hamel_tests::models::{close, equations, follow, params, text, times};

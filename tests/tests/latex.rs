@@ -1,10 +1,10 @@
 //! Explanations of all shipped models in LaTeX: nothing in them that pdflatex refuses.
 
 use hamel_codegen::explain::{self, dirac, explain};
-use hamel_codegen::expr::Style;
-use hamel_codegen::mechanics::connection_coefficients;
 use hamel_codegen::scene;
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::Style;
+use hamel_mechanics::mechanics::connection_coefficients;
 use hamel_tests::latex::problems;
 use hamel_tests::models;
 

@@ -7,12 +7,12 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::algebra::{LieAlgebra, Representation};
-use hamel_codegen::expr::{ExprId, Graph, Rational, SymbolId};
-use hamel_codegen::mechanics::Equations;
-use hamel_codegen::reduction::KinematicConstraint;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_expr::{ExprId, Graph, Rational, SymbolId};
+use hamel_lang::algebra::{LieAlgebra, Representation};
+use hamel_mechanics::mechanics::Equations;
+use hamel_mechanics::reduction::KinematicConstraint;
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::bundle::{Bundle, BundleState};
 use hamel_tests::draws::{Draws, for_all, one};

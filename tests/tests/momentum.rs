@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{ExprId, SymbolId};
-use hamel_codegen::mechanics::Equations;
+use hamel_expr::{ExprId, SymbolId};
+use hamel_mechanics::mechanics::Equations;
 use hamel_tests::models::equations;
 
 /// An expression with every definition replaced by its value: a function of parameters, time and state.

@@ -5,8 +5,8 @@
 
 use std::fmt::Write as _;
 
-use hamel_codegen::program::{Counts, FallBack, Limit, Report, Role};
 use hamel_codegen::scene;
+use hamel_program::program::{Counts, FallBack, Limit, Report, Role};
 use hamel_tests::models::{build, model, names};
 
 /// The most operations of the default and the minimal scene of every model.

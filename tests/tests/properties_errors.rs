@@ -1,10 +1,11 @@
 //! Systems that do not exist are refused, and the message names what is wrong.
 
-use hamel_codegen::algebra::{LieAlgebra, Matrix, Representation};
 use hamel_codegen::error::Error;
-use hamel_codegen::expr::{Graph, Rational};
-use hamel_codegen::reduction::{Formulation, Stages, reduce};
-use hamel_codegen::{mechanics, spec};
+use hamel_codegen::spec;
+use hamel_expr::{Graph, Rational};
+use hamel_lang::algebra::{LieAlgebra, Matrix, Representation};
+use hamel_mechanics::mechanics;
+use hamel_mechanics::reduction::{Formulation, Stages, reduce};
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::draws::{for_all, one};
 use hamel_tests::linear::{Rows, Vector, add_scaled, fraction, int, product, spans, times, transposed, unit};

@@ -1,8 +1,8 @@
 //! Random systems on random algebras: the derived equations are the equations of the theory, exactly.
 
-use hamel_codegen::algebra::{LieAlgebra, Representation};
-use hamel_codegen::mechanics::Equations;
-use hamel_codegen::reduction::KinematicConstraint;
+use hamel_lang::algebra::{LieAlgebra, Representation};
+use hamel_mechanics::mechanics::Equations;
+use hamel_mechanics::reduction::KinematicConstraint;
 use hamel_tests::algebras::{FAMILIES, Family, Transported};
 use hamel_tests::draws::{Draws, for_all, one};
 use hamel_tests::linear::{Vector, dot, int, times};

@@ -1,8 +1,8 @@
 //! Reduction by stages: what is split is rebuilt exactly, and the staged vertical equations are the unstaged ones.
 
-use hamel_codegen::algebra::LieAlgebra;
-use hamel_codegen::expr::{ExprId, Graph, Rational};
-use hamel_codegen::reduction::{Stages, Tensor};
+use hamel_expr::{ExprId, Graph, Rational};
+use hamel_lang::algebra::LieAlgebra;
+use hamel_mechanics::reduction::{Stages, Tensor};
 use hamel_tests::algebras::{FAMILIES, Family, Transported, ad_star, product_metric};
 use hamel_tests::draws::{Draws, for_all, one};
 use hamel_tests::linear::{

@@ -4,8 +4,8 @@
 //! that enters it. The largest term is computed by running the very program on `Tracked` numbers, which propagate it
 //! through every operation (its documentation says how); the distance to the 40-digit reference is taken exactly.
 
-use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
+use hamel_program::program::Role;
 use hamel_runtime::{Dop853, Integrator, Options};
 use hamel_tests::models::{self, Interpreted, State};
 use hamel_tests::reference::{self, Numbers, Reference, WITHOUT_FILE};

@@ -1,10 +1,10 @@
 //! Fluids of many modes as loops over tables: against straight-line code, against products of matrices, and what stays
 //! constant. Taylor coefficients through them.
 
-use hamel_codegen::lower::SearchBudget;
-use hamel_codegen::program::{self, Role};
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec;
+use hamel_program::lower::SearchBudget;
+use hamel_program::program::{self, Role};
 use hamel_runtime::matrices::{IsospectralMidpoint, Options, Torus};
 use hamel_runtime::{Integrator, Jet, System, Taylor, Vern9};
 use hamel_tests::models::{model, params};

@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{ExprId, Graph};
-use hamel_codegen::mechanics::{Equations, Routhian, derive};
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::spec::parse;
+use hamel_expr::{ExprId, Graph};
+use hamel_mechanics::mechanics::{Equations, Routhian, derive};
+use hamel_mechanics::reduction::{Formulation, reduce};
 
 fn derived(items: &str) -> Equations {
     let model = parse("m.hamel", &format!("model m {{ {items} }}")).unwrap_or_else(|e| panic!("{e}"));

@@ -4,7 +4,7 @@
 //! side that one would write for the special system alone. The counts here are those of equations written by hand; more
 //! is a missed simplification, and fewer means that the hand can learn something: the entry is then corrected.
 
-use hamel_codegen::program::Role;
+use hamel_program::program::Role;
 use hamel_tests::models::build;
 
 /// Additions and subtractions, multiplications, divisions, roots and functions of a right-hand side. A fused pair

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{ExprId, Style, SymbolId, Vanishing};
-use hamel_codegen::mechanics::{ConservedMomenta, Equations};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_expr::{ExprId, Style, SymbolId, Vanishing};
+use hamel_mechanics::mechanics::{ConservedMomenta, Equations};
 use hamel_tests::models::{follow, text_with, times};
 use hamel_tests::problem::equations_of;
 

@@ -1,13 +1,13 @@
 //! Fluids on the sphere by their structure constants: against commutators of dense matrices made here, against products
 //! of matrices, and what stays constant.
 
-use hamel_codegen::algebra::{Functions, LieAlgebra};
-use hamel_codegen::expr::{Number, Scalar};
-use hamel_codegen::lower::SearchBudget;
-use hamel_codegen::mechanics::derive;
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_expr::{Number, Scalar};
+use hamel_lang::algebra::{Functions, LieAlgebra};
+use hamel_mechanics::mechanics::derive;
+use hamel_mechanics::reduction::{Formulation, reduce};
+use hamel_program::lower::SearchBudget;
 use hamel_runtime::matrices::{IsospectralMidpoint, Options, Sphere};
 use hamel_tests::random::Random;
 

@@ -1,9 +1,9 @@
 //! Mass times acceleration of squares of velocities, against momenta: the same forces.
 
-use hamel_codegen::expr::{ExprId, inlined};
-use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_codegen::spec;
+use hamel_expr::{ExprId, inlined};
+use hamel_mechanics::mechanics::{Equations, derive};
+use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_tests::models::{model, text};
 
 /// `rho^i_alpha dL/dx^i + F_alpha - C^gamma_{alpha beta} y^beta p_gamma - dp_alpha/dx^i xdot^i`, as it is written.

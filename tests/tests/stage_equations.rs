@@ -3,11 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::algebra::Representation;
-use hamel_codegen::expr::{ExprId, Graph, Rational};
-use hamel_codegen::mechanics::{Equations, VerticalEquations, derive};
-use hamel_codegen::reduction::{Formulation, KinematicConstraint, Stages, reduce};
 use hamel_codegen::spec;
+use hamel_expr::{ExprId, Graph, Rational};
+use hamel_lang::algebra::Representation;
+use hamel_mechanics::mechanics::{Equations, VerticalEquations, derive};
+use hamel_mechanics::reduction::{Formulation, KinematicConstraint, Stages, reduce};
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::bundle::Bundle;
 use hamel_tests::draws::{Draws, for_all, one};

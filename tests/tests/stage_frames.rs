@@ -3,12 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{ExprId, Graph, SymbolId, inlined, rational_to_f64};
-use hamel_codegen::mechanics::{Equations, OutputKind, VerticalEquations, derive};
-use hamel_codegen::program::Role;
-use hamel_codegen::reduction::{Formulation, KinematicConstraint, StageUse, reduce};
 use hamel_codegen::scene;
 use hamel_codegen::spec::{self, InnerProduct, Model, Want};
+use hamel_expr::{ExprId, Graph, SymbolId, inlined, rational_to_f64};
+use hamel_mechanics::mechanics::{Equations, OutputKind, VerticalEquations, derive};
+use hamel_mechanics::reduction::{Formulation, KinematicConstraint, StageUse, reduce};
+use hamel_program::program::Role;
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::bundle::Bundle;
 use hamel_tests::draws::{Draws, for_all, one};
@@ -104,7 +104,7 @@ fn assert_carried(plain: &Equations, carried: &Equations, what: &str) {
     // Base velocities that the constraint determines in one frame and not in the other.
     for (u, name) in frame.original[..n].iter().zip(carried.system.algebroid.frame()) {
         let definitions = carried.sections.iter().flat_map(|s| &s.definitions);
-        let named = |d: &&hamel_codegen::expr::Definition| carried.system.graph.name(d.symbol) == name;
+        let named = |d: &&hamel_expr::Definition| carried.system.graph.name(d.symbol) == name;
         let is_state = carried.state.iter().any(|s| s.symbol == u.symbol);
         if let Some(d) = definitions.clone().find(named).filter(|_| !is_state) {
             let e = levels.inlined(d.expr);

@@ -6,7 +6,7 @@ use hamel_tests::models;
 
 fn groups(scene: &BuiltScene) -> Vec<(String, Vec<String>)> {
     let components =
-        |o: &hamel_codegen::mechanics::Output| o.components.iter().map(|(n, _)| n.clone()).collect();
+        |o: &hamel_mechanics::mechanics::Output| o.components.iter().map(|(n, _)| n.clone()).collect();
     scene.outputs().iter().map(|o| (o.name.clone(), components(o))).collect()
 }
 

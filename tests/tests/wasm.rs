@@ -9,10 +9,10 @@ use std::process::{Command, Stdio};
 
 use hamel_codegen::Config;
 use hamel_codegen::config::Language;
-use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::{Point, Role};
 use hamel_codegen::scene::{self, BuiltScene, Scenes};
 use hamel_codegen::spec::{self, Model};
+use hamel_expr::rational_to_f64;
+use hamel_program::program::{Point, Role};
 use hamel_runtime::{Dop853, Integrator, Method, OfPositions, Options, Projected, System};
 use hamel_tests::models::{Closed, Interpreted, State, model};
 use hamel_tests::random::Random;

@@ -16,7 +16,7 @@ use hamel::model::{Model, show_warnings};
 use hamel::repository::Repository;
 use hamel::session::{ModelFile, Session};
 use hamel_codegen::config::{Bundle, Config, Problems, Progress};
-use hamel_codegen::emit::SceneEntry as Entry;
+use hamel_program::emit::SceneEntry as Entry;
 use indicatif::{ProgressBar, ProgressStyle};
 
 pub(crate) mod systems;

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
-use hamel_codegen::expr::Style;
-use hamel_codegen::mechanics::connection_coefficients;
 use hamel_codegen::scene::{self, Certificate};
 use hamel_codegen::spec::ConnectionKind;
+use hamel_expr::Style;
+use hamel_mechanics::mechanics::connection_coefficients;
 
 use crate::cache::Cache;
 use crate::error::Error;

@@ -4,9 +4,9 @@
 
 use std::sync::Arc;
 
-use hamel_codegen::mechanics::{self, Equations};
-use hamel_codegen::reduction::{self, Formulation};
 use hamel_codegen::spec::{self, Diagnostics, Model, Outline};
+use hamel_mechanics::mechanics::{self, Equations};
+use hamel_mechanics::reduction::{self, Formulation};
 
 use super::position::Lines;
 

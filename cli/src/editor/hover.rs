@@ -5,8 +5,8 @@
 use std::fmt::Write as _;
 
 use hamel_codegen::explain;
-use hamel_codegen::mechanics::Equations;
 use hamel_codegen::spec::{Declaration, DeclarationKind, Model, Outline, Side, Span, WordKind, vocabulary};
+use hamel_mechanics::mechanics::Equations;
 
 use super::document::Document;
 use crate::model::spelling::spell;

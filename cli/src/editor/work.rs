@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
-use hamel_codegen::mechanics::Equations;
+use hamel_mechanics::mechanics::Equations;
 
 use super::document::{Checked, check, derive};
 

@@ -9,11 +9,11 @@ pub mod roles;
 pub mod spelling;
 pub mod units;
 
-use hamel_codegen::expr::Budget;
-use hamel_codegen::reduction;
 use hamel_codegen::scene;
 pub use hamel_codegen::spec::Model;
 use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Want, Wanted};
+use hamel_expr::Budget;
+use hamel_mechanics::reduction;
 
 pub use checked::Checked;
 pub use extended::{first_message, is_one_expression, with_items};

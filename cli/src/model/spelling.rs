@@ -2,7 +2,7 @@
 //!
 //! Does not know: models.
 
-use hamel_codegen::expr::{Graph, Style};
+use hamel_expr::{Graph, Style};
 
 /// A name as people write it, such as `Ω₁`.
 pub fn spell(name: &str) -> String {

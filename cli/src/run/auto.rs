@@ -8,7 +8,7 @@
 
 use super::method::MethodName;
 
-/// Costs up to which a right-hand side is cheap, in the unit of [`hamel_codegen::program::Counts::cost`]: the steps'
+/// Costs up to which a right-hand side is cheap, in the unit of [`hamel_program::program::Counts::cost`]: the steps'
 /// own arithmetic costs as much, and series grow with the cost faster than values.
 const CHEAP: u64 = 64;
 

@@ -71,7 +71,7 @@ pub trait Dynamics: Send + Sync {
     /// Writes the derivatives of the right-hand side: row `i` has those of component `i`.
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]);
 
-    /// Cost of one evaluation of the right-hand side, as [`hamel_codegen::program::Counts::cost`]; none when it is not
+    /// Cost of one evaluation of the right-hand side, as [`hamel_program::program::Counts::cost`]; none when it is not
     /// known.
     fn rhs_cost(&self) -> Option<u64>;
 

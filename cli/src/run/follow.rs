@@ -5,11 +5,11 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::program::ViolatedCondition;
 use hamel_codegen::scene::{
     Interpreter, Origin, Prior, free_coordinates, free_velocities, initial_slopes, settle,
 };
 use hamel_codegen::spec::Want;
+use hamel_program::program::ViolatedCondition;
 use hamel_runtime::Dual;
 use nalgebra::{DMatrix, DVector};
 

@@ -8,9 +8,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 
-use hamel_codegen::program::{Role, ViolatedCondition};
 use hamel_codegen::scene::{self, Executable};
 use hamel_codegen::spec::{CarriedBy, circle_names};
+use hamel_program::program::{Role, ViolatedCondition};
 use serde::{Deserialize, Serialize};
 
 use super::dynamics::BadParams;

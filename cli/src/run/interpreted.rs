@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 use std::ops::Deref;
 use std::sync::{Arc, Mutex, OnceLock};
 
-use hamel_codegen::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
+use hamel_program::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
 use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
 
 use super::dynamics::{

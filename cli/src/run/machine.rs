@@ -13,7 +13,7 @@ pub(super) use nothing::Compiled;
 
 #[cfg(target_family = "wasm")]
 mod nothing {
-    use hamel_codegen::program::{Point, Program, Run};
+    use hamel_program::program::{Point, Program, Run};
 
     /// A compiled program, of which there is none.
     #[derive(Debug)]

@@ -2,8 +2,8 @@
 //!
 //! Does not know: how a request was written, files, figures, models with equations.
 
-use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::spec::{FluidMode, FluidSurface, MatrixFluid};
+use hamel_expr::rational_to_f64;
 use hamel_runtime::Error as SolverError;
 use hamel_runtime::matrices::{IsospectralMidpoint, Laplacian, MatrixMut, MatrixRef, Options, Sphere, Torus};
 

@@ -2,10 +2,10 @@
 //!
 //! Does not know: how a scene is derived or evaluated, caches.
 
-use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::program::Role;
 use hamel_codegen::scene::{BuiltScene, Executable};
 use hamel_codegen::spec;
+use hamel_expr::rational_to_f64;
+use hamel_program::program::Role;
 use serde::{Deserialize, Serialize};
 
 use super::info::{Info, OutputEntry, ParamEntry};
@@ -74,7 +74,7 @@ fn momenta(scene: &BuiltScene) -> Vec<String> {
     names
 }
 
-pub(super) fn output_entry(output: &hamel_codegen::mechanics::Output) -> OutputEntry {
+pub(super) fn output_entry(output: &hamel_mechanics::mechanics::Output) -> OutputEntry {
     OutputEntry {
         name: output.name.clone(),
         components: output.components.iter().map(|(name, _)| name.clone()).collect(),

@@ -4,10 +4,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::expr::SymbolId;
-use crate::mechanics::{Equations, Output};
-use crate::program::Program;
-use crate::spec::Model;
+use hamel_expr::SymbolId;
+use hamel_lang::spec::Model;
+use hamel_mechanics::mechanics::{Equations, Output};
+use hamel_program::program::Program;
 
 /// What is held to what.
 pub(crate) struct Claim<'a> {

@@ -10,9 +10,9 @@
 
 use hamel_runtime::{Dual, Real};
 
-use crate::expr::{ExprId, SymbolId};
-use crate::mechanics::Equations;
-use crate::spec::{ConstraintKind, Model, Side};
+use hamel_expr::{ExprId, SymbolId};
+use hamel_lang::spec::{ConstraintKind, Model, Side};
+use hamel_mechanics::mechanics::Equations;
 
 use super::tape::{Env, Tape};
 
@@ -428,7 +428,7 @@ impl<'a> Definition<'a> {
             env.set(*symbol, Dual::variable(value));
             slopes.push(self.residuals(&env)?.into_iter().map(|r| r.derivative).collect());
         }
-        let form = |(k, constraint): (usize, &crate::spec::Constraint)| {
+        let form = |(k, constraint): (usize, &hamel_lang::spec::Constraint)| {
             let form = match &highest[k] {
                 Some(row) => along(row).into_iter().chain(quasi.iter().map(|_| R::ZERO)).collect(),
                 None => slopes.iter().map(|slope| slope[k]).collect(),

@@ -6,9 +6,9 @@
 
 use hamel_runtime::{Dual, Real};
 
-use crate::expr::SymbolId;
-use crate::program::{Circles, Jet, Role};
-use crate::spec::Want;
+use hamel_expr::SymbolId;
+use hamel_lang::spec::Want;
+use hamel_program::program::{Circles, Jet, Role};
 
 use super::claim::MatrixClaim;
 use super::motion::constants;
@@ -418,7 +418,7 @@ impl Results<'_, '_> {
 }
 
 /// Slots with constants as the program rounds them: a recurrence has the same ones, so that both agree to all digits.
-fn rounded_slots(program: &crate::program::Program, params: &[Wide]) -> Option<Vec<Wide>> {
+fn rounded_slots(program: &hamel_program::program::Program, params: &[Wide]) -> Option<Vec<Wide>> {
     let mut prepared = program.prepare(params).ok()?;
     prepared.truncate(program.prepare.slots.len());
     Some(prepared)

@@ -4,7 +4,7 @@
 
 use hamel_runtime::Real;
 
-use crate::spec::{MatrixGroup, MatrixSpace, Side};
+use hamel_lang::spec::{MatrixGroup, MatrixSpace, Side};
 
 use super::random::Random;
 use super::tape::rational;

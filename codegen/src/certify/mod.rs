@@ -29,7 +29,7 @@ mod sheet;
 mod tape;
 mod wide;
 
-use crate::error::Error;
+use hamel_expr::error::Error;
 
 pub use claim::Certificate;
 pub(crate) use claim::{Claim, MatrixClaim};

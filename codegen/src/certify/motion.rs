@@ -12,9 +12,9 @@ use std::collections::BTreeMap;
 
 use hamel_runtime::{Dual, Real};
 
-use crate::expr::SymbolId;
-use crate::reduction::KinematicConstraint;
-use crate::spec::{ConnectionKind, ConstraintKind, Given, ReconstructionKind, Side};
+use hamel_expr::SymbolId;
+use hamel_lang::spec::{ConnectionKind, ConstraintKind, Given, ReconstructionKind, Side};
+use hamel_mechanics::reduction::KinematicConstraint;
 
 use super::definition::{Displacement, Missing, Place};
 use super::group;
@@ -386,7 +386,7 @@ impl Motion {
             let values: Vec<Wide> =
                 item.symbols.iter().map(|s| self.at.env.get(*s).unwrap_or_default()).collect();
             let moving: Vec<Dual<Wide>> = values.iter().zip(&rates).map(|(x, d)| Dual::new(*x, *d)).collect();
-            let number = |list: &[crate::expr::ExprId]| -> Result<Vec<Wide>, Missing> {
+            let number = |list: &[hamel_expr::ExprId]| -> Result<Vec<Wide>, Missing> {
                 Ok(Tape::new(&model.graph, list).eval(&self.at.env)?.roots)
             };
             let mut each = |found: &[Wide], defined: &[Wide]| {

@@ -5,10 +5,10 @@
 
 use hamel_runtime::{Dual, Real};
 
-use crate::expr::{ExprId, Relation, SymbolId, needed_sections};
-use crate::mechanics::Equations;
-use crate::program::Role;
-use crate::spec::{Domain, Model, ReconstructionKind, Want};
+use hamel_expr::{ExprId, Relation, SymbolId, needed_sections};
+use hamel_lang::spec::{Domain, Model, ReconstructionKind, Want};
+use hamel_mechanics::mechanics::Equations;
+use hamel_program::program::Role;
 
 use super::claim::Claim;
 use super::definition::{Definition, Missing, Place};
@@ -224,7 +224,8 @@ impl<'a> Setting<'a> {
                 env.set(param.symbol, value);
             }
             let values = conditions.eval(env).ok()?.roots;
-            let holds = |(c, pair): (&crate::spec::Condition, &[Wide])| compare(c.relation, pair[0], pair[1]);
+            let holds =
+                |(c, pair): (&hamel_lang::spec::Condition, &[Wide])| compare(c.relation, pair[0], pair[1]);
             if model.conditions.iter().zip(values.chunks(2)).all(holds) {
                 return Some(());
             }

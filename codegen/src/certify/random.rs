@@ -2,7 +2,7 @@
 //!
 //! Does not know: what is drawn.
 
-use crate::expr::uniform;
+use hamel_expr::uniform;
 
 use super::wide::Wide;
 

@@ -4,10 +4,10 @@
 
 use hamel_runtime::{Dual, Real};
 
-use crate::expr::{ExprId, SymbolId};
-use crate::mechanics::{Output, OutputKind};
-use crate::program::Role;
-use crate::spec::{ReconstructionKind, Want};
+use hamel_expr::{ExprId, SymbolId};
+use hamel_lang::spec::{ReconstructionKind, Want};
+use hamel_mechanics::mechanics::{Output, OutputKind};
+use hamel_program::program::Role;
 
 use super::definition::{Missing, Place};
 use super::linear::Reduced;
@@ -132,7 +132,7 @@ impl Results<'_, '_> {
         let n_frame = definition.m;
         let model = definition.model;
         for (_, symbol, velocity) in model.momenta.iter().flat_map(|m| &m.components) {
-            let is_it = |u: &crate::reduction::Unknown| match u.frame_idx {
+            let is_it = |u: &hamel_mechanics::reduction::Unknown| match u.frame_idx {
                 Some(k) => k == *velocity,
                 None => *velocity >= n_frame && model.quasi_velocities[velocity - n_frame].symbol == u.symbol,
             };

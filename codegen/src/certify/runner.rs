@@ -4,8 +4,8 @@
 
 use hamel_runtime::Real;
 
-use crate::expr::Relation;
-use crate::program::{Constant, Instruction, Op, Operand, Point, Program};
+use hamel_expr::Relation;
+use hamel_program::program::{Constant, Instruction, Op, Operand, Point, Program};
 
 use super::tape;
 

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 use hamel_runtime::Real;
 use num_traits::{FromPrimitive, One, ToPrimitive, Zero};
 
-use crate::expr::{ExprId, Func, Graph, Node, Rational, Section, SymbolId, rational_to_f64};
+use hamel_expr::{ExprId, Func, Graph, Node, Rational, Section, SymbolId, rational_to_f64};
 
 /// `pi`, and what the double next to it lacks.
 pub(super) const PI: [f64; 2] = [std::f64::consts::PI, 1.224_646_799_147_353_2e-16];

@@ -7,10 +7,10 @@
 use std::path::PathBuf;
 
 use super::store::{Key, Store};
-use crate::emit::SceneEntry;
-use crate::expr::Budget;
 use crate::scene::Writing;
-use crate::spec::Model;
+use hamel_expr::Budget;
+use hamel_lang::spec::Model;
+use hamel_program::emit::SceneEntry;
 
 /// Bytes of all scenes together.
 const MAX_BYTES: u64 = 64_000_000;

@@ -5,9 +5,9 @@
 use super::Config;
 use super::bundle::{Bundle, emission};
 use super::problems::{Problem, Problems};
-use crate::emit::{self, FluidModeText, FluidText, SurfaceText};
-use crate::expr::rational_to_f64;
-use crate::spec::{FluidSurface, MatrixFluid};
+use hamel_expr::rational_to_f64;
+use hamel_lang::spec::{FluidSurface, MatrixFluid};
+use hamel_program::emit::{self, FluidModeText, FluidText, SurfaceText};
 
 impl Config {
     /// Adds the modules of fluids that are moved as products of matrices; their size does not depend on that of the
@@ -39,7 +39,7 @@ impl Config {
     }
 
     fn text_of(&self, fluid: &MatrixFluid) -> FluidText {
-        let mode = |mode: &crate::spec::FluidMode| FluidModeText {
+        let mode = |mode: &hamel_lang::spec::FluidMode| FluidModeText {
             name: mode.name.clone(),
             wave: mode.wave,
             is_second: mode.is_second,

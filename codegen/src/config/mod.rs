@@ -12,22 +12,19 @@ mod bundle;
 mod cache;
 mod fluid;
 mod problems;
-#[cfg(feature = "internals")]
 pub mod store;
-#[cfg(not(feature = "internals"))]
-mod store;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::emit::{self, SceneEntry};
-use crate::error::Error;
-use crate::expr::Budget;
-use crate::parallel::side_by_side;
 use crate::scene::{self, BuiltScene, Scenes, Writing};
-use crate::spec::{self, Diagnostics, Model};
+use hamel_expr::Budget;
+use hamel_expr::error::Error;
+use hamel_expr::parallel::side_by_side;
+use hamel_lang::spec::{self, Diagnostics, Model};
+use hamel_program::emit::{self, SceneEntry};
 
 use bundle::{emission, unique};
 use cache::Cache;
@@ -334,7 +331,6 @@ impl Config {
     ///
     /// # Errors
     /// As [`Config::generate`].
-    #[cfg(feature = "internals")]
     pub fn generate_within(&self, models: &[Model], cache: &Path) -> Result<Bundle, Problems> {
         self.generate_cached(models, &|_| {}, Some(&Cache::new(cache.to_owned())))
     }

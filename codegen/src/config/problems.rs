@@ -6,8 +6,8 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-use crate::error::Error;
-use crate::spec::Diagnostics;
+use hamel_expr::error::Error;
+use hamel_lang::spec::Diagnostics;
 
 /// One thing that went wrong between model files and generated ones.
 #[derive(Debug)]

@@ -3,12 +3,12 @@
 //! Does not know: how any of it was found.
 
 use super::{Page, SectionKind};
-use crate::error::Error;
-use crate::expr::{Budget, ExprId, Func, Rational, Style};
-use crate::mechanics::{BracketFacts, Density, Jacobi};
-use crate::reduction::KinematicConstraint;
 use crate::scene::BuiltScene;
-use crate::spec::{Coordinate, Domain, Model, Want};
+use hamel_expr::error::Error;
+use hamel_expr::{Budget, ExprId, Func, Rational, Style};
+use hamel_lang::spec::{Coordinate, Domain, Model, Want};
+use hamel_mechanics::mechanics::{BracketFacts, Density, Jacobi};
+use hamel_mechanics::reduction::KinematicConstraint;
 
 impl Page {
     /// The bracket of a constrained system, and of a scene that wants it.

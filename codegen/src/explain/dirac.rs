@@ -3,8 +3,8 @@
 //! Does not know: how it is made.
 
 use super::{Page, SectionKind};
-use crate::expr::{ExprId, Style, SymbolId};
-use crate::mechanics::{DiracStructure, Equations};
+use hamel_expr::{ExprId, Style, SymbolId};
+use hamel_mechanics::mechanics::{DiracStructure, Equations};
 
 impl Page {
     /// Coordinates, conditions with the numbers of the model, and what makes equations of motion of them.

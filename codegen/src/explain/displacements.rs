@@ -2,9 +2,9 @@
 //!
 //! Deliberately does not know: how any of it was computed.
 
-use crate::expr::Style;
-use crate::mechanics::{DisplacementForms, Equations};
-use crate::spec::Model;
+use hamel_expr::Style;
+use hamel_lang::spec::Model;
+use hamel_mechanics::mechanics::{DisplacementForms, Equations};
 
 use super::{Page, SectionKind, latex, visible_width};
 

@@ -2,9 +2,9 @@
 //!
 //! Deliberately does not know: how any of it was computed.
 
-use crate::expr::{Budget, ExprId, Graph, Style};
-use crate::mechanics::{Coefficients, Equations};
-use crate::spec::{Model, OwnAlgebroid};
+use hamel_expr::{Budget, ExprId, Graph, Style};
+use hamel_lang::spec::{Model, OwnAlgebroid};
+use hamel_mechanics::mechanics::{Coefficients, Equations};
 
 use super::{Page, SectionKind};
 

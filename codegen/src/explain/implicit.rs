@@ -3,9 +3,9 @@
 //! Does not know: how it is made.
 
 use super::{Page, SectionKind};
-use crate::expr::Budget;
-use crate::mechanics::implicit_form;
 use crate::scene::BuiltScene;
+use hamel_expr::Budget;
+use hamel_mechanics::mechanics::implicit_form;
 
 impl Page {
     /// Variables, rows and index, where the scene wants them.

@@ -5,10 +5,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::labelled;
-use crate::error::spell_vector;
-use crate::expr::{Definition, ExprId, Number, Style, SymbolId, identifier};
-use crate::mechanics::Equations;
-use crate::spec::Model;
+use hamel_expr::error::spell_vector;
+use hamel_expr::{Definition, ExprId, Number, Style, SymbolId, identifier};
+use hamel_lang::spec::Model;
+use hamel_mechanics::mechanics::Equations;
 
 /// Longest right-hand side that is written down.
 const MAX_CHARACTERS: usize = 600;

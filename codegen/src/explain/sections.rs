@@ -4,9 +4,9 @@
 //! Does not know: how any of it was found.
 
 use super::{MAX_FORMULA, Page, SectionKind, labelled};
-use crate::expr::{Graph, Vanishing};
-use crate::mechanics::{ConservedMomenta, ConservedMomentum, Equations, OutputKind};
-use crate::spec::Want;
+use hamel_expr::{Graph, Vanishing};
+use hamel_lang::spec::Want;
+use hamel_mechanics::mechanics::{ConservedMomenta, ConservedMomentum, Equations, OutputKind};
 
 impl Page {
     /// The momenta along the sections of the model and whether they are conserved, and what else of the kind is.

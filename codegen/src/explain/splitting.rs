@@ -3,9 +3,9 @@
 //! Does not know: how they are found.
 
 use super::{Page, SectionKind};
-use crate::expr::Budget;
-use crate::mechanics::Splitting;
 use crate::scene::BuiltScene;
+use hamel_expr::Budget;
+use hamel_mechanics::mechanics::Splitting;
 
 impl Page {
     /// The pieces of the motion, where the scene wants its flows.

@@ -4,7 +4,7 @@
 
 use super::Page;
 use crate::scene::BuiltScene;
-use crate::spec::{Model, Unit};
+use hamel_lang::spec::{Model, Unit};
 
 impl Page {
     /// Parameters and inputs have their documentation beside them, so that those are told alone whose unit follows.

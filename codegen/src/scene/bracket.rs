@@ -7,12 +7,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::dependence::left_out;
 use super::derivatives::Matrix;
-use crate::error::Error;
-use crate::expr::{Definition, ExprId, Func, Graph, Rational, Section, SymbolId, needed_sections};
-use crate::mechanics::{
+use hamel_expr::error::Error;
+use hamel_expr::{Definition, ExprId, Func, Graph, Rational, Section, SymbolId, needed_sections};
+use hamel_lang::spec::Want;
+use hamel_mechanics::mechanics::{
     Bracket, BracketFacts, Density, Equations, Jacobi, Output, OutputKind, StateEquation,
 };
-use crate::spec::Want;
 
 /// Name of the output with `R` of `y' = Pi dE + R`.
 pub(super) const REMAINDER: &str = "bracket_remainder";

@@ -6,16 +6,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::certify::{Certificate, Claim, MatrixClaim, N_POINTS, certify};
-use crate::error::Error;
-use crate::expr::{Budget, ExprId, Graph, Stage, SymbolId, needed_sections};
-use crate::lower::{self, Inputs, ParamCondition, Request};
-use crate::mechanics::{
+use hamel_expr::error::Error;
+use hamel_expr::parallel::side_by_side;
+use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, needed_sections};
+use hamel_lang::spec::{self, Diagnostics, Model, Want, Wanted};
+use hamel_mechanics::mechanics::{
     Equations, Output, OutputKind, Phase, StateEquation, derive, is_recursive, operations_of_motion, phases,
 };
-use crate::parallel::side_by_side;
-use crate::program::Role;
-use crate::reduction::{Formulation, ReducedSystem, reduce};
-use crate::spec::{self, Diagnostics, Model, Want, Wanted};
+use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
+use hamel_program::lower::{self, Inputs, ParamCondition, Request};
+use hamel_program::program::Role;
 
 use super::built::{BuiltScene, legendre_role};
 use super::dependence::{ignorable, left_out, needs, outputs_of_model};

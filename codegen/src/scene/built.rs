@@ -6,10 +6,10 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use crate::certify::Certificate;
-use crate::expr::{Budget, SymbolId};
-use crate::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation};
-use crate::program::{Program, Role};
-use crate::spec::{Model, Param, Want};
+use hamel_expr::{Budget, SymbolId};
+use hamel_lang::spec::{Model, Param, Want};
+use hamel_mechanics::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation};
+use hamel_program::program::{Program, Role};
 
 use super::dependence::{left_out, outputs_of_model};
 use super::derivatives::{Matrix, Product};
@@ -143,8 +143,8 @@ impl BuiltScene {
     /// Holds the scene to its definition once more, at as many points as asked for.
     ///
     /// # Errors
-    /// [`Error::Disagrees`](crate::error::Error::Disagrees).
-    pub fn certify(&self, n_points: usize) -> Result<Certificate, crate::error::Error> {
+    /// [`Error::Disagrees`](hamel_expr::error::Error::Disagrees).
+    pub fn certify(&self, n_points: usize) -> Result<Certificate, hamel_expr::error::Error> {
         match &self.model {
             Some(model) => self.held_to(model, n_points),
             None => Ok(self.certificate.clone()),

@@ -2,7 +2,7 @@
 //!
 //! Does not know: what the functions compute.
 
-use crate::program::{Circles, Counts, Role};
+use hamel_program::program::{Circles, Counts, Role};
 
 use super::built::BuiltScene;
 

@@ -7,9 +7,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::error::Error;
-use crate::expr::{ExprId, Graph, Node, Style, SymbolId, inlined, rational_to_f64};
-use crate::spec::{ConstraintKind, Diagnostic, Diagnostics, ExpressionRole, Model, Span};
+use hamel_expr::error::Error;
+use hamel_expr::{ExprId, Graph, Node, Style, SymbolId, inlined, rational_to_f64};
+use hamel_lang::spec::{ConstraintKind, Diagnostic, Diagnostics, ExpressionRole, Model, Span};
 
 use super::built::BuiltScene;
 use super::interpreter::Interpreter;

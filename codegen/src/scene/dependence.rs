@@ -4,8 +4,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::expr::{ExprId, Graph, SymbolId, needed_sections};
-use crate::mechanics::{Equations, OutputKind, StateEquation};
+use hamel_expr::{ExprId, Graph, SymbolId, needed_sections};
+use hamel_mechanics::mechanics::{Equations, OutputKind, StateEquation};
 
 /// Base coordinates on which neither another state variable's rate, nor a wanted result, nor a pivot depends.
 pub(super) fn ignorable(equations: &Equations, results: &[ExprId]) -> Vec<String> {

@@ -4,12 +4,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::differentiate::Linearisation;
-use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, needed_sections};
-use crate::lower::{Inputs, Request};
-use crate::mechanics::{Output, StateEquation};
-use crate::program::Role;
-use crate::spec::Want;
+use hamel_expr::differentiate::Linearisation;
+use hamel_expr::{ExprId, Graph, Section, SectionWriter, SymbolId, needed_sections};
+use hamel_lang::spec::Want;
+use hamel_mechanics::mechanics::{Output, StateEquation};
+use hamel_program::lower::{Inputs, Request};
+use hamel_program::program::Role;
 
 /// A derivative of `dy/dt = f(t, y; p)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -6,12 +6,12 @@ use std::collections::BTreeSet;
 
 use num_traits::Signed;
 
-use crate::expr::{
+use hamel_expr::{
     ExprId, Func, Graph, Node, Rational, Sign, Style, SymbolId, inlined, needed_sections, sign_of,
 };
-use crate::lower::ParamCondition;
-use crate::mechanics::Equations;
-use crate::program::Relation;
+use hamel_mechanics::mechanics::Equations;
+use hamel_program::lower::ParamCondition;
+use hamel_program::program::Relation;
 
 /// What has to hold for the rates to have values.
 pub(super) struct Domain {

@@ -4,9 +4,9 @@
 //!
 //! Does not know: how anything is lowered or emitted, how events are located.
 
-use crate::error::Error;
-use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
-use crate::spec::{Event, EventDirection, Want};
+use hamel_expr::error::Error;
+use hamel_lang::spec::{Event, EventDirection, Want};
+use hamel_mechanics::mechanics::{Equations, Output, OutputKind, StateEquation};
 
 /// An event of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -5,10 +5,10 @@
 use std::collections::BTreeSet;
 
 use super::derivatives::Matrix;
-use crate::differentiate::Linearisation;
-use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, needed_sections};
-use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
-use crate::spec::Want;
+use hamel_expr::differentiate::Linearisation;
+use hamel_expr::{ExprId, Graph, Section, SectionWriter, SymbolId, needed_sections};
+use hamel_lang::spec::Want;
+use hamel_mechanics::mechanics::{Equations, Output, OutputKind, StateEquation};
 
 /// Functions with their gradients, and what has to be lowered for them.
 pub(super) struct WithGradients {

@@ -2,10 +2,10 @@
 //!
 //! Does not know: how a module speaks of them.
 
-use crate::emit::{GroupKind, GroupText, GroupTexts};
-use crate::expr::SymbolId;
-use crate::reduction::{Block, BlockKind};
-use crate::spec::Layout;
+use hamel_expr::SymbolId;
+use hamel_lang::spec::Layout;
+use hamel_mechanics::reduction::{Block, BlockKind};
+use hamel_program::emit::{GroupKind, GroupText, GroupTexts};
 
 use super::built::BuiltScene;
 

@@ -4,12 +4,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::error::Error;
-use crate::expr::{Graph, Section, SectionWriter, SymbolId};
-use crate::lower::Request;
-use crate::mechanics::{Equations, ImplicitVariable, Output, StateEquation, implicit_form};
-use crate::program::Role;
-use crate::spec::Want;
+use hamel_expr::error::Error;
+use hamel_expr::{Graph, Section, SectionWriter, SymbolId};
+use hamel_lang::spec::Want;
+use hamel_mechanics::mechanics::{Equations, ImplicitVariable, Output, StateEquation, implicit_form};
+use hamel_program::lower::Request;
+use hamel_program::program::Role;
 
 /// Name of the function `f(t, z)`.
 pub(super) const RIGHT_SIDE: &str = "implicit_rhs";

@@ -8,9 +8,9 @@ use std::collections::BTreeSet;
 
 use hamel_runtime::{Dual, Real};
 
-use crate::error::Error;
-use crate::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCondition, verify_rules};
-use crate::spec::Want;
+use hamel_expr::error::Error;
+use hamel_lang::spec::Want;
+use hamel_program::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCondition, verify_rules};
 
 use super::bracket::REMAINDER;
 use super::built::{BuiltScene, legendre_role};

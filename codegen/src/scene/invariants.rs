@@ -13,12 +13,12 @@ use std::collections::BTreeSet;
 
 use super::dependence::{left_out, needs};
 use super::gradients::{WithGradients, Words, with_gradients};
-use crate::differentiate::Linearisation;
-use crate::expr::{ExprId, Graph, SectionWriter, SymbolId, independent_rows, needed_sections};
-use crate::lower::Inputs;
-use crate::mechanics::{ConservedMomenta, Equations, OutputKind, StateEquation};
-use crate::reduction::Block;
-use crate::spec::Want;
+use hamel_expr::differentiate::Linearisation;
+use hamel_expr::{ExprId, Graph, SectionWriter, SymbolId, independent_rows, needed_sections};
+use hamel_lang::spec::Want;
+use hamel_mechanics::mechanics::{ConservedMomenta, Equations, OutputKind, StateEquation};
+use hamel_mechanics::reduction::Block;
+use hamel_program::lower::Inputs;
 
 /// Name of the matrix of the gradients, a row for each invariant.
 pub(super) const GRADIENTS: &str = "invariant_gradients";

@@ -32,33 +32,31 @@ mod prior;
 mod roles;
 mod splitting;
 mod start;
-#[cfg(feature = "internals")]
 mod tamper;
 mod text;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::error::Error;
-use crate::lower::SearchBudget;
-use crate::mechanics::{Output, OutputKind};
-use crate::parallel::side_by_side;
-use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, StageUse, reduce};
-use crate::spec::{self, Carried, CarriedBy, Diagnostics, Model, Want, Wanted};
+use hamel_expr::error::Error;
+use hamel_expr::parallel::side_by_side;
+use hamel_lang::spec::{self, Carried, CarriedBy, Diagnostics, Model, Want, Wanted};
+use hamel_mechanics::mechanics::{Output, OutputKind};
+use hamel_mechanics::reduction::{AccelerationSource, Formulation, KinematicConstraint, StageUse, reduce};
+use hamel_program::lower::SearchBudget;
 
 use build::{Derivations, build_planned, lower_scene};
 use dependence::{ignorable, left_out, needs};
 use plan::{Drops, Outputs, Plan, Share};
 
 pub use crate::certify::Certificate;
-pub use crate::emit::{CModule, Fmu, WasmModule};
 pub use built::BuiltScene;
 pub use defaults::{initial_state, warnings};
 pub use derivatives::{Derivative, Matrix, Product};
 pub use events::SceneEvent;
 pub use formulations::{Candidate, Formulations, LeftOut, Progress};
-#[cfg(feature = "internals")]
 pub use groups::groups;
+pub use hamel_program::emit::{CModule, Fmu, WasmModule};
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
@@ -68,7 +66,6 @@ pub use prior::{
 };
 pub use roles::{VariableRole, all_params, initial_slopes, initial_values, variable_roles};
 pub use start::{Start, start};
-#[cfg(feature = "internals")]
 pub use tamper::{Made, build_tampered};
 pub use text::{Language, Writing};
 

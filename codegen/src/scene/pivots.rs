@@ -6,10 +6,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::expr::{ExprId, Func, Graph, Rational, Sign, SymbolId, inlined, rational_to_f64, sign_of};
-use crate::lower::{self, ParamCondition};
-use crate::mechanics::{Equations, Pivot, PivotOrigin};
-use crate::program::Relation;
+use hamel_expr::{ExprId, Func, Graph, Rational, Sign, SymbolId, inlined, rational_to_f64, sign_of};
+use hamel_mechanics::mechanics::{Equations, Pivot, PivotOrigin};
+use hamel_program::lower::{self, ParamCondition};
+use hamel_program::program::Relation;
 
 use super::defaults;
 

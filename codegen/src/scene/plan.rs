@@ -4,9 +4,9 @@
 
 use std::collections::BTreeSet;
 
-use crate::lower::SearchBudget;
-use crate::reduction::{Formulation, StageUse, carried_by_momenta};
-use crate::spec::{Model, Want, Wanted};
+use hamel_lang::spec::{Model, Want, Wanted};
+use hamel_mechanics::reduction::{Formulation, StageUse, carried_by_momenta};
+use hamel_program::lower::SearchBudget;
 
 use super::derivatives::Derivative;
 

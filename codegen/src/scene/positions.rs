@@ -11,11 +11,11 @@ use std::collections::BTreeSet;
 
 use super::dependence::{left_out, needs};
 use super::gradients::{WithGradients, Words, with_gradients};
-use crate::error::Error;
-use crate::expr::{ExprId, Graph, SymbolId};
-use crate::mechanics::{Equations, StateEquation, rates};
-use crate::reduction::{BlockKind, PositionResidual};
-use crate::spec::Want;
+use hamel_expr::error::Error;
+use hamel_expr::{ExprId, Graph, SymbolId};
+use hamel_lang::spec::Want;
+use hamel_mechanics::mechanics::{Equations, StateEquation, rates};
+use hamel_mechanics::reduction::{BlockKind, PositionResidual};
 
 /// Name of the matrix of the gradients, a row for each residual.
 pub(super) const GRADIENTS: &str = "position_gradients";

@@ -13,7 +13,7 @@
 use std::collections::BTreeMap;
 
 use super::roles::{VariableRole, all_params, initial_values, variable_roles};
-use crate::spec::{Model, circle_names};
+use hamel_lang::spec::{Model, circle_names};
 
 /// Where the value of a component of an initial state comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::expr::rational_to_f64;
-use crate::spec::{Domain, Model, ReconstructionKind, circle_names};
+use hamel_expr::rational_to_f64;
+use hamel_lang::spec::{Domain, Model, ReconstructionKind, circle_names};
 
 /// What a state variable is.
 #[derive(Clone, Copy, Debug, PartialEq)]

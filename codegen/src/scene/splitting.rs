@@ -4,11 +4,11 @@
 
 use std::collections::BTreeMap;
 
-use crate::error::Error;
-use crate::expr::{Graph, Section, Style, SymbolId};
-use crate::lower::Request;
-use crate::mechanics::{Equations, SplitFlow, Splitting, StateEquation};
-use crate::program::Role;
+use hamel_expr::error::Error;
+use hamel_expr::{Graph, Section, Style, SymbolId};
+use hamel_mechanics::mechanics::{Equations, SplitFlow, Splitting, StateEquation};
+use hamel_program::lower::Request;
+use hamel_program::program::Role;
 
 /// The role of the flow at a position, from zero on.
 pub(super) fn flow_role(index: usize) -> Role {

@@ -13,9 +13,9 @@ use super::nearest::{Outcome, Places, least_change, project};
 use super::positions::PositionLayout;
 use super::prior::{Conditions, InPositions, Prior, Told, settle};
 use super::roles::all_params;
-use crate::error::Error;
-use crate::program::{Program, Role};
-use crate::spec::{Model, Want};
+use hamel_expr::error::Error;
+use hamel_lang::spec::{Model, Want};
+use hamel_program::program::{Program, Role};
 
 /// Most equations, and functions that coordinates in them keep.
 const MAX_FUNCTIONS: usize = 64;

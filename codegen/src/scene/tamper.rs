@@ -4,10 +4,10 @@
 
 use std::sync::Arc;
 
-use crate::mechanics::{Equations, derive};
-use crate::program::Program;
-use crate::reduction::{ReducedSystem, reduce};
-use crate::spec::{Diagnostics, Model};
+use hamel_lang::spec::{Diagnostics, Model};
+use hamel_mechanics::mechanics::{Equations, derive};
+use hamel_mechanics::reduction::{ReducedSystem, reduce};
+use hamel_program::program::Program;
 
 use super::build::build_derived;
 use super::{BuiltScene, Scenes};
@@ -26,7 +26,7 @@ pub enum Made<'a> {
 /// Builds a scene as [`build`](super::build) does, and calls `fault` with what every step has made.
 ///
 /// # Errors
-/// As [`build`](super::build); [`Error::Disagrees`](crate::error::Error::Disagrees) for the faults.
+/// As [`build`](super::build); [`Error::Disagrees`](hamel_expr::error::Error::Disagrees) for the faults.
 pub fn build_tampered(
     model: &Model,
     scene: &str,

@@ -5,15 +5,15 @@
 use std::collections::BTreeMap;
 
 use crate::certify::{N_POINTS, Sample, samples};
-use crate::emit::{
+use hamel_expr::error::Error;
+use hamel_expr::{Exhausted, Resource, Stage};
+use hamel_lang::spec::{EventDirection, Unit, Want};
+use hamel_program::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText, MatrixText,
     OutputText, ParamText, PositionsText, ProductText, SceneEntry, SceneText, SelfTestText, StateText,
     UnitText, UnitTexts, WasmModule,
 };
-use crate::error::Error;
-use crate::expr::{Exhausted, Resource, Stage};
-use crate::program::{Jet, Role};
-use crate::spec::{EventDirection, Unit, Want};
+use hamel_program::program::{Jet, Role};
 
 use super::built::BuiltScene;
 use super::built::legendre_role;

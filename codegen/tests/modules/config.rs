@@ -1,11 +1,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use hamel_codegen::algebra::LieAlgebra;
 use hamel_codegen::config::store::Key;
 use hamel_codegen::config::*;
-use hamel_codegen::expr::Rational;
 use hamel_codegen::spec::{self, Diagnostics, Layout, Model, ModelBuilder, Value};
+use hamel_expr::Rational;
+use hamel_lang::algebra::LieAlgebra;
 
 const SPRING: &str = "model spring { coordinate x in real; lagrangian = 1/2*x_dot^2 - 2*x^2; \
                       scene quiet { want rhs; } }";

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::mechanics::{DiracStructure, derive, rates};
-use hamel_codegen::reduction::{Formulation, KinematicConstraint, reduce};
 use hamel_codegen::spec;
+use hamel_mechanics::mechanics::{DiracStructure, derive, rates};
+use hamel_mechanics::reduction::{Formulation, KinematicConstraint, reduce};
 
 /// With the differential of `E = p.y - L` less the force for a covector, the structure gives the momenta the rates
 /// that they have along the motion, up to the annihilator: on every virtual displacement.

@@ -1,10 +1,10 @@
 use num_traits::One;
 
-use hamel_codegen::emit::*;
 use hamel_codegen::error::Error;
-use hamel_codegen::expr::{Definition, Func, Graph, Rational, Section};
-use hamel_codegen::lower::{Inputs, ParamCondition, Request, SearchBudget, lower};
-use hamel_codegen::program::{Program, Relation, Role};
+use hamel_expr::{Definition, Func, Graph, Rational, Section};
+use hamel_program::emit::*;
+use hamel_program::lower::{Inputs, ParamCondition, Request, SearchBudget, lower};
+use hamel_program::program::{Program, Relation, Role};
 
 use crate::lower::{Random, random_problem};
 

@@ -1,8 +1,8 @@
 //! What of a scene is a vector, a matrix, an attitude or a place.
 
-use hamel_codegen::emit::{GroupKind, GroupText, GroupTexts};
 use hamel_codegen::scene::{BuiltScene, Writing, build, groups};
 use hamel_codegen::spec;
+use hamel_program::emit::{GroupKind, GroupText, GroupTexts};
 
 fn built(text: &str, scene: &str) -> BuiltScene {
     let model = spec::parse("m", text).expect("a valid model");

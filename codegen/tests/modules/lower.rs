@@ -3,11 +3,9 @@ use std::collections::BTreeMap;
 use num_traits::One;
 
 use hamel_codegen::error::Error;
-use hamel_codegen::expr::{
-    Definition, ExprId, Func, Graph, Node, Number, Rational, Scalar, Section, Sign, SymbolId,
-};
-use hamel_codegen::lower::*;
-use hamel_codegen::program::{
+use hamel_expr::{Definition, ExprId, Func, Graph, Node, Number, Rational, Scalar, Section, Sign, SymbolId};
+use hamel_program::lower::*;
+use hamel_program::program::{
     Constant, Counts, Factors, FallBack, Limit, Literal, Op, Operand, Point, Program, Relation, Role, Signs,
     Table, completes_pair, place_of_two, verify,
 };
@@ -473,7 +471,7 @@ fn units_are_chosen_that_leave_the_fewest_numbers() {
     let lowered = |f: &mut Fixture| {
         lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[e])], &SearchBudget::default()).unwrap()
     };
-    let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
+    let values = hamel_expr::inlined(&mut f.g, &sections[0].definitions);
     let whole = f.g.subs(e, &values).unwrap();
     let plain = lowered(&mut f);
     check(&mut f, &plain, &[whole]);
@@ -513,7 +511,7 @@ fn a_pivot_in_other_units_is_checked_as_it_is_divided_by() {
     program.run(1, &PARAMS, &prepared, TIME, &STATE, &mut checked);
     // The rounding of the checked value is that of the sums without fusion.
     assert!((divisor[0] - checked[0]).abs() <= 4.0 * f64::EPSILON * divisor[0], "{divisor:?} {checked:?}");
-    let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
+    let values = hamel_expr::inlined(&mut f.g, &sections[0].definitions);
     let inertia = values[&sections[0].definitions[1].symbol];
     let inertia = f.g.eval_f64(inertia, &f.values()).unwrap();
     assert!((inertia - checked[0]).abs() > 0.01, "{inertia} and {checked:?} are in different units");
@@ -751,7 +749,7 @@ fn searches_stop_at_their_limits_and_say_so() {
         f.inputs.signs.extend([(f.p[0], Sign::Positive), (f.p[2], Sign::Positive)]);
         let requests = [Request { role: Role::Rate, ..request("f", &[e]) }];
         let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests, &budget).unwrap();
-        let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
+        let values = hamel_expr::inlined(&mut f.g, &sections[0].definitions);
         let whole = f.g.subs(e, &values).unwrap();
         check(&mut f, &program, &[whole]);
         let (role, search) = &program.report.searches[0];
@@ -769,7 +767,7 @@ fn searches_stop_at_their_limits_and_say_so() {
     let (plain, searched) = (lowered(&none), lowered(&all));
     assert!(plain.report.incomplete().next().is_some() && plain.cost() > searched.cost());
     assert_eq!(searched.report.to_string(), "");
-    let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
+    let values = hamel_expr::inlined(&mut f.g, &sections[0].definitions);
     let whole = f.g.subs(e, &values).unwrap();
     check(&mut f, &plain, &[whole]);
 }
@@ -907,7 +905,7 @@ fn what_has_to_be_computed_straight_is_not_rolled() {
     let (a, b) = (f.g.add(a, x), f.g.add(xyz, x));
     let requests = [request("f", &[a, b])];
     let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests, &ROLLED()).unwrap();
-    let values = hamel_codegen::expr::inlined(&mut f.g, &sections[0].definitions);
+    let values = hamel_expr::inlined(&mut f.g, &sections[0].definitions);
     let whole = [a, b].map(|e| f.g.subs(e, &values).unwrap());
     check(&mut f, &program, &whole);
     let function = &program.functions[0];
@@ -985,7 +983,7 @@ fn taylor_coefficients_of_loops_are_those_of_straight_lines() {
         assert!(!rolled.functions[0].contractions.is_empty());
         let straight = f.lower(&rates);
         let series = |program: &Program| {
-            let jet = hamel_codegen::program::Jet::new(program, 0).unwrap();
+            let jet = hamel_program::program::Jet::new(program, 0).unwrap();
             let params = PARAMS.map(DoubleDouble::from);
             let prepared = program.prepare(&params).unwrap();
             let mut out = vec![vec![DoubleDouble::ZERO; 3]; 13];
@@ -1013,6 +1011,6 @@ fn a_function_of_a_vector_has_no_taylor_coefficients() {
     let along = [x, y, z].map(|x| g.mul(x, v));
     let program =
         lower(&mut g, &inputs, &[], &[], &[request("f", &along)], &SearchBudget::default()).unwrap();
-    let refused = hamel_codegen::program::Jet::new(&program, 0).unwrap_err();
+    let refused = hamel_program::program::Jet::new(&program, 0).unwrap_err();
     assert_eq!(refused, Error::ShapeMismatch { what: "vector of f".into(), found: 1, expected: 0 });
 }

@@ -1,9 +1,9 @@
 //! Results of a derivation, as they are looked at and as they are replaced.
 
-use hamel_codegen::expr::ExprId;
-use hamel_codegen::mechanics::derive;
-use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::spec::parse;
+use hamel_expr::ExprId;
+use hamel_mechanics::mechanics::derive;
+use hamel_mechanics::reduction::{Formulation, reduce};
 
 #[test]
 fn what_is_replaced_is_what_was_looked_at() {

@@ -1,8 +1,8 @@
 //! Scenes of small models: what is solved, refused and watched.
 
-use hamel_codegen::program::Role;
 use hamel_codegen::scene::*;
 use hamel_codegen::spec;
+use hamel_program::program::Role;
 
 fn built(text: &str) -> BuiltScene {
     let model = spec::parse("m", text).expect("a valid model");

@@ -2,8 +2,8 @@
 //!
 //! Deliberately does not know: what they are of.
 
-use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::scene::BuiltScene;
+use hamel_expr::rational_to_f64;
 
 use crate::random::Random;
 

@@ -7,8 +7,8 @@
 use std::collections::BTreeSet;
 
 use hamel_bench::{Kernel, kernels};
-use hamel_codegen::program::Role;
 use hamel_codegen::scene;
+use hamel_program::program::Role;
 use hamel_tests::models;
 use hamel_tests::reference::{self, Point};
 use hamel_tests::tracked::{Tracked, tracked, units_off};

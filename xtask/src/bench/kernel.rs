@@ -2,7 +2,7 @@
 //!
 //! Does not know: how it is measured or shown.
 
-use hamel_codegen::program::Counts;
+use hamel_program::program::Counts;
 
 /// A right-hand side of the measuring program.
 #[derive(Clone, Debug, PartialEq)]

@@ -13,7 +13,7 @@ use hamel::model::RECONSTRUCTION_SCENE;
 use hamel::repository::Repository;
 use hamel::run::interpreted;
 use hamel::session::{ModelFile, Session};
-use hamel_codegen::program::Counts;
+use hamel_program::program::Counts;
 use indicatif::ProgressBar;
 
 use super::chosen::{self, Chosen};

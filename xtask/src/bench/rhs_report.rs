@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use hamel::Error;
 use hamel::output::plot::bars::{self, Bars};
-use hamel_codegen::program::Counts;
+use hamel_program::program::Counts;
 
 use super::kernel::{Kernel, Row};
 use super::peers::{self, PEERS, Peer, Peers};

@@ -12,9 +12,9 @@ use std::time::Instant;
 
 use hamel::Error;
 use hamel::repository::Repository;
-use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
+use hamel_program::program::Role;
 
 use super::chains::chains;
 use super::family::{Family, Row};
@@ -71,8 +71,7 @@ fn component(k: usize) -> f64 {
 
 /// The bits of the right-hand side by the interpreter.
 fn interpreted(built: &BuiltScene) -> Vec<u64> {
-    let params: Vec<f64> =
-        built.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let params: Vec<f64> = built.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let state: Vec<f64> = (0..built.program.state.len()).map(component).collect();
     let mut rates = vec![0.0; state.len()];
     if let Ok(interpreter) = built.prepare(&params) {

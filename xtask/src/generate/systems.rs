@@ -94,7 +94,7 @@ pub(super) fn generate(systems: Vec<Model>, command: &str) -> Result<Bundle, Err
     let is_measured = |scene: &str| [DEFAULT_SCENE, "invariants", "taylor"].contains(&scene);
     let (kept, others) = std::mem::take(&mut bundle.entries).into_iter().partition(|e| is_measured(&e.scene));
     bundle.entries = kept;
-    let others: Vec<hamel_codegen::emit::SceneEntry> = others;
+    let others: Vec<hamel_program::emit::SceneEntry> = others;
     for entry in &others {
         bundle.files.remove(&format!("{}.rs", entry.module));
     }

@@ -11,11 +11,20 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
         &["completions", "man", "mod", "new"],
         "three commands are about the program whose arguments the top defines",
     ),
-    ("codegen/src/emit/rust", &["loops", "mod", "series"], "the top has what all items of a module share"),
     (
-        "codegen/src/lower",
+        "codegen/program/src/emit/rust",
+        &["loops", "mod", "series"],
+        "the top has what all items of a module share",
+    ),
+    (
+        "codegen/program/src/lower",
         &["check", "classes", "form", "mod", "pivots", "roll", "source", "values"],
         "the top defines what is asked of a program, which every pass reads",
+    ),
+    (
+        "python/src",
+        &["ensemble", "mod", "motion", "scene"],
+        "the class `Scene` has its methods in one file, and motions and ensembles take a `Scene`",
     ),
     (
         "runtime/src/integrator",
@@ -26,6 +35,12 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
         "runtime/src/integrator",
         &["sampling", "telling"],
         "samples end at events, and events are told between samples",
+    ),
+    ("xtask/bench/src", &["mod", "naive", "wp"], "the top lists the opponents, which implement its trait"),
+    (
+        "xtask/stress/src",
+        &["bounds", "report", "run"],
+        "not cut yet: the results stand beside what makes them",
     ),
     ("runtime/src", &["real", "stumpff"], "the default of a function of scalars is computed with any scalar"),
 ];

@@ -1,6 +1,7 @@
-//! The order of the modules of `codegen`, and circles of files within the folders of all crates.
+//! The order of the modules of the generator, and circles of files within the folders of all crates.
 //!
-//! The order is read from ARCHITECTURE.md: a module uses only those above it in the list under `## codegen`.
+//! The order is read from ARCHITECTURE.md: a module uses only modules of its crate that stand above it in the list
+//! under `## codegen`. The order of crates is in the dependencies, which cargo checks.
 //!
 //! Does not know: how uses are found.
 
@@ -13,19 +14,27 @@ use super::source::{Problem, Source};
 
 /// The document with the order.
 const ARCHITECTURE: &str = "ARCHITECTURE.md";
-/// Folders of sources in which circles are looked for.
-const CRATES: [&str; 4] = ["codegen/src", "runtime/src", "cli/src", "xtask/src"];
+/// Folders of sources whose modules stand in the document.
+const ORDERED: [&str; 4] =
+    ["codegen/lang/src", "codegen/mechanics/src", "codegen/program/src", "codegen/src"];
 
 pub(super) fn problems(sources: &[Source]) -> Vec<Problem> {
     let mut problems = Vec::new();
     let mut circles = Vec::new();
-    for src in CRATES {
-        let imports = imports(sources, src);
-        if src == CRATES[0] {
-            let text = sources.iter().find(|s| s.path == Path::new(ARCHITECTURE)).map_or("", |s| &s.text);
-            problems.extend(steps_back(&imports, &order(text)));
+    let text = sources.iter().find(|s| s.path == Path::new(ARCHITECTURE)).map_or("", |s| &s.text);
+    let order = order(text);
+    let mut known_modules = BTreeSet::new();
+    for src in crates(sources) {
+        let imports = imports(sources, &src);
+        if ORDERED.contains(&src.as_str()) {
+            problems.extend(steps_back(&imports, &order));
+            known_modules.extend(imports.files.keys().filter_map(|module| module.first().cloned()));
         }
-        circles.extend(circles_of(&imports, src));
+        circles.extend(circles_of(&imports, &src));
+    }
+    for name in order.iter().filter(|name| !known_modules.contains(*name)) {
+        let message = format!("`{name}` is no module of the generator; remove it from the list");
+        problems.push(Problem::new(Path::new(ARCHITECTURE), 1, message));
     }
     for circle in &circles {
         if !known::CIRCLES.iter().any(|(folder, files, _)| circle.is(folder, files)) {
@@ -45,6 +54,13 @@ pub(super) fn problems(sources: &[Source]) -> Vec<Problem> {
     problems
 }
 
+/// The folders of sources of all crates.
+fn crates(sources: &[Source]) -> BTreeSet<String> {
+    let is_root = |s: &&Source| s.path.ends_with("src/lib.rs") || s.path.ends_with("src/main.rs");
+    let folder = |s: &Source| Some(s.path.parent()?.to_string_lossy().into_owned());
+    sources.iter().filter(is_root).filter_map(folder).collect()
+}
+
 /// The modules in the order of the document: paragraphs of the section `## codegen` that begin with **`name`**.
 fn order(architecture: &str) -> Vec<String> {
     let section =
@@ -56,10 +72,6 @@ fn order(architecture: &str) -> Vec<String> {
 fn steps_back(imports: &Imports, order: &[String]) -> Vec<Problem> {
     let mut problems = Vec::new();
     let place = |module: &str| order.iter().position(|name| name == module);
-    for name in order.iter().filter(|name| !imports.files.contains_key(&vec![(*name).clone()])) {
-        let message = format!("`{name}` is no module of codegen; remove it from the list");
-        problems.push(Problem::new(Path::new(ARCHITECTURE), 1, message));
-    }
     for (module, uses) in &imports.uses {
         let Some(from) = module.first() else { continue };
         let file = &imports.files[module];

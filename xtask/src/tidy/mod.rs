@@ -1,6 +1,6 @@
 //! `tidy`: rules about the source that neither rustc nor clippy knows.
 //!
-//! * A module of `codegen` uses only modules above it in the list of ARCHITECTURE.md.
+//! * A module of the generator uses only modules of its crate above it in the list of ARCHITECTURE.md.
 //! * Files of one folder do not use each other in a circle.
 //! * No file is longer than [`MAX_LINES`](source::MAX_LINES) lines.
 //! * No line is longer than [`MAX_COLUMNS`](source::MAX_COLUMNS) columns.

@@ -2,12 +2,12 @@
 //!
 //! Does not know: how it is laid out.
 
-use hamel_codegen::emit::method_text;
 use hamel_codegen::explain::{Section, SectionKind};
-use hamel_codegen::expr::{Style, rational_to_f64};
-use hamel_codegen::program::Role;
 use hamel_codegen::scene;
 use hamel_codegen::spec::{self, FluidMode, FluidSurface, MatrixFluid};
+use hamel_expr::{Style, rational_to_f64};
+use hamel_program::emit::method_text;
+use hamel_program::program::Role;
 
 use crate::error::Error;
 use crate::model::spelling::math_ml;

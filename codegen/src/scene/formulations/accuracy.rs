@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 
 use hamel_runtime::DoubleDouble;
 
-use crate::expr::{SymbolId, rational_to_f64};
-use crate::mechanics::{ChangeOfState, Equations};
-use crate::program::{Bounded, Program, Role};
 use crate::scene::built::BuiltScene;
-use crate::spec::{Domain, Model};
+use hamel_expr::{SymbolId, rational_to_f64};
+use hamel_lang::spec::{Domain, Model};
+use hamel_mechanics::mechanics::{ChangeOfState, Equations};
+use hamel_program::program::{Bounded, Program, Role};
 
 /// Points at which errors are bounded, and those drawn to find as many.
 const POINTS: usize = 16;

@@ -2,12 +2,12 @@
 //!
 //! Does not know: how choices are combined, what they cost, whether they are the same motion.
 
-use crate::algebra::series::chains;
-use crate::expr::{ExprId, Rational, independent_rows};
-use crate::reduction::{
+use hamel_expr::{ExprId, Rational, independent_rows};
+use hamel_lang::algebra::series::chains;
+use hamel_lang::spec::{Carried, CarriedBy, ConnectionKind, Domain, Model, circle_names};
+use hamel_mechanics::reduction::{
     Formulation, FoundChain, KinematicConstraint, ReducedSystem, StageUse, beside_connection,
 };
-use crate::spec::{Carried, CarriedBy, ConnectionKind, Domain, Model, circle_names};
 
 /// Choices of independent velocities that are tried, those first that exchange the fewest velocities.
 const MAX_INDEPENDENT: usize = 32;

@@ -17,13 +17,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use num_traits::Signed as _;
 
-use crate::expr::{Budget, DivisionByZero, ExprId, Node, Style, SymbolId, sign_of};
-use crate::lower::SearchBudget;
-use crate::mechanics::{ChangeOfState, Equations, Unrelated, derive};
-use crate::parallel::side_by_side;
-use crate::program::{Counts, Instruction, Op, Operand, Program, Role};
-use crate::reduction::{Formulation, KinematicConstraint, ReducedSystem, StateKind, reduce};
-use crate::spec::{CarriedBy, Diagnostics, FormulationSearch, Model, Want, Wanted};
+use hamel_expr::parallel::side_by_side;
+use hamel_expr::{Budget, DivisionByZero, ExprId, Node, Style, SymbolId, sign_of};
+use hamel_lang::spec::{CarriedBy, Diagnostics, FormulationSearch, Model, Want, Wanted};
+use hamel_mechanics::mechanics::{ChangeOfState, Equations, Unrelated, derive};
+use hamel_mechanics::reduction::{Formulation, KinematicConstraint, ReducedSystem, StateKind, reduce};
+use hamel_program::lower::SearchBudget;
+use hamel_program::program::{Counts, Instruction, Op, Operand, Program, Role};
 
 use super::build::build_derived;
 use super::built::BuiltScene;

@@ -3,12 +3,12 @@
 use num_traits::Zero;
 
 use super::SPECS;
-use hamel_codegen::algebra::LieAlgebra;
-use hamel_codegen::expr::{ExprId, Graph, Rational, Style, parse_decimal};
 use hamel_codegen::spec::{
     CarriedBy, Compare, Domain, InnerProduct, Layout, Model, ModelBuilder, Relation, Side, Value, Wanted,
     diagnose, parse,
 };
+use hamel_expr::{ExprId, Graph, Rational, Style, parse_decimal};
+use hamel_lang::algebra::LieAlgebra;
 
 #[track_caller]
 fn model(items: &str) -> Model {

@@ -1,8 +1,8 @@
 //! What lexing leaves behind in a thread: nothing.
 
-use hamel_codegen::emit::{SceneEntry, emit_index, method_text};
-use hamel_codegen::program::Role;
 use hamel_codegen::spec::{self, Outline};
+use hamel_program::emit::{SceneEntry, emit_index, method_text};
+use hamel_program::program::Role;
 
 /// Bytes of all texts that `proc_macro2` has kept in this thread: where the next one begins.
 fn kept() -> usize {

@@ -3,11 +3,11 @@
 use expect_test::{Expect, expect};
 
 use super::bad::check;
-use hamel_codegen::algebra::LieAlgebra;
-use hamel_codegen::expr::{ExprId, Rational, Style};
 use hamel_codegen::spec::{
     ConstraintKind, Group, Model, ModelBuilder, ReconstructionKind, Value, Wanted, parse,
 };
+use hamel_expr::{ExprId, Rational, Style};
+use hamel_lang::algebra::LieAlgebra;
 
 #[track_caller]
 fn model(items: &str) -> Model {

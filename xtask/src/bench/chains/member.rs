@@ -7,9 +7,9 @@ use std::process::Command;
 use std::time::Instant;
 
 use hamel::Error;
-use hamel_codegen::program::{Counts, Role};
 use hamel_codegen::scene;
 use hamel_codegen::spec;
+use hamel_program::program::{Counts, Role};
 use serde::{Deserialize, Serialize};
 
 use crate::bench::toolchain::failed;

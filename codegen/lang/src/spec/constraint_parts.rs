@@ -1,0 +1,45 @@
+//! What some constraints have beside their residual: an equation between positions, an acceleration that the state
+//! carries, virtual displacements of their own.
+//!
+//! Deliberately does not know: constraints, models.
+
+use super::diagnostic::Span;
+use hamel_expr::{ExprId, SymbolId};
+
+/// An equation `f(x, a, t) = 0` between coordinates and advected parameters, whose derivative is a linear constraint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PositionEquation {
+    /// `f`, left side minus right side.
+    pub residual: ExprId,
+    /// The base coordinate that the equation gives, with others of its item where they are several; absent where the
+    /// equation is a constraint that says nothing about that.
+    pub determines: Option<usize>,
+}
+
+/// The acceleration `s = w . ydot + offset(x, y, t)` along a constraint of third order, whose rate the constraint gives
+/// and which is a component of the state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CarriedAcceleration {
+    /// Its name, `acceleration_` and that of the constraint.
+    pub name: String,
+    /// Its symbol.
+    pub symbol: SymbolId,
+    /// Zero in the velocities of the model as written; not zero where another connection changed these.
+    pub offset: ExprId,
+    /// Documentation.
+    pub doc: String,
+}
+
+/// A scalar condition `f(x, y, ydot, t) . delta y = 0` on virtual displacements;
+/// [`accelerations`](super::Model::accelerations) stand for `ydot`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VirtualConstraint {
+    /// Given name, or `d1`, `d2`, .. in order.
+    pub name: String,
+    /// As written.
+    pub text: String,
+    /// `f`: one coefficient per velocity, in the order of [`all_velocities`](super::Model::all_velocities).
+    pub one_form: Vec<ExprId>,
+    /// Where it stands.
+    pub span: Option<Span>,
+}

@@ -1,0 +1,297 @@
+//! Parameters, inputs, velocities, coordinates and advected parameters.
+//!
+//! Deliberately does not know: definitions, what the variables are used for.
+
+use num_traits::Zero;
+
+use super::values::Elaboration;
+use crate::spec::ast::{self, AlgebraExpr, AlgebraNode, DomainExpr, Expr, Item, ItemKind, Name, Node};
+use crate::spec::diagnostic::Span;
+use crate::spec::layout::{Layout, component_help};
+use crate::spec::model::Domain;
+use hamel_expr::Rational;
+
+impl Elaboration<'_> {
+    pub(super) fn declare_sources_and_params(&mut self, items: &[Item]) {
+        for item in items {
+            match &item.kind {
+                ItemKind::Source(text) => {
+                    self.builder.source(text);
+                }
+                ItemKind::Topic(text) => {
+                    self.builder.at(Some(item.span)).topic(text);
+                }
+                ItemKind::Size { name, value, .. } => {
+                    self.builder.at(Some(name.span)).size(&name.text, *value, &item.doc.join("\n"));
+                }
+                ItemKind::Param { name, shape, default, .. } => {
+                    self.declare_numbers(item, "parameter", (name, shape), default.as_ref())
+                }
+                ItemKind::Input { name, shape, default } => {
+                    self.declare_numbers(item, "input", (name, shape), default.as_ref())
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// A parameter or an input, which is `what`, with its default.
+    fn declare_numbers(
+        &mut self,
+        item: &Item,
+        what: &str,
+        (name, shape): (&Name, &ast::Shape),
+        default: Option<&Expr>,
+    ) {
+        let is_input = matches!(item.kind, ItemKind::Input { .. });
+        let layout = match shape {
+            ast::Shape::Scalar => None,
+            ast::Shape::Vector(n) => Some(Layout::Vector(n.value)),
+            ast::Shape::Diagonal(n) => Some(Layout::Diagonal(n.value)),
+            ast::Shape::Symmetric(n) => Some(Layout::Symmetric(n.value)),
+            ast::Shape::Matrix(n, m) => Some(Layout::Matrix(n.value, m.value)),
+        };
+        let component_names = layout.map_or_else(|| vec![name.text.clone()], |l| l.names(&name.text));
+        let n = component_names.len();
+        let numbers = match default {
+            Some(expr) => self.constant(expr, "defaults are numbers").and_then(|numbers| {
+                if numbers.len() == n && (layout.is_none() == !matches!(expr.node, Node::List(_))) {
+                    return Some(numbers);
+                }
+                let message = match layout {
+                    None => format!("{what} `{}` is a number, its default is a list", name.text),
+                    Some(_) => format!("`{}` has {n} components, its default {}", name.text, numbers.len()),
+                };
+                let help = match layout {
+                    None => format!(
+                        "declare it as a vector: `{} {}: vector({}) = ..`",
+                        if is_input { "input" } else { "param" },
+                        name.text,
+                        numbers.len()
+                    ),
+                    Some(_) => component_help(&component_names),
+                };
+                self.problem(expr.span, message, help);
+                None
+            }),
+            None => {
+                let help =
+                    if n == 1 { "write `= 1.0`" } else { "write `= [..]` with the components in order" };
+                self.problem(name.span, format!("{what} `{}` has no default", name.text), help);
+                None
+            }
+        };
+        // Conditions would be checked against a wrong default.
+        if numbers.is_none() {
+            self.poisoned.insert(name.text.clone());
+        }
+        let numbers = numbers.unwrap_or_else(|| vec![Rational::zero(); n]);
+        let doc = item.doc.join("\n");
+        self.builder.at(Some(name.span));
+        let first = || numbers.first().cloned().unwrap_or_else(Rational::zero);
+        match (layout, is_input) {
+            (None, false) => self.builder.param(&name.text, first(), &doc),
+            (Some(layout), false) => self.builder.param_array(&name.text, layout, &numbers, &doc),
+            (None, true) => self.builder.input(&name.text, first(), &doc),
+            (Some(layout), true) => self.builder.input_array(&name.text, layout, &numbers, &doc),
+        };
+    }
+
+    pub(super) fn declare_variables(&mut self, items: &[Item]) {
+        self.declare_velocities_and_coordinates(items);
+        for item in items {
+            if let ItemKind::MomentumIn { names, algebra, labels } = &item.kind {
+                self.declare_momenta_in(item, names, algebra, labels);
+            }
+        }
+    }
+
+    /// Momenta of velocities, once it is known what the velocities are.
+    pub(super) fn declare_momenta(&mut self, items: &[Item]) {
+        for item in items {
+            if let ItemKind::Momentum { name, velocity } = &item.kind {
+                let velocity = (velocity.text.as_str(), Some(velocity.span));
+                let builder = self.builder.at(Some(name.span));
+                if builder.located_momentum(&name.text, velocity, &item.doc.join("\n")).is_none() {
+                    self.poisoned.insert(name.text.clone());
+                }
+            }
+        }
+        // `routh Omega -> Pi;` declares its momentum, unless an item of its own has.
+        for item in items {
+            let ItemKind::Carry(list) = &item.kind else { continue };
+            for carry in list {
+                let ast::Carry::Momenta { velocity, momentum } = carry else { continue };
+                if !self.builder.is_momentum(&momentum.text) && !self.poisoned.contains(&momentum.text) {
+                    let velocity = (velocity.text.as_str(), Some(velocity.span));
+                    let builder = self.builder.at(Some(momentum.span));
+                    if builder.located_momentum(&momentum.text, velocity, &item.doc.join("\n")).is_none() {
+                        self.poisoned.insert(momentum.text.clone());
+                    }
+                }
+            }
+        }
+    }
+
+    /// `momentum Pi in so(3);`: velocities `dh_dPi` in the algebra, and their momenta.
+    fn declare_momenta_in(&mut self, item: &Item, names: &[Name], algebra: &AlgebraExpr, labels: &[Name]) {
+        let velocities: Vec<Name> =
+            names.iter().map(|name| Name { text: format!("dh_d{}", name.text), span: name.span }).collect();
+        let of_velocities: Vec<Name> =
+            labels.iter().map(|l| Name { text: format!("dh_d{}", l.text), span: l.span }).collect();
+        self.declare_velocities(item, &velocities, algebra, &of_velocities);
+        for (k, (name, velocity)) in names.iter().zip(&velocities).enumerate() {
+            if self.poisoned.contains(&velocity.text) {
+                self.poisoned.insert(name.text.clone());
+                continue;
+            }
+            let builder = self.builder.at(Some(name.span));
+            let components = labels
+                .get(k)
+                .map(|prefix| builder.labelled(&velocity.text, &of_velocities[k].text, &prefix.text));
+            let velocity = (velocity.text.as_str(), Some(velocity.span));
+            if builder.labelled_momentum(&name.text, velocity, components, &item.doc.join("\n")).is_none() {
+                self.poisoned.insert(name.text.clone());
+            }
+        }
+    }
+
+    fn declare_velocities_and_coordinates(&mut self, items: &[Item]) {
+        for item in items {
+            match &item.kind {
+                ItemKind::Velocity { names, algebra, labels } => {
+                    self.declare_velocities(item, names, algebra, labels);
+                }
+                ItemKind::Algebroid(block) => self.declare_algebroid(item, block),
+                ItemKind::QuasiVelocity(names) => {
+                    for name in names {
+                        self.builder.at(Some(name.span)).quasi_velocity(&name.text, &item.doc.join("\n"));
+                    }
+                }
+                ItemKind::Coordinate { names, shape, domain, by: _ } => {
+                    self.declare_coordinates(item, names, shape, domain)
+                }
+                ItemKind::State { name, shape, domain, rate: _ } => {
+                    self.declare_first_order(item, name, shape, domain);
+                }
+                ItemKind::Advected { name, space, labels, .. } => {
+                    self.declare_advected(item, name, space, labels.first());
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn declare_velocities(&mut self, item: &Item, names: &[Name], algebra: &AlgebraExpr, labels: &[Name]) {
+        let Some(algebra) = self.algebra(algebra) else {
+            self.builder.broken.insert("velocity");
+            self.poisoned.extend(names.iter().map(|n| n.text.clone()));
+            return;
+        };
+        let located: Vec<(&str, Option<Span>)> =
+            names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
+        let span = names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
+        let before = self.builder.problems.len();
+        let labels: Vec<&str> = labels.iter().map(|l| l.text.as_str()).collect();
+        self.builder.at(Some(span)).located_velocities(algebra, &located, &labels, &item.doc.join("\n"));
+        if self.builder.problems.len() > before {
+            // The wrong number of names: their components are unknown.
+            self.builder.broken.insert("velocity");
+            for name in names {
+                self.builder.values.remove(&name.text);
+                self.poisoned.insert(name.text.clone());
+            }
+        }
+    }
+
+    fn declare_advected(&mut self, item: &Item, name: &Name, space: &AlgebraExpr, label: Option<&Name>) {
+        let algebra = match &space.node {
+            AlgebraNode::Call(call, arguments) if call.text == "dual" => match arguments.as_slice() {
+                [inner] => self.algebra(inner).map(Some),
+                _ => {
+                    self.problem(space.span, "`dual` takes one algebra", "for example `dual(so(3))`");
+                    None
+                }
+            },
+            AlgebraNode::Power(_) => Some(None),
+            AlgebraNode::Name(name) if name == "R" => Some(None),
+            _ => self.algebra(space).map(Some),
+        };
+        let doc = item.doc.join("\n");
+        let Some(algebra) = algebra else {
+            self.poisoned.insert(name.text.clone());
+            self.builder.broken.insert("advected");
+            return;
+        };
+        self.builder.at(Some(name.span));
+        match (&space.node, algebra) {
+            (_, Some(algebra)) => {
+                let components = match label {
+                    Some(prefix) => algebra.labels().iter().map(|l| format!("{}{l}", prefix.text)).collect(),
+                    None => Layout::Vector(algebra.dim()).names(&name.text),
+                };
+                self.builder.advected_vector(&name.text, &components, &doc);
+            }
+            (node, None) => {
+                if let Some(label) = label {
+                    let message = format!("the components of `{}` have no names in their space", name.text);
+                    self.problem(label.span, message, "only bases of algebras have names");
+                }
+                let dim = if let AlgebraNode::Power(n) = node { Some(*n) } else { None };
+                self.builder.at(Some(name.span)).advected(&name.text, dim, &doc);
+            }
+        }
+    }
+
+    fn domain(&mut self, domain: &DomainExpr) -> Domain {
+        match domain {
+            DomainExpr::Angle => Domain::Angle,
+            DomainExpr::Real => Domain::Real,
+            DomainExpr::Interval(low, high) => {
+                self.builder.at(Some(low.span.to(high.span)));
+                let ends = (self.interval_end(low), self.interval_end(high));
+                match ends {
+                    (Some(low), Some(high)) => Domain::Interval(low, high),
+                    _ => Domain::Real,
+                }
+            }
+        }
+    }
+
+    fn declare_first_order(&mut self, item: &Item, name: &Name, shape: &ast::Shape, domain: &DomainExpr) {
+        let domain = self.domain(domain);
+        let doc = item.doc.join("\n");
+        self.builder.at(Some(name.span));
+        match shape {
+            ast::Shape::Scalar => _ = self.builder.state(&name.text, domain, &doc),
+            ast::Shape::Vector(n) => _ = self.builder.state_vector(&name.text, n.value, domain, &doc),
+            _ => {
+                let message = format!("state `{}` must be a number or a vector", name.text);
+                self.problem(name.span, message, "write `state z: vector(2) in real by z_dot = ..;`");
+                self.poisoned.insert(name.text.clone());
+                self.builder.broken.insert("state");
+            }
+        }
+    }
+
+    fn declare_coordinates(&mut self, item: &Item, names: &[Name], shape: &ast::Shape, domain: &DomainExpr) {
+        let domain = self.domain(domain);
+        let doc = item.doc.join("\n");
+        for name in names {
+            self.builder.at(Some(name.span));
+            match shape {
+                ast::Shape::Scalar => {
+                    self.builder.coordinate(&name.text, domain, &doc);
+                }
+                ast::Shape::Vector(n) => {
+                    self.builder.coordinate_vector(&name.text, n.value, domain, &doc);
+                }
+                _ => {
+                    let message = format!("coordinate `{}` must be a number or a vector", name.text);
+                    self.problem(name.span, message, "write `coordinate x: vector(3) in real;`");
+                    self.poisoned.insert(name.text.clone());
+                }
+            }
+        }
+    }
+}

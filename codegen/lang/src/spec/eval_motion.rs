@@ -1,0 +1,176 @@
+//! Rates along a motion, and what turns with it.
+//!
+//! The angular velocity of a matrix that is made of rotations is put together from theirs, `B^T w_A + w_B` for a
+//! product
+//! `A B`, so that chains of bodies keep the form in which each is written by the one before.
+//!
+//! Deliberately does not know: items, forces, which velocities a model has.
+
+use super::ast::Expr;
+use super::diagnostic::Span;
+use super::eval::{Evaluator, Weighed};
+use super::rates::rate_of;
+use super::shape::Shape;
+use super::value::Value;
+use hamel_expr::{ExprId, Func, Graph};
+
+/// The axial vector of a skew matrix of three rows, the number of one of two.
+fn axial(entry: impl Fn(usize, usize) -> ExprId, n: usize) -> Vec<ExprId> {
+    match n {
+        2 => vec![entry(1, 0)],
+        _ => vec![entry(2, 1), entry(0, 2), entry(1, 0)],
+    }
+}
+
+impl Evaluator<'_> {
+    /// `rate(x)`: the derivative by time of what is made of coordinates, time and parameters.
+    pub(super) fn rate(&mut self, argument: &Expr) -> Option<Weighed> {
+        let (value, bits) = self.eval(argument)?;
+        let value = self.rate_of_value(&value, argument.span)?;
+        Some((value, bits + 16))
+    }
+
+    pub(super) fn rate_of_value(&mut self, value: &Value, span: Span) -> Option<Value> {
+        let Some(rates) = self.rates else {
+            let help =
+                "it is known where the coordinates are: in definitions, the Lagrangian, forces and outputs";
+            return self.fail(span, "a rate is not known here", help);
+        };
+        self.charge(4 * value.entries().len() * (rates.len() + 1), span)?;
+        let mut entries = Vec::new();
+        for e in value.entries() {
+            match rate_of(self.graph, *e, rates) {
+                Ok(rate) => entries.push(rate),
+                Err(symbol) => {
+                    let message = format!("the rate of `{}` is not known", self.graph.name(symbol));
+                    let help = "`rate` takes what is made of coordinates, time and parameters";
+                    return self.fail(span, message, help);
+                }
+            }
+        }
+        Some(value.with_entries(entries))
+    }
+
+    /// `spin(R)`: the angular velocity of the frame with the attitude `R`, in that frame, `hat(w) = R^T R'`; for an
+    /// angle of the plane its rate.
+    pub(super) fn spin(&mut self, argument: &Expr) -> Option<Weighed> {
+        let (value, bits) = self.eval(argument)?;
+        let value = self.spin_of_value(&value, argument.span)?;
+        Some((value, 2 * bits + 16))
+    }
+
+    pub(super) fn spin_of_value(&mut self, value: &Value, span: Span) -> Option<Value> {
+        let n = match value.shape() {
+            Shape::Scalar => return self.rate_of_value(value, span),
+            Shape::Matrix(n, m) if n == m && (2..=3).contains(&n) => n,
+            shape => {
+                let help = "write an angle, or a product of rotations such as `rot(e3, phi)*rot(e1, theta)`";
+                return self.fail(span, format!("an attitude is a rotation matrix, found {shape}"), help);
+            }
+        };
+        let shaped = |w: Vec<ExprId>| match w.as_slice() {
+            [only] => Value::Scalar(*only),
+            _ => Value::Vector(w),
+        };
+        if let Some(w) = self.spins.get(value.entries()) {
+            return Some(shaped(w.clone()));
+        }
+        let back = value.transpose().ok()?;
+        let square = back.mul(self.graph, value).ok()?;
+        for (k, entry) in square.entries().to_vec().into_iter().enumerate() {
+            let unit = if k / n == k % n { self.graph.one() } else { self.graph.zero() };
+            let excess = self.graph.sub(entry, unit);
+            if !self.graph.is_zero(excess) {
+                let help = self.advice_for_rotation(value, n);
+                return self.fail(span, "the matrix is no rotation", help);
+            }
+        }
+        let rate = self.rate_of_value(value, span)?;
+        let skew = back.mul(self.graph, &rate).ok()?;
+        let entries = skew.entries();
+        Some(shaped(axial(|i, j| entries[i * n + j], n)))
+    }
+
+    /// Notes the angular velocity of a rotation about an axis, where it is known: `axis phi'`.
+    pub(super) fn note_rotation(&mut self, matrix: &Value, axis: Option<&[ExprId]>, phi: ExprId) {
+        let Some(rates) = self.rates else { return };
+        let Ok(rate) = rate_of(self.graph, phi, rates) else { return };
+        // An axis that moves has an angular velocity of its own.
+        let zero = self.graph.zero();
+        let rests = |e: &ExprId, g: &Graph| {
+            g.free_symbols(*e).iter().all(|symbol| rates.get(symbol).is_some_and(|rate| *rate == zero))
+        };
+        let w = match axis {
+            None => vec![rate],
+            Some(axis) if axis.iter().all(|a| rests(a, self.graph)) => {
+                axis.iter().map(|a| self.graph.mul(*a, rate)).collect()
+            }
+            Some(_) => return,
+        };
+        self.spins.insert(matrix.entries().to_vec(), w);
+    }
+
+    /// Notes the angular velocity of the rotation by a vector `v` with the square `v.v`, where it is known:
+    /// `v' - c_2 v x v' + c_3 v x (v x v')`.
+    ///
+    /// # Source
+    /// Iserles, Munthe-Kaas, Norsett, Zanna 2000, Lie-group methods, section B.1.
+    pub(super) fn note_exponential(&mut self, matrix: &Value, v: [ExprId; 3], square: ExprId) {
+        let Some(rates) = self.rates else { return };
+        let Ok(rate) = v.into_iter().map(|e| rate_of(self.graph, e, rates)).collect::<Result<Vec<_>, _>>()
+        else {
+            return;
+        };
+        let g = &mut *self.graph;
+        let [two, three] = [2, 3].map(|k| g.func(Func::Stumpff(k), square));
+        let cross = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| -> Vec<ExprId> {
+            let component = |k: usize| {
+                let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                let (plus, minus) = (g.mul(a[i], b[j]), g.mul(a[j], b[i]));
+                g.sub(plus, minus)
+            };
+            (0..3).map(component).collect()
+        };
+        let once = cross(g, &v, &rate);
+        let twice = cross(g, &v, &once);
+        let component = |k: usize| {
+            let (bent, turned) = (g.mul(two, once[k]), g.mul(three, twice[k]));
+            let rest = g.sub(turned, bent);
+            g.add(rate[k], rest)
+        };
+        self.spins.insert(matrix.entries().to_vec(), (0..3).map(component).collect());
+    }
+
+    /// Notes the angular velocity of a product of rotations: `B^T w_A + w_B`.
+    pub(super) fn note_product(&mut self, left: &Value, right: &Value, product: &Value) {
+        if self.spins.is_empty() {
+            return;
+        }
+        let known = |value: &Value| self.spins.get(value.entries()).cloned();
+        let (Some(a), Some(b)) = (known(left), known(right)) else { return };
+        let turned = match a.as_slice() {
+            [_] => a,
+            _ => {
+                let back = right.transpose().and_then(|back| back.mul(self.graph, &Value::Vector(a)));
+                let Ok(turned) = back else { return };
+                turned.into_entries()
+            }
+        };
+        let w = turned.iter().zip(&b).map(|(a, b)| self.graph.add(*a, *b)).collect();
+        self.spins.insert(product.entries().to_vec(), w);
+    }
+
+    /// Notes the angular velocity of the inverse of a rotation: `-R w`.
+    pub(super) fn note_inverse(&mut self, matrix: &Value, inverse: &Value) {
+        let Some(w) = self.spins.get(matrix.entries()).cloned() else { return };
+        let turned = match w.as_slice() {
+            [_] => w,
+            _ => match matrix.mul(self.graph, &Value::Vector(w)) {
+                Ok(turned) => turned.into_entries(),
+                Err(_) => return,
+            },
+        };
+        let w = turned.iter().map(|e| self.graph.neg(*e)).collect();
+        self.spins.insert(inverse.entries().to_vec(), w);
+    }
+}

@@ -1,0 +1,132 @@
+//! Coordinates of the states that satisfy the constraints: all of the state where velocities are eliminated, without as
+//! many velocities or momenta as there are constraints where multipliers keep them.
+//!
+//! Does not know: what is computed in the coordinates.
+
+use std::collections::BTreeMap;
+
+use crate::reduction::StateKind;
+use hamel_expr::error::Error;
+use hamel_expr::{Definition, ExprId, Graph, Section, SymbolId, independent_rows, inlined};
+use hamel_lang::algebra::solve_symbolic;
+use hamel_lang::spec::Want;
+
+use super::equations::{Equations, OutputKind};
+
+/// Coordinates of the states that satisfy the constraints.
+#[derive(Clone, Debug)]
+pub(super) struct Chart {
+    /// Positions in the state of the components that are coordinates.
+    pub(super) coordinates: Vec<usize>,
+    /// `d residual/d z` by the components that are none: what a density by all components is divided by.
+    pub(super) determinant: ExprId,
+    /// The components that are none.
+    values: BTreeMap<SymbolId, ExprId>,
+    /// The definitions of the equations without names of others in them.
+    definitions: BTreeMap<SymbolId, ExprId>,
+}
+
+impl Chart {
+    /// The coordinates of a system.
+    ///
+    /// # Errors
+    /// [`Error::NoBracket`] for residuals that are not affine in velocities or momenta, or depend on each other.
+    pub(super) fn new(g: &mut Graph, equations: &Equations) -> Result<Chart, Error> {
+        let definitions = inlined(g, equations.sections.iter().flat_map(|s| &s.definitions));
+        let n = equations.state.len();
+        let determinant = g.one();
+        let mut chart =
+            Chart { coordinates: (0..n).collect(), determinant, values: BTreeMap::new(), definitions };
+        let residuals = equations.outputs.iter().filter(|o| o.kind == OutputKind::Group(Want::Constraint));
+        // The equations of motion are what they are beside equations between coordinates as well.
+        let positions: Vec<ExprId> = equations.system.positions.iter().map(|p| p.residual).collect();
+        let residuals = residuals.flat_map(|o| o.components.iter().map(|(_, e)| *e));
+        let residuals: Vec<ExprId> = residuals.filter(|e| !positions.contains(e)).collect();
+        if residuals.is_empty() {
+            return Ok(chart);
+        }
+        let singular = || Error::NoBracket { reason: "the constraints are not solved for velocities".into() };
+        let kinds = equations.system.state.iter().map(|(kind, _)| *kind);
+        let moving: Vec<usize> = kinds
+            .enumerate()
+            .filter(|(_, kind)| !matches!(kind, StateKind::Base(_)))
+            .map(|(place, _)| place)
+            .collect();
+        let symbols: Vec<SymbolId> = moving.iter().map(|place| equations.state[*place].symbol).collect();
+        let (mut slopes, mut offsets) = (Vec::new(), Vec::new());
+        for residual in residuals {
+            let whole = g.subs(residual, &chart.definitions).map_err(|_| singular())?;
+            let (row, offset) = g.affine_parts(whole, &symbols).ok_or_else(singular)?;
+            slopes.push(row);
+            offsets.push(offset);
+        }
+        // Columns on which the residuals can be solved, the last ones where there is a choice.
+        let columns: Vec<Vec<ExprId>> =
+            (0..moving.len()).rev().map(|k| slopes.iter().map(|row| row[k]).collect()).collect();
+        let mut chosen: Vec<usize> =
+            independent_rows(g, &columns).into_iter().map(|k| moving.len() - 1 - k).collect();
+        chosen.sort_unstable();
+        if chosen.len() != slopes.len() {
+            return Err(singular());
+        }
+        let matrix: Vec<Vec<ExprId>> =
+            slopes.iter().map(|row| chosen.iter().map(|k| row[*k]).collect()).collect();
+        let mut right = Vec::new();
+        for (row, offset) in slopes.iter().zip(&offsets) {
+            let mut terms = vec![g.neg(*offset)];
+            for k in (0..moving.len()).filter(|k| !chosen.contains(k)) {
+                let z = g.sym(symbols[k]);
+                let product = g.mul(row[k], z);
+                terms.push(g.neg(product));
+            }
+            right.push(vec![g.sum(&terms)]);
+        }
+        let solution = solve_symbolic(g, &matrix, &right).map_err(|_| singular())?;
+        chart.values =
+            chosen.iter().map(|k| symbols[*k]).zip(solution.into_iter().map(|row| row[0])).collect();
+        chart.coordinates.retain(|place| !chosen.iter().any(|k| moving[*k] == *place));
+        chart.determinant = determinant_of(g, &matrix);
+        Ok(chart)
+    }
+
+    /// An expression where the constraints hold; the expression itself where every state satisfies them.
+    ///
+    /// # Errors
+    /// [`Error::DivisionByZero`] for what has no value there.
+    pub(super) fn restricted(&self, g: &mut Graph, own: &[Section], e: ExprId) -> Result<ExprId, Error> {
+        if self.values.is_empty() { Ok(e) } else { Ok(self.whole(g, own, &[e])?[0]) }
+    }
+
+    /// Expressions in the coordinates alone, without names of definitions of the equations or `own` ones.
+    ///
+    /// # Errors
+    /// [`Error::DivisionByZero`] for what has no value there.
+    pub(super) fn whole(
+        &self,
+        g: &mut Graph,
+        own: &[Section],
+        list: &[ExprId],
+    ) -> Result<Vec<ExprId>, Error> {
+        let mut values = self.definitions.clone();
+        for Definition { symbol, expr } in own.iter().flat_map(|s| &s.definitions) {
+            let value = g.subs(*expr, &values).unwrap_or(*expr);
+            values.insert(*symbol, value);
+        }
+        let place = |_| Error::DivisionByZero { place: "the constraint surface".into() };
+        let inlined = g.subs_all(list, &values).map_err(place)?;
+        g.subs_all(&inlined, &self.values).map_err(place)
+    }
+}
+
+/// The determinant by expansion along the first row: there are few constraints.
+fn determinant_of(g: &mut Graph, matrix: &[Vec<ExprId>]) -> ExprId {
+    let Some((first, rest)) = matrix.split_first() else { return g.one() };
+    let mut terms = Vec::new();
+    for (k, e) in first.iter().enumerate() {
+        let minor: Vec<Vec<ExprId>> = rest.iter().map(|row| [&row[..k], &row[k + 1..]].concat()).collect();
+        let minor = determinant_of(g, &minor);
+        let product = g.mul(*e, minor);
+        terms.push(if k % 2 == 0 { product } else { g.neg(product) });
+    }
+    g.sum(&terms)
+}

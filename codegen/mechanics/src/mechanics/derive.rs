@@ -1,0 +1,230 @@
+//! From a system on a Lie algebroid to explicit equations: the contents.
+//!
+//! [`derive`] reads as the derivation does: velocities, kinematics, momenta (`momenta`), accelerations (`constrained`
+//! or `multipliers`), results (`results`). Does not know: where the algebroid came from.
+
+use std::collections::BTreeMap;
+
+use crate::reduction::{KinematicConstraint, ReducedSystem, Response};
+use hamel_expr::error::Error;
+use hamel_expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
+
+use super::chain::Chain;
+use super::equations::{Equations, LinearSystem};
+use super::recursion::Recursion;
+use super::solve::{Factorisation, Pivot};
+
+/// Derives `W^alpha_b E_alpha = 0` with
+/// `E_alpha = d/dt p_alpha + C^gamma_{alpha beta} y^beta p_gamma - N^gamma_alpha p_gamma - rho^i_alpha dL/dx^i - F_alpha`,
+/// solved for the accelerations; `N` is the drift of the frame, zero unless the frame depends on time.
+///
+/// # Errors
+/// [`Error::SingularMassMatrix`] with the direction, [`Error::NotConserved`] for a claimed Casimir,
+/// [`Error::DivisionByZero`], [`Error::OverBudget`].
+///
+/// # Source
+/// Cortes, de Leon, Marrero, Martinez 2009, equations (3.5) and (3.7); Cendra, Marsden, Ratiu 2001.
+pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
+    system.graph.within_budget()?;
+    let mut d = Derivation::new(system);
+    let equations = d.run();
+    // Beside a graph that is past its budget, whatever else seems wrong says nothing.
+    d.g.within_budget()?;
+    let equations = equations?;
+    equations.system.graph.within_budget()?;
+    Ok(equations)
+}
+
+/// The accelerations and what else the solve gives.
+pub(super) struct Motion {
+    /// `ydot`, one per velocity.
+    pub(super) acceleration: Vec<ExprId>,
+    /// `udot`, one per unknown.
+    pub(super) unknown_rates: Vec<ExprId>,
+    /// `lambda_A`, one per constraint.
+    pub(super) multipliers: Vec<(String, ExprId)>,
+    /// The one-forms that they act along.
+    pub(super) reactions: Vec<Vec<ExprId>>,
+    /// What was solved for the accelerations; none for a Hamiltonian.
+    pub(super) system: Option<LinearSystem>,
+    pub(super) pivots: Vec<Pivot>,
+    /// The rates of [`ReducedSystem::momenta`].
+    pub(super) momentum_rates: Vec<ExprId>,
+}
+
+pub(super) struct Derivation<'a> {
+    pub(super) system: &'a ReducedSystem,
+    pub(super) g: Graph,
+    pub(super) writer: SectionWriter,
+    pub(super) names: Vec<String>,
+    /// Dependent velocities and what replaces them: `y = Psi u + psi0`.
+    pub(super) replacement: BTreeMap<SymbolId, ExprId>,
+    /// `y^alpha` after replacement.
+    pub(super) y: Vec<ExprId>,
+    /// `xdot^i`.
+    pub(super) rates: Vec<ExprId>,
+    /// `p_alpha`.
+    pub(super) momentum: Vec<ExprId>,
+    /// `d^2 L / dy dy`.
+    pub(super) hessian: Vec<Vec<ExprId>>,
+    /// `(N^gamma_alpha - C^gamma_{alpha beta} y^beta) p_gamma + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
+    /// everything in `-E_alpha` except the Hessian times `ydot`.
+    pub(super) drive: Vec<ExprId>,
+    /// `lag`, the accelerations of the velocities at `udot = 0`, and `drive - L_yy lag`, where rows give them before
+    /// the forces are made.
+    pub(super) at_rest: Option<(Vec<ExprId>, Vec<ExprId>)>,
+    /// That of the Lagrangian without squares of velocities, where there is a [`Recursion`].
+    pub(super) rest_drive: Vec<ExprId>,
+    /// The recursions along which the equations are derived.
+    pub(super) recursion: Option<Recursion>,
+    /// `Psi` by names, where it is made row by row.
+    pub(super) partial: Option<Vec<Vec<ExprId>>>,
+    /// Coefficients of the rows of the constraint by names, where it is answered row by row.
+    pub(super) forms: Vec<Vec<ExprId>>,
+    /// Rows that are solved one after the other, where no others are solved together.
+    pub(super) chain: Option<Chain>,
+    /// How dependent velocities answer to the rows, by names.
+    pub(super) response: Option<Response>,
+    /// Those names with their values.
+    pub(super) coefficients: Vec<(ExprId, ExprId)>,
+    /// `A = W^T L_yy Psi`, once it is made.
+    pub(super) mass_matrix: Option<Vec<Vec<ExprId>>>,
+    /// Factors of `A` (of `L_yy` in the multiplier form), where velocities follow from momenta.
+    pub(super) factors: Option<Factorisation>,
+    /// Definitions up to the velocities that follow from momenta.
+    pub(super) n_known: usize,
+}
+
+impl<'a> Derivation<'a> {
+    fn run(&mut self) -> Result<Equations, Error> {
+        let motion = self.motion()?;
+        self.g.enter(Stage::Results);
+        self.finish(motion)
+    }
+
+    /// Velocities, their rates and those of the coordinates, before anything is asked about them.
+    pub(super) fn motion(&mut self) -> Result<Motion, Error> {
+        self.g.enter(Stage::Derivation);
+        match &self.system.hamiltonian {
+            Some(hamiltonian) => {
+                self.velocities_of(hamiltonian)?;
+                self.kinematics()?;
+            }
+            None if self.system.accelerations.is_some() => {
+                self.velocities()?;
+                self.kinematics()?;
+                self.momentum = vec![self.g.zero(); self.y.len()];
+            }
+            None => {
+                self.legendre()?;
+                self.velocities()?;
+                self.kinematics()?;
+                self.momenta()?;
+            }
+        }
+        self.g.within_budget()?;
+        self.g.enter(Stage::Elimination);
+        let system = self.system;
+        let mut motion = match (&system.hamiltonian, &system.accelerations, &system.constraint) {
+            (Some(hamiltonian), ..) => self.solve_on_dual(hamiltonian)?,
+            (None, Some(rates), KinematicConstraint::Solved(solved)) => self.given_motion(solved, rates)?,
+            (None, None, KinematicConstraint::Solved(solved)) => self.solve_reduced(solved)?,
+            (None, _, KinematicConstraint::Multipliers { rows, reactions }) => {
+                self.solve_with_multipliers(rows, reactions)?
+            }
+        };
+        self.carried_accelerations(&motion)?;
+        motion.momentum_rates = self.momentum_rates(&motion)?;
+        self.g.within_budget()?;
+        Ok(motion)
+    }
+
+    pub(super) fn new(system: &'a ReducedSystem) -> Derivation<'a> {
+        let mut g = system.graph.clone();
+        let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
+        let varying = system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied();
+        let varying = varying.chain(system.inputs.iter().map(|input| input.symbol));
+        let varying = varying.chain(system.momenta.iter().filter_map(|m| m.symbol)).collect();
+        // Functions may divide by the lengths of these vectors: the point at which they are evaluated is not zero.
+        let cosines = system.circles.iter().map(|c| c.cosine);
+        let first = system.carried_vectors().filter_map(|block| block.components.first().copied());
+        let units: Vec<SymbolId> = cosines.chain(first).collect();
+        let writer = SectionWriter::new(&g, varying, &units);
+        Derivation {
+            system,
+            g,
+            writer,
+            names: system.algebroid.frame().to_vec(),
+            replacement: BTreeMap::new(),
+            y,
+            rates: Vec::new(),
+            momentum: Vec::new(),
+            hessian: Vec::new(),
+            drive: Vec::new(),
+            at_rest: None,
+            rest_drive: Vec::new(),
+            recursion: None,
+            partial: None,
+            forms: Vec::new(),
+            chain: None,
+            response: None,
+            coefficients: Vec::new(),
+            mass_matrix: None,
+            factors: None,
+            n_known: 0,
+        }
+    }
+
+    pub(super) fn replace(&mut self, e: ExprId) -> Result<ExprId, Error> {
+        let replaced = self.g.subs(e, &self.replacement);
+        let replaced = replaced
+            .map_err(|_| Error::DivisionByZero { place: "the Lagrangian on the constraint".into() })?;
+        Ok(self.g.cancel_zero(replaced))
+    }
+
+    /// `y = Psi u + psi0` for the dependent velocities.
+    fn velocities(&mut self) -> Result<(), Error> {
+        let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
+        self.velocities_by_recursion()?;
+        if self.recursion.is_some() {
+            return Ok(());
+        }
+        if let Some(response) = solved.response.as_ref().filter(|_| self.system.momenta.is_empty()) {
+            self.velocities_by_rows(solved, response);
+            return Ok(());
+        }
+        self.writer.begin("velocities y = Psi u + psi0");
+        for &k in &solved.dependent {
+            let mut value = solved.velocity(&mut self.g, k);
+            if !self.system.momenta.is_empty() {
+                value = self.replace(value)?;
+            }
+            let named = self.writer.define(&mut self.g, &self.names[k], value);
+            self.replacement.insert(self.system.velocities[k], named);
+            self.y[k] = named;
+        }
+        Ok(())
+    }
+
+    pub(super) fn define(&mut self, name: &str, value: ExprId) -> ExprId {
+        self.writer.define(&mut self.g, name, value)
+    }
+
+    /// `xdot^i = rho^i_alpha y^alpha + r^i`, with `r` of states of first order alone.
+    fn kinematics(&mut self) -> Result<(), Error> {
+        self.writer.begin("kinematics xdot = rho y");
+        let own = self.system.own_rates_of_base();
+        for (i, own) in own.into_iter().enumerate() {
+            let mut terms = vec![self.replace(own)?];
+            for alpha in 0..self.y.len() {
+                let anchor = self.system.algebroid.anchor(i, alpha);
+                terms.push(self.g.mul(anchor, self.y[alpha]));
+            }
+            let sum = self.g.sum(&terms);
+            let name = format!("dot_{}", self.g.name(self.system.algebroid.base()[i]));
+            let rate = self.define(&name, sum);
+            self.rates.push(rate);
+        }
+        Ok(())
+    }
+}

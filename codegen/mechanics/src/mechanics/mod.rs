@@ -1,0 +1,67 @@
+//! The one derivation: Lagrange-d'Alembert equations on a Lie algebroid, from a [`ReducedSystem`] to [`Equations`].
+//!
+//! Deliberately does not know: where the algebroid came from (Euler-Poincare, bundle, advection, stages), parameters
+//! fixed or not, programs, Rust.
+//!
+//! [`ReducedSystem`]: crate::reduction::ReducedSystem
+
+mod answers;
+mod bracket;
+mod chain;
+mod chart;
+mod coefficients;
+mod condensed;
+mod constrained;
+mod derive;
+mod dirac;
+mod displacements;
+mod equations;
+mod equivalence;
+mod gauge;
+mod gauss;
+mod given;
+mod hamilton;
+mod hamiltonization;
+mod implicit;
+mod integrable;
+mod kane;
+mod legendre;
+mod linked;
+mod measure;
+mod momenta;
+mod multipliers;
+mod origin;
+mod phases;
+mod rates;
+mod recursion;
+mod results;
+mod routh;
+mod sections;
+mod solve;
+mod splitting;
+mod squares;
+mod vertical;
+mod written;
+
+pub use bracket::Bracket;
+pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
+pub use derive::derive;
+pub use dirac::DiracStructure;
+pub use displacements::{BothEquations, DisplacementForms};
+pub use equations::{
+    Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, SectionMomentum, StateEquation,
+};
+pub use equivalence::{ChangeOfState, Unrelated, same_motion};
+pub use gauge::{ConservedMomenta, ConservedMomentum};
+pub use hamiltonization::{BracketFacts, Jacobi};
+pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};
+pub use measure::{Density, Factor};
+pub use phases::{Phase, phases};
+pub use rates::rates;
+pub use recursion::is_recursive;
+pub use routh::Routhian;
+pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
+pub use splitting::{SplitFlow, Splitting};
+pub use vertical::unused_stem;
+pub use vertical::{HorizontalEquation, VerticalEquation, VerticalEquations};
+pub use written::operations_of_motion;

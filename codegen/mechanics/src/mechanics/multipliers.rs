@@ -1,0 +1,210 @@
+//! Accelerations where the constraint is kept: all velocities move freely, and multipliers hold the conditions on
+//! accelerations.
+//!
+//! Does not know: how a matrix is factored.
+
+use std::collections::BTreeMap;
+
+use num_traits::{One, Signed};
+
+use crate::reduction::{AccelerationRow, AccelerationSource};
+use hamel_expr::error::Error;
+use hamel_expr::{ExprId, Node, Rational, SymbolId};
+
+use super::constrained::inertias;
+use super::derive::{Derivation, Motion};
+use super::equations::LinearSystem;
+use super::solve::{Factorisation, Pivot};
+
+impl Derivation<'_> {
+    /// `L_yy ydot = drive + Lambda^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 Lambda^T`: the multipliers act along
+    /// the one-forms `Lambda` that vanish on virtual displacements and keep the conditions on accelerations.
+    pub(super) fn solve_with_multipliers(
+        &mut self,
+        rows: &[AccelerationRow],
+        reactions: &[Vec<ExprId>],
+    ) -> Result<Motion, Error> {
+        let m = self.y.len();
+        let names = self.names.clone();
+        let hessian = self.hessian.clone();
+        let (rows, reactions) = (&self.rows_on_state(rows)?, &self.forms_on_state(reactions)?);
+        let factors = match self.factors.take() {
+            Some(factors) => factors,
+            None => {
+                self.writer.begin("factors of L_yy");
+                let (g, writer, signs) = (&mut self.g, &mut self.writer, &self.system.signs);
+                Factorisation::new(g, writer, "M", &hessian, &names, signs, &[])?
+            }
+        };
+        self.writer.begin("free acceleration L_yy^-1 r");
+        let drive = self.drive.clone();
+        let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();
+        let free = factors.solve(&mut self.g, &mut self.writer, &prefixed("free"), &drive);
+        self.writer.begin("response to the multipliers L_yy^-1 Lambda^T");
+        let mut response = Vec::new();
+        for (c, form) in reactions.iter().enumerate() {
+            let labels = prefixed(&format!("Z{}", c + 1));
+            response.push(factors.solve(&mut self.g, &mut self.writer, &labels, form));
+        }
+        self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T");
+        let mut matrix = Vec::new();
+        let mut right = Vec::new();
+        let mut is_congruent = true;
+        for (c, row) in rows.iter().enumerate() {
+            let rate = match row.source {
+                // In raw velocities, as its derivative is taken.
+                AccelerationSource::Differentiated(residual) => self.drift(residual)?,
+                AccelerationSource::Servo(remainder) => remainder,
+            };
+            let (form, rate) = self.without_common_factors(&row.one_form, rate);
+            let mut entries = Vec::new();
+            for (other, z) in response.iter().enumerate() {
+                let product = self.g.dot(&form, z);
+                entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), product));
+            }
+            matrix.push(entries);
+            let product = self.g.dot(&form, &free);
+            // S = Lambda L_yy^-1 Lambda^T where the reactions act along the constraints.
+            is_congruent &= reactions.get(c) == Some(&form);
+            let sum = self.g.add(product, rate);
+            let value = self.g.neg(sum);
+            right.push(self.define(&format!("g_{}", c + 1), value));
+        }
+        let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
+        let pivot_names: Vec<String> =
+            rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
+        let (lambda, constraint_pivots) =
+            self.solve_for_multipliers(&matrix, &right, &labels, (&pivot_names, is_congruent))?;
+        self.writer.begin("accelerations ydot = L_yy^-1 (r + Lambda^T lambda)");
+        let mut acceleration = Vec::new();
+        for alpha in 0..m {
+            let mut terms = vec![free[alpha]];
+            for (c, z) in response.iter().enumerate() {
+                terms.push(self.g.mul(z[alpha], lambda[c]));
+            }
+            let sum = self.g.sum(&terms);
+            acceleration.push(self.define(&format!("dot_{}", names[alpha]), sum));
+        }
+        let mut pivots = factors.pivots(&inertias(&names), true);
+        pivots.extend(constraint_pivots);
+        Ok(Motion {
+            unknown_rates: acceleration.clone(),
+            acceleration,
+            multipliers: labels.into_iter().zip(lambda).collect(),
+            reactions: reactions.to_vec(),
+            system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names }),
+            pivots,
+            momentum_rates: Vec::new(),
+        })
+    }
+
+    /// `w ydot + w0 = 0` without the factors that all its terms share and that change along a motion:
+    /// `v vdot + x v = 0` is `vdot + x = 0`, where nothing divides by `v`.
+    fn without_common_factors(&mut self, form: &[ExprId], rate: ExprId) -> (Vec<ExprId>, ExprId) {
+        let mut shared: Option<BTreeMap<ExprId, Rational>> = None;
+        let zero = self.g.zero();
+        for e in form.iter().copied().chain([rate]).filter(|e| *e != zero) {
+            for (term, _) in self.g.summands(e) {
+                let factors: BTreeMap<ExprId, Rational> = match self.g.node(term) {
+                    Node::Product { factors, .. } => factors.iter().cloned().collect(),
+                    _ => BTreeMap::from([(term, Rational::one())]),
+                };
+                shared = Some(match shared {
+                    None => factors,
+                    Some(mut shared) => {
+                        shared.retain(|base, q| match factors.get(base) {
+                            Some(own) => {
+                                *q = own.min(q).clone();
+                                true
+                            }
+                            None => false,
+                        });
+                        shared
+                    }
+                });
+            }
+        }
+        let mut shared = shared.unwrap_or_default();
+        shared.retain(|base, q| q.is_positive() && self.writer.varies(&self.g, *base));
+        if shared.is_empty() {
+            return (form.to_vec(), rate);
+        }
+        let inverse: Vec<(ExprId, Rational)> = shared.into_iter().map(|(base, q)| (base, -q)).collect();
+        let mut divided = |e: ExprId| {
+            let terms = self.g.summands(e).into_iter().map(|(term, weight)| {
+                let factors = inverse.iter().cloned().chain([(term, Rational::one())]);
+                let quotient = self.g.power_product(&factors.collect::<Vec<_>>());
+                (quotient.unwrap_or(term), weight)
+            });
+            let terms: Vec<(ExprId, Rational)> = terms.collect();
+            self.g.linear_combination(&terms)
+        };
+        (form.iter().map(|e| divided(*e)).collect(), divided(rate))
+    }
+
+    /// `S lambda = right`; of the pivots the names are given, and whether they follow the Hessian.
+    pub(super) fn solve_for_multipliers(
+        &mut self,
+        response: &[Vec<ExprId>],
+        right: &[ExprId],
+        labels: &[String],
+        pivots: (&[String], bool),
+    ) -> Result<(Vec<ExprId>, Vec<Pivot>), Error> {
+        let solved = self.solve_linear("S", response, right, labels, labels, pivots);
+        solved.map_err(|error| match error {
+            Error::SingularMassMatrix { direction } => Error::NoResponse { multipliers: direction },
+            other => other,
+        })
+    }
+
+    /// The rates of accelerations along constraints of third order, which no velocity moves.
+    pub(super) fn carried_accelerations(&mut self, motion: &Motion) -> Result<(), Error> {
+        let system = self.system;
+        if system.higher.carried.is_empty() {
+            return Ok(());
+        }
+        self.writer.begin("rates of accelerations along constraints s = w ydot, from w yddot + w0 = 0");
+        let accelerations = system.higher.accelerations.iter().copied();
+        let values: BTreeMap<SymbolId, ExprId> =
+            accelerations.zip(motion.acceleration.iter().copied()).collect();
+        for carried in &system.higher.carried {
+            let rate = self.replace(carried.rate)?;
+            let place = || Error::DivisionByZero { place: "the rate of an acceleration".into() };
+            let rate = self.g.subs(rate, &values).map_err(|_| place())?;
+            let rate = self.g.cancel_zero(rate);
+            let name = format!("dot_{}", self.g.name(carried.symbol));
+            let named = self.define(&name, rate);
+            let own = system.algebroid.base().iter().position(|x| *x == carried.symbol);
+            if let Some(rate) = own.and_then(|i| self.rates.get_mut(i)) {
+                *rate = named;
+            }
+        }
+        Ok(())
+    }
+
+    /// Conditions on accelerations, with the velocities that momenta determine replaced but in residuals.
+    pub(super) fn rows_on_state(&mut self, rows: &[AccelerationRow]) -> Result<Vec<AccelerationRow>, Error> {
+        let mut replaced = rows.to_vec();
+        if !self.system.momenta.is_empty() {
+            for row in &mut replaced {
+                for e in &mut row.one_form {
+                    *e = self.replace(*e)?;
+                }
+                if let AccelerationSource::Servo(remainder) = &mut row.source {
+                    *remainder = self.replace(*remainder)?;
+                }
+            }
+        }
+        Ok(replaced)
+    }
+
+    pub(super) fn forms_on_state(&mut self, forms: &[Vec<ExprId>]) -> Result<Vec<Vec<ExprId>>, Error> {
+        let mut replaced = forms.to_vec();
+        if !self.system.momenta.is_empty() {
+            for e in replaced.iter_mut().flatten() {
+                *e = self.replace(*e)?;
+            }
+        }
+        Ok(replaced)
+    }
+}

@@ -1,0 +1,158 @@
+//! Ignorable coordinates: where a result does not depend on a base coordinate, it is computed at the value zero; where
+//! it does not depend on an angle that is carried as a point of the circle, at `(1, 0)`.
+//!
+//! A constraint or a Lagrangian written in a space frame mentions coordinates (the azimuth of a disk, the heading of a
+//! robot) on which, by symmetry, the rates do not depend. The dependence is tested, not guessed: a result is replaced
+//! by its value there when the two are equal as functions.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use hamel_expr::{Definition, ExprId, Graph, Section, SymbolId, needed_sections};
+
+use super::equations::Equations;
+
+/// Sets every base coordinate to such a value in the results that do not depend on it, and drops definitions that
+/// nothing needs.
+pub(super) fn evaluate_at_origin(equations: &mut Equations) {
+    let (zero, one) = (equations.system.graph.zero(), equations.system.graph.one());
+    let circles = equations.system.circles.clone();
+    let mut mentions = Mentions::of(equations);
+    for x in equations.system.algebroid.base().to_vec() {
+        let before: Vec<ExprId> = equations.state.iter().map(|s| s.derivative).collect();
+        let is_changed = match circles.iter().find(|c| [c.cosine, c.sine].contains(&x)) {
+            None => {
+                let place = format!("{}=0", equations.system.graph.name(x));
+                set_to(equations, &mentions, BTreeMap::from([(x, zero)]), &place)
+            }
+            Some(circle) if x == circle.cosine => {
+                let place = format!("{}=0", circle.angle);
+                let values = BTreeMap::from([(circle.cosine, one), (circle.sine, zero)]);
+                set_to(equations, &mentions, values, &place)
+            }
+            Some(_) => false,
+        };
+        if is_changed {
+            mentions = Mentions::of(equations);
+        }
+        if !equations.state.iter().map(|s| s.derivative).eq(before) && !moves(equations, x) {
+            equations.facts.taken_at_origin.push(equations.system.graph.name(x).to_owned());
+        }
+    }
+    let roots: Vec<ExprId> = equations.results();
+    equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
+}
+
+/// Whether a rate mentions a coordinate, also by definitions.
+fn moves(equations: &Equations, x: SymbolId) -> bool {
+    let g = &equations.system.graph;
+    let mut concerned = BTreeSet::from([x]);
+    for definition in equations.sections.iter().flat_map(|s| &s.definitions) {
+        if g.depends_on(definition.expr, &concerned) {
+            concerned.insert(definition.symbol);
+        }
+    }
+    equations.state.iter().any(|s| g.depends_on(s.derivative, &concerned))
+}
+
+/// The symbols in every definition, in order, and in every root.
+struct Mentions {
+    definitions: Vec<BTreeSet<SymbolId>>,
+    roots: Vec<BTreeSet<SymbolId>>,
+}
+
+impl Mentions {
+    fn of(equations: &mut Equations) -> Mentions {
+        let results = equations.results();
+        let g = &equations.system.graph;
+        let definitions = equations.sections.iter().flat_map(|s| &s.definitions);
+        Mentions {
+            definitions: definitions.map(|d| g.free_symbols(d.expr)).collect(),
+            roots: results.into_iter().map(|e| g.free_symbols(e)).collect(),
+        }
+    }
+}
+
+/// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then; whether
+/// any was replaced.
+fn set_to(
+    equations: &mut Equations,
+    mentions: &Mentions,
+    values: BTreeMap<SymbolId, ExprId>,
+    place: &str,
+) -> bool {
+    let mut concerned: BTreeSet<SymbolId> = values.keys().copied().collect();
+    let definitions = equations.sections.iter().flat_map(|s| &s.definitions);
+    for (definition, symbols) in definitions.zip(&mentions.definitions) {
+        if !symbols.is_disjoint(&concerned) {
+            concerned.insert(definition.symbol);
+        }
+    }
+    if mentions.roots.iter().all(|symbols| symbols.is_disjoint(&concerned)) {
+        return false;
+    }
+    // In a copy: where every result depends on the coordinate, nothing of the trial is left over for the next one.
+    let mut g = equations.system.graph.clone();
+    g.charge(g.n_nodes() / 4);
+    let mut image = values;
+    let mut sections = Vec::new();
+    let mut varying = Vec::new();
+    let mut taken_at = Vec::new();
+    for section in &equations.sections {
+        let mut definitions = section.definitions.clone();
+        for definition in section.definitions.iter().filter(|d| concerned.contains(&d.symbol)) {
+            // A definition without a value there is left alone; what needs it will not come out equal.
+            let Ok(value) = g.subs(definition.expr, &image) else { continue };
+            if value == definition.expr {
+                continue;
+            }
+            let value = g.cancel_zero(value);
+            let replacement = if g.is_trivial(value) {
+                value
+            } else {
+                let name = g.name(definition.symbol).to_owned();
+                let symbol = g.define(&name, value);
+                if equations.varying.contains(&definition.symbol) {
+                    varying.push(symbol);
+                }
+                let original = g.sym(definition.symbol);
+                let before = equations.taken_at.get(&definition.symbol).map(String::as_str);
+                let here = (!g.fingerprints_agree(value, original)).then_some(place);
+                let places: Vec<&str> = before.into_iter().chain(here).collect();
+                if !places.is_empty() {
+                    let places = places.join(",");
+                    taken_at.push((symbol, places));
+                }
+                definitions.push(Definition { symbol, expr: value });
+                g.sym(symbol)
+            };
+            image.insert(definition.symbol, replacement);
+        }
+        sections.push(Section { title: section.title.clone(), definitions });
+    }
+    let before: Vec<ExprId> = equations.results();
+    let is_concerned = |symbols: &BTreeSet<SymbolId>| !symbols.is_disjoint(&concerned);
+    let after: Vec<ExprId> = (before.iter().zip(&mentions.roots))
+        .map(|(root, symbols)| match is_concerned(symbols) {
+            true => at_origin(&mut g, *root, &image),
+            false => g.cancel_zero(*root),
+        })
+        .collect();
+    if after == before || g.within_budget().is_err() {
+        // Past the budget, too, the graph says so.
+        equations.system.graph.take_over(&g);
+        return false;
+    }
+    equations.sections = needed_sections(&g, &sections, &after);
+    equations.varying.extend(varying);
+    equations.taken_at.extend(taken_at);
+    equations.results_mut().into_iter().zip(after).for_each(|(root, value)| *root = value);
+    equations.system.graph = g;
+    true
+}
+
+fn at_origin(g: &mut Graph, root: ExprId, image: &BTreeMap<SymbolId, ExprId>) -> ExprId {
+    match g.subs(root, image) {
+        Ok(value) if g.is_equal(value, root) => g.cancel_zero(value),
+        _ => root,
+    }
+}

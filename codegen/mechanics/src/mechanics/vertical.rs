@@ -1,0 +1,526 @@
+//! The vertical and horizontal equations of motion in the adapted basis of a chain of stages, as expressions that can
+//! be shown and checked.
+//!
+//! They are written from the stage forms, and then compared with the motion that was derived without them.
+//!
+//! Deliberately does not know: how stage forms come about, how anything is printed.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::reduction::{KinematicConstraint, ReducedSystem, Stages};
+use hamel_expr::{Definition, ExprId, Graph, SymbolId};
+use hamel_lang::spec::Side;
+
+use super::equations::Equations;
+
+/// The equations of motion along the vertical displacements that the constraint allows, by stages.
+///
+/// With `f_k` the adapted basis, `eta` the components of the group velocity `xi = v - A(x) xdot` in it and
+/// `beta_k = <dL/dv, f_k>`, the equation along `s = s^k f_k` is
+///
+/// `s^k (betadot_k - right_k(eta, beta) - tau_k) = 0`, `tau_k = <rho(f_k), dL/da> + <F, f_k>`,
+///
+/// where `right_k` is [`Stages::vertical_equations`], with the other sign for a right action, and `<beta, df_k/dt>`
+/// where the adapted basis turns with shape or time. Where multipliers keep the constraint there is one equation for
+/// each `f_k`, with the reactions `lambda_A <a_A, f_k>` on its right side.
+///
+/// The other displacements that the constraint allows have a part `d^i` along the shape. With `D_i` the horizontal
+/// lifts and `p_i = dL/dxdot^i`, the equation along `d + s` has, beside the terms of `s`,
+///
+/// `d^i (pdot_i - <beta, [y, D_i] + [d/dt, D_i]> - tau_i)`, `tau_i = <rho(D_i), dL> + <F, D_i>`,
+///
+/// in which `[D_i, D_j]` is minus the curvature of the connection.
+///
+/// # Source
+/// Cendra, Diaz, equations (32) and (43), every slot's momentum differentiated and summed over; section 4 for
+/// `eta - A`.
+#[derive(Clone, Debug)]
+pub struct VerticalEquations {
+    /// Owner of the expressions here: the graph of the equations and more.
+    pub graph: Graph,
+    /// `eta_k`, by the velocities of the model.
+    pub velocities: Vec<Definition>,
+    /// `beta_k`, by the momenta `p`.
+    pub momenta: Vec<Definition>,
+    /// `tau_k`, where it does not vanish.
+    pub applied: Vec<Definition>,
+    /// One for each element of a basis of the allowed vertical displacements, none where there are no such.
+    pub rows: Vec<VerticalEquation>,
+    /// `p_i`, by the velocities.
+    pub shape_momenta: Vec<Definition>,
+    /// `tau_i`, where it does not vanish.
+    pub shape_applied: Vec<Definition>,
+    /// One for each element of a basis of the allowed displacements modulo the vertical ones.
+    pub horizontal: Vec<HorizontalEquation>,
+    /// Whether reactions of the constraint are in the equations.
+    pub has_multipliers: bool,
+}
+
+/// One equation `left = right`.
+#[derive(Clone, Debug)]
+pub struct VerticalEquation {
+    /// Components `s^k` of the displacement in the adapted basis.
+    pub displacement: Vec<ExprId>,
+    /// `s^k betadot_k`, in symbols that stand for the rates of the momenta.
+    pub left: ExprId,
+    /// What it is equal to.
+    pub right: ExprId,
+}
+
+/// One equation along a displacement that moves the shape.
+#[derive(Clone, Debug)]
+pub struct HorizontalEquation {
+    /// Components `d^i` along the horizontal lifts.
+    pub shape: Vec<ExprId>,
+    /// The rest of it, and the equation with its terms.
+    pub equation: VerticalEquation,
+}
+
+impl VerticalEquations {
+    /// The equations of a system with stages; none without stages, and where some equation is not seen to be that of
+    /// the motion.
+    ///
+    /// Every symbol stands for its value along the motion, so that `left - right` vanishes identically.
+    pub fn new(equations: &Equations) -> Option<VerticalEquations> {
+        let system = &equations.system;
+        // Written in velocities of a Lagrangian.
+        if system.hamiltonian.is_some() || !system.momenta.is_empty() {
+            return None;
+        }
+        let stages = system.stages.as_ref()?;
+        let mut writer = Writer::new(equations, stages);
+        let velocities = writer.velocities();
+        let p = writer.frame_momenta()?;
+        let (momenta, rates) = writer.momenta(&p);
+        let (shape_momenta, shape_rates) = writer.shape_momenta(&p);
+        let right = writer.right_sides(&velocities, &momenta);
+        let shape_right = writer.horizontal_sides(&momenta);
+        let (applied, mut right) = writer.applied(right)?;
+        let (shape_applied, mut shape_right) = writer.shape_applied(shape_right)?;
+        let n = writer.n;
+        let ((vertical, others), has_multipliers) = match &system.constraint {
+            KinematicConstraint::Solved(_) => (writer.allowed()?, false),
+            KinematicConstraint::Multipliers { reactions, .. } => {
+                writer.react(reactions, [&mut shape_right, &mut right])?;
+                let (g, r) = (&writer.g, right.len());
+                let zeros = vec![g.zero(); r];
+                let others = unit_vectors(g, n).into_iter().map(|shape| (shape, zeros.clone()));
+                ((unit_vectors(g, r), others.collect()), !reactions.is_empty())
+            }
+        };
+        let mut g = writer.g;
+        let zeros = vec![g.zero(); n];
+        let along = |g: &mut Graph, shape: &[ExprId], displacement: Vec<ExprId>| {
+            let contract = |g: &mut Graph, of_shape: &[ExprId], with: &[ExprId]| {
+                let pairs = shape.iter().zip(of_shape).chain(displacement.iter().zip(with));
+                let terms: Vec<ExprId> = pairs.map(|(s, e)| g.mul(*s, *e)).collect();
+                g.sum(&terms)
+            };
+            let (left, right) = (contract(g, &shape_rates, &rates), contract(g, &shape_right, &right));
+            g.is_equal(left, right).then_some(VerticalEquation { displacement, left, right })
+        };
+        let mut rows = Vec::new();
+        for displacement in vertical {
+            rows.push(along(&mut g, &zeros, displacement)?);
+        }
+        let mut horizontal = Vec::new();
+        for (shape, displacement) in others {
+            let equation = along(&mut g, &shape, displacement)?;
+            horizontal.push(HorizontalEquation { shape, equation });
+        }
+        Some(VerticalEquations {
+            graph: g,
+            velocities,
+            momenta,
+            applied,
+            rows,
+            shape_momenta,
+            shape_applied,
+            horizontal,
+            has_multipliers,
+        })
+    }
+}
+
+/// `stem` followed by underscores and `stage` until no name is that with digits behind it.
+pub fn unused_stem(equations: &Equations, stem: &str) -> String {
+    let mut stem = stem.to_owned();
+    while is_taken(equations, &stem) {
+        stem.push_str("_stage");
+    }
+    stem
+}
+
+fn is_taken(equations: &Equations, stem: &str) -> bool {
+    let g = &equations.system.graph;
+    let params = equations.system.params.iter().map(|p| p.name.as_str());
+    let definitions = equations.sections.iter().flat_map(|s| &s.definitions).map(|d| g.name(d.symbol));
+    let state = equations.state.iter().chain(&equations.reconstruction).map(|s| s.name.as_str());
+    let frame = equations.system.algebroid.frame().iter().map(String::as_str);
+    let mut names = params.chain(definitions).chain(state).chain(frame);
+    names.any(|name| name.strip_prefix(stem).is_some_and(|rest| rest.bytes().all(|b| b.is_ascii_digit())))
+}
+
+fn unit_vectors(g: &Graph, n: usize) -> Vec<Vec<ExprId>> {
+    (0..n).map(|i| (0..n).map(|j| if i == j { g.one() } else { g.zero() }).collect()).collect()
+}
+
+/// The parts of a virtual displacement along the base and in the adapted basis.
+type Displacement = (Vec<ExprId>, Vec<ExprId>);
+
+struct Writer<'a> {
+    equations: &'a Equations,
+    system: &'a ReducedSystem,
+    stages: &'a Stages,
+    g: Graph,
+    /// The adapted basis and its inverse in the frame of the system, of which they are the sections themselves where
+    /// that frame is the adapted one.
+    basis: Vec<Vec<ExprId>>,
+    inverse: Vec<Vec<ExprId>>,
+    /// Number of base velocities in front of those of the algebra.
+    n: usize,
+    /// Velocities that the constraint determines, as symbols of the same names that zero tests see through.
+    named: BTreeMap<SymbolId, ExprId>,
+    /// The same, written in the unknowns.
+    solved: BTreeMap<SymbolId, ExprId>,
+}
+
+impl<'a> Writer<'a> {
+    fn new(equations: &'a Equations, stages: &'a Stages) -> Writer<'a> {
+        let system = &equations.system;
+        let mut g = system.graph.clone();
+        let (mut named, mut solved) = (BTreeMap::new(), BTreeMap::new());
+        if let KinematicConstraint::Solved(constraint) = &system.constraint {
+            for &k in &constraint.dependent {
+                let value = constraint.velocity(&mut g, k);
+                let symbol = g.define(&system.algebroid.frame()[k], value);
+                named.insert(system.velocities[k], g.sym(symbol));
+                solved.insert(system.velocities[k], value);
+            }
+        }
+        let n = system.velocities.len() - stages.basis.len();
+        let (basis, inverse) = match system.frame {
+            Some(_) => (unit_vectors(&g, stages.basis.len()), unit_vectors(&g, stages.basis.len())),
+            None => (stages.basis.clone(), stages.inverse.clone()),
+        };
+        Writer { equations, system, stages, g, basis, inverse, n, named, solved }
+    }
+
+    fn symbols(&mut self, stem: &str, values: &[ExprId]) -> Vec<SymbolId> {
+        let stem = unused_stem(self.equations, stem);
+        values.iter().enumerate().map(|(k, e)| self.g.define(&format!("{stem}{}", k + 1), *e)).collect()
+    }
+
+    /// `eta_k = inverse[a][k] (v^a - A^a_i xdot^i)`.
+    fn velocities(&mut self) -> Vec<Definition> {
+        let g = &mut self.g;
+        let xi = self.system.group_velocity(g, self.n);
+        let eta: Vec<ExprId> = (0..xi.len())
+            .map(|k| {
+                let rows = xi.iter().zip(&self.stages.inverse);
+                let terms: Vec<ExprId> = rows.map(|(v, row)| g.mul(*v, row[k])).collect();
+                g.sum(&terms)
+            })
+            .collect();
+        // A linear change of variables divides by nothing that the constraint could make zero.
+        let values: Vec<ExprId> = eta.iter().map(|e| g.subs(*e, &self.named).unwrap_or(*e)).collect();
+        let symbols = self.symbols("eta", &values);
+        symbols.into_iter().zip(eta).map(|(symbol, expr)| Definition { symbol, expr }).collect()
+    }
+
+    /// Momenta `dL/dy` along the frame of the system, and their rates.
+    fn frame_momenta(&mut self) -> Option<Vec<(ExprId, ExprId)>> {
+        let mut momenta = Vec::new();
+        for (v, name) in self.system.velocities.iter().zip(self.system.algebroid.frame()) {
+            let raw = self.g.diff(self.system.lagrangian, *v);
+            let value = self.g.subs(raw, &self.named).ok()?;
+            let symbol = self.g.define(&format!("p_{name}"), value);
+            let free = self.g.subs(raw, &self.solved).ok()?;
+            momenta.push((self.g.sym(symbol), self.rate(free)));
+        }
+        Some(momenta)
+    }
+
+    /// `beta_k = basis[k][a] p_a`, and the symbols of their rates.
+    fn momenta(&mut self, p: &[(ExprId, ExprId)]) -> (Vec<Definition>, Vec<ExprId>) {
+        let (p, slopes): (Vec<ExprId>, Vec<ExprId>) = p[self.n..].iter().copied().unzip();
+        let beta: Vec<ExprId> = self.basis.iter().map(|row| self.g.dot(row, &p)).collect();
+        let mut turned = Vec::new();
+        for row in self.basis.clone() {
+            let moved: Vec<ExprId> = row.iter().map(|e| self.rate(*e)).collect();
+            let parts = [self.g.dot(&row, &slopes), self.g.dot(&moved, &p)];
+            turned.push(self.g.sum(&parts));
+        }
+        let symbols = self.symbols("beta", &beta);
+        let rates = self.rate_symbols(&symbols, turned);
+        (symbols.into_iter().zip(beta).map(|(symbol, expr)| Definition { symbol, expr }).collect(), rates)
+    }
+
+    /// `p_i`, and the symbols of their rates.
+    fn shape_momenta(&mut self, p: &[(ExprId, ExprId)]) -> (Vec<Definition>, Vec<ExprId>) {
+        let (p, slopes): (Vec<ExprId>, Vec<ExprId>) = p[..self.n].iter().copied().unzip();
+        let symbols: Vec<SymbolId> = (self.system.algebroid.frame()[..self.n].iter().zip(&p))
+            .map(|(name, p)| self.g.define(&format!("p_{name}"), *p))
+            .collect();
+        let rates = self.rate_symbols(&symbols, slopes);
+        let values = self.system.velocities[..self.n].iter().map(|v| self.g.diff(self.system.lagrangian, *v));
+        let values: Vec<ExprId> = values.collect();
+        let values = values.into_iter().map(|e| self.g.subs(e, &self.named).unwrap_or(e));
+        (symbols.into_iter().zip(values).map(|(symbol, expr)| Definition { symbol, expr }).collect(), rates)
+    }
+
+    fn rate_symbols(&mut self, symbols: &[SymbolId], rates: Vec<ExprId>) -> Vec<ExprId> {
+        let names: Vec<String> = symbols.iter().map(|s| format!("dot_{}", self.g.name(*s))).collect();
+        let g = &mut self.g;
+        let named = names.iter().zip(rates).map(|(name, rate)| {
+            let symbol = g.define(name, rate);
+            g.sym(symbol)
+        });
+        named.collect()
+    }
+
+    /// The derivative along the motion of a function of time and state.
+    fn rate(&mut self, e: ExprId) -> ExprId {
+        let mut terms = vec![self.g.diff(e, self.system.time)];
+        for variable in &self.equations.state {
+            let slope = self.g.diff(e, variable.symbol);
+            terms.push(self.g.mul(slope, variable.derivative));
+        }
+        self.g.sum(&terms)
+    }
+
+    /// The stage equations, with `<beta, df_k/dt>` where the basis turns.
+    fn right_sides(&mut self, velocities: &[Definition], momenta: &[Definition]) -> Vec<ExprId> {
+        let g = &mut self.g;
+        let [eta, beta] = [velocities, momenta]
+            .map(|list| -> Vec<ExprId> { list.iter().map(|d| g.sym(d.symbol)).collect() });
+        let right = self.stages.vertical_equations(g, &eta, &beta);
+        let right = match self.system.side {
+            Side::Left => right,
+            Side::Right => right.into_iter().map(|e| g.neg(e)).collect(),
+        };
+        let mut turned = Vec::new();
+        for (element, right) in self.stages.basis.clone().iter().zip(right) {
+            let moved: Vec<ExprId> = element.iter().map(|e| self.rate_of_shape(*e)).collect();
+            let g = &mut self.g;
+            let mut terms = vec![right];
+            for (c, beta) in beta.iter().enumerate() {
+                let column: Vec<ExprId> = self.stages.inverse.iter().map(|row| row[c]).collect();
+                let along = g.dot(&moved, &column);
+                let along = g.cancel_zero(along);
+                terms.push(g.mul(along, *beta));
+            }
+            turned.push(g.sum(&terms));
+        }
+        turned
+    }
+
+    /// The rate of a function of shape and time, by the velocities.
+    fn rate_of_shape(&mut self, e: ExprId) -> ExprId {
+        let g = &mut self.g;
+        let mut terms = vec![g.diff(e, self.system.time)];
+        for (i, velocity) in self.system.velocities[..self.n].iter().enumerate() {
+            let along = self.system.algebroid.derivative_along(g, i, e);
+            let rate = self.named.get(velocity).copied().unwrap_or_else(|| g.sym(*velocity));
+            terms.push(g.mul(along, rate));
+        }
+        g.sum(&terms)
+    }
+
+    /// `<beta, [y, D_i] + [d/dt, D_i]>`, the coefficients of the frame in the adapted basis.
+    fn horizontal_sides(&mut self, momenta: &[Definition]) -> Vec<ExprId> {
+        let (g, n, algebroid) = (&mut self.g, self.n, &self.system.algebroid);
+        let beta: Vec<ExprId> = momenta.iter().map(|d| g.sym(d.symbol)).collect();
+        // p_c = inverse[c][k] beta_k.
+        let p: Vec<Vec<ExprId>> = self.inverse.clone();
+        let mut sides = Vec::new();
+        for i in 0..n {
+            let mut terms = Vec::new();
+            let mut add = |g: &mut Graph, c: usize, weight: ExprId, y: Option<ExprId>| {
+                for (along, beta) in p[c - n].iter().zip(&beta) {
+                    let product = g.product(&[weight, *along, *beta]);
+                    terms.push(y.map_or(product, |y| g.mul(product, y)));
+                }
+            };
+            for (k, velocity) in self.system.velocities.iter().enumerate() {
+                let y = self.named.get(velocity).copied().unwrap_or_else(|| g.sym(*velocity));
+                for (c, value) in algebroid.bracket(g, k, i) {
+                    add(g, c, value, Some(y));
+                }
+            }
+            for (c, value) in algebroid.drift(i) {
+                add(g, *c, *value, None);
+            }
+            sides.push(g.sum(&terms));
+        }
+        sides
+    }
+
+    /// Adds `tau_i = rho^j_i dL/dx^j + F_i`.
+    fn shape_applied(&mut self, right: Vec<ExprId>) -> Option<(Vec<Definition>, Vec<ExprId>)> {
+        let (mut definitions, mut total) = (Vec::new(), Vec::new());
+        for (i, right) in right.into_iter().enumerate() {
+            let along = self.system.algebroid.derivative_along(&mut self.g, i, self.system.lagrangian);
+            let sum = self.g.add(along, self.system.forces[i]);
+            let sum = self.g.subs(sum, &self.named).ok()?;
+            let expr = self.g.cancel_zero(sum);
+            if expr == self.g.zero() {
+                total.push(right);
+                continue;
+            }
+            let name = unused_stem(self.equations, "tau");
+            let symbol = self.g.define(&format!("{name}_{}", self.system.algebroid.frame()[i]), expr);
+            let named = self.g.sym(symbol);
+            total.push(self.g.add(right, named));
+            definitions.push(Definition { symbol, expr });
+        }
+        Some((definitions, total))
+    }
+
+    /// Adds `tau_k = basis[k][a] (rho^i_a dL/dx^i + F_a)`.
+    fn applied(&mut self, right: Vec<ExprId>) -> Option<(Vec<Definition>, Vec<ExprId>)> {
+        let mut generalised = Vec::new();
+        for alpha in self.n..self.system.velocities.len() {
+            let along = self.system.algebroid.derivative_along(&mut self.g, alpha, self.system.lagrangian);
+            let sum = self.g.add(along, self.system.forces[alpha]);
+            generalised.push(self.g.subs(sum, &self.named).ok()?);
+        }
+        let mut tau = Vec::new();
+        for row in &self.basis {
+            let sum = self.g.dot(row, &generalised);
+            tau.push(self.g.cancel_zero(sum));
+        }
+        let symbols = self.symbols("tau", &tau);
+        let (mut definitions, mut total) = (Vec::new(), Vec::new());
+        for ((symbol, expr), right) in symbols.into_iter().zip(tau).zip(right) {
+            if expr == self.g.zero() {
+                total.push(right);
+                continue;
+            }
+            let named = self.g.sym(symbol);
+            total.push(self.g.add(right, named));
+            definitions.push(Definition { symbol, expr });
+        }
+        Some((definitions, total))
+    }
+
+    /// Adds `lambda_A form_A,i` along the shape and `lambda_A basis[k][a] form_A,a`.
+    fn react(&mut self, reactions: &[Vec<ExprId>], [shape, right]: [&mut [ExprId]; 2]) -> Option<()> {
+        let multipliers = self.equations.outputs.iter().find(|o| o.name == "multipliers");
+        let multipliers = multipliers.map_or(&[][..], |o| &o.components);
+        if multipliers.len() != reactions.len() {
+            return None;
+        }
+        for ((name, value), form) in multipliers.iter().zip(reactions) {
+            let symbol = self.g.define(name, *value);
+            let lambda = self.g.sym(symbol);
+            let (along_shape, along_algebra) = form.split_at(self.n);
+            for (right, a) in shape.iter_mut().zip(along_shape) {
+                let reaction = self.g.mul(lambda, *a);
+                *right = self.g.add(*right, reaction);
+            }
+            for (right, row) in right.iter_mut().zip(&self.basis) {
+                let along = self.g.dot(row, along_algebra);
+                let along = self.g.cancel_zero(along);
+                let reaction = self.g.mul(lambda, along);
+                *right = self.g.add(*right, reaction);
+            }
+        }
+        Some(())
+    }
+
+    /// A basis of the virtual displacements without a part along the base, in the adapted basis, and what completes it
+    /// to all of them: its parts along the base and in the adapted basis.
+    fn allowed(&mut self) -> Option<(Vec<Vec<ExprId>>, Vec<Displacement>)> {
+        let KinematicConstraint::Solved(constraint) = &self.system.constraint else { return None };
+        let mut w = Vec::new();
+        for row in &constraint.virtual_displacements {
+            w.push(row.iter().map(|e| self.g.subs(*e, &self.named)).collect::<Result<Vec<_>, _>>().ok()?);
+        }
+        let (base, fibre) = w.split_at(self.n);
+        let g = &mut self.g;
+        let tidied = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| {
+            let sum = g.dot(a, b);
+            g.cancel_zero(sum)
+        };
+        let width = constraint.unknowns.len();
+        let (combinations, others) = kernel(g, base, width);
+        let (unit, inverse) = (unit_vectors(g, width), &self.inverse);
+        let adapted = |g: &mut Graph, combination: &[ExprId]| -> Vec<ExprId> {
+            let s: Vec<ExprId> = fibre.iter().map(|row| tidied(g, row, combination)).collect();
+            let column = |k: usize| inverse.iter().map(|row| row[k]).collect::<Vec<_>>();
+            (0..s.len()).map(|k| tidied(g, &s, &column(k))).collect()
+        };
+        let mut vectors: Vec<Vec<ExprId>> = combinations.iter().map(|c| adapted(g, c)).collect();
+        let lifts = others.into_iter().map(|k| {
+            let shape: Vec<ExprId> = base.iter().map(|row| row[k]).collect();
+            (shape, adapted(g, &unit[k]))
+        });
+        let lifts = lifts.collect();
+        tidy(g, &mut vectors);
+        Some((vectors, lifts))
+    }
+}
+
+/// Makes an entry one, and all others of its column zero, by row operations.
+fn eliminate(g: &mut Graph, rows: &mut [Vec<ExprId>], (row, column): (usize, usize)) {
+    let inverse = g.powi(rows[row][column], -1);
+    for entry in &mut rows[row] {
+        *entry = g.mul(*entry, inverse);
+    }
+    let own = rows[row].clone();
+    for (i, other) in rows.iter_mut().enumerate() {
+        let factor = other[column];
+        if i == row || factor == g.zero() {
+            continue;
+        }
+        for (entry, own) in other.iter_mut().zip(&own) {
+            let product = g.mul(factor, *own);
+            let difference = g.sub(*entry, product);
+            *entry = g.cancel_zero(difference);
+        }
+    }
+}
+
+/// The same span, with a one alone in its column in as many rows as that takes no division by what is not a number.
+fn tidy(g: &mut Graph, rows: &mut [Vec<ExprId>]) {
+    let width = rows.first().map_or(0, Vec::len);
+    let mut done = BTreeSet::new();
+    for column in 0..width {
+        let is_number = |i: &usize| rows[*i][column] != g.zero() && g.as_rational(rows[*i][column]).is_some();
+        if let Some(row) = (0..rows.len()).filter(|i| !done.contains(i)).find(is_number) {
+            eliminate(g, rows, (row, column));
+            done.insert(row);
+        }
+    }
+    rows.sort_by_key(|row| row.iter().position(|e| *e != g.zero()));
+}
+
+/// A basis of the vectors `c` with `rows c = 0`, and components whose unit vectors complete it.
+fn kernel(g: &mut Graph, rows: &[Vec<ExprId>], width: usize) -> (Vec<Vec<ExprId>>, Vec<usize>) {
+    let mut rows = rows.to_vec();
+    for entry in rows.iter_mut().flatten() {
+        *entry = g.cancel_zero(*entry);
+    }
+    let mut pivots = Vec::new();
+    for row in 0..rows.len() {
+        // Numbers first: they vanish nowhere.
+        let grade = |e: ExprId| (g.as_rational(e).is_none(), g.reachable(&[e]).len());
+        let entries = rows[row].iter().enumerate().filter(|(_, e)| **e != g.zero());
+        let Some((column, _)) = entries.min_by_key(|(_, e)| grade(**e)) else { continue };
+        eliminate(g, &mut rows, (row, column));
+        pivots.push((row, column));
+    }
+    let mut vectors = Vec::new();
+    for free in (0..width).filter(|k| pivots.iter().all(|(_, column)| column != k)) {
+        let mut vector = vec![g.zero(); width];
+        vector[free] = g.one();
+        for &(row, column) in &pivots {
+            vector[column] = g.neg(rows[row][free]);
+        }
+        vectors.push(vector);
+    }
+    let mut others: Vec<usize> = pivots.into_iter().map(|(_, column)| column).collect();
+    others.sort_unstable();
+    (vectors, others)
+}

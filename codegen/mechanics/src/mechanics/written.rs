@@ -1,0 +1,81 @@
+//! Operations of definitions as they are written, before lowering looks for common parts.
+//!
+//! Deliberately does not know: what lowering does, what is computed.
+
+use std::collections::{BTreeSet, HashSet};
+
+use num_traits::{One, Signed, Zero};
+
+use crate::reduction::ReducedSystem;
+use hamel_expr::error::Error;
+use hamel_expr::{ExprId, Graph, Node, Rational, Section, SymbolId, needed_sections};
+
+use super::derive::Derivation;
+use super::equations::Equations;
+
+/// Operations behind `roots` on what is `varying`.
+fn n_operations(g: &Graph, sections: &[Section], varying: &BTreeSet<SymbolId>, roots: &[ExprId]) -> usize {
+    let needed = needed_sections(g, sections, roots);
+    let mut all: Vec<ExprId> = needed.iter().flat_map(|s| &s.definitions).map(|d| d.expr).collect();
+    all.extend(roots);
+    let mut moving: HashSet<ExprId> = HashSet::new();
+    let mut n = 0;
+    for e in g.reachable(&all) {
+        let node = g.node(e);
+        let mut moves = matches!(node, Node::Symbol(s) if varying.contains(s));
+        node.for_each_operand(|operand| moves |= moving.contains(&operand));
+        if !moves {
+            continue;
+        }
+        moving.insert(e);
+        let count = |operands: &mut dyn Iterator<Item = (&ExprId, &Rational)>| {
+            let moving = operands.filter(|(e, _)| moving.contains(e));
+            let (n, n_weighed) =
+                moving.fold((0, 0), |(n, weighed), (_, q)| (n + 1, weighed + usize::from(!q.abs().is_one())));
+            (n, n + n_weighed)
+        };
+        // Operands that do not change are one operand.
+        n += match node {
+            Node::Constant(_) | Node::Pi | Node::Symbol(_) => 0,
+            Node::Function(..) | Node::Atan2(..) => 1,
+            Node::Sum { constant, terms } => {
+                let (n, with_weights) = count(&mut terms.iter().map(|(e, q)| (e, q)));
+                with_weights - usize::from(n == terms.len() && constant.is_zero())
+            }
+            Node::Product { coefficient, factors } => {
+                let (n, with_powers) = count(&mut factors.iter().map(|(e, q)| (e, q)));
+                with_powers - usize::from(n == factors.len() && coefficient.abs().is_one())
+            }
+        };
+    }
+    n
+}
+
+/// Operations behind the rates of a system's state, which is derived so far and no further.
+///
+/// # Errors
+/// As [`derive`](super::derive).
+pub fn operations_of_motion(system: &ReducedSystem) -> Result<usize, Error> {
+    let mut d = Derivation::new(system);
+    let motion = d.motion()?;
+    d.g.within_budget()?;
+    let rates: Vec<ExprId> =
+        motion.acceleration.iter().chain(&motion.unknown_rates).chain(&d.rates).copied().collect();
+    Ok(d.n_operations(&rates))
+}
+
+impl Derivation<'_> {
+    /// Operations behind these values.
+    pub(super) fn n_operations(&self, roots: &[ExprId]) -> usize {
+        let (sections, varying) = self.writer.clone().finish();
+        n_operations(&self.g, &sections, &varying, roots)
+    }
+}
+
+impl Equations {
+    /// Operations behind the rates of the state.
+    pub fn n_operations(&self) -> usize {
+        let rates: Vec<ExprId> = self.state.iter().map(|s| s.derivative).collect();
+        n_operations(&self.system.graph, &self.sections, &self.varying, &rates)
+    }
+}

@@ -1,0 +1,344 @@
+//! A system in other velocities: `y = T eta` with the columns of `T` for a frame.
+//!
+//! [`in_quasi_frame`] writes the algebroid of a model in the frame of its quasi-velocities; the model itself is written
+//! in these already. [`with_stages`] writes a system in the frame that its chain of stages is adapted to, as a rewrite
+//! of everything that has velocities or components in the frame. `algebroid` builds anchor and bracket from the stage
+//! forms and holds them to the change of frame, `constraint` carries the constraints over. Does not know: how the frame
+//! came about, equations of motion.
+
+mod algebroid;
+mod constraint;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use hamel_expr::error::Error;
+use hamel_expr::{DivisionByZero, ExprId, Graph, Rational, SymbolId};
+use hamel_lang::algebra::Algebroid;
+use hamel_lang::spec::{QuasiFrame, Side};
+
+use super::change::{Change, Frame, contract};
+use super::constraint::{KinematicConstraint, Unknown};
+use super::formulation::StageUse;
+use super::stages::Stages;
+use super::system::{Block, BlockKind, ReducedSystem, StateKind};
+
+/// The system in the frame that is adapted to its stages, as far as its formulation asks for it.
+///
+/// Internally the state stays what it is and its velocities are independent ones `u` with
+/// `eta = T^-1 Psi u + T^-1 psi0`; the equations are the components along the adapted frame. Carried, the state has
+/// velocities of the levels, and [`ReducedSystem::changes`] says what they are.
+/// Constraints with multipliers keep all velocities in the state, so that an internal frame changes nothing for them.
+///
+/// # Errors
+/// [`Error::RebuiltBracketDiffers`], constraints that cannot be solved in the new velocities,
+/// [`Error::DivisionByZero`].
+pub(super) fn with_stages(system: ReducedSystem) -> Result<ReducedSystem, Error> {
+    let keeps_all = matches!(system.constraint, KinematicConstraint::Multipliers { .. });
+    match system.formulation.stages {
+        StageUse::Unused | StageUse::Shown => Ok(system),
+        // Frames of quasi-velocities and given rates have velocities of their own.
+        _ if system.quasi_frame.is_some() || system.accelerations.is_some() => Ok(system),
+        StageUse::Internal if keeps_all || system.hamiltonian.is_some() || system.degeneracy.is_some() => {
+            Ok(system)
+        }
+        StageUse::Carried if system.degeneracy.is_some() => Err(Error::Unsupported {
+            what: "velocities along stages of a system with a degenerate lagrangian".into(),
+            possible: "the velocities of the model; remove `carry stages`".into(),
+        }),
+        StageUse::Carried if system.hamiltonian.is_some() => Err(Error::Unsupported {
+            what: "velocities along stages of a system with a hamiltonian".into(),
+            possible: "the momenta that it is a function of; remove `carry stages`".into(),
+        }),
+        StageUse::Internal | StageUse::Carried => match system.stages.clone() {
+            Some(stages) => in_frame(system, &stages),
+            None => Ok(system),
+        },
+    }
+}
+
+/// The algebroid in the frame of quasi-velocities that a model declares, and that frame.
+pub(super) fn in_quasi_frame(
+    g: &mut Graph,
+    algebroid: &Algebroid,
+    own: &QuasiFrame,
+    names: &[String],
+) -> (Algebroid, Frame) {
+    let original = own.original.iter().enumerate();
+    let original = original.map(|(k, (name, symbol))| Unknown {
+        name: name.clone(),
+        symbol: *symbol,
+        frame_idx: Some(k),
+    });
+    let frame =
+        Frame { original: original.collect(), matrix: own.matrix.clone(), inverse: own.inverse.clone() };
+    (algebroid::transformed(g, algebroid, &frame, names), frame)
+}
+
+fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Error> {
+    let ReducedSystem {
+        formulation,
+        mut graph,
+        name,
+        doc,
+        sources,
+        units,
+        time,
+        params,
+        param_arrays,
+        inputs,
+        conditions,
+        algebroid,
+        velocities,
+        side,
+        connection,
+        lagrangian,
+        hamiltonian,
+        accelerations,
+        forces,
+        constraint,
+        higher,
+        mut own_rates,
+        positions,
+        degeneracy,
+        unknowns,
+        momenta,
+        state,
+        casimirs,
+        mut outputs,
+        events,
+        mut sections,
+        reconstruction,
+        momenta_in_space,
+        group_equations,
+        blocks,
+        stages: _,
+        signs,
+        domains,
+        circles,
+        frame: _,
+        quasi_frame,
+        pivots,
+        changes: _,
+    } = system;
+    let g = &mut graph;
+    let is_carried = formulation.stages == StageUse::Carried;
+    let n = velocities.len() - stages.basis.len();
+    let own = velocities.iter().zip(algebroid.frame()).enumerate();
+    let own =
+        own.map(|(k, (symbol, name))| Unknown { name: name.clone(), symbol: *symbol, frame_idx: Some(k) });
+    let frame = Frame::adapted(g, stages, own.collect());
+    let eta: Vec<Unknown> = frame.original[..n].to_vec();
+    let eta: Vec<Unknown> = eta.into_iter().chain(level_velocities(g, stages, n)).collect();
+    let names: Vec<String> = eta.iter().map(|u| u.name.clone()).collect();
+    let algebroid =
+        algebroid::adapted(g, &algebroid, stages, (&frame, &names), (side == Side::Right, &connection))?;
+    let symbols: Vec<ExprId> = eta.iter().map(|u| g.sym(u.symbol)).collect();
+    let values = frame.velocities(g, &symbols);
+    let all: BTreeMap<SymbolId, ExprId> = velocities.iter().copied().zip(values).skip(n).collect();
+    let divided = |_: DivisionByZero| Error::DivisionByZero { place: "the change of frame".into() };
+    let lagrangian = g.subs(lagrangian, &all).map_err(divided)?;
+    let along: Vec<SymbolId> = eta.iter().map(|u| u.symbol).collect();
+    let lagrangian = gathered(g, lagrangian, &along, &algebroid);
+    let forces = g.subs_all(&forces, &all).map_err(divided)?;
+    let forces = frame.one_form(g, &forces);
+    let beside = constraint::Setting { time, params: &params, signs: &signs, algebroid: &algebroid };
+    let before = constraint.clone();
+    let higher = match is_carried {
+        true => constraint::rates_in(g, &beside, &eta, (&velocities, &all), higher)?,
+        // With multipliers an internal frame changes nothing.
+        false => higher,
+    };
+    let constraint = match is_carried {
+        true => constraint::solved_again(g, &beside, &frame, &eta, constraint, &all)?,
+        // What a momentum is depends on the displacements.
+        false => {
+            let has_momenta = !momenta.is_empty();
+            constraint::with_old_unknowns(g, &beside, (&frame, n), (&names, has_momenta), constraint, &all)?
+        }
+    };
+    // What stays in the state stays in expressions.
+    let kept: Vec<SymbolId> =
+        if is_carried { Vec::new() } else { unknowns.iter().map(|u| u.symbol).collect() };
+    let replaced: BTreeMap<SymbolId, ExprId> = all.into_iter().filter(|(y, _)| !kept.contains(y)).collect();
+    let replace = |g: &mut Graph, e: &mut ExprId| -> Result<(), Error> {
+        *e = g.subs(*e, &replaced).map_err(divided)?;
+        Ok(())
+    };
+    let (mut casimirs, mut reconstruction) = (casimirs, reconstruction);
+    for e in casimirs.iter_mut().map(|c| &mut c.expr) {
+        replace(g, e)?;
+    }
+    for (_, e) in outputs.iter_mut().flat_map(|o| &mut o.components) {
+        replace(g, e)?;
+    }
+    let rates = reconstruction.iter_mut().map(|c| &mut c.rate);
+    for e in rates.chain(own_rates.iter_mut().map(|own| &mut own.rate)) {
+        replace(g, e)?;
+    }
+    for section in &mut sections {
+        section.coefficients = frame.components(g, &section.coefficients);
+    }
+    let mut system = ReducedSystem {
+        formulation,
+        graph: Graph::new(),
+        name,
+        doc,
+        sources,
+        units,
+        time,
+        params,
+        param_arrays,
+        inputs,
+        conditions,
+        algebroid,
+        velocities: eta.iter().map(|u| u.symbol).collect(),
+        side,
+        connection,
+        lagrangian,
+        hamiltonian,
+        accelerations,
+        forces,
+        constraint,
+        higher,
+        own_rates,
+        positions,
+        degeneracy,
+        unknowns,
+        momenta,
+        state,
+        casimirs,
+        outputs,
+        events,
+        sections,
+        reconstruction,
+        momenta_in_space,
+        group_equations,
+        blocks,
+        stages: Some(stages.clone()),
+        signs,
+        domains,
+        circles,
+        frame: None,
+        quasi_frame,
+        pivots,
+        changes: Vec::new(),
+    };
+    if is_carried {
+        let unknowns = carry(g, &mut system, stages, &frame, (&before, &eta));
+        constraint::keeps_momenta(g, &mut system, &frame, (&before, &unknowns))?;
+    }
+    system.graph = graph;
+    system.frame = Some(frame);
+    Ok(system)
+}
+
+/// The same function of the velocities, a sum over their products where the metric depends on parameters alone: the
+/// products that couple levels are not there then, and the others have one coefficient each.
+fn gathered(g: &mut Graph, lagrangian: ExprId, velocities: &[SymbolId], algebroid: &Algebroid) -> ExprId {
+    let moving = velocities.iter().chain(algebroid.base()).copied().chain([algebroid.time()]);
+    let moving: BTreeSet<SymbolId> = moving.collect();
+    let zeros: BTreeMap<SymbolId, ExprId> = velocities.iter().map(|s| (*s, g.zero())).collect();
+    let p: Vec<ExprId> = velocities.iter().map(|s| g.diff(lagrangian, *s)).collect();
+    let (Ok(at_rest), Ok(slopes)) = (g.subs(lagrangian, &zeros), g.subs_all(&p, &zeros)) else {
+        return lagrangian;
+    };
+    let mut terms = vec![at_rest];
+    for (slope, s) in slopes.into_iter().zip(velocities) {
+        let velocity = g.sym(*s);
+        let slope = g.cancel_zero(slope);
+        terms.push(g.mul(slope, velocity));
+    }
+    let half = Rational::new(1.into(), 2.into());
+    for (a, p) in p.into_iter().enumerate() {
+        for (b, s) in velocities.iter().enumerate().skip(a) {
+            let entry = g.diff(p, *s);
+            let entry = g.cancel_zero(entry);
+            if g.depends_on(entry, &moving) {
+                return lagrangian;
+            }
+            let pair = [velocities[a], *s].map(|s| g.sym(s));
+            let product = g.product(&[entry, pair[0], pair[1]]);
+            terms.push(if a == b { g.scale(product, &half) } else { product });
+        }
+    }
+    g.sum(&terms)
+}
+
+/// The state of velocities along the levels, and what tells of it; the unknowns before.
+///
+/// `constraint`: in the frame of the model.
+fn carry(
+    g: &mut Graph,
+    system: &mut ReducedSystem,
+    stages: &Stages,
+    frame: &Frame,
+    (constraint, eta): (&KinematicConstraint, &[Unknown]),
+) -> Vec<Unknown> {
+    let n = eta.len() - stages.basis.len();
+    let unknowns = match &system.constraint {
+        KinematicConstraint::Solved(solved) => solved.unknowns.clone(),
+        KinematicConstraint::Multipliers { .. } => eta.to_vec(),
+    };
+    let before = std::mem::replace(&mut system.unknowns, unknowns);
+    let doc_of = |u: &Unknown| {
+        let level = u.frame_idx.filter(|k| *k >= n).map(|k| &stages.levels[stages.level_of(k - n)]);
+        if let Some(level) = level {
+            return format!("velocity along the level of stage `{}`", level.name);
+        }
+        let same = before.iter().position(|old| old.symbol == u.symbol);
+        let entry = same.and_then(|a| system.state.iter().find(|(kind, _)| *kind == StateKind::Unknown(a)));
+        entry.map(|(_, doc)| doc.clone()).unwrap_or_default()
+    };
+    let has_momentum = |u: &Unknown| system.momenta.iter().any(|m| before[m.unknown].symbol == u.symbol);
+    let own = system.unknowns.iter().enumerate().filter(|(_, u)| !has_momentum(u));
+    let own: Vec<(StateKind, String)> = own.map(|(a, u)| (StateKind::Unknown(a), doc_of(u))).collect();
+    let is_base = |kind: &StateKind| matches!(kind, StateKind::Base(_));
+    let is_unknown = |kind: &StateKind| matches!(kind, StateKind::Unknown(_));
+    let at = system.state.iter().take_while(|(kind, _)| is_base(kind)).count();
+    system.state.retain(|(kind, _)| !is_unknown(kind));
+    system.state.splice(at..at, own);
+    // By the velocities that were independent before, so that whoever gives these gives a state.
+    let mut own: Vec<ExprId> = frame.original.iter().map(|u| g.sym(u.symbol)).collect();
+    if let KinematicConstraint::Solved(solved) = constraint {
+        for &alpha in &solved.dependent {
+            own[alpha] = solved.velocity(g, alpha);
+        }
+    }
+    for u in &system.unknowns {
+        let is_new = before.iter().all(|old| old.symbol != u.symbol);
+        let Some(k) = u.frame_idx.filter(|_| is_new) else { continue };
+        let value = contract(g, &frame.inverse[k], &own);
+        system.changes.push(Change { name: u.name.clone(), symbol: u.symbol, value });
+    }
+    let mut blocks: Vec<Block> = (stages.levels.iter())
+        .map(|level| Block {
+            name: level.name.clone(),
+            components: level.range.clone().map(|k| eta[n + k].symbol).collect(),
+            kind: BlockKind::Velocity,
+        })
+        .collect();
+    // Positions of places in the list count what comes before.
+    let is_velocity = |block: &&Block| block.kind == BlockKind::Velocity;
+    let shift = |at: usize, new: usize, old: usize| at + new - old;
+    let (new, old) = (blocks.len(), system.blocks.iter().filter(is_velocity).count());
+    for block in system.blocks.drain(..).filter(|block| block.kind != BlockKind::Velocity) {
+        let kind = match block.kind {
+            BlockKind::Position { attitude } => BlockKind::Position { attitude: shift(attitude, new, old) },
+            other => other,
+        };
+        blocks.push(Block { kind, ..block });
+    }
+    system.blocks = blocks;
+    before
+}
+
+/// Velocities along the adapted elements: `stage_1`, `stage_2`, .. for a stage of several dimensions, its name for one.
+fn level_velocities(g: &mut Graph, stages: &Stages, n: usize) -> Vec<Unknown> {
+    let names = stages.velocity_names();
+    let mut unknowns = Vec::new();
+    for (k, name) in names.into_iter().enumerate() {
+        let symbol = g.symbol(&name);
+        unknowns.push(Unknown { name, symbol, frame_idx: Some(n + k) });
+    }
+    unknowns
+}

@@ -1,0 +1,296 @@
+//! The group equation `gdot = g xi` (left) or `gdot = xi g` (right) for matrices and the vectors of a semidirect
+//! product, what the matrices keep, and momenta in space.
+//!
+//! Matrices are real here: a complex number `a + ib` is the block `[[a, -b], [b, a]]`.
+//!
+//! Does not know: which coordinates a scene carries.
+
+use num_traits::{One, Zero};
+
+use hamel_expr::{ExprId, Graph, Rational};
+use hamel_lang::algebra::Matrix;
+use hamel_lang::spec::{KeptForm, MatrixGroup, MatrixSpace, Side};
+
+/// Momenta along some velocities, turned into space: `J_i = sum_k rows[i][k] p_k`.
+#[derive(Clone, Debug)]
+pub struct MomentumInSpace {
+    /// Positions of the velocities in the frame.
+    pub velocities: Vec<usize>,
+    /// In terms of the reconstructed coordinates.
+    pub rows: Vec<Vec<ExprId>>,
+}
+
+/// A square matrix of expressions.
+type Rows = Vec<Vec<ExprId>>;
+
+/// Determinants of larger matrices are not written down.
+const MAX_DETERMINANT: usize = 4;
+
+/// A group element by its coordinates.
+struct Element {
+    /// `g`, as a real matrix.
+    matrix: Rows,
+    /// A vector for each space.
+    vectors: Vec<Vec<ExprId>>,
+}
+
+impl Element {
+    fn new(g: &mut Graph, group: &MatrixGroup, coordinates: &[ExprId]) -> Element {
+        let n = group.n();
+        let (entries, mut rest) = coordinates.split_at(n_entries(group));
+        let matrix = match group.family().is_complex() {
+            false => entries.chunks(n).map(<[ExprId]>::to_vec).collect(),
+            true => {
+                let (re, im) = entries.split_at(n * n);
+                let mut rows = vec![vec![g.zero(); 2 * n]; 2 * n];
+                for (k, (a, b)) in re.iter().zip(im).enumerate() {
+                    let (i, j) = (2 * (k / n), 2 * (k % n));
+                    (rows[i][j], rows[i + 1][j + 1]) = (*a, *a);
+                    (rows[i][j + 1], rows[i + 1][j]) = (g.neg(*b), *b);
+                }
+                rows
+            }
+        };
+        let mut vectors = Vec::new();
+        for (_, dim) in group.spaces() {
+            let (vector, after) = rest.split_at(dim);
+            vectors.push(vector.to_vec());
+            rest = after;
+        }
+        Element { matrix, vectors }
+    }
+}
+
+/// How many coordinates are entries of the matrix.
+fn n_entries(group: &MatrixGroup) -> usize {
+    group.n_blocks() * group.n() * group.n()
+}
+
+/// Rates of the coordinates by the group velocity: `g' = g xi`, `v' = g u` (left), or `g' = xi g`, `v' = xi v + u`
+/// (right), with `u` alone for a space that the group leaves alone.
+pub(super) fn rates(
+    g: &mut Graph,
+    group: &MatrixGroup,
+    coordinates: &[ExprId],
+    xi: &[ExprId],
+    side: Side,
+) -> Vec<ExprId> {
+    let element = Element::new(g, group, coordinates);
+    let (turning, mut moving) = xi.split_at(group.matrices().len());
+    let hat = combined(g, group.matrices(), turning);
+    let rate = match side {
+        Side::Left => product(g, &element.matrix, &hat),
+        Side::Right => product(g, &hat, &element.matrix),
+    };
+    let n = group.n();
+    let mut rates: Vec<ExprId> = match group.family().is_complex() {
+        false => rate.into_iter().flatten().collect(),
+        true => {
+            let part = |k: usize| (0..n * n).map(move |at| (2 * (at / n) + k, 2 * (at % n)));
+            part(0).chain(part(1)).map(|(i, j)| rate[i][j]).collect()
+        }
+    };
+    for ((space, dim), vector) in group.spaces().into_iter().zip(&element.vectors) {
+        let (u, after) = moving.split_at(dim);
+        moving = after;
+        rates.extend(match (space, side) {
+            (MatrixSpace::Trivial(_), _) => u.to_vec(),
+            (MatrixSpace::Standard, Side::Left) => applied(g, &element.matrix, u),
+            (MatrixSpace::Standard, Side::Right) => {
+                let turned = applied(g, &hat, vector);
+                turned.into_iter().zip(u).map(|(a, b)| g.add(a, *b)).collect()
+            }
+        });
+    }
+    rates
+}
+
+/// Functions of the coordinates that a motion of the group keeps, whatever matrix it starts from, with names after
+/// that of the matrix: `g M g^T` (left) or `g^T M g` (right) for the form that the group keeps, and determinants.
+pub(super) fn equations(
+    g: &mut Graph,
+    group: &MatrixGroup,
+    (name, coordinates): (&str, &[ExprId]),
+    side: Side,
+) -> Vec<(String, ExprId)> {
+    let element = Element::new(g, group, coordinates);
+    let r = &element.matrix;
+    let mut list = Vec::new();
+    let is_complex = group.family().is_complex();
+    if let Some(KeptForm::Bilinear(form)) = group.kept_form() {
+        let form = constant(g, &form);
+        let turned = transposed(r);
+        let (left, right) = if side == Side::Left { (r, &turned) } else { (&turned, r) };
+        let half = product(g, left, &form);
+        let value = product(g, &half, right);
+        // Real and imaginary parts stand in the first columns of the blocks.
+        let step = if is_complex { 2 } else { 1 };
+        for i in 0..value.len() {
+            for j in (i / step * step..value.len()).step_by(step) {
+                let e = g.cancel_zero(value[i][j]);
+                if e != g.zero() {
+                    list.push((format!("{name}_form_{}_{}", i + 1, j + 1), e));
+                }
+            }
+        }
+    }
+    let is_special =
+        matches!(group.kept_form(), Some(KeptForm::Volume)) || (is_complex && has_no_trace(group));
+    if is_special && group.n() <= MAX_DETERMINANT {
+        let n = group.n();
+        let step = if is_complex { 2 } else { 1 };
+        let entry = |i: usize, j: usize| {
+            let im = if is_complex { r[step * i + 1][step * j] } else { g.zero() };
+            (r[step * i][step * j], im)
+        };
+        let rows: Vec<Vec<(ExprId, ExprId)>> =
+            (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+        let (re, im) = determinant(g, &rows);
+        list.push((format!("{name}_det"), re));
+        if is_complex {
+            list.push((format!("{name}_det_im"), im));
+        }
+    }
+    list
+}
+
+/// Whether no matrix of the algebra has a trace, in its complex entries.
+fn has_no_trace(group: &MatrixGroup) -> bool {
+    let n = group.n();
+    group.matrices().iter().all(|m| {
+        let trace = (0..n).fold(Rational::zero(), |sum, k| sum + m.get(2 * k + 1, 2 * k));
+        trace.is_zero()
+    })
+}
+
+/// What the coadjoint action of the matrix makes of momenta, for groups whose inverses are transposes: those along
+/// its own algebra where there are no spaces, `Ad*_{g^-1} p` (left) or `Ad*_g p` (right), and those along the spaces.
+///
+/// `elements`: positions in the frame of the velocities that move the group.
+pub(super) fn momenta_in_space(
+    g: &mut Graph,
+    group: &MatrixGroup,
+    coordinates: &[ExprId],
+    elements: &[usize],
+    side: Side,
+) -> Vec<MomentumInSpace> {
+    let is_identity = |form: Matrix| form == Matrix::identity(form.n_rows());
+    let is_orthogonal = match group.kept_form() {
+        Some(KeptForm::Bilinear(form)) => is_identity(form),
+        Some(KeptForm::Volume) | None => false,
+    };
+    if !is_orthogonal {
+        return Vec::new();
+    }
+    let element = Element::new(g, group, coordinates);
+    let turned = transposed(&element.matrix);
+    // R of R E R^T is the matrix for a right action, its transpose for a left one.
+    let (first, last) = match side {
+        Side::Left => (&turned, &element.matrix),
+        Side::Right => (&element.matrix, &turned),
+    };
+    let (own, mut moving) = elements.split_at(group.matrices().len());
+    let mut found = Vec::new();
+    if group.spaces().is_empty()
+        && let Some(dual) = dual_basis(group.matrices())
+    {
+        let mut rows = Vec::new();
+        for e in group.matrices() {
+            let e = constant(g, e);
+            let half = product(g, first, &e);
+            let conjugate = product(g, &half, last);
+            let row = dual.iter().map(|form| {
+                let mut terms = Vec::new();
+                for (i, conjugate) in conjugate.iter().enumerate() {
+                    for (j, entry) in conjugate.iter().enumerate() {
+                        terms.push(g.scale(*entry, form.get(i, j)));
+                    }
+                }
+                g.sum(&terms)
+            });
+            rows.push(row.collect());
+        }
+        found.push(MomentumInSpace { velocities: own.to_vec(), rows });
+    }
+    for (space, dim) in group.spaces() {
+        let (velocities, after) = moving.split_at(dim);
+        moving = after;
+        if space == MatrixSpace::Standard {
+            found.push(MomentumInSpace { velocities: velocities.to_vec(), rows: last.clone() });
+        }
+    }
+    found
+}
+
+/// `D_a` with `<D_a, E_b> = delta_ab` in the inner product of entries, in the span of the `E_b`.
+fn dual_basis(matrices: &[Matrix]) -> Option<Vec<Matrix>> {
+    let n = matrices.len();
+    let inner = |a: &Matrix, b: &Matrix| {
+        let rows = (0..a.n_rows()).flat_map(|i| a.row(i).iter().zip(b.row(i)));
+        rows.fold(Rational::zero(), |sum, (x, y)| sum + x * y)
+    };
+    let mut gram = Matrix::zeros(n, n);
+    for (a, x) in matrices.iter().enumerate() {
+        for (b, y) in matrices.iter().enumerate() {
+            gram.set(a, b, inner(x, y));
+        }
+    }
+    let inverse = gram.inverse()?;
+    let minus = -Rational::one();
+    let dual = (0..n).map(|a| {
+        let zero = Matrix::zeros(matrices[a].n_rows(), matrices[a].n_columns());
+        let parts = matrices.iter().enumerate();
+        parts.fold(zero, |sum, (b, m)| sum.minus(&m.scaled(&(inverse.get(a, b) * &minus))))
+    });
+    Some(dual.collect())
+}
+
+/// `sum_a xi_a E_a`.
+fn combined(g: &mut Graph, matrices: &[Matrix], xi: &[ExprId]) -> Rows {
+    let size = matrices.first().map_or(0, Matrix::n_rows);
+    let entry = |g: &mut Graph, i: usize, j: usize| {
+        let terms: Vec<(ExprId, Rational)> = (matrices.iter().zip(xi))
+            .filter(|(m, _)| !m.get(i, j).is_zero())
+            .map(|(m, x)| (*x, m.get(i, j).clone()))
+            .collect();
+        g.linear_combination(&terms)
+    };
+    (0..size).map(|i| (0..size).map(|j| entry(g, i, j)).collect()).collect()
+}
+
+fn constant(g: &mut Graph, m: &Matrix) -> Rows {
+    (0..m.n_rows()).map(|i| m.row(i).iter().map(|q| g.rational(q.clone())).collect()).collect()
+}
+
+fn transposed(m: &Rows) -> Rows {
+    (0..m.len()).map(|i| m.iter().map(|row| row[i]).collect()).collect()
+}
+
+fn product(g: &mut Graph, a: &Rows, b: &Rows) -> Rows {
+    let columns = transposed(b);
+    a.iter().map(|row| columns.iter().map(|column| g.dot(row, column)).collect()).collect()
+}
+
+fn applied(g: &mut Graph, m: &Rows, v: &[ExprId]) -> Vec<ExprId> {
+    m.iter().map(|row| g.dot(row, v)).collect()
+}
+
+/// Real and imaginary part of a determinant, by expansion along the first row.
+fn determinant(g: &mut Graph, rows: &[Vec<(ExprId, ExprId)>]) -> (ExprId, ExprId) {
+    let Some((first, rest)) = rows.split_first() else { return (g.one(), g.zero()) };
+    let (mut re, mut im) = (Vec::new(), Vec::new());
+    for (k, (a, b)) in first.iter().enumerate() {
+        let minor: Vec<Vec<(ExprId, ExprId)>> =
+            rest.iter().map(|row| [&row[..k], &row[k + 1..]].concat()).collect();
+        let (c, d) = determinant(g, &minor);
+        let [ac, bd, ad, bc] = [(*a, c), (*b, d), (*a, d), (*b, c)].map(|(x, y)| g.mul(x, y));
+        let (real, imaginary) = (g.sub(ac, bd), g.add(ad, bc));
+        let (real, imaginary) = match k % 2 {
+            0 => (real, imaginary),
+            _ => (g.neg(real), g.neg(imaginary)),
+        };
+        re.push(real);
+        im.push(imaginary);
+    }
+    (g.sum(&re), g.sum(&im))
+}

@@ -1,0 +1,236 @@
+//! Matrices from their entries, and the traits of the runtime that ask for matrices or products with them.
+//!
+//! Does not know: which derivatives a scene wants, or how their entries are computed.
+
+use proc_macro2::TokenStream;
+use quote::quote;
+
+use super::Writer;
+use super::notation::Rust;
+use super::tokens::{doc_attributes, ident, idents, sentence, size};
+use crate::emit::dialect::Dialect as _;
+use hamel_expr::error::Error;
+
+impl Writer<'_> {
+    /// Where the entries of each matrix are.
+    pub(super) fn patterns(&self) -> TokenStream {
+        let mut constants = TokenStream::new();
+        for output in &self.module.outputs {
+            let Some((matrix, _)) = &output.matrix else { continue };
+            let (name, n) = (ident(&Rust.places(&matrix.name)), size(matrix.pattern.len()));
+            let pairs = matrix.pattern.iter().map(|(i, j)| {
+                let (i, j) = (size(*i), size(*j));
+                quote! { (#i, #j) }
+            });
+            let others = if matrix.is_antisymmetric {
+                "those below the diagonal are minus these, the others vanish identically"
+            } else {
+                "the others vanish identically"
+            };
+            let title = format!(
+                "Row and column of each entry that [`Prepared::{}`] computes; {others}.",
+                output.name
+            );
+            let doc = doc_attributes([title]);
+            constants.extend(quote! {
+                #doc
+                pub const #name: [(usize, usize); #n] = [#(#pairs),*];
+            });
+        }
+        constants
+    }
+
+    /// Each matrix with its zeros.
+    pub(super) fn dense_matrices(&self) -> Result<TokenStream, Error> {
+        let mut methods = TokenStream::new();
+        let arguments = self.arguments();
+        for output in &self.module.outputs {
+            let Some((matrix, method)) = &output.matrix else { continue };
+            let (entries, method) = (ident(&output.name), ident(method));
+            let (n_rows, n_columns) = matrix.shape;
+            let names = idents((0..matrix.pattern.len()).map(|k| format!("e{k}")));
+            let mut values = vec![vec![quote! { R::ZERO }; n_columns]; n_rows];
+            for ((i, j), name) in matrix.pattern.iter().zip(&names) {
+                let place = values.get_mut(*i).and_then(|row| row.get_mut(*j));
+                let place = place.ok_or_else(|| Error::ShapeMismatch {
+                    what: format!("row or column of an entry of {}", matrix.name),
+                    found: *i.max(j),
+                    expected: n_rows.max(n_columns),
+                })?;
+                *place = quote! { #name };
+                if matrix.is_antisymmetric {
+                    values[*j][*i] = quote! { -#name };
+                }
+            }
+            let rows = values.iter().map(|row| quote! { [#(#row),*] });
+            let (n_rows, n_columns) = (size(n_rows), size(n_columns));
+            let constant = Rust.places(&matrix.name);
+            let elsewhere = if matrix.is_antisymmetric { "minus these below the diagonal, " } else { "" };
+            let doc = doc_attributes([
+                sentence(&matrix.doc),
+                String::new(),
+                format!(
+                    "The entries of [`Self::{entries}`] at the places [`{constant}`], {elsewhere}zero elsewhere."
+                ),
+            ]);
+            let call = if names.is_empty() {
+                quote! { let _ = (t, y); }
+            } else {
+                quote! { let [#(#names),*] = self.#entries(t, y); }
+            };
+            methods.extend(quote! {
+                #doc
+                #[inline]
+                #[must_use]
+                pub fn #method(#arguments) -> [[R; #n_columns]; #n_rows] {
+                    #call
+                    [#(#rows),*]
+                }
+            });
+        }
+        Ok(methods)
+    }
+
+    /// What implicit methods ask for.
+    pub(super) fn differentiable(&self) -> TokenStream {
+        let Some(jacobian) = self.module.jacobian().map(ident) else { return TokenStream::new() };
+        let (rt, arguments, n) = (&self.runtime, self.arguments(), size(self.module.state.len()));
+        quote! {
+            impl<R: #rt::Real> #rt::Differentiable<R> for Prepared<R> {
+                #[inline]
+                fn jacobian(#arguments, jacobian: &mut [[R; #n]]) {
+                    for (row, values) in jacobian.iter_mut().zip(self.#jacobian(t, y)) {
+                        *row = values;
+                    }
+                }
+            }
+        }
+    }
+
+    /// What gradients in reverse mode ask for.
+    pub(super) fn adjoint(&self) -> TokenStream {
+        let Some([by_state, by_params]) = self.module.pull_backs() else { return TokenStream::new() };
+        let (by_state, by_params) = (ident(by_state), ident(by_params));
+        let (rt, arguments) = (&self.runtime, self.arguments());
+        let (n, n_params) = (size(self.module.state.len()), size(self.module.params.len()));
+        quote! {
+            impl<R: #rt::Real> #rt::Adjoint<R> for Prepared<R> {
+                const N_PARAMS: usize = #n_params;
+
+                #[inline]
+                fn pull_back(#arguments, w: &[R; #n], by_state: &mut [R; #n], by_params: &mut [R]) {
+                    *by_state = self.#by_state(t, y, w);
+                    for (sum, term) in by_params.iter_mut().zip(self.#by_params(t, y, w)) {
+                        *sum += term;
+                    }
+                }
+            }
+        }
+    }
+
+    /// What projection asks for.
+    pub(super) fn invariants(&self) -> TokenStream {
+        let Some((n_invariants, values, gradients)) = self.module.invariants() else {
+            return TokenStream::new();
+        };
+        let (values, gradients) = (ident(values), ident(gradients));
+        let (rt, arguments) = (&self.runtime, self.arguments());
+        let (n, k) = (size(self.module.state.len()), size(n_invariants));
+        quote! {
+            impl<R: #rt::Real> #rt::Invariants<R, #k> for Prepared<R> {
+                #[inline]
+                fn values(#arguments) -> [R; #k] {
+                    self.#values(t, y)
+                }
+
+                #[inline]
+                fn gradients(#arguments, gradients: &mut [[R; #n]; #k]) {
+                    *gradients = self.#gradients(t, y);
+                }
+            }
+        }
+    }
+
+    /// The same for drivers that serve any scene.
+    pub(super) fn invariants_of(&self) -> TokenStream {
+        let Some((n_invariants, ..)) = self.module.invariants() else { return TokenStream::new() };
+        let (rt, arguments) = (&self.runtime, self.arguments());
+        let (n, k) = (size(self.module.state.len()), size(n_invariants));
+        quote! {
+            const N_INVARIANTS: usize = #k;
+
+            fn invariants_of(#arguments, values: &mut [R]) {
+                if let Ok(values) = <&mut [R; #k]>::try_from(values) {
+                    *values = #rt::Invariants::values(self, t, y);
+                }
+            }
+
+            fn invariant_gradients_of(#arguments, gradients: &mut [[R; #n]]) {
+                if let Ok(gradients) = <&mut [[R; #n]; #k]>::try_from(gradients) {
+                    #rt::Invariants::gradients(self, t, y, gradients);
+                }
+            }
+        }
+    }
+
+    /// What solving the equations between coordinates asks for.
+    pub(super) fn positions(&self) -> TokenStream {
+        let Some((text, n_functions, values, gradients)) = self.module.positions() else {
+            return TokenStream::new();
+        };
+        let (values, gradients) = (ident(values), ident(gradients));
+        let (rt, arguments) = (&self.runtime, self.arguments());
+        let (n, k) = (size(self.module.state.len()), size(n_functions));
+        let (n_equations, moved) = (size(text.n_equations), text.moved.iter().map(|at| size(*at)));
+        quote! {
+            impl<R: #rt::Real> #rt::Positions<R, #k> for Prepared<R> {
+                #[inline]
+                fn n_equations(&self) -> usize {
+                    #n_equations
+                }
+
+                #[inline]
+                fn moved(&self) -> &[usize] {
+                    &[#(#moved),*]
+                }
+
+                #[inline]
+                fn residuals(#arguments) -> [R; #k] {
+                    self.#values(t, y)
+                }
+
+                #[inline]
+                fn residual_gradients(#arguments, gradients: &mut [[R; #n]; #k]) {
+                    *gradients = self.#gradients(t, y);
+                }
+            }
+        }
+    }
+
+    /// The same for drivers that serve any scene.
+    pub(super) fn positions_of(&self) -> TokenStream {
+        let Some((text, n_functions, ..)) = self.module.positions() else { return TokenStream::new() };
+        let (rt, arguments) = (&self.runtime, self.arguments());
+        let (n, k) = (size(self.module.state.len()), size(n_functions));
+        let (n_equations, moved) = (size(text.n_equations), text.moved.iter().map(|at| size(*at)));
+        quote! {
+            const N_POSITIONS: usize = #k;
+
+            const POSITION_EQUATIONS: usize = #n_equations;
+
+            const MOVED: &'static [usize] = &[#(#moved),*];
+
+            fn positions_of(#arguments, values: &mut [R]) {
+                if let Ok(values) = <&mut [R; #k]>::try_from(values) {
+                    *values = #rt::Positions::residuals(self, t, y);
+                }
+            }
+
+            fn position_gradients_of(#arguments, gradients: &mut [[R; #n]]) {
+                if let Ok(gradients) = <&mut [[R; #n]; #k]>::try_from(gradients) {
+                    #rt::Positions::residual_gradients(self, t, y, gradients);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! Ordered definitions and wanted results to a flat straight-line [`Program`] with a parameter-only part.
+//!
+//! First every function is written in the `form` that costs least, or is taken for a loop over tables (`roll`), pivots
+//! and conditions are given the scales of their rounding errors (`pivots`), then expressions become `values` of a
+//! program, and `passes` rewrite the program. Every rewrite is directional, none makes a function cost more, none calls
+//! another, and what comes out is verified after each. Does not know: mechanics (a definition is a name with a
+//! formula), Rust (a program has operations and operands, no text).
+
+mod budget;
+mod check;
+mod classes;
+mod form;
+mod passes;
+mod pivots;
+mod roll;
+mod source;
+mod values;
+
+use std::collections::BTreeMap;
+
+use crate::program::{Program, Relation, Report, Role, Search, Symbols, verify};
+use hamel_expr::error::Error;
+use hamel_expr::{ExprId, Graph, Rational, Section, Sign, SymbolId};
+
+pub use budget::SearchBudget;
+pub use pivots::{Divisors, WatchedMatrix};
+
+use check::Check;
+use form::{Digits, Form};
+use passes::PASSES;
+use source::Source;
+
+/// The symbols that get their values from outside.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Inputs {
+    /// Parameters, constant in time.
+    pub params: Vec<SymbolId>,
+    /// Time.
+    pub time: SymbolId,
+    /// Inputs, constant in a call, with the values that they are held at where none are given.
+    pub held: Vec<(SymbolId, Rational)>,
+    /// Components of the state.
+    pub state: Vec<SymbolId>,
+    /// Signs of expressions in the parameters: what may be divided by.
+    pub signs: BTreeMap<ExprId, Sign>,
+    /// Pairs of components of the state, cosine and sine, whose squares add up to one.
+    pub circles: Vec<[SymbolId; 2]>,
+    /// Components of the vector that a function takes besides time and state, by the function's role.
+    pub arguments: BTreeMap<Role, Vec<SymbolId>>,
+    /// What is known about values that may be divided by.
+    pub divisors: Divisors,
+}
+
+impl Inputs {
+    /// Components of the vector that a function takes besides time and state; most take none.
+    fn argument(&self, role: &Role) -> &[SymbolId] {
+        self.arguments.get(role).map_or(&[], Vec::as_slice)
+    }
+
+    /// What the inputs of the program stand for.
+    pub fn symbols(&self) -> Symbols<'_> {
+        let Inputs { params, time, held, state, arguments, .. } = self;
+        Symbols { params, time: *time, inputs: held, state, arguments }
+    }
+}
+
+/// A function to make: what it is for and its named results.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// What the function is for.
+    pub role: Role,
+    /// Names and values of the results in order.
+    pub results: Vec<(String, ExprId)>,
+}
+
+/// A condition that the parameters have to satisfy.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ParamCondition {
+    /// As the model words it.
+    pub text: String,
+    /// What it means; may be empty.
+    pub meaning: String,
+    /// The side that has to be larger.
+    pub greater: ExprId,
+    /// The side that has to be smaller.
+    pub less: ExprId,
+    /// How they compare.
+    pub relation: Relation,
+    /// Whether the larger side, to be positive or other than zero, is the result of a calculation, which rounding
+    /// errors could hide.
+    pub is_rounded: bool,
+}
+
+/// Lowers sections of definitions and the requested functions to one program.
+///
+/// Pivots are computed as the rates compute them where these are requested first, otherwise in a form of their own.
+///
+/// # Errors
+/// [`Error::Program`] when a symbol is used before its definition, or a condition depends on more than parameters;
+/// [`Error::OutOfRange`] when a constant does not fit an `f64`; [`Error::OverBudget`].
+pub fn lower(
+    graph: &mut Graph,
+    inputs: &Inputs,
+    sections: &[Section],
+    conditions: &[ParamCondition],
+    requests: &[Request],
+    budget: &SearchBudget,
+) -> Result<Program, Error> {
+    let program = Source::new(graph, inputs, sections, conditions, requests)
+        .and_then(|source| program(graph, &source, budget));
+    // Beside a graph that is past its budget, whatever else seems wrong says nothing.
+    graph.within_budget()?;
+    program
+}
+
+/// The way from expressions to a program.
+fn program(graph: &mut Graph, source: &Source<'_>, budget: &SearchBudget) -> Result<Program, Error> {
+    let mut digits = Digits::new(graph, source);
+    let (functions, report) = functions(graph, source, &mut digits, budget)?;
+    let conditions = pivots::conditions(graph, source, &mut digits);
+    let mut program = values::program(graph, source.inputs, &functions, &conditions, source.requests)?;
+    program.report = report;
+    let mut check = Check::new(graph, source, &functions, &conditions);
+    check.after("numbering", &program)?;
+    for (name, pass) in PASSES {
+        pass(&mut program);
+        check.after(name, &program)?;
+    }
+    verify(&program)?;
+    Ok(program)
+}
+
+/// Every function in the form that costs least, in the order of the requests.
+fn functions(
+    graph: &mut Graph,
+    source: &Source<'_>,
+    digits: &mut Digits,
+    budget: &SearchBudget,
+) -> Result<(Vec<Form>, Report), Error> {
+    let (mut functions, mut report) = (Vec::<Form>::new(), Report::default());
+    for request in source.requests {
+        graph.within_budget()?;
+        let search = if request.role == Role::Pivots {
+            let rate = functions.iter().find(|form| form.request.role == Role::Rate);
+            let (own, search) = pivots::functions(graph, source, digits, budget, request, rate)?;
+            functions.extend(own);
+            search
+        } else {
+            let (form, search) = written(graph, source, digits, budget, request)?;
+            functions.push(form);
+            search
+        };
+        report.searches.push((request.role.clone(), search));
+    }
+    graph.within_budget()?;
+    Ok((functions, report))
+}
+
+/// A function in the form that costs least, or as loops over tables where it is mostly sums of products.
+fn written(
+    graph: &mut Graph,
+    source: &Source<'_>,
+    digits: &mut Digits,
+    budget: &SearchBudget,
+    request: &Request,
+) -> Result<(Form, Search), Error> {
+    let may_be_rolled = match request.role {
+        Role::Rate | Role::Energy | Role::Output(_) | Role::Product(_) => true,
+        // Guards are read by others in the form in which they are computed; a function of variables reads no state.
+        _ => false,
+    };
+    let rolled = if may_be_rolled { roll::rolled(graph, source, budget, request) } else { None };
+    let Some((rolled, rest)) = rolled else { return form::cheapest(graph, source, digits, budget, request) };
+    graph.within_budget()?;
+    let scalars: Vec<ExprId> = rest.results.iter().map(|(_, e)| *e).collect();
+    let source = source.with(graph, &scalars)?;
+    let (form, search) = form::cheapest(graph, &source, digits, budget, &rest)?;
+    Ok((Form { rolled: Some(rolled), ..form }, search))
+}
