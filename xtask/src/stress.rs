@@ -7,7 +7,7 @@ use std::process::Command;
 use clap::Args;
 use hamel::Error;
 use hamel::repository::Repository;
-use hamel::run::cargo;
+use crate::cargo;
 use hamel::session::Session;
 
 /// Name of the package and program.

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 
 use hamel::Error;
 use hamel::repository::Repository;
-use hamel::run::cargo;
+use crate::cargo;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Name of the package and program that measures.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use hamel::Error;
 use hamel::repository::Repository;
-use hamel::run::cargo;
+use crate::cargo;
 
 use super::program::{TargetCpu, target_dir};
 
