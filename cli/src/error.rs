@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use hamel_codegen::config::{Problem as GenerationProblem, Problems};
 use hamel_codegen::spec::Diagnostics;
-use serde::{Deserialize, Serialize};
 
 use crate::names;
 
@@ -206,13 +205,6 @@ pub enum Error {
         /// How it ended.
         status: String,
     },
-    /// An error of the process with the compiled models, already put into words.
-    Remote {
-        /// The words.
-        message: String,
-        /// Its exit status.
-        code: u8,
-    },
 }
 
 /// One thing that is wrong with a request.
@@ -299,7 +291,6 @@ impl Error {
                 if problems.iter().all(is_input) { 2 } else { 1 }
             }
             Error::Interrupted { .. } => INTERRUPTED,
-            Error::Remote { code, .. } => *code,
             Error::Several { errors } => errors.iter().map(Error::exit_code).max().unwrap_or(1),
             _ => 2,
         }
@@ -544,13 +535,11 @@ impl fmt::Display for Error {
             }
             Error::Found { n_errors: 1 } => f.write_str("1 error in the models"),
             Error::Found { n_errors } => write!(f, "{n_errors} errors in the models"),
-            Error::NotCompiled { what, reason } => write!(
-                f,
-                "{what} is not available compiled: {reason}\n  run `cargo xtask generate`, or use --via jit"
-            ),
+            Error::NotCompiled { what, reason } => {
+                write!(f, "{what} is not available compiled: {reason}\n  run `cargo xtask generate`")
+            }
             Error::Io { doing, source } => write!(f, "{doing}: {source}"),
             Error::Failed { step, status } => write!(f, "{step} failed: {status}"),
-            Error::Remote { message, .. } => f.write_str(message),
         }
     }
 }
@@ -562,24 +551,5 @@ impl std::error::Error for Error {
             Error::Generation { problems } => Some(problems),
             _ => None,
         }
-    }
-}
-
-/// An error on its way between two processes.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct WireError {
-    message: String,
-    code: u8,
-}
-
-impl From<&Error> for WireError {
-    fn from(error: &Error) -> WireError {
-        WireError { message: error.to_string(), code: error.exit_code() }
-    }
-}
-
-impl From<WireError> for Error {
-    fn from(error: WireError) -> Error {
-        Error::Remote { message: error.message, code: error.code }
     }
 }

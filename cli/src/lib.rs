@@ -3,7 +3,7 @@
 //! Everything that evaluates a scene does so through [`run::dynamics::Dynamics`], so that the interpreter here and
 //! compiled models in another process share one implementation of every command.
 //!
-//! Does not know: generated code. Compiled models are reached through another process ([`run::remote`]).
+//! Does not know: generated code.
 
 pub mod cache;
 pub mod commands;

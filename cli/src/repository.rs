@@ -16,9 +16,8 @@ pub struct Repository {
 impl Repository {
     /// The repository that a folder is in.
     pub fn around(folder: &Path) -> Option<Repository> {
-        // Both together are in no other repository: model files, and the package that compiles what is made from them.
-        let is_root =
-            |at: &&Path| at.join("models/specs").is_dir() && at.join("xtask/compiled/Cargo.toml").is_file();
+        // Both together are in no other repository: model files, and the package of the chores.
+        let is_root = |at: &&Path| at.join("models/specs").is_dir() && at.join("xtask/Cargo.toml").is_file();
         folder.ancestors().find(is_root).map(Repository::at)
     }
 

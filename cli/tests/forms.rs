@@ -9,8 +9,9 @@ use hamel::cache::Cache;
 use hamel::commands::eval::eval_text;
 use hamel::error::Error;
 use hamel::model::Checked;
-use hamel::run::backend::{Backend, Local};
-use hamel::run::evaluate::EvalRequest;
+use hamel::run::bars::simulate_with_bar;
+use hamel::run::dynamics::Factory as _;
+use hamel::run::evaluate::{EvalRequest, eval};
 use hamel::run::forms::Forms;
 use hamel::run::interpreted::{self, Built};
 use hamel::run::simulation::SimulateRequest;
@@ -87,17 +88,17 @@ fn model(text: &str) -> Arc<Checked> {
     Arc::new(Checked::new(model, Cache::none()))
 }
 
-fn built(text: &str, scene: &str) -> (Arc<Checked>, Local<Built>) {
+fn built(text: &str, scene: &str) -> (Arc<Checked>, Built) {
     let model = model(text);
     let built = interpreted::build(&model, scene).unwrap_or_else(|e| panic!("{e}"));
-    (model, Local::new(built))
+    (model, built)
 }
 
 fn states(text: &str, scene: &str, state: &Value) -> Result<Vec<f64>, Error> {
-    let (model, backend) = built(text, scene);
-    let forms = Forms::of(&model, backend.info()).unwrap();
+    let (model, scene) = built(text, scene);
+    let forms = Forms::of(&model, scene.info()).unwrap();
     let request = json!({"states": [state]}).to_string();
-    Ok(EvalRequest::parse_in(&request, backend.info(), &forms)?.states.remove(0))
+    Ok(EvalRequest::parse_in(&request, scene.info(), &forms)?.states.remove(0))
 }
 
 #[test]
@@ -115,14 +116,14 @@ fn a_state_of_momenta_may_be_given_by_velocities_and_the_other_way_round() {
 
 #[test]
 fn simulate_takes_either_form_and_answers_in_that_of_the_scene() {
-    let (model, mut backend) = built(TOP, "momenta");
-    let forms = Forms::of(&model, backend.info()).unwrap();
+    let (model, scene) = built(TOP, "momenta");
+    let forms = Forms::of(&model, scene.info()).unwrap();
     let initial = json!({"Omega1": 1, "Omega2": 2, "Omega3": 3, "Gamma1": 0, "Gamma2": 0, "Gamma3": 1});
     let text = json!({"initial": initial, "t_final": 1}).to_string();
-    assert!(SimulateRequest::has_other_names(&text, backend.info()).unwrap());
-    let request = SimulateRequest::parse_in(&text, backend.info(), &forms, 0, &|_| Vec::new(), None).unwrap();
+    assert!(SimulateRequest::has_other_names(&text, scene.info()).unwrap());
+    let request = SimulateRequest::parse_in(&text, scene.info(), &forms, 0, &|_| Vec::new(), None).unwrap();
     assert_eq!(request.initial[..2], [2.0, 3.0]);
-    let answer = backend.simulate(&request).unwrap().to_json(backend.info(), 0);
+    let answer = simulate_with_bar(&scene, &request).unwrap().to_json(scene.info(), 0);
     let names: Vec<&String> = answer["final"].as_object().unwrap().keys().collect();
     assert_eq!(names, ["Pi1", "Pi2", "Pi3", "Gamma1", "Gamma2", "Gamma3"]);
 }
@@ -138,21 +139,20 @@ fn each_mistake_tells_both_names() {
     let text = told(json!({"Omega1": 1, "Omeha2": 3, "Omega3": 2, "Gamma1": 0, "Gamma2": 0, "Gamma3": 1}));
     assert!(text.contains("no state `Omeha2`") && text.contains("Pi3") && text.contains("Omega3"), "{text}");
     // A scene knows its own names without its model.
-    let (_, mut backend) = built(TOP, "momenta");
-    let text =
-        eval_text(&mut backend, &json!({"states": [{"Omega1": 1}]}).to_string()).unwrap_err().to_string();
+    let (_, scene) = built(TOP, "momenta");
+    let text = eval_text(&scene, &json!({"states": [{"Omega1": 1}]}).to_string()).unwrap_err().to_string();
     assert!(text.contains("no state `Omega1`"), "{text}");
 }
 
 fn started(text: &str, scene: &str, given: &[(&str, f64)]) -> Result<BTreeMap<String, f64>, Error> {
-    let (model, mut backend) = built(text, scene);
+    let (model, scene) = built(text, scene);
     let prior = Prior::of(&model, scene, &BTreeMap::new());
     let given = given.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
-    let forms = Forms::of(&model, backend.info()).unwrap();
-    let values = backend.info().defaults();
+    let forms = Forms::of(&model, scene.info()).unwrap();
+    let values = scene.info().defaults();
     let chosen = Chosen { prior: &prior, given: &given, positions: None };
-    let y = start::state(&mut backend, None, (&values, &values), &forms, chosen)?;
-    Ok(backend.info().state.iter().cloned().zip(y).collect())
+    let y = start::state(&scene, None, (&values, &values), &forms, chosen)?;
+    Ok(scene.info().state.iter().cloned().zip(y).collect())
 }
 
 #[test]
@@ -189,10 +189,10 @@ fn initial_values_of_the_model_may_be_of_both_kinds() {
 }
 
 fn outputs(text: &str, scene: &str, state: Vec<f64>) -> BTreeMap<String, f64> {
-    let (_, mut backend) = built(text, scene);
-    let params = backend.info().defaults();
-    let names: Vec<String> = backend.info().outputs.iter().flat_map(|o| o.components.clone()).collect();
-    let answer = backend.eval(&EvalRequest { params, t: 0.0, states: vec![state] }).unwrap();
+    let (_, scene) = built(text, scene);
+    let params = scene.info().defaults();
+    let names: Vec<String> = scene.info().outputs.iter().flat_map(|o| o.components.clone()).collect();
+    let answer = eval(&scene, &EvalRequest { params, t: 0.0, states: vec![state] }).unwrap();
     names.into_iter().zip(answer.outputs[0].iter().copied()).collect()
 }
 

@@ -201,13 +201,12 @@ fn what_matrices_cannot_do_is_said() {
     assert!(said.contains("--step is what a fluid of matrices is moved by"), "{said}");
     let said = folder.refused(&["report", "zeitlin_euler_3", "--step", "0.1"], "");
     assert!(said.contains("--step is for fluids of matrices"), "{said}");
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 7] = [
         (&[], "--step is what a fluid of matrices is moved by"),
         (&["--step", "0.1", "--method", "rk4"], "method rk4: matrices are moved by isospectral alone"),
         (&["--step", "0.1", "--reconstruct"], "--reconstruct is not possible"),
         (&["--step", "0.1", "--sensitivity", "re_1_0"], "--sensitivity is not possible"),
         (&["--step", "0.1", "--scene", "minimal"], "no scene `minimal`"),
-        (&["--step", "0.1", "--via", "compiled"], "--via is not possible"),
         (&["--step", "0.1", "--initial", "re_9_9=1"], "re_9_9"),
         (&["--step", "0.1", "--set", "mu=1"], "mu"),
     ];

@@ -75,9 +75,15 @@ fn a_file_of_ones_own_is_compiled_in_memory() {
     let out = hamel(&["eval", &path], request);
     assert!(out.status.success(), "{}", text(&out.stderr));
     assert_eq!(text(&out.stderr), "");
-    let asked = hamel(&["eval", &path, "--via", "compiled"], request);
-    assert!(text(&asked.stderr).contains("is compiled in memory"));
-    assert_eq!(asked.stdout, out.stdout);
+    for gone in ["compiled", "rustc"] {
+        let asked = hamel(&["eval", &path, "--via", gone], request);
+        assert_eq!(asked.status.code(), Some(2));
+        assert!(
+            text(&asked.stderr).contains("[possible values: jit, interpreter]"),
+            "{}",
+            text(&asked.stderr)
+        );
+    }
     assert_eq!(hamel(&["eval", &path, "--via", "interpreter"], request).stdout, out.stdout);
     let answer: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
     assert_eq!(answer["derivatives"], serde_json::json!([[3.0, -4.0]]));

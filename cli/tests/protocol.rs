@@ -7,8 +7,8 @@ use hamel::commands::eval::eval_text;
 use hamel::commands::simulate::{reconstruct_text, simulate_text};
 use hamel::error::{Error, Problem};
 use hamel::model::Checked;
-use hamel::run::backend::{Backend, Local};
 use hamel::run::choice::{Choice, Via};
+use hamel::run::dynamics::Factory as _;
 use hamel::run::forms::Forms;
 use hamel::run::interpreted;
 use hamel::run::start::Chosen;
@@ -62,17 +62,17 @@ fn model(text: &str) -> Arc<Checked> {
     Arc::new(Checked::new(model, Cache::none()))
 }
 
-fn backend(text: &str, scene: &str) -> Local<interpreted::Built> {
-    Local::new(interpreted::build(&model(text), scene).unwrap_or_else(|e| panic!("{e}")))
+fn scene(text: &str, name: &str) -> interpreted::Built {
+    interpreted::build(&model(text), name).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn eval(text: &str, request: &Value) -> Result<Value, Error> {
-    let answer = eval_text(&mut backend(text, "default"), &request.to_string())?;
+    let answer = eval_text(&scene(text, "default"), &request.to_string())?;
     Ok(serde_json::from_str(&answer).expect("JSON"))
 }
 
 fn simulate(text: &str, request: &Value) -> Result<Value, Error> {
-    let answer = simulate_text(&mut backend(text, "default"), &request.to_string())?;
+    let answer = simulate_text(&scene(text, "default"), &request.to_string())?;
     Ok(serde_json::from_str(&answer).expect("JSON"))
 }
 
@@ -110,7 +110,7 @@ fn eval_answers_in_the_documented_shape() {
 fn eval_answers_on_one_line_with_numbers_that_read_back() {
     let x = 0.1_f64 + 0.2;
     let request = json!({"states": [state([x, 1e-300, 1.0])]});
-    let text = eval_text(&mut backend(TOP, "default"), &request.to_string()).unwrap();
+    let text = eval_text(&scene(TOP, "default"), &request.to_string()).unwrap();
     assert!(!text.contains('\n'));
     let answer: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(answer["outputs"]["momentum"][0]["p_Omega1"].as_f64().unwrap().to_bits(), (2.0 * x).to_bits());
@@ -119,12 +119,12 @@ fn eval_answers_on_one_line_with_numbers_that_read_back() {
 #[test]
 fn a_scene_without_energy_answers_null() {
     let request = json!({"states": [state([1.0, 2.0, 3.0])]}).to_string();
-    let answer = eval_text(&mut backend(TOP, "bare"), &request).unwrap();
+    let answer = eval_text(&scene(TOP, "bare"), &request).unwrap();
     let answer: Value = serde_json::from_str(&answer).unwrap();
     assert_eq!(answer["energy"], Value::Null);
     assert_eq!(answer["outputs"], json!({}));
     let request = json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 1}).to_string();
-    let answer = simulate_text(&mut backend(TOP, "bare"), &request).unwrap();
+    let answer = simulate_text(&scene(TOP, "bare"), &request).unwrap();
     let answer: Value = serde_json::from_str(&answer).unwrap();
     assert_eq!(answer["energy_drift"], Value::Null);
 }
@@ -132,7 +132,7 @@ fn a_scene_without_energy_answers_null() {
 #[test]
 fn every_model_has_a_scene_of_derivatives() {
     let request = json!({"states": [state([1.0, 2.0, 3.0])]}).to_string();
-    let answer = eval_text(&mut backend(TOP, "derivatives"), &request).unwrap();
+    let answer = eval_text(&scene(TOP, "derivatives"), &request).unwrap();
     let answer: Value = serde_json::from_str(&answer).unwrap();
     let entry = &answer["outputs"]["jacobian"][0]["d_dot_Omega1_d_Omega2"];
     assert_eq!(entry.as_f64(), Some((1.5 - 0.8) / 2.0 * 3.0));
@@ -184,7 +184,7 @@ fn numbers_in_quotes_are_an_error_that_says_so() {
 #[test]
 fn repeated_names_are_an_error() {
     let text = r#"{"params": {"I1": 1, "I1": 2}, "states": []}"#;
-    let result = eval_text(&mut backend(TOP, "default"), text);
+    let result = eval_text(&scene(TOP, "default"), text);
     assert!(
         matches!(result, Err(Error::Request { problems }) if matches!(problems[0], Problem::Repeated { .. }))
     );
@@ -192,13 +192,13 @@ fn repeated_names_are_an_error() {
 
 #[test]
 fn text_that_is_not_json_is_an_error_with_its_place() {
-    let result = eval_text(&mut backend(TOP, "default"), "{\"states\": [NaN]}");
+    let result = eval_text(&scene(TOP, "default"), "{\"states\": [NaN]}");
     assert!(matches!(&result, Err(Error::NotJson { reason, empty: false }) if reason.contains("line 1")));
     for text in ["", "  \n"] {
-        let result = eval_text(&mut backend(TOP, "default"), text);
+        let result = eval_text(&scene(TOP, "default"), text);
         assert!(matches!(result, Err(Error::NotJson { empty: true, .. })));
     }
-    let result = eval_text(&mut backend(TOP, "default"), "{\"states\": [{\"Omega1\": 1e999}]}");
+    let result = eval_text(&scene(TOP, "default"), "{\"states\": [{\"Omega1\": 1e999}]}");
     assert!(matches!(result, Err(Error::NotJson { .. })));
 }
 
@@ -500,17 +500,17 @@ fn the_drift_is_relative_to_something_even_where_the_energy_cancels() {
 #[test]
 fn the_default_initial_state_meets_the_constraint() {
     let model = model(VESELOVA);
-    let mut backend = Local::new(interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}")));
+    let scene = interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}"));
     let prior = Prior::of(&model, "default", &Default::default());
-    let values = backend.info().defaults();
+    let values = scene.info().defaults();
     let given = [("Omega1".to_owned(), 2.0)].into();
-    let start = |backend: &mut Local<interpreted::Built>, given| {
+    let start = |given| {
         let chosen = Chosen { prior: &prior, given, positions: None };
-        let forms = Forms::own(backend.info());
-        hamel::run::start::state(backend, None, (&values, &[]), &forms, chosen).unwrap()
+        let forms = Forms::own(scene.info());
+        hamel::run::start::state(&scene, None, (&values, &[]), &forms, chosen).unwrap()
     };
     for (given, first) in [(&Default::default(), None), (&given, Some(2.0))] {
-        let y = start(&mut backend, given);
+        let y = start(given);
         assert!(first.is_none_or(|x| y[0] == x), "{y:?}");
         let residual: f64 = (0..3).map(|k| y[k] * y[3 + k]).sum();
         assert!(residual.abs() < 1e-15, "{residual:e}");
@@ -534,9 +534,9 @@ const SLEIGH: &str = "model sleigh {
 
 fn reconstruct(request: &Value) -> Result<Value, Error> {
     let model = model(SLEIGH);
-    let mut backend = backend(SLEIGH, "reconstruction");
-    let forms = Forms::own(backend.info());
-    let answer = reconstruct_text(&mut backend, &model, &request.to_string(), &forms)?;
+    let scene = scene(SLEIGH, "reconstruction");
+    let forms = Forms::own(scene.info());
+    let answer = reconstruct_text(&scene, &model, &request.to_string(), &forms)?;
     Ok(serde_json::from_str(&answer).expect("JSON"))
 }
 
@@ -735,9 +735,9 @@ fn a_scene_without_state_says_that_there_is_nothing_to_integrate() {
     assert_eq!(answer["energy"], json!([4.0]));
     let model = model(fixed);
     let request = json!({"initial": {}, "t_final": 2, "reconstruct": {}}).to_string();
-    let mut backend = backend(fixed, "reconstruction");
-    let forms = Forms::own(backend.info());
-    let answer = reconstruct_text(&mut backend, &model, &request, &forms).unwrap();
+    let scene = scene(fixed, "reconstruction");
+    let forms = Forms::own(scene.info());
+    let answer = reconstruct_text(&scene, &model, &request, &forms).unwrap();
     let answer: Value = serde_json::from_str(&answer).unwrap();
     assert!((answer["reconstruction"]["s"].as_f64().unwrap() - 2.0).abs() < 1e-12, "{answer}");
 }
@@ -830,7 +830,7 @@ fn an_initial_state_off_the_constraint_is_an_error_with_the_nearest_that_is_not(
 fn the_nearest_state_is_admissible_and_nearest() {
     for (text, affine) in [(VESELOVA, true), (APPELL, false), (DRIVEN, true)] {
         let mut numbers = Numbers(11);
-        let own = backend(text, "default");
+        let own = scene(text, "default");
         let names = own.info().state.clone();
         let momenta = |y: &Value| -> Vec<(String, f64)> {
             let answer = eval(text, &json!({"states": [y]})).unwrap();
@@ -913,7 +913,7 @@ fn rounding_is_admissible_at_every_scale() {
     }
     // At rest, nothing is broken, and nothing can be rounding.
     assert!(accepted(VESELOVA, &gyroscope([0.0; 3], [0.0, 0.8, 0.6])));
-    let rest: Value = backend(DRIVEN, "default").info().state.iter().map(|n| (n.clone(), json!(0))).collect();
+    let rest: Value = scene(DRIVEN, "default").info().state.iter().map(|n| (n.clone(), json!(0))).collect();
     let (broken, nearest) = inadmissible(simulate(DRIVEN, &json!({"initial": rest, "t_final": 0})));
     assert_eq!((broken.len(), broken[0].1), (1, -0.3));
     assert_eq!(number_of(&nearest["z_dot"]), 0.0);

@@ -7,7 +7,6 @@ use hamel::cache::Cache;
 use hamel::commands::simulate::simulate_text;
 use hamel::error::{Error, Problem};
 use hamel::model::Checked;
-use hamel::run::backend::Local;
 use hamel::run::interpreted;
 use hamel_codegen::spec;
 use serde_json::{Value, json};
@@ -44,7 +43,7 @@ fn simulate(text: &str, request: &Value) -> Result<Value, Error> {
     let model = spec::parse("test.hamel", text).unwrap_or_else(|e| panic!("{e}"));
     let model = Arc::new(Checked::new(model, Cache::none()));
     let built = interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}"));
-    let answer = simulate_text(&mut Local::new(built), &request.to_string())?;
+    let answer = simulate_text(&built, &request.to_string())?;
     Ok(serde_json::from_str(&answer).expect("JSON"))
 }
 

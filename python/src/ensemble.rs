@@ -12,7 +12,6 @@ use hamel::output::trajectories::Statistic;
 use hamel::request::share::Share;
 use hamel::run::admissible;
 use hamel::run::asked::assignments;
-use hamel::run::backend::{Backend as _, Local};
 use hamel::run::ensemble::{Cancel, EnsembleRequest, Member, Progress, Width, pool};
 use hamel::run::evaluate::prepare;
 use hamel::run::forms::Forms;
@@ -131,7 +130,7 @@ pub(crate) fn integrate(
         progress: Progress { all: values.nrows(), ..Progress::default() },
         cancel: cancel.clone(),
     };
-    let integrated = Local::new(built).ensemble(&request)?;
+    let integrated = hamel::run::ensemble::integrate(built, &request)?;
     Ok(side_by_side(info, asked, &members, integrated))
 }
 
@@ -229,7 +228,7 @@ pub(crate) fn write(
     let subject =
         Subject { model: &scene.model, text: scene.model_text(), built: scene.built(), inputs, cancel };
     let lines = if names.is_empty() { Lines::none() } else { Lines::of((names, rows)) };
-    of_scene(&subject, &mut Local::new(scene.built()), lines, &arguments, |_| {})
+    of_scene(&subject, scene.built(), lines, &arguments, |_| {})
 }
 
 /// To where trajectories are written, and which.
@@ -264,7 +263,7 @@ fn chosen(
         let of = if names.contains(name) { &mut set } else { &mut given };
         of.insert((*name).to_owned(), *value);
     }
-    starts.choose(&mut Local::new(built), &set, &given)
+    starts.choose(built, &set, &given)
 }
 
 fn side_by_side(info: &Info, asked: &Asked, members: &[Start], integrated: Vec<Member>) -> Trajectories {

@@ -15,7 +15,6 @@ use hamel::output::report;
 use hamel::output::report::contents::contents;
 use hamel::run::asked::{Asked, Words};
 use hamel::run::auto;
-use hamel::run::backend::Local;
 use hamel::run::ensemble::{Cancel, Width};
 use hamel::run::info::Info;
 use hamel::run::inputs::InputTable;
@@ -153,7 +152,7 @@ pub(crate) fn simulate(
             sections,
             along: sensitivity,
         };
-        let (mut request, told) = asked.request(&ARGUMENTS, &scene.model, &mut Local::new(built))?;
+        let (mut request, told) = asked.request(&ARGUMENTS, &scene.model, built)?;
         if asked_method == MethodName::Auto {
             request.method = method_of_long(&built, &request).unwrap_or(request.method);
         }

@@ -4,6 +4,7 @@
 //! it.
 
 mod bench;
+mod cargo;
 mod generate;
 mod package;
 mod site;

@@ -7,8 +7,8 @@ use clap::Args;
 use super::options::SceneOptions;
 use crate::error::Error;
 use crate::request::{read_request, sizes};
-use crate::run::backend::Backend;
-use crate::run::evaluate::EvalRequest;
+use crate::run::dynamics::Factory;
+use crate::run::evaluate::{self, EvalRequest};
 use crate::run::forms::Forms;
 use crate::session::Session;
 
@@ -54,26 +54,26 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         Ok(sizes) => file.sized(sizes),
         Err(_) => file,
     };
-    let mut backend = arguments.scene.choice_of(&file)?.open(&file)?;
+    let scene = arguments.scene.choice_of(&file)?.open(&file)?;
     sizes?;
-    if !EvalRequest::has_other_names(&text, backend.info())? {
-        return eval_text(&mut *backend, &text);
+    if !EvalRequest::has_other_names(&text, scene.info())? {
+        return eval_text(&scene, &text);
     }
-    let forms = Forms::of(file.model()?, backend.info())?;
-    let request = EvalRequest::parse_in(&text, backend.info(), &forms)?;
-    answer(&mut *backend, &request)
+    let forms = Forms::of(file.model()?, scene.info())?;
+    let request = EvalRequest::parse_in(&text, scene.info(), &forms)?;
+    answer(&scene, &request)
 }
 
 /// Evaluates a JSON request.
 ///
 /// # Errors
 /// As [`EvalRequest::parse`] and [`crate::run::evaluate::eval`].
-pub fn eval_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
-    let request = EvalRequest::parse(text, backend.info())?;
-    answer(backend, &request)
+pub fn eval_text(scene: &dyn Factory, text: &str) -> Result<String, Error> {
+    let request = EvalRequest::parse(text, scene.info())?;
+    answer(scene, &request)
 }
 
-fn answer(backend: &mut dyn Backend, request: &EvalRequest) -> Result<String, Error> {
-    let response = backend.eval(request)?;
-    Ok(response.to_json(backend.info()).to_string())
+fn answer(scene: &dyn Factory, request: &EvalRequest) -> Result<String, Error> {
+    let response = evaluate::eval(scene, request)?;
+    Ok(response.to_json(scene.info()).to_string())
 }

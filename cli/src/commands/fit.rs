@@ -16,9 +16,10 @@ use crate::output::fitted::{self, Fitted, Target};
 use crate::output::terminal::bold;
 use crate::request::json::{by_name, number};
 use crate::request::table::Table;
-use crate::run::backend::fit_with_bar;
+use crate::run::bars::fit_with_bar;
 use crate::run::direction::Direction;
-use crate::run::fit::{Column, FitRequest, FitResponse, Quantity};
+use crate::run::dynamics::Factory as _;
+use crate::run::fit::{Column, FitRequest, FitResponse, Follows, Quantity};
 use crate::run::follow::Follower;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
@@ -104,8 +105,8 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
                       choose a scene without `events`";
         return Err(Error::unusable("--scene", reason));
     }
-    let mut backend = choice.open(&file)?;
-    let info = backend.info().clone();
+    let scene = choice.open(&file)?;
+    let info = scene.info().clone();
     has_state(&info)?;
     let mut problems = Vec::new();
     let forms = Forms::of(model, &info)?;
@@ -119,7 +120,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     }
     let data = Data::read(&info, arguments, free.len())?;
     let starts = Starts::new(model, &info, forms)?;
-    let (params, initial) = starts.choose(&mut *backend, &set, &given)?;
+    let (params, initial) = starts.choose(&scene, &set, &given)?;
     let request = FitRequest {
         params,
         initial,
@@ -135,18 +136,8 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let own = interpreted::build(model, &info.scene)?;
     let forms = Forms::of(model, &info)?;
     let follower = Follower::new(model, (&own, &forms), [&set, &given])?.without_slopes();
-    let response = match follower.is_restricted() {
-        // What keeps the start on its equations is in this process.
-        true => {
-            let scene = interpreted::build(model, &info.scene)?.in_memory();
-            let scene = match &choice.table {
-                Some(table) => scene.driven_by(table)?,
-                None => scene,
-            };
-            fit_with_bar(&scene, &request, Some(&follower))?
-        }
-        false => backend.fit(&request)?,
-    };
+    let follower = follower.is_restricted().then_some(&follower as &dyn Follows);
+    let response = fit_with_bar(&scene, &request, follower)?;
     let title = model::title(model);
     if let Some(file) = opened {
         let (info, title, blocks) = (&info, &title, &blocks::blocks(model));

@@ -13,7 +13,7 @@ use super::options::{assignment, assignments, finite};
 use crate::error::Error;
 use crate::model;
 use crate::request::json::{by_name, number};
-use crate::run::backend::Local;
+use crate::run::dynamics::Factory as _;
 use crate::run::forms::Forms;
 use crate::run::interpreted;
 use crate::run::start::Starts;
@@ -83,8 +83,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let scene = arguments.scene.as_deref().unwrap_or(default);
     model.known_scene(scene)?;
     let built = interpreted::build(model, scene)?;
-    let mut backend = Local::new(built);
-    let info = crate::run::backend::Backend::info(&backend).clone();
+    let info = built.info().clone();
     let forms = Forms::of(model, &info)?;
     let mut problems = Vec::new();
     let set = assignments(&arguments.set, "--set", "parameter", &info.param_names(), &mut problems);
@@ -95,7 +94,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         return Err(Error::Request { problems });
     }
     let starts = Starts::new(model, &info, forms)?;
-    let (params, y) = starts.choose(&mut backend, &set, &given)?;
+    let (params, y) = starts.choose(&built, &set, &given)?;
     let told = told_in_words(&starts.told([&set, &given], (&params, &y))?);
     let u: Vec<f64> = info.inputs.iter().map(|i| held.get(&i.name).copied().unwrap_or(i.default)).collect();
     let linear =

@@ -28,8 +28,7 @@ pub struct SceneOptions {
     /// Name of the scene
     #[arg(long, default_value = "default")]
     pub scene: String,
-    /// Who evaluates: machine code made in memory, the module that rustc compiled (models of hamel's repository, inside
-    /// it), or the interpreter; values have the same bits [default: jit]
+    /// Who evaluates: machine code made in memory, or the interpreter; values have the same bits [default: jit]
     #[arg(long, value_enum)]
     pub via: Option<Via>,
     /// What drives the inputs.

@@ -20,7 +20,7 @@ use crate::output::opened::Opened;
 use crate::output::plot::field;
 use crate::output::report::contents::{self, Page, contents};
 use crate::output::report::{self, Motion, Precision};
-use crate::run::backend::{Backend as _, Local};
+use crate::run::bars::simulate_with_bar;
 use crate::run::dynamics::Factory;
 use crate::run::forms::Forms;
 use crate::run::inputs::InputTable;
@@ -184,9 +184,8 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
         watched: bare.watched(),
         ..motion.request.clone()
     };
-    let mut bare = Local::new(bare);
     motion.precision = Precision::measure(arguments.t_final, |method, steps| {
-        bare.simulate(&SimulateRequest { method, steps, ..bare_request.clone() })
+        simulate_with_bar(&bare, &SimulateRequest { method, steps, ..bare_request.clone() })
     });
     Ok(motion)
 }
@@ -215,13 +214,12 @@ pub fn pictured(
     let prior = Prior::of(model, scene, set);
     let full = driven(interpreted::build_pictured(model, scene)?.in_memory(), table)?;
     let watched = full.watched();
-    let mut backend = Local::new(&full);
     let info = full.info().clone();
     let values: Vec<f64> =
         info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
     let chosen = start::Chosen { prior: &prior, given, positions: Some(&full) };
     let forms = Forms::of(model, &info)?;
-    let initial = start::state(&mut backend, None, (&values, &[]), &forms, chosen)?;
+    let initial = start::state(&full, None, (&values, &[]), &forms, chosen)?;
     let request = SimulateRequest {
         params: values,
         initial,
@@ -237,7 +235,7 @@ pub fn pictured(
         along: Vec::new(),
         tangents: Vec::new(),
     };
-    let response = backend.simulate(&request)?;
+    let response = simulate_with_bar(&full, &request)?;
     let (fields, _) = fields(model, &info, &request, &response);
     let (blocks, pictures) = (blocks::blocks(model), Vec::new());
     Ok(Motion { info, blocks, request, response, precision: Precision::default(), fields, pictures })

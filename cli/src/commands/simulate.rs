@@ -25,8 +25,9 @@ use crate::request::json::by_name;
 use crate::request::simulate::Completion;
 use crate::request::{read_request, sizes};
 use crate::run::asked::{Asked, Words};
-use crate::run::backend::Backend;
+use crate::run::bars::simulate_with_bar;
 use crate::run::choice::Via;
+use crate::run::dynamics::Factory;
 use crate::run::fit::Follows as _;
 use crate::run::follow::Follower;
 use crate::run::forms::Forms;
@@ -149,9 +150,6 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     if arguments.scene.scene != info.scene {
         let (name, known) = (arguments.scene.scene.clone(), vec![info.scene]);
         return Err(Error::UnknownScene { model: info.model, name, known });
-    }
-    if arguments.scene.via == Some(Via::Compiled) {
-        return Err(Error::unusable("--via", "is not possible: matrices are multiplied in this process"));
     }
     if arguments.json {
         let text = read_request("{\"initial\": {\"re_1_0\": 0.5, ..}, \"t_final\": 1, \"step\": 0.01}")?;
@@ -276,25 +274,21 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
         (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asking_method(&text)?);
     let model = || file.model();
     let choice = if reconstructs { choice.reconstructing(model()?, "reconstruct")? } else { choice };
-    let choice = match asking {
-        Some(method) => choice.suited_to(&file, method)?,
-        None => choice,
-    };
     let projects = asking.is_some_and(MethodName::is_projection);
-    let mut backend = choice.open(&file)?;
-    let info = backend.info().clone();
+    let scene = choice.open(&file)?;
+    let info = scene.info().clone();
     let forms = match SimulateRequest::has_other_names(&text, &info)? {
         true => Forms::of(model()?, &info)?,
         false => Forms::own(&info),
     };
     let n_group = if reconstructs { n_group(&info, model()?)? } else { 0 };
     if SimulateRequest::lacks_names(&text, &info, n_group)? {
-        return answer_completed(&mut *backend, model()?, &text, n_group);
+        return answer_completed(&scene, model()?, &text, n_group);
     }
     if reconstructs {
-        let mut request = reconstructing(&*backend, model()?, &text, &forms)?;
+        let mut request = reconstructing(&scene, model()?, &text, &forms)?;
         follow(&mut request, model, &info)?;
-        return respond(&mut *backend, &request);
+        return respond(&scene, &request);
     }
     let mut request = SimulateRequest::parse_in(&text, &info, &forms, 0, &|_| Vec::new(), None)?;
     let sections = SimulateRequest::sections(&text)?;
@@ -306,7 +300,7 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
         judge(model()?, &request, &info)?;
     }
     follow(&mut request, model, &info)?;
-    respond(&mut *backend, &request)
+    respond(&scene, &request)
 }
 
 /// Derivatives of the initial state of a request that stay on the equations of the model.
@@ -325,19 +319,19 @@ fn follow<'m>(
 
 /// The answer to a JSON request that leaves out components of the initial state, with the whole of it.
 fn answer_completed(
-    backend: &mut dyn Backend,
+    scene: &dyn Factory,
     model: &Arc<Checked>,
     text: &str,
     n_group: usize,
 ) -> Result<String, Error> {
-    let info = backend.info().clone();
+    let info = scene.info().clone();
     let forms = Forms::of(model, &info)?;
     let starts = Starts::new(model, &info, Forms::of(model, &info)?)?;
     let known = Prior::of(model, &info.scene, &BTreeMap::new());
     let mut is_chosen = false;
     let mut choose = |set: &BTreeMap<String, f64>, given: &BTreeMap<String, f64>| {
         is_chosen = true;
-        Ok(starts.choose(&mut *backend, set, given)?.1)
+        Ok(starts.choose(scene, set, given)?.1)
     };
     let defaults = |params: &BTreeMap<String, f64>| roles::group_start(model, params);
     let mut completion = Completion { known: known.initial(), choose: &mut choose };
@@ -347,7 +341,7 @@ fn answer_completed(
     request.watched = Watched::new(model, &info, &sections, "sections")?;
     judge(model, &request, &info)?;
     follow(&mut request, || Ok(model), &info)?;
-    let response = backend.simulate(&request)?;
+    let response = simulate_with_bar(scene, &request)?;
     warn(&response);
     let mut answer = response.to_json(&info, n_group);
     if let (true, Some(fields)) = (is_chosen, answer.as_object_mut()) {
@@ -361,52 +355,52 @@ fn answer_completed(
 ///
 /// # Errors
 /// As [`SimulateRequest::parse`] and [`crate::run::integrate::simulate`].
-pub fn simulate_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
-    let request = SimulateRequest::parse(text, backend.info())?;
+pub fn simulate_text(scene: &dyn Factory, text: &str) -> Result<String, Error> {
+    let request = SimulateRequest::parse(text, scene.info())?;
     if !SimulateRequest::sections(text)?.is_empty() {
         return Err(Error::unusable("sections", "needs the model besides the scene"));
     }
-    respond(backend, &request)
+    respond(scene, &request)
 }
 
-fn respond(backend: &mut dyn Backend, request: &SimulateRequest) -> Result<String, Error> {
-    let shield = backend.is_here().then(Shield::raise);
-    let response = backend.simulate(request)?;
+fn respond(scene: &dyn Factory, request: &SimulateRequest) -> Result<String, Error> {
+    let shield = Shield::raise();
+    let response = simulate_with_bar(scene, request)?;
     drop(shield);
     warn(&response);
-    let mut answer = response.to_json(backend.info(), request.n_group);
+    let mut answer = response.to_json(scene.info(), request.n_group);
     if let (Some(fields), false) = (answer.as_object_mut(), request.is_complete(&response)) {
         fields.insert("interrupted".into(), true.into());
     }
     told_until_interrupted(request, &response, answer.to_string())
 }
 
-/// Integrates as a JSON request with `reconstruct` says; the backend is that of the scene with the group's coordinates.
+/// Integrates as a JSON request with `reconstruct` says; the scene is that with the group's coordinates.
 ///
 /// # Errors
 /// As [`simulate_text`], and when the scene's state does not end with the coordinates that the model reconstructs.
 pub fn reconstruct_text(
-    backend: &mut dyn Backend,
+    scene: &dyn Factory,
     model: &Checked,
     text: &str,
     forms: &Forms,
 ) -> Result<String, Error> {
-    let request = reconstructing(&*backend, model, text, forms)?;
-    respond(backend, &request)
+    let request = reconstructing(scene, model, text, forms)?;
+    respond(scene, &request)
 }
 
 /// The request of such a text.
 fn reconstructing(
-    backend: &dyn Backend,
+    scene: &dyn Factory,
     model: &Checked,
     text: &str,
     forms: &Forms,
 ) -> Result<SimulateRequest, Error> {
-    let n_group = n_group(backend.info(), model)?;
+    let n_group = n_group(scene.info(), model)?;
     let defaults = |params: &BTreeMap<String, f64>| roles::group_start(model, params);
-    let mut request = SimulateRequest::parse_in(text, backend.info(), forms, n_group, &defaults, None)?;
+    let mut request = SimulateRequest::parse_in(text, scene.info(), forms, n_group, &defaults, None)?;
     let sections = SimulateRequest::sections(text)?;
-    request.watched = Watched::new(model, backend.info(), &sections, "sections")?;
+    request.watched = Watched::new(model, scene.info(), &sections, "sections")?;
     Ok(request)
 }
 
@@ -449,9 +443,8 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
     let method = match (motion.method, steps) {
         (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
-            // Compiled code does not say what it costs.
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
-            let is_interpreted = choice.via(&file) == Via::Interpreter;
+            let is_interpreted = choice.via() == Via::Interpreter;
             // Series have no derivatives along parameters, and a table ends a step of theirs at every row.
             let has_series = arguments.sensitivity.is_empty()
                 && choice.table.is_none()
@@ -461,8 +454,8 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         }
         (method, _) => method,
     };
-    let mut backend = choice.suited_to(&file, method)?.open(&file)?;
-    let info = backend.info().clone();
+    let scene = choice.open(&file)?;
+    let info = scene.info().clone();
     has_state(&info)?;
     let n_group = if arguments.reconstruct { n_group(&info, model)? } else { 0 };
     let plane = plane(&info, &arguments.plane)?;
@@ -480,20 +473,19 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         sections: arguments.section.clone(),
         along: arguments.sensitivity.clone(),
     };
-    let (mut request, told) = asked.request(&Words::OPTIONS, model, &mut *backend)?;
+    let (mut request, told) = asked.request(&Words::OPTIONS, model, &scene)?;
     if motion.method == MethodName::Auto
         && choice.table.is_none()
         && let Some(method) = method_of_long(&interpreted::build(model, &choice.scene)?, &request)
     {
-        backend = choice.suited_to(&file, method)?.open(&file)?;
         request.method = method;
     }
     if choice.table.is_some() && !request.along.is_empty() && request.watched.is_some() {
         let reason = "is not carried through events whose inputs are in a table: drive them by expressions";
         return Err(Error::unusable("--sensitivity", reason));
     }
-    let shield = backend.is_here().then(Shield::raise);
-    let response = backend.simulate(&request)?;
+    let shield = Shield::raise();
+    let response = simulate_with_bar(&scene, &request)?;
     drop(shield);
     warn(&response);
     let title = model::title(model);

@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use hamel_codegen::scene::Told;
 
-use super::backend::Backend;
 use super::direction::Direction;
+use super::dynamics::Factory;
 use super::fit::Follows as _;
 use super::follow::Follower;
 use super::forms::Forms;
@@ -85,7 +85,7 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// The request, with an initial state that keeps the constraints; `backend` is that of the scene.
+    /// The request, with an initial state that keeps the constraints; `scene` is what it asks.
     ///
     /// # Errors
     /// [`Error::Request`] with every name that is not there, sections that are no expressions, too many samples; why
@@ -96,9 +96,9 @@ impl Asked {
         &self,
         words: &Words,
         model: &Arc<Checked>,
-        backend: &mut dyn Backend,
+        scene: &dyn Factory,
     ) -> Result<(SimulateRequest, Vec<Told>), Error> {
-        let info = backend.info().clone();
+        let info = scene.info().clone();
         let mut problems = Vec::new();
         let forms = Forms::of(model, &info)?;
         let [set, given] = given([&self.set, &self.initial], words, &info, &forms, &mut problems);
@@ -125,7 +125,7 @@ impl Asked {
         }
         let watched = Watched::new(model, &info, &self.sections, words.sections)?;
         let starts = Starts::new(model, &info, forms)?;
-        let (params, initial) = starts.choose(backend, &set, &given)?;
+        let (params, initial) = starts.choose(scene, &set, &given)?;
         let told = starts.told([&set, &given], (&params, &initial))?;
         let tangents = match along.is_empty() {
             true => Vec::new(),

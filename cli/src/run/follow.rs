@@ -13,7 +13,6 @@ use hamel_program::program::ViolatedCondition;
 use hamel_runtime::Dual;
 use nalgebra::{DMatrix, DVector};
 
-use super::backend::Local;
 use super::direction::Direction;
 use super::dynamics::{BadParams, Factory as _, PreparedDuals};
 use super::evaluate::{prepare, refused};
@@ -256,11 +255,10 @@ impl<'a> Follower<'a> {
 impl Follows for Follower<'_> {
     fn settled(&self, params: &[f64], y: &[f64], given: &[Direction]) -> Result<Vec<f64>, Error> {
         let prepared = prepare(self.scene, params)?;
-        let mut judge = Local::new(self.residuals.as_ref().unwrap_or(self.scene));
         let own_state = |y: &[f64]| -> Result<Vec<f64>, Error> { Ok(y.to_vec()) };
         let mut conditions = OfScene {
             positions: Some((self.scene, &prepared)),
-            judge: &mut judge,
+            judge: self.residuals.as_ref().unwrap_or(self.scene),
             params,
             own_state: &own_state,
             velocities: &self.velocities,

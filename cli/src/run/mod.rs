@@ -1,12 +1,11 @@
-//! Scenes that are evaluated and integrated, here or in another process.
+//! Scenes that are evaluated and integrated.
 //!
 //! Does not know: how a request was written, how results are shown.
 
 pub mod admissible;
 pub mod asked;
 pub mod auto;
-pub mod backend;
-pub mod cargo;
+pub mod bars;
 pub mod choice;
 pub mod direction;
 pub mod dynamics;
@@ -27,10 +26,8 @@ mod lost_rank;
 mod machine;
 pub mod matrices;
 pub mod method;
-pub mod protocol;
 pub(crate) mod ranks;
 mod record;
-pub mod remote;
 pub mod resources;
 mod saltation;
 mod sensitivity;

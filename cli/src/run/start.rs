@@ -12,9 +12,8 @@ use hamel_codegen::spec::Want;
 use hamel_runtime::consistent_by;
 
 use super::admissible;
-use super::backend::{Backend, Local};
-use super::dynamics::{Factory as _, PreparedScene, VecState};
-use super::evaluate::{EvalRequest, prepare};
+use super::dynamics::{Factory, PreparedScene, VecState};
+use super::evaluate::{EvalRequest, eval, prepare};
 use super::forms::Forms;
 use super::info::Info;
 use super::interpreted::{self, Built};
@@ -45,16 +44,15 @@ pub struct Chosen<'a> {
 /// # Errors
 /// Why no such state could be found.
 pub fn state(
-    backend: &mut dyn Backend,
-    constraint: Option<&mut dyn Backend>,
+    scene: &dyn Factory,
+    constraint: Option<&dyn Factory>,
     params: (&[f64], &[f64]),
     forms: &Forms,
     chosen: Chosen<'_>,
 ) -> Result<Vec<f64>, Error> {
     let Chosen { prior, given, positions } = chosen;
     let given = &forms.with_points(given).map_err(|reason| Error::unusable("initial", reason))?;
-    let n_state = backend.info().state.len();
-    let mut constraint = constraint;
+    let n_state = scene.info().state.len();
     let own = forms.own_form();
     // As the model gives it, and as the user does, which is the same wherever it can be.
     let first = forms.with_momenta_of(prior.initial());
@@ -78,7 +76,7 @@ pub fn state(
         );
         return Err(Error::State { path: "initial".into(), reason });
     }
-    let mut attempt = |attempt: usize| -> Result<Vec<f64>, Error> {
+    let attempt = |attempt: usize| -> Result<Vec<f64>, Error> {
         let mut y = prior.guess(&names, given, attempt);
         if first != asked {
             y = forms.convert(params.0, 0.0, &y, [&first, &asked])?;
@@ -87,10 +85,7 @@ pub fn state(
             }
         }
         let own_state = |y: &[f64]| forms.convert(params.0, 0.0, y, [&asked, &own]);
-        let (judge, judged_params): (&mut dyn Backend, &[f64]) = match &mut constraint {
-            Some(other) => (&mut **other, params.1),
-            None => (&mut *backend, params.0),
-        };
+        let (judge, judged_params) = constraint.map_or((scene, params.0), |other| (other, params.1));
         let mut conditions = OfScene {
             positions: positions.zip(prepared.as_ref()),
             judge,
@@ -100,7 +95,7 @@ pub fn state(
         };
         settle(&mut conditions, &mut y, &origins, &velocities)?;
         let y = own_state(&y)?;
-        backend.eval(&EvalRequest { params: params.0.to_vec(), t: 0.0, states: vec![y.clone()] })?;
+        eval(scene, &EvalRequest { params: params.0.to_vec(), t: 0.0, states: vec![y.clone()] })?;
         Ok(y)
     };
     let mut failure = None;
@@ -112,7 +107,7 @@ pub fn state(
     }
     // The loop runs at least once.
     Err(match failure.expect("an attempt") {
-        Error::State { reason, .. } | Error::Remote { message: reason, .. } if given.len() < n_state => {
+        Error::State { reason, .. } if given.len() < n_state => {
             let reason = format!("{reason}; choose another state with --initial name=value ..");
             Error::State { path: "the default initial state".into(), reason }
         }
@@ -144,7 +139,7 @@ pub(super) type OwnState<'a> = &'a dyn Fn(&[f64]) -> Result<Vec<f64>, Error>;
 pub(super) struct OfScene<'a, 'b> {
     pub(super) positions: Option<(&'a Built, &'a PreparedScene<'a>)>,
     /// Has the residuals of the constraint.
-    pub(super) judge: &'b mut dyn Backend,
+    pub(super) judge: &'b dyn Factory,
     pub(super) params: &'a [f64],
     pub(super) own_state: OwnState<'b>,
     /// Places of all velocities.
@@ -191,7 +186,7 @@ impl Conditions for OfScene<'_, '_> {
         let places = Places { constraint, velocities: velocities.to_vec(), momenta: None };
         let mut outputs = |states: Vec<Vec<f64>>| -> Result<Vec<Vec<f64>>, Error> {
             let states = states.iter().map(|y| own_state(y)).collect::<Result<_, Error>>()?;
-            Ok(judge.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs)
+            Ok(eval(*judge, &EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs)
         };
         let (index, largest) = match project(&mut outputs, &places, y, free)? {
             Outcome::Met => return Ok(()),
@@ -247,25 +242,24 @@ impl<'a> Starts<'a> {
         self.forms.value(params, y, name)
     }
 
-    /// Parameters with those in `set`, and an initial state with the components in `given`; `backend` is that of the
-    /// scene.
+    /// Parameters with those in `set`, and an initial state with the components in `given`; `scene` is that of the
+    /// starts.
     ///
     /// # Errors
     /// As [`state`], and [`Error::Inadmissible`].
     pub fn choose(
         &self,
-        backend: &mut dyn Backend,
+        scene: &dyn Factory,
         set: &BTreeMap<String, f64>,
         given: &BTreeMap<String, f64>,
     ) -> Result<(Vec<f64>, Vec<f64>), Error> {
         let params: Vec<f64> =
             self.info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
         let prior = Prior::of(self.model, &self.info.scene, set);
-        let mut other = self.residuals.as_ref().map(Local::new);
-        let other = other.as_mut().map(|local| local as &mut dyn Backend);
+        let other = self.residuals.as_ref().map(|residuals| residuals as &dyn Factory);
         let positions = self.positions.as_ref();
         let chosen = Chosen { prior: &prior, given, positions };
-        let initial = state(backend, other, (&params, &params), &self.forms, chosen)?;
+        let initial = state(scene, other, (&params, &params), &self.forms, chosen)?;
         // What the user gave may leave nothing to choose.
         if let Some(scene) = &self.residuals {
             admissible::check(&*prepare(scene, &params)?, &initial, 0)?;

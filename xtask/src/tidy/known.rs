@@ -36,7 +36,11 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
         &["sampling", "telling"],
         "samples end at events, and events are told between samples",
     ),
-    ("xtask/bench/src", &["mod", "naive", "wp"], "the top lists the opponents, which implement its trait"),
+    (
+        "xtask/bench/src",
+        &["mod", "naive", "wp"],
+        "the list of opponents, kernels by hand, and work against precision use each other: not cut yet",
+    ),
     (
         "xtask/stress/src",
         &["bounds", "report", "run"],

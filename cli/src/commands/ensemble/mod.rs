@@ -25,9 +25,8 @@ use crate::output::trajectories::gathered::Wanted;
 use crate::output::trajectories::store::Store;
 use crate::output::trajectories::summary::Summary;
 use crate::request::table::Table;
-use crate::run::backend::Backend;
-use crate::run::dynamics::Factory as _;
-use crate::run::ensemble::{Cancel, EnsembleRequest, Member, Progress, pool};
+use crate::run::dynamics::Factory;
+use crate::run::ensemble::{self, Cancel, EnsembleRequest, Member, Progress, pool};
 use crate::run::forms::Forms;
 use crate::run::integrate::has_state;
 use crate::run::interpreted;
@@ -75,7 +74,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         let reason = "is a table, but inputs vary as well: drive the others by expressions, NAME=EXPRESSION";
         return Err(Error::unusable("--input", reason));
     }
-    let mut backend = choice.open(&file)?;
+    let scene = choice.open(&file)?;
     let text = file.text()?;
     // An interrupt ends the program.
     let cancel = Cancel::default();
@@ -86,17 +85,17 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         inputs: request::inputs(&arguments.scene.inputs)?,
         cancel,
     };
-    of_scene(&subject, &mut *backend, lines, arguments, tell_interrupts)
+    of_scene(&subject, &scene, lines, arguments, tell_interrupts)
 }
 
-/// Integrates all trajectories of a scene that `backend` evaluates, as [`run`]; the names of model, scene and table in
+/// Integrates all trajectories of a scene, as [`run`]; the names of model, scene and table in
 /// the arguments do not count. `on_store` is told the folder of the store, if there is one, before the first chunk.
 ///
 /// # Errors
 /// As [`run`].
 pub fn of_scene(
     subject: &Subject<'_>,
-    backend: &mut dyn Backend,
+    scene: &dyn Factory,
     lines: Lines,
     arguments: &Arguments,
     on_store: impl FnOnce(Option<&Path>),
@@ -114,7 +113,7 @@ pub fn of_scene(
         return Err(Error::unusable("--scene", reason));
     }
     let plan = Plan::new(built.info(), &forms, arguments, lines)?;
-    let info = backend.info().clone();
+    let info = scene.info().clone();
     let n_numbers = arguments.samples.saturating_mul(info.state.len() + 2);
     if n_numbers.saturating_mul(MIN_CHUNK) > MAX_NUMBERS {
         let reason = format!(
@@ -147,7 +146,7 @@ pub fn of_scene(
         eprintln!("note: trajectories start at values that nobody gives, of the first {told}");
     }
     asked.options()?;
-    backend.ensemble(&EnsembleRequest { members: first, t_final: 0.0, ..asked.clone() })?;
+    ensemble::integrate(scene, &EnsembleRequest { members: first, t_final: 0.0, ..asked.clone() })?;
     let heading = Heading {
         info: &info,
         input_names: plan.names(),
@@ -232,7 +231,7 @@ pub fn of_scene(
                 let members = pool.install(|| plan.members(range, &starts, built));
                 let (inputs, members): (Vec<Vec<f64>>, Vec<_>) = members.into_iter().unzip();
                 asked.progress.seconds = clock.elapsed().as_secs_f64();
-                let results = integrate(backend, &mut asked, members)?;
+                let results = integrate(scene, &mut asked, members)?;
                 asked.progress.done += n;
                 let chunk = Chunk { at: item.chunk, first, inputs, results };
                 if to_writer.send((chunk, item)).is_err() {
@@ -324,7 +323,7 @@ fn shown(target: &Target) -> String {
 
 /// Integrates the trajectories of a chunk that have a start; side by side are those that follow each other among them.
 fn integrate(
-    backend: &mut dyn Backend,
+    scene: &dyn Factory,
     asked: &mut EnsembleRequest,
     members: Vec<Beginning>,
 ) -> Result<Vec<Member>, Error> {
@@ -339,7 +338,7 @@ fn integrate(
             Err(reason) => Some(reason),
         });
     }
-    let mut integrated = backend.ensemble(asked)?.into_iter();
+    let mut integrated = ensemble::integrate(scene, asked)?.into_iter();
     let one = |failed: Option<String>| match failed {
         Some(reason) => Member::failed(reason),
         None => integrated.next().unwrap_or_default(),

@@ -13,7 +13,6 @@ use crate::commands::options::assignments;
 use crate::error::{Error, Problem};
 use crate::hash::fnv1a;
 use crate::run::admissible;
-use crate::run::backend::Local;
 use crate::run::evaluate::prepare;
 use crate::run::forms::Forms;
 use crate::run::info::Info;
@@ -198,7 +197,7 @@ impl<'a> Plan<'a> {
                 let is_param = self.info.params.iter().any(|p| p.name == *name);
                 if is_param { &mut set } else { &mut given }.insert((*name).to_owned(), *value);
             }
-            let chosen = starts.choose(&mut Local::new(scene), &set, &given).and_then(|(mut params, y)| {
+            let chosen = starts.choose(scene, &set, &given).and_then(|(mut params, y)| {
                 params.extend(inputs.iter().filter(|_| of_inputs));
                 admissible::check(&*prepare(scene, &params)?, &y, 0)?;
                 Ok((params, y))

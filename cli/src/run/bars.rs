@@ -1,4 +1,4 @@
-//! Evaluation and simulation of one scene, here or in another process.
+//! Integrations and fits under a progress bar.
 //!
 //! Does not know: how a request was written or where an answer goes.
 
@@ -8,85 +8,10 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::dynamics::Factory;
-use super::ensemble::{EnsembleRequest, Member, integrate};
-use super::evaluate::{EvalRequest, EvalResponse, eval};
 use super::fit::{FitRequest, FitResponse, Follows, fit};
-use super::info::Info;
 use super::integrate::simulate;
 use super::simulation::{SimulateRequest, SimulateResponse};
 use crate::error::Error;
-
-/// A scene that answers requests.
-pub trait Backend {
-    /// Names and meanings.
-    fn info(&self) -> &Info;
-
-    /// Values at given states.
-    ///
-    /// # Errors
-    /// As [`eval`].
-    fn eval(&mut self, request: &EvalRequest) -> Result<EvalResponse, Error>;
-
-    /// Whether this process integrates, so that an interrupt ends a motion at its next step.
-    fn is_here(&self) -> bool;
-
-    /// A solution from an initial state.
-    ///
-    /// # Errors
-    /// As [`simulate`].
-    fn simulate(&mut self, request: &SimulateRequest) -> Result<SimulateResponse, Error>;
-
-    /// Parameters and initial values whose motion is nearest to what was measured.
-    ///
-    /// # Errors
-    /// As [`fit`].
-    fn fit(&mut self, request: &FitRequest) -> Result<FitResponse, Error>;
-
-    /// Solutions from many initial states, in their order.
-    ///
-    /// # Errors
-    /// As [`integrate`].
-    fn ensemble(&mut self, request: &EnsembleRequest) -> Result<Vec<Member>, Error>;
-}
-
-/// A scene of this process.
-#[derive(Debug)]
-pub struct Local<F> {
-    factory: F,
-}
-
-impl<F: Factory> Local<F> {
-    /// Answers with a factory's scene.
-    pub fn new(factory: F) -> Local<F> {
-        Local { factory }
-    }
-}
-
-impl<F: Factory> Backend for Local<F> {
-    fn info(&self) -> &Info {
-        self.factory.info()
-    }
-
-    fn is_here(&self) -> bool {
-        true
-    }
-
-    fn eval(&mut self, request: &EvalRequest) -> Result<EvalResponse, Error> {
-        eval(&self.factory, request)
-    }
-
-    fn simulate(&mut self, request: &SimulateRequest) -> Result<SimulateResponse, Error> {
-        simulate_with_bar(&self.factory, request)
-    }
-
-    fn fit(&mut self, request: &FitRequest) -> Result<FitResponse, Error> {
-        fit_with_bar(&self.factory, request, None)
-    }
-
-    fn ensemble(&mut self, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
-        integrate(&self.factory, request)
-    }
-}
 
 /// Fits a scene under a line that tells how far the search is, on a terminal only.
 ///

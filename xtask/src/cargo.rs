@@ -9,13 +9,13 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::error::Error;
-use crate::repository::Repository;
-use crate::streams::tell;
+use hamel::Error;
+use hamel::repository::Repository;
+use hamel::streams::tell;
 
 /// How much the compiler optimises what is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Profile {
+pub(crate) enum Profile {
     /// As this program was, so that both share what they depend on.
     OfThisProgram,
     /// Fully: what is built measures times, or runs for long.
@@ -23,7 +23,7 @@ pub enum Profile {
 }
 
 /// The command that builds a package of the workspace with a program or library of the same name; for [`run_build`].
-pub fn cargo_build(repository: &Repository, package: &str, profile: Profile) -> Command {
+pub(crate) fn cargo_build(repository: &Repository, package: &str, profile: Profile) -> Command {
     let mut command = Command::new(Repository::cargo());
     if profile == Profile::OfThisProgram && cfg!(debug_assertions) {
         // With the features of the whole workspace, as its tests are built.
@@ -45,7 +45,11 @@ pub fn cargo_build(repository: &Repository, package: &str, profile: Profile) -> 
 ///
 /// # Errors
 /// [`Error::Io`] when cargo cannot be started.
-pub fn run_build(command: Command, program: &str, doing: &'static str) -> Result<Option<PathBuf>, Error> {
+pub(crate) fn run_build(
+    command: Command,
+    program: &str,
+    doing: &'static str,
+) -> Result<Option<PathBuf>, Error> {
     run_build_of(command, doing, |message| {
         let is_program = message["target"]["name"] == program;
         message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
@@ -56,7 +60,7 @@ pub fn run_build(command: Command, program: &str, doing: &'static str) -> Result
 ///
 /// # Errors
 /// As [`run_build`].
-pub fn run_library_build(
+pub(crate) fn run_library_build(
     command: Command,
     library: &str,
     doing: &'static str,
