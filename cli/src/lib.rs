@@ -1,31 +1,15 @@
 //! The program `hamel`: models of mechanics with symmetry listed, explained, evaluated, integrated and generated.
 //!
-//! Everything that evaluates a scene does so through [`run::dynamics::Dynamics`], so that the interpreter here and
-//! compiled models in another process share one implementation of every command.
-//!
-//! Does not know: generated code.
+//! Does not know: how scenes are evaluated and integrated, which `hamel-run` does.
 
-pub mod cache;
 pub mod commands;
 pub mod editor;
-pub mod error;
-mod hash;
-pub mod interrupts;
-pub mod model;
-pub mod names;
 pub mod output;
-pub mod repository;
-pub mod request;
-pub mod run;
-pub mod session;
-pub mod streams;
-mod temporary;
-
-pub use error::Error;
 
 use std::process::ExitCode;
 
-use streams::{print, printed, tell};
+use hamel_run::Error;
+use hamel_run::streams::{self, print, printed, tell};
 
 /// The arguments of the program, or how it ends where they are wrong or ask for help.
 ///

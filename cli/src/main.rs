@@ -5,10 +5,10 @@ mod shipped;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
-use hamel::cache::Cache;
 use hamel::commands::{Command, Program, generate};
-use hamel::repository::Repository;
-use hamel::session::Session;
+use hamel_run::cache::Cache;
+use hamel_run::repository::Repository;
+use hamel_run::session::Session;
 
 /// Lists, explains, evaluates, integrates and generates models of mechanics with symmetry
 #[derive(Parser)]
@@ -21,7 +21,7 @@ struct Cli {
     #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     budget: u64,
     /// A size of a family of models, in the place of that of its file; may be repeated
-    #[arg(long, global = true, value_name = "NAME=N", value_parser = hamel::request::sizes::assignment)]
+    #[arg(long, global = true, value_name = "NAME=N", value_parser = hamel_run::request::sizes::assignment)]
     size: Vec<(String, i64)>,
     /// Derive everything anew, and keep nothing in the folder for caches
     #[arg(long, global = true)]
@@ -53,7 +53,7 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(ended) => return ended,
     };
-    hamel::interrupts::watch();
+    hamel_run::interrupts::watch();
     let here = std::env::current_dir().ok();
     let session = match here.and_then(|folder| Repository::around(&folder)) {
         Some(repository) => Session::of_repository(repository),

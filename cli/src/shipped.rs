@@ -7,7 +7,7 @@
 //!
 //! Does not know: what is in a model.
 
-use hamel::session::Shipped;
+use hamel_run::session::Shipped;
 
 macro_rules! shipped {
     ($($folder:literal: [$($name:literal),* $(,)?]),* $(,)?) => {

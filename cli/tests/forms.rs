@@ -5,19 +5,19 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 
-use hamel::cache::Cache;
 use hamel::commands::eval::eval_text;
-use hamel::error::Error;
-use hamel::model::Checked;
-use hamel::run::bars::simulate_with_bar;
-use hamel::run::dynamics::Factory as _;
-use hamel::run::evaluate::{EvalRequest, eval};
-use hamel::run::forms::Forms;
-use hamel::run::interpreted::{self, Built};
-use hamel::run::simulation::SimulateRequest;
-use hamel::run::start::{self, Chosen};
 use hamel_codegen::scene::Prior;
 use hamel_codegen::spec;
+use hamel_run::bars::simulate_with_bar;
+use hamel_run::cache::Cache;
+use hamel_run::dynamics::Factory as _;
+use hamel_run::error::Error;
+use hamel_run::evaluate::{EvalRequest, eval};
+use hamel_run::forms::Forms;
+use hamel_run::interpreted::{self, Built};
+use hamel_run::model::Checked;
+use hamel_run::simulation::SimulateRequest;
+use hamel_run::start::{self, Chosen};
 use serde_json::{Value, json};
 
 /// A top that names its angular momentum, with a scene that carries it.
@@ -145,14 +145,14 @@ fn each_mistake_tells_both_names() {
 }
 
 fn started(text: &str, scene: &str, given: &[(&str, f64)]) -> Result<BTreeMap<String, f64>, Error> {
-    let (model, scene) = built(text, scene);
+    let (model, evaluated) = built(text, scene);
     let prior = Prior::of(&model, scene, &BTreeMap::new());
     let given = given.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
-    let forms = Forms::of(&model, scene.info()).unwrap();
-    let values = scene.info().defaults();
+    let forms = Forms::of(&model, evaluated.info()).unwrap();
+    let values = evaluated.info().defaults();
     let chosen = Chosen { prior: &prior, given: &given, positions: None };
-    let y = start::state(&scene, None, (&values, &values), &forms, chosen)?;
-    Ok(scene.info().state.iter().cloned().zip(y).collect())
+    let y = start::state(&evaluated, None, (&values, &values), &forms, chosen)?;
+    Ok(evaluated.info().state.iter().cloned().zip(y).collect())
 }
 
 #[test]

@@ -7,11 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::Parser as _;
-use hamel::cache::Cache;
 use hamel::commands::simulate;
-use hamel::error::Error;
-use hamel::run::method::MethodName;
-use hamel::session::Session;
+use hamel_run::cache::Cache;
+use hamel_run::error::Error;
+use hamel_run::method::MethodName;
+use hamel_run::session::Session;
 
 /// A kind of system: its model, its scene, a component of its initial state that its motion is differentiated by, and a
 /// function that is watched.

@@ -2,18 +2,18 @@
 
 use std::sync::Arc;
 
-use hamel::cache::Cache;
 use hamel::commands::eval::eval_text;
 use hamel::commands::simulate::{reconstruct_text, simulate_text};
-use hamel::error::{Error, Problem};
-use hamel::model::Checked;
-use hamel::run::choice::{Choice, Via};
-use hamel::run::dynamics::Factory as _;
-use hamel::run::forms::Forms;
-use hamel::run::interpreted;
-use hamel::run::start::Chosen;
 use hamel_codegen::scene::Prior;
 use hamel_codegen::spec;
+use hamel_run::cache::Cache;
+use hamel_run::choice::{Choice, Via};
+use hamel_run::dynamics::Factory as _;
+use hamel_run::error::{Error, Problem};
+use hamel_run::forms::Forms;
+use hamel_run::interpreted;
+use hamel_run::model::Checked;
+use hamel_run::start::Chosen;
 use serde_json::{Value, json};
 
 /// A rigid body, small enough to know its answers by heart.
@@ -507,7 +507,7 @@ fn the_default_initial_state_meets_the_constraint() {
     let start = |given| {
         let chosen = Chosen { prior: &prior, given, positions: None };
         let forms = Forms::own(scene.info());
-        hamel::run::start::state(&scene, None, (&values, &[]), &forms, chosen).unwrap()
+        hamel_run::start::state(&scene, None, (&values, &[]), &forms, chosen).unwrap()
     };
     for (given, first) in [(&Default::default(), None), (&given, Some(2.0))] {
         let y = start(given);

@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use hamel::cache::Cache;
 use hamel::commands::simulate::simulate_text;
-use hamel::error::{Error, Problem};
-use hamel::model::Checked;
-use hamel::run::interpreted;
 use hamel_codegen::spec;
+use hamel_run::cache::Cache;
+use hamel_run::error::{Error, Problem};
+use hamel_run::interpreted;
+use hamel_run::model::Checked;
 use serde_json::{Value, json};
 
 #[path = "common/program.rs"]
@@ -86,7 +86,7 @@ fn derivatives_are_those_of_the_solution_in_closed_form() {
 fn every_method_that_takes_rates_alone_has_them_and_others_are_refused_by_name() {
     let (mut n_fit, mut n_refused) = (0, 0);
     let exact = at(&simulate(OSCILLATOR, &request()).unwrap(), "k", "x");
-    for method in hamel::run::method::MethodName::all() {
+    for method in hamel_run::method::MethodName::all() {
         let mut request = request();
         request["method"] = json!(method.name());
         let fixed = |request: &mut Value| {

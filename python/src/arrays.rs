@@ -2,7 +2,7 @@
 //!
 //! Deliberately does not know: what is computed of a state.
 
-use hamel::Error;
+use hamel_run::Error;
 use hamel_runtime::F64x4;
 use numpy::ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};

@@ -2,8 +2,8 @@
 //!
 //! Deliberately does not know: where an error comes from.
 
-use hamel::Error;
 use hamel_codegen::spec::{Diagnostics, Severity};
+use hamel_run::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

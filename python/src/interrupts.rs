@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-use hamel::error::Error;
-use hamel::run::ensemble::Cancel;
+use hamel_run::ensemble::Cancel;
+use hamel_run::error::Error;
 use pyo3::prelude::*;
 
 use crate::errors::OrRaise as _;

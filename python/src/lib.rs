@@ -37,7 +37,7 @@ mod _hamel {
     /// Names of the methods of integration.
     #[pyfunction]
     fn methods() -> Vec<&'static str> {
-        hamel::run::method::MethodName::all().map(hamel::run::method::MethodName::name).collect()
+        hamel_run::method::MethodName::all().map(hamel_run::method::MethodName::name).collect()
     }
 
     /// The version of the package.

@@ -6,23 +6,23 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hamel::commands::report::pictured;
-use hamel::error::Error;
-use hamel::model::{self, Checked, blocks};
 use hamel::output::fields::fields;
 use hamel::output::files::{self, Run};
 use hamel::output::plot;
 use hamel::output::report;
 use hamel::output::report::contents::contents;
-use hamel::run::asked::{Asked, Words};
-use hamel::run::auto;
-use hamel::run::ensemble::{Cancel, Width};
-use hamel::run::info::Info;
-use hamel::run::inputs::InputTable;
-use hamel::run::integrate::simulate_at;
-use hamel::run::length::method_of_long;
-use hamel::run::method::{MethodName, Steps};
-use hamel::run::simulation::{SimulateRequest, SimulateResponse};
 use hamel_codegen::scene::told_in_words;
+use hamel_run::asked::{Asked, Words};
+use hamel_run::auto;
+use hamel_run::ensemble::{Cancel, Width};
+use hamel_run::error::Error;
+use hamel_run::info::Info;
+use hamel_run::inputs::InputTable;
+use hamel_run::integrate::simulate_at;
+use hamel_run::length::method_of_long;
+use hamel_run::method::{MethodName, Steps};
+use hamel_run::model::{self, Checked, blocks};
+use hamel_run::simulation::{SimulateRequest, SimulateResponse};
 use numpy::ndarray::{Array2, Array3};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray as _};
 use pyo3::prelude::*;
@@ -254,7 +254,7 @@ impl Motion {
     fn table<'py>(
         &self,
         py: Python<'py>,
-        row: impl Fn(&hamel::run::simulation::Sample) -> &[f64],
+        row: impl Fn(&hamel_run::simulation::Sample) -> &[f64],
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let samples = &self.response.samples;
         let width = samples.first().map_or(0, |sample| row(sample).len());

@@ -4,7 +4,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use hamel::Error;
+use hamel_run::Error;
 use rayon::ThreadPool;
 
 /// The threads of this process, as many as there are cores.
@@ -22,7 +22,7 @@ pub(crate) fn of_process() -> Result<Arc<ThreadPool>, Error> {
     {
         return Ok(Arc::clone(pool));
     }
-    let pool = Arc::new(hamel::run::ensemble::pool(None)?);
+    let pool = Arc::new(hamel_run::ensemble::pool(None)?);
     // Ending the threads of the parent would wait for them for ever.
     std::mem::forget(kept.replace((process, Arc::clone(&pool))));
     Ok(pool)

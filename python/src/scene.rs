@@ -5,20 +5,20 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use hamel::cache::Cache;
-use hamel::error::Error;
-use hamel::model::{self, Checked};
 use hamel::output::report::contents::contents;
-use hamel::run::choice::gives_way;
-use hamel::run::dynamics::{Dynamics, Factory as _, PreparedScene, VecState};
-use hamel::run::evaluate::{derivative, prepare, unusable_states};
-use hamel::run::info::Info;
-use hamel::run::inputs::{Between, InputTable};
-use hamel::run::interpreted::{self, Built};
-use hamel::session::{Session, closed};
 use hamel_codegen::explain::{self, SectionKind};
 use hamel_codegen::spec::{self, ParamArray};
 use hamel_expr::{Style, rational_to_f64};
+use hamel_run::cache::Cache;
+use hamel_run::choice::gives_way;
+use hamel_run::dynamics::{Dynamics, Factory as _, PreparedScene, VecState};
+use hamel_run::error::Error;
+use hamel_run::evaluate::{derivative, prepare, unusable_states};
+use hamel_run::info::Info;
+use hamel_run::inputs::{Between, InputTable};
+use hamel_run::interpreted::{self, Built};
+use hamel_run::model::{self, Checked};
+use hamel_run::session::{Session, closed};
 use hamel_runtime::{Dual, F64x4};
 use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Ix2};
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
@@ -515,7 +515,7 @@ impl Scene {
         }
         let done = || -> Result<(), Error> {
             // Their values are those that the scene was prepared with.
-            let refused = |bad: hamel::run::dynamics::BadParams| Error::Options { reason: bad.to_string() };
+            let refused = |bad: hamel_run::dynamics::BadParams| Error::Options { reason: bad.to_string() };
             let duals = self.built().prepare_duals(&params).map_err(refused)?;
             let (mut y, mut dy) = (vec![Dual::constant(0.0); n], vec![Dual::constant(0.0); n]);
             let mut bad = Vec::new();

@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use hamel::Error;
-use hamel::repository::Repository;
-use hamel::streams::tell;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
+use hamel_run::streams::tell;
 
 /// How much the compiler optimises what is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -11,12 +11,12 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use clap::Args;
-use hamel::Error;
-use hamel::model::{Model, show_warnings};
-use hamel::repository::Repository;
-use hamel::session::{ModelFile, Session};
 use hamel_codegen::config::{Bundle, Config, Problems, Progress};
 use hamel_program::emit::SceneEntry as Entry;
+use hamel_run::Error;
+use hamel_run::model::{Model, show_warnings};
+use hamel_run::repository::Repository;
+use hamel_run::session::{ModelFile, Session};
 use indicatif::{ProgressBar, ProgressStyle};
 
 pub(crate) mod systems;

@@ -16,11 +16,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
-use hamel::Error;
-use hamel::cache::Cache;
 use hamel::commands::{Command, Program};
-use hamel::repository::Repository;
-use hamel::session::Session;
+use hamel_run::Error;
+use hamel_run::cache::Cache;
+use hamel_run::repository::Repository;
+use hamel_run::session::Session;
 
 /// The repository's chores, and the commands of `hamel`
 #[derive(Parser)]
@@ -33,7 +33,7 @@ struct Cli {
     #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     budget: u64,
     /// A size of a family of models, in the place of that of its file; may be repeated
-    #[arg(long, global = true, value_name = "NAME=N", value_parser = hamel::request::sizes::assignment)]
+    #[arg(long, global = true, value_name = "NAME=N", value_parser = hamel_run::request::sizes::assignment)]
     size: Vec<(String, i64)>,
     /// Derive everything anew, and keep nothing in the folder for caches
     #[arg(long, global = true)]
@@ -120,7 +120,7 @@ fn run(Cli { task, budget, size, no_cache }: Cli) -> Result<String, Error> {
 fn main() -> ExitCode {
     match hamel::arguments() {
         Ok(arguments) => {
-            hamel::interrupts::watch();
+            hamel_run::interrupts::watch();
             hamel::finish(run(arguments))
         }
         Err(ended) => ended,

@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use clap::Args;
-use hamel::Error;
 use hamel::commands::options::InputOptions;
 use hamel::commands::report;
-use hamel::model;
 use hamel::output::terminal::bold;
-use hamel::repository::Repository;
-use hamel::session::{ModelFile, Session};
+use hamel_run::Error;
+use hamel_run::model;
+use hamel_run::repository::Repository;
+use hamel_run::session::{ModelFile, Session};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// The program in a browser: files and a clock are there, processes and threads are not.

@@ -6,9 +6,9 @@ use std::process::Command;
 
 use crate::cargo;
 use clap::Args;
-use hamel::Error;
-use hamel::repository::Repository;
-use hamel::session::Session;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
+use hamel_run::session::Session;
 
 /// Name of the package and program.
 const PACKAGE: &str = "hamel-stress";

@@ -8,9 +8,9 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::sync::Mutex;
 use std::time::Instant;
 
-use hamel::Error;
 use hamel::output::terminal::bold;
-use hamel::repository::Repository;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 use serde::Deserialize;
 
 /// So many programs of tests run at a time: the last test of one, which is often its longest, leaves no core idle.

@@ -6,10 +6,10 @@ use clap::Args;
 use hamel_codegen::spec::{Diagnostic, Diagnostics, Origin, Replacement, Severity, Span};
 use serde::Serialize;
 
-use crate::error::Error;
-use crate::model::show_warnings;
-use crate::session::{ModelFile, Session};
-use crate::streams::print;
+use hamel_run::error::Error;
+use hamel_run::model::show_warnings;
+use hamel_run::session::{ModelFile, Session};
+use hamel_run::streams::print;
 
 /// Say everything that is wrong with models: errors and warnings, with their places and how to repair them
 ///

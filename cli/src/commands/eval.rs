@@ -5,12 +5,12 @@
 use clap::Args;
 
 use super::options::SceneOptions;
-use crate::error::Error;
-use crate::request::{read_request, sizes};
-use crate::run::dynamics::Factory;
-use crate::run::evaluate::{self, EvalRequest};
-use crate::run::forms::Forms;
-use crate::session::Session;
+use hamel_run::dynamics::Factory;
+use hamel_run::error::Error;
+use hamel_run::evaluate::{self, EvalRequest};
+use hamel_run::forms::Forms;
+use hamel_run::request::{read_request, sizes};
+use hamel_run::session::Session;
 
 /// Evaluate derivatives, energy and outputs at given states, JSON in and out
 ///
@@ -67,7 +67,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
 /// Evaluates a JSON request.
 ///
 /// # Errors
-/// As [`EvalRequest::parse`] and [`crate::run::evaluate::eval`].
+/// As [`EvalRequest::parse`] and [`hamel_run::evaluate::eval`].
 pub fn eval_text(scene: &dyn Factory, text: &str) -> Result<String, Error> {
     let request = EvalRequest::parse(text, scene.info())?;
     answer(scene, &request)

@@ -11,12 +11,12 @@ use hamel_codegen::spec::ConnectionKind;
 use hamel_expr::Style;
 use hamel_mechanics::mechanics::connection_coefficients;
 
-use crate::cache::Cache;
-use crate::error::Error;
-use crate::model::{self, Checked};
 use crate::output::formulations::table;
 use crate::output::terminal::Bar;
-use crate::session::Session;
+use hamel_run::cache::Cache;
+use hamel_run::error::Error;
+use hamel_run::model::{self, Checked};
+use hamel_run::session::Session;
 
 /// Show algebra, stage forms, connection, equations and operation counts of a model
 #[derive(Clone, Debug, Args)]

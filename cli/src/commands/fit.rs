@@ -10,23 +10,23 @@ use clap::Args;
 use serde_json::{Map, Value};
 
 use super::options::{MotionOptions, SceneOptions, assignment, assignments, finite};
-use crate::error::{Error, Problem};
-use crate::model::{self, Checked, blocks};
 use crate::output::fitted::{self, Fitted, Target};
 use crate::output::terminal::bold;
-use crate::request::json::{by_name, number};
-use crate::request::table::Table;
-use crate::run::bars::fit_with_bar;
-use crate::run::direction::Direction;
-use crate::run::dynamics::Factory as _;
-use crate::run::fit::{Column, FitRequest, FitResponse, Follows, Quantity};
-use crate::run::follow::Follower;
-use crate::run::forms::Forms;
-use crate::run::info::Info;
-use crate::run::integrate::has_state;
-use crate::run::interpreted;
-use crate::run::start::Starts;
-use crate::session::Session;
+use hamel_run::bars::fit_with_bar;
+use hamel_run::direction::Direction;
+use hamel_run::dynamics::Factory as _;
+use hamel_run::error::{Error, Problem};
+use hamel_run::fit::{Column, FitRequest, FitResponse, Follows, Quantity};
+use hamel_run::follow::Follower;
+use hamel_run::forms::Forms;
+use hamel_run::info::Info;
+use hamel_run::integrate::has_state;
+use hamel_run::interpreted;
+use hamel_run::model::{self, Checked, blocks};
+use hamel_run::request::json::{by_name, number};
+use hamel_run::request::table::Table;
+use hamel_run::session::Session;
+use hamel_run::start::Starts;
 
 /// Fit parameters and initial values of a model to a table of measured values
 ///

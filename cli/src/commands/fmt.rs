@@ -9,7 +9,7 @@ use clap::Args;
 use hamel_codegen::config::write_atomically;
 use hamel_codegen::spec;
 
-use crate::error::Error;
+use hamel_run::error::Error;
 
 /// Write model files in one form: indentation, blanks and blank lines
 ///

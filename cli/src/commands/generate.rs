@@ -10,11 +10,11 @@ use hamel_codegen::Config;
 use hamel_codegen::config::Language;
 use hamel_codegen::scene::{self, BuiltScene, Scenes, Start, Writing};
 
-use crate::error::Error;
-use crate::model::{Model, show_warnings};
 use crate::output::fmu::archive;
 use crate::output::opened::Opened;
-use crate::session::Session;
+use hamel_run::error::Error;
+use hamel_run::model::{Model, show_warnings};
+use hamel_run::session::Session;
 
 /// Write the scenes of models as Rust modules or as C, or check that they are up to date
 ///

@@ -10,14 +10,14 @@ use nalgebra::DMatrix;
 use serde_json::{Map, Value};
 
 use super::options::{assignment, assignments, finite};
-use crate::error::Error;
-use crate::model;
-use crate::request::json::{by_name, number};
-use crate::run::dynamics::Factory as _;
-use crate::run::forms::Forms;
-use crate::run::interpreted;
-use crate::run::start::Starts;
-use crate::session::Session;
+use hamel_run::dynamics::Factory as _;
+use hamel_run::error::Error;
+use hamel_run::forms::Forms;
+use hamel_run::interpreted;
+use hamel_run::model;
+use hamel_run::request::json::{by_name, number};
+use hamel_run::session::Session;
+use hamel_run::start::Starts;
 
 /// Print the linear system near a point: the derivatives A, B, C, D of rates and outputs by state and inputs
 ///

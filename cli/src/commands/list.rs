@@ -10,14 +10,14 @@ use hamel_codegen::spec::Kind;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use serde_json::{Map, Value};
 
-use crate::error::Error;
-use crate::model;
 use crate::output::terminal::{bold, width};
-use crate::request::json::number;
-use crate::run::dynamics::Factory as _;
-use crate::run::info::{Info, ParamEntry};
-use crate::run::interpreted;
-use crate::session::{ModelFile, Session};
+use hamel_run::dynamics::Factory as _;
+use hamel_run::error::Error;
+use hamel_run::info::{Info, ParamEntry};
+use hamel_run::interpreted;
+use hamel_run::model;
+use hamel_run::request::json::number;
+use hamel_run::session::{ModelFile, Session};
 
 /// Show all models by topic, or some with their scenes, state variables, parameters and sources
 #[derive(Clone, Debug, Args)]

@@ -5,7 +5,7 @@
 use clap::Args;
 
 use crate::editor;
-use crate::error::Error;
+use hamel_run::error::Error;
 
 /// Speak the Language Server Protocol over standard input and output, for editors
 ///

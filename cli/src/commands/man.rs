@@ -5,7 +5,7 @@
 use clap::Args;
 
 use super::Program;
-use crate::error::Error;
+use hamel_run::error::Error;
 
 /// Print the manual page of the program, or of a command
 #[derive(Clone, Debug, Args)]

@@ -21,8 +21,8 @@ pub mod simulate;
 
 use clap::Subcommand;
 
-use crate::error::Error;
-use crate::session::Session;
+use hamel_run::error::Error;
+use hamel_run::session::Session;
 
 /// The program that a command belongs to: `hamel` itself, or one that has its commands beside others.
 #[derive(Clone, Copy, Debug)]

@@ -8,10 +8,10 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::Program;
-use crate::error::Error;
-use crate::model;
-use crate::repository::Repository;
-use crate::session::Session;
+use hamel_run::error::Error;
+use hamel_run::model;
+use hamel_run::repository::Repository;
+use hamel_run::session::Session;
 
 /// Write a commented model to start from
 ///

@@ -8,17 +8,17 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use crate::error::{Error, Problem};
-use crate::model::{CONTROLLED_SCENE, DEFAULT_SCENE};
-use crate::request::table::Table;
-pub(crate) use crate::run::asked::assignments;
-use crate::run::asked::{self, Words};
-use crate::run::choice::{Choice, Via};
-use crate::run::forms::Forms;
-use crate::run::info::Info;
-use crate::run::inputs::{Between, InputTable};
-use crate::run::method::{MethodName, Steps};
-use crate::session::{ModelFile, Session};
+pub(crate) use hamel_run::asked::assignments;
+use hamel_run::asked::{self, Words};
+use hamel_run::choice::{Choice, Via};
+use hamel_run::error::{Error, Problem};
+use hamel_run::forms::Forms;
+use hamel_run::info::Info;
+use hamel_run::inputs::{Between, InputTable};
+use hamel_run::method::{MethodName, Steps};
+use hamel_run::model::{CONTROLLED_SCENE, DEFAULT_SCENE};
+use hamel_run::request::table::Table;
+use hamel_run::session::{ModelFile, Session};
 
 /// Which scene of which model, and who evaluates it.
 #[derive(Clone, Debug, Args)]
@@ -196,5 +196,21 @@ pub(crate) fn duration(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(t) if t.is_finite() && t > 0.0 => Ok(t),
         _ => Err("give a time above zero".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::ValueEnum as _;
+
+    use super::MethodName;
+
+    #[test]
+    fn a_method_has_its_name_as_an_argument() {
+        assert_eq!(MethodName::all().count(), MethodName::value_variants().len());
+        for method in MethodName::value_variants() {
+            let value = method.to_possible_value();
+            assert_eq!(value.as_ref().map(|value| value.get_name()), Some(method.name()));
+        }
     }
 }

@@ -13,23 +13,23 @@ use hamel_codegen::scene::Prior;
 use hamel_codegen::spec::MatrixFluid;
 
 use super::options::{InputOptions, duration};
-use crate::error::Error;
-use crate::model::{self, Checked, blocks};
 use crate::output::fields::{fields, vorticity};
 use crate::output::opened::Opened;
 use crate::output::plot::field;
 use crate::output::report::contents::{self, Page, contents};
 use crate::output::report::{self, Motion, Precision};
-use crate::run::bars::simulate_with_bar;
-use crate::run::dynamics::Factory;
-use crate::run::forms::Forms;
-use crate::run::inputs::InputTable;
-use crate::run::interpreted::{self, Built};
-use crate::run::matrices::{self, Outcome};
-use crate::run::method::{MethodName, Steps};
-use crate::run::simulation::{MAX_EVENTS, SimulateRequest};
-use crate::run::start;
-use crate::session::Session;
+use hamel_run::bars::simulate_with_bar;
+use hamel_run::dynamics::Factory;
+use hamel_run::error::Error;
+use hamel_run::forms::Forms;
+use hamel_run::inputs::InputTable;
+use hamel_run::interpreted::{self, Built};
+use hamel_run::matrices::{self, Outcome};
+use hamel_run::method::{MethodName, Steps};
+use hamel_run::model::{self, Checked, blocks};
+use hamel_run::session::Session;
+use hamel_run::simulation::{MAX_EVENTS, SimulateRequest};
+use hamel_run::start;
 
 /// Write one HTML page about a model: definition, equations, operations, code, a motion and how accurate it is
 ///

@@ -12,36 +12,36 @@ use hamel_codegen::scene::{self, Prior, told_in_words};
 use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{EndOptions, MotionOptions, SceneOptions, assignments};
-use crate::error::{Error, Problem};
-use crate::interrupts::Shield;
-use crate::model::blocks;
-use crate::model::{self, Checked, Model, roles};
 use crate::output::crossings::{Crossings, EventTarget, OpenEventTarget};
 use crate::output::fields::{fields, vorticity};
 use crate::output::files::{OpenTarget, Run, Target};
 use crate::output::plot::field::{self, Field};
 use crate::output::terminal::bold;
-use crate::request::json::by_name;
-use crate::request::simulate::Completion;
-use crate::request::{read_request, sizes};
-use crate::run::asked::{Asked, Words};
-use crate::run::bars::simulate_with_bar;
-use crate::run::choice::Via;
-use crate::run::dynamics::Factory;
-use crate::run::fit::Follows as _;
-use crate::run::follow::Follower;
-use crate::run::forms::Forms;
-use crate::run::info::Info;
-use crate::run::integrate::has_state;
-use crate::run::length::method_of_long;
-use crate::run::matrices::{self, Outcome};
-use crate::run::method::{MethodName, Steps};
-use crate::run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse};
-use crate::run::start::{Starts, judge};
-use crate::run::watched::{EventRecord, Watched};
-use crate::run::{admissible, auto, interpreted};
-use crate::session::Session;
-use crate::streams::{print, tell};
+use hamel_run::asked::{Asked, Words};
+use hamel_run::bars::simulate_with_bar;
+use hamel_run::choice::Via;
+use hamel_run::dynamics::Factory;
+use hamel_run::error::{Error, Problem};
+use hamel_run::fit::Follows as _;
+use hamel_run::follow::Follower;
+use hamel_run::forms::Forms;
+use hamel_run::info::Info;
+use hamel_run::integrate::has_state;
+use hamel_run::interrupts::Shield;
+use hamel_run::length::method_of_long;
+use hamel_run::matrices::{self, Outcome};
+use hamel_run::method::{MethodName, Steps};
+use hamel_run::model::blocks;
+use hamel_run::model::{self, Checked, Model, roles};
+use hamel_run::request::json::by_name;
+use hamel_run::request::simulate::Completion;
+use hamel_run::request::{read_request, sizes};
+use hamel_run::session::Session;
+use hamel_run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse};
+use hamel_run::start::{Starts, judge};
+use hamel_run::streams::{print, tell};
+use hamel_run::watched::{EventRecord, Watched};
+use hamel_run::{admissible, auto, interpreted};
 
 /// Integrate a model from an initial state; print a summary and write files
 ///
@@ -354,7 +354,7 @@ fn answer_completed(
 /// Integrates as a JSON request says.
 ///
 /// # Errors
-/// As [`SimulateRequest::parse`] and [`crate::run::integrate::simulate`].
+/// As [`SimulateRequest::parse`] and [`hamel_run::integrate::simulate`].
 pub fn simulate_text(scene: &dyn Factory, text: &str) -> Result<String, Error> {
     let request = SimulateRequest::parse(text, scene.info())?;
     if !SimulateRequest::sections(text)?.is_empty() {

@@ -9,8 +9,8 @@ use hamel_codegen::spec::{Declaration, DeclarationKind, Model, Outline, Side, Sp
 use hamel_mechanics::mechanics::Equations;
 
 use super::document::Document;
-use crate::model::spelling::spell;
-use crate::model::units::split_unit;
+use hamel_run::model::spelling::spell;
+use hamel_run::model::units::split_unit;
 
 /// Longest part of an item that is shown.
 const MAX_ITEM: usize = 400;

@@ -28,7 +28,7 @@ use super::hover::{self, Answer, Wish};
 use super::position::Lines;
 use super::work::{Board, Workers};
 use super::{actions, completion, navigation, wire};
-use crate::error::Error;
+use hamel_run::error::Error;
 
 /// How long an answer about a name waits for its equations.
 const PATIENCE: Duration = Duration::from_millis(1500);

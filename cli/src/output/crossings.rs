@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 use super::opened::Opened;
 use super::plot::points::{self, Points};
-use crate::error::Error;
-use crate::run::info::Info;
-use crate::run::watched::EventRecord;
+use hamel_run::error::Error;
+use hamel_run::info::Info;
+use hamel_run::watched::EventRecord;
 
 /// The events of a motion, and the plane in which they are drawn.
 #[derive(Clone, Copy, Debug)]
@@ -121,8 +121,8 @@ fn figure(crossings: &Crossings<'_>) -> Points {
 #[cfg(test)]
 mod tests {
     use super::{Crossings, csv, figure};
-    use crate::run::info::Info;
-    use crate::run::watched::EventRecord;
+    use hamel_run::info::Info;
+    use hamel_run::watched::EventRecord;
 
     #[test]
     fn events_are_lines_of_a_table_and_points_of_a_plane() {

@@ -8,11 +8,11 @@ use hamel_codegen::spec::{FluidSurface, MatrixFluid, ViewShape};
 
 use super::plot::Surface;
 use super::plot::field::Field;
-use crate::model::units::split_unit;
-use crate::model::{Model, roles};
-use crate::run::info::Info;
-use crate::run::matrices;
-use crate::run::simulation::{SimulateRequest, SimulateResponse};
+use hamel_run::info::Info;
+use hamel_run::matrices;
+use hamel_run::model::units::split_unit;
+use hamel_run::model::{Model, roles};
+use hamel_run::simulation::{SimulateRequest, SimulateResponse};
 
 /// The fields of a model at all samples, and the names of those that need more than the scene's state.
 pub fn fields(

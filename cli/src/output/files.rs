@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use super::opened::Opened;
 use super::plot::field::Field;
 use super::plot::{self, Figure, MAX_LINES, Panel, svg};
-use crate::error::Error;
-use crate::model::blocks::Block;
-use crate::model::spelling::lower_first;
-use crate::run::info::Info;
-use crate::run::simulation::{Sample, SimulateRequest, SimulateResponse};
+use hamel_run::error::Error;
+use hamel_run::info::Info;
+use hamel_run::model::blocks::Block;
+use hamel_run::model::spelling::lower_first;
+use hamel_run::simulation::{Sample, SimulateRequest, SimulateResponse};
 
 /// A file to write and its format, which its extension says.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -201,7 +201,7 @@ pub fn figure(run: &Run<'_>) -> Figure {
             ..Panel::default()
         });
     }
-    let scene = if info.scene == crate::model::DEFAULT_SCENE {
+    let scene = if info.scene == hamel_run::model::DEFAULT_SCENE {
         String::new()
     } else {
         format!(", scene {}", info.scene)

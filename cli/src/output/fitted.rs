@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use super::opened::Opened;
 use super::plot::{Figure, Panel, svg};
-use crate::error::Error;
-use crate::model::blocks::Block;
-use crate::run::fit::{Column, FitRequest, FitResponse, Quantity};
-use crate::run::info::Info;
+use hamel_run::error::Error;
+use hamel_run::fit::{Column, FitRequest, FitResponse, Quantity};
+use hamel_run::info::Info;
+use hamel_run::model::blocks::Block;
 
 /// Everything that is shown of a fit.
 #[derive(Clone, Copy, Debug)]

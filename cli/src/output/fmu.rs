@@ -10,8 +10,8 @@ use hamel_codegen::scene::{CModule, Fmu};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-use crate::error::Error;
-use crate::temporary::Temporary;
+use hamel_run::error::Error;
+use hamel_run::temporary::Temporary;
 
 /// The archive of a scene: description, sources, and what the C compiler of this machine makes of them.
 ///

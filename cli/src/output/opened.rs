@@ -6,8 +6,8 @@ use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::error::Error;
-use crate::temporary::Temporary;
+use hamel_run::error::Error;
+use hamel_run::temporary::Temporary;
 
 /// A file beside the place that it takes when it is written.
 #[derive(Debug)]

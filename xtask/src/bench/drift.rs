@@ -5,8 +5,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use hamel::Error;
-use hamel::repository::Repository;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 
 use super::chosen::{Chosen, peers};
 use super::drift_report::{Report, Row};

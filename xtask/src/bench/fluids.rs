@@ -4,8 +4,8 @@
 
 use std::process::Command;
 
-use hamel::Error;
-use hamel::repository::Repository;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 
 use super::fluids_report::{Long, Report, Row};
 use super::peers::{listen, script};

@@ -7,8 +7,8 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use hamel::Error;
 use hamel::output::plot::loglog::{self, Curve, LogLog};
+use hamel_run::Error;
 
 use super::source::Source;
 use super::table::{Table, cells, number, write_files};

@@ -4,10 +4,10 @@
 //!
 //! Does not know: how formulations are found and proved.
 
-use hamel::Error;
-use hamel::repository::Repository;
-use hamel::session::Session;
 use hamel_codegen::scene::{self, Candidate};
+use hamel_run::Error;
+use hamel_run::repository::Repository;
+use hamel_run::session::Session;
 
 use super::program::progress;
 use super::table::{Table, cells, write_files};

@@ -32,9 +32,9 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use clap::Subcommand;
-use hamel::Error;
-use hamel::repository::Repository;
-use hamel::session::Session;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
+use hamel_run::session::Session;
 
 use chosen::Chosen;
 use program::TargetCpu;

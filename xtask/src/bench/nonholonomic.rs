@@ -7,10 +7,10 @@
 use std::collections::BTreeMap;
 use std::process::Command;
 
-use hamel::Error;
-use hamel::model::{DEFAULT_SCENE, Model, roles};
-use hamel::repository::Repository;
-use hamel::session::Session;
+use hamel_run::Error;
+use hamel_run::model::{DEFAULT_SCENE, Model, roles};
+use hamel_run::repository::Repository;
+use hamel_run::session::Session;
 
 use super::chosen::Chosen;
 use super::nonholonomic_report::{Case, Report, Row};
@@ -78,7 +78,7 @@ pub(crate) fn nonholonomic(
             rows.push(Row::parse(line)?);
             Some(())
         })?;
-        let doc = hamel::model::title(model);
+        let doc = hamel_run::model::title(model);
         cases.push(Case { name, doc, rows });
     }
     bar.finish_and_clear();

@@ -13,8 +13,8 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use hamel::Error;
-use hamel::repository::Repository;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 
 use super::kernel::Row;
 use super::program::{TargetCpu, converse, progress, target_dir};

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::cargo;
-use hamel::Error;
-use hamel::repository::Repository;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Name of the package and program that measures.

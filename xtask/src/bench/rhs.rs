@@ -8,12 +8,12 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use hamel::Error;
-use hamel::model::RECONSTRUCTION_SCENE;
-use hamel::repository::Repository;
-use hamel::run::interpreted;
-use hamel::session::{ModelFile, Session};
 use hamel_program::program::Counts;
+use hamel_run::Error;
+use hamel_run::interpreted;
+use hamel_run::model::RECONSTRUCTION_SCENE;
+use hamel_run::repository::Repository;
+use hamel_run::session::{ModelFile, Session};
 use indicatif::ProgressBar;
 
 use super::chosen::{self, Chosen};

@@ -7,9 +7,9 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use hamel::Error;
 use hamel::output::plot::bars::{self, Bars};
 use hamel_program::program::Counts;
+use hamel_run::Error;
 
 use super::kernel::{Kernel, Row};
 use super::peers::{self, PEERS, Peer, Peers};

@@ -10,11 +10,11 @@ use std::fmt::Write as _;
 use std::process::Command;
 use std::time::Instant;
 
-use hamel::Error;
-use hamel::repository::Repository;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 use hamel_program::program::Role;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 
 use super::chains::chains;
 use super::family::{Family, Row};
@@ -124,7 +124,7 @@ impl Toolchain {
 
 #[cfg(test)]
 mod tests {
-    use hamel::repository::Repository;
+    use hamel_run::repository::Repository;
 
     use super::{Family, TargetCpu, Toolchain, parse};
 

@@ -8,8 +8,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use hamel::Error;
 use hamel::output::plot::loglog::{self, Curve, LogLog};
+use hamel_run::Error;
 
 use super::chains::Chains;
 use super::family::{Family, Row};

@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use hamel::Error;
+use hamel_run::Error;
 
 /// A table of text; the first line is its head.
 pub(super) struct Table {

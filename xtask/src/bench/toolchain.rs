@@ -7,8 +7,8 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use crate::cargo;
-use hamel::Error;
-use hamel::repository::Repository;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 
 use super::program::{TargetCpu, target_dir};
 

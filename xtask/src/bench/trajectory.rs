@@ -2,8 +2,8 @@
 //!
 //! Does not know: what is measured along them.
 
-use hamel::Error;
-use hamel::repository::Repository;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 use serde_json::Value;
 
 use super::program::failed;

@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-use hamel::Error;
 use hamel::output::plot::loglog::{self, Curve, LogLog};
+use hamel_run::Error;
 
 use super::point::{Point, fastest};
 use super::source::Source;

@@ -8,12 +8,12 @@
 
 use std::fmt::Write as _;
 
-use hamel::Error;
-use hamel::model::{DEFAULT_SCENE, Model};
-use hamel::repository::Repository;
-use hamel::session::Session;
 use hamel_codegen::config::{Bundle, Config};
 use hamel_codegen::spec::{Scene, Want, Wanted};
+use hamel_run::Error;
+use hamel_run::model::{DEFAULT_SCENE, Model};
+use hamel_run::repository::Repository;
+use hamel_run::session::Session;
 
 /// Folder of the model files.
 pub(crate) const SPECS: &str = "xtask/bench/models";
@@ -39,7 +39,7 @@ pub(crate) fn systems(repository: &Repository, session: &Session) -> Result<Vec<
     paths.sort();
     let (mut models, mut errors) = (Vec::new(), Vec::new());
     for path in &paths {
-        match session.find(path).and_then(hamel::session::ModelFile::into_model) {
+        match session.find(path).and_then(hamel_run::session::ModelFile::into_model) {
             Ok(model) => models.push(model),
             Err(error) => errors.push(error),
         }

@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use hamel::Error;
 use hamel::commands::{Command, Program, new};
-use hamel::session::Session;
+use hamel_run::Error;
+use hamel_run::session::Session;
 
 use super::{Summary, generate};
 
 struct Repository {
     root: PathBuf,
-    repository: hamel::repository::Repository,
+    repository: hamel_run::repository::Repository,
     session: Session,
 }
 
@@ -19,7 +19,7 @@ impl Repository {
         let root = std::env::temp_dir().join(format!("hamel-generate-{name}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&root);
         std::fs::create_dir_all(root.join("models/specs")).unwrap();
-        let repository = hamel::repository::Repository::at(&root);
+        let repository = hamel_run::repository::Repository::at(&root);
         Repository { session: Session::of_repository(repository.clone()), repository, root }
     }
 
@@ -154,7 +154,7 @@ fn a_new_model_is_generated_with_the_others() {
 #[test]
 fn no_model_of_the_repository_has_a_warning() {
     let around = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    let session = Session::of_repository(hamel::repository::Repository::around(around).unwrap());
+    let session = Session::of_repository(hamel_run::repository::Repository::around(around).unwrap());
     let mut models = Vec::new();
     for file in session.all().unwrap() {
         models.push(file.into_model().unwrap_or_else(|e| panic!("{e}")));

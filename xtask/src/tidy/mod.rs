@@ -15,8 +15,8 @@ mod layers;
 mod lines;
 mod source;
 
-use hamel::Error;
-use hamel::repository::Repository;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 
 use source::{Problem, Source, sources};
 

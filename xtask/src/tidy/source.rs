@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use hamel::Error;
+use hamel_run::Error;
 
 /// Longest file, tests and tables excepted.
 pub(super) const MAX_LINES: usize = 700;

@@ -8,7 +8,7 @@
 //!
 //! Deliberately does not know: how states are chosen, and models.
 
-use hamel::run::info::Info;
+use hamel_run::info::Info;
 use hamel_runtime::Real;
 use serde_json::{Map, Value, json};
 

@@ -3,11 +3,11 @@
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use hamel::Error;
-use hamel::run::dynamics::Factory;
-use hamel::run::typed::Typed as Plain;
 use hamel_measure::both::Both;
 use hamel_models::generated;
+use hamel_run::Error;
+use hamel_run::dynamics::Factory;
+use hamel_run::typed::Typed as Plain;
 use hamel_runtime::{Dual, F64x4};
 use hamel_stress::request::{Arguments, StressRequest};
 use hamel_stress::run;

@@ -2,11 +2,11 @@
 //!
 //! Deliberately does not know: which models are run.
 
-use hamel::Error;
-use hamel::run::dynamics::{Dynamics, Factory, PreparedScene, VecState};
-use hamel::run::evaluate::describe;
-use hamel::run::info::Info;
 use hamel_codegen::spec::Want;
+use hamel_run::Error;
+use hamel_run::dynamics::{Dynamics, Factory, PreparedScene, VecState};
+use hamel_run::evaluate::describe;
+use hamel_run::info::Info;
 use hamel_runtime::{Gauss6, Integrator, Method, Options, Progress, Projected, Vern9};
 
 /// Samples per run.

@@ -7,11 +7,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Parser;
-use hamel::Error;
-use hamel::model::roles::{self, Role};
-use hamel::model::{Checked, DEFAULT_SCENE};
-use hamel::repository::Repository;
-use hamel::session::Session;
+use hamel_run::Error;
+use hamel_run::model::roles::{self, Role};
+use hamel_run::model::{Checked, DEFAULT_SCENE};
+use hamel_run::repository::Repository;
+use hamel_run::session::Session;
 
 /// Measures rounding errors of all right-hand sides and drifts of long runs; started by `cargo xtask stress`
 #[derive(Debug, Parser)]

@@ -4,12 +4,12 @@
 
 use std::sync::Mutex;
 
-use hamel::Error;
-use hamel::run::dynamics::Factory;
-use hamel::run::info::Info;
-use hamel::run::interpreted;
 use hamel_measure::both::Both;
 use hamel_measure::random::Random;
+use hamel_run::Error;
+use hamel_run::dynamics::Factory;
+use hamel_run::info::Info;
+use hamel_run::interpreted;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::accuracy::{Accuracy, Function, Sample};

@@ -4,8 +4,8 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use hamel::model::roles::Role;
 use hamel_measure::random::Random;
+use hamel_run::model::roles::Role;
 
 use crate::request::SceneRequest;
 

@@ -5,10 +5,10 @@
 
 use std::marker::PhantomData;
 
-use hamel::run::dynamics::Factory;
-use hamel::run::info::Info;
-use hamel::run::interpreted::Built;
 use hamel_codegen::scene::Interpreter;
+use hamel_run::dynamics::Factory;
+use hamel_run::info::Info;
+use hamel_run::interpreted::Built;
 use hamel_runtime::{Scene, System};
 
 use hamel_measure::both::Both;

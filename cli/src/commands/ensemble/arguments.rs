@@ -8,9 +8,9 @@ use clap::Args;
 
 use crate::commands::options::{EndOptions, MotionOptions, SceneOptions};
 use crate::output::trajectories::Statistic;
-use crate::request::share::Share;
-use crate::request::variation::{Spread, Sweep};
-use crate::run::ensemble::Width;
+use hamel_run::ensemble::Width;
+use hamel_run::request::share::Share;
+use hamel_run::request::variation::{Spread, Sweep};
 
 /// Integrate a model many times, with parameters, initial states and held inputs that vary; write a table or a store
 ///

@@ -10,14 +10,14 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::arguments::Arguments;
 use crate::commands::options::assignments;
-use crate::error::{Error, Problem};
-use crate::hash::fnv1a;
-use crate::run::admissible;
-use crate::run::evaluate::prepare;
-use crate::run::forms::Forms;
-use crate::run::info::Info;
-use crate::run::interpreted::Built;
-use crate::run::start::Starts;
+use hamel_run::admissible;
+use hamel_run::error::{Error, Problem};
+use hamel_run::evaluate::prepare;
+use hamel_run::forms::Forms;
+use hamel_run::hash::fnv1a;
+use hamel_run::info::Info;
+use hamel_run::interpreted::Built;
+use hamel_run::start::Starts;
 
 /// Most trajectories: each has a number that a double holds exactly.
 const MAX_TRAJECTORIES: usize = usize::MAX >> 11;

@@ -11,14 +11,14 @@ use serde_json::{Map, Value, json};
 use super::arguments::Arguments;
 use super::plan::Plan;
 use crate::commands::options::{InputOptions, is_table};
-use crate::error::Error;
-use crate::hash::fnv1a;
-use crate::model::blocks::blocks;
-use crate::model::{Checked, Model, title};
-use crate::run::ensemble::{Cancel, EnsembleRequest, Width};
-use crate::run::info::{Info, ParamEntry};
-use crate::run::interpreted::Built;
-use crate::run::method::Steps;
+use hamel_run::ensemble::{Cancel, EnsembleRequest, Width};
+use hamel_run::error::Error;
+use hamel_run::hash::fnv1a;
+use hamel_run::info::{Info, ParamEntry};
+use hamel_run::interpreted::Built;
+use hamel_run::method::Steps;
+use hamel_run::model::blocks::blocks;
+use hamel_run::model::{Checked, Model, title};
 
 /// The scene of an ensemble.
 #[derive(Debug)]
@@ -119,7 +119,7 @@ pub(super) fn of_state(model: &Model, info: &Info) -> Map<String, Value> {
     let blocks = blocks(model);
     let of =
         |name: &String| blocks.iter().find(|block| block.members.iter().any(|(member, _)| member == name));
-    let each = |what: fn(&crate::model::blocks::Block) -> &str| -> Value {
+    let each = |what: fn(&hamel_run::model::blocks::Block) -> &str| -> Value {
         info.state.iter().map(|name| of(name).map_or("", what)).collect::<Vec<&str>>().into()
     };
     let mut attributes = Map::new();

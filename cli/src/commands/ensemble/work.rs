@@ -5,9 +5,9 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::error::Error;
 use crate::output::trajectories::store::{Claim, Hold, Store};
-use crate::request::share::Share;
+use hamel_run::error::Error;
+use hamel_run::request::share::Share;
 
 /// How long a process waits before it looks again for what others have finished or left.
 const PAUSE: Duration = Duration::from_millis(100);

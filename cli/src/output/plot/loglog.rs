@@ -198,7 +198,7 @@ fn draw<'a>(area: &Area<'a>, figure: &LogLog) -> Drawn<'a> {
 #[cfg(test)]
 mod tests {
     use super::{Curve, LogLog, Mark, appearance, decades, power, svg};
-    use crate::run::method::MethodName;
+    use hamel_run::method::MethodName;
 
     #[test]
     fn no_two_curves_look_alike() {

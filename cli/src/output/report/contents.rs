@@ -9,10 +9,10 @@ use hamel_expr::{Style, rational_to_f64};
 use hamel_program::emit::method_text;
 use hamel_program::program::Role;
 
-use crate::error::Error;
-use crate::model::spelling::math_ml;
-use crate::model::units::{shown, split_unit};
-use crate::model::{Checked, DEFAULT_SCENE, show_warnings};
+use hamel_run::error::Error;
+use hamel_run::model::spelling::math_ml;
+use hamel_run::model::units::{shown, split_unit};
+use hamel_run::model::{Checked, DEFAULT_SCENE, show_warnings};
 
 /// A parameter or a state variable as a page shows it.
 #[derive(Clone, Debug)]
@@ -55,7 +55,7 @@ pub struct ViewEntry {
     pub doc: String,
     /// What it draws.
     pub kind: ViewKind,
-    /// The output of [`build_pictured`](crate::run::interpreted::build_pictured) that has its numbers.
+    /// The output of [`build_pictured`](hamel_run::interpreted::build_pictured) that has its numbers.
     pub output: String,
 }
 

@@ -16,12 +16,12 @@ use super::files::{Run, figure};
 use super::plot::field::Field;
 use super::plot::loglog::{self, Curve, LogLog};
 use super::plot::{self, Figure, Panel, Surface};
-use crate::error::Error;
-use crate::model::blocks::Block;
-use crate::run::info::Info;
-use crate::run::method::{MethodName, Steps};
-use crate::run::simulation::{SimulateRequest, SimulateResponse};
 use contents::{Page, Quantity, ViewKind};
+use hamel_run::error::Error;
+use hamel_run::info::Info;
+use hamel_run::method::{MethodName, Steps};
+use hamel_run::model::blocks::Block;
+use hamel_run::simulation::{SimulateRequest, SimulateResponse};
 
 const CSS: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("view.js");

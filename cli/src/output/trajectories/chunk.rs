@@ -2,10 +2,10 @@
 //!
 //! Does not know: how they were computed, formats.
 
-use crate::error::Error;
-use crate::run::ensemble::Member;
-use crate::run::info::Info;
-use crate::run::simulation::Sample;
+use hamel_run::ensemble::Member;
+use hamel_run::error::Error;
+use hamel_run::info::Info;
+use hamel_run::simulation::Sample;
 
 /// What is known of an ensemble before anything is integrated.
 #[derive(Clone, Debug)]

@@ -8,8 +8,8 @@ use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use super::chunk::{Chunk, Heading, Sink};
-use crate::error::Error;
-use crate::temporary::Temporary;
+use hamel_run::error::Error;
+use hamel_run::temporary::Temporary;
 
 /// A line for each sample: number of the trajectory, what varies, time, state, energy, and on its last line what went
 /// wrong.

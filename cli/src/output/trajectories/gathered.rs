@@ -9,8 +9,8 @@
 use clap::ValueEnum;
 
 use super::chunk::{Chunk, Heading};
-use crate::run::ensemble::Member;
-use crate::run::statistics::Distribution;
+use hamel_run::ensemble::Member;
+use hamel_run::statistics::Distribution;
 
 /// What is told of the values at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -13,9 +13,9 @@ use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
 use super::chunk::{Chunk, Heading, Sink};
-use crate::error::Error;
-use crate::run::ensemble::Member;
-use crate::temporary::Temporary;
+use hamel_run::ensemble::Member;
+use hamel_run::error::Error;
+use hamel_run::temporary::Temporary;
 
 /// Arrays by name: see `docs/command-line.md`, which promises them. NaN stands where a trajectory has no value, and
 /// `error` says why.

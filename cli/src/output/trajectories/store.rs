@@ -25,8 +25,8 @@ use super::chunk::{Chunk, Heading, Tally};
 use super::gathered::{Gathered, Statistic, Table, Wanted, quantities};
 use super::tree::Tree;
 use super::zarr::{self, Array, DOCUMENT, Kind};
-use crate::error::Error;
-use crate::temporary::Temporary;
+use hamel_run::error::Error;
+use hamel_run::temporary::Temporary;
 
 /// Folder for locks, for files that have not taken their places, and for what is merged; gone when the store is
 /// complete.
@@ -332,7 +332,7 @@ impl<'a> Store<'a> {
             floats(energy, each().map(|s| s.and_then(|s| s.energy).unwrap_or(f64::NAN)).collect())?;
         }
         if results.iter().any(|r| r.error.is_some()) {
-            let last = |r: &'_ crate::run::ensemble::Member| match (&r.error, r.samples.last()) {
+            let last = |r: &'_ hamel_run::ensemble::Member| match (&r.error, r.samples.last()) {
                 (Some(_), Some(last)) => (last.t, last.state.clone()),
                 _ => (f64::NAN, vec![f64::NAN; n_state]),
             };

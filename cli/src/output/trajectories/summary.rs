@@ -9,11 +9,11 @@ use super::chunk::{Chunk, Heading, Sink};
 use super::gathered::{Gathered, Pile, Statistic, Table, Wanted, quantities};
 use super::npz::Archive;
 use super::target::{Format, Target};
-use crate::error::Error;
-use crate::model::blocks::Block;
 use crate::output::opened::Opened;
 use crate::output::plot::{Band, Figure, Panel, svg};
-use crate::run::statistics::Distribution;
+use hamel_run::error::Error;
+use hamel_run::model::blocks::Block;
+use hamel_run::statistics::Distribution;
 
 /// Statistics of each component of the state, and of the energy, at each time; a trajectory counts as far as it came.
 pub(crate) struct Summary<'a> {

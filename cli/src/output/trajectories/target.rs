@@ -8,7 +8,7 @@ use super::chunk::{Heading, Sink};
 use super::csv::Csv;
 use super::npz::Npz;
 use super::store::finished_chunks;
-use crate::error::Error;
+use hamel_run::error::Error;
 
 /// A file or store to write and its format, which its extension says.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,10 +6,10 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
-use hamel::Error;
 use hamel_codegen::scene;
 use hamel_codegen::spec;
 use hamel_program::program::{Counts, Role};
+use hamel_run::Error;
 use serde::{Deserialize, Serialize};
 
 use crate::bench::toolchain::failed;

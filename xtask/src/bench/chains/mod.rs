@@ -18,8 +18,8 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use hamel::Error;
-use hamel::repository::Repository;
+use hamel_run::Error;
+use hamel_run::repository::Repository;
 
 use super::peers;
 use super::program::progress;

@@ -1,0 +1,373 @@
+//! Many integrations of one scene side by side and on several threads.
+//!
+//! Does not know: whether the scene is compiled or interpreted, how a trajectory is integrated, what varies, files.
+
+use std::fmt;
+use std::io::IsTerminal as _;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
+use hamel_runtime::{F64x4, Method, OnCircles, Options};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use rayon::ThreadPool;
+use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, ParallelIterator as _};
+use serde::{Deserialize, Serialize};
+
+use super::auto::Purpose;
+use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
+use super::evaluate::why_stopped;
+use super::inside::Inside;
+use super::method::{MethodName, Steps};
+use super::simulation::{Sample, sample_time};
+use super::solver::{WithMethod, with_method};
+use crate::error::Error;
+
+/// How many trajectories are integrated side by side by one core.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum Width {
+    /// One, with steps of its own: the bits of `simulate`.
+    #[cfg_attr(feature = "clap", value(name = "1"))]
+    One,
+    /// Four, with common steps that keep the tolerances of each; explicit methods only, otherwise one.
+    #[default]
+    #[cfg_attr(feature = "clap", value(name = "4"))]
+    Four,
+}
+
+/// Many integrations from time zero that differ in parameters and initial state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EnsembleRequest {
+    /// Parameters and initial state of each trajectory; behind the parameters, or not, what its inputs are held at.
+    pub members: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Time to reach.
+    pub t_final: f64,
+    /// The method.
+    pub method: MethodName,
+    /// How it chooses steps.
+    pub steps: Steps,
+    /// Number of samples at equal distances, both ends included; a single one is the end.
+    pub samples: usize,
+    /// How many trajectories share a core's registers.
+    pub width: Width,
+    /// Largest number of steps of each, rejected ones included; none for [`Steps::max_steps`].
+    pub max_steps: Option<u64>,
+    /// Number of threads; none for that of the cores.
+    pub threads: Option<usize>,
+    /// How far the whole ensemble is.
+    pub progress: Progress,
+    /// Whether it is called off; another process does not learn of it.
+    #[serde(skip)]
+    pub cancel: Cancel,
+}
+
+/// Whether somebody has called an ensemble off: trajectories that have not begun are not integrated then.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Calls it off.
+    pub fn call_off(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it is called off.
+    pub fn is_off(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+impl PartialEq for Cancel {
+    /// Requests are the same whether or not somebody waits for the answer.
+    fn eq(&self, _: &Cancel) -> bool {
+        true
+    }
+}
+
+/// How far an ensemble is before a request, for the progress bar.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// Trajectories that are done.
+    pub done: usize,
+    /// Those of them that were there before this run.
+    pub found: usize,
+    /// All.
+    pub all: usize,
+    /// Seconds since the run began.
+    pub seconds: f64,
+}
+
+impl EnsembleRequest {
+    /// Options of every integration.
+    ///
+    /// # Errors
+    /// [`Error::Options`] for a time that is not finite, and steps that the integrator does not take.
+    pub fn options(&self) -> Result<Options<f64>, Error> {
+        let options = self.steps.options(self.t_final, self.max_steps.unwrap_or(self.steps.max_steps()))?;
+        options.validate().map_err(|e| Error::Options { reason: e.to_string() })?;
+        Ok(options)
+    }
+}
+
+/// What became of one trajectory.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Member {
+    /// Samples as far as they were reached, then the last state if it stopped; none if it never started.
+    pub samples: Vec<Sample>,
+    /// Accepted steps, those of the trajectories beside it.
+    pub steps: u64,
+    /// Why it stopped before the end, or what has no value.
+    pub error: Option<String>,
+}
+impl Member {
+    /// A trajectory that never started.
+    pub fn failed(error: impl ToString) -> Member {
+        Member { error: Some(error.to_string()), ..Member::default() }
+    }
+}
+
+/// Integrates all members on several threads; results are in their order, and the same for any number of threads.
+///
+/// # Errors
+/// [`Error::Options`] for a time, tolerances, a method or a number of threads that suit none of them, and where it is
+/// called off.
+pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
+    let options = request.options()?;
+    let pool = pool(request.threads)?;
+    let (params, initial): (Vec<&[f64]>, Vec<VecState>) =
+        request.members.iter().map(|(params, y)| (params.as_slice(), VecState(y.clone()))).unzip();
+    let times: Vec<f64> =
+        (0..request.samples).map(|k| sample_time(request.t_final, request.samples, k)).collect();
+    let bar = progress_bar(request.progress);
+    let progress = |n: usize| bar.inc(n as u64);
+    let members = pool.install(|| {
+        let (params, initial, times) = (&params, &initial, &times);
+        let job = Job { factory, request, options, params, initial, times, progress: &progress };
+        // What a scene can do depends on the scene alone, but takes parameters that are allowed.
+        let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
+        let trajectories = match &any {
+            Some((dynamics, y)) => {
+                with_method(request.method, request.steps, Purpose::Ensemble, &**dynamics, y, job)?
+            }
+            // No trajectory will start, whatever the method.
+            None => job.explicit(hamel_runtime::Dop853),
+        }?;
+        let one = |(trajectory, params): (_, &&[f64])| member(factory, trajectory, params, times);
+        Ok(trajectories.into_par_iter().zip(params).map(one).collect())
+    });
+    bar.finish_and_clear();
+    if request.cancel.is_off() {
+        return Err(Error::Options { reason: "the ensemble was called off".into() });
+    }
+    members
+}
+
+/// The scenes of a factory for all parameters, none once the ensemble is called off.
+struct Scenes<'a> {
+    factory: &'a dyn Factory,
+    cancel: Cancel,
+}
+
+impl Scenes<'_> {
+    fn go_on(&self) -> Result<(), BadParams> {
+        match self.cancel.is_off() {
+            true => Err(BadParams { condition: "going on".into(), meaning: String::new() }),
+            false => Ok(()),
+        }
+    }
+}
+
+impl<'a> Source<f64> for Scenes<'a> {
+    type State = VecState;
+    type System = PreparedScene<'a>;
+    type Error = BadParams;
+
+    fn prepare(&self, params: &[f64]) -> Result<Self::System, BadParams> {
+        self.go_on()?;
+        self.factory.prepare(params)
+    }
+
+    fn state(&self, components: &[f64]) -> VecState {
+        VecState(components.to_vec())
+    }
+}
+
+impl<'a> Source<F64x4> for Scenes<'a> {
+    type State = VecState<F64x4>;
+    type System = PreparedLanes<'a>;
+    type Error = BadParams;
+
+    fn prepare(&self, params: &[F64x4]) -> Result<Self::System, BadParams> {
+        self.go_on()?;
+        self.factory.prepare_lanes(params)
+    }
+
+    fn state(&self, components: &[F64x4]) -> VecState<F64x4> {
+        VecState(components.to_vec())
+    }
+}
+
+/// An ensemble that waits for its method, on the threads of the current pool.
+struct Job<'a, 'r> {
+    factory: &'a dyn Factory,
+    request: &'r EnsembleRequest,
+    options: Options<f64>,
+    params: &'r [&'r [f64]],
+    initial: &'r [VecState],
+    /// Times of the samples.
+    times: &'r [f64],
+    /// Is told how many more trajectories are done.
+    progress: &'r (dyn Fn(usize) + Sync),
+}
+
+type Trajectories = Vec<Trajectory<VecState, BadParams>>;
+
+impl<'a> WithMethod<'a> for Job<'a, '_> {
+    type Output = Result<Trajectories, Error>;
+
+    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
+        self.run::<f64, M>(method)
+    }
+
+    fn explicit<M>(self, method: M) -> Self::Output
+    where
+        M: Method<f64, PreparedScene<'a>> + Method<F64x4, PreparedLanes<'a>> + Sync,
+    {
+        match self.request.width {
+            Width::One => self.run::<f64, M>(method),
+            Width::Four => self.run::<F64x4, M>(method),
+        }
+    }
+
+    fn on_circles<M>(self, method: M) -> Self::Output
+    where
+        M: Method<f64, PreparedScene<'a>> + Method<f64, Inside<'a>> + Method<F64x4, PreparedLanes<'a>> + Sync,
+    {
+        match self.request.width {
+            Width::One => self.single(OnCircles::new(method)),
+            Width::Four => self.run::<F64x4, M>(method),
+        }
+    }
+}
+
+impl<'a> Job<'a, '_> {
+    fn run<L, M>(&self, method: M) -> Result<Trajectories, Error>
+    where
+        L: Lanes,
+        Scenes<'a>: Source<L, Error = BadParams>,
+        M: Method<f64, PreparedScene<'a>> + Method<L, <Scenes<'a> as Source<L>>::System> + Sync,
+    {
+        let refused = |reason: String| Error::Options { reason };
+        Method::<f64, PreparedScene<'a>>::validate(&method, &self.options)
+            .map_err(|e| refused(e.to_string()))?;
+        let ensemble = Ensemble::new(method, self.options).with_lanes::<L>();
+        let scenes = Scenes { factory: self.factory, cancel: self.request.cancel.clone() };
+        let t_final = self.request.t_final;
+        let trajectories =
+            ensemble.run_from(&scenes, self.params, self.initial, t_final, self.times, self.progress);
+        // As many parameters as states, by construction.
+        trajectories.map_err(|e| refused(e.to_string()))
+    }
+}
+
+/// A trajectory with times, energies and words.
+fn member(
+    factory: &dyn Factory,
+    trajectory: Trajectory<VecState, BadParams>,
+    params: &[f64],
+    times: &[f64],
+) -> Member {
+    let info = factory.info();
+    let mut error = trajectory.stop.as_ref().map(|stop| match stop {
+        Stop::Params(bad) => bad.to_string(),
+        Stop::Integration(error) => why_stopped(info, error),
+        other => format!("{other:?}"),
+    });
+    // With a known reason the parameters may not be allowed, and then there is no state either.
+    let Ok(dynamics) = factory.prepare(params) else { return Member { error, ..Member::default() } };
+    let has_started = trajectory.stats.rhs_evals > 0;
+    let reached = times.iter().copied().zip(trajectory.samples);
+    let is_new = has_started && error.is_some();
+    let last = is_new.then_some((trajectory.t, trajectory.state));
+    let mut samples: Vec<Sample> = Vec::with_capacity(reached.len() + 1);
+    for (t, state) in reached.chain(last) {
+        if samples.last().is_some_and(|s| s.t == t) {
+            continue;
+        }
+        let energy = dynamics.energy(t, &state.0).filter(|e| e.is_finite());
+        if info.has_energy && energy.is_none() {
+            error.get_or_insert_with(|| format!("the energy is not finite at t = {t:?}"));
+        }
+        samples.push(Sample { t, state: state.0, energy, outputs: Vec::new(), along: Vec::new() });
+    }
+    Member { samples, steps: trajectory.stats.steps, error }
+}
+
+/// Most threads: several for each core of a large machine, and far fewer than a system refuses.
+const MAX_THREADS: usize = 1024;
+
+/// Threads for an ensemble.
+///
+/// # Errors
+/// [`Error::Request`] for too many, [`Error::Options`] when they cannot be started.
+pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Error> {
+    if let Some(n) = threads.filter(|n| *n > MAX_THREADS) {
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let reason = format!(
+            "is {n}, but at most {MAX_THREADS} are started: leave it out for as many as there are cores, {cores} here"
+        );
+        return Err(Error::unusable("--threads", reason));
+    }
+    // Zero is the pool's word for as many as there are cores.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
+    pool.map_err(|e| Error::Options { reason: format!("threads could not be started: {e}") })
+}
+
+/// A bar on a terminal, with the rate of the whole run, and the time left at that rate.
+fn progress_bar(progress: Progress) -> ProgressBar {
+    let bar = ProgressBar::new(progress.all as u64);
+    if !std::io::stderr().is_terminal() {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    let told = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let seconds = progress.seconds + state.elapsed().as_secs_f64();
+        // A bar that cannot be written is not shown.
+        let _ = out.write_str(&rate(progress, state.pos(), seconds));
+    };
+    // The template is a constant that indicatif accepts.
+    let style = ProgressStyle::with_template("  {bar:40.cyan/blue} {pos} of {len} trajectories  {rate}");
+    bar.set_style(style.expect("valid template").with_key("rate", told));
+    bar.set_position(progress.done as u64);
+    bar
+}
+
+/// Trajectories a second and the time left, once there is a rate.
+///
+/// Trajectories that were there before the run took no time of it.
+fn rate(progress: Progress, position: u64, seconds: f64) -> String {
+    let made = position.saturating_sub(progress.found as u64) as f64;
+    let left = (progress.all as u64).saturating_sub(position) as f64;
+    let rate = made / seconds;
+    if !rate.is_finite() || rate <= 0.0 {
+        return String::new();
+    }
+    // Never so many seconds, but a number that is not finite is no time.
+    let left = Duration::from_secs_f64((left / rate).min(1e15));
+    format!("{rate:.3e}/s  {} left", HumanDuration(left))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Progress, rate};
+
+    /// Of work that was done before the run there is no speed.
+    #[test]
+    fn trajectories_found_take_no_part_in_the_time_left() {
+        let progress = Progress { done: 9000, found: 8000, all: 100_000, seconds: 0.0 };
+        assert_eq!(rate(progress, 9000, 10.0), "1.000e2/s  15 minutes left");
+        assert_eq!(rate(Progress { found: 9000, ..progress }, 9000, 10.0), "");
+        assert_eq!(rate(progress, 9000, 0.0), "");
+    }
+}

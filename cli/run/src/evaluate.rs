@@ -1,0 +1,170 @@
+//! Values of a scene at given states: derivatives, energy and outputs.
+//!
+//! Does not know: whether the scene is compiled or interpreted, how a request was written.
+
+use hamel_runtime::{Error as SolverError, Failure};
+use serde::{Deserialize, Serialize};
+
+use super::dynamics::{BadParams, Dynamics, Factory, PreparedScene};
+use super::info::Info;
+use crate::error::{Error, Problem};
+
+/// What to evaluate, in the order of [`Info`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EvalRequest {
+    /// Parameters.
+    pub params: Vec<f64>,
+    /// Time.
+    pub t: f64,
+    /// States.
+    pub states: Vec<Vec<f64>>,
+}
+
+/// The values, one entry per state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EvalResponse {
+    /// Derivatives of the states.
+    pub derivatives: Vec<Vec<f64>>,
+    /// Energies; none when the scene has no energy.
+    pub energy: Option<Vec<f64>>,
+    /// All outputs, one after the other.
+    pub outputs: Vec<Vec<f64>>,
+}
+
+/// More than this and further states are not looked at, or not told.
+pub const MAX_PROBLEMS: usize = 20;
+
+/// Fixes a scene's parameters.
+///
+/// # Errors
+/// [`Error::Params`] with the condition that does not hold and the values in it.
+pub fn prepare<'a>(factory: &'a dyn Factory, params: &[f64]) -> Result<PreparedScene<'a>, Error> {
+    factory.prepare(params).map_err(|bad| refused(factory.info(), params, bad))
+}
+
+/// Parameters that a scene does not allow, with the values of those in the condition.
+pub fn refused(info: &Info, params: &[f64], bad: BadParams) -> Error {
+    let mentioned = |name: &str| {
+        let is_word = |c: char| c.is_alphanumeric() || c == '_';
+        bad.condition.split(|c| !is_word(c)).any(|word| word == name)
+    };
+    let named = info.params.iter().zip(params).filter(|(p, _)| mentioned(&p.name));
+    let values = named.map(|(p, x)| (p.name.clone(), *x)).collect();
+    Error::Params { condition: bad.condition, meaning: bad.meaning, values }
+}
+
+/// Evaluates a scene at every state of a request. Every number of the response is finite.
+///
+/// # Errors
+/// [`Error::Params`]; [`Error::Request`] with all states at which something has no finite value.
+pub fn eval(factory: &dyn Factory, request: &EvalRequest) -> Result<EvalResponse, Error> {
+    let info = factory.info();
+    let dynamics = prepare(factory, &request.params)?;
+    let mut derivatives = Vec::with_capacity(request.states.len());
+    let mut energies = Vec::with_capacity(request.states.len());
+    let mut outputs = Vec::with_capacity(request.states.len());
+    let mut reasons: Vec<(usize, String)> = Vec::new();
+    for (k, y) in request.states.iter().enumerate() {
+        match values(&*dynamics, request.t, y) {
+            Ok((dy, energy, values)) => {
+                derivatives.push(dy);
+                energies.extend(energy);
+                outputs.push(values);
+            }
+            Err(reason) => reasons.push((k, reason)),
+        }
+    }
+    if reasons.is_empty() {
+        return Ok(EvalResponse { derivatives, energy: info.has_energy.then_some(energies), outputs });
+    }
+    Err(unusable_states(reasons, request.states.len()))
+}
+
+/// That some of several states cannot be evaluated, with the place and the reason of each.
+pub fn unusable_states(reasons: Vec<(usize, String)>, n_states: usize) -> Error {
+    let n = reasons.len();
+    let mut problems: Vec<Problem> = (reasons.into_iter().take(MAX_PROBLEMS))
+        .map(|(k, reason)| Problem::Unusable {
+            path: format!("states[{k}]"),
+            reason: format!("cannot be evaluated: {reason}"),
+        })
+        .collect();
+    if n > MAX_PROBLEMS {
+        let reason =
+            format!("cannot be evaluated at {n} of {n_states} places, of which {MAX_PROBLEMS} are shown");
+        problems.push(Problem::Unusable { path: "states".into(), reason });
+    }
+    Error::Request { problems }
+}
+
+/// The derivative, the energy and the outputs at a point.
+type Values = (Vec<f64>, Option<f64>, Vec<f64>);
+
+/// The [`Values`] at a point.
+///
+/// # Errors
+/// Why one of them has no finite value.
+fn values(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<Values, String> {
+    let dy = derivative(dynamics, t, y)?;
+    let energy = dynamics.energy(t, y);
+    if energy.is_some_and(|e| !e.is_finite()) {
+        return Err("the energy is not finite".into());
+    }
+    let values = dynamics.outputs(t, y);
+    match values.iter().position(|x| !x.is_finite()) {
+        Some(at) => Err(format!("output {} is not finite", output_name(dynamics.info(), at))),
+        None => Ok((dy, energy, values)),
+    }
+}
+
+/// The derivative at a point.
+///
+/// # Errors
+/// Why it has no finite value.
+pub fn derivative(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<Vec<f64>, String> {
+    let info = dynamics.info();
+    dynamics.check(t, y).map_err(|failure| describe(info, failure))?;
+    let mut dy = vec![0.0; y.len()];
+    dynamics.rhs(t, y, &mut dy);
+    match dy.iter().position(|x| !x.is_finite()) {
+        Some(at) => Err(match dynamics.domain(t, y) {
+            Err(outside) => describe(info, outside),
+            Ok(()) => format!("the derivative of {} is not finite", info.state[at]),
+        }),
+        None => Ok(dy),
+    }
+}
+
+/// `group.component` of a position among all outputs.
+fn output_name(info: &Info, at: usize) -> String {
+    let names = info.outputs.iter().flat_map(|g| g.components.iter().map(move |c| format!("{}.{c}", g.name)));
+    names.into_iter().nth(at).unwrap_or_default()
+}
+
+/// A failure in the words of the scene.
+pub fn describe(info: &Info, failure: Failure) -> String {
+    match failure {
+        Failure::NonFinite { t, index } if index < info.state.len() => {
+            format!("{} or its derivative is not finite at t = {t:?}", info.state[index])
+        }
+        other => other.to_string(),
+    }
+}
+
+/// Why an integration could not go on, in the words of the scene.
+pub fn why_stopped(info: &Info, error: &SolverError) -> String {
+    match *error {
+        SolverError::Failure(failure) => describe(info, failure),
+        SolverError::StepTooSmall { h, .. } => format!(
+            "the error estimate asks for steps of {h:e}, which no longer change the time: the solution may be singular \
+             there, or the tolerances cannot be reached"
+        ),
+        SolverError::TooManySteps { limit, .. } => {
+            format!(
+                "{limit} steps were not enough: choose a smaller t_final, loosen the tolerances, or raise max_steps"
+            )
+        }
+        // Non-finite end times are the request's fault and found before the first step.
+        other => other.to_string(),
+    }
+}

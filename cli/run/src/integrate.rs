@@ -1,0 +1,204 @@
+//! Integration of a scene from an initial state.
+//!
+//! Does not know: whether the scene is compiled or interpreted, how a request was written, files, figures.
+
+use std::ops::ControlFlow;
+
+use hamel_runtime::{Error as SolverError, Integrator, Method};
+
+use super::admissible;
+use super::auto::Purpose;
+use super::dynamics::{Factory, PreparedScene, VecState};
+use super::evaluate::{describe, prepare, why_stopped};
+use super::events::Watcher;
+use super::info::Info;
+use super::length::method_of_long;
+use super::method::{MethodName, Steps};
+use super::record::Record;
+use super::sensitivity::Along;
+use super::simulation::{SimulateRequest, SimulateResponse, stopped_because};
+use super::solver::{WithMethod, with_method};
+use super::watched::MAX_EVENTS;
+use crate::error::Error;
+use crate::interrupts;
+
+/// Integrates a scene. `progress` is told the time reached after every step. A noted interrupt ends the motion there.
+///
+/// # Errors
+/// [`Error::NoState`], [`Error::Params`], [`Error::State`] and [`Error::Inadmissible`] for the initial state,
+/// [`Error::Options`], and [`Error::Stopped`] with the state reached when the integration cannot go on.
+pub fn simulate(
+    factory: &dyn Factory,
+    request: &SimulateRequest,
+    progress: &mut dyn FnMut(f64),
+) -> Result<SimulateResponse, Error> {
+    let times: Vec<f64> = (0..request.samples).map(|k| request.sample_time(k)).collect();
+    let mut told = |t| {
+        progress(t);
+        interrupts::look()
+    };
+    simulate_at(factory, request, &times, &mut told)
+}
+
+/// The same with samples at any `times`, from zero in the direction of the motion to its end at most. Where `progress`
+/// breaks, the motion ends with that step.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn simulate_at(
+    factory: &dyn Factory,
+    request: &SimulateRequest,
+    times: &[f64],
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<SimulateResponse, Error> {
+    has_state(factory.info())?;
+    request.validate(factory.info())?;
+    let dynamics = prepare(factory, &request.params)?;
+    admissible::check(&*dynamics, &request.initial, request.n_group)?;
+    let long = if request.method == MethodName::Auto { method_of_long(factory, request) } else { None };
+    if let Some(method) = long {
+        return motion(&dynamics, &SimulateRequest { method, ..request.clone() }, times, progress);
+    }
+    if request.along.is_empty() {
+        return motion(&dynamics, request, times, progress);
+    }
+    let along = Along::new(factory, &request.along, request.method, "sensitivity")?;
+    let initial = along.initial(&request.initial, &request.tangents);
+    let extended = SimulateRequest { initial, ..request.clone() };
+    extended.validate(along.info())?;
+    let mut response = motion(&prepare(&along, &request.params)?, &extended, times, progress)?;
+    along.separate(&mut response);
+    Ok(response)
+}
+
+fn motion(
+    dynamics: &PreparedScene<'_>,
+    request: &SimulateRequest,
+    times: &[f64],
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<SimulateResponse, Error> {
+    let run = Run { dynamics, request, times, progress };
+    let purpose = Purpose::of(request.samples, request.watched.is_some());
+    with_method(request.method, request.steps, purpose, &**dynamics, &request.initial, run)?
+}
+
+/// Whether there is anything to integrate.
+///
+/// # Errors
+/// [`Error::NoState`].
+pub fn has_state(info: &Info) -> Result<(), Error> {
+    if info.state.is_empty() {
+        return Err(Error::NoState { scene: info.scene.clone(), model: info.model.clone() });
+    }
+    Ok(())
+}
+
+/// An integration that waits for its method.
+struct Run<'r, 'a> {
+    dynamics: &'r PreparedScene<'a>,
+    request: &'r SimulateRequest,
+    /// Times of the samples.
+    times: &'r [f64],
+    /// Is told the time reached after every step, and may end the motion there.
+    progress: &'r mut dyn FnMut(f64) -> ControlFlow<()>,
+}
+
+impl<'a> WithMethod<'a> for Run<'_, 'a> {
+    type Output = Result<SimulateResponse, Error>;
+
+    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
+        let Run { dynamics, request, times, progress } = self;
+        let info = dynamics.info();
+        let options = request.steps.options(request.t_final, request.max_steps)?;
+        let options = options.with_max_events(request.max_events);
+        let start = |error: SolverError| match error {
+            SolverError::Failure(failure) => {
+                Error::State { path: "initial".into(), reason: describe(info, failure) }
+            }
+            other => Error::Options { reason: other.to_string() },
+        };
+        let clock = std::time::Instant::now();
+        let initial = VecState(request.initial.clone());
+        let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(start)?;
+        let record = Record::new(&**dynamics, request)?;
+        let mut watcher = Watcher::new(&**dynamics, request, (record, progress))?;
+        let times = times.iter().copied();
+        let t_final = request.t_final;
+        let reached = match request.watched {
+            None => solver.observe::<0>(t_final, times, [], &mut watcher),
+            Some(_) => {
+                let directions = watcher.directions();
+                solver.observe::<MAX_EVENTS>(t_final, times, directions, &mut watcher)
+            }
+        };
+        let Watcher { record, log, ended_by, error, .. } = watcher;
+        if let Some(error) = error {
+            return Err(error);
+        }
+        if let Err(error) = reached {
+            let (t, y) = (solver.t(), &solver.state().0);
+            let (SolverError::EventNotFinite { index, .. } | SolverError::EventsAccumulate { index, .. }) =
+                error
+            else {
+                return Err(stopped(info, t, y, &error));
+            };
+            let event = request.watched.as_ref().and_then(|watched| watched.name(index));
+            let reason = format!("event {}: {}", event.unwrap_or_default(), why_stopped(info, &error));
+            return Err(stopped_because(info, t, y, reason));
+        }
+        let last = solver.state().0.clone();
+        let stats = solver.stats();
+        let energy_drift = record.initial_energy.map(|_| (record.deviation / record.scale).min(f64::MAX));
+        Ok(SimulateResponse {
+            t: solver.t(),
+            last,
+            along: Vec::new(),
+            steps: stats.steps,
+            rejected: stats.rejected,
+            rhs_evals: stats.rhs_evals,
+            energy_drift,
+            events: request.watched.is_some().then_some(log),
+            ended_by,
+            warnings: drift_warning(info, request.steps, energy_drift).into_iter().collect(),
+            initial_energy: record.initial_energy,
+            energy_scale: record.scale,
+            energy_at_steps: record.energy_at_steps,
+            initial_residual: record.initial_residual,
+            constraint_residual: record.residual,
+            samples: record.samples,
+            seconds: clock.elapsed().as_secs_f64(),
+        })
+    }
+}
+
+/// A larger relative drift of an energy that is conserved is told.
+const LARGE_DRIFT: f64 = 1e-3;
+
+/// Of adaptive steps, in units of the relative tolerance: as many steps may add up.
+const MANY_TOLERANCES: f64 = 1e3;
+
+/// That a motion is another one, where the energy shows it: fixed steps have no error estimate, and an estimate does
+/// not see where constraints lose their rank.
+fn drift_warning(info: &Info, steps: Steps, drift: Option<f64>) -> Option<String> {
+    let drift = drift.filter(|_| info.conserves_energy)?;
+    let (large, reason) = match steps {
+        Steps::Fixed { step } => (
+            LARGE_DRIFT,
+            format!(
+                "step {step:?} is too long for this motion, take a shorter one or a method with adaptive steps"
+            ),
+        ),
+        Steps::Adaptive { rtol, .. } => (
+            LARGE_DRIFT.max(MANY_TOLERANCES * rtol),
+            format!(
+                "on its way the motion passed a place where the constraints or the inertia lose their rank, or the \
+                 tolerance {rtol:?} is too large for it"
+            ),
+        ),
+    };
+    (drift > large).then(|| format!("the energy is conserved but moved by {drift:.1e} of its size: {reason}"))
+}
+
+fn stopped(info: &Info, t: f64, y: &[f64], error: &SolverError) -> Error {
+    stopped_because(info, t, y, why_stopped(info, error))
+}

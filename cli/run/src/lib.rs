@@ -1,0 +1,58 @@
+//! Scenes of hamel that are evaluated and integrated: what the command, its Python package and its benchmarks share.
+//!
+//! Everything that evaluates a scene does so through [`dynamics::Dynamics`], so that scenes that are interpreted and
+//! scenes that are compiled in memory share one implementation of every request.
+//!
+//! Does not know: commands and their arguments, how results are shown.
+
+pub mod admissible;
+pub mod asked;
+pub mod auto;
+pub mod bars;
+pub mod cache;
+pub mod choice;
+pub mod direction;
+pub mod dynamics;
+pub mod ensemble;
+pub mod error;
+pub mod evaluate;
+mod events;
+pub mod fit;
+pub mod follow;
+pub mod forms;
+pub mod hash;
+pub mod info;
+pub mod inputs;
+mod inside;
+pub mod integrate;
+pub mod interpreted;
+pub mod interrupts;
+mod least_squares;
+pub mod length;
+mod lost_rank;
+mod machine;
+pub mod matrices;
+pub mod method;
+pub mod model;
+pub mod names;
+pub mod ranks;
+mod record;
+pub mod repository;
+pub mod request;
+pub mod resources;
+mod saltation;
+mod sensitivity;
+pub mod session;
+pub mod simulation;
+mod solver;
+pub mod start;
+pub mod statistics;
+mod stored;
+pub mod streams;
+pub mod temporary;
+pub mod typed;
+mod verdict;
+pub mod watched;
+
+pub use error::Error;
+pub use record::energy_scale;
