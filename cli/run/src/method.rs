@@ -342,9 +342,9 @@ mod tests {
     #[test]
     fn a_method_has_one_name_everywhere() {
         for (method, name, _) in METHODS {
-            assert_eq!(method.name(), *name);
-            assert_eq!(MethodName::from_name(name), Some(*method));
-            assert_eq!(serde_json::to_value(method).ok(), Some((*name).into()));
+            assert_eq!(method.name(), name);
+            assert_eq!(MethodName::from_name(name), Some(method));
+            assert_eq!(serde_json::to_value(method).ok(), Some(name.into()));
         }
         assert_eq!(embedded_names(), "tsit5, dop853, vern9, gbs14 or dopri5");
     }

@@ -61,12 +61,10 @@ fn crates(sources: &[Source]) -> BTreeSet<String> {
     sources.iter().filter(is_root).filter_map(folder).collect()
 }
 
-/// The modules in the order of the document: paragraphs of the section `## codegen` that begin with **`name`**.
+/// The modules in the order of the document: rows of its tables that begin with **`name`**.
 fn order(architecture: &str) -> Vec<String> {
-    let section =
-        architecture.split("\n## ").find(|section| section.starts_with("codegen")).unwrap_or_default();
-    let name = |line: &str| Some(line.strip_prefix("**`")?.split_once("`**")?.0.to_owned());
-    section.lines().filter_map(name).collect()
+    let name = |line: &str| Some(line.strip_prefix("| **`")?.split_once("`**")?.0.to_owned());
+    architecture.lines().filter_map(name).collect()
 }
 
 fn steps_back(imports: &Imports, order: &[String]) -> Vec<Problem> {
@@ -186,8 +184,7 @@ mod tests {
             ("codegen/src/b.rs", "use crate::a::A;"),
         ]);
         let imports = imports(&files, "codegen/src");
-        let order =
-            order("# x\n\n## codegen\n\n**`a`**: first.\n\n**`b`**: second.\n\n## runtime\n\n**`c`**: no\n");
+        let order = order("# x\n\n| module | does |\n|---|---|\n| **`a`** | x |\n| **`b`** | y |\n| `c` | z |\n");
         assert_eq!(order, ["a", "b"]);
         let found: Vec<String> = steps_back(&imports, &order).iter().map(Problem::to_string).collect();
         let shown = "codegen/src/a.rs:1: `a` uses `b`, which stands below it in ARCHITECTURE.md; move what it needs \
