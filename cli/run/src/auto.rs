@@ -87,7 +87,7 @@ mod tests {
     }
 
     fn rhs_cost(name: &str) -> u64 {
-        let path = format!("{}/../models/specs/{name}.hamel", env!("CARGO_MANIFEST_DIR"));
+        let path = format!("{}/../../models/specs/{name}.hamel", env!("CARGO_MANIFEST_DIR"));
         let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
         let model = Session::of_shipped(&[]).parse(name, &text).unwrap_or_else(|e| panic!("{e}"));
         let model = Arc::new(Checked::new(model, Cache::none()));
