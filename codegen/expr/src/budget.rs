@@ -7,9 +7,11 @@
 //! [`Graph::within_budget`]: super::Graph::within_budget
 
 use std::fmt;
+use std::time::Instant;
 
 use super::node::Node;
 use super::rational::Rational;
+use super::trace::{self, Topic};
 
 /// Limits on the way from the text of a model to the program of one scene.
 ///
@@ -47,6 +49,13 @@ impl Budget {
         let Budget { expressions, bytes, work } = self;
         let [expressions, bytes, work] = [expressions, bytes, work].map(|limit| limit.saturating_mul(n));
         Budget { expressions, bytes, work }
+    }
+
+    /// Everything spent since an earlier time, when this much was: for people.
+    pub fn since(self, earlier: Budget) -> String {
+        let made = self.expressions.saturating_sub(earlier.expressions);
+        let work = self.work.saturating_sub(earlier.work);
+        format!("{made} expressions, {work} steps of work")
     }
 }
 
@@ -150,13 +159,16 @@ pub(super) struct Meter {
     limit: Budget,
     spent: Budget,
     stage: Stage,
+    /// When the stage began, and what was spent then, where that is traced.
+    began: Option<(Instant, Budget)>,
     exhausted: Option<Exhausted>,
 }
 
 impl Meter {
     pub(super) fn new() -> Meter {
         let spent = Budget { expressions: 0, bytes: 0, work: 0 };
-        Meter { limit: Budget::UNLIMITED, spent, stage: Stage::Values, exhausted: None }
+        let began = trace::start(Topic::Derive).map(|now| (now, spent));
+        Meter { limit: Budget::UNLIMITED, spent, stage: Stage::Values, began, exhausted: None }
     }
 
     pub(super) fn set_limit(&mut self, limit: Budget) {
@@ -172,6 +184,10 @@ impl Meter {
     }
 
     pub(super) fn enter(&mut self, stage: Stage) {
+        if let Some((since, before)) = self.began {
+            trace::tell(since, self.stage, self.spent.since(before));
+            self.began = trace::start(Topic::Derive).map(|now| (now, self.spent));
+        }
         self.stage = stage;
     }
 

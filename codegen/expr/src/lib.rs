@@ -10,6 +10,7 @@
 pub mod differentiate;
 pub mod error;
 pub mod parallel;
+pub mod trace;
 
 mod arena;
 mod budget;

@@ -184,7 +184,8 @@ mod tests {
             ("codegen/src/b.rs", "use crate::a::A;"),
         ]);
         let imports = imports(&files, "codegen/src");
-        let order = order("# x\n\n| module | does |\n|---|---|\n| **`a`** | x |\n| **`b`** | y |\n| `c` | z |\n");
+        let order =
+            order("# x\n\n| module | does |\n|---|---|\n| **`a`** | x |\n| **`b`** | y |\n| `c` | z |\n");
         assert_eq!(order, ["a", "b"]);
         let found: Vec<String> = steps_back(&imports, &order).iter().map(Problem::to_string).collect();
         let shown = "codegen/src/a.rs:1: `a` uses `b`, which stands below it in ARCHITECTURE.md; move what it needs \

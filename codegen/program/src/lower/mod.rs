@@ -18,8 +18,9 @@ mod values;
 
 use std::collections::BTreeMap;
 
-use crate::program::{Program, Relation, Report, Role, Search, Symbols, verify};
+use crate::program::{Counts, Program, Relation, Report, Role, Search, Symbols, verify};
 use hamel_expr::error::Error;
+use hamel_expr::trace::{self, Topic};
 use hamel_expr::{ExprId, Graph, Rational, Section, Sign, SymbolId};
 
 pub use budget::SearchBudget;
@@ -123,7 +124,13 @@ fn program(graph: &mut Graph, source: &Source<'_>, budget: &SearchBudget) -> Res
     let mut check = Check::new(graph, source, &functions, &conditions);
     check.after("numbering", &program)?;
     for (name, pass) in PASSES {
+        let since = trace::start(Topic::Lower);
         pass(&mut program);
+        if let Some(since) = since {
+            let mut counts = Counts::default();
+            program.functions.iter().for_each(|function| counts += function.counts());
+            trace::tell(since, name, counts);
+        }
         check.after(name, &program)?;
     }
     verify(&program)?;
@@ -140,6 +147,7 @@ fn functions(
     let (mut functions, mut report) = (Vec::<Form>::new(), Report::default());
     for request in source.requests {
         graph.within_budget()?;
+        let (since, before) = (trace::start(Topic::Lower), graph.spent());
         let search = if request.role == Role::Pivots {
             let rate = functions.iter().find(|form| form.request.role == Role::Rate);
             let (own, search) = pivots::functions(graph, source, digits, budget, request, rate)?;
@@ -150,6 +158,9 @@ fn functions(
             functions.push(form);
             search
         };
+        if let Some(since) = since {
+            trace::tell(since, &request.role, graph.spent().since(before));
+        }
         report.searches.push((request.role.clone(), search));
     }
     graph.within_budget()?;
