@@ -137,6 +137,25 @@ fn program(graph: &mut Graph, source: &Source<'_>, budget: &SearchBudget) -> Res
     Ok(program)
 }
 
+/// Names of the passes over a program, in order.
+pub fn passes() -> impl Iterator<Item = &'static str> {
+    PASSES.iter().map(|(name, _)| *name)
+}
+
+/// Runs the pass of a name on a program: for tests of one pass.
+///
+/// # Errors
+/// [`Error::UnknownName`].
+pub fn run_pass(name: &str, program: &mut Program) -> Result<(), Error> {
+    let pass = PASSES.iter().find(|(known, _)| *known == name).ok_or_else(|| Error::UnknownName {
+        name: name.to_owned(),
+        kind: "pass",
+        known: passes().map(str::to_owned).collect(),
+    })?;
+    (pass.1)(program);
+    Ok(())
+}
+
 /// Every function in the form that costs least, in the order of the requests.
 fn functions(
     graph: &mut Graph,

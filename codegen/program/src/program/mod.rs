@@ -13,6 +13,7 @@ mod counts;
 pub mod edit;
 mod interpret;
 mod ir;
+mod listing;
 mod report;
 mod role;
 mod round_trip;
