@@ -12,9 +12,11 @@ mod latex;
 mod rates;
 mod sections;
 mod splitting;
+mod stages;
 mod units;
 
 pub use self::rates::{brackets, rates};
+pub use self::stages::stages;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;

@@ -31,6 +31,7 @@ Examples:
   hamel explain chaplygin_sleigh --coefficients
   hamel explain heavy_top --dirac
   hamel explain heavy_top --certify
+  hamel explain heavy_top --stages
   hamel explain euler_disk --latex > euler_disk.tex"
 )]
 pub struct Arguments {
@@ -57,6 +58,10 @@ pub struct Arguments {
     /// Hold every function of the scene to its definition at 64 points, and print the largest residual of each instead
     #[arg(long, conflicts_with_all = ["latex", "ops", "formulations", "coefficients", "dirac"])]
     pub certify: bool,
+    /// Print everything that each stage of the pipeline made instead: expressions of the model, the system on its Lie
+    /// algebroid, definitions of the equations, the program
+    #[arg(long, conflicts_with_all = ["latex", "ops", "formulations", "coefficients", "dirac", "certify"])]
+    pub stages: bool,
     /// Write the system with another connection first: the velocity becomes v = xi + A(x) xdot
     #[arg(long, value_parser = PossibleValuesParser::new(CONNECTIONS).try_map(|name| connection(&name)))]
     pub connection: Option<ConnectionKind>,
@@ -91,6 +96,9 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         let found = built.certify(DEEP);
         let found = found.map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?;
         return Ok(certificate(&found));
+    }
+    if arguments.stages {
+        return Ok(hamel_codegen::explain::stages(&model, &built));
     }
     let style = if arguments.latex { Style::Latex } else { Style::Unicode };
     if arguments.coefficients {
