@@ -29,6 +29,7 @@ mod real_point;
 mod relations;
 mod samples;
 mod sign;
+mod trials;
 mod without_value;
 mod zero;
 
@@ -47,6 +48,7 @@ pub(crate) use relations::rational_relations;
 pub(crate) use samples::{Measured, Samples, uniform};
 pub(crate) use sign::remembered_sign_of;
 pub use sign::{Relation, Sign, sign_of};
+pub use trials::{Trials, Workspace};
 
 pub(crate) use zero::independent_rows;
 
