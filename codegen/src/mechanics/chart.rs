@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::algebra::solve_symbolic;
+use crate::algebra::tableau::{self, solve_symbolic};
 use crate::error::Error;
 use crate::expr::{Definition, ExprId, Graph, Section, SymbolId, independent_rows, inlined};
 use crate::reduction::StateKind;
@@ -85,7 +85,7 @@ impl Chart {
         chart.values =
             chosen.iter().map(|k| symbols[*k]).zip(solution.into_iter().map(|row| row[0])).collect();
         chart.coordinates.retain(|place| !chosen.iter().any(|k| moving[*k] == *place));
-        chart.determinant = determinant_of(g, &matrix);
+        chart.determinant = tableau::determinant(g, &matrix);
         Ok(chart)
     }
 
@@ -116,17 +116,4 @@ impl Chart {
         let inlined = g.subs_all(list, &values).map_err(place)?;
         g.subs_all(&inlined, &self.values).map_err(place)
     }
-}
-
-/// The determinant by expansion along the first row: there are few constraints.
-fn determinant_of(g: &mut Graph, matrix: &[Vec<ExprId>]) -> ExprId {
-    let Some((first, rest)) = matrix.split_first() else { return g.one() };
-    let mut terms = Vec::new();
-    for (k, e) in first.iter().enumerate() {
-        let minor: Vec<Vec<ExprId>> = rest.iter().map(|row| [&row[..k], &row[k + 1..]].concat()).collect();
-        let minor = determinant_of(g, &minor);
-        let product = g.mul(*e, minor);
-        terms.push(if k % 2 == 0 { product } else { g.neg(product) });
-    }
-    g.sum(&terms)
 }

@@ -29,10 +29,10 @@ impl Derivation<'_> {
             Some((lag, net)) => (lag, Some(net)),
             None => (self.lag_of_columns(solved)?, None),
         };
-        let response = self.response.take().filter(|_| solved.virtual_displacements == solved.psi);
-        let (mass_matrix, force) = match (response, &known) {
-            (Some(response), Some(net)) => {
-                let (mass_matrix, force) = self.condensed(solved, &response, net);
+        let answered = self.answered.clone().filter(|_| solved.virtual_displacements == solved.psi);
+        let (mass_matrix, force) = match (answered, &known) {
+            (Some(answered), Some(net)) => {
+                let (mass_matrix, force) = self.condensed(solved, &answered, net);
                 self.mass_matrix = Some(mass_matrix.clone());
                 (mass_matrix, force)
             }
@@ -194,13 +194,14 @@ impl Derivation<'_> {
 
     /// `Psi`, by names where they have any.
     pub(super) fn psi_by_names(&self, solved: &SolvedConstraint) -> Vec<Vec<ExprId>> {
-        self.partial.clone().unwrap_or_else(|| solved.psi.clone())
+        self.answered.as_ref().map_or_else(|| solved.psi.clone(), |answered| answered.partial.clone())
     }
 
     /// The columns of `W` on the state.
     pub(super) fn displacements(&mut self, solved: &SolvedConstraint) -> Result<Vec<Vec<ExprId>>, Error> {
-        if let Some(partial) = self.partial.as_ref().filter(|_| solved.virtual_displacements == solved.psi) {
-            return Ok(partial.clone());
+        if let Some(answered) = self.answered.as_ref().filter(|_| solved.virtual_displacements == solved.psi)
+        {
+            return Ok(answered.partial.clone());
         }
         let rows = solved.virtual_displacements.iter();
         rows.map(|row| row.iter().map(|e| self.replace(*e)).collect()).collect()

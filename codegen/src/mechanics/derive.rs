@@ -5,11 +5,12 @@
 
 use std::collections::BTreeMap;
 
+use crate::algebra::tableau::Pen;
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
-use crate::reduction::{KinematicConstraint, ReducedSystem, Response};
+use crate::reduction::{KinematicConstraint, ReducedSystem};
 
-use super::chain::Chain;
+use super::answers::Answered;
 use super::equations::{Equations, LinearSystem};
 use super::recursion::Recursion;
 use super::solve::{Factorisation, Pivot};
@@ -77,16 +78,8 @@ pub(super) struct Derivation<'a> {
     pub(super) rest_drive: Vec<ExprId>,
     /// The recursions along which the equations are derived.
     pub(super) recursion: Option<Recursion>,
-    /// `Psi` by names, where it is made row by row.
-    pub(super) partial: Option<Vec<Vec<ExprId>>>,
-    /// Coefficients of the rows of the constraint by names, where it is answered row by row.
-    pub(super) forms: Vec<Vec<ExprId>>,
-    /// Rows that are solved one after the other, where no others are solved together.
-    pub(super) chain: Option<Chain>,
-    /// How dependent velocities answer to the rows, by names.
-    pub(super) response: Option<Response>,
-    /// Those names with their values.
-    pub(super) coefficients: Vec<(ExprId, ExprId)>,
+    /// The rows of the constraint, where dependent velocities are answered row by row.
+    pub(super) answered: Option<Answered>,
     /// `A = W^T L_yy Psi`, once it is made.
     pub(super) mass_matrix: Option<Vec<Vec<ExprId>>>,
     /// Factors of `A` (of `L_yy` in the multiplier form), where velocities follow from momenta.
@@ -164,11 +157,7 @@ impl<'a> Derivation<'a> {
             at_rest: None,
             rest_drive: Vec::new(),
             recursion: None,
-            partial: None,
-            forms: Vec::new(),
-            chain: None,
-            response: None,
-            coefficients: Vec::new(),
+            answered: None,
             mass_matrix: None,
             factors: None,
             n_known: 0,
@@ -190,7 +179,7 @@ impl<'a> Derivation<'a> {
             return Ok(());
         }
         if let Some(response) = solved.response.as_ref().filter(|_| self.system.momenta.is_empty()) {
-            self.velocities_by_rows(solved, response);
+            self.answered = Some(self.velocities_by_rows(solved, response));
             return Ok(());
         }
         self.writer.begin("velocities y = Psi u + psi0");
@@ -208,6 +197,11 @@ impl<'a> Derivation<'a> {
 
     pub(super) fn define(&mut self, name: &str, value: ExprId) -> ExprId {
         self.writer.define(&mut self.g, name, value)
+    }
+
+    /// What writes entries of a tableau, called after these names.
+    pub(super) fn pen<'p>(&'p mut self, names: &'p [String], stems: [&'static str; 2]) -> Pen<'p> {
+        Pen { g: &mut self.g, writer: &mut self.writer, names, stems }
     }
 
     /// `xdot^i = rho^i_alpha y^alpha + r^i`, with `r` of states of first order alone.

@@ -12,10 +12,8 @@ use crate::spec::Want;
 
 use super::derive::{Derivation, Motion};
 use super::equations::{Equations, Legendre, Output};
+use super::limits::MAX_LENGTH;
 use super::solve::Factorisation;
-
-/// Operands up to which rates are multiplied out.
-const MAX_LENGTH: usize = 2000;
 
 impl Derivation<'_> {
     /// The velocities whose momenta are carried: of the unknowns `u = (u_M, u_V)` those of `u_M` solve
