@@ -158,7 +158,7 @@ fn entries_that_cancel_from_the_solution_are_not_divided_by() {
         built(&text, "default").unwrap_or_else(|e| panic!("{e}"))
     });
     let place = |name: &str| scenes[0].state_names().iter().position(|n| n == name).expect("in the state");
-    for (y, z) in [(2.0, 0.0), (0.0, 0.5)] {
+    for (y, z) in [(2.0, 0.0), (0.0, 0.5_f64)] {
         let mut state = [0.0; 4];
         (state[place("y")], state[place("z")], state[place("z_dot")]) = (y, z, 3.0);
         let determinant = z * z - y * y;

@@ -10,7 +10,6 @@
 //! Deliberately does not know: how the rows were solved, what the velocities are.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
 use crate::algebra::tableau::{MAX_COFACTORS, Tableau, adjugate, determinant};
 use crate::error::Error;
@@ -34,9 +33,8 @@ pub(super) struct Rows {
 }
 
 /// Velocities answered row by row.
-#[derive(Clone)]
 pub(super) struct Answered {
-    pub(super) rows: Rc<Rows>,
+    pub(super) rows: Rows,
     /// `Psi` by names.
     pub(super) partial: Vec<Vec<ExprId>>,
 }
@@ -323,7 +321,7 @@ impl Derivation<'_> {
 
     /// The velocities, and the partial velocities `Psi` by names.
     pub(super) fn velocities_by_rows(&mut self, solved: &SolvedConstraint, response: &Response) -> Answered {
-        let rows = Rc::new(self.rows_by_names(solved, response));
+        let rows = self.rows_by_names(solved, response);
         self.writer.begin("partial velocities Psi, row by row");
         let zero = self.g.zero();
         let independent = solved.independent();
@@ -358,10 +356,12 @@ impl Derivation<'_> {
     /// The accelerations of dependent velocities at `udot = 0`, which answer to the rates of the rows at fixed
     /// velocities; none where the constraint is not answered row by row.
     pub(super) fn lag_of_rows(&mut self) -> Result<Option<Vec<ExprId>>, Error> {
-        let rows = self.answered.as_ref().map(|answered| Rc::clone(&answered.rows));
-        let (Some(own), KinematicConstraint::Solved(solved)) = (rows, &self.system.constraint) else {
+        let answered = self.way.answered();
+        let (Some(answered), KinematicConstraint::Solved(solved)) = (answered, &self.system.constraint)
+        else {
             return Ok(None);
         };
+        let own = &answered.rows;
         self.writer.begin("accelerations of the dependent velocities at udot = 0");
         // In one pass over what the rows share, and not from a slope for each coordinate.
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
@@ -396,7 +396,7 @@ impl Derivation<'_> {
             let best = candidates.into_iter().min_by_key(n).unwrap_or_else(|| self.g.zero());
             rates.push(best);
         }
-        Ok(Some(self.answer(&own, &rates, "lag_")))
+        Ok(Some(self.answer(own, &rates, "lag_")))
     }
 
     /// `lambda = -R^T E` for the reactions `E = lambda_A form_A` along the rows; `reaction` by velocity.

@@ -286,10 +286,14 @@ impl Ring for Complex<'_> {
         (self.0.one(), self.0.zero())
     }
 
-    fn times(&mut self, (a, b): (ExprId, ExprId), (c, d): (ExprId, ExprId)) -> (ExprId, ExprId) {
+    fn times(&mut self, (a, b): &(ExprId, ExprId), (c, d): &(ExprId, ExprId)) -> (ExprId, ExprId) {
         let g = &mut *self.0;
-        let [ac, bd, ad, bc] = [(a, c), (b, d), (a, d), (b, c)].map(|(x, y)| g.mul(x, y));
+        let [ac, bd, ad, bc] = [(a, c), (b, d), (a, d), (b, c)].map(|(x, y)| g.mul(*x, *y));
         (g.sub(ac, bd), g.add(ad, bc))
+    }
+
+    fn negative(&mut self, (a, b): &(ExprId, ExprId)) -> (ExprId, ExprId) {
+        (self.0.neg(*a), self.0.neg(*b))
     }
 
     fn alternating(&mut self, terms: &[(ExprId, ExprId)]) -> (ExprId, ExprId) {

@@ -2,7 +2,9 @@
 //!
 //! Deliberately does not know: what is divided by a determinant.
 
-use crate::expr::{ExprId, Graph};
+use num_traits::{One, Zero};
+
+use crate::expr::{ExprId, Graph, Rational};
 
 /// Rows up to which a block is solved by its adjugate, whose products grow as the factorial of the rows; larger blocks
 /// are eliminated cell by cell, the best first. A guess: the shipped loops and frames have up to three.
@@ -14,11 +16,13 @@ pub const MAX_DETERMINANT: usize = 8;
 /// Products and sums of entries of a matrix.
 pub trait Ring {
     /// An entry.
-    type Entry: Copy;
+    type Entry: Clone;
     /// One.
     fn unit(&mut self) -> Self::Entry;
     /// `a b`.
-    fn times(&mut self, a: Self::Entry, b: Self::Entry) -> Self::Entry;
+    fn times(&mut self, a: &Self::Entry, b: &Self::Entry) -> Self::Entry;
+    /// `-a`.
+    fn negative(&mut self, a: &Self::Entry) -> Self::Entry;
     /// The sum of entries with signs: plus for those at even places, minus for those at odd ones.
     fn alternating(&mut self, terms: &[Self::Entry]) -> Self::Entry;
 }
@@ -31,8 +35,12 @@ impl Ring for Graph {
         self.one()
     }
 
-    fn times(&mut self, a: ExprId, b: ExprId) -> ExprId {
-        self.mul(a, b)
+    fn times(&mut self, a: &ExprId, b: &ExprId) -> ExprId {
+        self.mul(*a, *b)
+    }
+
+    fn negative(&mut self, a: &ExprId) -> ExprId {
+        self.neg(*a)
     }
 
     fn alternating(&mut self, terms: &[ExprId]) -> ExprId {
@@ -40,6 +48,30 @@ impl Ring for Graph {
         let signed: Vec<ExprId> = signed.collect();
         let sum = self.sum(&signed);
         self.cancel_zero(sum)
+    }
+}
+
+/// Numbers.
+pub struct Numbers;
+
+impl Ring for Numbers {
+    type Entry = Rational;
+
+    fn unit(&mut self) -> Rational {
+        Rational::one()
+    }
+
+    fn times(&mut self, a: &Rational, b: &Rational) -> Rational {
+        a * b
+    }
+
+    fn negative(&mut self, a: &Rational) -> Rational {
+        -a
+    }
+
+    fn alternating(&mut self, terms: &[Rational]) -> Rational {
+        let terms = terms.iter().enumerate();
+        terms.fold(Rational::zero(), |sum, (k, q)| if k % 2 == 0 { sum + q } else { sum - q })
     }
 }
 
@@ -56,23 +88,23 @@ pub fn determinant<R: Ring>(ring: &mut R, square: &[Vec<R::Entry>]) -> R::Entry 
         let row = &square[n - set.count_ones() as usize];
         let columns = (0..n).filter(|column| set >> column & 1 == 1);
         let terms: Vec<R::Entry> =
-            columns.map(|column| ring.times(row[column], minors[set & !(1 << column)])).collect();
+            columns.map(|column| ring.times(&row[column], &minors[set & !(1 << column)])).collect();
         minors[set] = ring.alternating(&terms);
     }
-    minors[(1 << n) - 1]
+    minors.pop().unwrap_or_else(|| ring.unit())
 }
 
 /// The adjugate, whose product with the matrix is its determinant times the identity.
 ///
 /// # Shapes
 /// `square`: `n x n` -> `n x n`.
-pub fn adjugate(g: &mut Graph, square: &[Vec<ExprId>]) -> Vec<Vec<ExprId>> {
+pub fn adjugate<R: Ring>(ring: &mut R, square: &[Vec<R::Entry>]) -> Vec<Vec<R::Entry>> {
     let n = square.len();
-    let entry = |g: &mut Graph, i: usize, j: usize| {
+    let mut entry = |i: usize, j: usize| {
         let rows = square.iter().enumerate().filter(|(row, _)| *row != j);
-        let minor: Vec<Vec<ExprId>> = rows.map(|(_, row)| [&row[..i], &row[i + 1..]].concat()).collect();
-        let minor = determinant(g, &minor);
-        if (i + j) % 2 == 0 { minor } else { g.neg(minor) }
+        let minor: Vec<Vec<R::Entry>> = rows.map(|(_, row)| [&row[..i], &row[i + 1..]].concat()).collect();
+        let minor = determinant(ring, &minor);
+        if (i + j) % 2 == 0 { minor } else { ring.negative(&minor) }
     };
-    (0..n).map(|i| (0..n).map(|j| entry(g, i, j)).collect()).collect()
+    (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect()
 }

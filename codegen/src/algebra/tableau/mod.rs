@@ -24,7 +24,7 @@ mod grade;
 mod rows;
 mod solve;
 
-pub use cofactors::{MAX_COFACTORS, MAX_DETERMINANT, Ring, adjugate, determinant};
+pub use cofactors::{MAX_COFACTORS, MAX_DETERMINANT, Numbers, Ring, adjugate, determinant};
 pub use form::{Least, Pen, QuadraticForm, Slopes};
 pub use grade::{Grade, Judge, Known};
 pub use rows::{Cell, Tableau, Tie};
