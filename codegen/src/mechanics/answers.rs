@@ -13,106 +13,16 @@ use std::collections::BTreeMap;
 
 use crate::algebra::tableau::{MAX_COFACTORS, Tableau, adjugate, determinant};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Style, SymbolId};
+use crate::expr::{ExprId, Style, SymbolId};
 use crate::reduction::{KinematicConstraint, Response, SolvedConstraint};
 
-use super::chain::{Chain, Link};
 use super::derive::Derivation;
-
-/// The rows of a constraint by names, and how they are answered.
-pub(super) struct Rows {
-    /// Coefficients of the rows.
-    forms: Vec<Vec<ExprId>>,
-    /// Names in them with their values.
-    coefficients: Vec<(ExprId, ExprId)>,
-    order: Order,
-    /// Rows that are solved one after the other, where no others are solved together.
-    chain: Option<Chain>,
-    /// How dependent velocities answer to the rows that are solved together.
-    response: Response,
-}
-
-/// Velocities answered row by row.
-pub(super) struct Answered {
-    pub(super) rows: Rows,
-    /// `Psi` by names.
-    pub(super) partial: Vec<Vec<ExprId>>,
-}
-
-/// Which rows give their velocity by others, in an order in which these are known, and which are solved together.
-struct Order {
-    direct: Vec<(usize, usize)>,
-    together: Vec<(usize, usize)>,
-}
+use super::rows::{Answered, Chain, Link, Order, Rows};
 
 /// A velocity by others, `y_own = by y`, of a row.
 pub(super) struct Direct {
     pub(super) own: usize,
     pub(super) by: Vec<(usize, ExprId)>,
-}
-
-impl Rows {
-    /// `-(form x + right)` without the own component, divided by its coefficient.
-    fn direct_answer(
-        &self,
-        g: &mut Graph,
-        (row, own): (usize, usize),
-        right: &[ExprId],
-        x: &[ExprId],
-    ) -> ExprId {
-        let form = &self.forms[row];
-        let mut terms = vec![right[row]];
-        for (alpha, value) in x.iter().enumerate().filter(|(alpha, _)| *alpha != own) {
-            terms.push(g.mul(form[alpha], *value));
-        }
-        let sum = g.sum(&terms);
-        let inverse = g.powi(form[own], -1);
-        let value = g.mul(sum, inverse);
-        g.neg(value)
-    }
-
-    /// The unit vector of a component, with what the direct rows answer to it.
-    fn along(&self, g: &mut Graph, column: usize, width: usize) -> Vec<ExprId> {
-        let right = vec![g.zero(); self.forms.len()];
-        let mut x = vec![g.zero(); width];
-        x[column] = g.one();
-        for pair in &self.order.direct {
-            x[pair.1] = self.direct_answer(g, *pair, &right, &x);
-        }
-        x
-    }
-}
-
-impl Order {
-    /// The order of the rows. As few as possible are solved together: those that the model says give a velocity, those
-    /// whose own velocity has no number before it, and as many others as are needed where rows wait for each other.
-    fn new(g: &Graph, forms: &[Vec<ExprId>], response: &Response) -> Order {
-        let is_number = |pair: &(usize, usize)| {
-            let (row, own) = *pair;
-            g.as_rational(forms[row][own]).is_some() && !response.given.contains(pair)
-        };
-        let (mut numbers, mut together): (Vec<_>, Vec<_>) =
-            response.pairs.iter().copied().partition(is_number);
-        loop {
-            let (mut direct, mut waiting) = (Vec::new(), numbers.clone());
-            loop {
-                let is_ready = |(row, own): &(usize, usize)| {
-                    let mut others = waiting.iter().filter(|(_, other)| other != own);
-                    others.all(|(_, other)| forms[*row][*other] == g.zero())
-                };
-                let Some(place) = waiting.iter().position(is_ready) else { break };
-                direct.push(waiting.remove(place));
-            }
-            match waiting.last() {
-                None => return Order { direct, together },
-                Some(last) => {
-                    let last = *last;
-                    numbers.retain(|pair| *pair != last);
-                    together.push(last);
-                }
-            }
-        }
-    }
 }
 
 impl Derivation<'_> {

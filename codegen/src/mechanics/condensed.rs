@@ -12,8 +12,9 @@ use crate::algebra::tableau::QuadraticForm;
 use crate::expr::{ExprId, Trials};
 use crate::reduction::SolvedConstraint;
 
-use super::answers::{Answered, Direct};
+use super::answers::Direct;
 use super::derive::Derivation;
+use super::rows::Answered;
 
 /// `A` and `f` along the unknowns.
 pub(super) type Condensed = (Vec<Vec<ExprId>>, Vec<ExprId>);

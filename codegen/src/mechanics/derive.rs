@@ -11,9 +11,9 @@ use crate::error::Error;
 use crate::expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
 use crate::reduction::{KinematicConstraint, ReducedSystem};
 
-use super::answers::Answered;
 use super::equations::{Equations, LinearSystem};
 use super::recursion::Recursion;
+use super::rows::Answered;
 use super::solve::{Factorisation, Pivot};
 
 /// Derives `W^alpha_b E_alpha = 0` with

@@ -7,7 +7,6 @@
 
 mod answers;
 mod bracket;
-mod chain;
 mod chart;
 mod coefficients;
 mod condensed;
@@ -37,6 +36,7 @@ mod rates;
 mod recursion;
 mod results;
 mod routh;
+mod rows;
 mod sections;
 mod solve;
 mod splitting;
