@@ -64,10 +64,8 @@ pub(super) struct Transform {
 }
 
 /// The stage of the velocities: how the dependent ones are written.
-#[derive(Clone, Default)]
 pub(super) enum Velocities {
     /// As the constraint is solved for them, if there is one.
-    #[default]
     Solved,
     /// By the rows of the constraint.
     ByRows(Rc<Answered>),
@@ -119,8 +117,11 @@ pub(super) struct Derivation<'a> {
     pub(super) momentum: Vec<ExprId>,
     /// `d^2 L / dy dy`.
     pub(super) hessian: Vec<Vec<ExprId>>,
+    /// None where the state has velocities alone.
     pub(super) transform: Option<Transform>,
+    /// Of the velocities.
     pub(super) way: Velocities,
+    /// Empty for a Hamiltonian, and for a motion that is given.
     pub(super) forces: Forces,
 }
 

@@ -145,12 +145,8 @@ fn settle_displacements(model: &mut Model, motion: &BTreeMap<SymbolId, ExprId>) 
 
 /// The same value without a symbol that it does not depend on; none where it does.
 fn without(g: &mut Graph, e: ExprId, symbol: SymbolId) -> Option<ExprId> {
-    if !g.free_symbols(e).contains(&symbol) {
-        return Some(e);
-    }
-    let slope = g.diff(e, symbol);
-    let at_zero = g.subs(e, &BTreeMap::from([(symbol, g.zero())])).ok()?;
-    g.is_zero(slope).then_some(at_zero)
+    let e = g.without_idle_symbols(e, Some(&[symbol]));
+    (!g.free_symbols(e).contains(&symbol)).then_some(e)
 }
 
 /// Every constraint as a row `w . ydot + w0 = 0`, on the velocities of the model; none of those with quasi-velocities
