@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::algebra::tableau::{self, solve_symbolic};
+use crate::algebra::tableau::{determinant_of, solve_symbolic};
 use crate::error::Error;
 use crate::expr::{Definition, ExprId, Graph, Section, SymbolId, independent_rows, inlined};
 use crate::reduction::StateKind;
@@ -85,7 +85,7 @@ impl Chart {
         chart.values =
             chosen.iter().map(|k| symbols[*k]).zip(solution.into_iter().map(|row| row[0])).collect();
         chart.coordinates.retain(|place| !chosen.iter().any(|k| moving[*k] == *place));
-        chart.determinant = tableau::determinant(g, &matrix);
+        chart.determinant = determinant_of(g, &matrix);
         Ok(chart)
     }
 

@@ -104,7 +104,7 @@ pub fn adjugate<R: Ring>(ring: &mut R, square: &[Vec<R::Entry>]) -> Vec<Vec<R::E
         let rows = square.iter().enumerate().filter(|(row, _)| *row != j);
         let minor: Vec<Vec<R::Entry>> = rows.map(|(_, row)| [&row[..i], &row[i + 1..]].concat()).collect();
         let minor = determinant(ring, &minor);
-        if (i + j) % 2 == 0 { minor } else { ring.negative(&minor) }
+        if (i + j).is_multiple_of(2) { minor } else { ring.negative(&minor) }
     };
     (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect()
 }

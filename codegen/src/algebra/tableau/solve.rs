@@ -4,6 +4,7 @@
 
 use crate::expr::{ExprId, Graph};
 
+use super::cofactors::{MAX_DETERMINANT, determinant};
 use super::grade::Judge;
 use super::rows::{Tableau, Tie};
 
@@ -52,6 +53,45 @@ pub fn solve_symmetric(
     Ok(x)
 }
 
+/// The determinant of a square matrix: by cofactors while its minors are few, by the product of the pivots of an
+/// elimination otherwise; zero for a matrix that is singular identically.
+///
+/// # Shapes
+/// `square`: `n x n`.
+pub fn determinant_of(g: &mut Graph, square: &[Vec<ExprId>]) -> ExprId {
+    if square.len() <= MAX_DETERMINANT {
+        return determinant(g, square);
+    }
+    let mut tableau = Tableau::new(square.to_vec());
+    let mut factors = Vec::with_capacity(square.len());
+    for column in 0..square.len() {
+        let Some(found) = step(g, &mut tableau, column, false) else { return g.zero() };
+        factors.push(if found.row == column { found.pivot } else { g.neg(found.pivot) });
+    }
+    g.product(&factors)
+}
+
+/// A column that was eliminated: the row that was exchanged for that of the column, and what was divided by.
+struct Step {
+    row: usize,
+    pivot: ExprId,
+}
+
+/// Eliminates a column of all rows by the best row that is not used up, or by the diagonal; none where all entries left
+/// vanish identically.
+fn step(g: &mut Graph, tableau: &mut Tableau, column: usize, prefer_diagonal: bool) -> Option<Step> {
+    let n = tableau.rows().len();
+    let mut best = |rows: std::ops::Range<usize>| {
+        tableau.best(g, &Judge::BLIND, Tie::Smallest, rows.map(|row| (row, column)))
+    };
+    let diagonal = if prefer_diagonal { best(column..column + 1) } else { None };
+    let row = diagonal.or_else(|| best(column..n))?.row;
+    let pivot = tableau.rows()[row][column];
+    tableau.swap_rows(row, column);
+    tableau.eliminate(g, (column, column));
+    Some(Step { row, pivot })
+}
+
 fn column_by_column(
     g: &mut Graph,
     a: &[Vec<ExprId>],
@@ -61,13 +101,7 @@ fn column_by_column(
     let n = a.len();
     let mut tableau = Tableau::new(a.iter().zip(b).map(|(l, r)| [l.as_slice(), r].concat()).collect());
     for column in 0..n {
-        let mut best = |rows: std::ops::Range<usize>| {
-            tableau.best(g, &Judge::BLIND, Tie::Smallest, rows.map(|row| (row, column)))
-        };
-        let diagonal = if prefer_diagonal { best(column..column + 1) } else { None };
-        let found = diagonal.or_else(|| best(column..n)).ok_or(column)?.row;
-        tableau.swap_rows(found, column);
-        tableau.eliminate(g, (column, column));
+        step(g, &mut tableau, column, prefer_diagonal).ok_or(column)?;
     }
     Ok(tableau.into_rows().into_iter().map(|row| row[n..].to_vec()).collect())
 }

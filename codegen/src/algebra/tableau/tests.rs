@@ -90,6 +90,28 @@ fn cells_blocks_and_columns_solve_the_same_system() {
     assert!(crossed.rows().iter().flatten().all(is_whole), "something was divided by");
 }
 
+/// A matrix of nine rows, `x` on the diagonal and `y` beside it, around the corner as well: `x^9 + y^9`.
+#[test]
+fn determinants_of_many_rows_are_products_of_pivots() {
+    let mut g = Graph::new();
+    let (_, letters, values) = letters(&mut g);
+    let n = MAX_DETERMINANT + 1;
+    let entry = |g: &Graph, i: usize, j: usize| match (j + n - i) % n {
+        0 => letters[0],
+        1 => letters[1],
+        _ => g.zero(),
+    };
+    let square: Vec<Vec<ExprId>> = (0..n).map(|i| (0..n).map(|j| entry(&g, i, j)).collect()).collect();
+    let found = determinant_of(&mut g, &square);
+    let by_hand = 0.7_f64.powi(9) + (-1.3_f64).powi(9);
+    assert!((at(&g, found, &values) - by_hand).abs() < 1e-12 * by_hand.abs());
+    // The same with two rows exchanged.
+    let mut exchanged = square;
+    exchanged.swap(0, 3);
+    let found = determinant_of(&mut g, &exchanged);
+    assert!((at(&g, found, &values) + by_hand).abs() < 1e-12 * by_hand.abs());
+}
+
 #[test]
 fn blocks_that_vanish_identically_are_refused_and_kernels_found() {
     let mut g = Graph::new();
