@@ -139,6 +139,39 @@ fn a_factor_that_all_terms_share_is_not_divided_by() {
     assert!((found[place("p_dot")] + 0.25 + acceleration / 2.0).abs() < 1e-15, "{found:?}");
 }
 
+/// Rows that leave no choice of velocities divide by their determinant alone: by that of a rotation, which is one, and
+/// by `z^2 - y^2`, not by `y` or `z`.
+#[test]
+fn entries_that_cancel_from_the_solution_are_not_divided_by() {
+    let rotation = ["cos(z)*x_dot + sin(z)*y_dot = z_dot", "cos(z)*y_dot - sin(z)*x_dot = 0"];
+    let hyperbolic = ["z*x_dot + y*y_dot = z_dot", "y*x_dot + z*y_dot = 0"];
+    let scenes = [rotation, hyperbolic].map(|[along, across]| {
+        let text = format!(
+            "model m {{
+                coordinate x, y, z in real;
+                lagrangian = (x_dot^2 + y_dot^2 + z_dot^2)/2;
+                constraint along: {along};
+                constraint across: {across};
+                independent z_dot;
+            }}"
+        );
+        built(&text, "default").unwrap_or_else(|e| panic!("{e}"))
+    });
+    let place = |name: &str| scenes[0].state_names().iter().position(|n| n == name).expect("in the state");
+    for (y, z) in [(2.0, 0.0), (0.0, 0.5_f64)] {
+        let mut state = [0.0; 4];
+        (state[place("y")], state[place("z")], state[place("z_dot")]) = (y, z, 3.0);
+        let determinant = z * z - y * y;
+        for (scene, along) in scenes.iter().zip([[z.cos(), z.sin()], [z / determinant, -y / determinant]]) {
+            let found = rates(scene, 0.0, &state);
+            for (name, slope) in ["x", "y"].into_iter().zip(along) {
+                assert!((found[place(name)] - 3.0 * slope).abs() < 1e-15, "{name} at {z}: {found:?}");
+            }
+            assert!(found.iter().all(|rate| rate.is_finite()), "{found:?}");
+        }
+    }
+}
+
 /// The signature has a fraction for a divisor that can be negative and positive, and nothing for one that cannot.
 #[test]
 fn single_divisors_that_change_their_sign_are_watched() {

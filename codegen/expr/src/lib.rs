@@ -34,6 +34,7 @@ mod real_point;
 mod relations;
 mod samples;
 mod sign;
+mod trials;
 mod without_value;
 mod zero;
 
@@ -52,6 +53,7 @@ pub use relations::rational_relations;
 pub use samples::{Measured, Samples, uniform};
 pub use sign::remembered_sign_of;
 pub use sign::{Relation, Sign, sign_of};
+pub use trials::{Trials, Workspace};
 
 pub use zero::independent_rows;
 

@@ -2,6 +2,8 @@
 //!
 //! Deliberately does not know: where the values come from.
 
+use std::collections::BTreeMap;
+
 use rustc_hash::FxHashMap;
 
 use super::arena::Arena;
@@ -9,7 +11,7 @@ use super::field;
 use super::fingerprint::{has_even_denominator, is_character};
 use super::graph::Graph;
 use super::knowledge::{Base, Doubts, FURTHER, POINTS, Signs, UnknownSign, Vanishing};
-use super::node::{ExprId, Func, Node};
+use super::node::{ExprId, Func, Node, SymbolId};
 use super::rational::Rational;
 
 /// Expressions with more unknown signs are not evaluated for all patterns of signs.
@@ -66,6 +68,25 @@ impl Graph {
     /// The expression itself, or zero when it vanishes identically.
     pub fn cancel_zero(&mut self, e: ExprId) -> ExprId {
         if self.is_zero(e) { Arena::ZERO } else { e }
+    }
+
+    /// The same value without those `among` its symbols, all where none are given, that it does not depend on:
+    /// `cos(x)^2 + sin(x)^2` is one.
+    pub fn without_idle_symbols(&mut self, e: ExprId, among: Option<&[SymbolId]>) -> ExprId {
+        let mut value = self.cancel_zero(e);
+        let free = self.free_symbols(value);
+        let symbols = among.map_or_else(|| free.iter().copied().collect(), <[SymbolId]>::to_vec);
+        for symbol in symbols {
+            if !self.free_symbols(value).contains(&symbol) {
+                continue;
+            }
+            let slope = self.diff(value, symbol);
+            if self.is_zero(slope) {
+                let zero = self.zero();
+                value = self.subs(value, &BTreeMap::from([(symbol, zero)])).unwrap_or(value);
+            }
+        }
+        value
     }
 
     /// Whether two expressions are equal as functions.

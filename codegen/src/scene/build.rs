@@ -8,10 +8,11 @@ use std::sync::Arc;
 use crate::certify::{Certificate, Claim, MatrixClaim, N_POINTS, certify};
 use hamel_expr::error::Error;
 use hamel_expr::parallel::side_by_side;
-use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, needed_sections};
+use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections};
 use hamel_lang::spec::{self, Diagnostics, Model, Want, Wanted};
 use hamel_mechanics::mechanics::{
-    Equations, Output, OutputKind, Phase, StateEquation, derive, is_recursive, operations_of_motion, phases,
+    EXPANDED, Equations, Output, OutputKind, Phase, StateEquation, derive, is_recursive,
+    operations_of_motion, phases,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_program::lower::{self, Inputs, ParamCondition, Request};
@@ -72,11 +73,6 @@ impl<'m> Derivations<'m> {
     }
 }
 
-/// Most operations of multiplied-out equations as they are written, as a multiple of those by recursion: where there
-/// are more, they do not cost less. Of a snake of three links they are 307 and 152, of five links 1148 and 328, and
-/// recursion costs less in both (`LINKAGES="snake:5:auto" cargo test -p hamel-codegen --test linkages measured`).
-const EXPANDED: usize = 2;
-
 /// The equations by recursion or multiplied out, whichever right-hand side costs less; none where those by recursion
 /// cannot be derived.
 fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Arc<Equations>> {
@@ -93,7 +89,10 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Arc<Equ
     let own = system.graph.budget();
     let by_recursion = in_form(true);
     let equations = Arc::new(derive(&by_recursion).ok()?);
+    let n_by_recursion = equations.n_operations();
     let (cost_by_recursion, spent) = cost(&equations, &by_recursion.formulation)?;
+    let mut trials = Trials::new(&());
+    trials.attempt(&mut (), 0, |()| Some((cost_by_recursion, equations)));
     // What takes more than recursion took does not cost less; searches stop at half of the work.
     let least = |own: u64, spent: u64| own.min(spent.saturating_mul(2));
     let mut expanded = in_form(false);
@@ -102,16 +101,16 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Arc<Equ
         bytes: least(own.bytes, spent.bytes),
         work: least(own.work, spent.work),
     });
-    let cheaper = || {
-        if operations_of_motion(&expanded).ok()? > EXPANDED * equations.n_operations() {
+    trials.attempt(&mut (), 0, |()| {
+        if operations_of_motion(&expanded).ok()? > EXPANDED * n_by_recursion {
             return None;
         }
         let mut equations = derive(&expanded).ok()?;
         let (cost, _) = cost(&Arc::new(equations.clone()), &expanded.formulation)?;
         equations.system.graph.set_budget(own);
-        (cost <= cost_by_recursion).then(|| Arc::new(equations))
-    };
-    Some(cheaper().unwrap_or(equations))
+        Some((cost, Arc::new(equations)))
+    });
+    trials.finish(&mut ())
 }
 
 /// Builds a scene by its plan; problems without a place of their own are at the scene.

@@ -1,6 +1,8 @@
-//! Exact linear algebra: rational matrices, and Gaussian elimination on expressions.
+//! Exact linear algebra of numbers.
+//!
+//! Deliberately does not know: expressions, whose elimination is in [`super::tableau`].
 
-use hamel_expr::{ExprId, Graph, Rational, Scalar, Vanishing};
+use hamel_expr::{Rational, Scalar};
 
 /// Dense matrix of exact numbers, row-major.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -214,100 +216,4 @@ impl Subspace {
         }
         rest.iter().all(Scalar::is_zero)
     }
-}
-
-/// Solves `A X = B` on expressions, with exact zero tests and the simplest pivot of each column that is proved not to
-/// vanish identically; where there is none, one of which it is not known.
-///
-/// # Shapes
-/// `a`: `n x n`, `b`: `n x k` -> `n x k`.
-///
-/// # Errors
-/// The index of the column without a pivot, when `A` is singular identically.
-pub fn solve_symbolic(
-    g: &mut Graph,
-    a: &[Vec<ExprId>],
-    b: &[Vec<ExprId>],
-) -> Result<Vec<Vec<ExprId>>, usize> {
-    eliminate(g, a, b, false)
-}
-
-/// Solves `A X = B` for a symmetric `A`, with pivots on the diagonal wherever these are not identically zero: those of
-/// a definite matrix vanish nowhere, while an entry beside the diagonal that is divided by may, and the solution with
-/// it.
-///
-/// # Shapes
-/// `a`: `n x n`, `b`: `n x k` -> `n x k`.
-///
-/// # Errors
-/// The index of a column without a pivot, when `A` is singular identically.
-pub fn solve_symmetric(
-    g: &mut Graph,
-    a: &[Vec<ExprId>],
-    b: &[Vec<ExprId>],
-) -> Result<Vec<Vec<ExprId>>, usize> {
-    let n = a.len();
-    let mut order: Vec<usize> = (0..n).collect();
-    // Simple pivots first; the zeros of a saddle point's diagonal are filled by then.
-    order.sort_by_key(|&k| (a[k][k] == g.zero(), g.reachable(&[a[k][k]]).len()));
-    let permuted: Vec<Vec<ExprId>> =
-        order.iter().map(|&i| order.iter().map(|&j| a[i][j]).collect()).collect();
-    let right: Vec<Vec<ExprId>> = order.iter().map(|&i| b[i].clone()).collect();
-    let solved = eliminate(g, &permuted, &right, true).map_err(|column| order[column])?;
-    let mut x = vec![Vec::new(); n];
-    for (row, &i) in solved.into_iter().zip(&order) {
-        x[i] = row;
-    }
-    Ok(x)
-}
-
-fn eliminate(
-    g: &mut Graph,
-    a: &[Vec<ExprId>],
-    b: &[Vec<ExprId>],
-    prefer_diagonal: bool,
-) -> Result<Vec<Vec<ExprId>>, usize> {
-    let n = a.len();
-    let mut rows: Vec<Vec<ExprId>> = a.iter().zip(b).map(|(l, r)| [l.as_slice(), r].concat()).collect();
-    let width = rows.first().map_or(0, Vec::len);
-    for column in 0..n {
-        let mut best: Option<(usize, (bool, usize))> = None;
-        for (i, row) in rows.iter().enumerate().skip(column) {
-            let is_unproved = match g.vanishing(row[column]) {
-                Vanishing::Zero => continue,
-                Vanishing::NonZero => false,
-                Vanishing::Unknown => true,
-            };
-            let rank = (is_unproved, g.reachable(&[row[column]]).len());
-            g.charge(rank.1);
-            if best.is_none_or(|(_, other)| rank < other) {
-                best = Some((i, rank));
-            }
-            if prefer_diagonal && i == column {
-                break;
-            }
-        }
-        let Some((found, _)) = best else { return Err(column) };
-        rows.swap(found, column);
-        let inverse = g.powi(rows[column][column], -1);
-        for j in column..width {
-            rows[column][j] = g.mul(rows[column][j], inverse);
-        }
-        let pivot_row = rows[column].clone();
-        for (i, row) in rows.iter_mut().enumerate() {
-            let factor = row[column];
-            if i == column || factor == g.zero() {
-                continue;
-            }
-            for j in column..width {
-                if pivot_row[j] == g.zero() {
-                    continue;
-                }
-                let product = g.mul(factor, pivot_row[j]);
-                let reduced = g.sub(row[j], product);
-                row[j] = g.cancel_zero(reduced);
-            }
-        }
-    }
-    Ok(rows.into_iter().map(|row| row[n..].to_vec()).collect())
 }

@@ -22,6 +22,7 @@ mod products;
 mod representation;
 pub mod series;
 mod skew;
+pub mod tableau;
 
 pub use algebroid::Algebroid;
 pub use circle::CircleModes;
@@ -29,10 +30,11 @@ pub use functions::Functions;
 pub use harmonics::Harmonics;
 pub use ideals::{independent_vectors, lies_in, next_ideal, whole_algebra};
 pub use lie::{Block, LieAlgebra};
-pub use matrix::{Matrix, solve_symbolic, solve_symmetric};
+pub use matrix::Matrix;
 pub use modes::Modes;
 pub use representation::Representation;
 pub use skew::{Bracket, SkewBracket};
+pub use tableau::{solve_symbolic, solve_symmetric};
 
 #[cfg(test)]
 mod tests;

@@ -10,6 +10,7 @@ use super::diagnostic::{Diagnostic, Span};
 use super::eval::{Evaluator, Weighed};
 use super::shape::Shape;
 use super::value::Value;
+use crate::algebra::tableau::{Numbers, adjugate, determinant};
 use hamel_expr::{Rational, rational_to_f64};
 
 /// Largest change of an entry: that of two digits.
@@ -101,24 +102,8 @@ fn rounded(q: &Rational, digits: u32) -> Rational {
     (q * &scale).round() / scale
 }
 
-/// The cofactors of a matrix, whose quotients by the determinant are the entries of the transposed inverse.
-fn cofactors(m: &Rows) -> Rows {
-    if let [top, bottom] = m.as_slice() {
-        return vec![vec![bottom[1].clone(), -&bottom[0]], vec![-&top[1], top[0].clone()]];
-    }
-    let entry = |i: usize, j: usize| {
-        let [r, s, c, d] = [(i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3];
-        &m[r][c] * &m[s][d] - &m[r][d] * &m[s][c]
-    };
-    (0..3).map(|i| (0..3).map(|j| entry(i, j)).collect()).collect()
-}
-
-fn determinant(m: &Rows, cofactors: &Rows) -> Rational {
-    m[0].iter().zip(&cofactors[0]).map(|(a, b)| a * b).fold(Rational::zero(), |sum, q| sum + q)
-}
-
 fn is_reflection(m: &Rows) -> bool {
-    determinant(m, &cofactors(m)).is_negative()
+    determinant(&mut Numbers, m).is_negative()
 }
 
 /// The rotation nearest to a matrix, and the largest change of an entry; none where there is no single one nearby.
@@ -136,16 +121,15 @@ fn nearest(given: &Rows) -> Option<(Rows, Rational)> {
     }
     let mut x: Rows = given.iter().map(|row| row.iter().map(|q| rounded(q, STEP_DIGITS)).collect()).collect();
     for _ in 0..STEPS {
-        let cofactors = cofactors(&x);
-        let determinant = determinant(&x, &cofactors);
+        let adjugate = adjugate(&mut Numbers, &x);
+        let determinant = determinant(&mut Numbers, &x);
         // Half of that of a rotation is far from all of them.
         if determinant < half() {
             return None;
         }
         let step = |a: &Rational, b: &Rational| rounded(&((a + b / &determinant) * half()), STEP_DIGITS);
-        x = (x.iter().zip(&cofactors))
-            .map(|(row, others)| row.iter().zip(others).map(|(a, b)| step(a, b)).collect())
-            .collect();
+        let entry = |i: usize, j: usize| step(&x[i][j], &adjugate[j][i]);
+        x = (0..x.len()).map(|i| (0..x.len()).map(|j| entry(i, j)).collect()).collect();
     }
     let rotation = if x.len() == 2 { of_plane(&x) } else { of_space(&x) };
     let changes = given.iter().flatten().zip(rotation.iter().flatten()).map(|(a, b)| (a - b).abs());

@@ -6,10 +6,8 @@ use num_traits::{One, Signed, ToPrimitive, Zero};
 
 use super::limits::{MAX_DIM, MAX_EXPONENT};
 use super::shape::{Expected, Operation, Shape, ValueError};
+use crate::algebra::tableau::{MAX_DETERMINANT, determinant};
 use hamel_expr::{ExprId, Func, Graph, Rational, Style};
-
-/// Largest matrix whose determinant is written out.
-const MAX_DETERMINANT: usize = 8;
 
 /// An expression value: a number, a vector or a matrix of symbolic expressions.
 ///
@@ -466,7 +464,7 @@ impl Value {
         Ok(Value::Scalar(g.sum(v)))
     }
 
-    /// The determinant of a square matrix with at most 8 rows, by expansion over subsets of columns.
+    /// The determinant of a square matrix with at most 8 rows.
     ///
     /// # Errors
     /// [`ValueError::Argument`] unless it is square and small.
@@ -480,19 +478,8 @@ impl Value {
                 found,
             });
         }
-        // minor[S] = determinant of the first |S| rows on the columns S.
-        let mut minors = vec![g.one(); 1 << n];
-        for set in 1_usize..1 << n {
-            let row = set.count_ones() as usize - 1;
-            let mut terms = Vec::new();
-            for column in (0..n).filter(|c| set >> c & 1 == 1) {
-                let above = (set >> (column + 1)).count_ones();
-                let term = g.mul(a[row * n + column], minors[set & !(1 << column)]);
-                terms.push(if above % 2 == 0 { term } else { g.neg(term) });
-            }
-            minors[set] = g.sum(&terms);
-        }
-        Ok(Value::Scalar(minors[(1 << n) - 1]))
+        let rows: Vec<Vec<ExprId>> = (0..n).map(|i| a[i * n..(i + 1) * n].to_vec()).collect();
+        Ok(Value::Scalar(determinant(g, &rows)))
     }
 
     /// An elementary function of a number.

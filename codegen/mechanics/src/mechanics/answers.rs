@@ -14,15 +14,10 @@ use std::collections::BTreeMap;
 use crate::reduction::{KinematicConstraint, Response, SolvedConstraint};
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Style, SymbolId};
+use hamel_lang::algebra::tableau::{MAX_COFACTORS, Tableau, adjugate, determinant};
 
-use super::chain::{Chain, Link};
 use super::derive::Derivation;
-
-/// Which rows give their velocity by others, in an order in which these are known, and which are solved together.
-struct Order {
-    direct: Vec<(usize, usize)>,
-    together: Vec<(usize, usize)>,
-}
+use super::rows::{Answered, Chain, Link, Order, Rows};
 
 /// A velocity by others, `y_own = by y`, of a row.
 pub(super) struct Direct {
@@ -31,51 +26,20 @@ pub(super) struct Direct {
 }
 
 impl Derivation<'_> {
-    /// The order of the rows. As few as possible are solved together: those that the model says give a velocity, those
-    /// whose own velocity has no number before it, and as many others as are needed where rows wait for each other.
-    fn order_of_rows(&self, response: &Response) -> Order {
-        let form = |row: usize| &self.forms[row];
-        let is_number = |pair: &(usize, usize)| {
-            let (row, own) = *pair;
-            self.g.as_rational(form(row)[own]).is_some() && !response.given.contains(pair)
-        };
-        let (mut numbers, mut together): (Vec<_>, Vec<_>) =
-            response.pairs.iter().copied().partition(is_number);
-        loop {
-            let (mut direct, mut waiting) = (Vec::new(), numbers.clone());
-            loop {
-                let is_ready = |(row, own): &(usize, usize)| {
-                    let mut others = waiting.iter().filter(|(_, other)| other != own);
-                    others.all(|(_, other)| form(*row)[*other] == self.g.zero())
-                };
-                let Some(place) = waiting.iter().position(is_ready) else { break };
-                direct.push(waiting.remove(place));
-            }
-            match waiting.last() {
-                None => return Order { direct, together },
-                Some(last) => {
-                    let last = *last;
-                    numbers.retain(|pair| *pair != last);
-                    together.push(last);
-                }
-            }
-        }
-    }
-
     /// The dependent components `x` with `C_d x + r = 0`, `r` by row; each gets a name, that of its velocity after
     /// `prefix`. Other components are zero.
-    pub(super) fn answer(&mut self, response: &Response, right: &[ExprId], prefix: &str) -> Vec<ExprId> {
-        let Order { direct, together } = self.order_of_rows(response);
+    fn answer(&mut self, rows: &Rows, right: &[ExprId], prefix: &str) -> Vec<ExprId> {
+        let Order { direct, together } = &rows.order;
         let zero = self.g.zero();
         let mut x = vec![zero; self.y.len()];
         if !together.is_empty() {
             let mut before = vec![zero; self.y.len()];
-            for pair in &direct {
-                before[pair.1] = self.direct_answer(*pair, right, &before);
+            for pair in direct {
+                before[pair.1] = rows.direct_answer(&mut self.g, *pair, right, &before);
             }
             let mut left = Vec::with_capacity(together.len());
-            for (row, own) in &together {
-                let form = &self.forms[*row];
+            for (row, own) in together {
+                let form = &rows.forms[*row];
                 let mut terms = vec![right[*row]];
                 for (coefficient, value) in form.iter().zip(&before) {
                     terms.push(self.g.mul(*coefficient, *value));
@@ -83,154 +47,120 @@ impl Derivation<'_> {
                 let sum = self.g.sum(&terms);
                 left.push((*row, self.define(&format!("{prefix}left_{}", self.names[*own]), sum)));
             }
-            match self.chain.clone() {
-                Some(chain) => self.answer_of_chain(&chain, &left, &mut x, prefix),
+            match &rows.chain {
+                Some(chain) => self.answer_of_chain(chain, &left, &mut x, prefix),
                 None => {
-                    for (_, own) in &together {
+                    for (_, own) in together {
+                        let by_row = &rows.response.by_row[*own];
                         let terms: Vec<ExprId> =
-                            left.iter().map(|(row, e)| self.g.mul(response.by_row[*own][*row], *e)).collect();
+                            left.iter().map(|(row, e)| self.g.mul(by_row[*row], *e)).collect();
                         let sum = self.g.sum(&terms);
                         x[*own] = self.define(&format!("{prefix}{}", self.names[*own]), sum);
                     }
                 }
             }
         }
-        for pair in &direct {
-            let value = self.direct_answer(*pair, right, &x);
+        for pair in direct {
+            let value = rows.direct_answer(&mut self.g, *pair, right, &x);
             x[pair.1] = self.define(&format!("{prefix}{}", self.names[pair.1]), value);
         }
         x
     }
 
     /// The rows that give their velocity by others, the last first, as `y = c y + ..`.
-    pub(super) fn direct_rows(&mut self, response: &Response) -> Vec<Direct> {
-        let Order { direct, .. } = self.order_of_rows(response);
-        let mut rows = Vec::with_capacity(direct.len());
-        for (row, own) in direct.into_iter().rev() {
-            let form = &self.forms[row].clone()[..self.y.len()];
+    pub(super) fn direct_rows(&mut self, rows: &Rows) -> Vec<Direct> {
+        let mut found = Vec::with_capacity(rows.order.direct.len());
+        for (row, own) in rows.order.direct.iter().copied().rev() {
+            let form = &rows.forms[row][..self.y.len()];
             let inverse = self.g.powi(form[own], -1);
             let factor = self.g.neg(inverse);
             let others = form.iter().enumerate().filter(|(alpha, e)| *alpha != own && **e != self.g.zero());
             let others: Vec<(usize, ExprId)> = others.map(|(alpha, e)| (alpha, *e)).collect();
             let by = others.into_iter().map(|(alpha, e)| (alpha, self.g.mul(factor, e)));
-            rows.push(Direct { own, by: by.collect() });
+            found.push(Direct { own, by: by.collect() });
         }
-        for Link { own, form, .. } in self.chain.iter().flat_map(|chain| chain.links.clone()) {
-            let others = form.into_iter().enumerate().filter(|(_, e)| *e != self.g.zero());
-            let others: Vec<(usize, ExprId)> = others.collect();
+        for Link { own, form, .. } in rows.chain.iter().flat_map(|chain| &chain.links) {
+            let others = form.iter().enumerate().filter(|(_, e)| **e != self.g.zero());
+            let others: Vec<(usize, ExprId)> = others.map(|(alpha, e)| (alpha, *e)).collect();
             let by = others.into_iter().map(|(alpha, e)| (alpha, self.g.neg(e))).collect();
-            rows.push(Direct { own, by });
+            found.push(Direct { own: *own, by });
         }
-        rows
+        found
     }
 
-    /// The response with the coefficients by names, as far as rows are solved together.
-    fn response_by_names(&mut self, solved: &SolvedConstraint, response: &Response) -> Response {
-        let Order { direct, together } = self.order_of_rows(response);
-        let mut response = response.clone();
+    /// Writes how rows that are solved together are answered, with coefficients by names.
+    fn answer_by_names(&mut self, solved: &SolvedConstraint, rows: &mut Rows) {
+        let together = rows.order.together.clone();
         let n = together.len();
-        if n > 0 && together.iter().all(|pair| response.given.contains(pair)) {
-            self.chain = Some(self.chain_of(solved, &response, &direct));
-            return response;
+        if n > 0 && together.iter().all(|pair| rows.response.given.contains(pair)) {
+            rows.chain = Some(self.chain_of(solved, rows));
+            return;
         }
-        if !(2..=3).contains(&n) {
-            return response;
+        if !(2..=MAX_COFACTORS).contains(&n) {
+            return;
         }
         self.writer.begin("response of what is solved together");
         let zero = self.g.zero();
-        let right = vec![zero; solved.rows.len()];
         let mut matrix = vec![vec![zero; n]; n];
         for (j, (_, column)) in together.iter().enumerate() {
-            let mut x = vec![zero; self.y.len()];
-            x[*column] = self.g.one();
-            for pair in &direct {
-                x[pair.1] = self.direct_answer(*pair, &right, &x);
-            }
+            let x = rows.along(&mut self.g, *column, self.y.len());
             for (i, (row, own)) in together.iter().enumerate() {
-                let form = self.forms[*row][..x.len()].to_vec();
-                let sum = self.g.dot(&form, &x);
+                let sum = self.g.dot(&rows.forms[*row][..x.len()], &x);
                 let name = format!("C_{}_{}", self.names[*own], self.names[*column]);
                 matrix[i][j] = self.define(&name, sum);
             }
         }
-        let minor = |d: &mut Self, i: usize, j: usize| -> ExprId {
-            let rows: Vec<usize> = (0..n).filter(|k| *k != i).collect();
-            let columns: Vec<usize> = (0..n).filter(|k| *k != j).collect();
-            if n == 2 {
-                return matrix[rows[0]][columns[0]];
-            }
-            let forward = d.g.mul(matrix[rows[0]][columns[0]], matrix[rows[1]][columns[1]]);
-            let backward = d.g.mul(matrix[rows[0]][columns[1]], matrix[rows[1]][columns[0]]);
-            d.g.sub(forward, backward)
-        };
-        let mut cofactors = vec![vec![zero; n]; n];
-        for (i, row) in cofactors.iter_mut().enumerate() {
-            for (j, entry) in row.iter_mut().enumerate() {
-                let value = minor(self, i, j);
-                let value = self.g.cancel_zero(value);
-                *entry = if (i + j) % 2 == 0 { value } else { self.g.neg(value) };
-            }
-        }
-        let determinant = self.g.dot(&matrix[0], &cofactors[0]);
+        let cofactors = adjugate(&mut self.g, &matrix);
+        let determinant = determinant(&mut self.g, &matrix);
         let inverse = self.g.powi(determinant, -1);
         let inverse = self.define("R", inverse);
         for (j, (_, own)) in together.iter().enumerate() {
             for (i, (row, _)) in together.iter().enumerate() {
-                let product = self.g.mul(cofactors[i][j], inverse);
+                let product = self.g.mul(cofactors[j][i], inverse);
                 let name = format!("R_{}_{}", self.names[*own], solved.rows[*row].name);
                 let named = self.define(&name, product);
-                response.by_row[*own][*row] = self.g.neg(named);
+                rows.response.by_row[*own][*row] = self.g.neg(named);
             }
         }
-        response
     }
 
     /// The triangle of the rows that the model gives a velocity for, with what the direct rows give put into them.
-    fn chain_of(
-        &mut self,
-        solved: &SolvedConstraint,
-        response: &Response,
-        direct: &[(usize, usize)],
-    ) -> Chain {
+    fn chain_of(&mut self, solved: &SolvedConstraint, rows: &Rows) -> Chain {
         self.writer.begin("rows that are solved one after the other");
-        let zero = self.g.zero();
-        let right = vec![zero; solved.rows.len()];
+        let (zero, given) = (self.g.zero(), &rows.response.given);
         let independent = solved.independent();
         let columns: Vec<usize> =
-            response.given.iter().map(|(_, own)| *own).chain(independent.iter().copied()).collect();
-        let mut links: Vec<Link> = Vec::with_capacity(response.given.len());
-        for &(row, own) in &response.given {
+            given.iter().map(|(_, own)| *own).chain(independent.iter().copied()).collect();
+        let mut combined = Vec::with_capacity(given.len());
+        for &(row, own) in given {
             let mut form = vec![zero; self.y.len()];
-            let raw = self.forms[row][..self.y.len()].to_vec();
             for &column in &columns {
-                let mut x = vec![zero; self.y.len()];
-                x[column] = self.g.one();
-                for pair in direct {
-                    x[pair.1] = self.direct_answer(*pair, &right, &x);
-                }
-                let sum = self.g.dot(&raw, &x);
+                let x = rows.along(&mut self.g, column, self.y.len());
+                let sum = self.g.dot(&rows.forms[row][..x.len()], &x);
                 form[column] = self.define(&format!("C_{}_{}", self.names[own], self.names[column]), sum);
             }
-            let mut before = Vec::with_capacity(links.len());
-            for link in &links {
-                let factor = form[link.own];
-                before.push(factor);
-                for &column in &columns {
-                    let taken = self.g.mul(factor, link.form[column]);
-                    form[column] = self.g.sub(form[column], taken);
-                }
-                form[link.own] = zero;
-            }
-            let left = self.define(&format!("C_{}", self.names[own]), form[own]);
+            combined.push(form);
+        }
+        let mut table = Tableau::new(combined);
+        let mut before = vec![Vec::new(); given.len()];
+        let mut links: Vec<Link> = Vec::with_capacity(given.len());
+        for (k, &(row, own)) in given.iter().enumerate() {
+            let left = self.define(&format!("C_{}", self.names[own]), table.rows()[k][own]);
             let inverse = self.g.powi(left, -1);
             let scale = self.define(&format!("R_{}", self.names[own]), inverse);
+            table.map_row(k, |column, entry| {
+                if column == own {
+                    return self.g.one();
+                }
+                let scaled = self.g.mul(entry, scale);
+                self.define(&format!("c_{}_{}", self.names[own], self.names[column]), scaled)
+            });
+            let later: Vec<usize> = (k + 1..given.len()).collect();
+            let factors = table.take_from(&mut self.g, (k, own), &later);
+            later.iter().zip(factors).for_each(|(i, factor)| before[*i].push(factor));
+            let mut form = table.rows()[k].clone();
             form[own] = zero;
-            for &column in &columns {
-                let scaled = self.g.mul(form[column], scale);
-                let name = format!("c_{}_{}", self.names[own], self.names[column]);
-                form[column] = self.define(&name, scaled);
-            }
-            links.push(Link { row, own, before, scale, form });
+            links.push(Link { row, own, before: std::mem::take(&mut before[k]), scale, form });
         }
         Chain { links }
     }
@@ -260,18 +190,6 @@ impl Derivation<'_> {
         }
     }
 
-    fn direct_answer(&mut self, (row, own): (usize, usize), right: &[ExprId], x: &[ExprId]) -> ExprId {
-        let form = &self.forms[row].clone();
-        let mut terms = vec![right[row]];
-        for (alpha, value) in x.iter().enumerate().filter(|(alpha, _)| *alpha != own) {
-            terms.push(self.g.mul(form[alpha], *value));
-        }
-        let sum = self.g.sum(&terms);
-        let inverse = self.g.powi(form[own], -1);
-        let value = self.g.mul(sum, inverse);
-        self.g.neg(value)
-    }
-
     /// Gives a dependent velocity its value.
     fn known(&mut self, alpha: usize, value: ExprId) {
         let named = self.writer.define(&mut self.g, &self.names[alpha], value);
@@ -280,8 +198,9 @@ impl Derivation<'_> {
     }
 
     /// Names for the coefficients of the rows that vary.
-    fn name_coefficients(&mut self, solved: &SolvedConstraint) {
+    fn rows_by_names(&mut self, solved: &SolvedConstraint, response: &Response) -> Rows {
         self.writer.begin("coefficients of the constraint");
+        let (mut forms, mut coefficients) = (Vec::with_capacity(solved.rows.len()), Vec::new());
         let mut known: BTreeMap<ExprId, ExprId> = BTreeMap::new();
         for row in &solved.rows {
             let mut form = Vec::with_capacity(row.one_form.len());
@@ -294,30 +213,33 @@ impl Derivation<'_> {
                 let named = match known.get(&stem) {
                     Some(named) => *named,
                     None => {
-                        let named = self.define(&format!("k{}", self.coefficients.len() + 1), stem);
-                        self.coefficients.push((named, stem));
+                        let named = self.define(&format!("k{}", coefficients.len() + 1), stem);
+                        coefficients.push((named, stem));
                         known.insert(stem, named);
                         named
                     }
                 };
                 form.push(self.g.scale(named, &q));
             }
-            self.forms.push(form);
+            forms.push(form);
         }
+        let order = Order::new(&self.g, &forms, response);
+        let mut rows = Rows { forms, coefficients, order, chain: None, response: response.clone() };
+        self.answer_by_names(solved, &mut rows);
+        rows
     }
 
     /// The velocities, and the partial velocities `Psi` by names.
-    pub(super) fn velocities_by_rows(&mut self, solved: &SolvedConstraint, response: &Response) {
-        self.name_coefficients(solved);
-        let response = &self.response_by_names(solved, response);
+    pub(super) fn velocities_by_rows(&mut self, solved: &SolvedConstraint, response: &Response) -> Answered {
+        let rows = self.rows_by_names(solved, response);
         self.writer.begin("partial velocities Psi, row by row");
         let zero = self.g.zero();
         let independent = solved.independent();
         let mut psi = vec![vec![zero; independent.len()]; self.y.len()];
         for (a, own) in independent.iter().enumerate() {
-            let right: Vec<ExprId> = self.forms.iter().map(|form| form[*own]).collect();
+            let right: Vec<ExprId> = rows.forms.iter().map(|form| form[*own]).collect();
             let prefix = format!("d_{}_", self.names[*own]);
-            for (alpha, e) in self.answer(response, &right, &prefix).into_iter().enumerate() {
+            for (alpha, e) in self.answer(&rows, &right, &prefix).into_iter().enumerate() {
                 psi[alpha][a] = e;
             }
             psi[*own][a] = self.g.one();
@@ -325,46 +247,44 @@ impl Derivation<'_> {
         self.writer.begin("velocities y = Psi u + psi0");
         let right: Vec<ExprId> = solved.rows.iter().map(|row| row.offset).collect();
         let is_affine = right.iter().any(|e| *e != zero);
-        let own = if is_affine { self.answer(response, &right, "psi0_") } else { vec![zero; self.y.len()] };
-        let Order { direct, together } = self.order_of_rows(response);
-        for (_, alpha) in together {
-            let mut terms = vec![own[alpha]];
-            for (slope, k) in psi[alpha].iter().zip(&independent) {
+        let own = if is_affine { self.answer(&rows, &right, "psi0_") } else { vec![zero; self.y.len()] };
+        for (_, alpha) in &rows.order.together {
+            let mut terms = vec![own[*alpha]];
+            for (slope, k) in psi[*alpha].iter().zip(&independent) {
                 terms.push(self.g.mul(*slope, self.y[*k]));
             }
             let sum = self.g.sum(&terms);
-            self.known(alpha, sum);
+            self.known(*alpha, sum);
         }
-        for pair in direct {
-            let y = self.y.clone();
-            let value = self.direct_answer(pair, &right, &y);
+        for pair in &rows.order.direct {
+            let value = rows.direct_answer(&mut self.g, *pair, &right, &self.y);
             self.known(pair.1, value);
         }
-        self.partial = Some(psi);
-        self.response = Some(response.clone());
+        Answered { rows, partial: psi }
     }
 
     /// The accelerations of dependent velocities at `udot = 0`, which answer to the rates of the rows at fixed
     /// velocities; none where the constraint is not answered row by row.
     pub(super) fn lag_of_rows(&mut self) -> Result<Option<Vec<ExprId>>, Error> {
-        let (Some(response), KinematicConstraint::Solved(solved)) =
-            (self.response.clone(), &self.system.constraint)
+        let answered = self.way.answered();
+        let (Some(answered), KinematicConstraint::Solved(solved)) = (answered, &self.system.constraint)
         else {
             return Ok(None);
         };
+        let own = &answered.rows;
         self.writer.begin("accelerations of the dependent velocities at udot = 0");
         // In one pass over what the rows share, and not from a slope for each coordinate.
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
         let moving = base.chain([(self.system.time, self.g.one())]);
         let moving: BTreeMap<SymbolId, ExprId> = moving.filter(|(_, rate)| *rate != self.g.zero()).collect();
         let mut of_coefficients: BTreeMap<ExprId, ExprId> = BTreeMap::new();
-        for (named, value) in self.coefficients.clone() {
-            let rate = self.g.derivative_along(value, &moving);
-            let name = format!("rate_{}", self.g.display(named, Style::Plain));
-            of_coefficients.insert(named, self.define(&name, rate));
+        for (named, value) in &own.coefficients {
+            let rate = self.g.derivative_along(*value, &moving);
+            let name = format!("rate_{}", self.g.display(*named, Style::Plain));
+            of_coefficients.insert(*named, self.define(&name, rate));
         }
         let mut rates: Vec<ExprId> = Vec::with_capacity(solved.rows.len());
-        for (row, form) in solved.rows.iter().zip(self.forms.clone()) {
+        for (row, form) in solved.rows.iter().zip(&own.forms) {
             let mut terms = vec![self.g.derivative_along(row.offset, &moving)];
             for (e, y) in form.iter().zip(self.y.clone()) {
                 let (q, stem) = self.g.split_coefficient(*e);
@@ -386,7 +306,7 @@ impl Derivation<'_> {
             let best = candidates.into_iter().min_by_key(n).unwrap_or_else(|| self.g.zero());
             rates.push(best);
         }
-        Ok(Some(self.answer(&response, &rates, "lag_")))
+        Ok(Some(self.answer(own, &rates, "lag_")))
     }
 
     /// `lambda = -R^T E` for the reactions `E = lambda_A form_A` along the rows; `reaction` by velocity.

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use crate::reduction::StateKind;
 use hamel_expr::error::Error;
 use hamel_expr::{Definition, ExprId, Graph, Section, SymbolId, independent_rows, inlined};
-use hamel_lang::algebra::solve_symbolic;
+use hamel_lang::algebra::tableau::{determinant_of, solve_symbolic};
 use hamel_lang::spec::Want;
 
 use super::equations::{Equations, OutputKind};
@@ -116,17 +116,4 @@ impl Chart {
         let inlined = g.subs_all(list, &values).map_err(place)?;
         g.subs_all(&inlined, &self.values).map_err(place)
     }
-}
-
-/// The determinant by expansion along the first row: there are few constraints.
-fn determinant_of(g: &mut Graph, matrix: &[Vec<ExprId>]) -> ExprId {
-    let Some((first, rest)) = matrix.split_first() else { return g.one() };
-    let mut terms = Vec::new();
-    for (k, e) in first.iter().enumerate() {
-        let minor: Vec<Vec<ExprId>> = rest.iter().map(|row| [&row[..k], &row[k + 1..]].concat()).collect();
-        let minor = determinant_of(g, &minor);
-        let product = g.mul(*e, minor);
-        terms.push(if k % 2 == 0 { product } else { g.neg(product) });
-    }
-    g.sum(&terms)
 }

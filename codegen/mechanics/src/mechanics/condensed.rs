@@ -8,115 +8,65 @@
 //! # Source
 //! Guyan 1965, Reduction of stiffness and mass matrices, AIAA Journal 3 (a congruence that leaves out coordinates).
 
-use crate::reduction::{Response, SolvedConstraint};
-use hamel_expr::{ExprId, Graph, SectionWriter};
+use crate::reduction::SolvedConstraint;
+use hamel_expr::{ExprId, Trials};
+use hamel_lang::algebra::tableau::QuadraticForm;
 
 use super::answers::Direct;
 use super::derive::Derivation;
+use super::rows::Answered;
 
 /// `A` and `f` along the unknowns.
 pub(super) type Condensed = (Vec<Vec<ExprId>>, Vec<ExprId>);
-
-/// A choice that was tried: operations, whether each row is used, and everything that was made.
-struct Trial {
-    n: usize,
-    taken: Vec<bool>,
-    graph: Graph,
-    writer: SectionWriter,
-    condensed: Condensed,
-}
 
 impl Derivation<'_> {
     /// `A = Psi^T M Psi` and `f = Psi^T n` with those velocities taken out that leave the fewest operations.
     pub(super) fn condensed(
         &mut self,
         solved: &SolvedConstraint,
-        response: &Response,
+        answered: &Answered,
         net: &[ExprId],
     ) -> Condensed {
-        let rows = self.direct_rows(response);
-        let before = (self.g.clone(), self.writer.clone());
-        let mut best = self.tried(solved, &rows, net, &vec![false; rows.len()], &before);
-        let all = self.tried(solved, &rows, net, &vec![true; rows.len()], &before);
-        if all.n < best.n {
-            best = all;
-        }
-        for k in 0..rows.len() {
-            let mut taken = best.taken.clone();
-            taken[k] = !taken[k];
-            let other = self.tried(solved, &rows, net, &taken, &before);
-            if other.n < best.n {
-                best = other;
+        let rows = self.direct_rows(&answered.rows);
+        let mut trials = Trials::new(self);
+        let mut best = vec![false; rows.len()];
+        let mut attempt = |d: &mut Self, taken: Vec<bool>| {
+            let is_kept = trials.attempt(d, 0, |d| {
+                let condensed = d.without(solved, &rows, net, &taken);
+                let roots: Vec<ExprId> = condensed.0.iter().flatten().chain(&condensed.1).copied().collect();
+                Some((d.n_operations(&roots), condensed))
+            });
+            if is_kept {
+                best = taken;
             }
+            best.clone()
+        };
+        attempt(self, vec![false; rows.len()]);
+        let mut taken = attempt(self, vec![true; rows.len()]);
+        for k in 0..rows.len() {
+            taken[k] = !taken[k];
+            taken = attempt(self, taken);
         }
-        let spent = std::mem::replace(&mut self.g, best.graph);
-        self.g.take_over(&spent);
-        self.writer = best.writer;
-        best.condensed
+        trials.finish(self).unwrap_or_else(|| self.without(solved, &rows, net, &best))
     }
 
-    /// A choice, written after what there was `before`.
-    fn tried(
+    /// `A` and `f` without the velocities of rows that are `taken`.
+    fn without(
         &mut self,
         solved: &SolvedConstraint,
         rows: &[Direct],
         net: &[ExprId],
         taken: &[bool],
-        before: &(Graph, SectionWriter),
-    ) -> Trial {
-        let spent = std::mem::replace(&mut self.g, before.0.clone());
-        self.g.take_over(&spent);
-        self.writer = before.1.clone();
-        let (mut mass, mut net) = (self.hessian.clone(), net.to_vec());
+    ) -> Condensed {
+        let mut form = QuadraticForm::new(&self.g, &self.hessian, net.to_vec());
         let mut is_left = vec![true; self.y.len()];
         self.writer.begin("dependent velocities taken out, M += c M_d + M_d c + c M_dd c, n += c n_d");
-        for (row, _) in rows.iter().zip(taken).filter(|(_, taken)| **taken) {
-            is_left[row.own] = false;
-            self.take_out(row, &is_left, &mut mass, &mut net);
+        let names = self.names.clone();
+        for (Direct { own, by }, _) in rows.iter().zip(taken).filter(|(_, taken)| **taken) {
+            is_left[*own] = false;
+            form.substitute(&mut self.pen(&names, ["M", "n"]), &[(*own, by)]);
         }
-        let condensed = self.along_what_is_left(solved, &is_left, &mass, &net);
-        let roots: Vec<ExprId> = condensed.0.iter().flatten().chain(&condensed.1).copied().collect();
-        Trial {
-            n: self.n_operations(&roots),
-            taken: taken.to_vec(),
-            graph: self.g.clone(),
-            writer: self.writer.clone(),
-            condensed,
-        }
-    }
-
-    /// `M_ab += c_a M_db + M_ad c_b + c_a M_dd c_b` and `n_a += c_a n_d` for `y_d = c^a y_a`.
-    fn take_out(&mut self, row: &Direct, is_left: &[bool], mass: &mut [Vec<ExprId>], net: &mut [ExprId]) {
-        let zero = self.g.zero();
-        let own = mass[row.own].clone();
-        let name = self.names[row.own].clone();
-        let mut along = vec![zero; own.len()];
-        for (a, c) in &row.by {
-            along[*a] = *c;
-        }
-        // M_da + c_a M_dd.
-        let mut moved = vec![zero; own.len()];
-        for a in (0..own.len()).filter(|a| is_left[*a]) {
-            let carried = self.g.mul(along[a], own[row.own]);
-            let sum = self.g.add(own[a], carried);
-            moved[a] = self.define(&format!("M_{name}_{}", self.names[a]), sum);
-        }
-        for a in (0..own.len()).filter(|a| is_left[*a]) {
-            for b in (0..=a).filter(|b| is_left[*b]) {
-                let forward = self.g.mul(along[a], moved[b]);
-                let backward = self.g.mul(along[b], own[a]);
-                let sum = self.g.sum(&[mass[a][b], forward, backward]);
-                if sum != mass[a][b] {
-                    mass[a][b] = self.define(&format!("M_{}_{}", self.names[a], self.names[b]), sum);
-                    mass[b][a] = mass[a][b];
-                }
-            }
-        }
-        for (a, c) in &row.by {
-            let carried = self.g.mul(*c, net[row.own]);
-            let sum = self.g.add(net[*a], carried);
-            net[*a] = self.define(&format!("n_{}", self.names[*a]), sum);
-        }
+        self.along_what_is_left(solved, &is_left, &form)
     }
 
     /// `Psi^T M Psi` and `Psi^T n` over the velocities that are left.
@@ -124,8 +74,7 @@ impl Derivation<'_> {
         &mut self,
         solved: &SolvedConstraint,
         is_left: &[bool],
-        mass: &[Vec<ExprId>],
-        net: &[ExprId],
+        form: &QuadraticForm,
     ) -> Condensed {
         let zero = self.g.zero();
         let psi = self.psi_by_names(solved);
@@ -138,7 +87,8 @@ impl Derivation<'_> {
         for (a, name) in names.iter().enumerate() {
             let mut along = Vec::with_capacity(left.len());
             for alpha in &left {
-                let row: Vec<ExprId> = left.iter().map(|beta| mass[*alpha][*beta]).collect();
+                let row: Vec<ExprId> =
+                    left.iter().map(|beta| form.entry(*alpha, *beta).unwrap_or(zero)).collect();
                 let sum = self.g.dot(&row, &column(a));
                 along.push(self.define(&format!("P_{}_{name}", self.names[*alpha]), sum));
             }
@@ -153,7 +103,7 @@ impl Derivation<'_> {
             }
         }
         self.writer.begin("right side f = Psi^T n");
-        let net: Vec<ExprId> = left.iter().map(|alpha| net[*alpha]).collect();
+        let net: Vec<ExprId> = left.iter().map(|alpha| form.g[*alpha]).collect();
         let force = (0..k).map(|b| {
             let sum = self.g.dot(&column(b), &net);
             self.define(&format!("f_{}", names[b]), sum)

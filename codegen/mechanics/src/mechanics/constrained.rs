@@ -14,34 +14,28 @@ use super::solve::{Factorisation, Pivot};
 impl Derivation<'_> {
     /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
     pub(super) fn solve_reduced(&mut self, solved: &SolvedConstraint) -> Result<Motion, Error> {
-        if let Some(recursion) = self.recursion.take() {
-            let motion = self.solve_linked(&recursion, solved);
-            self.recursion = Some(recursion);
-            return motion;
+        if let Some(recursion) = self.way.recursion() {
+            return self.solve_linked(&recursion, solved);
         }
         if let Some(frame) = self.frame_of_displacements(solved) {
             return self.solve_in_frame(solved, &frame);
         }
         let (m, k) = (self.y.len(), solved.unknowns.len());
         let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
-        let at_rest = self.at_rest.take();
-        let (lag, known) = match at_rest {
+        let (lag, known) = match self.forces.at_rest.clone() {
             Some((lag, net)) => (lag, Some(net)),
             None => (self.lag_of_columns(solved)?, None),
         };
-        let response = self.response.take().filter(|_| solved.virtual_displacements == solved.psi);
-        let (mass_matrix, force) = match (response, &known) {
-            (Some(response), Some(net)) => {
-                let (mass_matrix, force) = self.condensed(solved, &response, net);
-                self.mass_matrix = Some(mass_matrix.clone());
-                (mass_matrix, force)
-            }
+        let answered = self.way.answered().filter(|_| solved.virtual_displacements == solved.psi);
+        let (mass_matrix, force) = match (answered, &known) {
+            (Some(answered), Some(net)) => self.condensed(solved, &answered, net),
             _ => {
-                let mass_matrix = self.mass_matrix(solved)?;
+                let known_matrix = self.transform.as_ref().map(|transform| transform.matrix.clone());
+                let mass_matrix = known_matrix.map_or_else(|| self.mass_matrix(solved), Ok)?;
                 let displacements = self.displacements(solved)?;
                 self.writer.begin("right side f = W^T (r - L_yy lag)");
                 let hessian = self.hessian.clone();
-                let net = known.unwrap_or_else(|| self.net(&hessian, &lag));
+                let net = known.unwrap_or_else(|| self.net(&self.forces.drive.clone(), &hessian, &lag));
                 let mut force = Vec::new();
                 for b in 0..k {
                     let mut terms = Vec::new();
@@ -79,7 +73,7 @@ impl Derivation<'_> {
     fn solve_in_frame(&mut self, solved: &SolvedConstraint, frame: &Frame) -> Result<Motion, Error> {
         let names = self.names.clone();
         let labels: Vec<String> = names.iter().map(|n| format!("dot_{n}")).collect();
-        let (hessian, drive) = (self.hessian.clone(), self.drive.clone());
+        let (hessian, drive) = (self.hessian.clone(), self.forces.drive.clone());
         let pivot_names = inertias(&names);
         let (acceleration, mut pivots) =
             self.solve_linear("A", &hessian, &drive, &names, &labels, (&pivot_names, true))?;
@@ -120,10 +114,10 @@ impl Derivation<'_> {
     }
 
     /// `r - h lag`, by velocity.
-    pub(super) fn net(&mut self, hessian: &[Vec<ExprId>], lag: &[ExprId]) -> Vec<ExprId> {
+    pub(super) fn net(&mut self, drive: &[ExprId], hessian: &[Vec<ExprId>], lag: &[ExprId]) -> Vec<ExprId> {
         let mut net = Vec::new();
         for alpha in 0..lag.len() {
-            let mut terms = vec![self.drive[alpha]];
+            let mut terms = vec![drive[alpha]];
             for (beta, lag) in lag.iter().enumerate() {
                 let product = self.g.mul(hessian[alpha][beta], *lag);
                 terms.push(self.g.neg(product));
@@ -145,7 +139,8 @@ impl Derivation<'_> {
         let symmetric_form = solved.virtual_displacements == solved.psi;
         let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
         let names = inertias(&unknowns);
-        let (udot, mut pivots) = match self.factors.take() {
+        let known = self.transform.as_ref().map(|transform| transform.factors.clone());
+        let (udot, mut pivots) = match known {
             None => {
                 self.solve_linear("A", mass_matrix, force, &unknowns, &labels, (&names, symmetric_form))?
             }
@@ -194,23 +189,20 @@ impl Derivation<'_> {
 
     /// `Psi`, by names where they have any.
     pub(super) fn psi_by_names(&self, solved: &SolvedConstraint) -> Vec<Vec<ExprId>> {
-        self.partial.clone().unwrap_or_else(|| solved.psi.clone())
+        self.way.answered().map_or_else(|| solved.psi.clone(), |answered| answered.partial.clone())
     }
 
     /// The columns of `W` on the state.
     pub(super) fn displacements(&mut self, solved: &SolvedConstraint) -> Result<Vec<Vec<ExprId>>, Error> {
-        if let Some(partial) = self.partial.as_ref().filter(|_| solved.virtual_displacements == solved.psi) {
-            return Ok(partial.clone());
+        if let Some(answered) = self.way.answered().filter(|_| solved.virtual_displacements == solved.psi) {
+            return Ok(answered.partial.clone());
         }
         let rows = solved.virtual_displacements.iter();
         rows.map(|row| row.iter().map(|e| self.replace(*e)).collect()).collect()
     }
 
-    /// `A = W^T L_yy Psi`, made once.
+    /// `A = W^T L_yy Psi`.
     pub(super) fn mass_matrix(&mut self, solved: &SolvedConstraint) -> Result<Vec<Vec<ExprId>>, Error> {
-        if let Some(known) = &self.mass_matrix {
-            return Ok(known.clone());
-        }
         self.writer.begin("mass matrix A = W^T L_yy Psi");
         let (m, k) = (self.y.len(), solved.unknowns.len());
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
@@ -237,7 +229,6 @@ impl Derivation<'_> {
                 mass_matrix[b][a] = self.define(&name, sum);
             }
         }
-        self.mass_matrix = Some(mass_matrix.clone());
         Ok(mass_matrix)
     }
 
@@ -283,7 +274,7 @@ impl Derivation<'_> {
         {
             let mut reaction = vec![self.g.zero(); self.y.len()];
             for &alpha in &solved.dependent {
-                let mut terms = vec![self.g.neg(self.drive[alpha])];
+                let mut terms = vec![self.g.neg(self.forces.drive[alpha])];
                 for (beta, ydot) in acceleration.iter().enumerate() {
                     terms.push(self.g.mul(self.hessian[alpha][beta], *ydot));
                 }
@@ -301,7 +292,7 @@ impl Derivation<'_> {
                 row.push(self.replace(form[alpha])?);
             }
             matrix.push(row);
-            let mut terms = vec![self.g.neg(self.drive[alpha])];
+            let mut terms = vec![self.g.neg(self.forces.drive[alpha])];
             for (beta, ydot) in acceleration.iter().enumerate() {
                 terms.push(self.g.mul(self.hessian[alpha][beta], *ydot));
             }

@@ -4,14 +4,16 @@
 //! or `multipliers`), results (`results`). Does not know: where the algebroid came from.
 
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
-use crate::reduction::{KinematicConstraint, ReducedSystem, Response};
+use crate::reduction::{KinematicConstraint, ReducedSystem};
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
+use hamel_lang::algebra::tableau::Pen;
 
-use super::chain::Chain;
 use super::equations::{Equations, LinearSystem};
 use super::recursion::Recursion;
+use super::rows::Answered;
 use super::solve::{Factorisation, Pivot};
 
 /// Derives `W^alpha_b E_alpha = 0` with
@@ -52,6 +54,54 @@ pub(super) struct Motion {
     pub(super) momentum_rates: Vec<ExprId>,
 }
 
+/// The stage of momenta in the state, from which velocities follow.
+pub(super) struct Transform {
+    /// `A = W^T L_yy Psi`, `L_yy` where multipliers keep the constraint.
+    pub(super) matrix: Vec<Vec<ExprId>>,
+    pub(super) factors: Factorisation,
+    /// Definitions up to the velocities that follow from momenta.
+    pub(super) n_known: usize,
+}
+
+/// The stage of the velocities: how the dependent ones are written.
+pub(super) enum Velocities {
+    /// As the constraint is solved for them, if there is one.
+    Solved,
+    /// By the rows of the constraint.
+    ByRows(Rc<Answered>),
+    /// By the parts of linked bodies.
+    ByRecursion(Rc<Recursion>),
+}
+
+impl Velocities {
+    pub(super) fn answered(&self) -> Option<Rc<Answered>> {
+        match self {
+            Velocities::ByRows(answered) => Some(Rc::clone(answered)),
+            Velocities::Solved | Velocities::ByRecursion(_) => None,
+        }
+    }
+
+    pub(super) fn recursion(&self) -> Option<Rc<Recursion>> {
+        match self {
+            Velocities::ByRecursion(recursion) => Some(Rc::clone(recursion)),
+            Velocities::Solved | Velocities::ByRows(_) => None,
+        }
+    }
+}
+
+/// The stage of the forces, everything in `-E_alpha` except the Hessian times `ydot`.
+#[derive(Default)]
+pub(super) struct Forces {
+    /// `(N^gamma_alpha - C^gamma_{alpha beta} y^beta) p_gamma + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`.
+    pub(super) drive: Vec<ExprId>,
+    /// That of the Lagrangian without squares of velocities, where there is a [`Recursion`].
+    pub(super) of_rest: Vec<ExprId>,
+    /// `lag`, the accelerations of the velocities at `udot = 0`, and `drive - L_yy lag`, where rows give them before
+    /// the forces are made.
+    pub(super) at_rest: Option<(Vec<ExprId>, Vec<ExprId>)>,
+}
+
+/// What every stage writes to, and the stages that are done.
 pub(super) struct Derivation<'a> {
     pub(super) system: &'a ReducedSystem,
     pub(super) g: Graph,
@@ -67,32 +117,12 @@ pub(super) struct Derivation<'a> {
     pub(super) momentum: Vec<ExprId>,
     /// `d^2 L / dy dy`.
     pub(super) hessian: Vec<Vec<ExprId>>,
-    /// `(N^gamma_alpha - C^gamma_{alpha beta} y^beta) p_gamma + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
-    /// everything in `-E_alpha` except the Hessian times `ydot`.
-    pub(super) drive: Vec<ExprId>,
-    /// `lag`, the accelerations of the velocities at `udot = 0`, and `drive - L_yy lag`, where rows give them before
-    /// the forces are made.
-    pub(super) at_rest: Option<(Vec<ExprId>, Vec<ExprId>)>,
-    /// That of the Lagrangian without squares of velocities, where there is a [`Recursion`].
-    pub(super) rest_drive: Vec<ExprId>,
-    /// The recursions along which the equations are derived.
-    pub(super) recursion: Option<Recursion>,
-    /// `Psi` by names, where it is made row by row.
-    pub(super) partial: Option<Vec<Vec<ExprId>>>,
-    /// Coefficients of the rows of the constraint by names, where it is answered row by row.
-    pub(super) forms: Vec<Vec<ExprId>>,
-    /// Rows that are solved one after the other, where no others are solved together.
-    pub(super) chain: Option<Chain>,
-    /// How dependent velocities answer to the rows, by names.
-    pub(super) response: Option<Response>,
-    /// Those names with their values.
-    pub(super) coefficients: Vec<(ExprId, ExprId)>,
-    /// `A = W^T L_yy Psi`, once it is made.
-    pub(super) mass_matrix: Option<Vec<Vec<ExprId>>>,
-    /// Factors of `A` (of `L_yy` in the multiplier form), where velocities follow from momenta.
-    pub(super) factors: Option<Factorisation>,
-    /// Definitions up to the velocities that follow from momenta.
-    pub(super) n_known: usize,
+    /// None where the state has velocities alone.
+    pub(super) transform: Option<Transform>,
+    /// Of the velocities.
+    pub(super) way: Velocities,
+    /// Empty for a Hamiltonian, and for a motion that is given.
+    pub(super) forces: Forces,
 }
 
 impl<'a> Derivation<'a> {
@@ -116,10 +146,10 @@ impl<'a> Derivation<'a> {
                 self.momentum = vec![self.g.zero(); self.y.len()];
             }
             None => {
-                self.legendre()?;
+                self.transform = self.legendre()?;
                 self.velocities()?;
                 self.kinematics()?;
-                self.momenta()?;
+                self.forces = self.momenta()?;
             }
         }
         self.g.within_budget()?;
@@ -160,18 +190,9 @@ impl<'a> Derivation<'a> {
             rates: Vec::new(),
             momentum: Vec::new(),
             hessian: Vec::new(),
-            drive: Vec::new(),
-            at_rest: None,
-            rest_drive: Vec::new(),
-            recursion: None,
-            partial: None,
-            forms: Vec::new(),
-            chain: None,
-            response: None,
-            coefficients: Vec::new(),
-            mass_matrix: None,
-            factors: None,
-            n_known: 0,
+            transform: None,
+            way: Velocities::Solved,
+            forces: Forces::default(),
         }
     }
 
@@ -185,12 +206,12 @@ impl<'a> Derivation<'a> {
     /// `y = Psi u + psi0` for the dependent velocities.
     fn velocities(&mut self) -> Result<(), Error> {
         let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
-        self.velocities_by_recursion()?;
-        if self.recursion.is_some() {
+        if let Some(recursion) = self.velocities_by_recursion()? {
+            self.way = Velocities::ByRecursion(Rc::new(recursion));
             return Ok(());
         }
         if let Some(response) = solved.response.as_ref().filter(|_| self.system.momenta.is_empty()) {
-            self.velocities_by_rows(solved, response);
+            self.way = Velocities::ByRows(Rc::new(self.velocities_by_rows(solved, response)));
             return Ok(());
         }
         self.writer.begin("velocities y = Psi u + psi0");
@@ -208,6 +229,11 @@ impl<'a> Derivation<'a> {
 
     pub(super) fn define(&mut self, name: &str, value: ExprId) -> ExprId {
         self.writer.define(&mut self.g, name, value)
+    }
+
+    /// What writes entries of a tableau, called after these names.
+    pub(super) fn pen<'p>(&'p mut self, names: &'p [String], stems: [&'static str; 2]) -> Pen<'p> {
+        Pen { g: &mut self.g, writer: &mut self.writer, names, stems }
     }
 
     /// `xdot^i = rho^i_alpha y^alpha + r^i`, with `r` of states of first order alone.

@@ -36,11 +36,11 @@ pub(super) struct AtRest {
 
 impl Derivation<'_> {
     /// The dependent velocities by recursion, if the system is to be derived along one.
-    pub(super) fn velocities_by_recursion(&mut self) -> Result<(), Error> {
+    pub(super) fn velocities_by_recursion(&mut self) -> Result<Option<Recursion>, Error> {
         if self.system.formulation.recursive != Some(true) {
-            return Ok(());
+            return Ok(None);
         }
-        let Some(mut recursion) = Recursion::new(&mut self.g, self.system) else { return Ok(()) };
+        let Some(mut recursion) = Recursion::new(&mut self.g, self.system) else { return Ok(None) };
         self.writer.begin("velocities by recursion");
         let zero = self.g.zero();
         recursion.values = recursion.vanishing.iter().map(|s| (*s, zero)).collect();
@@ -64,8 +64,7 @@ impl Derivation<'_> {
                 }
             }
         }
-        self.recursion = Some(recursion);
-        Ok(())
+        Ok(Some(recursion))
     }
 
     /// An expression in parts and raw velocities by their values.
@@ -197,7 +196,7 @@ impl Derivation<'_> {
     pub(super) fn net_of_rest(&mut self, rest_hessian: &[Vec<ExprId>], rest: &AtRest) -> Vec<ExprId> {
         let mut net = Vec::with_capacity(rest_hessian.len());
         for (alpha, row) in rest_hessian.iter().enumerate() {
-            let mut terms = vec![self.rest_drive[alpha]];
+            let mut terms = vec![self.forces.of_rest[alpha]];
             for (h, lag) in row.iter().zip(&rest.velocities) {
                 let product = self.g.mul(*h, *lag);
                 terms.push(self.g.neg(product));

@@ -10,12 +10,10 @@ use hamel_expr::error::Error;
 use hamel_expr::{Definition, ExprId, Graph, SymbolId, inlined, needed_sections};
 use hamel_lang::spec::Want;
 
-use super::derive::{Derivation, Motion};
+use super::derive::{Derivation, Motion, Transform};
 use super::equations::{Equations, Legendre, Output};
+use super::limits::MAX_LENGTH;
 use super::solve::Factorisation;
-
-/// Operands up to which rates are multiplied out.
-const MAX_LENGTH: usize = 2000;
 
 impl Derivation<'_> {
     /// The velocities whose momenta are carried: of the unknowns `u = (u_M, u_V)` those of `u_M` solve
@@ -23,10 +21,10 @@ impl Derivation<'_> {
     ///
     /// # Errors
     /// [`Error::NotQuadratic`], [`Error::Unsupported`] for virtual displacements that depend on velocities.
-    pub(super) fn legendre(&mut self) -> Result<(), Error> {
+    pub(super) fn legendre(&mut self) -> Result<Option<Transform>, Error> {
         let system = self.system;
         if system.momenta.is_empty() {
-            return Ok(());
+            return Ok(None);
         }
         let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
         self.hessian()?;
@@ -77,9 +75,7 @@ impl Derivation<'_> {
                 self.y[alpha] = u[b];
             }
         }
-        self.factors = Some(factors);
-        self.n_known = self.writer.definitions().count();
-        Ok(())
+        Ok(Some(Transform { matrix, factors, n_known: self.writer.definitions().count() }))
     }
 
     /// `W^a_b dL/dy^a` at `y = psi0`.
@@ -326,8 +322,8 @@ impl Derivation<'_> {
     /// Rates as polynomials in momenta and the velocities that these determine, where the terms that cancel then make
     /// them shorter: `p_b = pi_b - W^a_b p_a` brings back much of what `C y p` and `dW/dt` take away.
     fn multiplied_out(&mut self, rates: &[ExprId]) -> Option<Vec<ExprId>> {
-        let (all, known) = (self.writer.definitions(), self.n_known);
-        let later: Vec<Definition> = all.skip(known).copied().collect();
+        let known = self.transform.as_ref().map_or(0, |transform| transform.n_known);
+        let later: Vec<Definition> = self.writer.definitions().skip(known).copied().collect();
         let varying: Vec<Definition> =
             later.into_iter().filter(|d| self.writer.varies(&self.g, d.expr)).collect();
         let values = inlined(&mut self.g, &varying);

@@ -4,13 +4,14 @@
 
 use crate::reduction::SolvedConstraint;
 use hamel_expr::error::Error;
-use hamel_expr::{ExprId, Graph, Rational, SectionWriter};
+use hamel_expr::{ExprId, Rational, Trials};
 
 use super::constrained::inertias;
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
 use super::gauss::Order;
 use super::kane::{AtRest, Kane};
+use super::limits::{CLOSE, MAX_PARTIAL};
 use super::recursion::Recursion;
 use super::solve::{Pivot, PivotMatrix};
 
@@ -26,17 +27,6 @@ enum Way {
 const WAYS: [Way; 3] =
     [Way::PartialVelocities, Way::Eliminated(Order::Composite), Way::Eliminated(Order::Articulated)];
 
-/// Most rates along which partial velocities are tried: their number grows with the square of the bodies. Arms in the
-/// plane take more operations that way from four rates on (`LINKAGES="arm:4" cargo test -p hamel-codegen --test
-/// linkages measured`), and systems of more rates than this are taken for such.
-const MAX_PARTIAL: usize = 6;
-
-/// Another way than partial velocities has to take fewer operations by more than this part of them: lowering, which
-/// finds common divisors, changes what is written by more than that. Of the ways of a snake of five links, which are
-/// 342, 343 and 341 operations as written and 205, 197 and 209 lowered, the first is kept
-/// (`LINKAGES="snake:5" cargo test -p hamel-codegen --test linkages measured`).
-const CLOSE: usize = 50;
-
 impl Derivation<'_> {
     /// The motion along the rates of a recursion, in the way that takes the fewest operations.
     pub(super) fn solve_linked(
@@ -45,42 +35,33 @@ impl Derivation<'_> {
         solved: &SolvedConstraint,
     ) -> Result<Motion, Error> {
         let rest = self.at_rest(recursion)?;
-        let before = (self.g.clone(), self.writer.clone());
-        let mut best: Option<(usize, Graph, SectionWriter, Motion)> = None;
+        let mut trials = Trials::new(self);
         let mut margin = 0;
         let mut failure = None;
         for way in WAYS {
-            if matches!(way, Way::PartialVelocities) && solved.unknowns.len() > MAX_PARTIAL {
+            let is_first = matches!(way, Way::PartialVelocities);
+            if is_first && solved.unknowns.len() > MAX_PARTIAL {
                 continue;
             }
-            let spent = std::mem::replace(&mut self.g, before.0.clone());
-            self.g.take_over(&spent);
-            self.writer = before.1.clone();
-            let motion = match self.solve_in(way, recursion, solved, &rest) {
-                Ok(Some(motion)) => motion,
-                Ok(None) => continue,
-                Err(e) => {
-                    self.g.within_budget()?;
-                    failure = Some(e);
-                    continue;
-                }
-            };
-            let roots: Vec<ExprId> =
-                motion.acceleration.iter().chain(&motion.unknown_rates).copied().collect();
-            let n = self.n_operations(&roots);
-            let is_first = matches!(way, Way::PartialVelocities);
-            if best.as_ref().is_none_or(|(least, ..)| n + margin < *least) {
-                margin = if is_first { n / CLOSE } else { 0 };
-                best = Some((n, self.g.clone(), self.writer.clone(), motion));
+            let is_kept = trials.attempt(self, margin, |d| {
+                let motion = match d.solve_in(way, recursion, solved, &rest) {
+                    Ok(motion) => motion?,
+                    Err(e) => {
+                        failure = Some(e);
+                        return None;
+                    }
+                };
+                let roots: Vec<ExprId> =
+                    motion.acceleration.iter().chain(&motion.unknown_rates).copied().collect();
+                Some((d.n_operations(&roots), motion))
+            });
+            self.g.within_budget()?;
+            if is_kept {
+                margin = trials.cost().filter(|_| is_first).map_or(0, |n| n / CLOSE);
             }
         }
-        let Some((_, graph, writer, motion)) = best else {
-            return Err(failure.unwrap_or(Error::SingularMassMatrix { direction: "every rate".into() }));
-        };
-        let spent = std::mem::replace(&mut self.g, graph);
-        self.g.take_over(&spent);
-        self.writer = writer;
-        Ok(motion)
+        let nothing = || failure.unwrap_or(Error::SingularMassMatrix { direction: "every rate".into() });
+        trials.finish(self).ok_or_else(nothing)
     }
 
     fn solve_in(

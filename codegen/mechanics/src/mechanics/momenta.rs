@@ -8,12 +8,12 @@ use crate::reduction::KinematicConstraint;
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Node, SymbolId};
 
-use super::derive::Derivation;
+use super::derive::{Derivation, Forces};
 use super::squares::{Square, take_squares};
 
 impl Derivation<'_> {
     /// `p = dL/dy`, its Hessian, and the part of `-E` without accelerations.
-    pub(super) fn momenta(&mut self) -> Result<(), Error> {
+    pub(super) fn momenta(&mut self) -> Result<Forces, Error> {
         let system = self.system;
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(system.lagrangian, *s)).collect();
         self.writer.begin("momenta p = dL/dy");
@@ -31,13 +31,14 @@ impl Derivation<'_> {
             self.momentum[alpha] = self.define(&name, value);
         }
         self.hessian()?;
-        let (squares, l) = match (&self.recursion, system.formulation.squares) {
+        let recursion = self.way.recursion();
+        let (squares, l) = match (&recursion, system.formulation.squares) {
             (Some(recursion), _) => (recursion.squares.clone(), recursion.rest),
             (None, true) => take_squares(&mut self.g, system, false),
             (None, false) => (Vec::new(), system.lagrangian),
         };
         let lag = self.lag_of_rows()?;
-        let inertia_forces = if self.recursion.is_some() && !self.has_reactions() {
+        let inertia_forces = if recursion.is_some() && !self.has_reactions() {
             vec![self.g.zero(); self.y.len()]
         } else {
             self.inertia_forces(&squares, lag.as_deref())?
@@ -53,11 +54,12 @@ impl Derivation<'_> {
         }
         let turning = if system.algebroid.has_drift() { "(N - C y) p" } else { "C y p" };
         let sign = if system.algebroid.has_drift() { "+" } else { "-" };
-        let forces = format!("forces rho dL/dx + F {sign} {turning} - (dp/dx xdot + dp/dt)");
+        let title = format!("forces rho dL/dx + F {sign} {turning} - (dp/dx xdot + dp/dt)");
         let inertia = if squares.is_empty() { "" } else { " of the rest, and -m dv/dy . a" };
-        self.writer.begin(&format!("{forces}{inertia}"));
+        self.writer.begin(&format!("{title}{inertia}"));
+        let mut forces = Forces::default();
         let mut slopes = Vec::new();
-        if self.recursion.is_some() {
+        if recursion.is_some() {
             slopes = self.slopes_behind(l)?;
         } else {
             for x in system.algebroid.base() {
@@ -69,25 +71,25 @@ impl Derivation<'_> {
         }
         for (alpha, p) in raw.iter().enumerate() {
             let value = self.drive_of(alpha, *p, &momentum, &slopes)?;
-            if self.recursion.is_some() {
-                self.rest_drive.push(value);
+            if recursion.is_some() {
+                forces.of_rest.push(value);
             }
             let value = self.g.sub(value, inertia_forces[alpha]);
             let name = format!("r_{}", self.names[alpha]);
             let named = self.define(&name, value);
-            self.drive.push(named);
+            forces.drive.push(named);
         }
         if let Some(lag) = lag {
             self.writer.begin("right side r - L_yy lag");
             let rest_hessian = self.hessian_of(l)?;
-            let net = self.net(&rest_hessian, &lag);
+            let net = self.net(&forces.drive, &rest_hessian, &lag);
             for (alpha, net) in net.iter().enumerate() {
                 let along = self.g.dot(&self.hessian[alpha].clone(), &lag);
-                self.drive[alpha] = self.g.add(*net, along);
+                forces.drive[alpha] = self.g.add(*net, along);
             }
-            self.at_rest = Some((lag, net));
+            forces.at_rest = Some((lag, net));
         }
-        Ok(())
+        Ok(forces)
     }
 
     /// `dl/dx` for all coordinates at once, from the last value that others are computed from to the first: what linked
@@ -221,7 +223,7 @@ impl Derivation<'_> {
 
     /// `de/dx^i xdot^i + de/dt` at fixed velocities, for an expression in the raw velocity symbols.
     pub(super) fn drift(&mut self, e: ExprId) -> Result<ExprId, Error> {
-        if self.recursion.is_some() {
+        if self.way.recursion().is_some() {
             // In one pass over what the bodies share, and not from a slope for each coordinate.
             let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
             let moving = base.chain([(self.system.time, self.g.one())]);

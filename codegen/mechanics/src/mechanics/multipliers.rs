@@ -28,7 +28,8 @@ impl Derivation<'_> {
         let names = self.names.clone();
         let hessian = self.hessian.clone();
         let (rows, reactions) = (&self.rows_on_state(rows)?, &self.forms_on_state(reactions)?);
-        let factors = match self.factors.take() {
+        let known = self.transform.as_ref().map(|transform| transform.factors.clone());
+        let factors = match known {
             Some(factors) => factors,
             None => {
                 self.writer.begin("factors of L_yy");
@@ -37,7 +38,7 @@ impl Derivation<'_> {
             }
         };
         self.writer.begin("free acceleration L_yy^-1 r");
-        let drive = self.drive.clone();
+        let drive = self.forces.drive.clone();
         let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();
         let free = factors.solve(&mut self.g, &mut self.writer, &prefixed("free"), &drive);
         self.writer.begin("response to the multipliers L_yy^-1 Lambda^T");

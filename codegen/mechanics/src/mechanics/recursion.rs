@@ -15,6 +15,7 @@ use num_traits::{One, Zero};
 use crate::reduction::{KinematicConstraint, ReducedSystem, SolvedConstraint};
 use hamel_expr::{ExprId, Graph, Node, Rational, SymbolId, Vanishing, sign_of};
 
+use super::limits::{MAX_SUMS, MIN_DEPTH};
 use super::squares::{Square, squared_velocities, take_squares};
 
 /// What is computed in one place of a recursion.
@@ -44,13 +45,6 @@ pub(super) struct Recursion {
     /// Along which partial velocities are taken.
     pub(super) directions: Directions,
 }
-
-/// Parts on parts from which on recursion is tried: three bodies. With fewer there is nothing to share that a
-/// search for common sums does not find.
-const MIN_DEPTH: usize = 3;
-
-/// Sums that are tried as parts of a further one, the latest first.
-const MAX_SUMS: usize = 100;
 
 /// Whether the squares of velocities in the Lagrangian are written as sums of each other, over several bodies.
 pub fn is_recursive(system: &ReducedSystem) -> bool {

@@ -90,7 +90,7 @@ impl Derivation<'_> {
     /// Rates of large expressions are made part by part, in one pass, and not from a slope for each variable.
     pub(super) fn rate_of(&mut self, e: ExprId, motion: &Motion) -> Result<ExprId, Error> {
         let system = self.system;
-        if self.recursion.is_some() || self.g.reachable(&[e]).len() > MAX_PARTS {
+        if self.way.recursion().is_some() || self.g.reachable(&[e]).len() > MAX_PARTS {
             let rates = self.rates_of_variables(motion);
             let rate = self.g.derivative_along(e, &rates);
             return self.replace(rate);
@@ -190,7 +190,7 @@ impl Derivation<'_> {
                 // drive = forces - dp/dx xdot - dp/dt; the momentum equation wants the forces alone.
                 let p = self.g.diff(system.lagrangian, system.velocities[alpha]);
                 let drift = self.drift(p)?;
-                let force = self.g.add(self.drive[alpha], drift);
+                let force = self.g.add(self.forces.drive[alpha], drift);
                 rate.push(self.g.mul(w, force));
                 let turning = self.drift(w)?;
                 rate.push(self.g.mul(turning, self.momentum[alpha]));

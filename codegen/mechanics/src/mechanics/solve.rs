@@ -10,6 +10,7 @@ use hamel_expr::{
     Definition, ExprId, Fractions, Graph, Node, Rational, SectionWriter, Sign, Style, SymbolId, Vanishing,
     inlined, sign_of,
 };
+use hamel_lang::algebra::tableau::{Grade, Judge, Known};
 
 /// Something that is divided by.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -141,20 +142,6 @@ fn seen_to_be_definite(
     }
     let normal = fractions.normal(g, whole);
     if sign_of(g, normal, signs).is_definite() && g.fingerprints_agree(normal, e) { normal } else { e }
-}
-
-/// How pivot candidates rank: those that are proved not to vanish identically before others, which the check at run
-/// time has to catch, parameter-only before state-dependent, small before large.
-type Rank = (bool, bool, usize);
-
-/// None of what vanishes identically.
-fn rank(g: &mut Graph, writer: &SectionWriter, e: ExprId) -> Option<Rank> {
-    let is_unproved = match g.vanishing(e) {
-        Vanishing::Zero => return None,
-        Vanishing::NonZero => false,
-        Vanishing::Unknown => true,
-    };
-    Some((is_unproved, writer.varies(g, e), g.reachable(&[e]).len()))
 }
 
 impl Factorisation {
@@ -300,11 +287,12 @@ impl Factorisation {
         block: Range<usize>,
     ) -> Option<()> {
         let k = block.start;
-        let mut best: Option<(Rank, usize, usize)> = None;
+        // Divisors of parameters alone first: they are prepared once.
+        let judge = Judge { params: Known::Written(writer), signs: None };
+        let mut best: Option<((Grade, usize), usize, usize)> = None;
         for i in block.clone() {
             for j in block.clone() {
-                let Some(rank) = rank(g, writer, rest[i][j]) else { continue };
-                g.charge(2 * rank.2);
+                let Some(rank) = judge.grade(g, rest[i][j]) else { continue };
                 let candidate = (rank, i, j);
                 best = Some(best.map_or(candidate, |b| b.min(candidate)));
             }

@@ -9,6 +9,8 @@ use num_traits::{One, Signed};
 use crate::reduction::ReducedSystem;
 use hamel_expr::{ExprId, Graph, Node, Rational, SymbolId};
 
+use super::limits::{MAX_RANK, MAX_SINGLES, MAX_TRIALS};
+
 /// A term `weight/2 |v|^2` of the Lagrangian with `v = v_beta y^beta` in a frame that turns with the angular velocity
 /// `omega = K_beta y^beta`, i.e. one with vanishing torsion, or with `v = v_beta y^beta + v_0` and constant `v_0` in
 /// one that does not turn:
@@ -68,13 +70,6 @@ pub(super) struct Component {
     torsion: Vec<Vec<ExprId>>,
 }
 
-/// Most frames that are tried for one square.
-const MAX_TRIALS: usize = 500;
-/// Components of one weight that are tried together.
-const MAX_SINGLES: usize = 8;
-/// In larger systems that are multiplied out, which are algebras rather than bodies, no frames are looked for: the work
-/// grows with the square of the rank.
-const MAX_RANK: usize = 24;
 /// Components of the velocity of a point.
 const MAX_DIMENSION: usize = 3;
 

@@ -5,10 +5,11 @@
 //!
 //! Deliberately does not know: how stage forms come about, how anything is printed.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use crate::reduction::{KinematicConstraint, ReducedSystem, Stages};
 use hamel_expr::{Definition, ExprId, Graph, SymbolId};
+use hamel_lang::algebra::tableau::{Judge, Tableau};
 use hamel_lang::spec::Side;
 
 use super::equations::Equations;
@@ -444,83 +445,19 @@ impl<'a> Writer<'a> {
             g.cancel_zero(sum)
         };
         let width = constraint.unknowns.len();
-        let (combinations, others) = kernel(g, base, width);
+        let (combinations, others) = Tableau::new(base.to_vec()).kernel(g, &Judge::BLIND, width);
         let (unit, inverse) = (unit_vectors(g, width), &self.inverse);
         let adapted = |g: &mut Graph, combination: &[ExprId]| -> Vec<ExprId> {
             let s: Vec<ExprId> = fibre.iter().map(|row| tidied(g, row, combination)).collect();
             let column = |k: usize| inverse.iter().map(|row| row[k]).collect::<Vec<_>>();
             (0..s.len()).map(|k| tidied(g, &s, &column(k))).collect()
         };
-        let mut vectors: Vec<Vec<ExprId>> = combinations.iter().map(|c| adapted(g, c)).collect();
+        let vectors: Vec<Vec<ExprId>> = combinations.iter().map(|c| adapted(g, c)).collect();
         let lifts = others.into_iter().map(|k| {
             let shape: Vec<ExprId> = base.iter().map(|row| row[k]).collect();
             (shape, adapted(g, &unit[k]))
         });
         let lifts = lifts.collect();
-        tidy(g, &mut vectors);
-        Some((vectors, lifts))
+        Some((Tableau::new(vectors).tidied(g), lifts))
     }
-}
-
-/// Makes an entry one, and all others of its column zero, by row operations.
-fn eliminate(g: &mut Graph, rows: &mut [Vec<ExprId>], (row, column): (usize, usize)) {
-    let inverse = g.powi(rows[row][column], -1);
-    for entry in &mut rows[row] {
-        *entry = g.mul(*entry, inverse);
-    }
-    let own = rows[row].clone();
-    for (i, other) in rows.iter_mut().enumerate() {
-        let factor = other[column];
-        if i == row || factor == g.zero() {
-            continue;
-        }
-        for (entry, own) in other.iter_mut().zip(&own) {
-            let product = g.mul(factor, *own);
-            let difference = g.sub(*entry, product);
-            *entry = g.cancel_zero(difference);
-        }
-    }
-}
-
-/// The same span, with a one alone in its column in as many rows as that takes no division by what is not a number.
-fn tidy(g: &mut Graph, rows: &mut [Vec<ExprId>]) {
-    let width = rows.first().map_or(0, Vec::len);
-    let mut done = BTreeSet::new();
-    for column in 0..width {
-        let is_number = |i: &usize| rows[*i][column] != g.zero() && g.as_rational(rows[*i][column]).is_some();
-        if let Some(row) = (0..rows.len()).filter(|i| !done.contains(i)).find(is_number) {
-            eliminate(g, rows, (row, column));
-            done.insert(row);
-        }
-    }
-    rows.sort_by_key(|row| row.iter().position(|e| *e != g.zero()));
-}
-
-/// A basis of the vectors `c` with `rows c = 0`, and components whose unit vectors complete it.
-fn kernel(g: &mut Graph, rows: &[Vec<ExprId>], width: usize) -> (Vec<Vec<ExprId>>, Vec<usize>) {
-    let mut rows = rows.to_vec();
-    for entry in rows.iter_mut().flatten() {
-        *entry = g.cancel_zero(*entry);
-    }
-    let mut pivots = Vec::new();
-    for row in 0..rows.len() {
-        // Numbers first: they vanish nowhere.
-        let grade = |e: ExprId| (g.as_rational(e).is_none(), g.reachable(&[e]).len());
-        let entries = rows[row].iter().enumerate().filter(|(_, e)| **e != g.zero());
-        let Some((column, _)) = entries.min_by_key(|(_, e)| grade(**e)) else { continue };
-        eliminate(g, &mut rows, (row, column));
-        pivots.push((row, column));
-    }
-    let mut vectors = Vec::new();
-    for free in (0..width).filter(|k| pivots.iter().all(|(_, column)| column != k)) {
-        let mut vector = vec![g.zero(); width];
-        vector[free] = g.one();
-        for &(row, column) in &pivots {
-            vector[column] = g.neg(rows[row][free]);
-        }
-        vectors.push(vector);
-    }
-    let mut others: Vec<usize> = pivots.into_iter().map(|(_, column)| column).collect();
-    others.sort_unstable();
-    (vectors, others)
 }

@@ -8,13 +8,15 @@ use num_traits::{One, Signed, Zero};
 
 use crate::reduction::ReducedSystem;
 use hamel_expr::error::Error;
-use hamel_expr::{ExprId, Graph, Node, Rational, Section, SymbolId, needed_sections};
+use hamel_expr::{
+    ExprId, Graph, Node, Rational, Section, SectionWriter, SymbolId, Workspace, needed_sections,
+};
 
 use super::derive::Derivation;
 use super::equations::Equations;
 
 /// Operations behind `roots` on what is `varying`.
-fn n_operations(g: &Graph, sections: &[Section], varying: &BTreeSet<SymbolId>, roots: &[ExprId]) -> usize {
+fn n_operations(g: &Graph, sections: &[Section], varying: &BTreeSet<SymbolId>, roots: &[ExprId]) -> u64 {
     let needed = needed_sections(g, sections, roots);
     let mut all: Vec<ExprId> = needed.iter().flat_map(|s| &s.definitions).map(|d| d.expr).collect();
     all.extend(roots);
@@ -48,14 +50,14 @@ fn n_operations(g: &Graph, sections: &[Section], varying: &BTreeSet<SymbolId>, r
             }
         };
     }
-    n
+    n as u64
 }
 
 /// Operations behind the rates of a system's state, which is derived so far and no further.
 ///
 /// # Errors
 /// As [`derive`](super::derive).
-pub fn operations_of_motion(system: &ReducedSystem) -> Result<usize, Error> {
+pub fn operations_of_motion(system: &ReducedSystem) -> Result<u64, Error> {
     let mut d = Derivation::new(system);
     let motion = d.motion()?;
     d.g.within_budget()?;
@@ -64,9 +66,24 @@ pub fn operations_of_motion(system: &ReducedSystem) -> Result<usize, Error> {
     Ok(d.n_operations(&rates))
 }
 
+/// Ways of deriving are told apart by the definitions that they write.
+impl Workspace for Derivation<'_> {
+    type State = (Graph, SectionWriter);
+
+    fn state(&self) -> (Graph, SectionWriter) {
+        (self.g.clone(), self.writer.clone())
+    }
+
+    fn put_back(&mut self, (graph, writer): (Graph, SectionWriter)) {
+        let spent = std::mem::replace(&mut self.g, graph);
+        self.g.take_over(&spent);
+        self.writer = writer;
+    }
+}
+
 impl Derivation<'_> {
     /// Operations behind these values.
-    pub(super) fn n_operations(&self, roots: &[ExprId]) -> usize {
+    pub(super) fn n_operations(&self, roots: &[ExprId]) -> u64 {
         let (sections, varying) = self.writer.clone().finish();
         n_operations(&self.g, &sections, &varying, roots)
     }
@@ -74,7 +91,7 @@ impl Derivation<'_> {
 
 impl Equations {
     /// Operations behind the rates of the state.
-    pub fn n_operations(&self) -> usize {
+    pub fn n_operations(&self) -> u64 {
         let rates: Vec<ExprId> = self.state.iter().map(|s| s.derivative).collect();
         n_operations(&self.system.graph, &self.sections, &self.varying, &rates)
     }

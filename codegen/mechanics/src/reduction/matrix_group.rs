@@ -9,6 +9,7 @@ use num_traits::{One, Zero};
 
 use hamel_expr::{ExprId, Graph, Rational};
 use hamel_lang::algebra::Matrix;
+use hamel_lang::algebra::tableau::{Ring, determinant};
 use hamel_lang::spec::{KeptForm, MatrixGroup, MatrixSpace, Side};
 
 /// Momenta along some velocities, turned into space: `J_i = sum_k rows[i][k] p_k`.
@@ -145,7 +146,7 @@ pub(super) fn equations(
         };
         let rows: Vec<Vec<(ExprId, ExprId)>> =
             (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
-        let (re, im) = determinant(g, &rows);
+        let (re, im) = determinant(&mut Complex(g), &rows);
         list.push((format!("{name}_det"), re));
         if is_complex {
             list.push((format!("{name}_det_im"), im));
@@ -275,22 +276,28 @@ fn applied(g: &mut Graph, m: &Rows, v: &[ExprId]) -> Vec<ExprId> {
     m.iter().map(|row| g.dot(row, v)).collect()
 }
 
-/// Real and imaginary part of a determinant, by expansion along the first row.
-fn determinant(g: &mut Graph, rows: &[Vec<(ExprId, ExprId)>]) -> (ExprId, ExprId) {
-    let Some((first, rest)) = rows.split_first() else { return (g.one(), g.zero()) };
-    let (mut re, mut im) = (Vec::new(), Vec::new());
-    for (k, (a, b)) in first.iter().enumerate() {
-        let minor: Vec<Vec<(ExprId, ExprId)>> =
-            rest.iter().map(|row| [&row[..k], &row[k + 1..]].concat()).collect();
-        let (c, d) = determinant(g, &minor);
-        let [ac, bd, ad, bc] = [(*a, c), (*b, d), (*a, d), (*b, c)].map(|(x, y)| g.mul(x, y));
-        let (real, imaginary) = (g.sub(ac, bd), g.add(ad, bc));
-        let (real, imaginary) = match k % 2 {
-            0 => (real, imaginary),
-            _ => (g.neg(real), g.neg(imaginary)),
-        };
-        re.push(real);
-        im.push(imaginary);
+/// Complex expressions, real and imaginary part.
+struct Complex<'a>(&'a mut Graph);
+
+impl Ring for Complex<'_> {
+    type Entry = (ExprId, ExprId);
+
+    fn unit(&mut self) -> (ExprId, ExprId) {
+        (self.0.one(), self.0.zero())
     }
-    (g.sum(&re), g.sum(&im))
+
+    fn times(&mut self, (a, b): &(ExprId, ExprId), (c, d): &(ExprId, ExprId)) -> (ExprId, ExprId) {
+        let g = &mut *self.0;
+        let [ac, bd, ad, bc] = [(a, c), (b, d), (a, d), (b, c)].map(|(x, y)| g.mul(*x, *y));
+        (g.sub(ac, bd), g.add(ad, bc))
+    }
+
+    fn negative(&mut self, (a, b): &(ExprId, ExprId)) -> (ExprId, ExprId) {
+        (self.0.neg(*a), self.0.neg(*b))
+    }
+
+    fn alternating(&mut self, terms: &[(ExprId, ExprId)]) -> (ExprId, ExprId) {
+        let (re, im): (Vec<ExprId>, Vec<ExprId>) = terms.iter().copied().unzip();
+        (self.0.alternating(&re), self.0.alternating(&im))
+    }
 }

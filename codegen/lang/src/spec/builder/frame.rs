@@ -8,15 +8,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::draft::{DeclaredAs, FrameDraft, ModelBuilder};
-use crate::algebra::solve_symbolic;
+use crate::algebra::tableau::{MAX_COFACTORS, MAX_DETERMINANT, adjugate, determinant, solve_symbolic};
 use crate::spec::diagnostic::Span;
 use crate::spec::layout::short_list;
 use crate::spec::model::*;
 use crate::spec::value::Value;
 use hamel_expr::{ExprId, Node, Rational, SymbolId};
-
-/// Quasi-velocities up to which a frame is inverted by cofactors, which divide by the determinant alone.
-const MAX_COFACTORS: usize = 3;
 
 impl ModelBuilder {
     /// A quasi-velocity of the frame, a combination of velocities with coefficients on the base; the frame is complete
@@ -110,70 +107,39 @@ impl ModelBuilder {
         self.rewrite(&values)
     }
 
-    /// The inverse of a matrix and its determinant; none where it is singular identically.
+    /// The inverse of a matrix and its determinant, where that is not too large to be written out; none where the
+    /// matrix is singular identically.
     fn inverse(&mut self, square: &[Vec<ExprId>]) -> Option<(Vec<Vec<ExprId>>, Option<ExprId>)> {
         let n = square.len();
         let (zero, one) = (self.graph.zero(), self.graph.one());
-        let determinant = self.determinant(square, &[]);
-        let determinant = determinant.map(|e| self.flat(e));
-        if determinant.is_some_and(|e| self.graph.is_zero(e)) {
+        let whole = (n <= MAX_DETERMINANT).then(|| determinant(&mut self.graph, square));
+        let whole = whole.map(|e| self.flat(e));
+        if whole.is_some_and(|e| self.graph.is_zero(e)) {
             return None;
         }
-        if let Some(divisor) = determinant.filter(|_| n <= MAX_COFACTORS) {
-            let mut rows = vec![vec![zero; n]; n];
-            for (i, row) in rows.iter_mut().enumerate() {
-                for (j, entry) in row.iter_mut().enumerate() {
-                    let minor = self.determinant(square, &[(j, i)])?;
-                    let quotient = self.graph.div(minor, divisor).ok()?;
-                    let quotient = if (i + j) % 2 == 0 { quotient } else { self.graph.neg(quotient) };
-                    *entry = self.flat(quotient);
-                }
+        let mut rows = match whole.filter(|_| n <= MAX_COFACTORS) {
+            Some(divisor) => {
+                let inverse = self.graph.powi(divisor, -1);
+                let mut rows = adjugate(&mut self.graph, square);
+                rows.iter_mut().flatten().for_each(|e| *e = self.graph.mul(*e, inverse));
+                rows
             }
-            return Some((rows, determinant));
-        }
-        let unit: Vec<Vec<ExprId>> =
-            (0..n).map(|i| (0..n).map(|j| if i == j { one } else { zero }).collect()).collect();
-        let mut rows = solve_symbolic(&mut self.graph, square, &unit).ok()?;
+            None => {
+                let unit = |i: usize| (0..n).map(|j| if i == j { one } else { zero }).collect();
+                let unit: Vec<Vec<ExprId>> = (0..n).map(unit).collect();
+                solve_symbolic(&mut self.graph, square, &unit).ok()?
+            }
+        };
         for e in rows.iter_mut().flatten() {
             *e = self.flat(*e);
         }
-        Some((rows, determinant))
-    }
-
-    /// The determinant without some row and column; none where the matrix is too large.
-    fn determinant(&mut self, square: &[Vec<ExprId>], without: &[(usize, usize)]) -> Option<ExprId> {
-        let kept_row = |i: &usize| without.iter().all(|(row, _)| row != i);
-        let kept_column = |j: &usize| without.iter().all(|(_, column)| column != j);
-        let rows: Vec<Vec<ExprId>> = (0..square.len())
-            .filter(kept_row)
-            .map(|i| (0..square.len()).filter(kept_column).map(|j| square[i][j]).collect())
-            .collect();
-        match rows.as_slice() {
-            [] => Some(self.graph.one()),
-            [row] => Some(row[0]),
-            _ => {
-                let matrix = Value::list(rows.into_iter().map(Value::Vector).collect()).ok()?;
-                let value = matrix.det(&mut self.graph).ok()?;
-                Some(value.entries()[0])
-            }
-        }
+        Some((rows, whole))
     }
 
     /// The same value, without coordinates and time that it does not depend on: `cos(x)^2 + sin(x)^2` is one.
     fn flat(&mut self, e: ExprId) -> ExprId {
-        let mut value = self.graph.cancel_zero(e);
-        let variables = self.base.iter().map(|c| c.symbol).chain([self.time]);
-        for symbol in variables.collect::<Vec<_>>() {
-            if !self.graph.free_symbols(value).contains(&symbol) {
-                continue;
-            }
-            let slope = self.graph.diff(value, symbol);
-            if self.graph.is_zero(slope) {
-                let zero = self.graph.zero();
-                value = self.graph.subs(value, &BTreeMap::from([(symbol, zero)])).unwrap_or(value);
-            }
-        }
-        value
+        let variables: Vec<SymbolId> = self.base.iter().map(|c| c.symbol).chain([self.time]).collect();
+        self.graph.without_idle_symbols(e, Some(&variables))
     }
 
     /// The same function of the velocities, if it is a polynomial of degree two in them: with coefficients that are as

@@ -20,8 +20,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::error::Error;
-use hamel_expr::{DivisionByZero, ExprId, Graph, SymbolId, Vanishing};
+use hamel_expr::{DivisionByZero, ExprId, Graph, SymbolId};
 use hamel_lang::algebra::Algebroid;
+use hamel_lang::algebra::tableau::{Judge, Tableau, Tie};
 use hamel_lang::spec::{ConstraintKind, Model};
 
 /// The acceleration `s` along a constraint of third order, a component of the state.
@@ -144,12 +145,8 @@ fn settle_displacements(model: &mut Model, motion: &BTreeMap<SymbolId, ExprId>) 
 
 /// The same value without a symbol that it does not depend on; none where it does.
 fn without(g: &mut Graph, e: ExprId, symbol: SymbolId) -> Option<ExprId> {
-    if !g.free_symbols(e).contains(&symbol) {
-        return Some(e);
-    }
-    let slope = g.diff(e, symbol);
-    let at_zero = g.subs(e, &BTreeMap::from([(symbol, g.zero())])).ok()?;
-    g.is_zero(slope).then_some(at_zero)
+    let e = g.without_idle_symbols(e, Some(&[symbol]));
+    (!g.free_symbols(e).contains(&symbol)).then_some(e)
 }
 
 /// Every constraint as a row `w . ydot + w0 = 0`, on the velocities of the model; none of those with quasi-velocities
@@ -189,28 +186,32 @@ fn determined(
     used: &[usize],
     rows: Vec<(Vec<ExprId>, ExprId)>,
 ) -> Result<(Values, Divisors), Error> {
-    let mut rows: Vec<Vec<ExprId>> =
-        rows.into_iter().map(|(form, rest)| form.into_iter().chain([rest]).collect()).collect();
+    let rows = rows.into_iter().map(|(form, rest)| form.into_iter().chain([rest]).collect());
+    let mut table = Tableau::new(rows.collect());
+    // A number, otherwise an entry that is proved not to vanish identically.
+    let best = |g: &mut Graph, table: &Tableau, rows: &[usize], column: usize| {
+        let cells = rows.iter().map(|row| (*row, column));
+        table.best(g, &Judge::BLIND, Tie::First, cells).filter(|cell| cell.grade.is_proved())
+    };
     for column in (0..accelerations.len()).filter(|k| !used.contains(k)) {
-        if let Some(pivot) = best_pivot(g, &rows, column) {
-            let pivot = rows.remove(pivot);
-            rows.iter_mut().for_each(|row| eliminate(g, row, &pivot, column));
+        let all: Vec<usize> = (0..table.rows().len()).collect();
+        if let Some(cell) = best(g, &table, &all, column) {
+            table.cross_out(g, (cell.row, column));
+            table.remove_row(cell.row);
         }
-        rows.retain_mut(|row| {
-            row[column] = g.cancel_zero(row[column]);
-            row[column] == g.zero()
-        });
+        table.retain_without(g, column);
     }
-    let mut solved: Vec<(usize, Vec<ExprId>)> = Vec::new();
+    let mut open: Vec<usize> = (0..table.rows().len()).collect();
+    let mut solved: Vec<(usize, usize)> = Vec::new();
     for &column in used {
-        let Some(pivot) = best_pivot(g, &rows, column) else { continue };
-        let pivot = rows.remove(pivot);
-        rows.iter_mut().for_each(|row| eliminate(g, row, &pivot, column));
-        solved.iter_mut().for_each(|(_, row)| eliminate(g, row, &pivot, column));
-        solved.push((column, pivot));
+        let Some(cell) = best(g, &table, &open, column) else { continue };
+        table.cross_out(g, (cell.row, column));
+        open.retain(|row| *row != cell.row);
+        solved.push((column, cell.row));
     }
     let (mut values, mut pivots) = (BTreeMap::new(), Vec::new());
     for (column, row) in solved {
+        let row = &table.rows()[row];
         let mut terms = vec![row[accelerations.len()]];
         for &other in used.iter().filter(|k| **k != column) {
             let acceleration = g.sym(accelerations[other]);
@@ -225,27 +226,6 @@ fn determined(
         }
     }
     Ok((values, pivots))
-}
-
-/// The row whose entry in a column is best to divide by: a number, otherwise one that is known not to vanish.
-fn best_pivot(g: &mut Graph, rows: &[Vec<ExprId>], column: usize) -> Option<usize> {
-    let is_fine = |g: &mut Graph, k: &usize| g.vanishing(rows[*k][column]) == Vanishing::NonZero;
-    let fine: Vec<usize> = (0..rows.len()).filter(|k| is_fine(g, k)).collect();
-    let number = fine.iter().find(|k| g.as_rational(rows[**k][column]).is_some());
-    number.or(fine.first()).copied()
-}
-
-/// `row * p - pivot * entry`, with the entries `p` of the pivot and `entry` of the row in the column.
-fn eliminate(g: &mut Graph, row: &mut [ExprId], pivot: &[ExprId], column: usize) {
-    let (p, entry) = (pivot[column], row[column]);
-    if entry == g.zero() {
-        return;
-    }
-    for (e, of_pivot) in row.iter_mut().zip(pivot) {
-        let (kept, taken) = (g.mul(*e, p), g.mul(*of_pivot, entry));
-        let difference = g.sub(kept, taken);
-        *e = g.cancel_zero(difference);
-    }
 }
 
 fn divided(_: DivisionByZero) -> Error {

@@ -5,26 +5,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::error::Error;
-use hamel_expr::{ExprId, Graph, Sign, Style, SymbolId, Vanishing, sign_of};
+use hamel_expr::{ExprId, Graph, Sign, Style, SymbolId, Vanishing};
+use hamel_lang::algebra::tableau::{Cell, Grade, Judge, Known, MAX_COFACTORS, Tableau, Tie};
 
 use super::{ConstraintRow, Response, Unknown};
-
-/// Rows up to which a block is solved by cofactors; larger ones by elimination with the best pivots first.
-const MAX_COFACTORS: usize = 3;
-
-/// Rows with the columns that they were solved for, and what was divided by.
-type Found<'a> = (&'a mut Vec<(usize, usize)>, &'a mut Vec<(String, ExprId)>);
-
-/// How good an expression is to divide by; smaller is better.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum PivotGrade {
-    Constant,
-    Definite,
-    ParameterOnly,
-    StateDependent,
-    /// Not proved not to vanish identically.
-    Unproved,
-}
 
 /// Rows and the columns that the model says they give.
 #[derive(Clone, Copy, Default)]
@@ -59,8 +43,9 @@ pub(in crate::reduction) struct Elimination {
 }
 
 /// Rows eliminated as far as wanted.
-struct Echelon {
-    table: Vec<Vec<ExprId>>,
+struct Echelon<'a> {
+    rows: &'a [ConstraintRow],
+    table: Tableau,
     /// Rows and the columns they were solved for.
     solved: Vec<(usize, usize)>,
     /// Rows left over.
@@ -72,21 +57,20 @@ struct Echelon {
     state_dependent: bool,
 }
 
-impl Solver<'_> {
-    fn grade(&mut self, e: ExprId) -> PivotGrade {
-        let size = self.graph.reachable(&[e]).len();
-        self.graph.charge(2 * size);
-        if self.graph.vanishing(e) == Vanishing::Unknown {
-            PivotGrade::Unproved
-        } else if self.graph.as_rational(e).is_some() {
-            PivotGrade::Constant
-        } else if sign_of(self.graph, e, self.facts).is_definite() {
-            PivotGrade::Definite
-        } else if self.graph.free_symbols(e).is_subset(self.params) {
-            PivotGrade::ParameterOnly
-        } else {
-            PivotGrade::StateDependent
-        }
+impl<'s> Solver<'s> {
+    fn judge(&self) -> Judge<'s> {
+        Judge { params: Known::Params(self.params), signs: Some(self.facts) }
+    }
+
+    /// The best of some cells of a table.
+    fn best(
+        &mut self,
+        table: &Tableau,
+        tie: Tie,
+        cells: impl IntoIterator<Item = (usize, usize)>,
+    ) -> Option<Cell> {
+        let judge = self.judge();
+        table.best(self.graph, &judge, tie, cells)
     }
 
     /// Brings linear rows to the form `y = Psi u + psi0`; `None` when every choice of independent velocities would
@@ -118,7 +102,7 @@ impl Solver<'_> {
         let [together, in_order] = [said.together, said.in_order]
             .map(|list| -> Vec<(usize, usize)> { list.iter().filter(is_dependent).copied().collect() });
         let said = Said { together: &together, in_order: &in_order };
-        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved, said)?;
+        let echelon = self.echelon(rows, wanted, Grade::Unproved, said)?;
         if echelon.state_dependent && wanted.is_none() {
             return Ok(None);
         }
@@ -137,8 +121,8 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<(Elimination, Vec<Vec<ExprId>>), Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Definite, Said::default())?;
-        let left = echelon.open.iter().map(|&row| echelon.table[row].clone()).collect();
+        let echelon = self.echelon(rows, None, Grade::Definite, Said::default())?;
+        let left = echelon.open.iter().map(|&row| echelon.table.rows()[row].clone()).collect();
         Ok((self.solved_form(&echelon), left))
     }
 
@@ -154,125 +138,126 @@ impl Solver<'_> {
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<Elimination, Error> {
-        let echelon = self.echelon(rows, None, PivotGrade::Unproved, Said::default())?;
+        let echelon = self.echelon(rows, None, Grade::Unproved, Said::default())?;
         Ok(self.solved_form(&echelon))
     }
 
     /// Gauss elimination with the best pivots first, up to the first that is worse than `worst`.
-    fn echelon(
+    fn echelon<'a>(
         &mut self,
-        rows: &[ConstraintRow],
+        rows: &'a [ConstraintRow],
         wanted: Option<&[usize]>,
-        worst: PivotGrade,
+        worst: Grade,
         said: Said<'_>,
-    ) -> Result<Echelon, Error> {
+    ) -> Result<Echelon<'a>, Error> {
         let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let allowed = |column: usize| column < m && wanted.is_none_or(|w| !w.contains(&column));
-        let mut table: Vec<Vec<ExprId>> =
-            rows.iter().map(|r| [r.one_form.as_slice(), &[r.offset]].concat()).collect();
-        if self.is_by_rows {
-            let (zero, one) = (self.graph.zero(), self.graph.one());
-            let n = table.len();
-            for (a, row) in table.iter_mut().enumerate() {
-                row.extend((0..n).map(|b| if a == b { one } else { zero }));
-            }
-        }
-        let mut open: Vec<usize> = (0..rows.len()).collect();
-        let mut solved: Vec<(usize, usize)> = Vec::new();
-        let mut pivots = Vec::new();
-        let mut state_dependent = false;
-        self.eliminate_together(rows, said.together, &mut table, (&mut solved, &mut pivots))?;
-        open.retain(|row| solved.iter().all(|(done, _)| done != row));
+        let mut echelon = Echelon {
+            rows,
+            table: self.table(rows),
+            solved: Vec::new(),
+            open: (0..rows.len()).collect(),
+            pivots: Vec::new(),
+            given: said.in_order.to_vec(),
+            state_dependent: false,
+        };
+        self.eliminate_together(&mut echelon, said.together)?;
         let mut waiting = said.in_order;
-        while !open.is_empty() {
+        while !echelon.open.is_empty() {
             self.graph.within_budget()?;
-            let mut best: Option<(PivotGrade, std::cmp::Reverse<usize>, usize)> = None;
-            for &row in open.iter().filter(|row| waiting.iter().all(|(other, _)| other != *row)) {
-                let mut vanishes = true;
-                for (column, &entry) in table[row][..width].iter().enumerate() {
-                    if entry == self.graph.zero() {
-                        continue;
-                    }
-                    vanishes = false;
-                    if allowed(column) && waiting.iter().all(|(_, other)| *other != column) {
-                        // Later velocities are eliminated first: the state keeps the ones named first.
-                        let candidate = (self.grade(entry), std::cmp::Reverse(column), row);
-                        best = Some(best.map_or(candidate, |b| b.min(candidate)));
-                    }
-                }
-                if vanishes {
-                    let constraint = rows[row].text.clone();
-                    let offset = table[row][width];
-                    return Err(match self.graph.vanishing(offset) {
-                        Vanishing::Zero => Error::DependentConstraint { constraint },
-                        Vanishing::NonZero => Error::InconsistentConstraint { constraint },
-                        Vanishing::Unknown => Error::Unverified {
-                            claim: format!("that constraint {constraint} follows from the others"),
-                            residual: self.graph.display(offset, Style::Plain),
-                            component: None,
-                        },
-                    });
-                }
+            let is_ready = |row: &usize| waiting.iter().all(|(other, _)| other != row);
+            let is_free = |column: &usize| waiting.iter().all(|(_, other)| other != column);
+            let ready: Vec<usize> = echelon.open.iter().copied().filter(is_ready).collect();
+            for &row in &ready {
+                self.refuse_empty(&echelon, row)?;
             }
-            if best.is_none_or(|(grade, ..)| grade > PivotGrade::Constant) && !waiting.is_empty() {
-                for &(row, column) in std::mem::take(&mut waiting) {
-                    self.eliminate_given(rows, (row, column), &mut table, (&mut solved, &mut pivots))?;
-                    open.retain(|r| *r != row);
+            let columns: Vec<usize> = (0..width).filter(|k| allowed(*k) && is_free(k)).collect();
+            let cells = ready.iter().flat_map(|row| columns.iter().map(|column| (*row, *column)));
+            // Later velocities are eliminated first: the state keeps the ones named first.
+            let best = self.best(&echelon.table, Tie::LastColumn, cells);
+            if best.is_none_or(|cell| cell.grade > Grade::Number) && !waiting.is_empty() {
+                for &cell in std::mem::take(&mut waiting) {
+                    self.eliminate_given(&mut echelon, cell)?;
                 }
                 continue;
             }
-            let Some((grade, std::cmp::Reverse(column), row)) = best else {
-                return Err(self.not_solvable(rows, wanted));
-            };
-            if grade > worst {
+            let Some(cell) = best else { return Err(self.not_solvable(rows, wanted)) };
+            if cell.grade > worst {
                 break;
             }
-            if self.is_by_rows && grade >= PivotGrade::StateDependent && wanted.is_some() {
-                let is_left = |column: &usize| allowed(*column) && solved.iter().all(|(_, c)| c != column);
-                let columns: Vec<usize> = (0..m).filter(is_left).collect();
-                if columns.len() == open.len() && (2..=MAX_COFACTORS).contains(&open.len()) {
-                    self.eliminate_by_cofactors(
-                        rows,
-                        (&open, &columns),
-                        &mut table,
-                        (&mut solved, &mut pivots),
-                    )?;
-                    state_dependent = true;
-                    open.clear();
-                    break;
+            echelon.state_dependent |= cell.grade.is_watched();
+            if cell.grade.is_watched() {
+                // Where no other columns are left, the determinant alone says where the rows have no solution: an
+                // entry that is divided by on the way would be watched as well, and cancel.
+                let is_left = |column: &usize| echelon.solved.iter().all(|(_, c)| c != column);
+                let columns: Vec<usize> = (0..m).filter(|k| allowed(*k) && is_left(k)).collect();
+                if columns.len() == echelon.open.len() && (2..=MAX_COFACTORS).contains(&columns.len()) {
+                    if self.eliminate_by_cofactors(&mut echelon, &columns) {
+                        break;
+                    }
+                    if self.is_by_rows {
+                        return Err(self.undetermined(&echelon, &columns));
+                    }
                 }
             }
-            state_dependent |= grade >= PivotGrade::StateDependent;
-            if grade >= PivotGrade::ParameterOnly {
-                let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
-                pivots.push((name, table[row][column]));
-            }
-            self.eliminate(&mut table, row, column);
-            open.retain(|r| *r != row);
-            solved.push((row, column));
+            self.eliminate(&mut echelon, cell);
         }
-        Ok(Echelon { table, solved, open, pivots, state_dependent, given: said.in_order.to_vec() })
+        Ok(echelon)
+    }
+
+    /// The rows with their offsets, and with unit vectors where it is noted how velocities answer to them.
+    fn table(&mut self, rows: &[ConstraintRow]) -> Tableau {
+        let (zero, one) = (self.graph.zero(), self.graph.one());
+        let n = if self.is_by_rows { rows.len() } else { 0 };
+        let unit = |a: usize| (0..n).map(move |b| if a == b { one } else { zero });
+        let with_offset = rows.iter().map(|r| r.one_form.iter().copied().chain([r.offset]));
+        let rows = with_offset.enumerate().map(|(a, row)| row.chain(unit(a)).collect()).collect();
+        let mut table = Tableau::new(rows);
+        table.cancel_zeros(self.graph);
+        table
+    }
+
+    /// Refuses a row without coefficients: it says nothing, or what cannot be.
+    fn refuse_empty(&mut self, echelon: &Echelon<'_>, row: usize) -> Result<(), Error> {
+        let width = self.names.len() + self.quasi.len();
+        let entries = &echelon.table.rows()[row];
+        if entries[..width].iter().any(|e| *e != self.graph.zero()) {
+            return Ok(());
+        }
+        let (constraint, offset) = (echelon.rows[row].text.clone(), entries[width]);
+        Err(match self.graph.vanishing(offset) {
+            Vanishing::Zero => Error::DependentConstraint { constraint },
+            Vanishing::NonZero => Error::InconsistentConstraint { constraint },
+            Vanishing::Unknown => Error::Unverified {
+                claim: format!("that constraint {constraint} follows from the others"),
+                residual: self.graph.display(offset, Style::Plain),
+                component: None,
+            },
+        })
+    }
+
+    /// Solves a row for a column; a divisor that can vanish is among the pivots.
+    fn eliminate(&mut self, echelon: &mut Echelon<'_>, Cell { row, column, grade }: Cell) {
+        if grade.may_vanish() {
+            let name = format!("coefficient of {} in {}", self.names[column], echelon.rows[row].text);
+            echelon.pivots.push((name, echelon.table.rows()[row][column]));
+        }
+        echelon.table.eliminate(self.graph, (row, column));
+        echelon.open.retain(|r| *r != row);
+        echelon.solved.push((row, column));
     }
 
     /// Solves a row for the column that the model says it gives.
     fn eliminate_given(
         &mut self,
-        rows: &[ConstraintRow],
+        echelon: &mut Echelon<'_>,
         (row, column): (usize, usize),
-        table: &mut [Vec<ExprId>],
-        (solved, pivots): Found<'_>,
     ) -> Result<(), Error> {
-        let entry = table[row][column];
-        if self.graph.vanishing(entry) == Vanishing::Zero {
-            let (constraint, velocity) = (rows[row].text.clone(), self.names[column].clone());
-            return Err(Error::NotGiven { constraint, velocity });
-        }
-        if self.grade(entry) >= PivotGrade::ParameterOnly {
-            let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
-            pivots.push((name, entry));
-        }
-        self.eliminate(table, row, column);
-        solved.push((row, column));
+        let cell = self.best(&echelon.table, Tie::First, [(row, column)]).ok_or_else(|| {
+            let (constraint, velocity) = (echelon.rows[row].text.clone(), self.names[column].clone());
+            Error::NotGiven { constraint, velocity }
+        })?;
+        self.eliminate(echelon, cell);
         Ok(())
     }
 
@@ -280,138 +265,55 @@ impl Solver<'_> {
     /// what is left by cofactors, which divide by the determinant alone.
     fn eliminate_together(
         &mut self,
-        rows: &[ConstraintRow],
+        echelon: &mut Echelon<'_>,
         determined: &[(usize, usize)],
-        table: &mut [Vec<ExprId>],
-        (solved, pivots): Found<'_>,
     ) -> Result<(), Error> {
-        let (mut open, mut columns): (Vec<usize>, Vec<usize>) = determined.iter().copied().unzip();
-        while !open.is_empty() {
+        let others = (echelon.open.iter().copied()).filter(|row| determined.iter().all(|(r, _)| r != row));
+        let others: Vec<usize> = others.collect();
+        let mut columns: Vec<usize> = determined.iter().map(|(_, column)| *column).collect();
+        echelon.open = determined.iter().map(|(row, _)| *row).collect();
+        while !echelon.open.is_empty() {
             self.graph.within_budget()?;
-            let is_by_cofactors = (2..=MAX_COFACTORS).contains(&open.len());
-            let mut best: Option<(PivotGrade, usize, usize)> = None;
-            for &row in &open {
-                for &column in &columns {
-                    let entry = table[row][column];
-                    if entry != self.graph.zero() && self.graph.vanishing(entry) != Vanishing::Zero {
-                        let candidate = (self.grade(entry), row, column);
-                        best = Some(best.map_or(candidate, |b| b.min(candidate)));
-                    }
-                }
-            }
-            let Some((grade, row, column)) = best else {
-                return Err(self.undetermined(rows, &open, &columns));
+            let cells = echelon.open.iter().flat_map(|row| columns.iter().map(|column| (*row, *column)));
+            let Some(cell) = self.best(&echelon.table, Tie::First, cells) else {
+                return Err(self.undetermined(echelon, &columns));
             };
-            if is_by_cofactors && grade > PivotGrade::Definite {
-                return self.eliminate_by_cofactors(rows, (&open, &columns), table, (solved, pivots));
-            }
-            if grade >= PivotGrade::ParameterOnly {
-                let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
-                pivots.push((name, table[row][column]));
-            }
-            self.eliminate(table, row, column);
-            open.retain(|r| *r != row);
-            columns.retain(|c| *c != column);
-            solved.push((row, column));
-        }
-        Ok(())
-    }
-
-    /// Solves some rows for as many columns by the adjugate of their coefficients.
-    fn eliminate_by_cofactors(
-        &mut self,
-        rows: &[ConstraintRow],
-        (open, columns): (&[usize], &[usize]),
-        table: &mut [Vec<ExprId>],
-        (solved, pivots): Found<'_>,
-    ) -> Result<(), Error> {
-        let n = open.len();
-        let square: Vec<Vec<ExprId>> =
-            open.iter().map(|row| columns.iter().map(|column| table[*row][*column]).collect()).collect();
-        let all: Vec<usize> = (0..n).collect();
-        let determinant = self.minor(&square, &all, &all);
-        if self.graph.vanishing(determinant) == Vanishing::Zero {
-            return Err(self.undetermined(rows, open, columns));
-        }
-        let texts: Vec<&str> = open.iter().map(|row| rows[*row].text.as_str()).collect();
-        let mut texts: Vec<&str> = texts.into_iter().collect();
-        texts.dedup();
-        let names: Vec<&str> = columns.iter().map(|column| self.names[*column].as_str()).collect();
-        let name = format!("determinant of {} in {}", names.join(", "), texts.join(", "));
-        pivots.push((name, determinant));
-        let inverse = self.graph.powi(determinant, -1);
-        let width = table.first().map_or(0, Vec::len);
-        let mut made = vec![vec![self.graph.zero(); width]; n];
-        for (i, own) in made.iter_mut().enumerate() {
-            let weights: Vec<ExprId> = (0..n)
-                .map(|j| {
-                    let left: Vec<usize> = all.iter().copied().filter(|row| *row != j).collect();
-                    let kept: Vec<usize> = all.iter().copied().filter(|column| *column != i).collect();
-                    let minor = self.minor(&square, &left, &kept);
-                    if (i + j) % 2 == 0 { minor } else { self.graph.neg(minor) }
-                })
-                .collect();
-            for (column, entry) in own.iter_mut().enumerate() {
-                if let Some(at) = columns.iter().position(|c| *c == column) {
-                    *entry = if at == i { self.graph.one() } else { self.graph.zero() };
-                    continue;
+            if (2..=MAX_COFACTORS).contains(&echelon.open.len()) && cell.grade.may_vanish() {
+                if !self.eliminate_by_cofactors(echelon, &columns) {
+                    return Err(self.undetermined(echelon, &columns));
                 }
-                let along: Vec<ExprId> = open.iter().map(|row| table[*row][column]).collect();
-                let sum = self.graph.dot(&weights, &along);
-                let sum = self.graph.cancel_zero(sum);
-                *entry = self.graph.mul(sum, inverse);
+            } else {
+                self.eliminate(echelon, cell);
+                columns.retain(|c| *c != cell.column);
             }
         }
-        for (row, own) in open.iter().zip(made) {
-            table[*row] = own;
-        }
-        for (row, column) in open.iter().zip(columns) {
-            // The other rows of the block have a zero there.
-            self.eliminate(table, *row, *column);
-            solved.push((*row, *column));
-        }
+        echelon.open = others;
         Ok(())
     }
 
-    /// The determinant of some rows and columns, by the first row.
-    fn minor(&mut self, square: &[Vec<ExprId>], rows: &[usize], columns: &[usize]) -> ExprId {
-        let Some((first, below)) = rows.split_first() else { return self.graph.one() };
-        let mut terms = Vec::with_capacity(columns.len());
-        for (k, column) in columns.iter().enumerate() {
-            let others: Vec<usize> = columns.iter().copied().filter(|other| other != column).collect();
-            let minor = self.minor(square, below, &others);
-            let term = self.graph.mul(square[*first][*column], minor);
-            terms.push(if k % 2 == 0 { term } else { self.graph.neg(term) });
+    /// Solves the open rows for as many columns by the adjugate of their coefficients; whether their determinant does
+    /// not vanish identically.
+    fn eliminate_by_cofactors(&mut self, echelon: &mut Echelon<'_>, columns: &[usize]) -> bool {
+        let determinant = echelon.table.eliminate_together(self.graph, &echelon.open, columns);
+        let Some(determinant) = determinant else { return false };
+        if self.judge().grade(self.graph, determinant).is_none_or(|(grade, _)| grade.may_vanish()) {
+            let texts = echelon.open.iter().map(|row| echelon.rows[*row].text.as_str());
+            let mut texts: Vec<&str> = texts.collect();
+            texts.dedup();
+            let names: Vec<&str> = columns.iter().map(|column| self.names[*column].as_str()).collect();
+            let name = format!("determinant of {} in {}", names.join(", "), texts.join(", "));
+            echelon.pivots.push((name, determinant));
         }
-        let sum = self.graph.sum(&terms);
-        self.graph.cancel_zero(sum)
+        echelon.solved.extend(echelon.open.drain(..).zip(columns.iter().copied()));
+        true
     }
 
-    fn undetermined(&self, rows: &[ConstraintRow], open: &[usize], columns: &[usize]) -> Error {
-        let mut equations: Vec<String> = open.iter().map(|row| rows[*row].text.clone()).collect();
+    fn undetermined(&self, echelon: &Echelon<'_>, columns: &[usize]) -> Error {
+        let texts = echelon.open.iter().map(|row| echelon.rows[*row].text.clone());
+        let mut equations: Vec<String> = texts.collect();
         equations.dedup();
         let names = columns.iter().map(|column| self.names[*column].clone()).collect();
         Error::UndeterminedPositions { equations, names }
-    }
-
-    fn eliminate(&mut self, table: &mut [Vec<ExprId>], row: usize, column: usize) {
-        let g = &mut *self.graph;
-        let inverse = g.powi(table[row][column], -1);
-        for entry in &mut table[row] {
-            *entry = g.mul(*entry, inverse);
-        }
-        let pivot_row = table[row].clone();
-        for (i, other) in table.iter_mut().enumerate() {
-            let factor = other[column];
-            if i == row || factor == g.zero() {
-                continue;
-            }
-            for (entry, pivot) in other.iter_mut().zip(&pivot_row) {
-                let product = g.mul(factor, *pivot);
-                let reduced = g.sub(*entry, product);
-                *entry = g.cancel_zero(reduced);
-            }
-        }
     }
 
     fn not_solvable(&mut self, rows: &[ConstraintRow], wanted: Option<&[usize]>) -> Error {
@@ -426,8 +328,9 @@ impl Solver<'_> {
         Error::NotSolvable { dependent, possible }
     }
 
-    fn solved_form(&mut self, echelon: &Echelon) -> Elimination {
+    fn solved_form(&mut self, echelon: &Echelon<'_>) -> Elimination {
         let Echelon { table, solved, pivots, given, .. } = echelon;
+        let table = table.rows();
         let g = &mut *self.graph;
         let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let mut dependent: Vec<usize> = solved.iter().map(|(_, column)| *column).collect();
