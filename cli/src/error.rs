@@ -535,10 +535,9 @@ impl fmt::Display for Error {
             }
             Error::Found { n_errors: 1 } => f.write_str("1 error in the models"),
             Error::Found { n_errors } => write!(f, "{n_errors} errors in the models"),
-            Error::NotCompiled { what, reason } => write!(
-                f,
-                "{what} is not available compiled: {reason}\n  run `cargo xtask generate`"
-            ),
+            Error::NotCompiled { what, reason } => {
+                write!(f, "{what} is not available compiled: {reason}\n  run `cargo xtask generate`")
+            }
             Error::Io { doing, source } => write!(f, "{doing}: {source}"),
             Error::Failed { step, status } => write!(f, "{step} failed: {status}"),
         }

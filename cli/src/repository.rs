@@ -17,8 +17,7 @@ impl Repository {
     /// The repository that a folder is in.
     pub fn around(folder: &Path) -> Option<Repository> {
         // Both together are in no other repository: model files, and the package of the chores.
-        let is_root =
-            |at: &&Path| at.join("models/specs").is_dir() && at.join("xtask/Cargo.toml").is_file();
+        let is_root = |at: &&Path| at.join("models/specs").is_dir() && at.join("xtask/Cargo.toml").is_file();
         folder.ancestors().find(is_root).map(Repository::at)
     }
 

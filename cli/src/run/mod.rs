@@ -36,7 +36,6 @@ mod solver;
 pub mod start;
 pub(crate) mod statistics;
 mod stored;
-pub mod typed;
 mod verdict;
 pub mod watched;
 
