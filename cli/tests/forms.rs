@@ -145,14 +145,14 @@ fn each_mistake_tells_both_names() {
 }
 
 fn started(text: &str, scene: &str, given: &[(&str, f64)]) -> Result<BTreeMap<String, f64>, Error> {
-    let (model, evaluated) = built(text, scene);
+    let (model, built) = built(text, scene);
     let prior = Prior::of(&model, scene, &BTreeMap::new());
     let given = given.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
-    let forms = Forms::of(&model, evaluated.info()).unwrap();
-    let values = evaluated.info().defaults();
+    let forms = Forms::of(&model, built.info()).unwrap();
+    let values = built.info().defaults();
     let chosen = Chosen { prior: &prior, given: &given, positions: None };
-    let y = start::state(&evaluated, None, (&values, &values), &forms, chosen)?;
-    Ok(evaluated.info().state.iter().cloned().zip(y).collect())
+    let y = start::state(&built, None, (&values, &values), &forms, chosen)?;
+    Ok(built.info().state.iter().cloned().zip(y).collect())
 }
 
 #[test]
@@ -189,10 +189,10 @@ fn initial_values_of_the_model_may_be_of_both_kinds() {
 }
 
 fn outputs(text: &str, scene: &str, state: Vec<f64>) -> BTreeMap<String, f64> {
-    let (_, scene) = built(text, scene);
-    let params = scene.info().defaults();
-    let names: Vec<String> = scene.info().outputs.iter().flat_map(|o| o.components.clone()).collect();
-    let answer = eval(&scene, &EvalRequest { params, t: 0.0, states: vec![state] }).unwrap();
+    let (_, built) = built(text, scene);
+    let params = built.info().defaults();
+    let names: Vec<String> = built.info().outputs.iter().flat_map(|o| o.components.clone()).collect();
+    let answer = eval(&built, &EvalRequest { params, t: 0.0, states: vec![state] }).unwrap();
     names.into_iter().zip(answer.outputs[0].iter().copied()).collect()
 }
 

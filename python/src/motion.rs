@@ -132,7 +132,7 @@ pub(crate) fn simulate(
             (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
                 // Series have no derivatives along parameters, and a table ends a step of theirs at every row.
                 let has_series = sensitivity.is_empty() && !built.is_driven();
-                auto::choose(rtol, Some(built.rhs_counts().cost()), has_series, purpose)
+                auto::choose(rtol, built.rhs_counts().cost(), has_series, purpose)
             }
             (method, _) => method,
         };

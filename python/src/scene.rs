@@ -102,7 +102,7 @@ impl Scene {
 
     /// What a number of a scene costs; a call of the interpreter takes longer.
     fn cost(&self) -> u64 {
-        self.dynamics().rhs_cost().unwrap_or(1)
+        self.dynamics().rhs_cost()
     }
 
     /// Calls `work` with states and results, without holding Python, and says which states have no values.

@@ -4,6 +4,7 @@
 
 pub mod algebras;
 pub mod bundle;
+pub mod derived;
 pub mod draws;
 pub mod errata;
 pub mod latex;
@@ -15,6 +16,11 @@ pub mod stages;
 pub mod tracked;
 pub mod unreduced;
 pub use hamel_measure::random;
+
+/// Whether tests take as long as they like: every model where a few stand for all. `cargo xtask test --all` says so.
+pub fn at_length() -> bool {
+    std::env::var_os("HAMEL_TEST_ALL").is_some()
+}
 
 /// The heavy top's generated file under `include!`, the other way of using it besides `mod`.
 pub mod included {

@@ -1,8 +1,6 @@
 //! The models of `models/specs` by name, and their motion through the interpreter.
 
-use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Mutex, OnceLock, PoisonError};
 
 use hamel_codegen::scene::{self, BuiltScene, Interpreter, PositionLayout};
 use hamel_codegen::spec::{self, Model};
@@ -10,6 +8,8 @@ use hamel_expr::rational_to_f64;
 use hamel_mechanics::mechanics::{Equations, derive};
 use hamel_mechanics::reduction::{Formulation, reduce};
 use hamel_runtime::{Dop853, Failure, Integrator, Options, Positions, StateVector, System};
+
+use crate::derived::{Derived, scene_of_text};
 
 /// The text of a model file.
 ///
@@ -44,6 +44,14 @@ pub fn model(name: &str) -> Model {
 /// When the folder cannot be read.
 pub fn names() -> Vec<String> {
     names_in("specs")
+}
+
+/// Model and name of every scene that was generated, sorted by models.
+pub fn generated() -> Vec<(&'static str, &'static str)> {
+    macro_rules! listed {
+        ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => { vec![$(($model, $scene)),*] };
+    }
+    hamel_models::for_each_scene!(listed)
 }
 
 /// Names of all models of the shelf, sorted.
@@ -86,19 +94,12 @@ pub fn build(name: &str, scene: &str) -> BuiltScene {
     scene::build(&model(name), scene).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// A scene of a model that several tests of a program look at: built by the first of them, kept for the others, which
-/// wait for it.
+/// A scene of a model as a program, which is derived once.
 ///
 /// # Panics
 /// When it cannot be built.
-pub fn built_once(name: &str, scene: &str) -> &'static BuiltScene {
-    static SCENES: Mutex<BTreeMap<(String, String), &'static OnceLock<BuiltScene>>> =
-        Mutex::new(BTreeMap::new());
-    let mut scenes = SCENES.lock().unwrap_or_else(PoisonError::into_inner);
-    let cell: &'static OnceLock<BuiltScene> =
-        scenes.entry((name.to_owned(), scene.to_owned())).or_insert_with(|| Box::leak(Box::default()));
-    drop(scenes);
-    cell.get_or_init(|| build(name, scene))
+pub fn derived(name: &str, scene: &str) -> &'static Derived {
+    scene_of_text(name, &text(name), scene)
 }
 
 /// Right-hand side and energy of a model of the shelf.

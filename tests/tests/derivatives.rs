@@ -4,7 +4,7 @@
 //! Rounding: a value and its counterpart by dual numbers are computed with different operations, each run on
 //! [`Tracked`] numbers; they may differ by 16 units in the last place of the larger of their largest terms.
 
-use hamel_codegen::scene::{self, BuiltScene, Derivative};
+use hamel_codegen::scene::{self, Derivative};
 use hamel_codegen::spec;
 use hamel_expr::{ExprId, Graph, SymbolId};
 use hamel_program::lower::Inputs;
@@ -12,7 +12,8 @@ use hamel_program::program::{Point, Program, Role};
 use hamel_runtime::{
     Differentiable, Dop853, DoubleDouble, Dual, Integrator, Options, Real, Scene, StateVector, System,
 };
-use hamel_tests::models::{self, build, names, params};
+use hamel_tests::derived::{Derived, scene_of_text};
+use hamel_tests::models::{self, build, names};
 use hamel_tests::reference;
 use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
 
@@ -37,8 +38,8 @@ impl Random {
 }
 
 /// The scene with all derivatives of a model.
-fn derivatives_of(name: &str) -> &'static BuiltScene {
-    models::built_once(name, scene::DERIVATIVES)
+fn derivatives_of(name: &str) -> &'static Derived {
+    models::derived(name, scene::DERIVATIVES)
 }
 
 /// Parameters, time and state.
@@ -49,8 +50,8 @@ struct At {
 }
 
 /// All reference points of a model, and random points near its default parameters.
-fn points(built: &BuiltScene, n_random: usize) -> Vec<At> {
-    let model = &built.equations.system.name;
+fn points(built: &Derived, n_random: usize) -> Vec<At> {
+    let model = &built.model;
     let names = built.state_names();
     let param_names: Vec<String> = built.params().iter().map(|p| p.name.clone()).collect();
     let mut points = Vec::new();
@@ -59,13 +60,13 @@ fn points(built: &BuiltScene, n_random: usize) -> Vec<At> {
             points.push(At {
                 params: reference::in_order(&point.params, &param_names),
                 t: 0.0,
-                state: reference::in_order(&point.state, &names),
+                state: reference::in_order(&point.state, names),
             });
         }
     }
     let mut random = Random(20_261_121);
     for _ in 0..n_random {
-        let mut near = params(built, &[]);
+        let mut near = built.defaults();
         near.iter_mut().for_each(|p| *p *= 1.0 + 0.05 * random.next());
         // Inside (0, 1): every coordinate is in its domain there.
         let state = names.iter().map(|_| 0.5 + 0.45 * random.next()).collect();
@@ -109,16 +110,16 @@ fn agree(what: &str, found: Tracked, expected: Tracked) -> f64 {
 }
 
 /// Every derivative at a point against dual numbers; the largest distance in units.
-fn check_against_duals(built: &BuiltScene, at: &At, random: &mut Random) -> f64 {
+fn check_against_duals(built: &Derived, at: &At, random: &mut Random) -> f64 {
     let program = &built.program;
-    let label = &built.equations.system.name;
+    let label = &built.model;
     let (n, n_params) = (at.state.len(), at.params.len());
     let (still, fixed) = (vec![0.0; n], vec![0.0; n_params]);
     let (params, t, state) = (lifted(&at.params), Tracked::input(at.t), lifted(&at.state));
     let call = |role: &Role, argument: &[f64]| run(program, role, &params, t, &state, &lifted(argument));
     let mut worst: f64 = 0.0;
     for matrix in built.matrices() {
-        let name = matrix.name;
+        let name = matrix.name.as_str();
         let entries = call(&Role::Output(name.to_owned()), &[]);
         for j in 0..matrix.shape.1 {
             let column = match Derivative::from_name(name) {
@@ -188,7 +189,7 @@ struct Exact {
 }
 
 impl Exact {
-    fn new(built: &BuiltScene) -> Exact {
+    fn new(built: &Derived) -> Exact {
         let program = &built.program;
         let mut g = Graph::new();
         let mut symbols = |names: &[String]| -> Vec<SymbolId> { names.iter().map(|n| g.symbol(n)).collect() };
@@ -239,7 +240,7 @@ fn derivatives_and_patterns_are_exact_where_the_whole_expression_can_be_differen
             assert!(exact.g.is_equal(found, expected), "{name}: {what}");
         };
         for matrix in built.matrices() {
-            let expected = match Derivative::from_name(matrix.name) {
+            let expected = match Derivative::from_name(&matrix.name) {
                 Some(Derivative::Sensitivity) => &by_params,
                 _ => &by_state,
             };
@@ -328,7 +329,7 @@ fn products_agree_with_each_other() {
     for name in names() {
         let built = derivatives_of(&name);
         let mut random = Random(11);
-        let n = built.state.len();
+        let n = built.state_names().len();
         for at in points(built, 4) {
             let interpreter = built.prepare(&at.params).unwrap_or_else(|e| panic!("{e}"));
             let (v, w) = (random.vector(n), random.vector(n));
@@ -350,9 +351,9 @@ fn products_agree_with_each_other() {
     }
 }
 
-fn operations(built: &BuiltScene, role: &Role) -> usize {
-    let k = built.program.function_idx(role).unwrap_or_else(|| panic!("no function {role}"));
-    built.program.functions[k].counts().total()
+fn operations(program: &Program, role: &Role) -> usize {
+    let k = program.function_idx(role).unwrap_or_else(|| panic!("no function {role}"));
+    program.functions[k].counts().total()
 }
 
 #[test]
@@ -361,11 +362,11 @@ fn products_cost_a_small_multiple_of_the_right_hand_side() {
     // across definitions that their derivatives share, so that up to 5.3 was measured (euler_disk_advected).
     for name in names() {
         let built = derivatives_of(&name);
-        let (rhs, n) = (operations(built, &Role::Rate), built.state.len());
+        let (rhs, n) = (operations(&built.program, &Role::Rate), built.state_names().len());
         // A right-hand side of a few operations has products of a few operations per component.
         let bound = |factor: usize| factor * rhs + 2 * n;
         let (jvp, vjp, jacobian) = [Derivative::Jvp, Derivative::Vjp, Derivative::Jacobian]
-            .map(|d| operations(built, &d.role()))
+            .map(|d| operations(&built.program, &d.role()))
             .into();
         // A loop over a table has nothing that its sums share: 6.7 was measured (zeitlin_euler_7).
         let of = |d: Derivative| {
@@ -379,8 +380,8 @@ fn products_cost_a_small_multiple_of_the_right_hand_side() {
     }
     // What does not depend on the state is not computed with it.
     let top = derivatives_of("heavy_top");
-    assert!(operations(top, &Derivative::Jacobian.role()) <= 14);
-    assert_eq!(operations(derivatives_of("rolling_disk"), &Derivative::Jacobian.role()), 0);
+    assert!(operations(&top.program, &Derivative::Jacobian.role()) <= 14);
+    assert_eq!(operations(&derivatives_of("rolling_disk").program, &Derivative::Jacobian.role()), 0);
 }
 
 #[test]
@@ -395,10 +396,10 @@ fn time_fixed_parameters_and_every_function_are_differentiated() {
         scene stiff { fix k = 2; want jacobian, sensitivity, time_derivative; }
     }";
     let model = spec::parse("forced.hamel", text).unwrap_or_else(|e| panic!("{e}"));
-    let built = scene::build(&model, scene::DERIVATIVES).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene_of_text("forced.hamel", text, scene::DERIVATIVES);
     let mut random = Random(3);
-    for at in points(&built, 8) {
-        check_against_duals(&built, &at, &mut random);
+    for at in points(built, 8) {
+        check_against_duals(built, &at, &mut random);
         let prepared = built.prepare(&at.params).unwrap();
         let start = built.outputs().iter().take_while(|o| o.name != "time_derivative");
         let start: usize = start.map(|o| o.components.len()).sum();
@@ -426,7 +427,10 @@ fn a_scene_without_derivatives_does_not_pay_for_them() {
         assert!(plain.matrices().is_empty() && plain.products().is_empty());
         assert!(Derivative::ALL.iter().all(|d| plain.program.function_idx(&d.role()).is_none()));
         assert!(plain.program.functions.iter().all(|f| f.argument.is_empty()));
-        assert_eq!(operations(&plain, &Role::Rate), operations(derivatives_of(name), &Role::Rate));
+        assert_eq!(
+            operations(&plain.program, &Role::Rate),
+            operations(&derivatives_of(name).program, &Role::Rate)
+        );
     }
 }
 

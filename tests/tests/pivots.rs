@@ -6,11 +6,12 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssi
 
 use hamel_models::generated::{appell_machine, euler_disk_advected, extended_pose, kirchhoff_body};
 use hamel_runtime::{DoubleDouble, Dual, Error, Failure, Integrator, Options, Real, Rk4, Scene, System};
+use hamel_tests::derived::Derived;
+use hamel_tests::models::{derived, generated};
 use hamel_tests::random::Random;
 
 /// `mantissa 2^exponent` with the mantissa of an `f64` and an exponent without bounds: every operation rounds as `f64`
-/// does where that neither overflows nor underflows. Its operations are calls, which keep the
-/// generated functions short.
+/// does where that neither overflows nor underflows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Wide {
     mantissa: f64,
@@ -52,7 +53,6 @@ impl Wide {
 
 impl Add for Wide {
     type Output = Wide;
-    #[inline(never)]
     fn add(self, other: Wide) -> Wide {
         if self.mantissa == 0.0 {
             return other;
@@ -78,7 +78,6 @@ impl Neg for Wide {
 
 impl Sub for Wide {
     type Output = Wide;
-    #[inline(never)]
     fn sub(self, other: Wide) -> Wide {
         self + -other
     }
@@ -86,7 +85,6 @@ impl Sub for Wide {
 
 impl Mul for Wide {
     type Output = Wide;
-    #[inline(never)]
     fn mul(self, other: Wide) -> Wide {
         Wide::new(self.mantissa * other.mantissa, self.exponent + other.exponent)
     }
@@ -94,7 +92,6 @@ impl Mul for Wide {
 
 impl Div for Wide {
     type Output = Wide;
-    #[inline(never)]
     fn div(self, other: Wide) -> Wide {
         Wide::new(self.mantissa / other.mantissa, self.exponent - other.exponent)
     }
@@ -159,21 +156,20 @@ impl Real for Wide {
 }
 
 /// States of all sizes up to 1e300, some components or all of them: what `check` accepts and what is finite is right.
-fn huge<S, W, const N: usize>() -> (usize, usize)
-where
-    S: Scene<f64> + System<f64, State = [f64; N]>,
-    W: Scene<Wide> + System<Wide, State = [Wide; N]>,
-{
-    let label = format!("{} {}", S::INFO.model, S::INFO.scene);
-    let defaults: Vec<f64> = S::INFO.params.iter().map(|p| p.default).collect();
+/// `compiled` shows that compiled scenes have the bits of these programs.
+fn huge(derived: &Derived) -> (usize, usize) {
+    let label = format!("{} {}", derived.model, derived.scene);
+    let defaults = derived.defaults();
     let wide: Vec<Wide> = defaults.iter().map(|x| Wide::from_f64(*x)).collect();
-    let (scene, exact) = (S::prepare(&defaults).unwrap(), W::prepare(&wide).unwrap());
+    let scene = derived.prepare(&defaults).unwrap_or_else(|e| panic!("{label}: {e}"));
+    let exact = derived.prepare_over(&wide).unwrap_or_else(|e| panic!("{label}: {e}"));
+    let n = derived.state_names().len();
     let mut random = Random(77);
     let (mut compared, mut refused) = (0, 0);
     for round in 0..300 {
         let size = 10.0_f64.powi(100 + round % 201);
-        let one = (random.number().abs() * N as f64) as usize;
-        let mut y = [0.0; N];
+        let one = (random.number().abs() * n as f64) as usize;
+        let mut y = vec![0.0; n];
         for (k, y) in y.iter_mut().enumerate() {
             let is_large = round % 3 == 0 || k == one || (round % 3 == 1 && random.number() > 0.0);
             *y = (0.5 + 0.45 * random.number()) * if is_large { size } else { 1.0 };
@@ -181,14 +177,15 @@ where
         if scene.domain(0.0, &y).is_err() {
             continue;
         }
-        let mut dy = [0.0; N];
+        let mut dy = vec![0.0; n];
         scene.rhs(0.0, &y, &mut dy);
         if scene.check(0.0, &y).is_err() || dy.iter().any(|x| !x.is_finite()) {
             refused += 1;
             continue;
         }
-        let mut expected = [Wide::ZERO; N];
-        exact.rhs(Wide::ZERO, &y.map(Wide::from_f64), &mut expected);
+        let mut expected = vec![Wide::ZERO; n];
+        let state: Vec<Wide> = y.iter().copied().map(Wide::from_f64).collect();
+        exact.rhs(Wide::ZERO, &state, &mut expected);
         for (k, (a, b)) in dy.into_iter().zip(expected).enumerate() {
             // Angles of 1e100 have no sine to compare with, and what underflows is as good as zero.
             if !b.all_finite() || b.magnitude() < 1e-290 {
@@ -196,7 +193,7 @@ where
             }
             // The operations are the same, so that nothing but overflow and underflow can differ.
             let error = (Wide::from_f64(a) - b).abs() / b.abs();
-            let name = S::INFO.state[k];
+            let name = &derived.state_names()[k];
             assert!(error.magnitude() < 1e-9, "{label}: dot_{name} = {a:e}, not {:e}, at {y:?}", b.to_f64());
             compared += 1;
         }
@@ -204,26 +201,10 @@ where
     (compared, refused)
 }
 
-macro_rules! huge_states {
-    ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
-        fn every_scene_at_huge_states() -> Vec<(&'static str, (usize, usize))> {
-            vec![$((
-                stringify!($module),
-                huge::<
-                    hamel_models::generated::$module::Prepared<f64>,
-                    hamel_models::generated::$module::Prepared<Wide>,
-                    $n,
-                >(),
-            )),*]
-        }
-    };
-}
-
-hamel_models::for_each_scene!(huge_states);
-
 #[test]
 fn huge_states_give_right_derivatives_or_are_refused() {
-    let counts = every_scene_at_huge_states();
+    let of_scene = |(name, scene)| (format!("{name} {scene}"), huge(derived(name, scene)));
+    let counts: Vec<(String, (usize, usize))> = generated().into_iter().map(of_scene).collect();
     let total = |part: fn(&(usize, usize)) -> usize| counts.iter().map(|(_, n)| part(n)).sum::<usize>();
     println!("{counts:?}");
     assert!(total(|n| n.0) > 10_000 && total(|n| n.1) > 1_000, "{counts:?}");

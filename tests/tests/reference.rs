@@ -4,9 +4,10 @@
 //! that enters it. The largest term is computed by running the very program on `Tracked` numbers, which propagate it
 //! through every operation (its documentation says how); the distance to the 40-digit reference is taken exactly.
 
-use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::scene;
 use hamel_program::program::Role;
 use hamel_runtime::{Dop853, Integrator, Options};
+use hamel_tests::derived::Derived;
 use hamel_tests::models::{self, Interpreted, State};
 use hamel_tests::reference::{self, Numbers, Reference, WITHOUT_FILE};
 use hamel_tests::tracked::{tracked, units_off};
@@ -14,11 +15,11 @@ use hamel_tests::tracked::{tracked, units_off};
 /// Units in the last place that a component may be off.
 const BOUND: f64 = 64.0;
 
-fn build(model: &str) -> &'static BuiltScene {
-    models::built_once(model, scene::DEFAULT)
+fn build(model: &str) -> &'static Derived {
+    models::derived(model, scene::DEFAULT)
 }
 
-fn params(scene: &BuiltScene, numbers: &Numbers) -> Vec<f64> {
+fn params(scene: &Derived, numbers: &Numbers) -> Vec<f64> {
     let names: Vec<String> = scene.params().iter().map(|p| p.name.clone()).collect();
     assert_eq!(numbers.len(), names.len(), "parameters of the model and of the reference");
     reference::in_order(numbers, &names)
@@ -32,20 +33,20 @@ fn check_points(model: &str, Reference { points, .. }: &Reference) -> f64 {
     for (k, point) in points.iter().enumerate() {
         assert_eq!(point.state.len(), names.len(), "{model}: state of the model and of the reference");
         let params = params(scene, &point.params);
-        let state = reference::in_order(&point.state, &names);
-        for (name, value) in names.iter().zip(tracked(scene, &Role::Rate, &params, &state)) {
+        let state = reference::in_order(&point.state, names);
+        for (name, value) in names.iter().zip(tracked(&scene.program, &Role::Rate, &params, &state)) {
             let off = units_off(value, &point.derivative[name]);
             worst = worst.max(off);
             assert!(off <= BOUND, "{model}, point {k}: d{name}/dt is {off} units off: {value:?}");
         }
         if let Some(energy) = &point.energy {
-            let off = units_off(tracked(scene, &Role::Energy, &params, &state)[0], energy);
+            let off = units_off(tracked(&scene.program, &Role::Energy, &params, &state)[0], energy);
             worst = worst.max(off);
             assert!(off <= BOUND, "{model}, point {k}: energy is {off} units off");
         }
         if let Some(lambda) = &point.lambda {
             let off = units_off(
-                tracked(scene, &Role::Output("multipliers".to_owned()), &params, &state)[0],
+                tracked(&scene.program, &Role::Output("multipliers".to_owned()), &params, &state)[0],
                 lambda,
             );
             worst = worst.max(off);
@@ -81,9 +82,9 @@ fn velocities_that_follow_from_momenta_are_met_within_64_units_of_the_largest_te
         let velocities = outputs.iter().find(|o| o.name == "velocities").expect("momenta are carried");
         for (k, point) in reference::read(model).points.iter().enumerate() {
             let params = params(scene, &point.params);
-            let state = reference::in_order(&point.state, &scene.state_names());
-            let found = tracked(scene, &Role::Output("velocities".to_owned()), &params, &state);
-            for ((name, _), value) in velocities.components.iter().zip(found) {
+            let state = reference::in_order(&point.state, scene.state_names());
+            let found = tracked(&scene.program, &Role::Output("velocities".to_owned()), &params, &state);
+            for (name, value) in velocities.components.iter().zip(found) {
                 let off = units_off(value, &point.extra[name]);
                 assert!(off <= BOUND, "{model}, point {k}: {name} is {off} units off: {value:?}");
                 compared += 1;
@@ -98,7 +99,7 @@ fn velocities_that_follow_from_momenta_are_met_within_64_units_of_the_largest_te
 #[test]
 fn reconstructions_at_given_momenta_are_met_within_1e_9() {
     for model in ["double_spherical_pendulum", "two_arm_satellite_routh"] {
-        let scene = models::build(model, scene::RECONSTRUCTION);
+        let scene = models::derived(model, scene::RECONSTRUCTION);
         let names = scene.state_names();
         for t in &reference::read(model).trajectories {
             let with = |own: &Numbers, group: &Numbers| -> Numbers {
@@ -107,15 +108,15 @@ fn reconstructions_at_given_momenta_are_met_within_1e_9() {
             let [at_start, at_end] = &t.reconstruction;
             assert!(!at_end.is_empty(), "{model}");
             let (start, end) = (with(&t.initial, at_start), with(&t.last, at_end));
-            let prepared = scene.prepare(&params(&scene, &t.params)).unwrap_or_else(|e| panic!("{e}"));
-            let initial = State(reference::in_order(&start, &names));
+            let prepared = scene.prepare(&params(scene, &t.params)).unwrap_or_else(|e| panic!("{e}"));
+            let initial = State(reference::in_order(&start, names));
             let options = Options::adaptive(1e-12, 1e-12);
             let system = Interpreted(prepared);
             let mut integrator =
                 Integrator::new(&system, Dop853, 0.0, initial, options).unwrap_or_else(|e| panic!("{e}"));
             integrator.integrate_to(t.t_final).unwrap_or_else(|e| panic!("{e}"));
             let last = &integrator.state().0;
-            let error = relative_error(last, &names, &end);
+            let error = relative_error(last, names, &end);
             assert!(error <= 1e-9, "{model}: relative error {error:e}");
             if names.contains(&"qw".to_owned()) {
                 let at = |name: &str| last[names.iter().position(|n| n == name).unwrap()];
@@ -146,17 +147,17 @@ fn every_reference_trajectory_is_met_within_1e_9_at_rtol_1e_12() {
         for (k, t) in file.trajectories.iter().enumerate() {
             let interpreter = scene.prepare(&params(scene, &t.params)).unwrap_or_else(|e| panic!("{e}"));
             let system = Interpreted(interpreter);
-            let initial = State(reference::in_order(&t.initial, &names));
+            let initial = State(reference::in_order(&t.initial, names));
             let options = Options::adaptive(1e-12, 1e-12);
             let mut integrator = Integrator::new(&system, Dop853, 0.0, initial, options)
                 .unwrap_or_else(|e| panic!("{model}, trajectory {k}: {e}"));
             for (at, expected) in &t.samples {
                 integrator.integrate_to(*at).unwrap_or_else(|e| panic!("{model}, trajectory {k}: {e}"));
-                let error = relative_error(&integrator.state().0, &names, expected);
+                let error = relative_error(&integrator.state().0, names, expected);
                 assert!(error <= 1e-9, "{model}, trajectory {k}, t = {at}: relative error {error:e}");
             }
             integrator.integrate_to(t.t_final).unwrap_or_else(|e| panic!("{model}, trajectory {k}: {e}"));
-            let error = relative_error(&integrator.state().0, &names, &t.last);
+            let error = relative_error(&integrator.state().0, names, &t.last);
             println!(
                 "{model}, trajectory {k}: relative error {error:.1e} in {} steps",
                 integrator.stats().steps

@@ -62,9 +62,8 @@ enum Task {
         #[command(subcommand)]
         what: bench::Bench,
     },
-    /// Run the whole test suite: the workspace, then crates that use hamel as others do
-    #[command(after_help = "Example:\n  cargo xtask test")]
-    Test,
+    // Help is that of the arguments.
+    Test(test::Arguments),
     /// Check that the crates can be published: metadata, files, and a build of what was packaged
     #[command(after_help = "\
 Examples:
@@ -109,7 +108,7 @@ fn run(Cli { task, budget, size, no_cache }: Cli) -> Result<String, Error> {
         Task::Shared(command) => command.run(&session, &program),
         Task::Generate(arguments) => generate::run(&repository, &session, &arguments),
         Task::Bench { what } => what.run(&repository, &session),
-        Task::Test => test::test(&repository),
+        Task::Test(arguments) => test::test(&repository, &arguments),
         Task::Package { no_verify } => package::package(&repository, !no_verify),
         Task::Tidy { wrap } => tidy::tidy(&repository, wrap),
         Task::Site(arguments) => site::run(&repository, &session, &arguments),

@@ -34,13 +34,12 @@ impl Purpose {
     }
 }
 
-/// The fastest method at a relative tolerance. `rhs_cost` is unknown for scenes of which only the compiled code is
-/// there: they are taken for costly.
-pub fn choose(rtol: f64, rhs_cost: Option<u64>, has_series: bool, purpose: Purpose) -> MethodName {
+/// The fastest method at a relative tolerance.
+pub fn choose(rtol: f64, rhs_cost: u64, has_series: bool, purpose: Purpose) -> MethodName {
     if purpose == Purpose::End && rtol >= LEAST_FOR_LANES {
         return MethodName::Gbs14;
     }
-    let is_cheap = rhs_cost.is_some_and(|cost| cost <= CHEAP);
+    let is_cheap = rhs_cost <= CHEAP;
     if is_cheap && has_series && rtol < 3e-5 {
         return MethodName::Taylor;
     }
@@ -115,7 +114,7 @@ mod tests {
                     }
                     let n = if is_cheap { n_cheap } else { costs.len() - n_cheap } as f64;
                     let cost = if is_cheap { CHEAP } else { CHEAP + 1 };
-                    let chosen = choose(bound, Some(cost), has_series, purpose);
+                    let chosen = choose(bound, cost, has_series, purpose);
                     let best = means.values().copied().fold(f64::INFINITY, f64::min);
                     let lost = ((means[chosen.name()] - best) / n).exp();
                     assert!(
@@ -129,7 +128,7 @@ mod tests {
 
     #[test]
     fn lanes_are_taken_where_they_are_free_and_reach_the_tolerance() {
-        for cost in [Some(20), Some(10_000), None] {
+        for cost in [20, 10_000] {
             for has_series in [true, false] {
                 let chosen = |rtol, purpose| choose(rtol, cost, has_series, purpose);
                 assert_eq!(chosen(1e-10, Purpose::of(0, false)), MethodName::Gbs14);
@@ -140,14 +139,5 @@ mod tests {
                 assert_ne!(chosen(9e-15, Purpose::End), MethodName::Gbs14);
             }
         }
-    }
-
-    #[test]
-    fn an_unknown_cost_is_taken_for_a_high_one() {
-        for rtol in [1e-4, 1e-8, 1e-13] {
-            let chosen = |cost| choose(rtol, cost, true, Purpose::Samples);
-            assert_eq!(chosen(None), chosen(Some(10_000)));
-        }
-        assert_eq!(choose(1e-10, Some(20), true, Purpose::Samples), MethodName::Taylor);
     }
 }

@@ -71,12 +71,11 @@ pub trait Dynamics: Send + Sync {
     /// Writes the derivatives of the right-hand side: row `i` has those of component `i`.
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]);
 
-    /// Cost of one evaluation of the right-hand side, as [`hamel_program::program::Counts::cost`]; none when it is not
-    /// known.
-    fn rhs_cost(&self) -> Option<u64>;
+    /// Cost of one evaluation of the right-hand side, as [`hamel_program::program::Counts::cost`].
+    fn rhs_cost(&self) -> u64;
 
-    /// Number of invariants of the motion; none when the scene was compiled without them.
-    fn n_invariants(&self) -> Option<usize>;
+    /// Number of invariants of the motion.
+    fn n_invariants(&self) -> usize;
 
     /// Writes the invariants, as many as there are.
     fn invariants(&self, t: f64, y: &[f64], values: &mut [f64]);
@@ -84,7 +83,7 @@ pub trait Dynamics: Send + Sync {
     /// Writes their gradients.
     fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]);
 
-    /// The equations between coordinates; none where there are none, or the scene was compiled without them.
+    /// The equations between coordinates; none where there are none.
     fn positions(&self) -> Option<PositionEquations<'_>> {
         None
     }
@@ -530,14 +529,14 @@ impl ExactFlows<f64> for PreparedScene<'_> {
 impl<const K: usize> Invariants<f64, K> for dyn Dynamics + '_ {
     fn values(&self, t: f64, y: &VecState) -> [f64; K] {
         let mut values = [0.0; K];
-        let n = self.n_invariants().unwrap_or(0).min(K);
+        let n = self.n_invariants().min(K);
         Dynamics::invariants(self, t, &y.0, &mut values[..n]);
         values
     }
 
     fn gradients(&self, t: f64, y: &VecState, gradients: &mut [VecState; K]) {
         gradients.iter_mut().for_each(|gradient| gradient.0.fill(0.0));
-        let n = self.n_invariants().unwrap_or(0).min(K);
+        let n = self.n_invariants().min(K);
         Dynamics::invariant_gradients(self, t, &y.0, &mut gradients[..n]);
     }
 }

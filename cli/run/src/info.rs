@@ -2,7 +2,6 @@
 //!
 //! Does not know: where a scene comes from, how it is evaluated.
 
-use hamel_runtime::{Real, Scene, SceneInfo};
 use serde::{Deserialize, Serialize};
 
 /// Names and meanings of all that a scene has.
@@ -14,8 +13,7 @@ pub struct Info {
     pub scene: String,
     /// Names of the state's components in order.
     pub state: Vec<String>,
-    /// Components of the state in the place of velocities, such as momenta; empty where that is not known, for compiled
-    /// scenes.
+    /// Components of the state in the place of velocities, such as momenta.
     #[serde(default)]
     pub momenta: Vec<String>,
     /// Free parameters in order.
@@ -85,32 +83,5 @@ impl Info {
             start = end;
         }
         None
-    }
-
-    /// The names and meanings of a scene known at compile time.
-    pub fn of<R: Real, S: Scene<R>>() -> Info {
-        let info: &SceneInfo = &S::INFO;
-        let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-        let param = |p: &hamel_runtime::ParamInfo| ParamEntry {
-            name: p.name.into(),
-            default: p.default,
-            doc: p.doc.into(),
-        };
-        let output = |o: &hamel_runtime::OutputInfo| OutputEntry {
-            name: o.name.into(),
-            components: owned(o.components),
-            doc: o.doc.into(),
-        };
-        Info {
-            model: info.model.into(),
-            scene: info.scene.into(),
-            state: owned(info.state),
-            momenta: Vec::new(),
-            params: info.params.iter().map(param).collect(),
-            inputs: S::INPUTS_OF.iter().map(param).collect(),
-            outputs: info.outputs.iter().map(output).collect(),
-            has_energy: info.has_energy,
-            conserves_energy: S::CONSERVES_ENERGY,
-        }
     }
 }

@@ -582,12 +582,12 @@ impl Dynamics for Interpreted<'_> {
         self.interpreter.at(t).rhs_jacobian(t, y, &mut rows);
     }
 
-    fn rhs_cost(&self) -> Option<u64> {
-        Some(self.built.rhs_counts().cost())
+    fn rhs_cost(&self) -> u64 {
+        self.built.rhs_counts().cost()
     }
 
-    fn n_invariants(&self) -> Option<usize> {
-        Some(self.built.with_invariants().map_or(0, |found| found.n_invariants()))
+    fn n_invariants(&self) -> usize {
+        self.built.with_invariants().map_or(0, |found| found.n_invariants())
     }
 
     fn invariants(&self, t: f64, y: &[f64], values: &mut [f64]) {

@@ -27,7 +27,7 @@ pub fn method_of_long(factory: &dyn Factory, request: &SimulateRequest) -> Optio
     }
     let dynamics = prepare(factory, &request.params).ok()?;
     is_long(&dynamics, request)
-        .then(|| auto::choose_for_long(matches!(dynamics.n_invariants(), Some(1..=MAX_INVARIANTS))))
+        .then(|| auto::choose_for_long(matches!(dynamics.n_invariants(), 1..=MAX_INVARIANTS)))
 }
 
 fn is_long(dynamics: &PreparedScene<'_>, request: &SimulateRequest) -> bool {

@@ -50,7 +50,6 @@ pub mod statistics;
 mod stored;
 pub mod streams;
 pub mod temporary;
-pub mod typed;
 mod verdict;
 pub mod watched;
 

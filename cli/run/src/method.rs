@@ -158,7 +158,7 @@ impl MethodName {
         matches!(self.class(), Class::Projection | Class::FixedProjection)
     }
 
-    /// What a scene has to want to be compiled for the method, beyond its right-hand side.
+    /// What the method asks a scene for, beyond its right-hand side.
     pub fn asks_for(self) -> Option<Want> {
         match self.class() {
             Class::Projection | Class::FixedProjection => Some(Want::Invariants),

@@ -172,9 +172,9 @@ where
 {
     // Storage has a size known to the compiler: rounded up, with invariants that are always met.
     Ok(match dynamics.n_invariants() {
-        Some(1..=4) => user.projected(Projected::<_, 4>::new(method)),
-        Some(5..=16) => user.projected(Projected::<_, 16>::new(method)),
-        Some(17..=MAX_INVARIANTS) => user.projected(Projected::<_, MAX_INVARIANTS>::new(method)),
+        1..=4 => user.projected(Projected::<_, 4>::new(method)),
+        5..=16 => user.projected(Projected::<_, 16>::new(method)),
+        17..=MAX_INVARIANTS => user.projected(Projected::<_, MAX_INVARIANTS>::new(method)),
         n_invariants => return Err(not_projected(name, dynamics.info(), n_invariants)),
     })
 }
@@ -209,23 +209,20 @@ fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
     }
     let info = dynamics.info();
     let reason = format!(
-        "method taylor: scene {} of {} was compiled without Taylor series: choose a scene that wants `taylor`, or \
-         --via jit",
+        "method taylor: scene {} of {} has no Taylor series: choose another method",
         info.scene, info.model
     );
     Err(Error::Options { reason })
 }
 
-fn not_projected(method: MethodName, info: &Info, n_invariants: Option<usize>) -> Error {
+fn not_projected(method: MethodName, info: &Info, n_invariants: usize) -> Error {
     let reason = match n_invariants {
-        None => "was compiled without its invariants: choose a scene that wants `invariants`, or --via jit"
-            .to_owned(),
-        Some(0) => {
+        0 => {
             "has no invariant besides components of its state: choose another method, or claim one that you \
                     know with `casimir name = ..;`"
                 .to_owned()
         }
-        Some(n) => {
+        n => {
             format!("has {n} invariants, but at most {MAX_INVARIANTS} can be kept: choose another method")
         }
     };

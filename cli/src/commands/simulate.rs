@@ -450,7 +450,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
                 && choice.table.is_none()
                 && (is_interpreted || model::wants(model, &choice.scene, Want::Taylor));
             let has_events = !arguments.section.is_empty() || scene::has_events(model, &choice.scene);
-            auto::choose(rtol, Some(cost), has_series, auto::Purpose::of(samples, has_events))
+            auto::choose(rtol, cost, has_series, auto::Purpose::of(samples, has_events))
         }
         (method, _) => method,
     };

@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use hamel_bench::{Kernel, kernels};
 use hamel_codegen::scene;
 use hamel_program::program::Role;
+use hamel_tests::derived::Derived;
 use hamel_tests::models;
 use hamel_tests::reference::{self, Point};
 use hamel_tests::tracked::{Tracked, tracked, units_off};
@@ -17,13 +18,13 @@ use hamel_tests::tracked::{Tracked, tracked, units_off};
 const BOUND: f64 = 64.0;
 
 /// The largest distance of a component from the reference.
-fn units(kernel: &Kernel, scene: &scene::BuiltScene, point: &Point) -> f64 {
+fn units(kernel: &Kernel, scene: &Derived, point: &Point) -> f64 {
     let names = scene.state_names();
     let params: Vec<String> = scene.params().iter().map(|p| p.name.clone()).collect();
     let params = reference::in_order(&point.params, &params);
-    let y = reference::in_order(&point.state, &names);
+    let y = reference::in_order(&point.state, names);
     let found = kernel.evaluate(&params, 0.0, &y);
-    let terms = tracked(scene, &Role::Rate, &params, &y);
+    let terms = tracked(&scene.program, &Role::Rate, &params, &y);
     assert_eq!((found.len(), terms.len()), (names.len(), names.len()), "{kernel}");
     let largest = terms.iter().fold(0.0, |largest, t| t.term.max(largest));
     let off = names.iter().zip(&found).zip(&terms).map(|((name, value), own)| {
@@ -45,7 +46,7 @@ fn generated_code_and_all_opponents_meet_the_reference() {
             continue;
         }
         let (points, scene) =
-            (reference::read(kernel.model).points, models::built_once(kernel.model, kernel.scene));
+            (reference::read(kernel.model).points, models::derived(kernel.model, kernel.scene));
         assert!(!points.is_empty(), "{kernel} has reference points");
         let mut worst: f64 = 0.0;
         for (k, point) in points.iter().enumerate() {

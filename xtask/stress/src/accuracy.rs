@@ -146,7 +146,7 @@ impl Accuracy {
     }
 
     /// Evaluates a function at a sample and adds what came of it.
-    pub fn add(&mut self, subject: &dyn Subject, function: Function, sample: &Sample) {
+    pub fn add(&mut self, subject: &Subject, function: Function, sample: &Sample) {
         let info = subject.info();
         let lift = |x: &[f64]| x.iter().map(|x| Both::input(*x)).collect::<Vec<_>>();
         let Some(prepared) = subject.prepare(&lift(&sample.params)) else {
@@ -158,7 +158,7 @@ impl Accuracy {
             self.refused += 1;
             return;
         }
-        let results = evaluate(&*prepared, function, t, &y);
+        let results = evaluate(&prepared, function, t, &y);
         if let Some(at) = results.iter().position(|r| !r.all_finite()) {
             if prepared.is_outside(t, &y) {
                 self.refused += 1;
@@ -207,7 +207,7 @@ fn largest(numbers: impl Iterator<Item = f64>) -> (usize, f64) {
     numbers.enumerate().fold((0, 0.0), |max, (k, x)| if x > max.1 { (k, x) } else { max })
 }
 
-fn evaluate(prepared: &dyn Prepared, function: Function, t: Both, y: &[Both]) -> Vec<Both> {
+fn evaluate(prepared: &Prepared<'_>, function: Function, t: Both, y: &[Both]) -> Vec<Both> {
     match function {
         Function::Rhs => prepared.rhs(t, y),
         Function::Outputs => prepared.outputs(t, y),
@@ -227,7 +227,7 @@ fn component(info: &Info, function: Function, at: usize) -> String {
 }
 
 /// `|f| + sum_i |df/dx_i| |x_i|` for every component of `f`, over parameters, state and time.
-fn conditions(subject: &dyn Subject, function: Function, sample: &Sample, at: &[Both]) -> Vec<f64> {
+fn conditions(subject: &Subject, function: Function, sample: &Sample, at: &[Both]) -> Vec<f64> {
     let mut sums: Vec<f64> = at.iter().map(|r| r.exact.hi().abs()).collect();
     let inputs: Vec<f64> = [&sample.params[..], &sample.y, &[sample.t]].concat();
     for i in (0..inputs.len()).filter(|i| inputs[*i] != 0.0) {
@@ -240,7 +240,7 @@ fn conditions(subject: &dyn Subject, function: Function, sample: &Sample, at: &[
         let (y, t) = rest.split_at(sample.y.len());
         // The values in f64 are unchanged, and so are the conditions on them.
         let Some(prepared) = subject.prepare(params) else { continue };
-        let moved = evaluate(&*prepared, function, t[0], y);
+        let moved = evaluate(&prepared, function, t[0], y);
         for ((sum, to), from) in sums.iter_mut().zip(&moved).zip(at) {
             let change = (to.exact - from.exact).hi().abs() / SHIFT;
             if change.is_finite() {

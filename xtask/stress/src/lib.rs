@@ -1,7 +1,7 @@
 //! How far the models are from exact: rounding errors of every generated function, extreme parameters, ways
 //! towards singularities, and drifts of long runs.
 //!
-//! Deliberately does not know: the models; those are named in the tables of [`sweeps`], [`bounds`] and `main`.
+//! Deliberately does not know: the models; those are named in the tables of [`sweeps`], [`bounds`] and [`run`].
 
 pub mod accuracy;
 pub mod bounds;

@@ -52,8 +52,8 @@ pub struct StressRequest {
 pub struct SceneRequest {
     /// The model.
     pub model: Arc<Checked>,
-    /// Whether it was generated and compiled; otherwise its scenes are derived, and run operation by operation.
-    pub is_compiled: bool,
+    /// Its text.
+    pub text: String,
     /// Name of the scene within the model.
     pub scene: String,
     /// What the possible state variables are.
@@ -93,14 +93,15 @@ impl StressRequest {
         let mut scenes = Vec::new();
         for file in session.find_all(&models)? {
             let model = file.model()?;
+            let text = file.text()?;
             let is_compiled = file.repository().is_some();
-            // Deriving a scene and running it operation by operation takes longer than all else in a short run.
+            // Deriving a scene takes longer than all else in a short run.
             let is_wanted = |scene: &String| is_compiled || !short || scene == DEFAULT_SCENE;
             for scene in model.scene_names().into_iter().filter(is_wanted) {
                 let params = roles::all_params(model, &scene, &BTreeMap::new());
                 scenes.push(SceneRequest {
                     model: Arc::clone(model),
-                    is_compiled,
+                    text: text.clone().into_owned(),
                     roles_by_name: roles::roles(model, &params),
                     initial_by_name: roles::initial_values(model, &params),
                     scene,

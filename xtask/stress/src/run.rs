@@ -4,6 +4,7 @@
 
 use std::sync::Mutex;
 
+use hamel_codegen::spec::Want;
 use hamel_measure::both::Both;
 use hamel_measure::random::Random;
 use hamel_run::Error;
@@ -36,6 +37,19 @@ const EXTREME_EVERY: u64 = 4;
 /// Decades by which each parameter is moved up or down: those of a machine that one builds, and the extreme ones.
 const BUILT: f64 = 3.0;
 const EXTREME: f64 = 8.0;
+/// Models whose scene `invariants` is followed for long.
+const LONG: [&str; 10] = [
+    "free_rigid_body",
+    "heavy_top",
+    "kirchhoff_body",
+    "chaplygin_ball",
+    "chaplygin_sleigh",
+    "euler_disk_advected",
+    "snakeboard",
+    "suslov",
+    "veselova",
+    "two_arm_satellite",
+];
 /// Draws of parameters until the conditions of the model hold.
 const DRAWS: usize = 1_000;
 
@@ -106,7 +120,7 @@ fn random(name: &str) -> Random {
     Random(name.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)))
 }
 
-fn scene_result(subject: &dyn Subject, scene: &SceneRequest, samples: u64) -> SceneResult {
+fn scene_result(subject: &Subject, scene: &SceneRequest, samples: u64) -> SceneResult {
     let info = subject.info();
     let defaults = info.defaults();
     let mut random = random(&format!("{} {}", info.model, info.scene));
@@ -138,7 +152,7 @@ fn scene_result(subject: &dyn Subject, scene: &SceneRequest, samples: u64) -> Sc
 
 /// A state with parameters of a machine that one builds: such as the conditions of the model allow, unless hardly any
 /// do.
-fn built_sample(subject: &dyn Subject, scene: &SceneRequest, region: Region, random: &mut Random) -> Sample {
+fn built_sample(subject: &Subject, scene: &SceneRequest, region: Region, random: &mut Random) -> Sample {
     let defaults = subject.info().defaults();
     let y = state(scene, region, random);
     let t = random.number();
@@ -153,12 +167,7 @@ fn built_sample(subject: &dyn Subject, scene: &SceneRequest, region: Region, ran
     Sample { params, y, t, origin: format!("{region:?}, parameters moved by up to {BUILT} decades") }
 }
 
-fn sweep_result(
-    subject: &dyn Subject,
-    scene: &SceneRequest,
-    sweep: &'static Sweep,
-    samples: u64,
-) -> SweepResult {
+fn sweep_result(subject: &Subject, scene: &SceneRequest, sweep: &'static Sweep, samples: u64) -> SweepResult {
     let info = subject.info();
     let defaults = info.defaults();
     let (names, param_names) = (info.state_names(), info.param_names());
@@ -182,36 +191,20 @@ fn sweep_result(
     SweepResult { sweep, at: at.into() }
 }
 
-/// Measures what the request asks for, with long runs of the scenes in `long`, prints a summary and writes the files.
+/// Measures what the request asks for, with long runs of [`LONG`], prints a summary and writes the files.
 ///
 /// # Errors
-/// [`Error::Failed`] when a bound of a short run is exceeded or missing; [`Error::NotCompiled`] for a scene of
-/// a compiled model that was not generated; [`Error::Io`].
-pub fn run(
-    subjects: &[Box<dyn Subject>],
-    long: &[Box<dyn Factory + Sync>],
-    request: StressRequest,
-) -> Result<(), Error> {
+/// [`Error::Failed`] when a bound of a short run is exceeded or missing; [`Error::Io`].
+pub fn run(request: StressRequest) -> Result<(), Error> {
     let StressRequest { mut scenes, short, samples, steps, folder } = request;
     let samples = samples.unwrap_or(if short { SHORT } else { SAMPLES });
     let bar = ProgressBar::new(scenes.len() as u64);
     let template = "  {bar:40.cyan/blue} {pos}/{len}  {elapsed}  {eta} left";
     // The template is a constant that indicatif accepts.
     bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
-    let derived = parallel(&scenes, &bar, |scene| {
-        let is_wanted = !scene.is_compiled;
-        is_wanted.then(|| interpreted::build(&scene.model, &scene.scene)).transpose()
-    });
-    let derived = derived.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let mut chosen: Vec<(&dyn Subject, &SceneRequest)> = Vec::new();
-    for (scene, derived) in scenes.iter_mut().zip(&derived) {
-        let is_it = |s: &&dyn Subject| s.info().model == scene.model.name && s.info().scene == scene.scene;
-        let compiled = || subjects.iter().map(|s| &**s).find(is_it);
-        let subject = derived.as_ref().map(|built| built as &dyn Subject).or_else(compiled);
-        let subject = subject.ok_or_else(|| Error::NotCompiled {
-            what: format!("{} {}", scene.model.name, scene.scene),
-            reason: "it has not been generated".into(),
-        })?;
+    let subjects = parallel(&scenes, &bar, |of| Subject::new(&of.model.name, &of.text, &of.scene));
+    let mut chosen: Vec<(&Subject, &SceneRequest)> = Vec::new();
+    for (scene, subject) in scenes.iter_mut().zip(&subjects) {
         scene.order(&subject.info().state);
         chosen.push((subject, scene));
     }
@@ -224,16 +217,16 @@ pub fn run(
         })
         .collect();
 
-    let mut runs = Vec::new();
-    for factory in long {
-        let info = factory.info();
-        let is_it = |(_, scene): &&(&dyn Subject, &SceneRequest)| {
-            (&scene.model.name, &scene.scene) == (&info.model, &info.scene)
-        };
-        if let Some((_, scene)) = chosen.iter().find(is_it) {
-            runs.extend(METHODS.iter().map(|method| (&**factory, *scene, *method)));
-        }
+    let is_long = |scene: &SceneRequest| {
+        LONG.contains(&scene.model.name.as_str()) && scene.scene == Want::Invariants.name()
+    };
+    let mut long = Vec::new();
+    for (_, scene) in chosen.iter().filter(|(_, scene)| is_long(scene)) {
+        long.push((interpreted::build(&scene.model, &scene.scene)?.in_memory(), *scene));
     }
+    let runs: Vec<_> = (long.iter())
+        .flat_map(|(factory, scene)| METHODS.iter().map(move |method| (factory, *scene, *method)))
+        .collect();
     let steps = steps.unwrap_or(if short { SHORT_STEPS } else { STEPS });
 
     bar.inc_length((chosen.len() + sweeps.len() + runs.len()) as u64);
@@ -243,7 +236,7 @@ pub fn run(
             sweep_result(*subject, scene, sweep, (samples / 20).min(2_000))
         }),
         runs: parallel(&runs, &bar, |(factory, scene, method)| {
-            motion::run(*factory, &scene.initial, *method, steps)
+            motion::run(*factory as &dyn Factory, &scene.initial, *method, steps)
         })
         .into_iter()
         .collect::<Result<_, _>>()?,

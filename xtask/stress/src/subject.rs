@@ -1,127 +1,88 @@
-//! Scenes behind objects, evaluated with numbers that know their error: compiled ones, and others operation by
-//! operation.
+//! Scenes evaluated operation by operation with numbers that know their error.
 //!
 //! Deliberately does not know: how states are chosen.
 
-use std::marker::PhantomData;
-
 use hamel_codegen::scene::Interpreter;
-use hamel_run::dynamics::Factory;
-use hamel_run::info::Info;
-use hamel_run::interpreted::Built;
-use hamel_runtime::{Scene, System};
-
 use hamel_measure::both::Both;
+use hamel_program::program::Role;
+use hamel_run::info::{Info, OutputEntry, ParamEntry};
+use hamel_tests::derived::{Derived, scene_of_text};
 
 /// A scene.
-pub trait Subject: Sync {
-    /// Names, defaults and meanings.
-    fn info(&self) -> &Info;
-
-    /// Fixes the parameters; none where a condition on them does not hold.
-    fn prepare(&self, params: &[Both]) -> Option<Box<dyn Prepared + '_>>;
-}
-
-/// A scene with parameters.
-pub trait Prepared {
-    /// The derivative of the state at `y`.
-    fn rhs(&self, t: Both, y: &[Both]) -> Vec<Both>;
-
-    /// All outputs, one after the other, and the energy at the end where the scene has one.
-    fn outputs(&self, t: Both, y: &[Both]) -> Vec<Both>;
-
-    /// Whether the scene knows a reason why the right-hand side has no value at a point.
-    fn is_refused(&self, t: Both, y: &[Both]) -> bool;
-
-    /// Whether a point is outside of the domain of the equations, where they may have no value.
-    fn is_outside(&self, t: Both, y: &[Both]) -> bool;
-}
-
-/// The compiled scene `S`, whose state has `N` components.
 #[derive(Debug)]
-pub struct Typed<S, const N: usize> {
+pub struct Subject {
     info: Info,
-    scene: PhantomData<fn() -> S>,
+    scene: &'static Derived,
 }
 
-impl<S: Scene<Both>, const N: usize> Typed<S, N> {
-    /// The scene `S`.
-    #[expect(clippy::new_without_default, reason = "nobody asks for a default scene")]
-    pub fn new() -> Self {
-        Typed { info: Info::of::<Both, S>(), scene: PhantomData }
+impl Subject {
+    /// The scene of a model with a text. Its program has the bits of the generated module (`tests/tests/compiled.rs`).
+    ///
+    /// # Panics
+    /// When it cannot be built.
+    pub fn new(model: &str, text: &str, scene: &str) -> Subject {
+        let scene = scene_of_text(model, text, scene);
+        let params = scene.params().iter().map(|p| ParamEntry {
+            name: p.name.clone(),
+            default: p.default,
+            doc: String::new(),
+        });
+        let outputs = scene.outputs().iter().map(|o| OutputEntry {
+            name: o.name.clone(),
+            components: o.components.clone(),
+            doc: String::new(),
+        });
+        let info = Info {
+            model: scene.model.clone(),
+            scene: scene.scene.clone(),
+            state: scene.state_names().to_vec(),
+            momenta: Vec::new(),
+            params: params.collect(),
+            inputs: Vec::new(),
+            outputs: outputs.collect(),
+            has_energy: scene.program.function(&Role::Energy).is_some(),
+            conserves_energy: false,
+        };
+        Subject { info, scene }
     }
-}
 
-impl<S: Scene<Both> + System<Both, State = [Both; N]> + 'static, const N: usize> Subject for Typed<S, N> {
-    fn info(&self) -> &Info {
+    /// Names and defaults.
+    pub fn info(&self) -> &Info {
         &self.info
     }
 
-    fn prepare(&self, params: &[Both]) -> Option<Box<dyn Prepared + '_>> {
-        let scene = S::prepare(params).ok()?;
-        Some(Box::new(Fixed::<S, N>(scene)))
+    /// Fixes the parameters; none where a condition on them does not hold.
+    pub fn prepare(&self, params: &[Both]) -> Option<Prepared<'_>> {
+        self.scene.prepare_over(params).ok().map(Prepared)
     }
 }
 
-struct Fixed<S, const N: usize>(S);
+/// A scene with parameters.
+#[derive(Debug)]
+pub struct Prepared<'a>(Interpreter<'a, Both>);
 
-fn array<const N: usize>(y: &[Both]) -> &[Both; N] {
-    y.try_into().expect("state of the scene's dimension")
-}
-
-impl<S: Scene<Both> + System<Both, State = [Both; N]>, const N: usize> Prepared for Fixed<S, N> {
-    fn rhs(&self, t: Both, y: &[Both]) -> Vec<Both> {
-        let mut dy = [Both::default(); N];
-        System::rhs(&self.0, t, array(y), &mut dy);
-        dy.to_vec()
-    }
-
-    fn outputs(&self, t: Both, y: &[Both]) -> Vec<Both> {
-        let mut out = vec![Both::default(); S::INFO.n_outputs()];
-        self.0.outputs_of(t, array(y), &mut out);
-        out.extend(self.0.energy_of(t, array(y)));
-        out
-    }
-
-    fn is_refused(&self, t: Both, y: &[Both]) -> bool {
-        System::check(&self.0, t, array(y)).is_err()
-    }
-
-    fn is_outside(&self, t: Both, y: &[Both]) -> bool {
-        System::domain(&self.0, t, array(y)).is_err()
-    }
-}
-
-/// A scene that this process derived.
-impl Subject for Built {
-    fn info(&self) -> &Info {
-        Factory::info(self)
-    }
-
-    fn prepare(&self, params: &[Both]) -> Option<Box<dyn Prepared + '_>> {
-        let interpreter = self.executable().prepare_over(params).ok()?;
-        Some(Box::new(interpreter))
-    }
-}
-
-impl Prepared for Interpreter<'_, Both> {
-    fn rhs(&self, t: Both, y: &[Both]) -> Vec<Both> {
+impl Prepared<'_> {
+    /// The derivative of the state at `y`.
+    pub fn rhs(&self, t: Both, y: &[Both]) -> Vec<Both> {
         let mut dy = vec![Both::default(); y.len()];
-        Interpreter::rhs(self, t, y, &mut dy);
+        self.0.rhs(t, y, &mut dy);
         dy
     }
 
-    fn outputs(&self, t: Both, y: &[Both]) -> Vec<Both> {
-        let mut out = Interpreter::outputs(self, t, y);
-        out.extend(self.energy(t, y));
+    /// All outputs, one after the other, and the energy at the end where the scene has one.
+    pub fn outputs(&self, t: Both, y: &[Both]) -> Vec<Both> {
+        let mut out = self.0.outputs(t, y);
+        out.extend(self.0.energy(t, y));
         out
     }
 
-    fn is_refused(&self, t: Both, y: &[Both]) -> bool {
-        self.check(t, y).is_err()
+    /// Whether the scene knows a reason why the right-hand side has no value at a point.
+    pub fn is_refused(&self, t: Both, y: &[Both]) -> bool {
+        self.0.check(t, y).is_err()
     }
 
-    fn is_outside(&self, t: Both, y: &[Both]) -> bool {
-        self.domain(t, y).is_err()
+    /// Whether a point is outside of the domain of the equations, where they may have no value.
+    pub fn is_outside(&self, t: Both, y: &[Both]) -> bool {
+        self.0.domain(t, y).is_err()
     }
 }

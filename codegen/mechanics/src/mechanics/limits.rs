@@ -6,7 +6,7 @@
 
 /// Most operations of multiplied-out equations as they are written, as a multiple of those by recursion: where there
 /// are more, they do not cost less. Of a snake of three links they are 307 and 152, of five links 1148 and 328, and
-/// recursion costs less in both (`LINKAGES="snake:5:auto" cargo test -p hamel-codegen --test linkages measured`).
+/// recursion costs less in both (`LINKAGES="snake:5:auto" cargo test -p hamel-codegen --test main linkages::measured`).
 pub const EXPANDED: u64 = 2;
 
 /// Most rates along which partial velocities are tried: their number grows with the square of the bodies. Arms in the
@@ -17,7 +17,7 @@ pub(super) const MAX_PARTIAL: usize = 6;
 /// Another way than partial velocities has to take fewer operations by more than this part of them: lowering, which
 /// finds common divisors, changes what is written by more than that. Of the ways of a snake of five links, which are
 /// 342, 343 and 341 operations as written and 205, 197 and 209 lowered, the first is kept
-/// (`LINKAGES="snake:5" cargo test -p hamel-codegen --test linkages measured`).
+/// (`LINKAGES="snake:5" cargo test -p hamel-codegen --test main linkages::measured`).
 pub(super) const CLOSE: u64 = 50;
 
 /// Parts on parts from which on recursion is tried: three bodies. With fewer there is nothing to share that a
