@@ -171,7 +171,7 @@ pub fn copy() -> Kernel {
         *dy = *y;
     }
     const NONE: SceneInfo =
-        SceneInfo { model: "-", scene: "-", state: &[], params: &[], outputs: &[], has_energy: false };
+        SceneInfo::new("-", "-", &[]);
     Kernel { info: None, ..Kernel::new(&NONE, "copy", 1, |_| (), call) }
 }
 
