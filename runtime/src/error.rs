@@ -4,9 +4,6 @@
 
 use core::fmt;
 
-use crate::options::signed;
-use crate::real::Real;
-
 /// Why a right-hand side has no value at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -46,18 +43,6 @@ pub enum Failure {
         /// Position of the first such component in the state.
         index: usize,
     },
-}
-
-impl Failure {
-    /// Passes where a value is positive on every lane: a condition on the point, within the domain.
-    ///
-    /// # Errors
-    ///
-    /// [`Failure::OutsideDomain`] otherwise, also where the value is NaN.
-    #[inline]
-    pub fn require_positive<R: Real>(t: R, value: R, condition: &'static str) -> Result<(), Self> {
-        if value.all_gt(R::ZERO) { Ok(()) } else { Err(Self::OutsideDomain { t: signed(t), condition }) }
-    }
 }
 
 impl fmt::Display for Failure {

@@ -143,14 +143,17 @@ macro_rules! over_scalar {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! scene {
-    ([$n:literal] $($energy:ident)*, outputs [$total:literal] { $($array:ident[$range:expr],)* } { $($number:ident[$at:expr],)* }) => {
+    (
+        [$n:literal] $energy:ident,
+        outputs [$total:literal] { $($array:ident[$range:expr],)* } { $($number:ident[$at:expr],)* }
+    ) => {
         const INFO: $crate::SceneInfo = INFO;
 
         fn prepare(values: &[R]) -> Result<Self, $crate::ParamError> {
             Self::new(&Params::from_array(INFO.array_of(values)?))
         }
 
-        $($crate::scene!(@$energy [$n]);)*
+        $crate::scene!(@$energy [$n]);
 
         fn outputs_of(&self, t: R, y: &[R; $n], out: &mut [R]) {
             let _ = (t, y);

@@ -122,6 +122,18 @@ impl<R: Real> Pivot<R> {
     }
 }
 
+impl Failure {
+    /// Passes where a value is positive on every lane: a condition on the point, within the domain.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure::OutsideDomain`] otherwise, also where the value is NaN.
+    #[inline]
+    pub fn require_positive<R: Real>(t: R, value: R, condition: &'static str) -> Result<(), Self> {
+        if value.all_gt(R::ZERO) { Ok(()) } else { Err(Self::OutsideDomain { t: signed(t), condition }) }
+    }
+}
+
 /// A system of ordinary differential equations of first order.
 ///
 /// ```text

@@ -92,7 +92,8 @@ impl Writer<'_> {
     fn initial(&self) -> TokenStream {
         let Some(initial) = &self.module.text.initial else { return TokenStream::new() };
         let (n, doc) = (size(initial.values.len()), doc_attributes(initial.doc()));
-        let values: Vec<String> = initial.values.iter().map(|value| format!("{value:?}")).collect();
+        // The sum with zero of what is zero has no sign.
+        let values: Vec<String> = initial.values.iter().map(|value| format!("{:?}", value + 0.0)).collect();
         let values = super::tokens::array(&values);
         quote! {
             #doc
