@@ -18,7 +18,7 @@ mod units;
 pub use self::rates::{brackets, rates};
 pub use self::stages::stages;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use num_traits::One;
@@ -858,7 +858,7 @@ impl Page {
 
     fn equations(&mut self, equations: &Equations) {
         self.begin(SectionKind::Equations);
-        let g = &labelled(equations);
+        let g = &equations.labelled();
         let ignorable: Vec<String> = equations.facts.taken_at_origin.iter().map(|n| self.name(n)).collect();
         if !ignorable.is_empty() {
             let zeros: Vec<String> = ignorable.iter().map(|n| format!("{n} = 0")).collect();
@@ -984,7 +984,7 @@ impl Page {
             self.line(&format!("Mass matrix: {symmetric}, {constant}."));
         }
         if !equations.pivots.is_empty() {
-            let g = labelled(equations);
+            let g = equations.labelled();
             self.line("Has to stay different from zero (checked at run time, with these names):");
             let rows: Vec<(String, String)> = equations
                 .pivots
@@ -1057,35 +1057,9 @@ fn escape_html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-/// The graph of the equations, with definitions that are values at a place called so: `X1|phi=0`.
-fn labelled(equations: &Equations) -> Graph {
-    let mut g = equations.system.graph.clone();
-    for (symbol, place) in &equations.taken_at {
-        let name = format!("{}|{place}", g.name(*symbol));
-        g.rename(*symbol, name);
-    }
-    g
-}
-
 /// Definitions that the derivative of the state, the energy and the pivots need, one through another.
 fn used_by_state_equations(equations: &Equations) -> BTreeSet<SymbolId> {
-    let g = &equations.system.graph;
-    let definitions: BTreeMap<SymbolId, ExprId> = (equations.sections.iter())
-        .flat_map(|section| section.definitions.iter().map(|d| (d.symbol, d.expr)))
-        .collect();
     let rates = equations.state.iter().map(|s| s.derivative);
     let pivots = equations.pivots.iter().map(|p| p.expr);
-    let mut pending: Vec<ExprId> =
-        rates.chain(pivots).chain([equations.energy, equations.energy_rate]).collect();
-    let mut used = BTreeSet::new();
-    while let Some(e) = pending.pop() {
-        for symbol in g.free_symbols(e) {
-            if let Some(value) = definitions.get(&symbol)
-                && used.insert(symbol)
-            {
-                pending.push(*value);
-            }
-        }
-    }
-    used
+    equations.needed(rates.chain(pivots).chain([equations.energy, equations.energy_rate]))
 }

@@ -16,7 +16,7 @@ mod names {
 }
 
 /// Words of Rust, what the module declares, what its functions bind, and the names that these would give way to.
-const PARAMS: [&str; 22] = [
+const PARAMS: [&str; 23] = [
     "type",
     "type_",
     "self",
@@ -39,8 +39,9 @@ const PARAMS: [&str; 22] = [
     "f64",
     "core",
     "hamel_runtime",
+    "fma",
 ];
-const STATE: [&str; 22] = [
+const STATE: [&str; 23] = [
     "loop",
     "match",
     "y",
@@ -63,6 +64,7 @@ const STATE: [&str; 22] = [
     "gen",
     "e0",
     "v0",
+    "dot_y",
 ];
 /// Names of outputs, which are methods.
 const OUTPUTS: [&str; 8] =
@@ -182,8 +184,8 @@ fn results_are_those_of_the_interpreter() {
     let params = names::Params::<f64>::default();
     let prepared = names::Prepared::new(&params).unwrap();
     let slots = program.prepare(&params.to_array()).unwrap();
-    let y: [f64; 22] = std::array::from_fn(|k| 0.3 + 0.01 * k as f64);
-    let (mut found, mut expected) = ([0.0; 22], [0.0; 22]);
+    let y: [f64; 23] = std::array::from_fn(|k| 0.3 + 0.01 * k as f64);
+    let (mut found, mut expected) = ([0.0; 23], [0.0; 23]);
     prepared.rhs(0.0, &y, &mut found);
     let rate = program.function_idx(&Role::Rate).unwrap();
     program.run(rate, &params.to_array(), &slots, 0.0, &y, &mut expected);
@@ -202,5 +204,5 @@ fn results_are_those_of_the_interpreter() {
     }
     let mut outputs = vec![0.0; names::INFO.n_outputs()];
     prepared.outputs_of(0.0, &y, &mut outputs);
-    assert_eq!(outputs[44..], found[..8]);
+    assert_eq!(outputs[46..], found[..8]);
 }

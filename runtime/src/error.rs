@@ -392,13 +392,73 @@ impl From<Failure> for Error {
     }
 }
 
+/// What parameters have to satisfy.
+///
+/// It compares with text: `error.condition == "m > 0"`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Condition {
+    /// A condition of the model, such as `m > 0`.
+    OfModel(&'static str),
+    /// The parameter of that name is neither infinite nor NaN, `m is finite`.
+    IsFinite(&'static str),
+    /// There are so many values, `the number of values is 3`.
+    Count(usize),
+}
+
+impl fmt::Display for Condition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OfModel(text) => f.write_str(text),
+            Self::IsFinite(name) => write!(f, "{name} is finite"),
+            Self::Count(n) => write!(f, "the number of values is {n}"),
+        }
+    }
+}
+
+impl PartialEq<str> for Condition {
+    fn eq(&self, text: &str) -> bool {
+        match *self {
+            Self::OfModel(own) => own == text,
+            Self::IsFinite(name) => text.strip_suffix(" is finite") == Some(name),
+            Self::Count(n) => {
+                text.strip_prefix("the number of values is ").and_then(|n| n.parse().ok()) == Some(n)
+            }
+        }
+    }
+}
+
+impl PartialEq<&str> for Condition {
+    fn eq(&self, text: &&str) -> bool {
+        *self == **text
+    }
+}
+
 /// A parameter value that the model does not allow.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ParamError {
-    /// The condition that does not hold, such as `"m > 0"` or `"I1 is finite"`.
-    pub condition: &'static str,
+    /// The condition that does not hold.
+    pub condition: Condition,
     /// What the condition means for the model.
     pub meaning: &'static str,
+}
+
+impl ParamError {
+    /// An error with its condition and what that means for the model.
+    #[must_use]
+    pub const fn new(condition: Condition, meaning: &'static str) -> Self {
+        Self { condition, meaning }
+    }
+
+    /// Passes where a condition of the model holds.
+    ///
+    /// # Errors
+    ///
+    /// The condition otherwise.
+    pub const fn require(holds: bool, condition: &'static str, meaning: &'static str) -> Result<(), Self> {
+        if holds { Ok(()) } else { Err(Self::new(Condition::OfModel(condition), meaning)) }
+    }
 }
 
 impl fmt::Display for ParamError {
@@ -418,7 +478,7 @@ mod tests {
     use std::format;
     use std::string::ToString;
 
-    use super::{Error, Failure, ParamError};
+    use super::{Condition, Error, Failure, ParamError};
 
     #[test]
     fn messages_are_lower_case_without_full_stop() {
@@ -456,8 +516,17 @@ mod tests {
             assert!(!message.ends_with('.'), "{message}");
             assert!(message.chars().next().is_some_and(char::is_lowercase), "{message}");
         }
-        let error = ParamError { condition: "m > 0", meaning: "a body has mass" };
+        let error = ParamError::require(false, "m > 0", "a body has mass").unwrap_err();
         assert_eq!(format!("{error}"), "m > 0 does not hold: a body has mass");
+        assert_eq!(ParamError::require(true, "m > 0", "a body has mass"), Ok(()));
+    }
+
+    #[test]
+    fn conditions_compare_with_their_text() {
+        for condition in [Condition::OfModel("m > 0"), Condition::IsFinite("m"), Condition::Count(3)] {
+            assert_eq!(condition, condition.to_string().as_str());
+            assert_ne!(condition, "m");
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::system::{StateVector, System};
 
 /// A variable of an implicit form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct ImplicitVariable {
     /// Name: that of the model for a component of the state.
     pub name: &'static str,
@@ -16,8 +17,17 @@ pub struct ImplicitVariable {
     pub is_differential: bool,
 }
 
+impl ImplicitVariable {
+    /// A variable by name, meaning and kind of its row.
+    #[must_use]
+    pub const fn new(name: &'static str, doc: &'static str, is_differential: bool) -> Self {
+        Self { name, doc, is_differential }
+    }
+}
+
 /// What is known of an implicit form without evaluating it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct ImplicitInfo {
     /// The variables in order.
     pub variables: &'static [ImplicitVariable],
@@ -28,6 +38,12 @@ pub struct ImplicitInfo {
 }
 
 impl ImplicitInfo {
+    /// An implicit form by its variables, its index and the place of each component of the state.
+    #[must_use]
+    pub const fn new(variables: &'static [ImplicitVariable], index: usize, state: &'static [usize]) -> Self {
+        Self { variables, index, state }
+    }
+
     /// The diagonal of the mass matrix, which has nothing beside it: one for a differential equation, zero for an
     /// algebraic one.
     #[must_use]

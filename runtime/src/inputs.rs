@@ -137,7 +137,7 @@ pub trait PolynomialSignal<R: Real, const M: usize> {
 /// }
 ///
 /// impl Controlled<f64, 1> for Cart {
-///     const INPUTS: [ParamInfo; 1] = [ParamInfo { name: "push", default: 0.0, doc: "force [N]" }];
+///     const INPUTS: [ParamInfo; 1] = [ParamInfo::new("push", 0.0, "force [N]")];
 ///     fn held_inputs(&self) -> &[f64; 1] {
 ///         &self.inputs
 ///     }

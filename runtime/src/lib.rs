@@ -87,6 +87,7 @@ mod double_double;
 mod dual;
 mod error;
 mod events;
+mod generated;
 mod implicit;
 mod inputs;
 mod integrator;
@@ -111,8 +112,9 @@ mod variational;
 pub use adjoint::{Adjoint, AdjointStats, Checkpoint, DiscreteAdjoint};
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
-pub use error::{Error, Failure, ParamError};
+pub use error::{Condition, Error, Failure, ParamError};
 pub use events::{Action, Direction, Event, Events, Observer};
+pub use generated::{CONTRACT, fma, generated_for};
 pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
 pub use inputs::{
     Controlled, ControlledJet, InputDifferentiable, PolynomialSignal, Signal, SignalOverScalar, WithInput,

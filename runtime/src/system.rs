@@ -4,7 +4,7 @@
 
 use core::fmt::Debug;
 
-use crate::error::{Failure, ParamError};
+use crate::error::{Condition, Failure, ParamError};
 use crate::options::signed;
 use crate::real::Real;
 
@@ -87,6 +87,13 @@ pub struct Pivot<R> {
 }
 
 impl<R: Real> Pivot<R> {
+    /// A pivot by name, value and scale.
+    #[inline]
+    #[must_use]
+    pub const fn new(name: &'static str, value: R, scale: R) -> Self {
+        Self { name, value, scale }
+    }
+
     /// Whether something can be divided by the value: it is finite and, on every lane, more than its rounding errors.
     ///
     /// # Errors
@@ -112,6 +119,18 @@ impl<R: Real> Pivot<R> {
     /// That of the first that cannot be divided by.
     pub fn verify_all(t: R, pivots: &[Self]) -> Result<(), Failure> {
         pivots.iter().try_for_each(|pivot| pivot.verify(t))
+    }
+}
+
+impl Failure {
+    /// Passes where a value is positive on every lane: a condition on the point, within the domain.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure::OutsideDomain`] otherwise, also where the value is NaN.
+    #[inline]
+    pub fn require_positive<R: Real>(t: R, value: R, condition: &'static str) -> Result<(), Self> {
+        if value.all_gt(R::ZERO) { Ok(()) } else { Err(Self::OutsideDomain { t: signed(t), condition }) }
     }
 }
 
@@ -297,6 +316,7 @@ impl<R: Real, S: Circles<R> + ?Sized> Circles<R> for &S {
 
 /// A parameter of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ParamInfo {
     /// Name, as the model spells it.
     pub name: &'static str,
@@ -306,8 +326,17 @@ pub struct ParamInfo {
     pub doc: &'static str,
 }
 
+impl ParamInfo {
+    /// A parameter by name, default and meaning.
+    #[must_use]
+    pub const fn new(name: &'static str, default: f64, doc: &'static str) -> Self {
+        Self { name, default, doc }
+    }
+}
+
 /// An output of a scene: a scalar, or several components.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct OutputInfo {
     /// Name, as the model spells it.
     pub name: &'static str,
@@ -317,8 +346,17 @@ pub struct OutputInfo {
     pub doc: &'static str,
 }
 
+impl OutputInfo {
+    /// An output by name, components and meaning.
+    #[must_use]
+    pub const fn new(name: &'static str, components: &'static [&'static str], doc: &'static str) -> Self {
+        Self { name, components, doc }
+    }
+}
+
 /// Names and meanings of all that a scene has.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SceneInfo {
     /// Name of the model.
     pub model: &'static str,
@@ -335,6 +373,67 @@ pub struct SceneInfo {
 }
 
 impl SceneInfo {
+    /// A scene with these components of the state and nothing else.
+    #[must_use]
+    pub const fn new(model: &'static str, scene: &'static str, state: &'static [&'static str]) -> Self {
+        Self { model, scene, state, params: &[], outputs: &[], has_energy: false }
+    }
+
+    /// The same with parameters.
+    #[must_use]
+    pub const fn with_params(self, params: &'static [ParamInfo]) -> Self {
+        Self { params, ..self }
+    }
+
+    /// The same with outputs.
+    #[must_use]
+    pub const fn with_outputs(self, outputs: &'static [OutputInfo]) -> Self {
+        Self { outputs, ..self }
+    }
+
+    /// The same with an energy.
+    #[must_use]
+    pub const fn with_energy(self) -> Self {
+        Self { has_energy: true, ..self }
+    }
+
+    /// The parameters as published.
+    ///
+    /// # Shapes
+    ///
+    /// result: \[n_params\]; zeros behind, if it is longer.
+    #[must_use]
+    pub fn defaults<R: Real, const N: usize>(&self) -> [R; N] {
+        core::array::from_fn(|k| self.params.get(k).map_or(R::ZERO, |param| R::from_f64(param.default)))
+    }
+
+    /// Values of the parameters as an array.
+    ///
+    /// # Errors
+    ///
+    /// [`Condition::Count`] where there are more or fewer values.
+    pub fn array_of<R: Real, const N: usize>(&self, values: &[R]) -> Result<[R; N], ParamError> {
+        let wrong = ParamError::new(Condition::Count(N), "one for each of INFO.params");
+        values.try_into().map_err(|_| wrong)
+    }
+
+    /// Checks that the parameters are finite on every lane.
+    ///
+    /// # Shapes
+    ///
+    /// values: \[n_params\].
+    ///
+    /// # Errors
+    ///
+    /// [`Condition::IsFinite`] with the first parameter that is infinite or NaN.
+    pub fn require_finite<R: Real>(&self, values: &[R]) -> Result<(), ParamError> {
+        let infinite = self.params.iter().zip(values).find(|(_, value)| !value.all_finite());
+        match infinite {
+            Some((param, _)) => Err(ParamError::new(Condition::IsFinite(param.name), param.doc)),
+            None => Ok(()),
+        }
+    }
+
     /// Number of components of all outputs, the length of the slice that [`Scene::outputs_of`] fills.
     #[must_use]
     pub const fn n_outputs(&self) -> usize {
@@ -489,17 +588,27 @@ pub trait Scene<R: Real>: System<R> + Sized {
 
 #[cfg(test)]
 mod tests {
-    use super::{OutputInfo, SceneInfo, StateVector};
+    use super::{OutputInfo, ParamInfo, SceneInfo, StateVector};
+    use crate::error::Condition;
 
     #[test]
     fn components_of_outputs_are_counted() {
-        let outputs = &[
-            OutputInfo { name: "speed", components: &["speed"], doc: "" },
-            OutputInfo { name: "p", components: &["p1", "p2", "p3"], doc: "" },
-        ];
-        let info =
-            SceneInfo { model: "m", scene: "s", state: &["x"], params: &[], outputs, has_energy: false };
+        const OUTPUTS: &[OutputInfo] =
+            &[OutputInfo::new("speed", &["speed"], ""), OutputInfo::new("p", &["p1", "p2", "p3"], "")];
+        let info = SceneInfo::new("m", "s", &["x"]).with_outputs(OUTPUTS);
         assert_eq!(info.n_outputs(), 4);
+    }
+
+    #[test]
+    fn parameters_have_to_be_finite_and_as_many_as_they_are() {
+        const PARAMS: &[ParamInfo] = &[ParamInfo::new("m", 1.5, "mass"), ParamInfo::new("g", 0.0, "")];
+        let info = SceneInfo::new("m", "s", &["x"]).with_params(PARAMS);
+        assert_eq!(info.defaults::<f64, 2>(), [1.5, 0.0]);
+        assert_eq!(info.require_finite(&[1.0, 2.0]), Ok(()));
+        let error = info.require_finite(&[f64::NAN, f64::INFINITY]).unwrap_err();
+        assert_eq!((error.condition, error.meaning), (Condition::IsFinite("m"), "mass"));
+        assert_eq!(info.array_of(&[1.0, 2.0]), Ok([1.0, 2.0]));
+        assert_eq!(info.array_of::<_, 2>(&[1.0]).unwrap_err().condition, "the number of values is 2");
     }
 
     #[test]

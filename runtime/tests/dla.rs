@@ -6,10 +6,6 @@ use hamel_runtime::{
     Dla, Error, Implicit, ImplicitInfo, ImplicitVariable, Integrator, Method, Options, System, Vern9,
 };
 
-const fn variable(name: &'static str, is_differential: bool) -> ImplicitVariable {
-    ImplicitVariable { name, doc: "", is_differential }
-}
-
 /// Unit mass in a quadratic potential of the given stiffness, with `x' + y z' = 0`.
 struct Contact {
     stiffness: f64,
@@ -43,22 +39,22 @@ impl System<f64> for Contact {
 impl Implicit<f64> for Contact {
     type Variables = [f64; 10];
 
-    const IMPLICIT: ImplicitInfo = ImplicitInfo {
-        variables: &[
-            variable("x", true),
-            variable("y", true),
-            variable("z", true),
-            variable("vx", true),
-            variable("vy", true),
-            variable("vz", true),
-            variable("ax", false),
-            variable("ay", false),
-            variable("az", false),
-            variable("lambda", false),
+    const IMPLICIT: ImplicitInfo = ImplicitInfo::new(
+        &[
+            ImplicitVariable::new("x", "", true),
+            ImplicitVariable::new("y", "", true),
+            ImplicitVariable::new("z", "", true),
+            ImplicitVariable::new("vx", "", true),
+            ImplicitVariable::new("vy", "", true),
+            ImplicitVariable::new("vz", "", true),
+            ImplicitVariable::new("ax", "", false),
+            ImplicitVariable::new("ay", "", false),
+            ImplicitVariable::new("az", "", false),
+            ImplicitVariable::new("lambda", "", false),
         ],
-        index: 1,
-        state: &[0, 1, 2, 3, 4, 5],
-    };
+        1,
+        &[0, 1, 2, 3, 4, 5],
+    );
 
     fn consistent(&self, _t: f64, s: &[f64; 6]) -> [f64; 10] {
         let (a, lambda) = self.accelerations(*s);

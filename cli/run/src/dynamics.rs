@@ -335,7 +335,7 @@ impl fmt::Display for BadParams {
 
 impl From<ParamError> for BadParams {
     fn from(error: ParamError) -> BadParams {
-        BadParams { condition: error.condition.into(), meaning: error.meaning.into() }
+        BadParams { condition: error.condition.to_string(), meaning: error.meaning.into() }
     }
 }
 

@@ -4,7 +4,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::labelled;
 use hamel_expr::error::spell_vector;
 use hamel_expr::{Definition, ExprId, Number, Style, SymbolId, identifier};
 use hamel_lang::spec::Model;
@@ -16,7 +15,7 @@ const MAX_CHARACTERS: usize = 600;
 /// The rates of the state variables among `names`, `d/dt Omega1 = ..`, and behind them the definitions that they need,
 /// in order; each as left and right side in Unicode. A right side that is too long to be read is `..`.
 pub fn rates(equations: &Equations, names: &[&str]) -> Vec<(String, String)> {
-    let g = &labelled(equations);
+    let g = &equations.labelled();
     let name = |symbol: SymbolId| identifier(g.name(symbol), Style::Unicode);
     let definitions: Vec<&Definition> = equations.sections.iter().flat_map(|s| &s.definitions).collect();
     let values: BTreeMap<SymbolId, ExprId> = definitions.iter().map(|d| (d.symbol, d.expr)).collect();

@@ -3,7 +3,7 @@
 //!
 //! Does not know: how any of it was found.
 
-use super::{MAX_FORMULA, Page, SectionKind, labelled};
+use super::{MAX_FORMULA, Page, SectionKind};
 use hamel_expr::{Graph, Vanishing};
 use hamel_lang::spec::Want;
 use hamel_mechanics::mechanics::{ConservedMomenta, ConservedMomentum, Equations, OutputKind};
@@ -60,7 +60,7 @@ impl Page {
     }
 
     fn named_sections(&mut self, equations: &Equations) {
-        let g = &labelled(equations);
+        let g = &equations.labelled();
         let values = equations.outputs.iter().filter(|o| o.kind == OutputKind::Group(Want::Sections));
         let values = values.flat_map(|o| &o.components);
         let rows = values.map(|(name, e)| (self.name(name), g.display(*e, self.style))).collect();

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::certify::{N_POINTS, Sample, samples};
 use hamel_expr::error::Error;
-use hamel_expr::{Exhausted, Resource, Stage};
+use hamel_expr::{Exhausted, Resource, Stage, Style};
 use hamel_lang::spec::{EventDirection, Unit, Want};
 use hamel_program::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText, MatrixText,
@@ -198,16 +198,19 @@ impl BuiltScene {
         }
         doc.push(String::new());
         doc.push(self.certificate.sentence());
-        let energy = "`E = p.y - L`".to_owned();
-        let motion = match self.equations.has_energy() {
-            true => {
-                "Lagrange-d'Alembert equations `W^a_b E_a = 0`, \
-                 `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations"
-            }
-            false => "the accelerations and fields that the model gives, `xdot = rho y`",
-        };
-        let motion = motion.to_owned();
-        let formulas = [(Role::Energy, vec![energy]), (Role::Rate, vec![motion])];
+        let energy = "E = p.y - L".to_owned();
+        let motion = self.motion_in_lines().unwrap_or_else(|| {
+            let form = match self.equations.has_energy() {
+                true => vec![
+                    "Lagrange-d'Alembert equations W^a_b E_a = 0, solved for the accelerations:",
+                    "E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a",
+                ],
+                false => vec!["the accelerations and fields that the model gives, xdot = rho y"],
+            };
+            let whole = format!("written out by: hamel explain {}", system.name);
+            form.into_iter().map(str::to_owned).chain([whole]).collect()
+        });
+        let formulas = [(Role::Energy, vec![energy]), (Role::Rate, motion)];
         SceneText {
             model: system.name.clone(),
             scene: self.name.clone(),
@@ -256,7 +259,36 @@ impl BuiltScene {
     }
 }
 
+/// Lines of equations in the documentation of the right-hand side.
+const MAX_LINES: usize = 25;
+/// Characters in one of them.
+const MAX_COLUMNS: usize = 110;
+
 impl BuiltScene {
+    /// The equations of motion of the scene, each with what it needs before it; none where they are long.
+    fn motion_in_lines(&self) -> Option<Vec<String>> {
+        let needed = self.equations.needed(self.state.iter().map(|s| s.derivative));
+        if needed.len() > MAX_LINES {
+            return None;
+        }
+        let g = &self.equations.labelled();
+        let sections = self.equations.sections.iter();
+        let definitions = sections.flat_map(|s| &s.definitions).filter(|d| needed.contains(&d.symbol));
+        let mut lines: Vec<String> = definitions
+            .map(|d| format!("{} = {}", g.name(d.symbol), g.display(d.expr, Style::Plain)))
+            .collect();
+        for state in &self.state {
+            let (rate, name) = (g.display(state.derivative, Style::Plain), format!("dot_{}", state.name));
+            // What is called so is a rate, and has a line.
+            if rate != name {
+                lines.push(format!("{name} = {rate}"));
+            }
+        }
+        let lines: Vec<String> = lines.iter().flat_map(|line| broken(line)).collect();
+        let is_short = lines.len() <= MAX_LINES && lines.iter().all(|line| line.len() <= MAX_COLUMNS);
+        is_short.then_some(lines)
+    }
+
     /// States at which the scene was held to its definition, with the rates that the interpreter computes.
     fn self_test(&self) -> Vec<SelfTestText> {
         let Some(model) = &self.model else { return Vec::new() };
@@ -269,6 +301,35 @@ impl BuiltScene {
         };
         samples(&self.claim(model, N_POINTS)).into_iter().filter_map(case).collect()
     }
+}
+
+/// A formula in lines of bounded length, broken before terms of its outermost sum where it has one.
+fn broken(formula: &str) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    let (mut depth, mut term) = (0usize, String::new());
+    let mut end = |term: &mut String| {
+        let line = lines.last().map_or(0, String::len);
+        if line > 0 && line + term.len() > MAX_COLUMNS {
+            lines.push("   ".to_owned());
+        }
+        if let Some(line) = lines.last_mut() {
+            line.push_str(term);
+        }
+        term.clear();
+    };
+    for (at, c) in formula.char_indices() {
+        if depth == 0 && (formula[at..].starts_with(" + ") || formula[at..].starts_with(" - ")) {
+            end(&mut term);
+        }
+        match c {
+            '(' => depth += 1,
+            ')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        term.push(c);
+    }
+    end(&mut term);
+    lines
 }
 
 /// A unit whose exponents are integers.
@@ -378,5 +439,21 @@ fn product_text(product: &Product) -> ProductText {
         vector: product.vector.to_owned(),
         components: product.components.clone(),
         doc: product.doc.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MAX_COLUMNS, broken};
+
+    #[test]
+    fn formulas_are_broken_between_terms() {
+        assert_eq!(broken("a = b + c"), ["a = b + c"]);
+        let term = "x".repeat(50);
+        let (product, formula) = (format!("k*({term} - {term})"), format!("a = {term} + {term} - {term}"));
+        assert_eq!(broken(&formula), [format!("a = {term} + {term}"), format!("    - {term}")]);
+        let long = format!("a = {product}");
+        assert_eq!(broken(&long), [long.as_str()]);
+        assert!(broken(&formula).iter().all(|line| line.len() <= MAX_COLUMNS));
     }
 }

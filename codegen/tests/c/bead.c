@@ -165,8 +165,9 @@ void bead_rhs(const bead_prepared *p, double t, const double y[2], double dy[2])
     (void)t;
     const double theta = y[0];
     const double theta_dot = y[1];
+    const double dot_theta_dot = p->c0 * hamel_sin(theta);
     dy[0] = theta_dot;
-    dy[1] = p->c0 * hamel_sin(theta);
+    dy[1] = dot_theta_dot;
 }
 
 double bead_energy(const bead_prepared *p, double t, const double y[2]) {

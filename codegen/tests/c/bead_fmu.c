@@ -11,7 +11,7 @@
 #pragma GCC diagnostic ignored "-Wunused-variable"
 #endif
 
-#define FMU_TOKEN "6829b9e2a7f000145c11c53c48831da4"
+#define FMU_TOKEN "6ef8537db208463466a033e63cf4f424"
 enum { FMU_STATE = 2, FMU_PARAMS = 2, FMU_OUTPUTS = 5, FMU_EVENTS = 1 };
 
 typedef bead_prepared fmu_prepared;

@@ -170,8 +170,7 @@ pub fn copy() -> Kernel {
     fn call(_: &(), _: f64, y: &[f64; 6], dy: &mut [f64; 6]) {
         *dy = *y;
     }
-    const NONE: SceneInfo =
-        SceneInfo { model: "-", scene: "-", state: &[], params: &[], outputs: &[], has_energy: false };
+    const NONE: SceneInfo = SceneInfo::new("-", "-", &[]);
     Kernel { info: None, ..Kernel::new(&NONE, "copy", 1, |_| (), call) }
 }
 

@@ -189,6 +189,36 @@ impl Equations {
         }
     }
 
+    /// The graph, with definitions that are values at a place called so: `X1|phi=0`.
+    pub fn labelled(&self) -> Graph {
+        let mut g = self.system.graph.clone();
+        for (symbol, place) in &self.taken_at {
+            let name = format!("{}|{place}", g.name(*symbol));
+            g.rename(*symbol, name);
+        }
+        g
+    }
+
+    /// Definitions that expressions need, one through another.
+    pub fn needed(&self, roots: impl IntoIterator<Item = ExprId>) -> BTreeSet<SymbolId> {
+        let g = &self.system.graph;
+        let definitions: BTreeMap<SymbolId, ExprId> = (self.sections.iter())
+            .flat_map(|section| section.definitions.iter().map(|d| (d.symbol, d.expr)))
+            .collect();
+        let mut pending: Vec<ExprId> = roots.into_iter().collect();
+        let mut needed = BTreeSet::new();
+        while let Some(e) = pending.pop() {
+            for symbol in g.free_symbols(e) {
+                if let Some(value) = definitions.get(&symbol)
+                    && needed.insert(symbol)
+                {
+                    pending.push(*value);
+                }
+            }
+        }
+        needed
+    }
+
     /// Whether the motion follows from a Lagrangian or a Hamiltonian, and has an energy.
     pub fn has_energy(&self) -> bool {
         !matches!(self.form, Form::Given)

@@ -14,7 +14,7 @@ use crate::program::{Constant, Instruction, Op, Operand, Program, completes_pair
 const MAX_INLINE_CHARS: usize = 160;
 /// And while its parentheses are nested no deeper than this.
 const MAX_INLINE_DEPTH: usize = 12;
-/// Bindings in one block; rustc 1.95 crashes on a few thousand in a row.
+/// Variables in a row: a function with more has blocks, as rustc 1.95 crashes on a few thousand.
 const MAX_BINDINGS: usize = 400;
 
 /// A statement of straight-line code.
@@ -45,16 +45,14 @@ pub(super) enum Statement {
         /// The angles.
         angles: [Text; 2],
     },
+    /// What the statements after this one compute.
+    Title(String),
     /// Several variables, from a block in which others are bound that nothing reads after the block.
     Block {
-        /// What the block computes.
-        title: Option<String>,
         /// Statements of the block.
         inner: Vec<Statement>,
         /// Names of the variables that leave the block.
         names: Vec<String>,
-        /// Their values, at the end of the block.
-        values: Vec<String>,
     },
 }
 
@@ -78,19 +76,17 @@ pub(super) struct Code {
     pub(super) results: Vec<Text>,
     /// The inputs that instructions or results read.
     pub(super) reads: BTreeSet<Operand>,
-    /// Names of the variables.
-    pub(super) variables: Vec<String>,
 }
 
 impl Code {
-    /// Writes instructions down. `spell` names parameters, slots, time, state and arguments; temporaries are called
+    /// Writes instructions down. Results may have names, which those that are computed are bound to. `spell` names parameters, slots, time, state and arguments; temporaries are called
     /// `t0`, `t1`, .., unless one of these is.
     pub(super) fn new(
         dialect: &impl Dialect,
         program: &Program,
         instructions: &[Instruction],
         segments: &[Segment<'_>],
-        results: &[Operand],
+        (results, names): (&[Operand], &[String]),
         scope: &mut Scope,
         spell: impl Fn(Operand) -> String,
     ) -> Code {
@@ -98,7 +94,7 @@ impl Code {
             Operand::Constant(i) => constant(dialect, &program.constants[i as usize]),
             other => Text::atom(spell(other)),
         };
-        let body = Body::new(dialect, instructions, results, scope, input);
+        let body = Body::new(dialect, instructions, (results, names), scope, input);
         let value = |operand: &Operand| match *operand {
             Operand::Value(v) => body.value(v),
             other => input(other),
@@ -108,7 +104,6 @@ impl Code {
             statements: body.statements(segments, results),
             results: results.iter().map(value).collect(),
             reads: operands.filter(|o| !matches!(o, Operand::Value(_) | Operand::Constant(_))).collect(),
-            variables: body.variables.iter().flatten().cloned().collect(),
         }
     }
 
@@ -133,7 +128,7 @@ impl<'a> Body<'a> {
     fn new(
         dialect: &impl Dialect,
         instructions: &'a [Instruction],
-        results: &[Operand],
+        (results, names): (&[Operand], &[String]),
         scope: &mut Scope,
         input: impl Fn(Operand) -> Text,
     ) -> Body<'a> {
@@ -153,6 +148,11 @@ impl<'a> Body<'a> {
         // Names of definitions come before those of temporaries, so that these give way.
         let mut variables: Vec<Option<String>> =
             instructions.iter().map(|i| i.name.as_deref().map(|name| scope.add(name))).collect();
+        for (operand, name) in results.iter().zip(names) {
+            if let Operand::Value(v) = operand {
+                variables[*v as usize].get_or_insert_with(|| scope.add(name));
+            }
+        }
         let mut texts: Vec<(Text, Vec<u32>)> = Vec::with_capacity(instructions.len());
         let mut angles: Vec<Option<Text>> = vec![None; instructions.len()];
         for (k, instruction) in instructions.iter().enumerate() {
@@ -206,21 +206,20 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Statements that bind the variables of the instructions, a block for each section whose title is given.
+    /// Statements that bind the variables of the instructions, under the titles of their sections; in blocks where they
+    /// are many.
     fn statements(&self, segments: &[Segment<'_>], results: &[Operand]) -> Vec<Statement> {
         let blocks = self.blocks(segments);
-        // The block that reads a variable last, or the results, tells whether the variable leaves its own block.
+        let is_short = self.variables.iter().flatten().count() <= MAX_BINDINGS;
+        // A variable leaves its block if another block reads it, or the results do.
         let mut block_of = vec![usize::MAX; self.instructions.len()];
         for (b, (bindings, _)) in blocks.iter().enumerate() {
             bindings.iter().for_each(|v| block_of[*v as usize] = b);
         }
         let mut leaves = vec![false; self.instructions.len()];
-        let mut stays = vec![false; self.instructions.len()];
         for (b, (bindings, _)) in blocks.iter().enumerate() {
             for read in bindings.iter().flat_map(|v| &self.texts[*v as usize].1) {
-                let inside = block_of[*read as usize] == b;
-                let mark = if inside { &mut stays } else { &mut leaves };
-                mark[*read as usize] = true;
+                leaves[*read as usize] |= block_of[*read as usize] != b;
             }
         }
         for read in results.iter().flat_map(|o| self.mentioned(*o)) {
@@ -229,21 +228,14 @@ impl<'a> Body<'a> {
 
         let mut statements = Vec::new();
         for (bindings, title) in &blocks {
-            if title.is_none() && bindings.len() <= MAX_BINDINGS {
-                statements.extend(bindings.iter().filter_map(|v| self.bind(*v)));
+            statements.extend(title.map(|title| Statement::Title(title.to_owned())));
+            let inner = bindings.iter().filter_map(|v| self.bind(*v));
+            if is_short {
+                statements.extend(inner);
                 continue;
             }
-            let exported = bindings.iter().filter(|v| leaves[**v as usize]);
-            let is_bound = |v: &u32| stays[*v as usize] || self.is_paired(*v);
-            let last = |v: &u32| {
-                if is_bound(v) { self.value(*v).text } else { self.texts[*v as usize].0.text.clone() }
-            };
-            statements.push(Statement::Block {
-                title: title.filter(|title| !title.is_empty()).map(str::to_owned),
-                inner: bindings.iter().filter(|v| is_bound(v)).filter_map(|v| self.bind(*v)).collect(),
-                names: exported.clone().map(|v| self.value(*v).text).collect(),
-                values: exported.map(last).collect(),
-            });
+            let names = bindings.iter().filter(|v| leaves[**v as usize]).map(|v| self.value(*v).text);
+            statements.push(Statement::Block { inner: inner.collect(), names: names.collect() });
         }
         statements
     }
@@ -280,26 +272,20 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Whether a value is the sine or the cosine of a pair.
-    fn is_paired(&self, v: u32) -> bool {
-        is_paired(self.instructions, v as usize)
-    }
-
     /// Variables in the order of evaluation, in blocks of a bounded size that do not cross segments.
     fn blocks<'t>(&self, segments: &[Segment<'t>]) -> Vec<(Vec<u32>, Option<&'t str>)> {
         let mut blocks = Vec::new();
         for Segment { range, title } in segments {
             let bindings: Vec<u32> =
                 range.clone().filter(|v| self.variables[*v].is_some()).map(|v| v as u32).collect();
-            let title = if bindings.len() > MAX_BINDINGS { Some(title.unwrap_or("")) } else { *title };
             let mut rest = bindings.as_slice();
-            let mut title = Some(title);
+            let mut title = *title;
             while !rest.is_empty() {
                 // What one statement binds stays together.
                 let cut = rest.len().min(MAX_BINDINGS);
                 let n_before = rest.get(cut).map_or(0, |v| self.n_bound_before(*v));
                 let (block, after) = rest.split_at(cut - n_before);
-                blocks.push((block.to_vec(), title.take().unwrap_or(Some(""))));
+                blocks.push((block.to_vec(), title.take()));
                 rest = after;
             }
         }
@@ -317,7 +303,7 @@ fn is_paired(instructions: &[Instruction], k: usize) -> bool {
 pub(super) struct Segment<'p> {
     /// Positions of the instructions.
     range: Range<usize>,
-    /// What they compute, for those that make a block of their own.
+    /// What they compute; none for what comes last, the results.
     title: Option<&'p str>,
 }
 

@@ -74,15 +74,14 @@ pub(super) struct Module<'a> {
 
 /// The code that runs once for a set of parameters.
 pub(super) struct Prepare {
-    /// The variables of the parameters.
+    /// The variables of the parameters, and which of them are read.
     pub(super) locals: Vec<String>,
+    pub(super) reads: BTreeSet<u32>,
     pub(super) statements: Vec<super::body::Statement>,
     /// Both sides of each condition, the greater first.
     pub(super) sides: Vec<[Text; 2]>,
     /// The values of the slots.
     pub(super) values: Vec<Text>,
-    /// Names of the variables.
-    pub(super) variables: Vec<String>,
 }
 
 /// A function of the module.
@@ -318,25 +317,6 @@ impl<'a> Module<'a> {
         })
     }
 
-    /// All functions.
-    pub(super) fn routines(&self) -> impl Iterator<Item = &Routine<'a>> {
-        let outputs = self.outputs.iter().map(|o| &o.routine);
-        let products = self.products.iter().map(|p| &p.routine);
-        let implicit = self.implicit.iter().flat_map(|i| [&i.right, &i.jacobian]);
-        let flows = self.flows.iter().map(|f| &f.routine);
-        let circles = self.circles.iter().flat_map(|c| [&c.rate, &c.points]);
-        let guards = [&self.pivots, &self.signature, &self.domain].into_iter().flatten();
-        [&self.rate]
-            .into_iter()
-            .chain(circles)
-            .chain(&self.energy)
-            .chain(outputs)
-            .chain(products)
-            .chain(implicit)
-            .chain(flows)
-            .chain(guards)
-    }
-
     /// The function that computes the derivatives of the right-hand side by the state.
     pub(super) fn jacobian(&self) -> Option<&str> {
         self.matrix_function(JACOBIAN)
@@ -440,7 +420,10 @@ impl<'a> Routine<'a> {
             (Operand::Contracted(i), Some(loops)) => loops.element(dialect, function, i),
             _ => spell(dialect, (&names.fields, &names.slots), (&state, &argument, &inputs), operand),
         };
-        let mut code = Code::new(dialect, program, instructions, &segments, &results, &mut scope, name);
+        let rates = function.results.iter().filter(|_| function.role == Role::Rate);
+        let rates: Vec<String> = rates.map(|(name, _)| format!("dot_{name}")).collect();
+        let results = (results.as_slice(), rates.as_slice());
+        let mut code = Code::new(dialect, program, instructions, &segments, results, &mut scope, name);
         if let Some(loops) = &mut loops {
             loops.take_values(function, &mut code);
         }
@@ -518,14 +501,17 @@ impl Prepare {
             Operand::Param(i) => locals[i as usize].clone(),
             _ => String::new(),
         };
-        let code = Code::new(dialect, program, &prepare.instructions, &segments, &results, &mut scope, spell);
+        let results = (results.as_slice(), [].as_slice());
+        let code = Code::new(dialect, program, &prepare.instructions, &segments, results, &mut scope, spell);
         if let Some(operand) = code.reads.iter().find(|o| !matches!(o, Operand::Param(_))) {
             return Err(Error::Program { reason: format!("{operand:?} in the prepare part") });
         }
-        let Code { statements, results, variables, .. } = code;
+        let Code { statements, results, reads, .. } = code;
         let (sides, values) = results.split_at(2 * prepare.conditions.len());
         let sides = sides.chunks_exact(2).map(|pair| [pair[0].clone(), pair[1].clone()]).collect();
-        Ok(Prepare { locals, statements, sides, values: values.to_vec(), variables })
+        let param = |operand: Operand| if let Operand::Param(i) = operand { Some(i) } else { None };
+        let reads = reads.into_iter().filter_map(param).collect();
+        Ok(Prepare { locals, reads, statements, sides, values: values.to_vec() })
     }
 }
 

@@ -62,7 +62,7 @@ impl<'a> Series<'a> {
                 _ => spell(dialect, (&module.fields, &module.slots), (&inputs, &[], &held), operand),
             };
             let mut code =
-                Code::new(dialect, &jet.program, instructions, &segments, &results, &mut scope, name);
+                Code::new(dialect, &jet.program, instructions, &segments, (&results, &[]), &mut scope, name);
             if let Some(loops) = &mut loops {
                 loops.take_values(function, &mut code);
             }

@@ -295,7 +295,7 @@ fn kernel<P: 'static, const DIM: usize>(
     rhs: Rhs<f64, P, DIM>,
 ) -> Kernel {
     let scene = "bare";
-    let info = SceneInfo { model, scene, state: &[], params: &[], outputs: &[], has_energy: false };
+    let info = SceneInfo::new(model, scene, &[]);
     Kernel::new(Box::leak(Box::new(info)), "by hand", 1, prepare, rhs)
 }
 

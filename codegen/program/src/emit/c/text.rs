@@ -103,25 +103,16 @@ fn write_statement(statement: &Statement, declared: &[String], indent: &str, tex
                 text.push_str(&pair(&angle.text, sine, cosine));
             }
         }
-        Statement::Block { title, inner, names, values } => {
-            if let Some(title) = title {
-                let _ = writeln!(text, "{indent}/* {} */", plain(title));
-            }
-            if inner.is_empty() {
-                for (name, value) in names.iter().zip(values) {
-                    let _ = writeln!(text, "{indent}const double {name} = {value};");
-                }
-                return;
-            }
+        Statement::Title(title) => {
+            let _ = writeln!(text, "{indent}/* {} */", plain(title));
+        }
+        Statement::Block { inner, names } => {
             if !names.is_empty() {
                 let _ = writeln!(text, "{indent}double {};", names.join(", "));
             }
             let _ = writeln!(text, "{indent}{{");
             let deeper = format!("{indent}    ");
             inner.iter().for_each(|statement| write_statement(statement, names, &deeper, text));
-            for (name, value) in names.iter().zip(values).filter(|(name, value)| name != value) {
-                let _ = writeln!(text, "{deeper}{name} = {value};");
-            }
             let _ = writeln!(text, "{indent}}}");
         }
     }

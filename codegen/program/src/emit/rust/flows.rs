@@ -6,13 +6,12 @@ use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::Writer;
-use super::tokens::{ident, pattern, size, statements};
+use super::tokens::{ident, pattern, size, statements, taken_apart};
 use crate::emit::module::FlowRoutine;
-use hamel_expr::error::Error;
 
 impl Writer<'_> {
     /// A method for each flow.
-    pub(super) fn flow_functions(&self) -> Result<TokenStream, Error> {
+    pub(super) fn flow_functions(&self) -> TokenStream {
         let mut methods = TokenStream::new();
         for FlowRoutine { name, text, routine } in &self.module.flows {
             let title = format!(
@@ -28,10 +27,10 @@ impl Writer<'_> {
             };
             let state = pattern(routine.state.iter().map(Option::as_ref));
             let taken_apart = match routine.code.reads_state() {
-                true => quote! { let #state = *y; },
+                true => taken_apart(&state, "*y"),
                 false => quote! { let _ = y; },
             };
-            let (statements, results) = (statements(&routine.code.statements)?, self.results(routine)?);
+            let (statements, results) = (statements(&routine.code.statements), self.results(routine));
             methods.extend(quote! {
                 #doc
                 #[inline]
@@ -43,7 +42,7 @@ impl Writer<'_> {
                 }
             });
         }
-        Ok(methods)
+        methods
     }
 
     /// What compositions of flows ask for.

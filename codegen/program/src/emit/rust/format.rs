@@ -6,6 +6,7 @@ use proc_macro2::TokenStream;
 use quote::ToTokens as _;
 use syn::parse::Parser as _;
 
+use super::lines::{allow, is_item, put_back, taken_out};
 use hamel_expr::error::Error;
 
 /// Where emitted code finds the runtime unless told otherwise.
@@ -38,13 +39,20 @@ pub(super) fn parse(text: &str) -> Result<TokenStream, Error> {
 
 /// Tokens to formatted text.
 pub(super) fn format_file(tokens: TokenStream) -> Result<String, Error> {
-    Ok(unparse(&parse_file(tokens)?))
+    let mut texts = Vec::new();
+    let file = parse_file(taken_out(tokens, &mut texts))?;
+    Ok(put_back(&with_blank_lines(&prettyplease::unparse(&file)), &texts))
 }
 
 /// The items of a scene to formatted text that fits any crate: one that keeps the module to itself and uses some of
 /// its items gets no warnings for the others.
+///
+/// # Errors
+/// [`Error::Emission`] when the result is not Rust.
 pub(super) fn format_module(tokens: TokenStream) -> Result<String, Error> {
-    let mut file = parse_file(tokens)?;
+    let mut texts = Vec::new();
+    let mut file = parse_file(taken_out(tokens, &mut texts))?;
+    let allow = allow();
     for item in &mut file.items {
         let attributes = match item {
             syn::Item::Const(item) => &mut item.attrs,
@@ -53,19 +61,24 @@ pub(super) fn format_module(tokens: TokenStream) -> Result<String, Error> {
             syn::Item::Impl(item) if item.trait_.is_none() => &mut item.attrs,
             _ => continue,
         };
-        attributes.push(syn::parse_quote! {
-            #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
-        });
+        attributes.push(syn::parse_quote! { #allow });
     }
-    Ok(unparse(&file))
+    let text = put_back(&with_blank_lines(&prettyplease::unparse(&file)), &texts);
+    // What was text all the time is no Rust before somebody has read it.
+    syn::parse_file(&text).map_err(|e| Error::Emission { model: String::new(), reason: e.to_string() })?;
+    Ok(text)
+}
+
+/// Whether a function is called by that name alone.
+pub(super) fn calls(text: &str, function: &str) -> bool {
+    text.match_indices(&format!("{function}(")).any(|(at, _)| {
+        let before = text[..at].chars().next_back();
+        !before.is_some_and(|c| c.is_alphanumeric() || matches!(c, '_' | '.' | ':'))
+    })
 }
 
 fn parse_file(tokens: TokenStream) -> Result<syn::File, Error> {
     syn::parse2(tokens).map_err(|e| Error::Emission { model: String::new(), reason: e.to_string() })
-}
-
-fn unparse(file: &syn::File) -> String {
-    with_blank_lines(&prettyplease::unparse(file))
 }
 
 /// Sets items and methods apart, which the formatter does not.
@@ -73,7 +86,7 @@ fn with_blank_lines(text: &str) -> String {
     let mut spaced = String::with_capacity(text.len() + text.len() / 50);
     let mut previous = "";
     for line in text.lines() {
-        let ends_item = matches!(previous, "}" | "};" | "];" | "    }");
+        let ends_item = is_item(previous) || matches!(previous, "}" | "};" | "];" | "    }");
         let closes = line.trim_start().starts_with(['}', ')', ']']);
         let same_level = previous.starts_with(' ') == line.starts_with(' ');
         let ends_line = matches!(

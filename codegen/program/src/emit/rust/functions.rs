@@ -6,60 +6,51 @@ use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::Writer;
-use super::tokens::{
-    allow_comments, allow_names, allow_numbers, capitalised, doc_attributes, ident, parse_all, pattern,
-    sentence, size, statements, wrapped,
-};
+use super::lines;
+use super::tokens::{doc_attributes, ident, pattern, sentence, size, statements, taken_apart, wrapped};
 use crate::emit::module::{OutputRoutine, ProductRoutine, Routine};
 use crate::program::{Function, Role};
 use hamel_expr::error::Error;
 
+/// Longer formulas have lines of their own.
+const MAX_INLINE: usize = 60;
+
 impl Writer<'_> {
-    /// All methods that compute something from time and state.
+    /// The constructor, and all methods that compute something from time and state.
     pub(super) fn functions(&self) -> Result<TokenStream, Error> {
         let (module, rt) = (self.module, &self.runtime);
-        let mut methods = self.rate()?;
-        methods.extend(self.circle_functions()?);
+        let mut methods = self.constructor();
+        methods.extend(self.rate());
+        methods.extend(self.circle_functions());
         if let Some(energy) = &module.energy {
             let doc = self.function_doc(energy.function, "Energy.", &[]);
-            methods.extend(self.scalar("energy", doc, energy)?);
+            methods.extend(self.scalar("energy", doc, energy));
         }
         for output in &module.outputs {
-            methods.extend(self.output(output)?);
+            methods.extend(self.output(output));
         }
         methods.extend(self.dense_matrices()?);
         for product in &module.products {
-            methods.extend(self.product(product)?);
+            methods.extend(self.product(product));
         }
-        methods.extend(self.implicit_functions()?);
-        methods.extend(self.flow_functions()?);
+        methods.extend(self.implicit_functions());
+        methods.extend(self.flow_functions());
         if let Some(pivots) = &module.pivots {
-            methods.extend(self.pivots(pivots)?);
+            methods.extend(self.pivots(pivots));
         }
         if let Some(signature) = &module.signature {
             let title = "A number that stays the same along a motion while no matrix that is solved with \
                          becomes singular.";
             let doc = self.function_doc(signature.function, title, &[]);
-            methods.extend(self.scalar("signature", doc, signature)?);
+            methods.extend(self.scalar("signature", doc, signature));
         }
         if let Some(domain) = &module.domain {
-            methods.extend(self.domain(domain)?);
+            methods.extend(self.domain(domain));
         }
-        let variables = module.routines().flat_map(|r| r.code.variables.iter());
-        let inputs = module.routines().flat_map(|r| r.argument.iter().chain(&r.inputs).flatten());
-        let outputs = module.outputs.iter().map(|o| &o.name);
-        let names = allow_names(variables.chain(inputs).chain(outputs).chain(&module.state));
-        let numbers = allow_numbers(self.program_numbers());
-        let n_sections = module.program.sections.len() as u32;
-        let instructions = module.program.functions.iter().flat_map(|f| &f.instructions);
-        let has_titles = instructions.into_iter().any(|i| i.section + 1 < n_sections);
-        let comments = has_titles.then(allow_comments);
-        let tables = self.tables()?;
+        let tables = self.tables();
         Ok(quote! {
             #tables
-            #names
-            #numbers
-            #comments
+
             impl<R: #rt::Real> Prepared<R> {
                 #methods
             }
@@ -72,32 +63,32 @@ impl Writer<'_> {
         quote! { &self, t: R, y: &[R; #n] }
     }
 
-    fn rate(&self) -> Result<TokenStream, Error> {
+    fn rate(&self) -> TokenStream {
         let (arguments, n) = (self.arguments(), size(self.module.state.len()));
         let rate = &self.module.rate;
-        let title = "Writes the derivative of the state to `dy`.";
-        let doc = self.function_doc(rate.function, title, &self.module.program.state);
-        let results = self.results(rate)?;
+        let doc = self.function_doc(rate.function, "Writes the derivative of the state to `dy`.", &[]);
+        let results = self.results(rate);
         if !self.module.text.inputs.is_empty() {
-            let body = self.body_apart_from_inputs(rate)?;
-            return Ok(self.rate_with_inputs(doc, &quote! { #body *dy = #results; }));
+            let body = self.body_apart_from_inputs(rate);
+            return self.rate_with_inputs(doc, &quote! { #body *dy = #results; });
         }
-        let body = self.body(rate)?;
-        Ok(quote! {
+        let body = self.body(rate);
+        quote! {
             #doc
             #[inline]
             pub fn rhs(#arguments, dy: &mut [R; #n]) {
                 #body
                 *dy = #results;
             }
-        })
+        }
     }
 
     /// A method with one result.
-    fn scalar(&self, name: &str, doc: TokenStream, routine: &Routine<'_>) -> Result<TokenStream, Error> {
+    fn scalar(&self, name: &str, doc: TokenStream, routine: &Routine<'_>) -> TokenStream {
         let (name, arguments) = (ident(name), self.arguments());
-        let (body, results) = (self.body(routine)?, parse_all(&routine.code.results)?);
-        Ok(quote! {
+        let body = self.body(routine);
+        let results = routine.code.results.iter().map(|result| lines::expression(&result.text));
+        quote! {
             #doc
             #[inline]
             #[must_use]
@@ -105,10 +96,10 @@ impl Writer<'_> {
                 #body
                 #(#results)*
             }
-        })
+        }
     }
 
-    fn output(&self, output: &OutputRoutine<'_>) -> Result<TokenStream, Error> {
+    fn output(&self, output: &OutputRoutine<'_>) -> TokenStream {
         let OutputRoutine { text, name, routine, .. } = output;
         let meaning =
             if text.doc.trim().is_empty() { format!("Output `{}`.", text.name) } else { sentence(&text.doc) };
@@ -116,9 +107,9 @@ impl Writer<'_> {
             return self.scalar(name, self.function_doc(routine.function, &meaning, &[]), routine);
         }
         let doc = self.function_doc(routine.function, &meaning, &text.components);
-        let (body, results) = (self.body(routine)?, self.results(routine)?);
+        let (body, results) = (self.body(routine), self.results(routine));
         let (name, arguments, k) = (ident(name), self.arguments(), size(routine.function.results.len()));
-        Ok(quote! {
+        quote! {
             #doc
             #[inline]
             #[must_use]
@@ -126,26 +117,26 @@ impl Writer<'_> {
                 #body
                 #results
             }
-        })
+        }
     }
 
-    fn product(&self, product: &ProductRoutine<'_>) -> Result<TokenStream, Error> {
+    fn product(&self, product: &ProductRoutine<'_>) -> TokenStream {
         let ProductRoutine { text, name, routine } = product;
         let doc = self.function_doc(routine.function, &sentence(&text.doc), &[]);
-        let (body, results) = (self.body(routine)?, self.results(routine)?);
+        let (body, results) = (self.body(routine), self.results(routine));
         let (name, vector, arguments) = (ident(name), ident(&text.vector), self.arguments());
         let (n_vector, n_results) = (size(routine.argument.len()), size(routine.function.results.len()));
         // This comes first: a component of the state may have the vector's name.
         let taken_apart = if routine.code.reads_argument() {
             let names = pattern(routine.argument.iter().map(Option::as_ref));
-            quote! { let #names = *#vector; }
+            taken_apart(&names, &format!("*{}", text.vector))
         } else if routine.contracts_argument() {
             TokenStream::new()
         } else {
             quote! { let _ = #vector; }
         };
         let whole = self.argument_of_loops(routine, &vector);
-        Ok(quote! {
+        quote! {
             #doc
             #[inline]
             #[must_use]
@@ -155,56 +146,72 @@ impl Writer<'_> {
                 #body
                 #results
             }
-        })
+        }
     }
 
     /// The statements before the results.
-    pub(super) fn body(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
-        let (held, body) = (self.held(routine), self.body_apart_from_inputs(routine)?);
-        Ok(quote! { #held #body })
+    pub(super) fn body(&self, routine: &Routine<'_>) -> TokenStream {
+        let (held, body) = (self.held(routine), self.body_apart_from_inputs(routine));
+        quote! { #held #body }
     }
 
     /// The same where the inputs are known already.
-    pub(super) fn body_apart_from_inputs(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
+    pub(super) fn body_apart_from_inputs(&self, routine: &Routine<'_>) -> TokenStream {
         let reads_time = routine.reads_time() || routine.function.role == Role::Domain;
         let state = pattern(routine.state.iter().map(Option::as_ref));
-        let taken_apart = routine.code.reads_state().then(|| quote! { let #state = *y; });
+        let taken_apart = routine.code.reads_state().then(|| taken_apart(&state, "*y"));
         let unused = match (reads_time, routine.code.reads_state() || routine.contracts_state()) {
             (true, true) => None,
             (true, false) => Some(quote! { let _ = y; }),
             (false, true) => Some(quote! { let _ = t; }),
             (false, false) => Some(quote! { let _ = (t, y); }),
         };
-        let statements = statements(&routine.code.statements)?;
-        let loops = self.loops(routine)?;
-        Ok(quote! { #taken_apart #unused #statements #loops })
+        let (statements, loops) = (statements(&routine.code.statements), self.loops(routine));
+        quote! { #taken_apart #unused #statements #loops }
     }
 
     /// What a function computes, by which formula, in which order, and what it costs.
     pub(super) fn function_doc(&self, function: &Function, title: &str, results: &[String]) -> TokenStream {
-        let mut lines = vec![title.to_owned()];
-        let formulas = self.module.text.formulas.get(&function.role).filter(|lines| !lines.is_empty());
-        if let Some(formulas) = formulas {
+        let formulas = self.module.text.formulas.get(&function.role);
+        doc_by(formulas.map_or(&[], Vec::as_slice), function, title, results)
+    }
+}
+
+/// The documentation of a function with its formulas.
+pub(super) fn doc_by(
+    formulas: &[String],
+    function: &Function,
+    title: &str,
+    results: &[String],
+) -> TokenStream {
+    let mut lines = vec![title.to_owned()];
+    match formulas {
+        [] => {}
+        [formula] if formula.len() <= MAX_INLINE => lines[0].push_str(&format!(" `{formula}`.")),
+        formulas => {
             lines.extend([String::new(), "```text".into()]);
             lines.extend(formulas.iter().cloned());
             lines.push("```".into());
         }
-        if !results.is_empty() {
-            let (what, open) =
-                if function.role == Role::Rate { ("State", "y = [") } else { ("Components", "[") };
-            lines.extend([String::new(), format!("# {what}"), String::new(), "```text".into()]);
-            lines.extend(wrapped(open, results, "]"));
-            lines.push("```".into());
-        }
-        lines.extend(operations(function));
-        doc_attributes(lines)
     }
+    if !results.is_empty() {
+        let (what, open) = if function.role == Role::Rate { ("State", "y = [") } else { ("Components", "[") };
+        match wrapped(open, results, "]").as_slice() {
+            [line] => lines.extend([String::new(), format!("{what}: `{line}`.")]),
+            several => {
+                lines.extend([String::new(), format!("{what}:"), String::new(), "```text".into()]);
+                lines.extend_from_slice(several);
+                lines.push("```".into());
+            }
+        }
+    }
+    lines.extend(operations(function));
+    doc_attributes(lines)
 }
 
 /// What a function costs.
 pub(super) fn operations(function: &Function) -> Vec<String> {
-    let counts = capitalised(&function.counts().to_string());
-    let mut lines = vec![String::new(), "# Operations".into(), String::new(), format!("{counts}.")];
+    let mut lines = vec![String::new(), format!("Operations: {}.", function.counts())];
     let n_products: usize = function.contractions.iter().map(|c| c.n_products).sum();
     if n_products > 0 {
         lines.push(format!("Loops over tables of {n_products} products."));

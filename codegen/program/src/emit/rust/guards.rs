@@ -7,17 +7,20 @@ use quote::quote;
 
 use super::Writer;
 use super::functions::operations;
-use super::tokens::{doc_attributes, parse_all, size};
+use super::lines::{self, literal};
+use super::tokens::{array, doc_attributes, size};
 use crate::emit::module::Routine;
-use hamel_expr::error::Error;
 
 impl Writer<'_> {
     /// What is divided by, and the function that fails with the first of it that cannot be divided by.
-    pub(super) fn pivots(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
-        let (rt, arguments) = (&self.runtime, self.arguments());
-        let (body, results) = (self.body(routine)?, parse_all(&routine.code.results)?);
-        let (values, scales) = results.split_at(results.len() / 2);
-        let names = routine.function.results[..values.len()].iter().map(|(name, _)| name);
+    pub(super) fn pivots(&self, routine: &Routine<'_>) -> TokenStream {
+        let (rt, arguments, body) = (&self.runtime, self.arguments(), self.body(routine));
+        let (values, scales) = routine.code.results.split_at(routine.code.results.len() / 2);
+        let names = routine.function.results.iter().map(|(name, _)| name);
+        let pivots = names.zip(values.iter().zip(scales)).map(|(name, (value, scale))| {
+            format!("{}::Pivot::new({}, {}, {})", self.path, literal(name), value.text, scale.text)
+        });
+        let pivots = array(&pivots.collect::<Vec<_>>());
         let title = "What the right-hand side divides by that may vanish or overflow, each with the scale of its \
                      rounding errors.";
         let doc = self.function_doc(routine.function, title, &[]);
@@ -30,28 +33,29 @@ impl Writer<'_> {
             "`PivotNotFinite`.",
         ]);
         let n_pivots = size(values.len());
-        Ok(quote! {
+        quote! {
             #doc
             #[must_use]
             pub fn pivots(#arguments) -> [#rt::Pivot<R>; #n_pivots] {
                 #body
-                [#(#rt::Pivot { name: #names, value: #values, scale: #scales }),*]
+                #pivots
             }
 
             #check_doc
             pub fn check(#arguments) -> Result<(), #rt::Failure> {
                 #rt::Pivot::verify_all(t, &self.pivots(t, y))
             }
-        })
+        }
     }
 
     /// The function that fails with the first end of a coordinate's interval that does not hold.
-    pub(super) fn domain(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
-        let (rt, arguments) = (&self.runtime, self.arguments());
-        let (body, results) = (self.body(routine)?, parse_all(&routine.code.results)?);
+    pub(super) fn domain(&self, routine: &Routine<'_>) -> TokenStream {
+        let (rt, arguments, body) = (&self.runtime, self.arguments(), self.body(routine));
         let conditions = routine.function.results.iter().map(|(name, _)| name);
-        let tuples: Vec<TokenStream> =
-            results.iter().zip(conditions).map(|(v, c)| quote! { (#v, #c) }).collect();
+        let tests = routine.code.results.iter().zip(conditions).map(|(value, condition)| {
+            format!("{}::Failure::require_positive(t, {}, {})?;", self.path, value.text, literal(condition))
+        });
+        let tests = lines::statements(&tests.collect::<Vec<_>>().join("\n"));
         let title = [
             "Says whether a point lies outside the domain of the coordinates.",
             "",
@@ -60,25 +64,14 @@ impl Writer<'_> {
             "`OutsideDomain` with the first condition that does not hold.",
         ];
         let doc = doc_attributes(title.map(str::to_owned).into_iter().chain(operations(routine.function)));
-        // Not a number is not greater than anything.
-        let failure = quote! {
-            if !value.all_gt(R::ZERO) {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(#rt::Failure::OutsideDomain { t, condition });
-            }
-        };
-        let test = match tuples.as_slice() {
-            [tuple] => quote! { let (value, condition) = #tuple; #failure },
-            _ => quote! { for (value, condition) in [#(#tuples),*] { #failure } },
-        };
-        Ok(quote! {
+        quote! {
             #doc
             #[inline]
             pub fn domain(#arguments) -> Result<(), #rt::Failure> {
                 #body
-                #test
+                #tests
                 Ok(())
             }
-        })
+        }
     }
 }

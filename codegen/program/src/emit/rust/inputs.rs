@@ -6,7 +6,9 @@ use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::Writer;
-use super::tokens::{allow_numbers, doc_attributes, number, pattern, size, wrapped};
+use super::lines;
+use super::lines::{allow, array, documentation, indented};
+use super::tokens::{pattern, size, taken_apart, wrapped};
 use crate::emit::module::Routine;
 use crate::emit::text::ParamText;
 use hamel_expr::rational_to_f64;
@@ -19,55 +21,33 @@ impl Writer<'_> {
         &self.module.text.inputs
     }
 
-    /// What the inputs are held at where nothing else was said.
-    pub(super) fn input_defaults(&self) -> impl Iterator<Item = f64> + '_ {
-        self.inputs().iter().map(|input| rational_to_f64(&input.default))
-    }
-
     /// The field of the structure; nothing where there are no inputs, as everywhere here.
-    pub(super) fn input_field(&self) -> TokenStream {
+    pub(super) fn input_field(&self) -> String {
         if self.inputs().is_empty() {
-            return TokenStream::new();
+            return String::new();
         }
-        let n = size(self.inputs().len());
-        let mut lines =
-            vec!["Values that the inputs are held at.".to_owned(), String::new(), "```text".into()];
+        let mut doc = vec!["Values that the inputs are held at.".to_owned(), String::new(), "```text".into()];
         let names: Vec<String> = self.inputs().iter().map(|input| input.name.clone()).collect();
-        lines.extend(wrapped("u = [", &names, "]"));
-        lines.push("```".into());
-        let doc = doc_attributes(lines);
-        quote! { #doc pub inputs: [R; #n], }
+        doc.extend(wrapped("u = [", &names, "]"));
+        doc.push("```".into());
+        indented(&format!("{}pub inputs: [R; {}],", documentation(doc), names.len())) + "\n"
     }
 
-    /// The field in the constructor.
-    pub(super) fn inputs_at_defaults(&self) -> TokenStream {
-        if self.inputs().is_empty() {
-            return TokenStream::new();
-        }
-        let values = self.input_defaults().map(|x| match x {
-            0.0 => quote! { R::ZERO },
-            1.0 => quote! { R::ONE },
-            x => {
-                let x = number(x);
-                quote! { R::from_f64(#x) }
-            }
+    /// The field in the constructor: the values of the model.
+    pub(super) fn inputs_at_defaults(&self) -> Option<String> {
+        let values = self.inputs().iter().map(|input| match rational_to_f64(&input.default) {
+            0.0 => "R::ZERO".to_owned(),
+            1.0 => "R::ONE".to_owned(),
+            x => format!("R::from_f64({x:?})"),
         });
-        quote! { inputs: [#(#values),*], }
-    }
-
-    /// The field over another scalar.
-    pub(super) fn inputs_over(&self) -> TokenStream {
-        if self.inputs().is_empty() {
-            TokenStream::new()
-        } else {
-            quote! { inputs: self.inputs.map(convert), }
-        }
+        let values: Vec<String> = values.collect();
+        (!values.is_empty()).then(|| format!("inputs: {}", array(&values)))
     }
 
     /// The variables of the inputs that a function reads.
     pub(super) fn held(&self, routine: &Routine<'_>) -> Option<TokenStream> {
         let names = pattern(routine.inputs.iter().map(Option::as_ref));
-        routine.reads_inputs().then(|| quote! { let #names = self.inputs; })
+        routine.reads_inputs().then(|| taken_apart(&names, "self.inputs"))
     }
 
     /// The right-hand side at any inputs, and at those that are held.
@@ -76,8 +56,8 @@ impl Writer<'_> {
         let rate = &self.module.rate;
         let names = pattern(rate.inputs.iter().map(Option::as_ref));
         // This comes first: a component of the state may be called `u`.
-        let taken_apart = match rate.reads_inputs() {
-            true => quote! { let #names = *u; },
+        let apart = match rate.reads_inputs() {
+            true => taken_apart(&names, "*u"),
             false => quote! { let _ = u; },
         };
         quote! {
@@ -90,7 +70,7 @@ impl Writer<'_> {
             #doc
             #[inline]
             pub fn rhs_with(#arguments, u: &[R; #m], dy: &mut [R; #n]) {
-                #taken_apart
+                #apart
                 #body
             }
         }
@@ -103,11 +83,8 @@ impl Writer<'_> {
         }
         let (rt, arguments, inputs) = (&self.runtime, self.arguments(), self.inputs());
         let (n, m) = (size(self.module.state.len()), size(inputs.len()));
-        let infos = inputs.iter().map(|p| {
-            let (name, default, doc) = (&p.name, number(rational_to_f64(&p.default)), &p.doc);
-            quote! { #rt::ParamInfo { name: #name, default: #default, doc: #doc } }
-        });
-        let allow = allow_numbers(self.input_defaults());
+        let infos: Vec<String> = inputs.iter().map(|input| self.param_info(input)).collect();
+        let (infos, allow) = (lines::expression(&array(&infos)), allow());
         let has_jacobian = self.module.matrix_function(INPUT_JACOBIAN).map(super::tokens::ident);
         let jacobian = has_jacobian.map(|function| {
             quote! {
@@ -124,7 +101,7 @@ impl Writer<'_> {
         quote! {
             #allow
             impl<R: #rt::Real> #rt::Controlled<R, #m> for Prepared<R> {
-                const INPUTS: [#rt::ParamInfo; #m] = [#(#infos),*];
+                const INPUTS: [#rt::ParamInfo; #m] = #infos;
 
                 #[inline]
                 fn held_inputs(&self) -> &[R; #m] {

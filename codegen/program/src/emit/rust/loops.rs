@@ -6,46 +6,41 @@ use proc_macro2::{Ident, Literal, TokenStream};
 use quote::quote;
 
 use super::Writer;
-use super::format::parse;
-use super::tokens::{allow_numbers, doc_attributes, ident, parse_all, size};
+use super::lines;
+use super::tokens::{array, ident, size, texts};
+use crate::emit::expression::Text;
 use crate::emit::module::{Loops, Routine};
 use crate::emit::series::Part;
 use crate::program::{Factors, Function, Jet, ProductKind, Products};
-use hamel_expr::error::Error;
 
 impl Writer<'_> {
     /// The tables of the program.
-    ///
-    /// # Errors
-    /// [`Error::Emission`] never in practice: numbers are finite.
-    pub(super) fn tables(&self) -> Result<TokenStream, Error> {
-        let rt = &self.runtime;
+    pub(super) fn tables(&self) -> TokenStream {
         let mut tables = TokenStream::new();
         for (table, name) in self.module.program.tables.iter().zip(&self.module.tables) {
-            let name = ident(name);
-            let doc = doc_attributes([format!(
+            let doc = lines::documentation([format!(
                 "Products: {}; distinct numbers: {}; sums: {}.",
                 table.n_products(),
                 table.numbers().len(),
                 table.ends.len()
             )]);
-            let places = Literal::byte_string(&table.places);
-            let ends = table.ends.iter().map(|end| Literal::u32_unsuffixed(*end));
-            let allow = allow_numbers(table.parts().iter().map(|[hi, _]| *hi));
-            let mut numbers = Vec::with_capacity(table.parts().len());
-            for [hi, lo] in table.parts() {
-                // Small numbers with an exponent.
-                let (hi, lo) = (parse(&format!("{hi:?}"))?, parse(&format!("{lo:?}"))?);
-                numbers.push(quote! { [#hi, #lo] });
-            }
-            tables.extend(quote! {
-                #doc
-                #allow
-                static #name: #rt::Products<'static> =
-                    #rt::Products::new(#places, &[#(#ends),*], &[#(#numbers),*]);
-            });
+            let ends: Vec<String> = table.ends.iter().map(u32::to_string).collect();
+            let numbers: Vec<String> =
+                table.parts().iter().map(|[hi, lo]| format!("[{hi:?}, {lo:?}]")).collect();
+            let arguments = [
+                Literal::byte_string(&table.places).to_string(),
+                format!("&{}", lines::array(&ends)),
+                format!("&{}", lines::array(&numbers)),
+            ];
+            let arguments: String =
+                arguments.iter().map(|argument| lines::indented(argument) + ",\n").collect();
+            let rt = &self.path;
+            tables.extend(lines::statements(&format!(
+                "{doc}{}\nstatic {name}: {rt}::Products<'static> = {rt}::Products::new(\n{arguments});",
+                lines::ALLOW
+            )));
         }
-        Ok(tables)
+        tables
     }
 
     /// Binds a function's own vector to a name that no component takes, where loops read all of it.
@@ -56,8 +51,8 @@ impl Writer<'_> {
     }
 
     /// The contractions of a function, after its straight-line code.
-    pub(super) fn loops(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
-        let Some(loops) = &routine.loops else { return Ok(TokenStream::new()) };
+    pub(super) fn loops(&self, routine: &Routine<'_>) -> TokenStream {
+        let Some(loops) = &routine.loops else { return TokenStream::new() };
         let plain = |products: &Products, sums: &Ident| {
             let [left, right] = [products.left, products.right].map(|f| values_of(loops, &quote! { y }, f));
             let table = self.table(products);
@@ -74,8 +69,8 @@ impl Writer<'_> {
         part: &Part<'_>,
         (state, order): (&TokenStream, Option<&TokenStream>),
         stored: impl Fn(Factors) -> Option<TokenStream>,
-    ) -> Result<TokenStream, Error> {
-        let Some(loops) = &part.loops else { return Ok(TokenStream::new()) };
+    ) -> TokenStream {
+        let Some(loops) = &part.loops else { return TokenStream::new() };
         let rt = &self.runtime;
         let term = |products: &Products, sums: &Ident| {
             let table = self.table(products);
@@ -101,8 +96,8 @@ impl Writer<'_> {
         let known = set(Factors::State, state);
         let contractions = self.contractions((part.function, loops), term, |factors, values| {
             set(factors, &quote! { &#values }).unwrap_or_default()
-        })?;
-        Ok(quote! { #known #contractions })
+        });
+        quote! { #known #contractions }
     }
 
     /// The contractions of a function: `term` adds the products of a table to an array, `after` follows the array of
@@ -112,12 +107,12 @@ impl Writer<'_> {
         (function, loops): (&Function, &Loops),
         term: impl Fn(&Products, &Ident) -> TokenStream,
         after: impl Fn(Factors, &Ident) -> TokenStream,
-    ) -> Result<TokenStream, Error> {
+    ) -> TokenStream {
         let mut tokens = TokenStream::new();
         if !loops.values.is_empty() {
-            let (scalars, values) = (ident(&loops.scalars), parse_all(&loops.values)?);
+            let (scalars, values) = (ident(&loops.scalars), array(&texts(&loops.values)));
             let after = after(Factors::Scalars, &scalars);
-            tokens.extend(quote! { let #scalars = [#(#values),*]; #after });
+            tokens.extend(quote! { let #scalars = #values; #after });
         }
         for ((contraction, sums), k) in function.contractions.iter().zip(&loops.sums).zip(0u32..) {
             let (n, sums) = (size(contraction.n_results), ident(sums));
@@ -125,7 +120,7 @@ impl Writer<'_> {
             let after = after(Factors::Contraction(k), &sums);
             tokens.extend(quote! { let mut #sums = [R::ZERO; #n]; #(#terms)* #after });
         }
-        Ok(tokens)
+        tokens
     }
 
     /// The constant that is a table.
@@ -134,24 +129,19 @@ impl Writer<'_> {
     }
 
     /// The array of a function's results.
-    pub(super) fn results(&self, routine: &Routine<'_>) -> Result<TokenStream, Error> {
-        let results = parse_all(&routine.code.results)?;
-        Ok(array_of_results(routine.function, routine.loops.as_ref(), &results))
+    pub(super) fn results(&self, routine: &Routine<'_>) -> TokenStream {
+        array_of_results(routine.function, routine.loops.as_ref(), &routine.code.results)
     }
 }
 
 /// The array of the first results of a function, which are also given one by one.
-pub(super) fn array_of_results(
-    function: &Function,
-    loops: Option<&Loops>,
-    results: &[TokenStream],
-) -> TokenStream {
+pub(super) fn array_of_results(function: &Function, loops: Option<&Loops>, results: &[Text]) -> TokenStream {
     match loops.zip(function.contraction_of_first_results(results.len())) {
         Some((loops, k)) => {
             let sums = ident(&loops.sums[k]);
             quote! { #sums }
         }
-        None => quote! { [#(#results),*] },
+        None => array(&texts(results)),
     }
 }
 

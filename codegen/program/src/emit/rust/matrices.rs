@@ -6,8 +6,9 @@ use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::Writer;
+use super::lines;
 use super::notation::Rust;
-use super::tokens::{doc_attributes, ident, idents, sentence, size};
+use super::tokens::{array, doc_attributes, ident, sentence, size, taken_apart};
 use crate::emit::dialect::Dialect as _;
 use hamel_expr::error::Error;
 
@@ -18,10 +19,7 @@ impl Writer<'_> {
         for output in &self.module.outputs {
             let Some((matrix, _)) = &output.matrix else { continue };
             let (name, n) = (ident(&Rust.places(&matrix.name)), size(matrix.pattern.len()));
-            let pairs = matrix.pattern.iter().map(|(i, j)| {
-                let (i, j) = (size(*i), size(*j));
-                quote! { (#i, #j) }
-            });
+            let places = places(&matrix.pattern);
             let others = if matrix.is_antisymmetric {
                 "those below the diagonal are minus these, the others vanish identically"
             } else {
@@ -34,7 +32,7 @@ impl Writer<'_> {
             let doc = doc_attributes([title]);
             constants.extend(quote! {
                 #doc
-                pub const #name: [(usize, usize); #n] = [#(#pairs),*];
+                pub const #name: [(usize, usize); #n] = #places;
             });
         }
         constants
@@ -48,8 +46,8 @@ impl Writer<'_> {
             let Some((matrix, method)) = &output.matrix else { continue };
             let (entries, method) = (ident(&output.name), ident(method));
             let (n_rows, n_columns) = matrix.shape;
-            let names = idents((0..matrix.pattern.len()).map(|k| format!("e{k}")));
-            let mut values = vec![vec![quote! { R::ZERO }; n_columns]; n_rows];
+            let names: Vec<String> = (0..matrix.pattern.len()).map(|k| format!("e{k}")).collect();
+            let mut values = vec![vec!["R::ZERO".to_owned(); n_columns]; n_rows];
             for ((i, j), name) in matrix.pattern.iter().zip(&names) {
                 let place = values.get_mut(*i).and_then(|row| row.get_mut(*j));
                 let place = place.ok_or_else(|| Error::ShapeMismatch {
@@ -57,12 +55,12 @@ impl Writer<'_> {
                     found: *i.max(j),
                     expected: n_rows.max(n_columns),
                 })?;
-                *place = quote! { #name };
+                place.clone_from(name);
                 if matrix.is_antisymmetric {
-                    values[*j][*i] = quote! { -#name };
+                    values[*j][*i] = format!("-{name}");
                 }
             }
-            let rows = values.iter().map(|row| quote! { [#(#row),*] });
+            let rows = rows(&values);
             let (n_rows, n_columns) = (size(n_rows), size(n_columns));
             let constant = Rust.places(&matrix.name);
             let elsewhere = if matrix.is_antisymmetric { "minus these below the diagonal, " } else { "" };
@@ -76,7 +74,7 @@ impl Writer<'_> {
             let call = if names.is_empty() {
                 quote! { let _ = (t, y); }
             } else {
-                quote! { let [#(#names),*] = self.#entries(t, y); }
+                taken_apart(&lines::array(&names), &format!("self.{}(t, y)", output.name))
             };
             methods.extend(quote! {
                 #doc
@@ -84,7 +82,7 @@ impl Writer<'_> {
                 #[must_use]
                 pub fn #method(#arguments) -> [[R; #n_columns]; #n_rows] {
                     #call
-                    [#(#rows),*]
+                    #rows
                 }
             });
         }
@@ -233,4 +231,15 @@ impl Writer<'_> {
             }
         }
     }
+}
+
+/// Rows and columns as an array.
+pub(super) fn places(pattern: &[(usize, usize)]) -> TokenStream {
+    array(&pattern.iter().map(|(i, j)| format!("({i}, {j})")).collect::<Vec<_>>())
+}
+
+/// The array of the rows of a matrix, line by line.
+pub(super) fn rows(values: &[Vec<String>]) -> TokenStream {
+    let rows = values.iter().map(|row| lines::indented(&lines::array(row)) + ",\n");
+    lines::expression(&format!("[\n{}]", rows.collect::<String>()))
 }

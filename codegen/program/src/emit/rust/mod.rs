@@ -2,8 +2,9 @@
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `circles`, `matrices`,
 //! `implicit`, `flows`, `events`, `guards`, `inputs`, `loops`, `traits`, `series` and `nalgebra` write the items of a
-//! scene, `wasm` the root of a crate for WebAssembly over it, `index` the list of modules, `fluid` the module of a
-//! fluid of matrices, `format` text. Does not know: which functions there are and why, the order of their statements.
+//! scene, `lines` what is written line by line, `wasm` the root of a crate for WebAssembly over it, `index` the list of
+//! modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which functions there are and why,
+//! the order of their statements.
 
 mod circles;
 mod events;
@@ -16,6 +17,7 @@ mod guards;
 mod implicit;
 mod index;
 mod inputs;
+mod lines;
 mod loops;
 mod matrices;
 mod nalgebra;
@@ -28,6 +30,7 @@ mod tokens;
 mod traits;
 mod wasm;
 
+use hamel_runtime::CONTRACT;
 use proc_macro2::TokenStream;
 
 pub(super) use excerpt::method_text;
@@ -35,7 +38,7 @@ pub(super) use fluid::emit as emit_fluid;
 pub use index::SceneEntry;
 pub(super) use index::{emit_include, emit_index};
 
-use self::notation::Rust;
+use self::notation::{FMA, Rust};
 use super::module::Module;
 use super::series::Series;
 use super::text::SceneText;
@@ -47,14 +50,14 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
     let circles = Circles::of(program);
     let module = Module::new(&Rust, program, circles.as_ref(), text)?;
     let series = jet.map(|jet| Series::new(&Rust, &module, jet, &series::locals(jet)));
-    let writer = Writer { module: &module, runtime: format::runtime_path(&text.runtime)? };
+    let writer = Writer::new(&module, text)?;
     let items = [
         writer.info(),
         writer.params(),
         writer.state(),
         writer.patterns(),
         writer.implicit_constants(),
-        writer.prepared()?,
+        writer.prepared(),
         writer.functions()?,
         writer.traits(series.is_some()),
         writer.controlled(),
@@ -66,16 +69,14 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.implicit(),
         writer.exact_flows(),
         writer.events()?,
-        series.map_or(Ok(TokenStream::new()), |series| writer.series(&series))?,
+        series.map_or(TokenStream::new(), |series| writer.series(&series)),
         writer.groups()?,
         writer.self_test(),
     ];
-    let tokens = items.into_iter().collect();
-    Ok(format!(
-        "{}{}",
-        format::header(&text.command, text.formulation.as_deref()),
-        format::format_module(tokens)?
-    ))
+    let items = format::format_module(items.into_iter().collect())?;
+    let (header, rt) = (format::header(&text.command, text.formulation.as_deref()), &writer.path);
+    let fused = if format::calls(&items, FMA) { format!("use {rt}::{FMA};\n") } else { String::new() };
+    Ok(format!("{header}const _: () = {rt}::generated_for::<{CONTRACT}>();\n{fused}\n{items}"))
 }
 
 /// A scene for WebAssembly.
@@ -90,7 +91,7 @@ pub struct WasmModule {
 /// The texts that call a scene's module, which is in `file`, from outside of WebAssembly.
 pub(super) fn emit_wasm(program: &Program, text: &SceneText, file: &str) -> Result<WasmModule, Error> {
     let module = Module::new(&Rust, program, None, text)?;
-    let writer = Writer { module: &module, runtime: format::runtime_path(&text.runtime)? };
+    let writer = Writer::new(&module, text)?;
     Ok(WasmModule { root: writer.wasm(file)?, script: writer.wasm_script() })
 }
 
@@ -99,12 +100,22 @@ struct Writer<'a> {
     module: &'a Module<'a>,
     /// Path of the runtime.
     runtime: TokenStream,
+    /// The same as text.
+    path: String,
+}
+
+impl<'a> Writer<'a> {
+    fn new(module: &'a Module<'a>, text: &SceneText) -> Result<Writer<'a>, Error> {
+        let runtime = format::runtime_path(&text.runtime)?;
+        let path = runtime.to_string().replace(' ', "");
+        Ok(Writer { module, runtime, path })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::names::Scope;
-    use super::notation::{Rust, is_unusual};
+    use super::notation::Rust;
 
     #[test]
     fn names_are_legal_and_unique() {
@@ -115,7 +126,6 @@ mod tests {
         assert_eq!(scope.add("p"), "p_2");
         assert_eq!(scope.add("2d-force"), "x2d_force");
         assert_eq!(scope.temporary("t"), "t0");
-        assert!(is_unusual("Omega1") && !is_unusual("omega_1"));
     }
 
     #[test]

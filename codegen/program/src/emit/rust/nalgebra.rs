@@ -8,7 +8,7 @@ use quote::quote;
 
 use super::Writer;
 use super::notation::Rust;
-use super::tokens::{allow_names, doc_attributes, ident, idents, size};
+use super::tokens::{doc_attributes, ident, idents, size};
 use crate::emit::names::Scope;
 use crate::emit::text::{GroupKind, GroupText};
 use hamel_expr::error::Error;
@@ -80,11 +80,9 @@ impl Writer<'_> {
             if chosen.is_empty() {
                 continue;
             }
-            let names = allow_names(chosen.iter().flat_map(|g| [&g.get, &g.set]));
             let methods = chosen.iter().map(|group| self.methods(group));
             let scalar = ident(if turns { "RealField" } else { "Scalar" });
             items.extend(quote! {
-                #names
                 impl<R: #rt::Real + #rt::nalgebra::#scalar> #owner<R> {
                     #(#methods)*
                 }

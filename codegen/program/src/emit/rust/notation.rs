@@ -7,6 +7,9 @@ use super::super::expression::{Binding, Notation, Text};
 use crate::program::{Literal, Signs};
 use hamel_expr::Func;
 
+/// The function of the runtime that multiplies and adds.
+pub(super) const FMA: &str = "fma";
+
 /// Rust, generic over a scalar `R` with the methods of `hamel_runtime::Real`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rust;
@@ -59,21 +62,19 @@ impl Notation for Rust {
 
     fn fused(&self, signs: Signs, a: Text, b: Text, c: Text) -> Text {
         // The order is the program's: dual numbers round the products of a derivative in the order of the factors.
-        let receiver = a.signed(signs.product).at_least(Binding::Atom);
-        let addend = c.signed(signs.addend);
-        let text = format!("{}.mul_add({}, {})", receiver.text, b.text, addend.text);
-        let depth = receiver.depth.max(b.depth + 1).max(addend.depth + 1);
-        Text { text, binding: Binding::Atom, depth }
+        let (a, c) = (a.signed(signs.product), c.signed(signs.addend));
+        let text = format!("{FMA}({}, {}, {})", a.text, b.text, c.text);
+        Text { text, binding: Binding::Atom, depth: a.depth.max(b.depth).max(c.depth) + 1 }
     }
 }
 
 /// Rust's words, also those of later editions, and names whose patterns would mean something else than a new binding.
-const RESERVED: [&str; 61] = [
+const RESERVED: [&str; 62] = [
     "Err", "INFO", "None", "Ok", "R", "Self", "Some", "_", "abstract", "as", "async", "await", "become",
     "box", "break", "const", "continue", "core", "crate", "do", "dyn", "else", "enum", "extern", "false",
-    "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "macro", "match", "mod", "move", "mut",
-    "override", "priv", "pub", "ref", "return", "self", "static", "struct", "super", "trait", "true", "try",
-    "type", "typeof", "union", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
+    "final", "fma", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "macro", "match", "mod", "move",
+    "mut", "override", "priv", "pub", "ref", "return", "self", "static", "struct", "super", "trait", "true",
+    "try", "type", "typeof", "union", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
 ];
 
 impl Dialect for Rust {
@@ -119,10 +120,4 @@ impl Dialect for Rust {
     fn field(&self, name: &str) -> String {
         format!("self.{name}")
     }
-}
-
-/// Whether the compiler wants another spelling for a variable, field or function of that name.
-pub(super) fn is_unusual(identifier: &str) -> bool {
-    let trimmed = identifier.trim_matches('_');
-    trimmed.contains("__") || trimmed.contains(|c: char| c.is_ascii_uppercase())
 }

@@ -6,150 +6,98 @@ use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::Writer;
-use super::tokens::{allow_names, allow_numbers, doc_attributes, idents, number, phantom, sentence, size};
-use crate::emit::text::{OutputText, SceneText};
+use super::lines::{self, ALLOW, documentation, indented, literal};
+use super::tokens::{MARKER, doc_attributes, sentence, size};
+use crate::emit::text::{OutputText, ParamText, SceneText};
 use hamel_expr::rational_to_f64;
 
 impl Writer<'_> {
     /// Names, defaults and meanings as data.
     pub(super) fn info(&self) -> TokenStream {
         let SceneText { model, scene, params, outputs, .. } = self.module.text;
-        let rt = &self.runtime;
-        let state = &self.module.program.state;
-        let params = params.iter().map(|p| {
-            let (name, default, doc) = (&p.name, number(rational_to_f64(&p.default)), &p.doc);
-            quote! { #rt::ParamInfo { name: #name, default: #default, doc: #doc } }
-        });
-        let outputs = outputs.iter().map(|OutputText { name, components, doc }| {
-            quote! { #rt::OutputInfo { name: #name, components: &[#(#components),*], doc: #doc } }
-        });
-        let has_energy = self.module.energy.is_some();
-        let allow = allow_numbers(self.defaults());
-        quote! {
-            /// Names, defaults and meanings of all that the scene has.
-            #allow
-            pub const INFO: #rt::SceneInfo = #rt::SceneInfo {
-                model: #model,
-                scene: #scene,
-                state: &[#(#state),*],
-                params: &[#(#params),*],
-                outputs: &[#(#outputs),*],
-                has_energy: #has_energy,
-            };
+        let rt = &self.path;
+        let names = |open: &str, names: &[String], close: &str| {
+            let names: Vec<String> = names.iter().map(|name| literal(name)).collect();
+            lines::list(open, &names, close)
+        };
+        let start = format!("{rt}::SceneInfo::new({}, {}, &[", literal(model), literal(scene));
+        let mut value = names(&start, &self.module.program.state, "])");
+        let mut with = |what: &str, items: Vec<String>| {
+            if !items.is_empty() {
+                let items: String = items.iter().map(|item| indented(item) + ",\n").collect();
+                value.push_str(&format!("\n.with_{what}(&[\n{items}])"));
+            }
+        };
+        with("params", params.iter().map(|param| self.param_info(param)).collect());
+        let output = |OutputText { name, components, doc }: &OutputText| {
+            let start = format!("{rt}::OutputInfo::new({}, &[", literal(name));
+            names(&start, components, &format!("], {})", literal(doc)))
+        };
+        with("outputs", outputs.iter().map(output).collect());
+        if self.module.energy.is_some() {
+            value.push_str("\n.with_energy()");
         }
+        let doc = documentation(["Names, defaults and meanings of all that the scene has."]);
+        let declaration = format!("pub const INFO: {rt}::SceneInfo =");
+        lines::statements(&format!("{doc}{ALLOW}\n{declaration}\n{};", indented(&value)))
     }
 
-    fn defaults(&self) -> impl Iterator<Item = f64> + '_ {
-        self.module.text.params.iter().map(|p| rational_to_f64(&p.default))
+    /// A parameter or input as data.
+    pub(super) fn param_info(&self, ParamText { name, default, doc }: &ParamText) -> String {
+        let default = rational_to_f64(default);
+        format!("{}::ParamInfo::new({}, {default:?}, {})", self.path, literal(name), literal(doc))
     }
 
     /// The structure of the parameters.
     pub(super) fn params(&self) -> TokenStream {
-        let rt = &self.runtime;
-        let fields = idents(&self.module.params);
-        let n = size(fields.len());
-        let mut docs = Vec::with_capacity(fields.len());
-        for p in &self.module.text.params {
-            let default = rational_to_f64(&p.default);
+        let docs = self.module.text.params.iter().map(|p| {
             let meaning = meaning("Parameter", &p.name, &p.doc);
-            docs.push(doc_attributes([meaning, String::new(), format!("Default: {default:?}.")]));
-        }
-        let defaults = self.defaults().map(|x| match x {
-            0.0 => quote! { R::ZERO },
-            1.0 => quote! { R::ONE },
-            x => {
-                let x = number(x);
-                quote! { R::from_f64(#x) }
-            }
+            format!("{meaning} Default: {:?}.", rational_to_f64(&p.default))
         });
-        let (names, numbers) = (allow_names(&self.module.params), allow_numbers(self.defaults()));
-        let title = doc_attributes([format!("Parameters of {}.", self.module.title())]);
-        let (marker, marked) = if fields.is_empty() { phantom() } else { Default::default() };
-        quote! {
-            #title
-            #[derive(Clone, Copy, Debug, PartialEq)]
-            #names
-            pub struct Params<R = f64> {
-                #(#docs pub #fields: R,)*
-                #marker
-            }
-
-            #names
-            impl<R: #rt::Real> Params<R> {
-                /// The parameters from their values in the order of `INFO.params`.
-                #[must_use]
-                pub fn from_array(values: [R; #n]) -> Self {
-                    let [#(#fields),*] = values;
-                    Self { #(#fields,)* #marked }
-                }
-
-                /// The values in the order of `INFO.params`.
-                #[must_use]
-                pub fn to_array(self) -> [R; #n] {
-                    [#(self.#fields),*]
-                }
-            }
-
-            #numbers
-            impl<R: #rt::Real> Default for Params<R> {
-                fn default() -> Self {
-                    Self { #(#fields: #defaults,)* #marked }
-                }
-            }
-        }
+        let title = format!("Parameters of {}, in the order of `INFO.params`.", self.module.title());
+        self.structure("Params", &title, &self.module.params, docs, " defaults INFO")
     }
 
     /// The structure of the state.
     pub(super) fn state(&self) -> TokenStream {
-        let rt = &self.runtime;
-        let fields = idents(&self.module.state);
-        let n = size(fields.len());
         let components = self.module.text.state.iter();
-        let docs = components.map(|s| doc_attributes([meaning("Component", &s.name, &s.doc)]));
-        let names = allow_names(&self.module.state);
-        let title =
-            doc_attributes([format!("State of {} by name, in the order of the array.", self.module.title())]);
-        let (marker, marked) = if fields.is_empty() { phantom() } else { Default::default() };
+        let docs = components.map(|s| meaning("Component", &s.name, &s.doc));
+        let title = format!("State of {} by name, in the order of the array.", self.module.title());
+        let structure = self.structure("State", &title, &self.module.state, docs, "");
         let initial = self.initial();
-        quote! {
-            #initial
+        quote! { #initial #structure }
+    }
 
-            #title
-            #[derive(Clone, Copy, Debug, PartialEq)]
-            #names
-            pub struct State<R = f64> {
-                #(#docs pub #fields: R,)*
-                #marker
-            }
-
-            #names
-            impl<R: #rt::Real> State<R> {
-                /// The named components of an array.
-                #[must_use]
-                pub fn from_array(y: [R; #n]) -> Self {
-                    let [#(#fields),*] = y;
-                    Self { #(#fields,)* #marked }
-                }
-
-                /// The components as the array that [`Prepared::rhs`] takes.
-                #[must_use]
-                pub fn to_array(self) -> [R; #n] {
-                    [#(self.#fields),*]
-                }
-            }
+    /// A structure of named numbers, and the methods between it and an array.
+    fn structure(
+        &self,
+        name: &str,
+        title: &str,
+        fields: &[String],
+        docs: impl Iterator<Item = String>,
+        more: &str,
+    ) -> TokenStream {
+        let mut text = format!("{}::numbers!({name}[{}] {} {{", self.path, fields.len(), literal(title));
+        for (field, doc) in fields.iter().zip(docs) {
+            text.push_str(&format!("\n    {field}: {},", literal(&doc)));
         }
+        match fields.is_empty() {
+            true => text.push_str(&format!("}} marker {MARKER}{more});")),
+            false => text.push_str(&format!("\n}}{more});")),
+        }
+        lines::statements(&text)
     }
 
     /// The initial state, where there is one.
     fn initial(&self) -> TokenStream {
         let Some(initial) = &self.module.text.initial else { return TokenStream::new() };
         let (n, doc) = (size(initial.values.len()), doc_attributes(initial.doc()));
-        let values = initial.values.iter().copied().map(number);
-        let allow = allow_numbers(initial.values.iter().copied());
+        // The sum with zero of what is zero has no sign.
+        let values: Vec<String> = initial.values.iter().map(|value| format!("{:?}", value + 0.0)).collect();
+        let values = super::tokens::array(&values);
         quote! {
             #doc
-            #allow
-            pub const INITIAL: [f64; #n] = [#(#values),*];
+            pub const INITIAL: [f64; #n] = #values;
         }
     }
 }

@@ -2,181 +2,173 @@
 //!
 //! Does not know: functions of the state.
 
-use proc_macro2::{Ident, TokenStream};
+use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::Writer;
-use super::format::parse;
-use super::tokens::{
-    allow_names, allow_numbers, capitalised, doc_attributes, escaped, field, ident, idents, phantom,
-    statements, wrapped,
-};
+use super::lines::{self, ALLOW, documentation, literal};
+use super::tokens::{MARKER, capitalised, doc_attributes, escaped, text_of, wrapped};
 use crate::emit::expression::Binding;
-use crate::program::{Literal, Relation};
-use hamel_expr::error::Error;
+use crate::program::Relation;
+
+/// Characters of a structure in one line.
+const MAX_LINE: usize = 80;
+/// Characters of a field that shares its line with others.
+const MAX_SHARED: usize = 30;
 
 impl Writer<'_> {
-    /// The structure of what depends on parameters alone, and how it is made.
-    pub(super) fn prepared(&self) -> Result<TokenStream, Error> {
+    /// The structure of what depends on parameters alone.
+    pub(super) fn prepared(&self) -> TokenStream {
         let (module, text) = (self.module, self.module.text);
-        let mut lines = vec![format!(
+        let mut doc = vec![format!(
             "Equations of {} with everything computed that depends on parameters alone.",
             module.title()
         )];
         if !text.doc.is_empty() {
-            lines.push(String::new());
-            lines.extend(text.doc.iter().map(|line| escaped(line)));
+            doc.push(String::new());
+            doc.extend(text.doc.iter().map(|line| escaped(line)));
         }
-        lines.extend([String::new(), "# State".into(), String::new(), "```text".into()]);
-        lines.extend(wrapped("y = [", &module.program.state, "]"));
-        lines.push("```".into());
+        doc.extend([String::new(), "# State".into(), String::new(), "```text".into()]);
+        doc.extend(wrapped("y = [", &module.program.state, "]"));
+        doc.push("```".into());
         if !text.sources.is_empty() {
-            lines.extend([String::new(), "# Source".into(), String::new()]);
-            lines.extend(text.sources.iter().map(|s| format!("- {}", escaped(&s.replace('\n', " ")))));
+            doc.extend([String::new(), "# Source".into(), String::new()]);
+            doc.extend(text.sources.iter().map(|s| format!("- {}", escaped(&s.replace('\n', " ")))));
         }
-        let title = doc_attributes(lines);
-
-        let slot_docs = module.formulas.iter().map(|formula| match formula {
-            Some(formula) => doc_attributes([format!("`{formula}`")]),
-            None => doc_attributes(["A longer expression in the parameters."]),
-        });
-        let read = || module.read_params.iter().map(|i| *i as usize);
-        let params: Vec<&String> = read().map(|i| &module.fields[i]).collect();
-        let param_docs =
-            read().map(|i| doc_attributes([format!("Parameter `{}`.", module.program.params[i])]));
-        let names = allow_names(params.iter().copied().chain(&module.slots));
-        let (params, slots) = (idents(params), idents(&module.slots));
-        let has_inputs = !text.inputs.is_empty();
-        let (marker, marked) = match params.is_empty() && slots.is_empty() && !has_inputs {
-            true => phantom(),
-            false => Default::default(),
-        };
-        let inputs = self.input_field();
-        let new = self.constructor(marked)?;
-        Ok(quote! {
-            #title
-            #[derive(Clone, Copy, Debug, PartialEq)]
-            #names
-            pub struct Prepared<R = f64> {
-                #(#param_docs #params: R,)*
-                #(#slot_docs #slots: R,)*
-                #inputs
-                #marker
+        let mut structure = documentation(doc);
+        structure.push_str(&format!(
+            "#[derive(Clone, Copy, Debug, PartialEq)]\n{ALLOW}\npub struct Prepared<R = f64> {{\n"
+        ));
+        let params = module.read_params.iter().map(|i| (&module.fields[*i as usize], None));
+        let slots = module.slots.iter().zip(module.formulas.iter().map(Option::as_ref));
+        let fields: Vec<(&String, Option<&String>)> = params.chain(slots).collect();
+        for run in fields.chunk_by(|a, b| a.1.is_none() && b.1.is_none()) {
+            match run {
+                [(slot, Some(formula))] => structure.push_str(&format!("    {slot}: R, // {formula}\n")),
+                run => {
+                    let fields: Vec<String> = run.iter().map(|(field, _)| format!("{field}: R")).collect();
+                    structure.push_str(&format!("{}\n", lines::filled(&fields)));
+                }
             }
-
-            #new
-        })
+        }
+        structure.push_str(&self.input_field());
+        if self.is_without_numbers() {
+            structure.push_str(&format!("    {MARKER}: ::core::marker::PhantomData<R>,\n"));
+        }
+        structure.push('}');
+        lines::statements(&structure)
     }
 
-    /// The names of what is in the structure: parameters that functions of the state read, and slots.
-    pub(super) fn fields(&self) -> Vec<Ident> {
+    /// Whether the structure has a marker alone.
+    fn is_without_numbers(&self) -> bool {
+        self.fields().is_empty() && self.module.text.inputs.is_empty()
+    }
+
+    /// The names of the numbers in the structure: parameters that functions of the state read, and slots.
+    fn fields(&self) -> Vec<&str> {
         let module = self.module;
         let params = module.read_params.iter().map(|i| &module.fields[*i as usize]);
-        idents(params.chain(&module.slots))
+        params.chain(&module.slots).map(String::as_str).collect()
     }
 
-    fn constructor(&self, marked: TokenStream) -> Result<TokenStream, Error> {
+    /// The structure over another scalar.
+    pub(super) fn over_scalar(&self) -> TokenStream {
+        let (fields, has_inputs) = (self.fields(), !self.module.text.inputs.is_empty());
+        let open = format!("{}::over_scalar!(Prepared[{}] {{ ", self.path, self.module.state.len());
+        let close = match (fields.is_empty(), has_inputs) {
+            (_, true) => " } array inputs);".to_owned(),
+            (true, false) => format!("}} marker {MARKER});"),
+            (false, false) => " });".to_owned(),
+        };
+        lines::statements(&lines::list(&open, &fields, &close))
+    }
+
+    /// The method that makes it.
+    pub(super) fn constructor(&self) -> TokenStream {
         let (module, rt) = (self.module, &self.runtime);
         let (program, prepare) = (&module.program.prepare, &module.prepare);
-        let locals = idents(&prepare.locals);
-        let destructuring = if locals.is_empty() {
-            quote! { let _ = params; }
-        } else {
-            let pairs = module
-                .params
-                .iter()
-                .zip(&locals)
-                .map(|(name, local)| field(&ident(name), &quote! { #local }));
-            quote! { let Params { #(#pairs),* } = *params; }
+        let field = |field: &str, value: &str| match field == value {
+            true => field.to_owned(),
+            false => format!("{field}: {value}"),
         };
-        let finite = self.finiteness(&locals);
-        let bindings = statements(&prepare.statements)?;
-        let mut conditions = TokenStream::new();
+        let mut body = Vec::new();
+        match module.params.is_empty() {
+            true => body.push("let _ = params;".to_owned()),
+            false => body.push("INFO.require_finite(&params.to_array())?;".to_owned()),
+        }
+        // What nothing reads has been checked, and gets no variable.
+        let is_read =
+            |i: &usize| prepare.reads.contains(&(*i as u32)) || module.read_params.contains(&(*i as u32));
+        let read: Vec<usize> = (0..prepare.locals.len()).filter(is_read).collect();
+        if !read.is_empty() {
+            let names = read.iter().map(|i| field(&module.params[*i], &prepare.locals[*i]));
+            let others = (read.len() < prepare.locals.len()).then(|| "..".to_owned());
+            let names: Vec<String> = names.chain(others).collect();
+            let pattern = lines::list("let Params { ", &names, " } = *params;");
+            // Nothing may follow what stands for all others.
+            body.push(pattern.replace("..,\n}", "..\n}"));
+        }
+        body.extend(Some(text_of(&prepare.statements)).filter(|text| !text.is_empty()));
         for (condition, [greater, less]) in program.conditions.iter().zip(&prepare.sides) {
-            let greater = parse(&greater.clone().at_least(Binding::Atom).text)?;
-            let less = parse(&less.text)?;
-            let method = ident(match condition.relation {
+            let greater = greater.clone().at_least(Binding::Atom).text;
+            let method = match condition.relation {
                 Relation::Greater => "all_gt",
                 Relation::GreaterEqual => "all_ge",
                 Relation::NotEqual => "all_ne",
-            });
-            let (text, meaning) = (&condition.text, &condition.meaning);
-            conditions.extend(quote! {
-                if !#greater.#method(#less) {
-                    return Err(#rt::ParamError { condition: #text, meaning: #meaning });
-                }
-            });
+            };
+            body.push(format!(
+                "{}::ParamError::require({greater}.{method}({}), {}, {})?;",
+                self.path,
+                less.text,
+                literal(&condition.text),
+                literal(&condition.meaning)
+            ));
         }
-        let mut fields = Vec::new();
-        for i in &module.read_params {
-            let local = &locals[*i as usize];
-            fields.push(field(&ident(&module.fields[*i as usize]), &quote! { #local }));
-        }
-        for (slot, value) in module.slots.iter().zip(&prepare.values) {
-            fields.push(field(&ident(slot), &parse(&value.text)?));
-        }
-        let mut lines =
-            vec!["Checks the parameters and computes what depends on them alone.".to_owned(), String::new()];
+        let params = module.read_params.iter().map(|i| {
+            let i = *i as usize;
+            field(&module.fields[i], &prepare.locals[i])
+        });
+        let slots = module.slots.iter().zip(&prepare.values).map(|(slot, value)| field(slot, &value.text));
+        let inputs = self.inputs_at_defaults();
+        let marker = self.is_without_numbers().then(|| format!("{MARKER}: ::core::marker::PhantomData"));
+        body.push(made(
+            "Ok(Self {",
+            &params.chain(slots).chain(inputs).chain(marker).collect::<Vec<_>>(),
+            "})",
+        ));
+        let body = lines::statements(&body.join("\n"));
         let texts = program.conditions.iter().map(|condition| format!(", `{}`", condition.text));
         let texts: String = texts.collect();
-        lines.extend([
+        let doc = doc_attributes([
+            "Checks the parameters and computes what depends on them alone.".to_owned(),
+            String::new(),
+            format!("Operations: {}.", program.counts()),
+            String::new(),
             "# Errors".into(),
             String::new(),
-            format!("The first of these that does not hold: every parameter is finite{texts}."),
-            String::new(),
-            "# Operations".into(),
-            String::new(),
-            format!("{}.", capitalised(&program.counts().to_string())),
+            capitalised(&format!("the first of these that does not hold: every parameter is finite{texts}.")),
         ]);
-        let doc = doc_attributes(lines);
-        let names = allow_names(prepare.locals.iter().chain(&prepare.variables).chain(&module.slots));
-        let numbers = allow_numbers(self.program_numbers().chain(self.input_defaults()));
-        let inputs = self.inputs_at_defaults();
-        Ok(quote! {
-            #names
-            #numbers
-            impl<R: #rt::Real> Prepared<R> {
-                #doc
-                pub fn new(params: &Params<R>) -> Result<Self, #rt::ParamError> {
-                    #destructuring
-                    #finite
-                    #bindings
-                    #conditions
-                    Ok(Self { #(#fields,)* #inputs #marked })
-                }
+        quote! {
+            #doc
+            pub fn new(params: &Params<R>) -> Result<Self, #rt::ParamError> {
+                #body
             }
-        })
-    }
-
-    fn finiteness(&self, locals: &[Ident]) -> TokenStream {
-        let rt = &self.runtime;
-        let error = quote! { return Err(#rt::ParamError { condition, meaning }); };
-        let conditions: Vec<String> =
-            self.module.program.params.iter().map(|name| format!("{name} is finite")).collect();
-        let meanings: Vec<&String> = self.module.text.params.iter().map(|p| &p.doc).collect();
-        match locals {
-            [] => TokenStream::new(),
-            [local] => quote! {
-                if !#local.all_finite() {
-                    let (condition, meaning) = (#(#conditions)*, #(#meanings)*);
-                    #error
-                }
-            },
-            _ => quote! {
-                for (value, condition, meaning) in [#((#locals, #conditions, #meanings)),*] {
-                    if !value.all_finite() {
-                        #error
-                    }
-                }
-            },
         }
     }
+}
 
-    /// The numbers of the program.
-    pub(super) fn program_numbers(&self) -> impl Iterator<Item = f64> + '_ {
-        self.module.program.constants.iter().filter_map(|c| match c.literal() {
-            Literal::Number(x) => Some(x),
-            _ => None,
-        })
+/// A structure from its fields: short ones share lines.
+fn made(open: &str, fields: &[String], close: &str) -> String {
+    let line = fields.join(", ");
+    if line.len() <= MAX_LINE {
+        return format!("{open} {line} {close}");
     }
+    let mut text = open.to_owned();
+    for run in fields.chunk_by(|a, b| a.len().max(b.len()) <= MAX_SHARED) {
+        match run {
+            [field] => text.push_str(&format!("\n    {field},")),
+            run => text.push_str(&format!("\n{}", lines::filled(run))),
+        }
+    }
+    format!("{text}\n{close}")
 }

@@ -2,21 +2,20 @@
 //!
 //! Does not know: the rules of the recurrence.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use proc_macro2::TokenStream;
 use quote::quote;
 
 use super::Writer;
+use super::lines::{self, allow};
 use super::loops::array_of_results;
-use super::tokens::{
-    allow_comments, allow_names, allow_numbers, doc_attributes, ident, parse_all, pattern, size, statements,
-};
+use super::tokens::{array, doc_attributes, ident, pattern, size, statements, taken_apart, texts};
 use crate::emit::body::Code;
+use crate::emit::expression::Text;
 use crate::emit::series::{INVERSE, ORDER, Part, Series};
-use crate::program::{Factors, Jet, Literal, Operand, ProductKind};
-use hamel_expr::error::Error;
+use crate::program::{Factors, Jet, Operand, ProductKind};
 
 /// Convolutions in one loop: their sums fill four vector registers of four lanes, which hides the latency of an
 /// addition and leaves room for the factors; with scalars that are vectors themselves they still fit the registers.
@@ -36,7 +35,7 @@ pub(super) fn locals(jet: &Jet) -> Vec<&'static str> {
 
 impl Writer<'_> {
     /// `impl Jet for Prepared`, by way of `ControlledJet` where there are inputs.
-    pub(super) fn series(&self, series: &Series<'_>) -> Result<TokenStream, Error> {
+    pub(super) fn series(&self, series: &Series<'_>) -> TokenStream {
         let (jet, rt, n) = (series.jet, &self.runtime, size(series.jet.n_state));
         let (start, step) = (&series.start.code, &series.step.code);
         let is_read = |i: usize, code: &Code| code.reads.contains(&Operand::State(i as u32));
@@ -45,31 +44,29 @@ impl Writer<'_> {
         };
         let (sums, kept) = (jet.n_state, jet.n_state + jet.n_lanes);
         // Loops may be all that reads the state.
-        let state = |code: &Code, value: TokenStream| {
+        let state = |code: &Code, value: &str| {
             let names = names(0..sums, code);
-            (0..sums).any(|i| is_read(i, code)).then(|| quote! { let #names = #value; })
+            (0..sums).any(|i| is_read(i, code)).then(|| taken_apart(&names, value))
         };
-        let (coefficients, next_coefficients) =
-            (state(start, quote! { *y }), state(step, quote! { coefficient }));
+        let (coefficients, next_coefficients) = (state(start, "*y"), state(step, "coefficient"));
         let kept_names = names(kept..kept + jet.n_kept, step);
-        let (first, first_results) = (statements(&start.statements)?, parse_all(&start.results)?);
-        let (next, next_results) = (statements(&step.statements)?, parse_all(&step.results)?);
-        let (_, kept_values) = first_results.split_at(jet.n_state);
+        let (first, next) = (statements(&start.statements), statements(&step.statements));
+        let (_, kept_values) = start.results.split_at(jet.n_state);
 
-        let derivative = |part: &Part<'_>, results: &[TokenStream]| {
+        let derivative = |part: &Part<'_>, results: &[Text]| {
             array_of_results(part.function, part.loops.as_ref(), &results[..jet.n_state])
         };
         // An array of nothing would have elements of an unknown type: those of linear equations keep nothing.
-        let derivative_first = derivative(&series.start, &first_results);
+        let derivative_first = derivative(&series.start, &start.results);
         let (at_order_zero, value_at_order_zero) = if kept_values.is_empty() {
             (quote! { mut coefficient }, derivative_first)
         } else {
-            let kept_values = quote! { [#(#kept_values),*] };
+            let (kept_names, kept_values) = (lines::expression(&kept_names), array(&texts(kept_values)));
             (quote! { (mut coefficient, #kept_names) }, quote! { (#derivative_first, #kept_values) })
         };
 
         // A panel for every group of convolutions.
-        let (left, right) = next_results[jet.n_state..].split_at(jet.n_lanes);
+        let (left, right) = step.results[jet.n_state..].split_at(jet.n_lanes);
         let (mut types, mut make) = (Vec::new(), Vec::new());
         let (mut read, mut write_rows, mut clear) =
             (TokenStream::new(), TokenStream::new(), TokenStream::new());
@@ -79,10 +76,11 @@ impl Writer<'_> {
             types.push(quote! { #rt::Convolutions<R, #width> });
             make.push(quote! { ::core::default::Default::default() });
             let names = names(sums + start..sums + end, step);
-            let (left, right) = (&left[start..end], &right[start..end]);
+            let factors = [left, right].map(|factors| lines::array(&texts(&factors[start..end])));
             clear.extend(quote! { workspace.#index.clear(); });
-            read.extend(quote! { let #names = workspace.#index.sums(); });
-            write_rows.extend(quote! { workspace.#index.push([#(#left),*], [#(#right),*]); });
+            read.extend(taken_apart(&names, &format!("workspace.{panel}.sums()")));
+            let [left, right] = factors.map(|factors| lines::indented(&format!("{factors},")));
+            write_rows.extend(lines::statements(&format!("workspace.{panel}.push(\n{left}\n{right}\n);")));
         }
         // Places for the coefficients of all orders of what loops take as factors.
         let mut stored = BTreeMap::new();
@@ -101,10 +99,10 @@ impl Writer<'_> {
             make.push(quote! { [[R::ZERO; #rt::MAX_ORDER]; #n] });
         }
         let stored = |factors: Factors| stored.get(&factors).cloned();
-        let loops_first = self.loops_of_series(jet, &series.start, (&quote! { y }, None), stored)?;
+        let loops_first = self.loops_of_series(jet, &series.start, (&quote! { y }, None), stored);
         let of_order = (&quote! { &coefficient }, Some(&quote! { k }));
-        let loops_next = self.loops_of_series(jet, &series.step, of_order, stored)?;
-        let derivative_next = derivative(&series.step, &next_results);
+        let loops_next = self.loops_of_series(jet, &series.step, of_order, stored);
+        let derivative_next = derivative(&series.step, &step.results);
         let reads = |code: &Code, operand: Operand| code.reads.contains(&operand);
         let (order_name, inverse_name) = (ident(ORDER), ident(INVERSE));
         let order = reads(step, Operand::State(series.order()))
@@ -114,15 +112,16 @@ impl Writer<'_> {
         let time =
             reads(step, Operand::Time).then(|| quote! { let t = if k == 1 { R::ONE } else { R::ZERO }; });
         let (m, u) = (size(series.held.len()), ident(COEFFICIENTS_OF_INPUTS));
-        let inputs_of = |code: &Code, coefficients: TokenStream| {
+        let inputs_of = |code: &Code, coefficients: &str| {
             let read = |(name, i)| reads(code, Operand::Input(i)).then_some(name);
             let names: Vec<Option<&String>> = series.held.iter().zip(0u32..).map(read).collect();
             let is_read = names.iter().any(Option::is_some);
             let names = pattern(names);
-            is_read.then(|| quote! { let #names = #coefficients.copied().unwrap_or([R::ZERO; #m]); })
+            let held = format!("{coefficients}.copied().unwrap_or([R::ZERO; {}])", series.held.len());
+            is_read.then(|| taken_apart(&names, &held))
         };
-        let inputs_first = inputs_of(start, quote! { #u.first() });
-        let inputs_next = inputs_of(step, quote! { #u.get(k as usize) });
+        let inputs_first = inputs_of(start, &format!("{COEFFICIENTS_OF_INPUTS}.first()"));
+        let inputs_next = inputs_of(step, &format!("{COEFFICIENTS_OF_INPUTS}.get(k as usize)"));
         let is_unread = inputs_first.is_none() && inputs_next.is_none() && !series.held.is_empty();
         let unused_inputs = is_unread.then(|| quote! { let _ = #u; });
         let unused_time = (!reads(start, Operand::Time)).then(|| quote! { let _ = t; });
@@ -132,13 +131,6 @@ impl Writer<'_> {
             false => (quote! { (#(#types,)*) }, quote! { (#(#make,)*) }),
         };
         let unused_workspace = types.is_empty().then(|| quote! { let _ = workspace; });
-        let variables: BTreeSet<&String> = start.variables.iter().chain(&step.variables).collect();
-        let allow_locals = allow_names(variables.into_iter().chain(&self.module.state).chain(&series.held));
-        let numbers = allow_numbers(jet.program.constants.iter().filter_map(|c| match c.literal() {
-            Literal::Number(x) => Some(x),
-            _ => None,
-        }));
-        let comments = allow_comments();
         let counts = series.step.function.straight_counts();
         let lanes = jet.n_lanes;
         let mut doc = vec![
@@ -146,9 +138,7 @@ impl Writer<'_> {
              recurrence."
                 .to_owned(),
             String::new(),
-            "# Operations".to_owned(),
-            String::new(),
-            format!("At each order k: {counts}, and {lanes} sums of k - 1 products."),
+            format!("Operations at each order k: {counts}, and {lanes} sums of k - 1 products."),
         ];
         let terms = || series.step.function.contractions.iter().flat_map(|c| &c.terms);
         let n_products = |kind: ProductKind| -> usize {
@@ -199,7 +189,7 @@ impl Writer<'_> {
                 coefficient = derivative.map(|derivative| derivative * scale);
             }
         };
-        let allow = quote! { #allow_locals #numbers #comments };
+        let allow = allow();
         let of_jet = quote! {
             type Workspace = #workspace;
 
@@ -210,7 +200,7 @@ impl Writer<'_> {
         let arguments = quote! { &self, t: R, y: &[R; #n] };
         let results = quote! { workspace: &mut Self::Workspace, out: &mut [[R; #n]] };
         if series.held.is_empty() {
-            return Ok(quote! {
+            return quote! {
                 #allow
                 impl<R: #rt::Real> #rt::Jet<R> for Prepared<R> {
                     #of_jet
@@ -220,9 +210,9 @@ impl Writer<'_> {
                         #method
                     }
                 }
-            });
+            };
         }
-        Ok(quote! {
+        quote! {
             impl<R: #rt::Real> #rt::Jet<R> for Prepared<R> {
                 #of_jet
 
@@ -240,6 +230,6 @@ impl Writer<'_> {
                     #method
                 }
             }
-        })
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! Small pieces of Rust: identifiers, numbers, documentation, lints, statements.
+//! Small pieces of Rust: identifiers, numbers, documentation, statements.
 //!
 //! Does not know: items of a module.
 
@@ -6,10 +6,8 @@ use proc_macro2::{Ident, Literal, Span, TokenStream};
 use quote::quote;
 
 use super::super::body::Statement;
-use super::super::expression::Binding;
-use super::format::parse;
-use super::notation::is_unusual;
-use hamel_expr::error::Error;
+use super::super::expression::{Binding, Text};
+use super::lines;
 
 pub(super) fn ident(name: &str) -> Ident {
     Ident::new(name, Span::call_site())
@@ -19,25 +17,16 @@ pub(super) fn idents<S: AsRef<str>>(names: impl IntoIterator<Item = S>) -> Vec<I
     names.into_iter().map(|name| ident(name.as_ref())).collect()
 }
 
-/// The pattern of an array whose components have these names, and `_` without one.
-pub(super) fn pattern<S: AsRef<str>>(names: impl IntoIterator<Item = Option<S>>) -> TokenStream {
-    let names = names.into_iter().map(|name| match name {
-        Some(name) => {
-            let name = ident(name.as_ref());
-            quote! { #name }
-        }
-        None => quote! { _ },
-    });
-    quote! { [#(#names),*] }
+/// The names of components in the pattern of an array, `_` without one.
+pub(super) fn pattern<S: AsRef<str>>(names: impl IntoIterator<Item = Option<S>>) -> String {
+    let names: Vec<String> =
+        names.into_iter().map(|name| name.map_or("_".to_owned(), |name| name.as_ref().to_owned())).collect();
+    lines::array(&names)
 }
 
-/// `field: value`, or shorter where both are the same name.
-pub(super) fn field(field: &Ident, value: &TokenStream) -> TokenStream {
-    if *field == value.to_string() {
-        quote! { #field }
-    } else {
-        quote! { #field: #value }
-    }
+/// The statement that takes an array apart.
+pub(super) fn taken_apart(pattern: &str, value: &str) -> TokenStream {
+    lines::statements(&format!("let {pattern} = {value};"))
 }
 
 /// The length of an array, without a suffix.
@@ -55,75 +44,22 @@ pub(super) fn number(x: f64) -> TokenStream {
     }
 }
 
-/// A field for structures without any, and its value: a structure needs a field that mentions its scalar.
-pub(super) fn phantom() -> (TokenStream, TokenStream) {
-    (quote! { scalar: ::core::marker::PhantomData<R>, }, quote! { scalar: ::core::marker::PhantomData, })
+/// The field of structures without any, which need one that mentions their scalar.
+pub(super) const MARKER: &str = "scalar";
+
+/// Statements, each on lines of its own.
+pub(super) fn statements(statements: &[Statement]) -> TokenStream {
+    lines::statements(&text_of(statements))
 }
 
-/// `#[allow(..)]` for what the names and numbers of the model need.
-pub(super) fn allow(lint: &str, reason: &str) -> TokenStream {
-    // `clippy::approx_constant` is a path.
-    let path: syn::Path = syn::parse_str(lint).expect("lints are constants of this module");
-    quote! { #[allow(#path, reason = #reason)] }
+/// The same as text.
+pub(super) fn text_of(statements: &[Statement]) -> String {
+    let lines: Vec<String> = statements.iter().map(written).collect();
+    lines.join("\n")
 }
 
-pub(super) fn allow_names<S: AsRef<str>>(identifiers: impl IntoIterator<Item = S>) -> TokenStream {
-    if identifiers.into_iter().any(|name| is_unusual(name.as_ref())) {
-        allow("non_snake_case", "names are those of the model")
-    } else {
-        TokenStream::new()
-    }
-}
-
-pub(super) fn allow_comments() -> TokenStream {
-    allow("unused_doc_comments", "comments on statements say which formula they are")
-}
-
-/// Whether clippy takes one of the numbers for a rounded mathematical constant.
-pub(super) fn allow_numbers(numbers: impl IntoIterator<Item = f64>) -> TokenStream {
-    use std::f64::consts as c;
-    let known = [
-        c::E,
-        c::FRAC_1_PI,
-        c::FRAC_1_SQRT_2,
-        c::FRAC_2_PI,
-        c::FRAC_2_SQRT_PI,
-        c::FRAC_PI_2,
-        c::FRAC_PI_3,
-        c::FRAC_PI_4,
-        c::FRAC_PI_6,
-        c::FRAC_PI_8,
-        c::LN_2,
-        c::LN_10,
-        c::LOG10_2,
-        c::LOG10_E,
-        c::LOG2_10,
-        c::LOG2_E,
-        c::PI,
-        c::SQRT_2,
-        c::TAU,
-        1.618_033_988_749_895,
-        0.577_215_664_901_532_9,
-    ];
-    if numbers.into_iter().any(|x| known.iter().any(|k| (x.abs() - k).abs() < 2e-3 * k)) {
-        allow("clippy::approx_constant", "values are those of the model")
-    } else {
-        TokenStream::new()
-    }
-}
-
-/// Statements as tokens.
-///
-/// # Errors
-/// [`Error::Emission`] never in practice: the text is made of identifiers and operators.
-pub(super) fn statements(statements: &[Statement]) -> Result<TokenStream, Error> {
-    let mut text = String::new();
-    statements.iter().for_each(|statement| write_statement(statement, &mut text));
-    parse(&text)
-}
-
-fn write_statement(statement: &Statement, text: &mut String) {
-    let line = match statement {
+fn written(statement: &Statement) -> String {
+    match statement {
         Statement::Bind { name, value } => format!("let {name} = {value};"),
         Statement::BindPair { sine, cosine, angle } => {
             let angle = angle.clone().at_least(Binding::Atom).text;
@@ -137,28 +73,26 @@ fn write_statement(statement: &Statement, text: &mut String) {
                 other.text
             )
         }
-        Statement::Block { title, inner, names, values } => {
-            let list = |several: &[String]| match several {
+        Statement::Title(title) => format!("// {}", title.replace('\n', " ")),
+        Statement::Block { inner, names } => {
+            let names = match names.as_slice() {
                 [single] => single.clone(),
-                several => format!("[{}]", several.join(", ")),
+                several => lines::array(several),
             };
-            let (names, values) = (list(names), list(values));
-            let doc = title.as_ref().map(|title| format!("#[doc = {:?}]\n", format!(" {title}")));
-            let mut block = String::new();
-            inner.iter().for_each(|statement| write_statement(statement, &mut block));
-            let value = if block.is_empty() { values } else { format!("{{ {block}{values} }}") };
-            format!("{}let {names} = {value};", doc.unwrap_or_default())
+            let body = format!("{}\n{names}", text_of(inner));
+            format!("let {names} = {{\n{}\n}};", lines::indented(&body))
         }
-    };
-    text.push_str(&line);
-    text.push('\n');
+    }
 }
 
-/// Several texts as tokens.
-pub(super) fn parse_all<'t>(
-    texts: impl IntoIterator<Item = &'t super::super::expression::Text>,
-) -> Result<Vec<TokenStream>, Error> {
-    texts.into_iter().map(|text| parse(&text.text)).collect()
+/// The text of each.
+pub(super) fn texts(texts: &[Text]) -> Vec<&str> {
+    texts.iter().map(|text| text.text.as_str()).collect()
+}
+
+/// The array of some values, line by line where it is long.
+pub(super) fn array<S: AsRef<str>>(items: &[S]) -> TokenStream {
+    lines::expression(&lines::array(items))
 }
 
 /// A doc attribute for each line.

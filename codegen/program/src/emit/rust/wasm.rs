@@ -7,7 +7,8 @@ use quote::quote;
 
 use super::Writer;
 use super::format::{format_file, header};
-use super::tokens::{allow_numbers, number, size, wrapped};
+use super::lines::allow;
+use super::tokens::{number, size, wrapped};
 use crate::emit::text::ParamText;
 use hamel_expr::error::Error;
 use hamel_expr::rational_to_f64;
@@ -29,7 +30,7 @@ impl Writer<'_> {
             let values = values.iter().copied().map(number);
             quote! { [#(AtomicU64::new(f64::to_bits(#values))),*] }
         });
-        let allow = allow_numbers(params.iter().chain(&inputs).chain(&initial).copied());
+        let allow = allow();
         let doc = self.wasm_documentation();
         // What moves through events that act is not the motion without them.
         let advance = match text.events.is_empty() {
