@@ -76,7 +76,7 @@ pub trait Real:
         Self::ZERO
     }
 
-    /// The rounding error of a product: `self * other = p + error` up to the roundoff of the error, where `p` is the
+    /// The rounding error of a product: `self * other = p + error` up to the square of the roundoff, where `p` is the
     /// product as it is computed, unless the error underflows. Zero for types of more digits than `f64`; NaN where the
     /// product overflows.
     ///
@@ -302,15 +302,20 @@ mod tests {
                 assert_eq!((x + y, Real::sum_error(x, y)), (sum.hi(), sum.lo()));
                 let product = DoubleDouble::from(x) * DoubleDouble::from(y);
                 if product.all_finite() {
-                    let error = Real::product_error(x, y) - product.lo();
-                    assert!(error.abs() <= f64::EPSILON * product.lo().abs(), "{x} {y}: {error:e}");
+                    let off = Real::product_error(x, y) - product.lo();
+                    assert!(
+                        off.abs() <= f64::EPSILON * f64::EPSILON * product.hi().abs(),
+                        "{x} {y}: {off:e}"
+                    );
                 }
             }
         }
         // Single numbers have exact sums and products in double.
         let (x, y) = (1.0_f32 / 3.0, -7.3e-3_f32);
         assert_eq!(f64::from(x + y) + f64::from(x.sum_error(y)), f64::from(x) + f64::from(y));
-        assert_eq!(f64::from(x * y) + f64::from(x.product_error(y)), f64::from(x) * f64::from(y));
+        let product = f64::from(x) * f64::from(y);
+        let off = f64::from(x * y) + f64::from(x.product_error(y)) - product;
+        assert!(off.abs() <= f64::from(f32::EPSILON).powi(2) * product.abs(), "{off:e}");
         assert_eq!(DoubleDouble::ONE.sum_error(1e-20.into()), DoubleDouble::ZERO);
     }
 
