@@ -65,8 +65,8 @@ pub trait Real:
         self * factor + addend
     }
 
-    /// The rounding error of a sum: `self + other = s + error` exactly, where `s` is the sum as it is computed. Zero for
-    /// types of more digits than `f64`; NaN where the sum overflows.
+    /// The rounding error of a sum: `self + other = s + error` exactly, where `s` is the sum as it is computed. Zero
+    /// for types of more digits than `f64`; NaN where the sum overflows.
     ///
     /// # Source
     /// Knuth, The Art of Computer Programming, volume 2, section 4.2.2, theorem B
@@ -183,7 +183,10 @@ macro_rules! assign_operators {
 pub(crate) use assign_operators;
 
 macro_rules! real {
-    ($float:ident, $functions:path, lower bits $lower:literal, from_f64($x:ident) = $from_f64:expr, ratio($p:ident, $q:ident) = $ratio:expr) => {
+    (
+        $float:ident, $functions:path, lower bits $lower:literal,
+        from_f64($x:ident) = $from_f64:expr, ratio($p:ident, $q:ident) = $ratio:expr
+    ) => {
         impl Real for $float {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;

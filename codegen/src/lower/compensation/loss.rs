@@ -3,9 +3,9 @@
 //! A function is evaluated in `f64` and, by the same operations, in double-double numbers. Where a result has lost
 //! digits that its inputs have, one sweep back through the operations weighs what each of them rounds.
 //!
-//! Source: Higham 2002, Accuracy and stability of numerical algorithms, section 3.3 and 26.3 (derivatives of a result by
-//! what it was computed from, as weights of rounding errors). Does not know: how places are drawn, what is done about
-//! a loss.
+//! Source: Higham 2002, Accuracy and stability of numerical algorithms, section 3.3 (running error analysis); the
+//! derivatives of a result by what it was computed from are the weights of rounding errors. Does not know: how places
+//! are drawn, what is done about a loss.
 
 use hamel_runtime::{DoubleDouble, Dual, Real};
 

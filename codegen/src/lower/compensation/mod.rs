@@ -1,10 +1,11 @@
 //! Functions that lose digits which their inputs have carry their rounding errors along.
 //!
 //! The search for the cheapest form removes cancellations where another form has fewer. Where none was found, values
-//! whose rounding shows in a result are pairs: `sampling` draws states and parameters of the scene, `loss` measures what
-//! each function loses there and which operations do it, `pairs` writes these with their errors. A function that loses
-//! nothing stays as it is. The errors are zero as formulas, so that a comparison of formulas does not see a wrong one:
-//! each function is measured again, and one that did not gain stays as it was. Does not know: expressions, mechanics.
+//! whose rounding shows in a result are pairs: `sampling` draws states and parameters of the scene, `loss` measures the
+//! digits that each function loses there and which operations lose them, `pairs` writes these with their errors. A
+//! function that loses nothing stays as it is. The errors are zero as formulas, so that a comparison of formulas does
+//! not see a wrong one: each function is measured again, and one that did not gain stays as it was. Does not know:
+//! expressions, mechanics.
 
 mod loss;
 mod pairs;

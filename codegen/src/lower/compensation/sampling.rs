@@ -100,7 +100,7 @@ impl Draw {
     pub(super) fn place(&mut self, k: usize, sampling: &Sampling, n_others: usize) -> Place {
         let region = REGIONS[k % REGIONS.len()];
         let edge = matches!(region, Region::Edge | Region::FastEdge);
-        let is_machine = k / REGIONS.len() % MACHINES_EVERY == 0;
+        let is_machine = (k / REGIONS.len()).is_multiple_of(MACHINES_EVERY);
         let params = sampling
             .params
             .iter()
