@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn a_difference_of_products_keeps_the_digits_of_its_inputs() {
         let mut kept = cancelling();
-        assert!(loss(&kept) > 1e12);
+        assert!(loss(&kept) > 1e6, "{}", loss(&kept));
         compensate(&mut kept, &SAMPLING());
         verify(&kept).unwrap();
         assert!(kept.functions[0].carries_errors());
