@@ -46,6 +46,7 @@ fn text() -> String {
         circles: vec![],
         arguments: Default::default(),
         divisors: Default::default(),
+        sampling: None,
     };
     // Everything turns into its opposite.
     let opposite = state.map(|(name, symbol)| {

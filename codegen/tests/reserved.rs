@@ -122,6 +122,7 @@ fn program() -> (Program, SceneText) {
         circles: vec![],
         arguments: Default::default(),
         divisors: Default::default(),
+        sampling: None,
     };
     let sections = [Section { title: "drives".into(), definitions }];
     let program =

@@ -26,6 +26,7 @@ fn of_time(t: f64, f: impl FnOnce(&mut Graph, ExprId) -> Vec<ExprId>) -> Vec<Vec
         circles: vec![],
         arguments: Default::default(),
         divisors: Default::default(),
+        sampling: None,
     };
     let program =
         lower(&mut g, &inputs, &[], &[], &[Request { role: Role::Rate, results }], &SearchBudget::default())

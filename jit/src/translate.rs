@@ -276,11 +276,74 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
                 let (y, x) = (self.read(y), self.read(x));
                 self.call(Call::Atan2, &[y, x])
             }
+            Op::SumError(a, b) => {
+                let (a, b) = (self.read(a), self.read(b));
+                self.sum_error(a, b)
+            }
+            Op::ProductError(a, b) => {
+                let (a, b) = (self.read(a), self.read(b));
+                self.product_error(a, b)
+            }
+            Op::CircleError(sine, cosine) => {
+                let (sine, cosine) = (self.read(sine), self.read(cosine));
+                self.circle_error(sine, cosine)
+            }
             Op::MulAdd(signs, a, b, c) => {
                 let (a, b, c) = (self.read(a), self.read(b), self.read(c));
                 self.mul_add(signs, a, b, c)
             }
         }
+    }
+
+    /// The operations of the runtime's `Real::sum_error`.
+    fn sum_error(&mut self, a: Value, b: Value) -> Value {
+        let sum = self.ins().fadd(a, b);
+        let part = self.ins().fsub(sum, a);
+        let rest = self.ins().fsub(sum, part);
+        let (left, right) = (self.ins().fsub(a, rest), self.ins().fsub(b, part));
+        self.ins().fadd(left, right)
+    }
+
+    /// The operations of the runtime's `Real::product_error`.
+    fn product_error(&mut self, x: Value, y: Value) -> Value {
+        let product = self.ins().fmul(x, y);
+        let (a, c) = (self.upper_bits(x), self.upper_bits(y));
+        let (b, d) = (self.ins().fsub(x, a), self.ins().fsub(y, c));
+        let upper = self.ins().fmul(a, c);
+        let mut sum = self.ins().fsub(upper, product);
+        for (p, q) in [(a, d), (b, c), (b, d)] {
+            let term = self.ins().fmul(p, q);
+            sum = self.ins().fadd(sum, term);
+        }
+        sum
+    }
+
+    /// The operations of the runtime's `Real::circle_error`.
+    fn circle_error(&mut self, sine: Value, cosine: Value) -> Value {
+        let (one, half) = (self.constant(1.0), self.constant(0.5));
+        let (p, q) = (self.ins().fmul(sine, sine), self.ins().fmul(cosine, cosine));
+        let first = self.ins().fsub(one, q);
+        let (minus_q, minus_p) = (self.ins().fneg(q), self.ins().fneg(p));
+        let (of_q, of_p) = (self.sum_error(one, minus_q), self.sum_error(first, minus_p));
+        let rest = self.ins().fadd(of_q, of_p);
+        let (of_sine, of_cosine) = (self.product_error(sine, sine), self.product_error(cosine, cosine));
+        let errors = self.ins().fadd(of_sine, of_cosine);
+        let (difference, more) = (self.ins().fsub(first, p), self.ins().fsub(rest, errors));
+        let sum = self.ins().fadd(difference, more);
+        self.ins().fmul(sum, half)
+    }
+
+    /// The number without the lower 27 of its bits.
+    fn upper_bits(&mut self, x: Value) -> Value {
+        let (bits, number, flags) = (self.width.bits(), self.width.number(), MemFlags::new());
+        let mask = self.ins().iconst(types::I64, !0x7ff_ffff);
+        let mask = match self.width {
+            Width::One => mask,
+            Width::Pair => self.ins().splat(bits, mask),
+        };
+        let x = self.ins().bitcast(bits, flags, x);
+        let upper = self.ins().band(x, mask);
+        self.ins().bitcast(number, flags, upper)
     }
 
     /// `+-(a * b) +- c`.

@@ -146,6 +146,20 @@ impl<R: Real> Real for Dual<R> {
             self.derivative.mul_add(factor.value, derivative),
         )
     }
+    /// Derivatives of errors are errors of derivatives.
+    #[inline]
+    fn sum_error(self, other: Self) -> Self {
+        let derivative = self.derivative.sum_error(other.derivative);
+        Self::new(self.value.sum_error(other.value), derivative)
+    }
+    #[inline]
+    fn product_error(self, other: Self) -> Self {
+        Self::constant(self.value.product_error(other.value))
+    }
+    #[inline]
+    fn circle_error(self, cosine: Self) -> Self {
+        Self::constant(self.value.circle_error(cosine.value))
+    }
     #[inline]
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();

@@ -145,6 +145,20 @@ macro_rules! lanes {
                 if math::FUSED { Self(self.0.mul_add(factor.0, addend.0)) } else { self * factor + addend }
             }
             #[inline]
+            fn sum_error(self, other: Self) -> Self {
+                let sum = self + other;
+                let part = sum - self;
+                (self - (sum - part)) + (other - part)
+            }
+            #[inline]
+            fn product_error(self, other: Self) -> Self {
+                let product = self * other;
+                let upper = |x: Self| Self($floats::from_bits(x.0.to_bits() & $bits::splat(!0x7ff_ffff)));
+                let (a, c) = (upper(self), upper(other));
+                let (b, d) = (self - a, other - c);
+                ((a * c - product) + a * d + b * c) + b * d
+            }
+            #[inline]
             fn sqrt(self) -> Self {
                 Self(self.0.sqrt())
             }

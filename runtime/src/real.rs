@@ -65,6 +65,40 @@ pub trait Real:
         self * factor + addend
     }
 
+    /// The rounding error of a sum: `self + other = s + error` exactly, where `s` is the sum as it is computed. Zero
+    /// for types of more digits than `f64`; NaN where the sum overflows.
+    ///
+    /// # Source
+    /// Knuth, The Art of Computer Programming, volume 2, section 4.2.2, theorem B
+    #[inline]
+    fn sum_error(self, other: Self) -> Self {
+        let _ = other;
+        Self::ZERO
+    }
+
+    /// The rounding error of a product: `self * other = p + error` up to the square of the roundoff, where `p` is the
+    /// product as it is computed, unless the error underflows. Zero for types of more digits than `f64`; NaN where the
+    /// product overflows.
+    ///
+    /// # Source
+    /// Dekker 1971, A floating-point technique for extending the available precision, with factors split by their bits
+    #[inline]
+    fn product_error(self, other: Self) -> Self {
+        let _ = other;
+        Self::ZERO
+    }
+
+    /// `(1 - sine^2 - cosine^2)/2` of a sine, `self`, and a cosine as they are computed, with the digits of a rounding
+    /// error: `(sine, cosine) (1 + error)` is a point of the circle.
+    #[inline]
+    fn circle_error(self, cosine: Self) -> Self {
+        let (p, q) = (self * self, cosine * cosine);
+        let first = Self::ONE - q;
+        let rest = Self::ONE.sum_error(-q) + first.sum_error(-p);
+        let errors = self.product_error(self) + cosine.product_error(cosine);
+        ((first - p) + (rest - errors)) * Self::from_f64(0.5)
+    }
+
     /// Square root; NaN below zero.
     fn sqrt(self) -> Self;
     /// Sine of an angle in radians.
@@ -149,7 +183,10 @@ macro_rules! assign_operators {
 pub(crate) use assign_operators;
 
 macro_rules! real {
-    ($float:ident, $functions:path, from_f64($x:ident) = $from_f64:expr, ratio($p:ident, $q:ident) = $ratio:expr) => {
+    (
+        $float:ident, $functions:path, lower bits $lower:literal,
+        from_f64($x:ident) = $from_f64:expr, ratio($p:ident, $q:ident) = $ratio:expr
+    ) => {
         impl Real for $float {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -168,6 +205,20 @@ macro_rules! real {
             fn mul_add(self, factor: Self, addend: Self) -> Self {
                 use $functions as functions;
                 functions::mul_add(self, factor, addend)
+            }
+            #[inline]
+            fn sum_error(self, other: Self) -> Self {
+                let sum = self + other;
+                let part = sum - self;
+                (self - (sum - part)) + (other - part)
+            }
+            #[inline]
+            fn product_error(self, other: Self) -> Self {
+                let product = self * other;
+                let upper = |x: Self| Self::from_bits(x.to_bits() & !$lower);
+                let (a, c) = (upper(self), upper(other));
+                let (b, d) = (self - a, other - c);
+                ((a * c - product) + a * d + b * c) + b * d
             }
             real! { unary $functions; sqrt sin cos tan asin acos atan exp ln sinh cosh tanh abs }
             #[inline]
@@ -217,9 +268,9 @@ macro_rules! real {
     )*};
 }
 
-real! { f64, crate::math, from_f64(x) = x, ratio(p, q) = p / q }
+real! { f64, crate::math, lower bits 0x7ff_ffff, from_f64(x) = x, ratio(p, q) = p / q }
 // The quotient is rounded once more, from f64; rounding p and q first would lose the digits of both.
-real! { f32, crate::math::single, from_f64(x) = x as f32, ratio(p, q) = (p / q) as f32 }
+real! { f32, crate::math::single, lower bits 0xfff, from_f64(x) = x as f32, ratio(p, q) = (p / q) as f32 }
 
 #[cfg(test)]
 mod tests {
@@ -243,6 +294,49 @@ mod tests {
         assert_eq!(Real::sqrt(2.25_f64), 1.5);
         assert_eq!(Real::abs(-x), x);
         assert_eq!(Real::recip(4.0_f64), 0.25);
+    }
+
+    #[test]
+    fn errors_are_what_rounding_leaves_out() {
+        let numbers = [1.0, -1.0 / 3.0, 0.1, 1e-9, -7e8, 123_456.789, core::f64::consts::PI, 1e250];
+        for x in numbers {
+            for y in numbers {
+                let sum = DoubleDouble::sum_of(x, y);
+                assert_eq!((x + y, Real::sum_error(x, y)), (sum.hi(), sum.lo()));
+                let product = DoubleDouble::from(x) * DoubleDouble::from(y);
+                if product.all_finite() {
+                    let off = Real::product_error(x, y) - product.lo();
+                    assert!(
+                        off.abs() <= f64::EPSILON * f64::EPSILON * product.hi().abs(),
+                        "{x} {y}: {off:e}"
+                    );
+                }
+            }
+        }
+        // Single numbers have exact sums and products in double.
+        let (x, y) = (1.0_f32 / 3.0, -7.3e-3_f32);
+        assert_eq!(f64::from(x + y) + f64::from(x.sum_error(y)), f64::from(x) + f64::from(y));
+        let product = f64::from(x) * f64::from(y);
+        let off = f64::from(x * y) + f64::from(x.product_error(y)) - product;
+        assert!(off.abs() <= f64::from(f32::EPSILON).powi(2) * product.abs(), "{off:e}");
+        assert_eq!(DoubleDouble::ONE.sum_error(1e-20.into()), DoubleDouble::ZERO);
+    }
+
+    #[test]
+    fn a_sine_and_a_cosine_with_their_error_are_a_point_of_the_circle() {
+        for k in 1..200 {
+            let (sine, cosine) = Real::sin_cos(0.37 * f64::from(k));
+            let scale = DoubleDouble::ONE + Real::circle_error(sine, cosine).into();
+            let [s, c] = [sine, cosine].map(|x| DoubleDouble::from(x) * scale);
+            assert!((s * s + c * c - DoubleDouble::ONE).hi().abs() < 1e-31, "{k}");
+        }
+    }
+
+    #[test]
+    fn derivatives_of_errors_vanish_or_are_errors() {
+        let [x, y] = [Dual::new(0.1, 0.3), Dual::new(1e9, 1e8)];
+        assert_eq!(x.sum_error(y), Dual::new(Real::sum_error(0.1, 1e9), Real::sum_error(0.3, 1e8)));
+        assert_eq!(x.product_error(y), Dual::constant(Real::product_error(0.1, 1e9)));
     }
 
     #[test]

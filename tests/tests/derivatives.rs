@@ -198,8 +198,17 @@ impl Exact {
         let with_argument = program.functions.iter().filter(|f| !f.argument.is_empty());
         let arguments = with_argument.map(|f| (f.role.clone(), symbols(&f.argument))).collect();
         let (signs, divisors) = Default::default();
-        let inputs =
-            Inputs { params, time, state, signs, circles: vec![], held: vec![], arguments, divisors };
+        let inputs = Inputs {
+            params,
+            time,
+            state,
+            signs,
+            circles: vec![],
+            held: vec![],
+            arguments,
+            divisors,
+            sampling: None,
+        };
         let results = program.to_expressions(&mut g, inputs.symbols()).unwrap_or_else(|e| panic!("{e}"));
         let roles = program.functions.iter().map(|f| f.role.clone());
         Exact { functions: roles.zip(results).collect(), g, inputs }

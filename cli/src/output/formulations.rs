@@ -14,7 +14,7 @@ cost      additions, multiplications, fused pairs and signs 1, divisions 5, root
 chain     cycles of the longest chain of operations, each on the result of the one before
 prepared  numbers computed once per set of parameters
 error     bound of the rounding error of a rate: the largest at 16 points, in units of the roundoff times what rounding
-          the inputs does to that rate
+          the inputs does to that rate; measured with double-double numbers where rates carry their errors along
 state     `=`: every variable is one of the scene's own; otherwise those that are not, or mean something else there
 ";
 

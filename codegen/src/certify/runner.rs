@@ -114,6 +114,9 @@ fn run<R: Real>(instructions: &[Instruction], read: impl Fn(Operand) -> R) -> Ve
             Op::Power(a, q) => (of(q) * of(a).ln()).exp(),
             Op::Function(f, a) => f.of(of(a)),
             Op::Atan2(y, x) => of(y).atan2(of(x)),
+            Op::SumError(a, b) => of(a).sum_error(of(b)),
+            Op::ProductError(a, b) => of(a).product_error(of(b)),
+            Op::CircleError(a, b) => of(a).circle_error(of(b)),
             Op::MulAdd(signs, a, b, c) => {
                 let product = of(a) * of(b);
                 let product = if signs.product { -product } else { product };

@@ -8,14 +8,14 @@ use std::sync::Arc;
 use crate::certify::{Certificate, Claim, MatrixClaim, N_POINTS, certify};
 use hamel_expr::error::Error;
 use hamel_expr::parallel::side_by_side;
-use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections};
-use hamel_lang::spec::{self, Diagnostics, Model, Want, Wanted};
+use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64};
+use hamel_lang::spec::{self, Diagnostics, Model, Param, Want, Wanted};
 use hamel_mechanics::mechanics::{
     EXPANDED, Equations, Output, OutputKind, Phase, StateEquation, derive, is_recursive,
     operations_of_motion, phases,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
-use hamel_program::lower::{self, Inputs, ParamCondition, Request};
+use hamel_program::lower::{self, Inputs, ParamCondition, Request, Sampling, VariableKind};
 use hamel_program::program::Role;
 
 use super::built::{BuiltScene, legendre_role};
@@ -23,6 +23,7 @@ use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::domain::domain;
 use super::pivots::sorted_pivots;
 use super::plan::{DEFAULT, Drops, Outputs, Plan, Share};
+use super::roles::{VariableRole, all_params, variable_roles};
 use super::{bracket, derivatives, events, implicit, invariants, positions, splitting};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
@@ -244,7 +245,8 @@ pub(super) fn build_derived(
     if plan.reconstructs {
         state.extend(equations.reconstruction.iter().cloned());
     }
-    lower_scene(equations, plan, state, outputs).map_err(|e| {
+    let sampling = sampling(model, &plan.name, &equations, &state);
+    lower_scene(equations, plan, state, (outputs, Some(sampling))).map_err(|e| {
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
@@ -320,12 +322,28 @@ fn phases_of(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> R
     Ok(Output::group(Want::Phases, components, doc))
 }
 
+/// Where the functions of a scene are measured: about the defaults of its parameters, by the roles of its variables.
+fn sampling(model: &Model, scene: &str, equations: &Equations, state: &[StateEquation]) -> Sampling {
+    let params = all_params(model, scene, &BTreeMap::new());
+    let roles = variable_roles(model, &params);
+    let kind = |s: &StateEquation| match roles.get(&s.name).copied() {
+        Some(VariableRole::Bounded { from, to }) => VariableKind::Bounded { from, to },
+        Some(VariableRole::Unbounded) => VariableKind::Unbounded,
+        Some(VariableRole::Advected { index, n }) => VariableKind::Vector { index, n },
+        Some(VariableRole::Group { .. }) => VariableKind::Group,
+        Some(VariableRole::Velocity) | None => VariableKind::Velocity,
+    };
+    let default = |p: &Param| params.get(&p.name).copied().unwrap_or_else(|| rational_to_f64(&p.default));
+    let params = equations.system.params.iter().map(default).collect();
+    Sampling { params, state: state.iter().map(kind).collect() }
+}
+
 /// Lowers what a scene asks for of its equations.
 pub(super) fn lower_scene(
     equations: Arc<Equations>,
     plan: &Plan,
     state: Vec<StateEquation>,
-    mut outputs: Vec<Output>,
+    (mut outputs, sampling): (Vec<Output>, Option<Sampling>),
 ) -> Result<BuiltScene, Error> {
     let system = &equations.system;
     let mut graph = system.graph.clone();
@@ -339,6 +357,7 @@ pub(super) fn lower_scene(
         arguments: BTreeMap::new(),
         divisors: lower::Divisors::default(),
         circles: system.circles.iter().map(|c| [c.cosine, c.sine]).collect(),
+        sampling,
     };
     // What moves in the scene's own time; the rates of a built scene stay those of its equations.
     let mut moving = state.clone();

@@ -84,6 +84,7 @@ fn pendulum() -> (Program, SceneText) {
         signs: Default::default(),
         arguments: Default::default(),
         divisors: Default::default(),
+        sampling: None,
         circles: vec![],
     };
     let program =
@@ -153,6 +154,7 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
         circles: vec![],
         arguments: Default::default(),
         divisors: Default::default(),
+        sampling: None,
     };
     let requests = [Request { role: Role::Rate, results: vec![("x".into(), product)] }];
     let sections = [Section { title: "shifts".into(), definitions }];
@@ -183,6 +185,7 @@ fn sines_and_cosines_of_two_angles_are_one_call() {
         circles: vec![],
         arguments: Default::default(),
         divisors: Default::default(),
+        sampling: None,
     };
     let results = ["x", "y"].map(str::to_owned).into_iter().zip(rates).collect();
     let requests = [Request { role: Role::Rate, results }];
@@ -213,6 +216,7 @@ fn the_angle_of_a_point_is_one_call() {
         circles: vec![],
         arguments: Default::default(),
         divisors: Default::default(),
+        sampling: None,
     };
     let requests =
         [Request { role: Role::Rate, results: vec![("x".into(), of_point), ("y".into(), second)] }];
@@ -268,6 +272,7 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
         circles: vec![],
         arguments: Default::default(),
         divisors: Default::default(),
+        sampling: None,
     };
     let requests = [Request { role: Role::Rate, results: vec![("x".into(), sum)] }];
     // As straight lines, not as a loop over a table.

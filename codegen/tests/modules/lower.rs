@@ -39,6 +39,7 @@ fn fixture() -> Fixture {
             signs: BTreeMap::new(),
             arguments: BTreeMap::new(),
             divisors: Default::default(),
+            sampling: None,
             circles: vec![],
         },
         p,

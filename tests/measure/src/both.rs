@@ -102,6 +102,19 @@ impl Real for Both {
             exact: self.exact.mul_add(factor.exact, addend.exact),
         }
     }
+    // Double-double numbers need none.
+    #[inline(never)]
+    fn sum_error(self, other: Both) -> Both {
+        Both { tracked: self.tracked.sum_error(other.tracked), exact: DoubleDouble::ZERO }
+    }
+    #[inline(never)]
+    fn product_error(self, other: Both) -> Both {
+        Both { tracked: self.tracked.product_error(other.tracked), exact: DoubleDouble::ZERO }
+    }
+    #[inline(never)]
+    fn circle_error(self, cosine: Both) -> Both {
+        Both { tracked: self.tracked.circle_error(cosine.tracked), exact: DoubleDouble::ZERO }
+    }
     functions! { sqrt sin cos tan asin acos atan exp ln sinh cosh tanh abs }
     #[inline(never)]
     fn atan2(self, x: Both) -> Both {

@@ -98,6 +98,15 @@ impl Real for Tracked {
         let value = Real::mul_add(self.value, factor.value, addend.value);
         Tracked::new(value, (self * factor).term.max(addend.term))
     }
+    fn sum_error(self, other: Tracked) -> Tracked {
+        Tracked::input(self.value.sum_error(other.value))
+    }
+    fn product_error(self, other: Tracked) -> Tracked {
+        Tracked::input(self.value.product_error(other.value))
+    }
+    fn circle_error(self, cosine: Tracked) -> Tracked {
+        Tracked::input(self.value.circle_error(cosine.value))
+    }
     fn sqrt(self) -> Tracked {
         let root = Real::sqrt(self.value);
         self.function(root, 0.5 / root)

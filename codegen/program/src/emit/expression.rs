@@ -69,6 +69,15 @@ pub(super) trait Notation {
 
     /// `±(a * b) ± c`, rounded once where the target has the instruction.
     fn fused(&self, signs: Signs, a: Text, b: Text, c: Text) -> Text;
+
+    /// What rounding leaves out of `a + b`.
+    fn sum_error(&self, a: Text, b: Text) -> Text;
+
+    /// What rounding leaves out of `a * b`.
+    fn product_error(&self, a: Text, b: Text) -> Text;
+
+    /// Half of what rounding leaves out of `1 - sine^2 - cosine^2`.
+    fn circle_error(&self, sine: Text, cosine: Text) -> Text;
 }
 
 /// The operation in a notation; `operand` spells its operands.
@@ -88,6 +97,9 @@ pub(super) fn operation(op: &Op, notation: &impl Notation, operand: impl Fn(Oper
         Op::Power(a, q) => notation.power(operand(a), operand(q)),
         Op::Function(f, a) => notation.call(f, operand(a)),
         Op::Atan2(y, x) => notation.angle(operand(y), operand(x)),
+        Op::SumError(a, b) => notation.sum_error(operand(a), operand(b)),
+        Op::ProductError(a, b) => notation.product_error(operand(a), operand(b)),
+        Op::CircleError(a, b) => notation.circle_error(operand(a), operand(b)),
         Op::MulAdd(signs, a, b, c) => notation.fused(signs, operand(a), operand(b), operand(c)),
     }
 }
@@ -99,6 +111,11 @@ pub(super) struct Formula;
 impl Formula {
     fn apply(name: &str, argument: Text) -> Text {
         Text { text: format!("{name}({})", argument.text), binding: Binding::Atom, depth: argument.depth + 1 }
+    }
+
+    fn apply_to_two(name: &str, a: Text, b: Text) -> Text {
+        let text = format!("{name}({}, {})", a.text, b.text);
+        Text { text, binding: Binding::Atom, depth: a.depth.max(b.depth) + 1 }
     }
 }
 
@@ -139,8 +156,19 @@ impl Notation for Formula {
     }
 
     fn angle(&self, y: Text, x: Text) -> Text {
-        let text = format!("atan2({}, {})", y.text, x.text);
-        Text { text, binding: Binding::Atom, depth: y.depth.max(x.depth) + 1 }
+        Formula::apply_to_two("atan2", y, x)
+    }
+
+    fn sum_error(&self, a: Text, b: Text) -> Text {
+        Formula::apply_to_two("sum_error", a, b)
+    }
+
+    fn product_error(&self, a: Text, b: Text) -> Text {
+        Formula::apply_to_two("product_error", a, b)
+    }
+
+    fn circle_error(&self, sine: Text, cosine: Text) -> Text {
+        Formula::apply_to_two("circle_error", sine, cosine)
     }
 
     fn fused(&self, signs: Signs, a: Text, b: Text, c: Text) -> Text {

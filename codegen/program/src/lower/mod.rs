@@ -3,12 +3,14 @@
 //! First every function is written in the `form` that costs least, or is taken for a loop over tables (`roll`), pivots
 //! and conditions are given the scales of their rounding errors (`pivots`), then expressions become `values` of a
 //! program, and `passes` rewrite the program. Every rewrite is directional, none makes a function cost more, none calls
-//! another, and what comes out is verified after each. Does not know: mechanics (a definition is a name with a
-//! formula), Rust (a program has operations and operands, no text).
+//! another, and what comes out is verified after each. Functions that lose digits all the same get them back by
+//! `compensation`, at a cost. Does not know: mechanics (a definition is a name with a formula), Rust (a program has
+//! operations and operands, no text).
 
 mod budget;
 mod check;
 mod classes;
+mod compensation;
 mod form;
 mod passes;
 mod pivots;
@@ -24,9 +26,11 @@ use hamel_expr::trace::{self, Topic};
 use hamel_expr::{ExprId, Graph, Rational, Section, Sign, SymbolId};
 
 pub use budget::SearchBudget;
+pub use compensation::{Sampling, VariableKind};
 pub use pivots::{Divisors, WatchedMatrix};
 
 use check::Check;
+use compensation::compensate;
 use form::{Digits, Form};
 use passes::PASSES;
 use source::Source;
@@ -50,6 +54,8 @@ pub struct Inputs {
     pub arguments: BTreeMap<Role, Vec<SymbolId>>,
     /// What is known about values that may be divided by.
     pub divisors: Divisors,
+    /// Where functions are measured for the digits that they lose; none where no function is.
+    pub sampling: Option<Sampling>,
 }
 
 impl Inputs {
@@ -132,6 +138,10 @@ fn program(graph: &mut Graph, source: &Source<'_>, budget: &SearchBudget) -> Res
             trace::tell(since, name, counts);
         }
         check.after(name, &program)?;
+    }
+    if let Some(sampling) = &source.inputs.sampling {
+        compensate(&mut program, sampling);
+        check.after("compensation", &program)?;
     }
     verify(&program)?;
     Ok(program)

@@ -137,7 +137,14 @@ impl<'p> Builder<'p> {
             Op::Mul(a, b) => product(a, b),
             Op::Div(a, b) => is_fixed(b) && self.is_linear(a),
             Op::MulAdd(_, a, b, c) => product(a, b) && self.is_linear(c),
-            Op::Recip(_) | Op::Sqrt(_) | Op::Power(..) | Op::Function(..) | Op::Atan2(..) => false,
+            Op::Recip(_)
+            | Op::Sqrt(_)
+            | Op::Power(..)
+            | Op::Function(..)
+            | Op::Atan2(..)
+            | Op::SumError(..)
+            | Op::ProductError(..)
+            | Op::CircleError(..) => false,
         }
     }
 
@@ -170,7 +177,14 @@ impl<'p> Builder<'p> {
                 });
                 self.sum(terms)
             }
-            Op::Recip(_) | Op::Sqrt(_) | Op::Power(..) | Op::Function(..) | Op::Atan2(..) => Change::None,
+            Op::Recip(_)
+            | Op::Sqrt(_)
+            | Op::Power(..)
+            | Op::Function(..)
+            | Op::Atan2(..)
+            | Op::SumError(..)
+            | Op::ProductError(..)
+            | Op::CircleError(..) => Change::None,
         }
     }
 

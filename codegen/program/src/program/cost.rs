@@ -26,6 +26,7 @@ pub fn latency(op: &Op) -> u32 {
     match op {
         Op::Neg(_) => 1,
         Op::Add(..) | Op::Sub(..) | Op::Mul(..) | Op::MulAdd(..) => LATENCY_OF_A_SUM,
+        Op::SumError(..) | Op::ProductError(..) | Op::CircleError(..) => LATENCY_OF_AN_ERROR,
         Op::Div(..) | Op::Recip(_) => 13,
         Op::Sqrt(_) => 18,
         Op::Power(..) | Op::Function(..) | Op::Atan2(..) => 50,
@@ -34,6 +35,9 @@ pub fn latency(op: &Op) -> u32 {
 
 /// Cycles from operands to result of additions, multiplications, and both at once.
 pub const LATENCY_OF_A_SUM: u32 = 4;
+
+/// Cycles from operands to the rounding error of a sum or product: four sums one after the other.
+pub const LATENCY_OF_AN_ERROR: u32 = 4 * LATENCY_OF_A_SUM;
 
 /// Costs in the search for the cheapest form of polynomials, in thirds of an instruction.
 ///

@@ -45,6 +45,21 @@ impl Counts {
                 Op::Neg(_) | Op::Function(Func::Abs, _) => &mut counts.neg,
                 Op::Sqrt(_) => &mut counts.sqrt,
                 Op::Function(Func::Cos, _) if completes_pair(instructions, k) => continue,
+                // What the emitted functions do besides the sum or product itself, which is a value of its own.
+                Op::SumError(..) => {
+                    counts.add += 5;
+                    continue;
+                }
+                Op::ProductError(..) => {
+                    counts.add += 6;
+                    counts.mul += 4;
+                    continue;
+                }
+                Op::CircleError(..) => {
+                    counts.add += 28;
+                    counts.mul += 13;
+                    continue;
+                }
                 Op::Power(..) | Op::Function(..) | Op::Atan2(..) => &mut counts.transcendental,
             } += 1;
         }

@@ -128,6 +128,9 @@ impl<R: Real> Memory<'_, R> {
                 Op::Power(a, q) => (self.read(q) * self.read(a).ln()).exp(),
                 Op::Function(f, a) => f.of(self.read(a)),
                 Op::Atan2(y, x) => self.read(y).atan2(self.read(x)),
+                Op::SumError(a, b) => self.read(a).sum_error(self.read(b)),
+                Op::ProductError(a, b) => self.read(a).product_error(self.read(b)),
+                Op::CircleError(a, b) => self.read(a).circle_error(self.read(b)),
                 Op::MulAdd(signs, a, b, c) => {
                     let signed = |negative, x: R| if negative { -x } else { x };
                     let (a, c) = (signed(signs.product, self.read(a)), signed(signs.addend, self.read(c)));

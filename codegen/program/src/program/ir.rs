@@ -121,6 +121,13 @@ pub enum Op {
     Atan2(Operand, Operand),
     /// `a * b + c` with signs: rounded once where the target has the instruction, twice elsewhere.
     MulAdd(Signs, Operand, Operand, Operand),
+    /// What rounding leaves out of `a + b`; zero as a formula.
+    SumError(Operand, Operand),
+    /// What rounding leaves out of `a * b`; zero as a formula.
+    ProductError(Operand, Operand),
+    /// Half of what rounding leaves out of `1 - a^2 - b^2`, of a sine and the cosine of the same angle; zero as a
+    /// formula.
+    CircleError(Operand, Operand),
 }
 
 /// Which terms of [`Op::MulAdd`] are negated; hardware does it for nothing.
@@ -142,7 +149,10 @@ impl Op {
             | Op::Mul(a, b)
             | Op::Div(a, b)
             | Op::Power(a, b)
-            | Op::Atan2(a, b) => (a, Some(b), None),
+            | Op::Atan2(a, b)
+            | Op::SumError(a, b)
+            | Op::ProductError(a, b)
+            | Op::CircleError(a, b) => (a, Some(b), None),
             Op::Neg(a) | Op::Recip(a) | Op::Sqrt(a) | Op::Function(_, a) => (a, None, None),
             Op::MulAdd(_, a, b, c) => (a, Some(b), Some(c)),
         };
@@ -158,6 +168,9 @@ impl Op {
             Op::Div(a, b) => Op::Div(f(a), f(b)),
             Op::Power(a, b) => Op::Power(f(a), f(b)),
             Op::Atan2(a, b) => Op::Atan2(f(a), f(b)),
+            Op::SumError(a, b) => Op::SumError(f(a), f(b)),
+            Op::ProductError(a, b) => Op::ProductError(f(a), f(b)),
+            Op::CircleError(a, b) => Op::CircleError(f(a), f(b)),
             Op::Neg(a) => Op::Neg(f(a)),
             Op::Recip(a) => Op::Recip(f(a)),
             Op::Sqrt(a) => Op::Sqrt(f(a)),
@@ -264,6 +277,12 @@ impl Function {
             self.contractions[*k].n_results == n && self.results.iter().take(n).map(|(_, o)| *o).eq(numbers)
         };
         (0..self.contractions.len()).find(is_whole)
+    }
+
+    /// Whether some of its values are pairs, each with what rounding left out of it.
+    pub fn carries_errors(&self) -> bool {
+        let is_error = |op: Op| matches!(op, Op::SumError(..) | Op::ProductError(..) | Op::CircleError(..));
+        self.instructions.iter().any(|instruction| is_error(instruction.op))
     }
 
     /// Puts another operand in the place of each of [`Function::outputs`].

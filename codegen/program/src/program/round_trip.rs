@@ -172,6 +172,7 @@ impl Program {
                 },
                 Op::Function(f, _) => Ok(graph.func(f, a)),
                 Op::Atan2(..) => Ok(graph.atan2(a, b)),
+                Op::SumError(..) | Op::ProductError(..) | Op::CircleError(..) => Ok(graph.zero()),
                 Op::MulAdd(signs, ..) => {
                     let (product, addend) = (graph.mul(a, b), operands[2]);
                     let product = if signs.product { graph.neg(product) } else { product };

@@ -1,4 +1,5 @@
-//! The bound of the rounding errors of right-hand sides, at points that all formulations of a scene share.
+//! The rounding errors of right-hand sides, bounded, or measured where a right-hand side carries them along, at points
+//! that all formulations of a scene share.
 //!
 //! Does not know: how formulations are found, what their operations cost.
 
@@ -15,6 +16,8 @@ use hamel_program::program::{Bounded, Program, Role};
 /// Points at which errors are bounded, and those drawn to find as many.
 const POINTS: usize = 16;
 const DRAWN: usize = 64;
+/// The largest relative error of rounding to a double.
+const ROUNDOFF: f64 = f64::EPSILON / 2.0;
 /// Relative change of an input in difference quotients.
 const SHIFT: f64 = 1.0 / (1u64 << 20) as f64;
 
@@ -74,9 +77,9 @@ impl Points {
         self.points = points.into_iter().filter(|point| self.at(built, change, point).is_some()).collect();
     }
 
-    /// The largest bound of the error of a rate, over all points and components, in units of the roundoff times what
-    /// rounding time, parameters and the state of the hub, in which the points are, does to that rate; infinite where a
-    /// rate of a point is not finite, zero where there are no points.
+    /// The largest bound of the error of a rate, or the error itself where the rates carry errors along, over all points
+    /// and components, in units of the roundoff times what rounding time, parameters and the state of the hub, in which
+    /// the points are, does to that rate; infinite where a rate of a point is not finite, zero where there are no points.
     pub(super) fn bound(&self, built: &BuiltScene, change: &ChangeOfState) -> f64 {
         let largest = self.points.iter().map(|point| self.at(built, change, point).unwrap_or(f64::INFINITY));
         largest.fold(0.0, f64::max)
@@ -99,8 +102,19 @@ impl Points {
                 *effect += if change.is_finite() { change } else { 0.0 };
             }
         }
-        let losses = rates.iter().zip(effects).filter(|(_, effect)| *effect > 0.0);
-        let losses = losses.map(|(rate, effect)| rate.error() / effect);
+        // A bound of the errors of a value and of its rest does not know that one takes away those of the other.
+        let carries_errors =
+            program.function_idx(&Role::Rate).is_some_and(|k| program.functions[k].carries_errors());
+        let error = |rate: &Bounded, plain: &f64| {
+            if carries_errors {
+                (rate.value() - DoubleDouble::from(*plain)).hi().abs() / ROUNDOFF
+            } else {
+                rate.error()
+            }
+        };
+        let errors = rates.iter().zip(&plain).map(|(rate, plain)| error(rate, plain));
+        let losses = errors.zip(effects).filter(|(_, effect)| *effect > 0.0);
+        let losses = losses.map(|(error, effect)| error / effect);
         losses
             .map(|loss| loss.is_finite().then_some(loss))
             .try_fold(0.0_f64, |worst, loss| Some(worst.max(loss?)))

@@ -13,6 +13,9 @@ use super::literal::number;
 
 /// The functions by name.
 pub(super) const MUL_ADD: &str = "hamel_fma";
+pub(super) const SUM_ERROR: &str = "hamel_sum_error";
+pub(super) const PRODUCT_ERROR: &str = "hamel_product_error";
+pub(super) const CIRCLE_ERROR: &str = "hamel_circle_error";
 pub(super) const SIN: &str = "hamel_sin";
 pub(super) const COS: &str = "hamel_cos";
 pub(super) const SIN_COS: &str = "hamel_sin_cos";
@@ -133,6 +136,52 @@ static inline double hamel_fma(double x, double y, double z) {
 }
 ";
 
+const ERROR_OF_SUM: &str = "\
+/* x + y less its rounded value: the operations of hamel_runtime's Real::sum_error. */
+static inline double hamel_sum_error(double x, double y) {
+    const double sum = x + y, part = sum - x;
+    return (x - (sum - part)) + (y - part);
+}
+";
+
+const ERROR_OF_PRODUCT: &str = "\
+/* x * y less its rounded value: the operations of hamel_runtime's Real::product_error. */
+static inline double hamel_product_error(double x, double y) {
+    const double product = x * y;
+    uint64_t bits[2];
+    double a, c, b, d, sum, term;
+    memcpy(&bits[0], &x, sizeof x);
+    memcpy(&bits[1], &y, sizeof y);
+    bits[0] &= ~UINT64_C(0x7ffffff);
+    bits[1] &= ~UINT64_C(0x7ffffff);
+    memcpy(&a, &bits[0], sizeof a);
+    memcpy(&c, &bits[1], sizeof c);
+    b = x - a;
+    d = y - c;
+    /* One operation a statement: a compiler that fuses those of one expression gets other bits. */
+    sum = a * c;
+    sum = sum - product;
+    term = a * d;
+    sum = sum + term;
+    term = b * c;
+    sum = sum + term;
+    term = b * d;
+    return sum + term;
+}
+";
+
+const ERROR_OF_CIRCLE: &str = "\
+/* (1 - sine^2 - cosine^2)/2: the operations of hamel_runtime's Real::circle_error. */
+static inline double hamel_circle_error(double sine, double cosine) {
+    const double p = sine * sine, q = cosine * cosine;
+    const double first = 1.0 - q;
+    const double rest = hamel_sum_error(1.0, -q) + hamel_sum_error(first, -p);
+    const double errors = hamel_product_error(sine, sine) + hamel_product_error(cosine, cosine);
+    const double difference = first - p, more = rest - errors;
+    return (difference + more) * 0.5;
+}
+";
+
 const SINE: &str = "\
 static inline double hamel_sin(double x) {
     double sine, cosine;
@@ -210,6 +259,10 @@ pub(super) fn functions(text: &str) -> String {
     if pair || products || calls(text, MUL_ADD) {
         functions.push(FUSED.to_owned());
     }
+    let circle = calls(text, CIRCLE_ERROR);
+    functions.extend((circle || calls(text, SUM_ERROR)).then(|| ERROR_OF_SUM.to_owned()));
+    functions.extend((circle || calls(text, PRODUCT_ERROR)).then(|| ERROR_OF_PRODUCT.to_owned()));
+    functions.extend(circle.then(|| ERROR_OF_CIRCLE.to_owned()));
     if pair {
         functions.push(sin_cos());
     }

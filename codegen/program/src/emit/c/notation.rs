@@ -72,6 +72,18 @@ impl Notation for C {
         C::function("atan2", &[y, x])
     }
 
+    fn sum_error(&self, a: Text, b: Text) -> Text {
+        C::function(kernel::SUM_ERROR, &[a, b])
+    }
+
+    fn product_error(&self, a: Text, b: Text) -> Text {
+        C::function(kernel::PRODUCT_ERROR, &[a, b])
+    }
+
+    fn circle_error(&self, sine: Text, cosine: Text) -> Text {
+        C::function(kernel::CIRCLE_ERROR, &[sine, cosine])
+    }
+
     fn fused(&self, signs: Signs, a: Text, b: Text, c: Text) -> Text {
         C::function(kernel::MUL_ADD, &[a.signed(signs.product), b, c.signed(signs.addend)])
     }

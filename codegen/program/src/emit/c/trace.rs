@@ -174,6 +174,21 @@ macro_rules! functions {
                 }
                 record(&format!("{}({}, {}, {})", kernel::MUL_ADD, self.text(), factor.text(), addend.text()))
             }
+            fn sum_error(self, other: Recorded) -> Recorded {
+                if self.is(0.0) || other.is(0.0) {
+                    return Recorded::Constant(0.0);
+                }
+                record(&format!("{}({}, {})", kernel::SUM_ERROR, self.text(), other.text()))
+            }
+            fn product_error(self, other: Recorded) -> Recorded {
+                if [self, other].iter().any(|x| x.is(0.0) || x.is(1.0)) {
+                    return Recorded::Constant(0.0);
+                }
+                record(&format!("{}({}, {})", kernel::PRODUCT_ERROR, self.text(), other.text()))
+            }
+            fn circle_error(self, cosine: Recorded) -> Recorded {
+                record(&format!("{}({}, {})", kernel::CIRCLE_ERROR, self.text(), cosine.text()))
+            }
             fn atan2(self, x: Recorded) -> Recorded {
                 record(&format!("atan2({}, {})", self.text(), x.text()))
             }

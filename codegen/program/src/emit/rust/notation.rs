@@ -22,6 +22,15 @@ impl Rust {
     }
 }
 
+impl Rust {
+    /// A method with one argument.
+    fn method_with(receiver: Text, name: &str, argument: Text) -> Text {
+        let receiver = receiver.at_least(Binding::Atom);
+        let text = format!("{}.{name}({})", receiver.text, argument.text);
+        Text { text, binding: Binding::Atom, depth: receiver.depth.max(argument.depth + 1) }
+    }
+}
+
 impl Notation for Rust {
     fn literal(&self, literal: Literal) -> String {
         match literal {
@@ -55,9 +64,19 @@ impl Notation for Rust {
     }
 
     fn angle(&self, y: Text, x: Text) -> Text {
-        let y = y.at_least(Binding::Atom);
-        let text = format!("{}.atan2({})", y.text, x.text);
-        Text { text, binding: Binding::Atom, depth: y.depth.max(x.depth + 1) }
+        Rust::method_with(y, "atan2", x)
+    }
+
+    fn sum_error(&self, a: Text, b: Text) -> Text {
+        Rust::method_with(a, "sum_error", b)
+    }
+
+    fn product_error(&self, a: Text, b: Text) -> Text {
+        Rust::method_with(a, "product_error", b)
+    }
+
+    fn circle_error(&self, sine: Text, cosine: Text) -> Text {
+        Rust::method_with(sine, "circle_error", cosine)
     }
 
     fn fused(&self, signs: Signs, a: Text, b: Text, c: Text) -> Text {

@@ -235,9 +235,15 @@ impl SignChange<'_> {
                 Some(a) => Some(Op::Sub(a, b)),
                 None => Some(Op::Sub(negated(b)?, a)),
             },
-            Op::Recip(_) | Op::Neg(_) | Op::Sqrt(_) | Op::Power(..) | Op::Function(..) | Op::Atan2(..) => {
-                None
-            }
+            Op::Recip(_)
+            | Op::Neg(_)
+            | Op::Sqrt(_)
+            | Op::Power(..)
+            | Op::Function(..)
+            | Op::Atan2(..)
+            | Op::SumError(..)
+            | Op::ProductError(..)
+            | Op::CircleError(..) => None,
         }
     }
 

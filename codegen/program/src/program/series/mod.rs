@@ -243,6 +243,8 @@ struct Builder<'p> {
     values: Vec<Series>,
     /// Which values are reciprocals, and of what.
     reciprocals: BTreeMap<u32, Operand>,
+    /// Which values are what rounding left out of others: zero, but for rounding.
+    rests: BTreeSet<u32>,
     company: BTreeMap<(Company, Operand), (Series, Series)>,
     /// Convolutions by their rows.
     lanes: Vec<[Row; 2]>,
@@ -264,6 +266,7 @@ impl<'p> Builder<'p> {
             section: 0,
             values: Vec::new(),
             reciprocals: BTreeMap::new(),
+            rests: BTreeSet::new(),
             company: BTreeMap::new(),
             lanes: Vec::new(),
             lane_index: BTreeMap::new(),

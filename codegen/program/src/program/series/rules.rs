@@ -16,6 +16,10 @@ impl Builder<'_> {
         self.section = instruction.section;
         let op = instruction.op.map(|operand| self.operand(operand).first);
         let first = self.first.push(op, self.section, instruction.name.as_ref());
+        if self.is_rest(instruction.op) {
+            self.rests.insert(self.values.len() as u32);
+            return Series { first, next: None };
+        }
         let next = match instruction.op {
             Op::Add(a, b) => {
                 let (a, b) = (self.operand(a), self.operand(b));
@@ -67,12 +71,28 @@ impl Builder<'_> {
                 let a = self.operand(a);
                 self.function(f, a, first)
             }
+            // Rests, see above.
+            Op::SumError(..) | Op::ProductError(..) | Op::CircleError(..) => None,
             Op::Atan2(y, x) => {
                 let (y, x) = (self.operand(y), self.operand(x));
                 self.angle(y, x)
             }
         };
         Series { first, next }
+    }
+
+    /// Whether a value is nothing but what rounding left out of others. It belongs to order zero alone: coefficients of
+    /// higher orders are those of the formula, in which it is zero.
+    fn is_rest(&self, op: Op) -> bool {
+        let is = |o: Operand| matches!(o, Operand::Value(v) if self.rests.contains(&v));
+        match op {
+            Op::SumError(..) | Op::ProductError(..) | Op::CircleError(..) => true,
+            Op::Mul(a, b) => is(a) || is(b),
+            Op::Add(a, b) | Op::Sub(a, b) => is(a) && is(b),
+            Op::MulAdd(_, a, b, c) => (is(a) || is(b)) && is(c),
+            Op::Neg(a) | Op::Div(a, _) => is(a),
+            Op::Recip(_) | Op::Sqrt(_) | Op::Power(..) | Op::Function(..) | Op::Atan2(..) => false,
+        }
     }
 
     /// The divisor, when an operand of the function is a reciprocal.
