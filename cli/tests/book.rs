@@ -6,9 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 use std::process::Command;
 
-#[path = "common/pages.rs"]
-mod pages;
-use pages::{Block, blocks, commands, pages, root};
+use crate::common::pages::{Block, blocks, commands, pages, root};
 
 /// Whether a line is `pattern`, in which `[..]` stands for any text.
 fn line_matches(pattern: &str, line: &str) -> bool {

@@ -1,7 +1,6 @@
 //! `check` and `fmt`: what is wrong with model files, and their form.
 
-#[path = "common/program.rs"]
-mod program;
+use crate::common::program;
 
 use std::path::{Path, PathBuf};
 

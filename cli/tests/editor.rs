@@ -1,7 +1,6 @@
 //! `lsp`: a conversation with the program over its standard input and output, and what editors are given beside it.
 
-#[path = "common/program.rs"]
-mod program;
+use crate::common::program;
 
 use std::collections::BTreeSet;
 use std::io::{BufReader, Write as _};

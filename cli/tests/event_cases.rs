@@ -12,12 +12,9 @@ use hamel_codegen::scene::{self, Writing};
 use hamel_codegen::spec;
 use serde_json::{Value, json};
 
-#[path = "common/event_table.rs"]
-mod event_table;
-#[path = "common/program.rs"]
-mod program;
+use crate::common::program;
 
-use event_table::{Case, End, cases};
+use crate::common::event_table::{Case, End, cases};
 
 /// Methods with tolerances, and those with fixed steps and their steps.
 const ADAPTIVE: [&str; 7] = ["auto", "tsit5", "dop853", "vern9", "gbs14", "dopri5", "taylor"];

@@ -4,8 +4,7 @@ use std::process::Output;
 
 use serde_json::{Value, json};
 
-#[path = "common/program.rs"]
-mod program;
+use crate::common::program;
 
 fn hamel(arguments: &[&str], input: &str) -> Output {
     program::output(&mut program::command(arguments), input)

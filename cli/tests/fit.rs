@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-#[path = "common/program.rs"]
-mod program;
+use crate::common::program;
 
 /// `x = x0 cos w t + v0/w sin w t` with `w^2 = k/m`; the height of the end of an arm of length `l` besides.
 const OSCILLATOR: &str = "model oscillator {

@@ -140,20 +140,19 @@ fn each_mistake_tells_both_names() {
     assert!(text.contains("no state `Omeha2`") && text.contains("Pi3") && text.contains("Omega3"), "{text}");
     // A scene knows its own names without its model.
     let (_, scene) = built(TOP, "momenta");
-    let text =
-        eval_text(&scene, &json!({"states": [{"Omega1": 1}]}).to_string()).unwrap_err().to_string();
+    let text = eval_text(&scene, &json!({"states": [{"Omega1": 1}]}).to_string()).unwrap_err().to_string();
     assert!(text.contains("no state `Omega1`"), "{text}");
 }
 
 fn started(text: &str, scene: &str, given: &[(&str, f64)]) -> Result<BTreeMap<String, f64>, Error> {
-    let (model, scene) = built(text, scene);
+    let (model, built) = built(text, scene);
     let prior = Prior::of(&model, scene, &BTreeMap::new());
     let given = given.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
-    let forms = Forms::of(&model, scene.info()).unwrap();
-    let values = scene.info().defaults();
+    let forms = Forms::of(&model, built.info()).unwrap();
+    let values = built.info().defaults();
     let chosen = Chosen { prior: &prior, given: &given, positions: None };
-    let y = start::state(&scene, None, (&values, &values), &forms, chosen)?;
-    Ok(scene.info().state.iter().cloned().zip(y).collect())
+    let y = start::state(&built, None, (&values, &values), &forms, chosen)?;
+    Ok(built.info().state.iter().cloned().zip(y).collect())
 }
 
 #[test]
@@ -190,10 +189,10 @@ fn initial_values_of_the_model_may_be_of_both_kinds() {
 }
 
 fn outputs(text: &str, scene: &str, state: Vec<f64>) -> BTreeMap<String, f64> {
-    let (_, scene) = built(text, scene);
-    let params = scene.info().defaults();
-    let names: Vec<String> = scene.info().outputs.iter().flat_map(|o| o.components.clone()).collect();
-    let answer = eval(&scene, &EvalRequest { params, t: 0.0, states: vec![state] }).unwrap();
+    let (_, built) = built(text, scene);
+    let params = built.info().defaults();
+    let names: Vec<String> = built.info().outputs.iter().flat_map(|o| o.components.clone()).collect();
+    let answer = eval(&built, &EvalRequest { params, t: 0.0, states: vec![state] }).unwrap();
     names.into_iter().zip(answer.outputs[0].iter().copied()).collect()
 }
 

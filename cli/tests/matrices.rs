@@ -7,8 +7,7 @@ use std::process::Output;
 
 use serde_json::Value;
 
-#[path = "common/program.rs"]
-mod program;
+use crate::common::program;
 
 /// A folder with model files, removed at the end.
 struct Folder(PathBuf);

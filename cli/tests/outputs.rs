@@ -4,8 +4,7 @@
 use std::fs::File;
 use std::process::{Output, Stdio};
 
-#[path = "common/program.rs"]
-mod common;
+use crate::common::program;
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
@@ -41,7 +40,7 @@ const PRINTED: [(&[&str], &str); 15] = [
 
 fn into(stdout: impl Into<Stdio>, stderr: impl Into<Stdio>, arguments: &[&str], input: &str) -> Output {
     use std::io::Write as _;
-    let mut command = common::command(arguments);
+    let mut command = program::command(arguments);
     command.stdin(Stdio::piped()).stdout(stdout).stderr(stderr);
     let mut child = command.spawn().unwrap();
     // The program may end before it reads.
@@ -54,7 +53,7 @@ fn what_does_not_arrive_on_a_full_disk_is_a_failure() {
     let Some(full) = full() else { return };
     for (arguments, input) in PRINTED {
         // The same call succeeds where there is space.
-        let there = common::output(&mut common::command(arguments), input);
+        let there = program::output(&mut program::command(arguments), input);
         assert!(there.status.success() && !there.stdout.is_empty(), "{arguments:?}: {}", text(&there.stderr));
         let out = into(full.try_clone().unwrap(), Stdio::piped(), arguments, input);
         assert_eq!(out.status.code(), Some(1), "{arguments:?}");
@@ -134,13 +133,13 @@ impl Drop for Folder {
 }
 
 fn done(arguments: &[&str]) -> String {
-    let out = common::output(&mut common::command(arguments), "");
+    let out = program::output(&mut program::command(arguments), "");
     assert!(out.status.success(), "{arguments:?}: {}", text(&out.stderr));
     text(&out.stdout)
 }
 
 fn refused(arguments: &[&str], code: i32) -> String {
-    let out = common::output(&mut common::command(arguments), "");
+    let out = program::output(&mut program::command(arguments), "");
     assert_eq!(out.status.code(), Some(code), "{arguments:?}: {}{}", text(&out.stdout), text(&out.stderr));
     text(&out.stderr)
 }
@@ -198,7 +197,7 @@ fn interrupted(
 ) -> Output {
     let mut pause = 400;
     loop {
-        let mut command = common::command(arguments);
+        let mut command = program::command(arguments);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         while !folder.names().iter().any(|name| name.ends_with(".tmp")) {

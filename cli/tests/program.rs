@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 use std::process::Output;
 
-#[path = "common/program.rs"]
-mod common;
+use crate::common::program;
 
 fn hamel(arguments: &[&str], input: &str) -> Output {
-    common::output(&mut common::command(arguments), input)
+    program::output(&mut program::command(arguments), input)
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -78,7 +77,11 @@ fn a_file_of_ones_own_is_compiled_in_memory() {
     for gone in ["compiled", "rustc"] {
         let asked = hamel(&["eval", &path, "--via", gone], request);
         assert_eq!(asked.status.code(), Some(2));
-        assert!(text(&asked.stderr).contains("[possible values: jit, interpreter]"), "{}", text(&asked.stderr));
+        assert!(
+            text(&asked.stderr).contains("[possible values: jit, interpreter]"),
+            "{}",
+            text(&asked.stderr)
+        );
     }
     assert_eq!(hamel(&["eval", &path, "--via", "interpreter"], request).stdout, out.stdout);
     let answer: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
@@ -222,10 +225,10 @@ fn a_name_that_no_model_can_have_is_told_with_one_that_it_can() {
     }
 }
 
-/// Neither process is asked for what cannot be, and the option is named.
+/// The option is named.
 #[test]
 fn numbers_that_are_not_finite_are_refused_by_every_option() {
-    for via in ["compiled", "interpreter"] {
+    for via in ["jit", "interpreter"] {
         for option in ["--t-final", "--rtol", "--atol", "--step"] {
             for value in ["inf", "-inf", "nan", "1e999"] {
                 let argument = format!("{option}={value}");
@@ -261,7 +264,7 @@ fn too_much_is_refused_before_it_is_begun() {
         (&["simulate", "heavy_top", "--max-steps", "0"], "--max-steps"),
     ];
     for (arguments, message) in cases {
-        for via in ["compiled", "interpreter"] {
+        for via in ["jit", "interpreter"] {
             let out = hamel(&[arguments, &["--via", via]].concat(), "");
             let told = text(&out.stderr);
             assert_eq!(out.status.code(), Some(2), "{arguments:?}: {told}");
@@ -270,7 +273,7 @@ fn too_much_is_refused_before_it_is_begun() {
     }
     assert!(!std::path::Path::new(&file).exists());
     // With as many steps as allowed, it stops there.
-    for via in ["compiled", "interpreter"] {
+    for via in ["jit", "interpreter"] {
         let out =
             hamel(&["simulate", "heavy_top", "--t-final", "1e15", "--max-steps", "500", "--via", via], "");
         assert_eq!(out.status.code(), Some(1));

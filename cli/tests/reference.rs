@@ -1,9 +1,7 @@
 //! The machine interface of the interpreter, and of scenes compiled in memory, against reference values: it carries
 //! full precision.
 
-mod common;
-
-use common::{Compared, check_motions, check_points, models};
+use crate::common::{Compared, check_motions, check_points, models};
 
 #[test]
 fn values_are_those_of_the_reference() {

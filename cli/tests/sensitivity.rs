@@ -11,8 +11,7 @@ use hamel::run::interpreted;
 use hamel_codegen::spec;
 use serde_json::{Value, json};
 
-#[path = "common/program.rs"]
-mod program;
+use crate::common::program;
 
 /// `x = x0 cos w t + v0/w sin w t` with `w^2 = k/m`.
 const OSCILLATOR: &str = "model oscillator {

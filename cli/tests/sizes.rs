@@ -2,11 +2,10 @@
 
 use std::process::Output;
 
-#[path = "common/program.rs"]
-mod common;
+use crate::common::program;
 
 fn hamel(arguments: &[&str], input: &str) -> Output {
-    common::output(&mut common::command(arguments), input)
+    program::output(&mut program::command(arguments), input)
 }
 
 fn text(bytes: &[u8]) -> String {

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-#[path = "common/program.rs"]
-mod program;
+use crate::common::program;
 
 /// A floor over a line that a body climbs.
 const FLOOR: &str = "model floor_of_heights {

@@ -1,7 +1,7 @@
 //! Every file of `tests/bad` is wrong in one class of ways, or questionable; the rendered report stands beside it.
 //!
 //! A file goes through the whole pipeline, because some problems show only when equations are derived. Write the
-//! reports anew with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test bad` and read the diff as a user would.
+//! reports anew with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main bad` and read the diff as a user would.
 
 use std::path::Path;
 

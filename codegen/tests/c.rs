@@ -1,7 +1,7 @@
 //! A scene as C, for C++, for CasADi and as an FMU: the texts, and what they promise that can be seen without a
 //! compiler.
 //!
-//! `c/` has the texts. Write them again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test c`.
+//! `c/` has the texts. Write them again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main c::`.
 
 use expect_test::expect_file;
 use hamel_codegen::config::{Config, Language};
@@ -36,7 +36,7 @@ fn the_texts_are_those_that_were_looked_at() {
         .with_derivatives(Language::Casadi.derivatives())
         .build(scene::DEFAULT)
         .unwrap_or_else(|e| panic!("{e}"));
-    let command = Some("UPDATE_EXPECT=1 cargo test -p hamel-codegen --test c".to_owned());
+    let command = Some("UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main c::".to_owned());
     let writing = Writing { command, ..Writing::default() };
     let initial = scene::initial_state(&model, &built).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(initial, Some(vec![1.0, 0.5]));

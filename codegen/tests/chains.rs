@@ -6,8 +6,9 @@
 //! lowered and run, and its rates and energy are held to those of `chains/redundant.rs`, which shares nothing with the
 //! generator.
 //!
-//! `HAMEL_CHAINS=500 cargo test --release -p hamel-codegen --test chains random -- --nocapture` draws more and longer
-//! ones, of up to nine joints; `HAMEL_CHAINS_SEED=1` others. A failure prints its seed and the text of the model.
+//! `HAMEL_CHAINS=500 cargo test --release -p hamel-codegen --test main chains::random -- --nocapture` draws more and
+//! longer ones, of up to nine joints; `HAMEL_CHAINS_SEED=1` others. A failure prints its seed and the text of the
+//! model.
 
 #[path = "chains/arms.rs"]
 mod arms;

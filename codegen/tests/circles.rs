@@ -1,7 +1,7 @@
 //! The right-hand side with angles as points of circles: the same numbers as without, compiled and interpreted.
 //!
 //! `circles/module.rs` is the module of `circles/model.hamel`. Write it again with
-//! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test circles`.
+//! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main circles`.
 
 use std::ops::ControlFlow;
 
@@ -34,7 +34,7 @@ const STATES: [[f64; 4]; 4] =
 
 #[test]
 fn the_module_is_the_one_that_was_compiled() {
-    let command = "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test circles #".to_owned();
+    let command = "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main circles #".to_owned();
     let writing = Writing { command: Some(command), ..Writing::default() };
     expect_file!["circles/module.rs"].assert_eq(&bodies().emit_as(&writing).unwrap());
 }

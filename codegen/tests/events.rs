@@ -1,6 +1,7 @@
 //! Events of a model: emitted code against the interpreter bit for bit, and against the closed form of their motion.
 //!
-//! `events/module.rs` is the module. Write it again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test events`.
+//! `events/module.rs` is the module. Write it again with
+//! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main events`.
 
 use std::ops::ControlFlow;
 
@@ -49,7 +50,7 @@ fn build(scene: &str) -> BuiltScene {
 
 #[test]
 fn the_module_is_the_one_that_was_compiled() {
-    let command = "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test events #".to_owned();
+    let command = "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main events #".to_owned();
     let writing = Writing { command: Some(command), ..Writing::default() };
     expect_file!["events/module.rs"].assert_eq(&build("default").emit_as(&writing).unwrap());
 }

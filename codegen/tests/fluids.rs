@@ -1,7 +1,7 @@
 //! Modules of fluids that are moved as products of matrices: the ones of `tests/fluids`, compiled and run, and that
 //! their size does not depend on that of the matrices.
 //!
-//! Write them again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test fluids`.
+//! Write them again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main fluids`.
 
 use expect_test::expect_file;
 use hamel_codegen::Config;

@@ -1,8 +1,8 @@
 //! No text makes the pipeline panic: mutated specs and random, nearly valid models are parsed, checked and, where they
 //! are small, derived, lowered and emitted.
 //!
-//! The cases are the same in every run. `PROPTEST_CASES=100000 cargo test --release -p hamel-codegen --test fuzz` goes
-//! on from there; a failing text is printed after shrinking and belongs into `found_by_fuzzing` below.
+//! The cases are the same in every run. `PROPTEST_CASES=100000 cargo test --release -p hamel-codegen --test main fuzz`
+//! goes on from there; a failing text is printed after shrinking and belongs into `found_by_fuzzing` below.
 
 use std::path::Path;
 

@@ -1,6 +1,7 @@
 //! Modules in the types of `nalgebra`: what the accessors give and take, on a system without motion.
 //!
-//! `groups/module.rs` is the module. Write it again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test groups`.
+//! `groups/module.rs` is the module. Write it again with
+//! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main groups`.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -61,7 +62,7 @@ fn text() -> String {
     let text = SceneText {
         model: "still".into(),
         scene: "default".into(),
-        command: "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test groups".into(),
+        command: "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main groups".into(),
         params: params.collect(),
         state: STATE.iter().map(|name| StateText { name: (*name).into(), doc: String::new() }).collect(),
         groups: Some(GroupTexts {

@@ -1,6 +1,7 @@
 //! Inputs of a model: emitted code, the interpreter and machine-independent identities against one another.
 //!
-//! `inputs/module.rs` is the module. Write it again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test inputs`.
+//! `inputs/module.rs` is the module. Write it again with
+//! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main inputs`.
 
 use expect_test::expect_file;
 use hamel_codegen::scene::{self, BuiltScene, Derivative, Writing};
@@ -57,7 +58,7 @@ fn bits(values: &[f64]) -> Vec<u64> {
 
 #[test]
 fn the_module_is_the_one_that_was_compiled() {
-    let command = "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test inputs #".to_owned();
+    let command = "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main inputs #".to_owned();
     let writing = Writing { command: Some(command), ..Writing::default() };
     expect_file!["inputs/module.rs"].assert_eq(&build("driven").emit_as(&writing).unwrap());
 }

@@ -1,17 +1,17 @@
 //! Linkages of bodies: what their right-hand sides cost, and that they are those of the equations multiplied out.
 //!
-//! `LINKAGES="snake:10 arm:6:expanded" cargo test -p hamel-codegen --test linkages measured -- --nocapture` prints what
-//! others take; with `TABLE=1`, by section.
+//! `LINKAGES="snake:10 arm:6:expanded" cargo test -p hamel-codegen --test main linkages::measured -- --nocapture`
+//! prints what others take; with `TABLE=1`, by section.
 
 #[path = "linkages/articulated.rs"]
 mod articulated;
-#[path = "linkages/families.rs"]
-mod families;
 
 use std::time::Instant;
 
+use crate::families::{
+    self, IIWA, planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake,
+};
 use articulated::{Input, Number, Origin};
-use families::{IIWA, planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake};
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::mechanics::{derive, is_recursive, same_motion};
 use hamel_codegen::program::Role;

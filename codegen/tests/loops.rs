@@ -1,7 +1,8 @@
 //! Functions as loops over tables: emitted code against the interpreter bit for bit, and against straight-line code;
 //! Taylor coefficients too.
 //!
-//! `loops/module.rs` is the module. Write it again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test loops`.
+//! `loops/module.rs` is the module. Write it again with
+//! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main loops`.
 
 use expect_test::expect_file;
 use hamel_codegen::lower::SearchBudget;
@@ -52,7 +53,7 @@ fn point(seed: u32) -> ([f64; 10], [f64; 10]) {
 
 #[test]
 fn the_module_is_the_one_that_was_compiled() {
-    let command = "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test loops #".to_owned();
+    let command = "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main loops #".to_owned();
     let writing = Writing { command: Some(command), ..Writing::default() };
     expect_file!["loops/module.rs"].assert_eq(&build(1).emit_as(&writing).unwrap());
 }

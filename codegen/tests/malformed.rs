@@ -1,8 +1,8 @@
 //! Valid models whose programs were once malformed, and random ones like them: whatever the form of the constraint, a
 //! scene is built, and its accelerations are those of the multiplier form.
 //!
-//! The cases are the same in every run; `PROPTEST_CASES=5000 cargo test --release -p hamel-codegen --test malformed`
-//! goes on from there.
+//! The cases are the same in every run;
+//! `PROPTEST_CASES=5000 cargo test --release -p hamel-codegen --test main malformed` goes on from there.
 
 use std::path::Path;
 

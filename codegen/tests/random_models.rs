@@ -6,9 +6,10 @@
 //! run, and its accelerations are held to the Lagrange-d'Alembert equations in coordinates of the group, which share
 //! nothing with the generator (`unreduced`).
 //!
-//! `HAMEL_RANDOM_MODELS=5000 cargo test --release -p hamel-codegen --test random_models` draws more of them,
+//! `HAMEL_RANDOM_MODELS=5000 cargo test --release -p hamel-codegen --test main random_models` draws more of them,
 //! `HAMEL_RANDOM_SEED=1` others. A failure prints its seed and the text of the model.
 
+#[path = "unreduced/mod.rs"]
 mod unreduced;
 
 use std::collections::BTreeMap;

@@ -1,7 +1,7 @@
 //! Names that Rust takes, in a model: the module compiles, `INFO` keeps them, results are the interpreter's.
 //!
 //! `reserved/names.rs` is the module. Write it again with
-//! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test reserved`.
+//! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main reserved`.
 
 use expect_test::expect_file;
 use hamel_codegen::emit::{MatrixText, OutputText, ParamText, SceneText, StateText, emit_scene};
@@ -134,7 +134,7 @@ fn program() -> (Program, SceneText) {
     let text = SceneText {
         model: "match".into(),
         scene: "default".into(),
-        command: "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test reserved".into(),
+        command: "UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main reserved".into(),
         params: PARAMS
             .iter()
             .zip(1..)

@@ -1,11 +1,6 @@
 //! Families of models: a file with sizes is what the text with its loops written out by hand is.
 
-// Not all of them are written with sizes here.
-#[allow(dead_code)]
-#[path = "linkages/families.rs"]
-mod families;
-
-use families::{planar_arm, planar_pendulum, wheeled_snake};
+use crate::families::{planar_arm, planar_pendulum, wheeled_snake};
 use hamel_codegen::Config;
 use hamel_codegen::program::Program;
 use hamel_codegen::reduction::Formulation;

@@ -10,9 +10,7 @@ use hamel_runtime::{
     Projected, Real, System, Vern9,
 };
 
-#[path = "common/systems.rs"]
-mod systems;
-use systems::{Driven, Kepler};
+use crate::systems::{Driven, Kepler};
 
 const DRIVEN: Driven<f64> = Driven { a: 0.3, w: 1.7 };
 const START: [f64; 3] = [0.4, 0.9, -0.2];

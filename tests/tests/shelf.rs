@@ -1,6 +1,7 @@
 //! Models of `models/shelf` against the same systems in redundant coordinates: entries of rotation matrices, positions
 //! and multipliers, and nothing of the reduced theory (`hamel_tests::unreduced`).
 
+#[path = "shelf_systems/mod.rs"]
 mod shelf_systems;
 
 use hamel_tests::models;

@@ -45,7 +45,11 @@ pub(crate) fn cargo_build(repository: &Repository, package: &str, profile: Profi
 ///
 /// # Errors
 /// [`Error::Io`] when cargo cannot be started.
-pub(crate) fn run_build(command: Command, program: &str, doing: &'static str) -> Result<Option<PathBuf>, Error> {
+pub(crate) fn run_build(
+    command: Command,
+    program: &str,
+    doing: &'static str,
+) -> Result<Option<PathBuf>, Error> {
     run_build_of(command, doing, |message| {
         let is_program = message["target"]["name"] == program;
         message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)

@@ -4,10 +4,10 @@
 
 use std::process::Command;
 
+use crate::cargo;
 use clap::Args;
 use hamel::Error;
 use hamel::repository::Repository;
-use crate::cargo;
 use hamel::session::Session;
 
 /// Name of the package and program.

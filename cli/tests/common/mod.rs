@@ -1,5 +1,9 @@
 //! Comparison of the program's answers with reference values made without any reduced theory.
 
+pub(crate) mod event_table;
+pub(crate) mod pages;
+pub(crate) mod program;
+
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::PathBuf;

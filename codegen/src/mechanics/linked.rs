@@ -34,7 +34,7 @@ const MAX_PARTIAL: usize = 6;
 /// Another way than partial velocities has to take fewer operations by more than this part of them: lowering, which
 /// finds common divisors, changes what is written by more than that. Of the ways of a snake of five links, which are
 /// 342, 343 and 341 operations as written and 205, 197 and 209 lowered, the first is kept
-/// (`LINKAGES="snake:5" cargo test -p hamel-codegen --test linkages measured`).
+/// (`LINKAGES="snake:5" cargo test -p hamel-codegen --test main linkages::measured`).
 const CLOSE: usize = 50;
 
 impl Derivation<'_> {

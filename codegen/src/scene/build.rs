@@ -74,7 +74,7 @@ impl<'m> Derivations<'m> {
 
 /// Most operations of multiplied-out equations as they are written, as a multiple of those by recursion: where there
 /// are more, they do not cost less. Of a snake of three links they are 307 and 152, of five links 1148 and 328, and
-/// recursion costs less in both (`LINKAGES="snake:5:auto" cargo test -p hamel-codegen --test linkages measured`).
+/// recursion costs less in both (`LINKAGES="snake:5:auto" cargo test -p hamel-codegen --test main linkages::measured`).
 const EXPANDED: usize = 2;
 
 /// The equations by recursion or multiplied out, whichever right-hand side costs less; none where those by recursion

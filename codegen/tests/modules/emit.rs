@@ -6,7 +6,7 @@ use hamel_codegen::expr::{Definition, Func, Graph, Rational, Section};
 use hamel_codegen::lower::{Inputs, ParamCondition, Request, SearchBudget, lower};
 use hamel_codegen::program::{Program, Relation, Role};
 
-use crate::lower::{Random, random_problem};
+use crate::modules::lower::{Random, random_problem};
 
 /// Documentation in which every name stands for itself.
 pub(crate) fn plain_text(program: &Program, outputs: &[&str]) -> SceneText {

@@ -7,9 +7,9 @@ use std::io::{BufRead, BufReader, IsTerminal as _, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use crate::cargo;
 use hamel::Error;
 use hamel::repository::Repository;
-use crate::cargo;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Name of the package and program that measures.

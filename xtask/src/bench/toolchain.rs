@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use crate::cargo;
 use hamel::Error;
 use hamel::repository::Repository;
-use crate::cargo;
 
 use super::program::{TargetCpu, target_dir};
 

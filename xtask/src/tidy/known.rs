@@ -43,3 +43,11 @@ pub(super) fn written_by_programs(file: &Path) -> bool {
     let files = ["docs/stress.md", "xtask/stress/src/findings.md", "codegen/tests/loops/module.rs"];
     file.starts_with("docs/benchmarks") || files.iter().any(|written| file == Path::new(written))
 }
+
+/// Files of tests that are programs of their own, beside the one of their crate.
+pub(super) const PROGRAMS: [(&str, &str); 1] =
+    [("runtime/tests/allocation.rs", "its allocator counts for a whole program")];
+
+/// Sources whose crates have no tests in them, by their `Cargo.toml`: cargo does not compile them for that.
+pub(super) const WITHOUT_TESTS: [&str; 5] =
+    ["adapters/src", "ensemble/src", "models/src", "xtask/bench/src/main.rs", "xtask/stress/src"];

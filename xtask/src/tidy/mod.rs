@@ -3,6 +3,7 @@
 //! * A module of `codegen` uses only modules above it in the list of ARCHITECTURE.md.
 //! * Files of one folder do not use each other in a circle.
 //! * No file is longer than [`MAX_LINES`](source::MAX_LINES) lines.
+//! * Every file of a program of tests is a module of its `main.rs`.
 //! * No line is longer than [`MAX_COLUMNS`](source::MAX_COLUMNS) columns.
 //!
 //! Exceptions are lists in [`known`], each with its reason. An exception that nothing needs any more is a problem, too.
@@ -13,6 +14,7 @@ mod imports;
 mod known;
 mod layers;
 mod lines;
+mod programs;
 mod source;
 
 use hamel::Error;
@@ -23,6 +25,7 @@ use source::{Problem, Source, sources};
 fn problems(sources: &[Source]) -> Vec<Problem> {
     let mut problems = layers::problems(sources);
     problems.extend(lines::problems(sources));
+    problems.extend(programs::problems(sources));
     problems.sort();
     problems.dedup();
     problems

@@ -1,7 +1,7 @@
 //! What is wrong, and what is said about it: `line:column message [help]`, one line per problem.
 //!
 //! Whole classes of problems, with rendered reports, are in `codegen/tests/bad`; here are the variants. Write the
-//! messages anew with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test modules spec`.
+//! messages anew with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main modules::spec`.
 
 use expect_test::{Expect, expect};
 

@@ -1,0 +1,28 @@
+//! Tests of the command line, and of the library behind it.
+
+mod common;
+
+mod book;
+mod cache;
+mod check_and_fmt;
+mod closed_loops;
+mod editor;
+mod ensemble;
+mod event_cases;
+mod events;
+mod fit;
+mod forms;
+mod inputs;
+mod matrices;
+mod outputs;
+mod outside;
+mod pairs;
+mod program;
+mod protocol;
+mod reference;
+mod report;
+mod sensitivity;
+mod singular;
+mod sizes;
+mod starts;
+mod store;

@@ -1,0 +1,36 @@
+//! Tests of the generator.
+
+#[path = "modules/main.rs"]
+mod modules;
+
+#[path = "linkages/families.rs"]
+mod families;
+
+mod bad;
+mod bicycle;
+mod bodies;
+mod c;
+mod certify;
+mod chains;
+mod circles;
+mod closed_loops;
+mod digits;
+mod edges;
+mod events;
+mod explain;
+mod first_order;
+mod fluids;
+mod fuzz;
+mod groups;
+mod inputs;
+mod limits;
+mod linkages;
+mod loops;
+mod malformed;
+mod random_models;
+mod reserved;
+mod sizes;
+mod splitting;
+mod starts;
+mod stumpff;
+mod taylor;

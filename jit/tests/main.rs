@@ -1,0 +1,4 @@
+//! Tests of programs compiled in memory.
+
+mod every_operation;
+mod inputs;
