@@ -27,8 +27,10 @@ fn main() {
 fn add(path: &Path, files: &mut Vec<PathBuf>) {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     if path.is_dir() && !["tests", "examples", "target"].contains(&name) {
-        // A new file, too, makes another generator.
-        println!("cargo::rerun-if-changed={}", path.display());
+        // A new file, too, makes another generator; cargo looks at everything below a folder.
+        if name == "src" {
+            println!("cargo::rerun-if-changed={}", path.display());
+        }
         let entries = fs::read_dir(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         entries.for_each(|entry| add(&entry.expect("an entry of a folder").path(), files));
     } else if path.is_file() && (name.ends_with(".rs") || name.ends_with(".toml") || name.ends_with(".lock"))
