@@ -101,7 +101,7 @@ impl StressRequest {
                 let params = roles::all_params(model, &scene, &BTreeMap::new());
                 scenes.push(SceneRequest {
                     model: Arc::clone(model),
-                    text: text.clone(),
+                    text: text.to_string(),
                     roles_by_name: roles::roles(model, &params),
                     initial_by_name: roles::initial_values(model, &params),
                     scene,
