@@ -12,7 +12,7 @@ use hamel::output::trajectories::Statistic;
 use hamel::request::share::Share;
 use hamel::run::admissible;
 use hamel::run::asked::assignments;
-use hamel::run::ensemble::{Cancel, EnsembleRequest, Member, Progress, Width, integrate, pool};
+use hamel::run::ensemble::{Cancel, EnsembleRequest, Member, Progress, Width, pool};
 use hamel::run::evaluate::prepare;
 use hamel::run::forms::Forms;
 use hamel::run::info::{Info, ParamEntry};
@@ -130,7 +130,7 @@ pub(crate) fn integrate(
         progress: Progress { all: values.nrows(), ..Progress::default() },
         cancel: cancel.clone(),
     };
-    let integrated = integrate(built, &request)?;
+    let integrated = hamel::run::ensemble::integrate(built, &request)?;
     Ok(side_by_side(info, asked, &members, integrated))
 }
 

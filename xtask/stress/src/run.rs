@@ -231,9 +231,9 @@ pub fn run(request: StressRequest) -> Result<(), Error> {
 
     bar.inc_length((chosen.len() + sweeps.len() + runs.len()) as u64);
     let results = Results {
-        scenes: parallel(&chosen, &bar, |(subject, scene)| scene_result(*subject, scene, samples)),
+        scenes: parallel(&chosen, &bar, |(subject, scene)| scene_result(subject, scene, samples)),
         sweeps: parallel(&sweeps, &bar, |(subject, scene, sweep)| {
-            sweep_result(*subject, scene, sweep, (samples / 20).min(2_000))
+            sweep_result(subject, scene, sweep, (samples / 20).min(2_000))
         }),
         runs: parallel(&runs, &bar, |(factory, scene, method)| {
             motion::run(*factory as &dyn Factory, &scene.initial, *method, steps)
