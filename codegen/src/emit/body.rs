@@ -79,8 +79,8 @@ pub(super) struct Code {
 }
 
 impl Code {
-    /// Writes instructions down. Results may have names, which those that are computed are bound to. `spell` names parameters, slots, time, state and arguments; temporaries are called
-    /// `t0`, `t1`, .., unless one of these is.
+    /// Writes instructions down. Results may have names, which those that are computed are bound to. `spell` names
+    /// parameters, slots, time, state and arguments; temporaries are called `t0`, `t1`, .., unless one of these is.
     pub(super) fn new(
         dialect: &impl Dialect,
         program: &Program,

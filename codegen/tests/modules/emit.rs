@@ -274,8 +274,9 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
     let budget = SearchBudget { products: usize::MAX, ..SearchBudget::default() };
     let program = lower(&mut g, &inputs, &sections, &[], &requests, &budget).unwrap();
     let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
+    // One line a value: an operand of at most 160 characters, the call, two short operands, the name, the indentation.
     let longest = emitted.lines().map(str::len).max();
-    assert!(longest < Some(200), "{longest:?}");
+    assert!(longest < Some(160 + 60), "{longest:?}");
     assert!(emitted.matches("let [").count() >= 3000 / 500);
 }
 
