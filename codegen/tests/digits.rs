@@ -234,6 +234,22 @@ fn losses(
     losses
 }
 
+/// The text of a model whose scene wants digits besides.
+fn wanting_digits(text: &str, scene: &str) -> String {
+    let head = format!("scene {scene} {{");
+    if let Some((before, after)) = text.split_once(&head) {
+        return format!("{before}{head}{}", after.replacen("want ", "want digits, ", 1));
+    }
+    let wants = match scene {
+        "default" => "rhs, energy, outputs",
+        "reconstruction" => "rhs, energy, outputs, reconstruction",
+        "derivatives" => "rhs, energy, jacobian, jvp, vjp, time_derivative, sensitivity",
+        other => panic!("the model has no scene {other}"),
+    };
+    let end = text.trim_end().strip_suffix('}').unwrap();
+    format!("{end}\n    scene {scene} {{ want digits, {wants}; }}\n}}\n")
+}
+
 /// Every right-hand side, output and energy of scenes that lost up to all their digits, within 64 epsilon of what
 /// rounding the inputs does at 99.9 % of the states: next to poles and to axes, at any speed, with parameters within a
 /// factor of two of the defaults and moved by three decades. What each lost before is beside it.
@@ -252,7 +268,8 @@ fn scenes_that_lost_digits_keep_them_next_to_singular_states_and_at_any_machine(
         ("snake", "default"),                      // 7e6, 1e10 in its momenta
     ] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../models/specs/{model}.hamel"));
-        let parsed = spec::parse(model, &std::fs::read_to_string(path).unwrap()).unwrap();
+        let text = wanting_digits(&std::fs::read_to_string(path).unwrap(), scene);
+        let parsed = spec::parse(model, &text).unwrap();
         let built = scene::build(&parsed, scene).unwrap();
         let known = variable_roles(&parsed, &all_params(&parsed, scene, &BTreeMap::new()));
         let role = |name: &String| known.get(name).copied().unwrap_or(VariableRole::Velocity);

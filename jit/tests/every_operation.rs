@@ -1,15 +1,9 @@
 //! Models with every operation of a program, compiled in memory, against the interpreter.
-
-<<<<<<< ours
-=======
-use hamel_codegen::lower::SearchBudget;
-use hamel_codegen::program::{Instruction, Op, Operand, Point, Run};
->>>>>>> theirs
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 use hamel_jit::{Compiled, Error};
 use hamel_program::lower::SearchBudget;
-use hamel_program::program::{Op, Point, Run};
+use hamel_program::program::{Instruction, Op, Operand, Point, Run};
 use hamel_runtime::F64x4;
 
 /// The default scene, with tables from a number of products on.

@@ -8,7 +8,6 @@ use std::path::PathBuf;
 use hamel::commands::ensemble::{Arguments, Lines, Subject, of_scene};
 use hamel::commands::options::{EndOptions, InputOptions, MotionOptions, SceneOptions};
 use hamel::output::trajectories::Statistic;
-<<<<<<< ours
 use hamel_run::admissible;
 use hamel_run::asked::assignments;
 use hamel_run::ensemble::{Cancel, EnsembleRequest, Member, Progress, Width, pool};
@@ -22,20 +21,6 @@ use hamel_run::request::share::Share;
 use hamel_run::resources::{free_memory, shown};
 use hamel_run::simulation::sample_time;
 use hamel_run::start::Starts;
-=======
-use hamel::request::share::Share;
-use hamel::run::admissible;
-use hamel::run::asked::assignments;
-use hamel::run::ensemble::{Cancel, EnsembleRequest, Member, Progress, Width, pool};
-use hamel::run::evaluate::prepare;
-use hamel::run::forms::Forms;
-use hamel::run::info::{Info, ParamEntry};
-use hamel::run::interpreted::Built;
-use hamel::run::method::{MethodName, Steps};
-use hamel::run::resources::{free_memory, shown};
-use hamel::run::simulation::sample_time;
-use hamel::run::start::Starts;
->>>>>>> theirs
 use numpy::ndarray::ArrayView2;
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
@@ -145,11 +130,7 @@ pub(crate) fn integrate(
         progress: Progress { all: values.nrows(), ..Progress::default() },
         cancel: cancel.clone(),
     };
-<<<<<<< ours
     let integrated = hamel_run::ensemble::integrate(built, &request)?;
-=======
-    let integrated = hamel::run::ensemble::integrate(built, &request)?;
->>>>>>> theirs
     Ok(side_by_side(info, asked, &members, integrated))
 }
 

@@ -245,8 +245,8 @@ pub(super) fn build_derived(
     if plan.reconstructs {
         state.extend(equations.reconstruction.iter().cloned());
     }
-    let sampling = sampling(model, &plan.name, &equations, &state);
-    lower_scene(equations, plan, state, (outputs, Some(sampling))).map_err(|e| {
+    let sampling = plan.digits.then(|| sampling(model, &plan.name, &equations, &state));
+    lower_scene(equations, plan, state, (outputs, sampling)).map_err(|e| {
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),

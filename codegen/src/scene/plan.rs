@@ -48,6 +48,8 @@ pub(super) struct Plan {
     /// Exact flows whose generators add up to the motion.
     pub(super) splitting: bool,
     pub(super) implicit: bool,
+    /// Functions that lose digits carry their rounding errors along.
+    pub(super) digits: bool,
     pub(super) taylor: bool,
     pub(super) reconstructs: bool,
     pub(super) drops: Drops,
@@ -100,6 +102,7 @@ impl Plan {
             hamiltonian_time: false,
             splitting: false,
             implicit: false,
+            digits: false,
             taylor: false,
             reconstructs: false,
             drops: Drops::Nothing,
@@ -137,6 +140,7 @@ impl Plan {
                     Wanted::Want(Want::Splitting) => plan.splitting = true,
                     Wanted::Want(Want::Linearization) => plan.derivatives.extend(Derivative::LINEARIZATION),
                     Wanted::Want(Want::Implicit) => plan.implicit = true,
+                    Wanted::Want(Want::Digits) => plan.digits = true,
                     Wanted::Want(want) => match Derivative::of(*want) {
                         Some(derivative) => _ = plan.derivatives.insert(derivative),
                         None => outputs.push(wanted.clone()),

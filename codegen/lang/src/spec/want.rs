@@ -78,13 +78,15 @@ pub enum Want {
     Splitting,
     /// The equations with a mass matrix, `M z' = f(t, z)`, and their variables at a state.
     Implicit,
+    /// All digits that the inputs have: functions that lose some carry their rounding errors along.
+    Digits,
     /// Products of matrices in the place of equations, for ideal fluids: a [`MatrixFluid`](super::MatrixFluid).
     Matrices,
 }
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 35] = [
+    pub const ALL: [Want; 36] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -119,6 +121,7 @@ impl Want {
         Want::HamiltonianTime,
         Want::Splitting,
         Want::Implicit,
+        Want::Digits,
         Want::Matrices,
     ];
 
@@ -159,6 +162,7 @@ impl Want {
             Want::HamiltonianTime => "hamiltonian_time",
             Want::Splitting => "splitting",
             Want::Implicit => "implicit",
+            Want::Digits => "digits",
             Want::Matrices => "matrices",
         }
     }
@@ -172,7 +176,7 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Bracket, Casimirs, Circles, Constraint, Events, Feedthrough, HamiltonianTime, Implicit,
+            Bracket, Casimirs, Circles, Constraint, Digits, Events, Feedthrough, HamiltonianTime, Implicit,
             InputJacobian, Invariants, Linearization, Matrices, MomentumEquation, NonholonomicMomentum,
             OutputJacobian, Outputs, Phases, Positions, Sections, Splitting, Taylor, Velocities,
         };
@@ -195,6 +199,7 @@ impl Want {
                 | HamiltonianTime
                 | Splitting
                 | Implicit
+                | Digits
                 | Matrices
                 | InputJacobian
                 | Linearization
