@@ -1,7 +1,7 @@
 //! Single passes over programs, as files: a program, the passes that run, and the program that they make.
 //!
-//! `UPDATE_EXPECT=1 cargo test -p hamel-program --test passes` writes the files anew. Every file is also run on numbers,
-//! before and after, so that no pass that changes a value is blessed.
+//! `UPDATE_EXPECT=1 cargo test -p hamel-program --test passes` writes the files anew. Every file is also run on
+//! numbers, before and after, so that no pass that changes a value is blessed.
 
 use std::path::{Path, PathBuf};
 

@@ -80,17 +80,18 @@ pub struct Prepared<R = f64> {
     c3: R, // c1 / b
     c4: R, // 0.5 * c1
     c5: R, // 0.5 * c2
-    c6: R, // b * k
-    c7: R, // abs(b)
+    c6: R, // b * b
+    c7: R, // 8 * (b * b)
     c8: R, // 2 * b * k
-    c9: R, // -c2
+    c9: R, // b * k
+    c10: R, // -c2
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 5 multiplications, 2 divisions, 3 sign changes.
+    /// Operations: 7 multiplications, 2 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -98,9 +99,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         INFO.require_finite(&params.to_array())?;
         let Params { b, k, c1, c2 } = *params;
+        let t0 = b * b;
         Ok(Self {
-            b, k, c1, c2, c0: -(c2 / b), c3: c1 / b, c4: R::from_f64(0.5) * c1, c5: R::from_f64(0.5) * c2, c6: b * k,
-            c7: b.abs(), c8: R::from_f64(2.0) * b * k, c9: -c2,
+            b, k, c1, c2, c0: -(c2 / b), c3: c1 / b, c4: R::from_f64(0.5) * c1, c5: R::from_f64(0.5) * c2, c6: t0,
+            c7: R::from_f64(8.0) * t0, c8: R::from_f64(2.0) * b * k, c9: b * k, c10: -c2,
         })
     }
 
@@ -176,8 +178,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let [x, _, x_dot, y_dot] = *z;
         let t0 = self.c8 * x;
-        let t1 = fma(x, self.c6 * x, self.b);
-        [R::ONE, R::ONE, fma(y_dot, t0, -self.c1), t1, -(x_dot * t0), self.c9, -t1]
+        let t1 = fma(x, self.c9 * x, self.b);
+        [R::ONE, R::ONE, fma(y_dot, t0, -self.c1), t1, -(x_dot * t0), self.c10, -t1]
     }
 
     /// Matrix `df_i/dz_j` of the implicit form.
@@ -197,19 +199,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 5 additions, 7 multiplications (1 fused), 4 sign changes.
+    /// Operations: 3 additions, 9 multiplications (1 fused), 2 sign changes.
     #[must_use]
-    pub fn pivots(&self, t: R, y: &[R; 2]) -> [::hamel_runtime::Pivot<R>; 3] {
+    pub fn pivots(&self, t: R, y: &[R; 2]) -> [::hamel_runtime::Pivot<R>; 2] {
         let [x, _] = *y;
         let _ = t;
-        let t0 = self.c6 * x * x;
-        let t1 = self.b + t0;
-        let t2 = self.k * (x * x);
-        let t3 = R::from_f64(10.0) * (self.c7 + t0.abs());
+        let t0 = self.k * (x * x);
+        let t1 = R::ONE + t0;
+        let t2 = t1 * t1;
+        let t3 = R::from_f64(10.0) * (R::ONE + t0.abs());
         [
-            ::hamel_runtime::Pivot::new("coefficient of y_dot in b*y_dot*(k*x^2 + 1) - c1*x = 0", t1, t3),
-            ::hamel_runtime::Pivot::new("coefficient of x_dot in -c2*y - b*x_dot*(k*x^2 + 1) = 0", -t1, fma(R::from_f64(8.0), t1.abs(), t3)),
-            ::hamel_runtime::Pivot::new("k*x^2 + 1", R::ONE + t2, R::from_f64(10.0) * (R::ONE + t2.abs())),
+            ::hamel_runtime::Pivot::new("determinant of x_dot, y_dot in b*y_dot*(k*x^2 + 1) - c1*x = 0, -c2*y - b*x_dot*(k*x^2 + 1) = 0", self.c6 * t2, fma(t3, R::from_f64(2.0) * (self.c6 * t1).abs(), self.c7 * t2)),
+            ::hamel_runtime::Pivot::new("k*x^2 + 1", t1, t3),
         ]
     }
 
@@ -225,21 +226,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// A number that stays the same along a motion while no matrix that is solved with becomes singular.
     ///
-    /// Operations: 3 additions, 7 multiplications (2 fused), 2 divisions, 4 sign changes.
+    /// Operations: 1 addition, 3 multiplications (1 fused), 1 division, 1 sign change.
     #[inline]
     #[must_use]
     pub fn signature(&self, t: R, y: &[R; 2]) -> R {
         let [x, _] = *y;
         let _ = t;
-        let t0 = fma(x, self.c6 * x, self.b);
-        let t1 = fma(self.k, x * x, R::ONE);
-        R::from_f64(0.25) * t1 / t1.abs() - t0 * t0 / (t0.abs() * (-t0).abs())
+        let t0 = fma(self.k, x * x, R::ONE);
+        R::from_f64(0.25) * t0 / t0.abs()
     }
 }
 
 ::hamel_runtime::system!(Prepared[2] pivots signature);
 
-::hamel_runtime::over_scalar!(Prepared[2] { b, k, c1, c2, c0, c3, c4, c5, c6, c7, c8, c9 });
+::hamel_runtime::over_scalar!(Prepared[2] { b, k, c1, c2, c0, c3, c4, c5, c6, c7, c8, c9, c10 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     ::hamel_runtime::scene!([2] conserved, outputs [4] { implicit[0..4], } {});

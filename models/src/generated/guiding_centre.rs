@@ -65,12 +65,12 @@ pub struct Prepared<R = f64> {
     c3: R, // mu * b0
     c4: R, // mu * b1
     c5: R, // mu * b2
-    c6: R, // e * b2
-    c7: R, // e * b0
-    c8: R, // e * b1
-    c9: R, // abs(e * b0)
-    c10: R, // abs(b0)
-    c11: R, // 0.5 * e * b1
+    c6: R, // e * e
+    c7: R, // abs(b0)
+    c8: R, // 8 * (e * e)
+    c9: R, // 0.5 * e * b1
+    c10: R, // e * b0
+    c11: R, // e * b2
     c12: R, // mu * b2 / e
 }
 
@@ -78,7 +78,7 @@ pub struct Prepared<R = f64> {
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 9 multiplications, 2 divisions, 3 sign changes.
+    /// Operations: 10 multiplications, 2 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -89,11 +89,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = mu * b2;
         let t1 = t0 / e;
         let t2 = mu * b1;
-        let t3 = e * b0;
+        let t3 = e * e;
         ::hamel_runtime::ParamError::require(e.all_gt(R::ZERO), "e > 0", "")?;
         Ok(Self {
-            b0, b1, b2, e2, c0: t1, c1: t2 / e, c2: -(e * e2), c3: mu * b0, c4: t2, c5: t0, c6: e * b2, c7: t3,
-            c8: e * b1, c9: t3.abs(), c10: b0.abs(), c11: R::from_f64(0.5) * e * b1, c12: t1,
+            b0, b1, b2, e2, c0: t1, c1: t2 / e, c2: -(e * e2), c3: mu * b0, c4: t2, c5: t0, c6: t3, c7: b0.abs(),
+            c8: R::from_f64(8.0) * t3, c9: R::from_f64(0.5) * e * b1, c10: e * b0, c11: e * b2, c12: t1,
         })
     }
 
@@ -175,28 +175,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum(&self, t: R, y: &[R; 2]) -> [R; 2] {
         let [x, y] = *y;
         let _ = t;
-        [R::ZERO, fma(self.c6 * x.sin(), y.cos(), x * fma(x, self.c11, self.c7))]
+        [R::ZERO, fma(self.c11 * x.sin(), y.cos(), x * fma(x, self.c9, self.c10))]
     }
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 10 additions, 10 multiplications (3 fused), 7 sign changes, 2 elementary functions.
+    /// Operations: 5 additions, 10 multiplications (1 fused), 3 sign changes, 2 elementary functions.
     #[must_use]
-    pub fn pivots(&self, t: R, y: &[R; 2]) -> [::hamel_runtime::Pivot<R>; 3] {
+    pub fn pivots(&self, t: R, y: &[R; 2]) -> [::hamel_runtime::Pivot<R>; 2] {
         let [x, y] = *y;
         let _ = t;
-        let t0 = x.cos() * y.cos();
-        let t1 = self.c6 * t0;
-        let t2 = self.c7 + t1;
-        let t3 = self.c8 * x;
-        let t4 = t3 + t2;
-        let t5 = self.b1 * x;
-        let t6 = self.b2 * t0;
-        let t7 = fma(R::from_f64(2.0), t2.abs(), fma(R::from_f64(10.0), self.c9 + t1.abs(), R::from_f64(10.0) * t3.abs()));
+        let t0 = self.b1 * x;
+        let t1 = self.b2 * y.cos() * x.cos();
+        let t2 = self.b0 + t0 + t1;
+        let t3 = t2 * t2;
+        let t4 = R::from_f64(11.0) * (self.c7 + t0.abs() + t1.abs());
         [
-            ::hamel_runtime::Pivot::new("coefficient of y_dot in e*y_dot*(b0 + b1*x + b2*cos(x)*cos(y)) - mu*(b1 - b2*cos(y)*sin(x)) = 0", t4, t7),
-            ::hamel_runtime::Pivot::new("coefficient of x_dot in mu*b2*cos(x)*sin(y) + e*e2 - e*x_dot*(b0 + b1*x + b2*cos(x)*cos(y)) = 0", -t4, fma(R::from_f64(8.0), t4.abs(), t7)),
-            ::hamel_runtime::Pivot::new("b0 + b1*x + b2*cos(x)*cos(y)", self.b0 + t5 + t6, R::from_f64(11.0) * (self.c10 + t5.abs() + t6.abs())),
+            ::hamel_runtime::Pivot::new("determinant of x_dot, y_dot in e*y_dot*(b0 + b1*x + b2*cos(x)*cos(y)) - mu*(b1 - b2*cos(y)*sin(x)) = 0, mu*b2*cos(x)*sin(y) + e*e2 - e*x_dot*(b0 + b1*x + b2*cos(x)*cos(y)) = 0", self.c6 * t3, fma(t4, R::from_f64(2.0) * (self.c6 * t2).abs(), self.c8 * t3)),
+            ::hamel_runtime::Pivot::new("b0 + b1*x + b2*cos(x)*cos(y)", t2, t4),
         ]
     }
 
@@ -212,16 +208,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// A number that stays the same along a motion while no matrix that is solved with becomes singular.
     ///
-    /// Operations: 5 additions, 8 multiplications (4 fused), 2 divisions, 4 sign changes, 2 elementary functions.
+    /// Operations: 2 additions, 4 multiplications (2 fused), 1 division, 1 sign change, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn signature(&self, t: R, y: &[R; 2]) -> R {
         let [x, y] = *y;
         let _ = t;
-        let t0 = x.cos() * y.cos();
-        let t1 = fma(t0, self.c6, fma(x, self.c8, self.c7));
-        let t2 = fma(t0, self.b2, fma(x, self.b1, self.b0));
-        R::from_f64(0.25) * t2 / t2.abs() - t1 * t1 / (t1.abs() * (-t1).abs())
+        let t0 = fma(self.b2 * y.cos(), x.cos(), fma(x, self.b1, self.b0));
+        R::from_f64(0.25) * t0 / t0.abs()
     }
 }
 

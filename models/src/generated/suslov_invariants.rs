@@ -83,7 +83,7 @@ pub struct Prepared<R = f64> {
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 8 additions, 13 multiplications, 4 divisions, 1 sign change.
+    /// Operations: 9 additions, 15 multiplications, 4 divisions, 1 sign change.
     ///
     /// # Errors
     ///
@@ -91,15 +91,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         INFO.require_finite(&params.to_array())?;
         let Params { I11, I12, I13, I22, I23, I33 } = *params;
-        let t0 = I11 * I22 - I12 * I12;
         let A_l2_1 = I12 / I11;
-        let t1 = I12 * A_l2_1;
-        let A_s1_2_2 = I22 - t1;
-        let t2 = R::from_f64(10.0) * (t1 + I22.abs());
+        let t0 = I12 * A_l2_1;
+        let A_s1_2_2 = I22 - t0;
+        let t1 = R::from_f64(10.0) * (t0 + I22.abs());
         ::hamel_runtime::ParamError::require(I11.all_gt(R::ZERO), "I11 > 0", "")?;
-        ::hamel_runtime::ParamError::require(t0.all_gt(R::ZERO), "I11*I22 - I12^2 > 0", "")?;
-        ::hamel_runtime::ParamError::require((I23 * (I12 * I13 - I11 * I23) + I33 * t0 - I13 * (I13 * I22 - I12 * I23)).all_gt(R::ZERO), "det(I) > 0", "")?;
-        ::hamel_runtime::ParamError::require((A_s1_2_2 + t2).all_gt(t2), "inertia along Omega2 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
+        ::hamel_runtime::ParamError::require((I11 * I22 - I12 * I12).all_gt(R::ZERO), "I11*I22 - I12^2 > 0", "")?;
+        ::hamel_runtime::ParamError::require((I11 * (I22 * I33 - I23 * I23) - I12 * (I12 * I33 - I13 * I23) + I13 * (I12 * I23 - I13 * I22)).all_gt(R::ZERO), "det(I) > 0", "")?;
+        ::hamel_runtime::ParamError::require((A_s1_2_2 + t1).all_gt(t1), "inertia along Omega2 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
         Ok(Self {
             I11, I12, I22, c0: I13 / I11, c1: I23 / I11, A_l2_1, c2: I11 / A_s1_2_2, c3: R::from_f64(0.5) * I22,
             c4: R::from_f64(0.5) * I11, A_l2_1_2: A_l2_1,

@@ -88,7 +88,7 @@ pub struct Prepared<R = f64> {
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 18 additions, 25 multiplications, 10 divisions, 1 sign change.
+    /// Operations: 19 additions, 25 multiplications, 10 divisions, 1 sign change.
     ///
     /// # Errors
     ///
@@ -96,24 +96,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         INFO.require_finite(&params.to_array())?;
         let Params { I11, I12, I13, I22, I23, I33 } = *params;
-        let t0 = I11 * I22 - I12 * I12;
+        let t0 = I23 * I23;
+        let t1 = I13 * I23;
         let A_l2_1 = I12 / I11;
-        let t1 = I12 * A_l2_1;
-        let A_s1_2_2 = I22 - t1;
-        let t2 = R::from_f64(10.0) * (t1 + I22.abs());
-        let t3 = I13 / I11;
-        let t4 = I23 / I11;
-        let t5 = I23 + I13 * A_l2_1;
+        let t2 = I12 * A_l2_1;
+        let A_s1_2_2 = I22 - t2;
+        let t3 = R::from_f64(10.0) * (t2 + I22.abs());
+        let t4 = I13 / I11;
+        let t5 = I23 / I11;
+        let t6 = I23 + I13 * A_l2_1;
         ::hamel_runtime::ParamError::require(I11.all_gt(R::ZERO), "I11 > 0", "")?;
-        ::hamel_runtime::ParamError::require(t0.all_gt(R::ZERO), "I11*I22 - I12^2 > 0", "")?;
-        ::hamel_runtime::ParamError::require((I23 * (I12 * I13 - I11 * I23) + I33 * t0 - I13 * (I13 * I22 - I12 * I23)).all_gt(R::ZERO), "det(I) > 0", "")?;
-        ::hamel_runtime::ParamError::require((A_s1_2_2 + t2).all_gt(t2), "inertia along Omega2 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
+        ::hamel_runtime::ParamError::require((I11 * I22 - I12 * I12).all_gt(R::ZERO), "I11*I22 - I12^2 > 0", "")?;
+        ::hamel_runtime::ParamError::require((I11 * (I22 * I33 - t0) - I12 * (I12 * I33 - t1) + I13 * (I12 * I23 - I13 * I22)).all_gt(R::ZERO), "det(I) > 0", "")?;
+        ::hamel_runtime::ParamError::require((A_s1_2_2 + t3).all_gt(t3), "inertia along Omega2 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
         Ok(Self {
-            I11, I12, I13, I22, I23, c0: t3, c1: t4, A_l2_1, c2: I11 / A_s1_2_2, c3: R::from_f64(0.5) * I22,
+            I11, I12, I13, I22, I23, c0: t4, c1: t5, A_l2_1, c2: I11 / A_s1_2_2, c3: R::from_f64(0.5) * I22,
             c4: R::from_f64(0.5) * I11,
-            c5: I23 * t5 / A_s1_2_2 - (I11 - I22 + I13 * (A_l2_1 * t5 / A_s1_2_2 + t3)),
-            c6: I23 * I23 * A_l2_1 / A_s1_2_2 - (I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + t4)),
-            c7: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,
+            c5: I23 * t6 / A_s1_2_2 - (I11 - I22 + I13 * (A_l2_1 * t6 / A_s1_2_2 + t4)),
+            c6: t0 * A_l2_1 / A_s1_2_2 - (I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + t5)),
+            c7: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + t1 / A_s1_2_2,
             A_l2_1_2: A_l2_1,
         })
     }

@@ -24,9 +24,9 @@ pub const INFO: ::hamel_runtime::SceneInfo =
 /// Beside the values of the model, chosen: re_0_2 = 0.0, im_0_2 = -0.0, re_0_3 = 0.0, im_0_3 = 0.0, re_1_m3 = -0.0, im_1_m3 = 0.0, re_1_m2 = -0.0, im_1_m2 = 0.0, re_1_2 = -0.0, im_1_2 = 0.0, re_1_3 = 0.0, im_1_3 = -0.0 and 28 more.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const INITIAL: [f64; 48] = [
-    -0.3, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.15, 0.2, 0.25, 0.6, 0.4, 0.35, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    -0.3, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.15, 0.2, 0.25, 0.6, 0.4, 0.35, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
 ];
 
 ::hamel_runtime::numbers!(State[48] "State of `zeitlin_euler_7` by name, in the order of the array." {

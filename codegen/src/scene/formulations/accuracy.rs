@@ -77,9 +77,10 @@ impl Points {
         self.points = points.into_iter().filter(|point| self.at(built, change, point).is_some()).collect();
     }
 
-    /// The largest bound of the error of a rate, or the error itself where the rates carry errors along, over all points
-    /// and components, in units of the roundoff times what rounding time, parameters and the state of the hub, in which
-    /// the points are, does to that rate; infinite where a rate of a point is not finite, zero where there are no points.
+    /// The largest bound of the error of a rate, or the error itself where the rates carry errors along, over all
+    /// points and components, in units of the roundoff times what rounding time, parameters and the state of the hub,
+    /// in which the points are, does to that rate; infinite where a rate of a point is not finite, zero where there are
+    /// no points.
     pub(super) fn bound(&self, built: &BuiltScene, change: &ChangeOfState) -> f64 {
         let largest = self.points.iter().map(|point| self.at(built, change, point).unwrap_or(f64::INFINITY));
         largest.fold(0.0, f64::max)
