@@ -234,20 +234,21 @@ fn losses(
     losses
 }
 
-/// The text of a model whose scene wants digits besides.
+/// The text of a model whose scene wants digits besides everything that it has.
 fn wanting_digits(text: &str, scene: &str) -> String {
     let head = format!("scene {scene} {{");
     if let Some((before, after)) = text.split_once(&head) {
         return format!("{before}{head}{}", after.replacen("want ", "want digits, ", 1));
     }
-    let wants = match scene {
-        "default" => "rhs, energy, outputs",
-        "reconstruction" => "rhs, energy, outputs, reconstruction",
-        "derivatives" => "rhs, energy, jacobian, jvp, vjp, time_derivative, sensitivity",
-        other => panic!("the model has no scene {other}"),
-    };
+    let built = scene::build(&spec::parse("model", text).unwrap(), scene).unwrap();
+    let mut wants = vec!["digits", "rhs"];
+    wants.extend((scene == "reconstruction").then_some("reconstruction"));
+    wants.extend(built.program.functions.iter().filter_map(|function| match &function.role {
+        role @ (Role::Energy | Role::Output(_) | Role::Product(_)) => Some(role.name()),
+        _ => None,
+    }));
     let end = text.trim_end().strip_suffix('}').unwrap();
-    format!("{end}\n    scene {scene} {{ want digits, {wants}; }}\n}}\n")
+    format!("{end}\n    scene {scene} {{ want {}; }}\n}}\n", wants.join(", "))
 }
 
 /// Every right-hand side, output and energy of scenes that lost up to all their digits, within 64 epsilon of what

@@ -124,9 +124,17 @@ fn metadata_problems(package: &Package) -> Vec<String> {
         n if n > MAX_KEYWORDS => problems.push(format!("has {n} keywords: keep {MAX_KEYWORDS}")),
         _ => {}
     }
-    if package.metadata["docs"]["rs"]["all-features"] != true {
-        problems.push("is documented in part: add [package.metadata.docs.rs] all-features = true".into());
+    let documented = &package.metadata["docs"]["rs"];
+    if documented["all-features"] != true && !documented["features"].is_array() {
+        let what = "all-features = true, or the list of features that are documented";
+        problems.push(format!("is documented in part: add [package.metadata.docs.rs] {what}"));
     }
+    // The interfaces between them change without notice.
+    let own = |d: &&Dependency| d.name.starts_with("hamel") && d.kind.as_deref() != Some("dev");
+    let loose = package.dependencies.iter().filter(own).filter(|d| d.req != "*" && !d.req.starts_with('='));
+    problems.extend(
+        loose.map(|d| format!("asks for {} {}: crates of hamel ask for exact versions", d.name, d.req)),
+    );
     // Cargo leaves the path out when it publishes, and what remains has to say which version is meant.
     let vague = package.dependencies.iter().filter(|d| d.req == "*" && d.kind.as_deref() != Some("dev"));
     problems.extend(vague.map(|d| format!("depends on {} without a version", d.name)));
@@ -154,7 +162,10 @@ mod tests {
     fn everything_that_is_missing_is_told() {
         let bare = Package {
             keywords: vec!["k".into(); 6],
-            dependencies: vec![Dependency { name: "near".into(), req: "*".into(), kind: None }],
+            dependencies: vec![
+                Dependency { name: "near".into(), req: "*".into(), kind: None },
+                Dependency { name: "hamel-near".into(), req: "^0.1.0".into(), kind: None },
+            ],
             ..Package::default()
         };
         let problems = metadata_problems(&bare);
@@ -164,6 +175,8 @@ mod tests {
         assert!(problems.contains(&"has 6 keywords: keep 5".to_owned()));
         assert!(problems.iter().any(|p| p.contains("docs.rs")), "{problems:?}");
         assert!(problems.contains(&"depends on near without a version".to_owned()));
+        let loose = "asks for hamel-near ^0.1.0: crates of hamel ask for exact versions";
+        assert!(problems.contains(&loose.to_owned()));
     }
 
     #[test]

@@ -299,7 +299,7 @@ pub fn told_in_words(told: &[Told]) -> Option<String> {
         if more == 0 { named } else { format!("{named} and {more} more") }
     };
     let chosen = told.iter().filter_map(|one| match one {
-        Told::Chosen { name, value } => Some(format!("{name} = {value:?}")),
+        Told::Chosen { name, value } => Some(format!("{name} = {:?}", value + 0.0)),
         Told::Moved { .. } => None,
     });
     let moved = told.iter().filter_map(|one| match one {

@@ -49,6 +49,13 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
     ("runtime/src", &["real", "stumpff"], "the default of a function of scalars is computed with any scalar"),
 ];
 
+/// Phrases of comments, and how often they stand there.
+pub(super) const PHRASES: &[(&[&str], usize)] = &[
+    (&["what is", "what has", "what was", "what are", "what were"], 0),
+    (&["those that", "those of"], 0),
+    (&["; none"], 0),
+];
+
 /// Files that are too long: the file, why.
 pub(super) const LONG_FILES: &[(&str, &str)] =
     &[("codegen/src/explain.rs", "not cut yet: sections, columns of text and marks of a page")];

@@ -4,12 +4,14 @@
 //! * Files of one folder do not use each other in a circle.
 //! * No file is longer than [`MAX_LINES`](source::MAX_LINES) lines.
 //! * Every file of a program of tests is a module of its `main.rs`.
+//! * Phrases of comments that readers stumble over become fewer, never more.
 //! * No line is longer than [`MAX_COLUMNS`](source::MAX_COLUMNS) columns.
 //!
 //! Exceptions are lists in [`known`], each with its reason. An exception that nothing needs any more is a problem, too.
 //!
 //! Does not know: what a module does.
 
+mod english;
 mod imports;
 mod known;
 mod layers;
@@ -25,6 +27,7 @@ use source::{Problem, Source, sources};
 fn problems(sources: &[Source]) -> Vec<Problem> {
     let mut problems = layers::problems(sources);
     problems.extend(lines::problems(sources));
+    problems.extend(english::problems(sources));
     problems.extend(programs::problems(sources));
     problems.sort();
     problems.dedup();

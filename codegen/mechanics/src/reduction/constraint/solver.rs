@@ -195,7 +195,7 @@ impl<'s> Solver<'s> {
                     if self.eliminate_by_cofactors(&mut echelon, &columns) {
                         break;
                     }
-                    if self.is_by_rows {
+                    if self.is_by_rows && wanted.is_some() {
                         return Err(self.undetermined(&echelon, &columns));
                     }
                 }

@@ -164,7 +164,7 @@ fn text_within<'t>(line: &'t str, texts: &'t [String]) -> Option<(&'t str, &'t s
 mod tests {
     use quote::quote;
 
-    use super::{expression, indented, list, put_back, statements, taken_out};
+    use super::{WIDTH, expression, indented, list, put_back, statements, taken_out};
 
     #[test]
     fn text_has_the_indentation_of_its_place() {
@@ -188,7 +188,7 @@ mod tests {
         let names: Vec<String> = (0..40).map(|k| format!("name{k}")).collect();
         let text = list("P { ", &names, " }");
         assert!(text.starts_with("P {\n    name0, name1,") && text.ends_with("name39,\n}"), "{text}");
-        assert!(text.lines().all(|line| line.len() <= 100) && text.lines().count() < 8, "{text}");
+        assert!(text.lines().all(|line| line.len() <= WIDTH) && text.lines().count() < 8, "{text}");
         let long = ["x".repeat(60), "y".repeat(60)];
         assert_eq!(list("[", &long, "]"), format!("[\n    {},\n    {},\n]", long[0], long[1]));
         assert_eq!(indented("a\n\n  b"), "    a\n\n      b");
