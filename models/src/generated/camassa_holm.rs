@@ -24,7 +24,7 @@ pub const INFO: ::hamel_runtime::SceneInfo =
 } defaults INFO);
 
 /// The initial state of the model, for the parameters as published.
-/// Beside the values of the model, chosen: c_3 = 0.0, s_3 = -0.0, c_4 = 0.0, s_4 = 0.0, c_5 = -0.0, s_5 = 0.0, c_6 = -0.0, s_6 = 0.0.
+/// Beside the values of the model, chosen: c_3 = 0.0, s_3 = 0.0, c_4 = 0.0, s_4 = 0.0, c_5 = 0.0, s_5 = 0.0, c_6 = 0.0, s_6 = 0.0.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const INITIAL: [f64; 13] = [0.4, 0.3, -0.1, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 

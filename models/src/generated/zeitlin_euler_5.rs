@@ -30,7 +30,7 @@ pub const INFO: ::hamel_runtime::SceneInfo =
 ::hamel_runtime::numbers!(Params[0] "Parameters of `zeitlin_euler_5`, in the order of `INFO.params`." {} marker scalar defaults INFO);
 
 /// The initial state of the model, for the parameters as published.
-/// Beside the values of the model, chosen: re_0_2 = 0.0, im_0_2 = -0.0, re_1_m2 = 0.0, im_1_m2 = 0.0, re_1_2 = -0.0, im_1_2 = 0.0, re_2_m2 = -0.0, im_2_m2 = 0.0, re_2_m1 = -0.0, im_2_m1 = 0.0, re_2_0 = 0.0, im_2_0 = -0.0 and 4 more.
+/// Beside the values of the model, chosen: re_0_2 = 0.0, im_0_2 = 0.0, re_1_m2 = 0.0, im_1_m2 = 0.0, re_1_2 = 0.0, im_1_2 = 0.0, re_2_m2 = 0.0, im_2_m2 = 0.0, re_2_m1 = 0.0, im_2_m1 = 0.0, re_2_0 = 0.0, im_2_0 = 0.0 and 4 more.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const INITIAL: [f64; 24] = [
     -0.3, -0.5, 0.0, 0.0, 0.0, 0.0, -0.15, 0.2, 0.25, 0.6, 0.4, 0.35, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
