@@ -234,11 +234,11 @@ fn losses(
     losses
 }
 
-/// The text of a model whose scene wants digits besides everything that it has.
-fn wanting_digits(text: &str, scene: &str) -> String {
+/// A scene that wants digits besides everything that another one has: the text of its model, and its name.
+fn wanting_digits<'a>(text: &str, scene: &'a str) -> (String, &'a str) {
     let head = format!("scene {scene} {{");
     if let Some((before, after)) = text.split_once(&head) {
-        return format!("{before}{head}{}", after.replacen("want ", "want digits, ", 1));
+        return (format!("{before}{head}{}", after.replacen("want ", "want digits, ", 1)), scene);
     }
     let built = scene::build(&spec::parse("model", text).unwrap(), scene).unwrap();
     let mut wants = vec!["digits", "rhs"];
@@ -248,7 +248,7 @@ fn wanting_digits(text: &str, scene: &str) -> String {
         _ => None,
     }));
     let end = text.trim_end().strip_suffix('}').unwrap();
-    format!("{end}\n    scene {scene} {{ want {}; }}\n}}\n", wants.join(", "))
+    (format!("{end}\n    scene exact {{ want {}; }}\n}}\n", wants.join(", ")), "exact")
 }
 
 /// Every right-hand side, output and energy of scenes that lost up to all their digits, within 64 epsilon of what
@@ -269,10 +269,10 @@ fn scenes_that_lost_digits_keep_them_next_to_singular_states_and_at_any_machine(
         ("snake", "default"),                      // 7e6, 1e10 in its momenta
     ] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../models/specs/{model}.hamel"));
-        let text = wanting_digits(&std::fs::read_to_string(path).unwrap(), scene);
+        let (text, exact) = wanting_digits(&std::fs::read_to_string(path).unwrap(), scene);
         let parsed = spec::parse(model, &text).unwrap();
-        let built = scene::build(&parsed, scene).unwrap();
-        let known = variable_roles(&parsed, &all_params(&parsed, scene, &BTreeMap::new()));
+        let built = scene::build(&parsed, exact).unwrap();
+        let known = variable_roles(&parsed, &all_params(&parsed, exact, &BTreeMap::new()));
         let role = |name: &String| known.get(name).copied().unwrap_or(VariableRole::Velocity);
         let roles: Vec<VariableRole> = built.program.state.iter().map(role).collect();
         for (k, function) in built.program.functions.iter().enumerate() {

@@ -191,7 +191,7 @@ fn sweep_result(subject: &Subject, scene: &SceneRequest, sweep: &'static Sweep, 
     SweepResult { sweep, at: at.into() }
 }
 
-/// Measures what the request asks for, with long runs of [`LONG`], prints a summary and writes the files.
+/// Measures what the request asks for, with long runs of `LONG`, prints a summary and writes the files.
 ///
 /// # Errors
 /// [`Error::Failed`] when a bound of a short run is exceeded or missing; [`Error::Io`].

@@ -282,7 +282,7 @@ impl Reader {
             self.program.prepare.slots.push(Slot { value, name: left.next().map(str::to_owned) });
             return Ok(());
         }
-        if first.starts_with('%') {
+        if let Some(number) = first.strip_prefix('%') {
             let op = self.operation(right)?;
             let mut words = left.peekable();
             let section = match words.peek().and_then(|word| word.strip_prefix('@')) {
@@ -297,7 +297,7 @@ impl Reader {
                 Some(function) => &mut function.instructions,
                 None => &mut self.program.prepare.instructions,
             };
-            if first[1..].parse() != Ok(list.len()) {
+            if number.parse() != Ok(list.len()) {
                 return Err(format!("{first} is not the next value, %{}", list.len()));
             }
             list.push(instruction);
