@@ -236,7 +236,8 @@ pub fn has_residuals(model: &Model) -> Result<bool, Diagnostics> {
 /// Builds one scene of a model.
 ///
 /// ```
-/// use hamel_codegen::{program::Role, scene, spec};
+/// use hamel_codegen::{scene, spec};
+/// use hamel_program::program::Role;
 ///
 /// let text = "model top {
 ///     param I: diagonal(3) = [2, 1.5, 0.8] where I1 > 0, I2 > 0, I3 > 0;
