@@ -1015,3 +1015,19 @@ fn a_function_of_a_vector_has_no_taylor_coefficients() {
     let refused = hamel_program::program::Jet::new(&program, 0).unwrap_err();
     assert_eq!(refused, Error::ShapeMismatch { what: "vector of f".into(), found: 1, expected: 0 });
 }
+
+/// Programs of scenes, whose sections have titles with formulas and whose conditions have words, are read as they are
+/// written.
+#[test]
+fn programs_of_scenes_are_read_back_from_their_text() {
+    for name in ["heavy_top", "suslov", "mobile_robot"] {
+        let path = format!("{}/../models/specs/{name}.hamel", env!("CARGO_MANIFEST_DIR"));
+        let model = hamel_codegen::spec::parse(name, &std::fs::read_to_string(path).unwrap()).unwrap();
+        let program = hamel_codegen::scene::build(&model, "default").unwrap().program;
+        let text = program.to_string();
+        let read = Program::read(&text).unwrap_or_else(|e| panic!("{name}: {e}\n{text}"));
+        verify(&read).unwrap();
+        assert_eq!(read.to_string(), text, "{name}");
+        assert_eq!((&read.functions.len(), &read.sections), (&program.functions.len(), &program.sections));
+    }
+}

@@ -11,7 +11,7 @@ pub const EXPANDED: u64 = 2;
 
 /// Most rates along which partial velocities are tried: their number grows with the square of the bodies. Arms in the
 /// plane take more operations that way from four rates on (`LINKAGES="arm:4" cargo test -p hamel-codegen --test
-/// linkages measured`), and systems of more rates than this are taken for such.
+/// main linkages::measured`), and systems of more rates than this are taken for such.
 pub(super) const MAX_PARTIAL: usize = 6;
 
 /// Another way than partial velocities has to take fewer operations by more than this part of them: lowering, which

@@ -4,7 +4,7 @@
 //! params m k
 //! time t
 //! state x x_dot
-//! sections results
+//! section results
 //! prepare
 //!   %0 ratio = div p1 p0
 //!   slot ratio = %0
@@ -16,7 +16,7 @@
 //!   x_dot = %1
 //! ```
 //!
-//! Operands are `%i` (earlier values of the list), `p` (parameters), `s` (slots), `t`, `u` (inputs), `y` (components of
+//! Parts of `prepare` and of functions are indented. Operands are `%i` (earlier values of the list), `p` (parameters), `s` (slots), `t`, `u` (inputs), `y` (components of
 //! the state), `a` (the function's own vector), `c` (results of contractions), and constants: rationals and `pi`. `@i`
 //! is the section of an instruction; a word before `=` is the name of its value. Fused products are `mul_add`,
 //! `mul_sub` (`a*b - c`), `neg_mul_add` (`c - a*b`) and `neg_mul_sub`.
@@ -44,7 +44,9 @@ impl fmt::Display for Program {
             writeln!(f, "input {name} = {}", Shown(value))?;
         }
         writeln!(f, "state{}", words(&self.state))?;
-        writeln!(f, "sections{}", words(&self.sections))?;
+        for title in &self.sections {
+            writeln!(f, "section {title}")?;
+        }
         for (k, table) in self.tables.iter().enumerate() {
             let (sums, products) = (table.ends.len(), table.n_products());
             writeln!(
@@ -162,9 +164,10 @@ impl Program {
     pub fn read(text: &str) -> Result<Program, String> {
         let mut reader = Reader::default();
         for (k, line) in text.lines().enumerate() {
-            let line = line.trim();
+            let (is_part, line) = (line.starts_with(' '), line.trim());
             if !line.is_empty() && !line.starts_with('#') {
-                reader.line(line).map_err(|reason| format!("line {}: {reason}", k + 1))?;
+                let read = if is_part { reader.part(line) } else { reader.head(line) };
+                read.map_err(|reason| format!("line {}: {reason}", k + 1))?;
             }
         }
         Ok(reader.program)
@@ -240,16 +243,19 @@ impl Default for Reader {
 }
 
 impl Reader {
-    fn line(&mut self, line: &str) -> Result<(), String> {
+    fn head(&mut self, line: &str) -> Result<(), String> {
         let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
         let words = || rest.split_whitespace().map(str::to_owned).collect::<Vec<String>>();
         match word {
-            _ if line.contains(" = ") => return self.assignment(line),
-            "condition" => return self.condition(rest),
             "params" => self.program.params = words(),
             "time" => rest.clone_into(&mut self.program.time),
+            "input" => {
+                let (name, number) = rest.split_once(" = ").ok_or("an input has a value")?;
+                let value = constant(number).ok_or_else(|| format!("{number:?} is no number"))?;
+                self.program.inputs.push((name.to_owned(), value));
+            }
             "state" => self.program.state = words(),
-            "sections" => self.program.sections = words(),
+            "section" => self.program.sections.push(rest.to_owned()),
             "prepare" => self.is_in_prepare = true,
             "function" => {
                 self.is_in_prepare = false;
@@ -264,56 +270,54 @@ impl Reader {
         Ok(())
     }
 
-    /// `%k @section name = operation`, `slot name = %k`, `input name = number`, or `result = operand`.
-    fn assignment(&mut self, line: &str) -> Result<(), String> {
-        let (left, right) = line.split_once(" = ").ok_or("there is no =")?;
-        let mut left = left.split_whitespace();
-        let first = left.next().ok_or("nothing stands before =")?;
-        if first == "input" {
-            let name = left.next().ok_or("an input has a name")?.to_owned();
-            let value = constant(right).ok_or_else(|| format!("{right:?} is no number"))?;
-            self.program.inputs.push((name, value));
-            return Ok(());
+    /// A line of the prepare part or of a function.
+    fn part(&mut self, line: &str) -> Result<(), String> {
+        if self.is_in_prepare
+            && let Some(rest) = line.strip_prefix("condition ")
+        {
+            return self.condition(rest);
         }
-        if first == "slot" {
-            let Operand::Value(value) = self.operand(right)? else {
-                return Err("a slot holds a value".into());
-            };
-            self.program.prepare.slots.push(Slot { value, name: left.next().map(str::to_owned) });
-            return Ok(());
-        }
-        if let Some(number) = first.strip_prefix('%') {
-            let op = self.operation(right)?;
-            let mut words = left.peekable();
-            let section = match words.peek().and_then(|word| word.strip_prefix('@')) {
-                Some(number) => {
-                    words.next();
-                    number.parse().map_err(|_| format!("{number:?} is no section"))?
-                }
-                None => 0,
-            };
-            let instruction = Instruction { op, section, name: words.next().map(str::to_owned) };
-            let list = match self.program.functions.last_mut() {
-                Some(function) => &mut function.instructions,
-                None => &mut self.program.prepare.instructions,
-            };
-            if number.parse() != Ok(list.len()) {
-                return Err(format!("{first} is not the next value, %{}", list.len()));
-            }
-            list.push(instruction);
-            return Ok(());
+        let (left, right) = line.rsplit_once(" = ").ok_or("there is no =")?;
+        if let Some(left) = left.strip_prefix('%') {
+            return self.instruction(left, right);
         }
         let value = self.operand(right)?;
-        let function = self.program.functions.last_mut().ok_or("a result is part of a function")?;
-        function.results.push((first.to_owned(), value));
+        if !self.is_in_prepare {
+            let function = self.program.functions.last_mut().ok_or("a result is part of a function")?;
+            function.results.push((left.to_owned(), value));
+            return Ok(());
+        }
+        let name =
+            left.strip_prefix("slot").ok_or("the prepare part has values, slots and conditions")?.trim();
+        let Operand::Value(value) = value else { return Err("a slot holds a value".into()) };
+        self.program.prepare.slots.push(Slot { value, name: named(name) });
+        Ok(())
+    }
+
+    /// `k @section name = operation`; the prepare part has no sections.
+    fn instruction(&mut self, left: &str, right: &str) -> Result<(), String> {
+        let op = self.operation(right)?;
+        let (number, rest) = left.split_once(' ').unwrap_or((left, ""));
+        let (section, name) = match rest.strip_prefix('@') {
+            Some(rest) => {
+                let (section, name) = rest.split_once(' ').unwrap_or((rest, ""));
+                (section.parse().map_err(|_| format!("{section:?} is no section"))?, name)
+            }
+            None => (0, rest),
+        };
+        let list = match self.program.functions.last_mut() {
+            Some(function) => &mut function.instructions,
+            None => &mut self.program.prepare.instructions,
+        };
+        if number.parse() != Ok(list.len()) {
+            return Err(format!("%{number} is not the next value, %{}", list.len()));
+        }
+        list.push(Instruction { op, section, name: named(name) });
         Ok(())
     }
 
     /// `"text" "meaning" : greater > less`.
     fn condition(&mut self, rest: &str) -> Result<(), String> {
-        if !self.is_in_prepare {
-            return Err("a condition is part of prepare".into());
-        }
         let (texts, sides) = rest.rsplit_once(" : ").ok_or("a condition ends with `: a > b`")?;
         let mut texts = texts.split('"').skip(1).step_by(2).map(str::to_owned);
         let sides: Vec<&str> = sides.split_whitespace().collect();
@@ -396,6 +400,11 @@ impl Reader {
     }
 }
 
+/// A name, if there is one.
+fn named(name: &str) -> Option<String> {
+    (!name.is_empty()).then(|| name.to_owned())
+}
+
 fn constant(text: &str) -> Option<Constant> {
     if text == "pi" {
         return Some(Constant::Pi);
@@ -416,11 +425,12 @@ params m k
 time t
 input f = 1/2
 state x x_dot
-sections a results
+section momenta p = dL/dy
+section results
 prepare
   %0 ratio = div p1 p0
   slot ratio = %0
-  condition \"m > 0\" \"mass\" : p0 > 0
+  condition \"m > 0\" \"mass = m\" : p0 > 0
 function rhs
   %0 @0 = mul_sub y0 s0 u0
   %1 @1 angle = neg_mul_add %0 pi 3/4
@@ -429,7 +439,7 @@ function rhs
   x = y1
   x_dot = %3
 function output:place
-  place = y0
+  slot = y0
 ";
 
     #[test]
@@ -445,10 +455,10 @@ function output:place
     #[test]
     fn a_line_that_is_not_understood_is_named() {
         let told = |from: &str, to: &str| Program::read(&SPRING.replacen(from, to, 1)).unwrap_err();
-        assert_eq!(told("= sin %2", "= sine %2"), "line 14: \"sine\" is no operation on 1 operands");
-        assert_eq!(told("%3 @1", "%4 @1"), "line 14: %4 is not the next value, %3");
-        assert_eq!(told("3/4", "3/0"), "line 12: \"3/0\" is no operand");
-        assert_eq!(told("function rhs", "function rsh"), "line 10: \"rsh\" is no role");
+        assert_eq!(told("= sin %2", "= sine %2"), "line 15: \"sine\" is no operation on 1 operands");
+        assert_eq!(told("%3 @1", "%4 @1"), "line 15: %4 is not the next value, %3");
+        assert_eq!(told("3/4", "3/0"), "line 13: \"3/0\" is no operand");
+        assert_eq!(told("function rhs", "function rsh"), "line 11: \"rsh\" is no role");
         assert_eq!(told("time t", "tme t"), "line 2: \"tme\" begins no line");
     }
 }
