@@ -18,8 +18,8 @@
 //!
 //! Parts of `prepare` and of functions are indented. Operands are `%i` (earlier values of the list), `p` (parameters),
 //! `s` (slots), `t`, `u` (inputs), `y` (components of the state), `a` (the function's own vector), `c` (results of
-//! contractions), and constants: rationals and `pi`. `@i` is the section of an instruction; a word before `=` is the name
-//! of its value. Fused products are `mul_add`, `mul_sub` (`a*b - c`), `neg_mul_add` (`c - a*b`) and `neg_mul_sub`.
+//! contractions), and constants: rationals and `pi`. `@i` is the section of an instruction; a word before `=` is the
+//! name of its value. Fused products are `mul_add`, `mul_sub` (`a*b - c`), `neg_mul_add` (`c - a*b`) and `neg_mul_sub`.
 //!
 //! Tables of products are summed up in a comment: a program that has some is written, and not read. Does not know: what
 //! a program is for.
