@@ -394,11 +394,11 @@ fn every_formulation_is_one_motion() {
     let default = equations(&own);
     let others = [
         Formulation { connection: Some(ConnectionKind::Mechanical), ..own.clone() },
-        Formulation { stages: StageUse::Carried, ..own.clone() },
+        Formulation { stages: StageUse::Carried(Vec::new()), ..own.clone() },
         Formulation { circles: vec!["s".to_owned()], ..own.clone() },
         Formulation {
             connection: Some(ConnectionKind::Mechanical),
-            stages: StageUse::Carried,
+            stages: StageUse::Carried(Vec::new()),
             circles: vec!["s".to_owned()],
             ..own.clone()
         },

@@ -135,7 +135,7 @@ fn assert_same_motion(model: &Model, what: &str) {
     let plain = derived(model, StageUse::Unused);
     let internal = derived(model, StageUse::Internal);
     assert_internal(&plain, &internal, what);
-    let carried = derived(model, StageUse::Carried);
+    let carried = derived(model, StageUse::Carried(Vec::new()));
     let is_solved = |e: &Equations| matches!(e.system.constraint, KinematicConstraint::Solved(_));
     if is_solved(&plain) == is_solved(&carried) {
         assert_carried(&plain, &carried, what);
@@ -259,7 +259,7 @@ fn ideals_and_inner_products_with_parameters_have_the_same_motion() {
         let text = WITH_PARAMETERS.replace("INNER", inner);
         let model = parsed(&text);
         assert_same_motion(&model, &text);
-        let carried = derived(&model, StageUse::Carried);
+        let carried = derived(&model, StageUse::Carried(Vec::new()));
         let names: Vec<&str> = carried.state.iter().map(|s| s.name.as_str()).collect();
         assert_eq!(names, ["whole", "plane", "line", "centre"]);
     }

@@ -1,5 +1,5 @@
-//! The variables in which a state of a scene may be given: the scene's own, velocities in the place of momenta or of
-//! velocities along the levels of stages, and momenta in the place of velocities, where the model names them.
+//! The variables in which a state of a scene may be given: the scene's own, velocities in the place of momenta or of what
+//! is carried along the levels of stages, and momenta in the place of velocities, where the model names them.
 //!
 //! The interpreter converts, whoever evaluates the scene, so that a state has the same bits everywhere.
 //!
@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 
 use hamel_codegen::scene::{self, Executable};
-use hamel_codegen::spec::{CarriedBy, circle_names};
+use hamel_codegen::spec::circle_names;
 use hamel_program::program::{Role, ViolatedCondition};
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,7 @@ struct Slot {
     at: usize,
     velocity: String,
     momentum: Option<String>,
-    /// The velocity along a level of stages that the scene has there.
+    /// What the scene has there by a name that the model does not have: along a level of stages, or chosen by a search.
     level: Option<String>,
 }
 
@@ -127,12 +127,12 @@ impl Forms {
         };
         let angles = model.base.iter().map(|c| c.name.clone()).filter(is_turned).collect();
         let mut found: Vec<(Slot, Held)> = Vec::new();
-        let own_items = model.scenes.iter().find(|own| own.name == info.scene).map(|own| &own.carries);
-        let mut carries = model.carries.iter().chain(own_items.into_iter().flatten());
-        if carries.any(|carried| carried.by == CarriedBy::Level) {
+        let named =
+            |name: &String| model.momenta.iter().flat_map(|m| &m.components).any(|(own, ..)| own == name);
+        if !info.momenta.iter().all(named) {
             let scene = forms.built(&[], true)?;
             for (level, velocity) in scene.carried.iter().zip(&scene.velocities) {
-                let Some(at) = place(level) else { continue };
+                let Some(at) = place(level).filter(|_| !named(level)) else { continue };
                 let (velocity, level) = (velocity.clone(), Some(level.clone()));
                 found.push((Slot { at, velocity, momentum: None, level }, Held::Level));
             }
@@ -256,7 +256,7 @@ impl Forms {
         let kinds = [
             given(|slot| Some(&slot.velocity), "velocities"),
             given(|slot| slot.momentum.as_ref(), "momenta"),
-            given(|slot| slot.level.as_ref(), "velocities along levels"),
+            given(|slot| slot.level.as_ref(), "what the scene carries"),
         ];
         let kinds: Vec<String> = kinds.into_iter().flatten().collect();
         Err(format!(

@@ -282,8 +282,8 @@ pub fn build_within(model: &Model, scene: &str, search: SearchBudget) -> Result<
 
 /// The right-hand side of a scene whose state carries these momenta (names of components) and no others, with the
 /// velocities that they stand for as outputs: both ways between velocities and momenta, whatever the scene itself
-/// carries. Momenta that are parameters stay parameters. `levels`: velocities along the levels of stages stay in the
-/// state too, where the scene carries them.
+/// carries. Momenta that are parameters stay parameters. `levels`: what the scene carries by names that the model does
+/// not have, along the levels of stages or chosen by a search, stays in the state too.
 ///
 /// # Errors
 /// As [`build`], and a name that is no momentum.
@@ -296,8 +296,13 @@ pub fn build_carrying(
     let mut scenes = Scenes::new(model);
     let own = scenes.plan(scene)?;
     let mut formulation = own.formulation.clone();
-    formulation.momenta.retain(|carried| matches!(carried.by, CarriedBy::Parameter(_)));
-    if formulation.stages == StageUse::Carried && !levels {
+    let is_named =
+        |name: &String| model.momenta.iter().flat_map(|m| &m.components).any(|(own, ..)| own == name);
+    formulation.momenta.retain(|carried| match &carried.by {
+        CarriedBy::Momentum(name) => levels && !is_named(name),
+        by => matches!(by, CarriedBy::Parameter(_)),
+    });
+    if formulation.stages.is_carried() && !levels {
         formulation.stages = StageUse::Shown;
     }
     for name in momenta {

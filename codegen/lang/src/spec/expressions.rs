@@ -262,7 +262,9 @@ macro_rules! visit {
                 $visit(ExpressionRole::Section(k), e);
             }
         }
-        if let Some(IdealChain { names: _, ideals, inner_product, connection, spans: _ }) = stages {
+        if let Some(IdealChain { names: _, ideals, inner_product, connection, momentum: _, spans: _ }) =
+            stages
+        {
             for e in ideals.into_iter().flatten().flatten() {
                 $visit(ExpressionRole::Ideal, e);
             }

@@ -144,8 +144,9 @@ pub struct Carried {
 pub enum CarriedBy {
     /// Itself.
     Velocity,
-    /// With all others of the algebra, the velocities along the levels of the stages.
-    Level,
+    /// With all others of the algebra, the variables along the levels of the stages: momenta along these stages, or
+    /// elements `stage_1`, `stage_2`, .. of them, in ascending order, and velocities along the others.
+    Levels(Vec<String>),
     /// Its momentum, under this name.
     Momentum(String),
     /// Nothing: its momentum is conserved, and the parameter of this name (Routh).
@@ -164,8 +165,15 @@ pub struct IdealChain {
     /// The sum of the connections of the stages, `A^a_i` by element of the algebra and base coordinate; absent where no
     /// stage has one.
     pub connection: Option<Vec<Vec<ExprId>>>,
+    /// What momenta along the levels are called, before the names of the stages.
+    pub momentum: String,
     /// Where each stage stands.
     pub spans: Vec<Option<Span>>,
+}
+
+impl IdealChain {
+    /// What momenta along levels are called where the model does not say it.
+    pub const MOMENTUM: &str = "p";
 }
 
 /// A parameter that the group moves: `adot = -xi . a` (left action).

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::ToPrimitive;
 
-use crate::reduction::ReducedSystem;
+use crate::reduction::{CarriedMomentum, ReducedSystem};
 use hamel_expr::{ExprId, Graph, Node, Section, Sign, Style, SymbolId, Vanishing, sign_of};
 use hamel_lang::spec::Want;
 
@@ -181,6 +181,19 @@ pub struct Equations {
 }
 
 impl Equations {
+    /// The velocities in the place of which the state, or a parameter, has momenta, by the state and the definitions.
+    pub fn velocities_of_momenta(&self) -> Vec<(SymbolId, ExprId)> {
+        let given = self.outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Velocities));
+        let given = |name: &str| given?.components.iter().find(|(own, _)| own == name).map(|(_, e)| *e);
+        let of_momentum = |momentum: &CarriedMomentum| {
+            let unknown = &self.system.unknowns[momentum.unknown];
+            let along = unknown.frame_idx.filter(|k| self.system.velocities[*k] == unknown.symbol);
+            let value = along.map(|k| self.velocities[k]).or_else(|| given(&unknown.name));
+            Some((unknown.symbol, value?))
+        };
+        self.system.momenta.iter().filter_map(of_momentum).collect()
+    }
+
     /// The system `A udot = f`, where the equations have that form.
     pub fn linear_system(&self) -> Option<&LinearSystem> {
         match &self.form {

@@ -7,9 +7,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::reduction::{KinematicConstraint, ReducedSystem, momentum_of};
 use hamel_expr::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId, Vanishing, inlined, needed_sections};
-use hamel_lang::spec::Want;
 
-use super::equations::{Equations, OutputKind, StateEquation};
+use super::equations::{Equations, StateEquation};
 
 /// State variables of one formulation as functions of time and the state of another one of the same model, with the
 /// same parameters fixed.
@@ -291,16 +290,12 @@ impl ChangeOfState {
 
 /// Unknowns that are no part of the state, as functions of it.
 fn unknowns(g: &mut Graph, equations: &Equations) -> Result<BTreeMap<SymbolId, ExprId>, DivisionByZero> {
-    let system = &equations.system;
-    let given = equations.outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Velocities));
-    let Some(given) = given else { return Ok(BTreeMap::new()) };
-    let roots: Vec<ExprId> = given.components.iter().map(|(_, e)| *e).collect();
+    let (symbols, roots): (Vec<SymbolId>, Vec<ExprId>) =
+        equations.velocities_of_momenta().into_iter().unzip();
     let sections = needed_sections(g, &equations.sections, &roots);
     let definitions = inlined(g, sections.iter().flat_map(|s| &s.definitions));
     let values = g.subs_all(&roots, &definitions)?;
-    let symbol = |name: &String| system.unknowns.iter().find(|u| u.name == *name).map(|u| u.symbol);
-    let names = given.components.iter().map(|(name, _)| symbol(name));
-    Ok(names.zip(values).filter_map(|(symbol, value)| Some((symbol?, value))).collect())
+    Ok(symbols.into_iter().zip(values).collect())
 }
 
 /// All velocities of the frame, those that the constraint determines by the others, and those that are no part of the

@@ -165,11 +165,21 @@ impl Derivation<'_> {
         } else {
             BTreeMap::new()
         };
+        // Velocities along the levels of stages, by those of the model.
+        let along_levels: BTreeMap<SymbolId, ExprId> =
+            system.changes.iter().map(|c| (c.symbol, c.value)).collect();
+        let mut of_levels: BTreeMap<SymbolId, (String, ExprId)> =
+            system.changes.iter().map(|c| (c.symbol, (c.name.clone(), c.value))).collect();
         for carried in of_state {
             let unknown = &system.unknowns[carried.unknown];
             let momentum = self.momentum_by(carried.unknown, &dependent)?;
             let momentum = self.g.subs(momentum, &at_level).map_err(|_| by_velocities())?;
+            let momentum = self.g.subs(momentum, &along_levels).map_err(|_| by_velocities())?;
             let momentum = self.g.cancel_zero(momentum);
+            if let Some(of_level) = of_levels.get_mut(&unknown.symbol) {
+                *of_level = (carried.name.clone(), momentum);
+                continue;
+            }
             legendre.velocities.push((unknown.name.clone(), unknown.symbol));
             legendre.momenta.push((carried.name.clone(), momentum));
             let velocity = self.g.sym(unknown.symbol);
@@ -182,9 +192,11 @@ impl Derivation<'_> {
             let velocity = self.g.sym(unknown.symbol);
             velocities.push((unknown.name.clone(), self.replace(velocity)?));
         }
-        // Velocities along the levels of stages, for which the independent ones of the model are the arguments.
+        // What the state has along the levels of stages, for which the independent velocities of the model are the
+        // arguments.
         if let Some(frame) = system.frame.as_ref().filter(|_| !system.changes.is_empty()) {
-            legendre.momenta.extend(system.changes.iter().map(|c| (c.name.clone(), c.value)));
+            let in_order = system.changes.iter().filter_map(|c| of_levels.get(&c.symbol).cloned());
+            legendre.momenta.extend(in_order);
             let values = frame.velocities(&mut self.g, &self.y);
             let is_carried = |symbol: SymbolId| system.unknowns.iter().any(|u| u.symbol == symbol);
             for (own, value) in frame.original.iter().zip(values).filter(|(own, _)| !is_carried(own.symbol)) {

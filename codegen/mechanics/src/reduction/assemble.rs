@@ -240,6 +240,7 @@ fn stages(model: &mut Model) -> Result<Option<Stages>, Vec<Error>> {
     let g = &mut model.graph;
     let mut stages = Stages::split(g, &model.algebra, &chain.names, &chain.ideals, inner.as_deref())?;
     stages.connection = chain.connection.map(|rows| stages.components(g, &rows));
+    stages.momentum = chain.momentum;
     Ok(Some(stages))
 }
 

@@ -6,7 +6,7 @@ use hamel_expr::{Graph, Rational};
 use hamel_lang::spec::{Carried, CarriedBy, ConnectionKind, IdealChain, InnerProduct, Model};
 
 /// What a chain of stages is used for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum StageUse {
     /// For nothing: the algebra is not split.
     Unused,
@@ -14,18 +14,28 @@ pub enum StageUse {
     Shown,
     /// The equations are derived in the frame that is adapted to the stages; the state stays what it is.
     Internal,
-    /// The state has the velocities along the levels.
-    Carried,
+    /// The state has the momenta along these levels, or elements of levels, by name in ascending order, and the
+    /// velocities along the others.
+    Carried(Vec<String>),
 }
 
 impl StageUse {
     /// What a model's own items use its stages for, or a scene's with what it carries.
     pub fn of(has_stages: bool, of_model: &[Carried], of_scene: &[Carried]) -> StageUse {
-        match has_stages {
-            true if carried(of_model, of_scene).any(|c| c.by == CarriedBy::Level) => StageUse::Carried,
-            true => StageUse::Shown,
-            false => StageUse::Unused,
+        let levels = carried(of_model, of_scene).find_map(|c| match &c.by {
+            CarriedBy::Levels(momenta) => Some(momenta.clone()),
+            _ => None,
+        });
+        match (has_stages, levels) {
+            (true, Some(momenta)) => StageUse::Carried(momenta),
+            (true, None) => StageUse::Shown,
+            (false, _) => StageUse::Unused,
         }
+    }
+
+    /// Whether the state has variables along the levels.
+    pub fn is_carried(&self) -> bool {
+        matches!(self, StageUse::Carried(_))
     }
 }
 
@@ -40,6 +50,11 @@ pub struct FoundChain {
 }
 
 impl FoundChain {
+    /// What the stages of a chain that the model does not write down are called.
+    pub fn names(n: usize) -> Vec<String> {
+        (0..n).map(|k| format!("stage{k}")).collect()
+    }
+
     /// The chain, with names for its stages; none where it needs one of the model that is not there.
     pub(super) fn stages(&self, g: &mut Graph, of_model: Option<&IdealChain>) -> Option<IdealChain> {
         let inner_product = self.by_energy.then_some(InnerProduct::Lagrangian);
@@ -49,10 +64,11 @@ impl FoundChain {
         let n = ideals.len() + 1;
         let numbers = |g: &mut Graph, v: &[Rational]| v.iter().map(|q| g.rational(q.clone())).collect();
         Some(IdealChain {
-            names: (0..n).map(|k| format!("stage{k}")).collect(),
+            names: FoundChain::names(n),
             ideals: ideals.iter().map(|basis| basis.iter().map(|v| numbers(g, v)).collect()).collect(),
             inner_product,
             connection: None,
+            momentum: of_model.map_or(IdealChain::MOMENTUM, |chain| &chain.momentum).to_owned(),
             spans: vec![None; n],
         })
     }
@@ -140,7 +156,7 @@ pub fn carried_by_momenta(model: &Model, of_scene: &[Carried]) -> Vec<Carried> {
             momenta.push(Carried { velocity: *velocity, by: CarriedBy::Momentum(name.clone()) });
         }
     }
-    momenta.retain(|carried| !matches!(carried.by, CarriedBy::Velocity | CarriedBy::Level));
+    momenta.retain(|carried| !matches!(carried.by, CarriedBy::Velocity | CarriedBy::Levels(_)));
     momenta.sort_by_key(|carried| carried.velocity);
     momenta
 }

@@ -56,7 +56,7 @@ pub(super) fn carried(
             own.filter(|(_, (.., k))| k == velocity).map(|(m, (_, symbol, _))| (m.doc.clone(), *symbol));
         let declared = own.next();
         let (name, value, symbol) = match by {
-            CarriedBy::Velocity | CarriedBy::Level => continue,
+            CarriedBy::Velocity | CarriedBy::Levels(_) => continue,
             CarriedBy::Momentum(name) => {
                 let symbol =
                     declared.as_ref().map_or_else(|| model.graph.symbol(name), |(_, symbol)| *symbol);

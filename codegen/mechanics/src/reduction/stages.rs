@@ -3,6 +3,7 @@
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, Number, Rational, Style};
 use hamel_lang::algebra::{LieAlgebra, independent_vectors, next_ideal, solve_symbolic, whole_algebra};
+use hamel_lang::spec::IdealChain;
 
 /// Sparse bilinear form with values in the adapted basis: entries `(a, b, c, value)` meaning
 /// `form(e_a, e_b) = value e_c + ..`, in ascending order of `(a, b, c)`.
@@ -44,6 +45,8 @@ pub struct Stages {
     /// `A^k_i` by adapted element and shape coordinate: the velocities along the levels are those of the model and
     /// `A xdot`. Absent where no stage has a connection of its own.
     pub connection: Option<Vec<Vec<ExprId>>>,
+    /// What momenta along the adapted elements are called, before the names of the velocities along them.
+    pub momentum: String,
 }
 
 impl Stages {
@@ -60,7 +63,7 @@ impl Stages {
 
     /// Every coefficient.
     pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
-        let Stages { levels, basis, inverse, connection } = self;
+        let Stages { levels, basis, inverse, connection, momentum: _ } = self;
         let forms = levels.iter_mut().flat_map(|level| {
             let StageLevel { name: _, range: _, quotient_bracket, curvature, vertical_connection } = level;
             quotient_bracket.iter_mut().chain(curvature).chain(vertical_connection).map(|(.., value)| value)
@@ -114,7 +117,13 @@ impl Stages {
         let columns = solve_symbolic(g, &transposed, &unit)
             .map_err(|_| vec![Error::DegenerateInnerProduct { stage: names[0].clone() }])?;
         let inverse: Vec<Vec<ExprId>> = (0..n).map(|a| columns.iter().map(|row| row[a]).collect()).collect();
-        let mut stages = Stages { levels: Vec::new(), basis, inverse, connection: None };
+        let mut stages = Stages {
+            levels: Vec::new(),
+            basis,
+            inverse,
+            connection: None,
+            momentum: IdealChain::MOMENTUM.to_owned(),
+        };
         let brackets = stages.adapted_brackets(g, algebra);
         stages.levels = ranges
             .iter()

@@ -204,6 +204,11 @@ pub struct ReducedSystem {
 }
 
 impl ReducedSystem {
+    /// The unknown that is the velocity of the frame at a place.
+    pub(super) fn unknown_along(&self, alpha: usize) -> Option<usize> {
+        self.unknowns.iter().position(|u| u.frame_idx == Some(alpha))
+    }
+
     /// Advected parameters and quaternions. Whether the motion keeps their lengths depends on what moves them: their
     /// rates tell.
     pub fn carried_vectors(&self) -> impl Iterator<Item = &Block> {

@@ -3,8 +3,8 @@
 //! Does not know: how choices are combined, what they cost, whether they are the same motion.
 
 use hamel_expr::{ExprId, Rational, independent_rows};
-use hamel_lang::algebra::series::chains;
-use hamel_lang::spec::{Carried, CarriedBy, ConnectionKind, Domain, Model, circle_names};
+use hamel_lang::algebra::{independent_vectors, series::chains};
+use hamel_lang::spec::{Carried, CarriedBy, ConnectionKind, Domain, IdealChain, Model, circle_names};
 use hamel_mechanics::reduction::{
     Formulation, FoundChain, KinematicConstraint, ReducedSystem, StageUse, beside_connection,
 };
@@ -13,7 +13,7 @@ use hamel_mechanics::reduction::{
 const MAX_INDEPENDENT: usize = 32;
 /// Angles that are tried as points of the circle, in the order of the model.
 const MAX_ANGLES: usize = 4;
-/// Slots whose momenta are tried.
+/// Slots of which every selection is tried; of more, each alone and all of them.
 const MAX_SLOTS: usize = 4;
 /// Chains of ideals that are found and tried.
 const MAX_CHAINS: usize = 2;
@@ -32,6 +32,9 @@ pub(super) enum Choice {
     /// The frame in which the equations are derived: adapted to a chain of ideals, that of the model unless one is
     /// given, of which the text says what it is.
     Stages(Option<FoundChain>, String),
+    /// The same frame, with the momenta along these levels, or elements of levels, in the state, and the velocities along
+    /// the others.
+    Levels(Option<FoundChain>, Vec<String>, String),
     /// Slots, by name, whose velocities are carried by themselves or by their momenta.
     Momenta(Vec<(String, Vec<Carried>)>),
 }
@@ -47,6 +50,10 @@ impl Choice {
             Choice::Circle(angle, false) => formulation.circles.retain(|other| other != angle),
             Choice::Stages(chain, _) => {
                 formulation.stages = StageUse::Internal;
+                formulation.chain.clone_from(chain);
+            }
+            Choice::Levels(chain, momenta, _) => {
+                formulation.stages = StageUse::Carried(momenta.clone());
                 formulation.chain.clone_from(chain);
             }
             Choice::Momenta(slots) => {
@@ -77,6 +84,10 @@ impl Choice {
             Choice::Circle(angle, true) => format!("circle {angle}"),
             Choice::Circle(angle, false) => format!("angle {angle}"),
             Choice::Stages(_, text) => text.clone(),
+            Choice::Levels(_, momenta, text) if momenta.is_empty() => {
+                format!("{text}, velocities along the levels")
+            }
+            Choice::Levels(_, momenta, text) => format!("{text}, momenta along {}", momenta.join(", ")),
             Choice::Momenta(slots) => {
                 let text = |(name, carried): &(String, Vec<Carried>)| match carried.first().map(|c| &c.by) {
                     Some(CarriedBy::Momentum(_)) => format!("momenta of {name}"),
@@ -89,18 +100,20 @@ impl Choice {
 }
 
 /// The axes along which the formulation of a scene can be changed, each with the choices that are not the scene's own.
+///
+/// With `keeps_state`, none that changes the state to variables along levels.
 pub(super) fn axes(
     model: &Model,
     own: &Formulation,
     system: &ReducedSystem,
-    drops: &[String],
+    (drops, keeps_state): (&[String], bool),
 ) -> Vec<Vec<Choice>> {
     let mut axes = Vec::new();
     // A Hamiltonian is a function of momenta in the model's own frame.
     if model.hamiltonian.is_none() && model.given.is_none() {
         axes.extend([connections(model, own), independent(system), vec![Choice::Squares(!own.squares)]]);
         if model.frame.is_none() && model.algebroid.is_none() {
-            axes.push(stages(model, own));
+            axes.push(stages(model, own, keeps_state));
         }
         axes.push(momenta(model, own, system));
     }
@@ -168,33 +181,108 @@ fn independent(system: &ReducedSystem) -> Vec<Choice> {
 }
 
 /// Frames that are adapted to chains of ideals: that of the model, and those found by themselves; the complements are
-/// those of the basis of the algebra, or of the kinetic energy. A state that has the velocities along levels keeps
-/// them.
-fn stages(model: &Model, own: &Formulation) -> Vec<Choice> {
+/// those of the basis of the algebra, or of the kinetic energy. The state stays what it is, or has velocities and momenta
+/// along the levels; a state that has such variables keeps the frame.
+fn stages(model: &Model, own: &Formulation, keeps_state: bool) -> Vec<Choice> {
     let mut choices = Vec::new();
-    if own.stages == StageUse::Carried || model.algebra.dim() < 2 {
+    if model.algebra.dim() < 2 || own.stages.is_carried() && keeps_state {
         return choices;
     }
-    let mut add = |ideals: Option<Vec<Vec<Vec<Rational>>>>, names: &str| {
+    let mut add = |ideals: Option<Vec<Vec<Vec<Rational>>>>, (names, of_levels): (&str, &[String])| {
         for (by_energy, by) in [(false, ""), (true, " by energy")] {
-            let chain = FoundChain { ideals: ideals.clone(), by_energy };
-            choices.push(Choice::Stages(Some(chain), format!("stages {names}{by}")));
+            let chain = Some(FoundChain { ideals: ideals.clone(), by_energy });
+            if !own.stages.is_carried() {
+                choices.push(Choice::Stages(chain.clone(), format!("stages {names}{by}")));
+            }
+            // Without the complements of the kinetic energy levels are coupled as the velocities of the model are.
+            if by_energy && !keeps_state {
+                levels(&mut choices, (chain, of_levels), &format!("stages {names}{by}"));
+            }
         }
     };
     if let Some(chain) = &model.stages {
-        add(None, &format!("of the model ({})", chain.names.join(" > ")));
+        add(None, (&format!("of the model ({})", chain.names.join(" > ")), &chain.names));
     }
     // Chains are searched over the rationals.
     let found = model.algebra.rational().map_or_else(Vec::new, |algebra| chains(&algebra, MAX_CHAINS));
     for chain in found {
         let names: Vec<&str> = chain.iter().map(|ideal| ideal.name.as_str()).collect();
-        add(Some(chain.iter().map(|ideal| ideal.basis.clone()).collect()), &names.join(" > "));
+        let ideals: Vec<Vec<Vec<Rational>>> = chain.iter().map(|ideal| ideal.basis.clone()).collect();
+        if model.stages.as_ref().is_none_or(|own| !are_those_of(model, own, &ideals)) {
+            add(Some(ideals), (&names.join(" > "), &FoundChain::names(chain.len() + 1)));
+        }
     }
-    if model.stages.as_ref().is_some_and(|chain| chain.inner_product.is_some() || chain.connection.is_some())
-    {
-        choices.push(Choice::Stages(None, "stages of the model as they are written".into()));
+    let as_written = |chain: &IdealChain| chain.inner_product.is_some() || chain.connection.is_some();
+    if let Some(chain) = model.stages.as_ref().filter(|chain| as_written(chain)) {
+        let text = "stages of the model as they are written";
+        if !own.stages.is_carried() {
+            choices.push(Choice::Stages(None, text.into()));
+        }
+        if !keeps_state {
+            levels(&mut choices, (None, &chain.names), text);
+        }
     }
+    choices.retain(|choice| match choice {
+        Choice::Levels(chain, momenta, _) => {
+            *chain != own.chain || own.stages != StageUse::Carried(momenta.clone())
+        }
+        _ => true,
+    });
     choices
+}
+
+/// Velocities along all levels, momenta along all, and along each.
+fn levels(choices: &mut Vec<Choice>, (chain, names): (Option<FoundChain>, &[String]), text: &str) {
+    let mut all = names.to_vec();
+    all.sort();
+    let each = names.iter().map(|name| vec![name.clone()]);
+    for momenta in [Vec::new(), all].into_iter().chain(each.filter(|_| names.len() > 1)) {
+        choices.push(Choice::Levels(chain.clone(), momenta, text.to_owned()));
+    }
+}
+
+/// Whether ideals, found over the rationals, are those of a chain.
+fn are_those_of(model: &Model, chain: &IdealChain, ideals: &[Vec<Vec<Rational>>]) -> bool {
+    let mut g = model.graph.clone();
+    chain.ideals.len() == ideals.len()
+        && chain.ideals.iter().zip(ideals).all(|(own, found)| {
+            let mut vectors = own.clone();
+            let rank = independent_vectors(&mut g, &vectors).len();
+            vectors.extend(found.iter().map(|v| v.iter().map(|q| g.rational(q.clone())).collect()));
+            rank == found.len() && independent_vectors(&mut g, &vectors).len() == rank
+        })
+}
+
+/// Choices that differ from one in what is carried for one slot, or along one element of the levels, of which
+/// `elements` are the names.
+pub(super) fn neighbours(choice: &Choice, axis: &[Choice], elements: &[(String, String)]) -> Vec<Choice> {
+    match choice {
+        Choice::Levels(chain, momenta, text) => {
+            let is_carried =
+                |(element, level): &&(String, String)| momenta.contains(element) || momenta.contains(level);
+            let flipped = |other: &(String, String)| {
+                let kept = elements.iter().filter(|own| is_carried(own) != (*own == other));
+                let mut momenta: Vec<String> = kept.map(|(element, _)| element.clone()).collect();
+                momenta.sort();
+                Choice::Levels(chain.clone(), momenta, text.clone())
+            };
+            elements.iter().map(flipped).collect()
+        }
+        Choice::Momenta(slots) => {
+            let of_all = |choice: &Choice| match choice {
+                Choice::Momenta(slots) => slots.clone(),
+                _ => Vec::new(),
+            };
+            let all = axis.iter().map(of_all).max_by_key(Vec::len).unwrap_or_default();
+            let flipped = |other: &(String, Vec<Carried>)| {
+                let kept = all.iter().filter(|slot| slots.contains(slot) != (*slot == other));
+                Choice::Momenta(kept.cloned().collect())
+            };
+            let others = all.iter().map(flipped);
+            others.filter(|choice| *choice != Choice::Momenta(Vec::new())).collect()
+        }
+        _ => Vec::new(),
+    }
 }
 
 /// Whether nothing in a model has that name.
@@ -205,7 +293,8 @@ fn is_free(model: &Model, name: &String) -> bool {
         && model.outputs.iter().all(|output| output.name != *name)
 }
 
-/// Momenta in the place of velocities, and the other way round: of every selection of the slots, which are the
+/// Momenta in the place of velocities, and the other way round: of every selection of the first slots, of each other one,
+/// and of all, which are the
 /// velocities of the base, each vector of the algebra, the quasi-velocities. What one slot costs tells nothing of
 /// several: momenta of all may spare the mass matrix that momenta of one still need. Momenta have the names that the
 /// model gives them, or that of the velocity with `p_` before it.
@@ -234,8 +323,8 @@ fn momenta(model: &Model, own: &Formulation, system: &ReducedSystem) -> Vec<Choi
         let all = model.momenta.iter().flat_map(|m| &m.components);
         all.clone().find(|(.., velocity)| *velocity == k).map(|(name, ..)| name.clone())
     };
-    let mut exchanged = Vec::new();
-    for (slot, list) in slots.into_iter().take(MAX_SLOTS) {
+    let mut exchanged: Vec<(String, Vec<Carried>)> = Vec::new();
+    for (slot, list) in slots {
         let free = list.iter().filter(|(k, _)| !matches!(by_now(*k), Some(CarriedBy::Parameter(_))));
         let is_carried = free.clone().any(|(k, _)| by_now(*k).is_some());
         let carried = free.map(|(velocity, name)| {
@@ -255,8 +344,9 @@ fn momenta(model: &Model, own: &Formulation, system: &ReducedSystem) -> Vec<Choi
             exchanged.push((slot, carried));
         }
     }
+    let all = exchanged.clone();
     let mut selections: Vec<Vec<(String, Vec<Carried>)>> = vec![Vec::new()];
-    for slot in exchanged {
+    for slot in exchanged.into_iter().take(MAX_SLOTS) {
         let longer: Vec<_> = selections
             .iter()
             .map(|chosen| [chosen.as_slice(), std::slice::from_ref(&slot)].concat())
@@ -264,6 +354,10 @@ fn momenta(model: &Model, own: &Formulation, system: &ReducedSystem) -> Vec<Choi
         selections.extend(longer);
     }
     selections.retain(|chosen| !chosen.is_empty());
+    if all.len() > MAX_SLOTS {
+        selections.extend(all[MAX_SLOTS..].iter().map(|slot| vec![slot.clone()]));
+        selections.push(all);
+    }
     selections.into_iter().map(Choice::Momenta).collect()
 }
 

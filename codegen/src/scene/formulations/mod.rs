@@ -29,7 +29,7 @@ use super::build::build_derived;
 use super::built::BuiltScene;
 use super::plan::{Drops, Outputs, Plan};
 use accuracy::Points;
-use axes::{Choice, axes};
+use axes::{Choice, axes, neighbours};
 
 /// Choices of each axis that are combined with those of others.
 const BEST_OF_AN_AXIS: usize = 2;
@@ -37,6 +37,8 @@ const BEST_OF_AN_AXIS: usize = 2;
 const MAX_COMBINATIONS: usize = 32;
 /// Combinations that promise to cost more than so many times the scene's own are not tried.
 const MAX_PROMISE: f64 = 1.5;
+/// Times that the cheapest choice of an axis is changed slot by slot.
+const MAX_ROUNDS: usize = 3;
 /// Candidates that are lowered with the whole budget.
 const MAX_FINALISTS: usize = 6;
 /// A bound of rounding errors is worse than another one beyond this factor; less is not told apart.
@@ -69,8 +71,8 @@ pub struct Candidate {
     pub state: Vec<String>,
     /// Those that are not in the scene's own state, or mean something else there.
     pub changed: Vec<String>,
-    /// Whether all of these are points of the scene's angles, and momenta of its velocities that the model names: then
-    /// a state of either can be told by one of the other.
+    /// Whether all of these are points of the scene's angles, momenta of its velocities, and what is carried along levels
+    /// of stages: then a state of either can be told by one of the other.
     pub is_converted: bool,
     /// Operations of the right-hand side.
     pub counts: Counts,
@@ -183,6 +185,8 @@ struct Changed {
 struct Found {
     choices: Choices,
     candidate: Candidate,
+    /// Elements along levels of stages that the state has a variable for, with their levels.
+    elements: Vec<(String, String)>,
 }
 
 /// Searches the formulations of a scene by its plan; with `keeps_state`, only those whose state variables are the
@@ -214,7 +218,7 @@ pub(super) fn search(
         Drops::Nothing => (Vec::new(), None),
         Drops::Ignorable => (Vec::new(), Some(built.state_names())),
     };
-    let axes = axes(model, &bare.formulation, &own.system, &drops);
+    let axes = axes(model, &bare.formulation, &own.system, (&drops, keeps_state));
     // What a scene leaves out by itself, every candidate has to leave out.
     let bare = match dropped {
         None => bare,
@@ -296,7 +300,8 @@ impl Search<'_> {
         let mut found: Vec<Found> = Vec::new();
         let singles: Vec<Choices> = axes.iter().flatten().map(|choice| vec![choice.clone()]).collect();
         self.try_all(&singles, &mut found, &mut left_out);
-        let combined = combinations(axes, &found, &scene);
+        let axes = self.with_neighbours(axes, &mut found, &mut left_out);
+        let combined = combinations(&axes, &found, &scene);
         self.try_all(&combined, &mut found, &mut left_out);
         let mut distinct: Vec<&Found> = Vec::new();
         for one in &found {
@@ -327,6 +332,34 @@ impl Search<'_> {
         }
         candidates.sort_by_key(Candidate::rank);
         Formulations { candidates, left_out }
+    }
+
+    /// The axes with what follows when, from the cheapest choice of one, what is carried is changed slot by slot, as long
+    /// as that costs less.
+    fn with_neighbours(
+        &self,
+        axes: &[Vec<Choice>],
+        found: &mut Vec<Found>,
+        left_out: &mut Vec<LeftOut>,
+    ) -> Vec<Vec<Choice>> {
+        let mut longer = axes.to_vec();
+        for axis in longer.iter_mut().filter(|_| !self.keeps_state) {
+            for _ in 0..MAX_ROUNDS {
+                let of_axis =
+                    found.iter().filter(|one| matches!(&*one.choices, [choice] if axis.contains(choice)));
+                let Some(best) = of_axis.min_by_key(|one| one.candidate.rank()).cloned() else { break };
+                let new = neighbours(&best.choices[0], axis, &best.elements);
+                let new: Vec<Choice> = new.into_iter().filter(|choice| !axis.contains(choice)).collect();
+                let singles: Vec<Choices> = new.iter().map(|choice| vec![choice.clone()]).collect();
+                let n = found.len();
+                self.try_all(&singles, found, left_out);
+                axis.extend(new);
+                if !found[n..].iter().any(|one| one.candidate.rank() < best.candidate.rank()) {
+                    break;
+                }
+            }
+        }
+        longer
     }
 
     fn tell(&self, total: usize) {
@@ -393,7 +426,8 @@ impl Search<'_> {
             }
         })?;
         let candidate = self.lowered(choices, &equations, budget)?;
-        Ok(Some(Found { choices: choices.clone(), candidate }))
+        let elements = elements(&equations.system);
+        Ok(Some(Found { choices: choices.clone(), candidate, elements }))
     }
 
     fn relation(&self, system: &ReducedSystem) -> Result<ChangeOfState, String> {
@@ -407,6 +441,11 @@ impl Search<'_> {
         let keeps = |s| change.as_ref().is_some_and(|change| change.keeps(system, s));
         let points: Vec<SymbolId> = system.circles.iter().flat_map(|c| [c.cosine, c.sine]).collect();
         let mut changed = Changed { names: Vec::new(), is_converted: true };
+        // What is carried along levels follows from the velocities of the model, if these are the scene's.
+        let [theirs, own] = [&system.formulation, &self.own.system.formulation];
+        let has_velocities = theirs.connection == own.connection && theirs.independent == own.independent;
+        let is_of_level =
+            |symbol: SymbolId| has_velocities && system.changes.iter().any(|c| c.symbol == symbol);
         for (kind, _) in &system.state {
             let symbol = system.state_symbol(*kind);
             if keeps(symbol) {
@@ -415,13 +454,10 @@ impl Search<'_> {
             changed.names.push(system.graph.name(symbol).to_owned());
             changed.is_converted &= match kind {
                 StateKind::Base(_) => points.contains(&symbol),
-                StateKind::Unknown(_) => false,
-                // Who gives an initial state knows the momenta that the model names.
+                StateKind::Unknown(_) => is_of_level(symbol),
                 StateKind::Momentum { place, .. } => {
-                    let carried = &system.momenta[*place];
-                    let named = self.model.momenta.iter().flat_map(|m| &m.components);
-                    let is_named = named.into_iter().any(|(name, ..)| *name == carried.name);
-                    is_named && keeps(system.unknowns[carried.unknown].symbol)
+                    let velocity = system.unknowns[system.momenta[*place].unknown].symbol;
+                    keeps(velocity) || is_of_level(velocity)
                 }
             };
         }
@@ -469,6 +505,15 @@ impl Search<'_> {
         }
         Ok(())
     }
+}
+
+/// The elements along levels that variables of the state stand for, with the names of their levels.
+fn elements(system: &ReducedSystem) -> Vec<(String, String)> {
+    let Some(stages) = &system.stages else { return Vec::new() };
+    let names = stages.velocity_names().into_iter().enumerate();
+    let is_carried = |name: &String| system.changes.iter().any(|c| c.name == *name);
+    let of_level = |(k, name): (usize, String)| (name, stages.levels[stages.level_of(k)].name.clone());
+    names.map(of_level).filter(|(name, _)| is_carried(name)).collect()
 }
 
 /// What expressions divide by.

@@ -501,7 +501,7 @@ fn stages_with_parameters_the_metric_of_the_lagrangian_connections_and_their_vel
     assert_eq!(line, ["0", "0", "0", "1", "0", "k"]);
     let connection: Vec<String> = stages.connection.iter().flatten().map(|row| shown(row[0])).collect();
     assert_eq!(connection, ["1", "0", "k*x", "x", "0", "0"]);
-    assert!(m.carries.iter().all(|c| c.by == CarriedBy::Level));
+    assert!(m.carries.iter().all(|c| matches!(c.by, CarriedBy::Levels(_))));
     assert_eq!(m.carries.len(), 6);
     assert!(m.scenes[0].carries.iter().all(|c| c.by == CarriedBy::Velocity));
 }

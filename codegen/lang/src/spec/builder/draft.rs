@@ -40,6 +40,7 @@ pub(in crate::spec) enum DeclaredAs {
     FrameVelocity,
     Section,
     CarriedAcceleration,
+    Levels,
     Size,
 }
 
@@ -64,6 +65,7 @@ impl DeclaredAs {
             DeclaredAs::Reconstructed => "a reconstructed coordinate",
             DeclaredAs::Definition => "a definition",
             DeclaredAs::FrameVelocity => "a quasi-velocity of the frame",
+            DeclaredAs::Levels => "the momenta along the levels of stages",
             DeclaredAs::Size => "a size",
             DeclaredAs::Section => "a basis element of the algebroid",
             DeclaredAs::CarriedAcceleration => "the acceleration along a constraint of third order",
@@ -382,6 +384,8 @@ pub struct ModelBuilder {
     /// Symbols and names of the accelerations that the state has for constraints of third order.
     pub(super) carried_accelerations: Vec<(SymbolId, String)>,
     pub(super) stages: Vec<StageDraft>,
+    /// What momenta along levels are called.
+    pub(super) level_momentum: Option<(String, Option<Span>)>,
     /// A matrix, or none for the metric of the Lagrangian.
     pub(super) inner_product: Option<(Option<Value>, Option<Span>)>,
     /// Connections of stages: by stage and velocity.
@@ -462,6 +466,7 @@ impl ModelBuilder {
             jerks: BTreeMap::new(),
             carried_accelerations: Vec::new(),
             stages: Vec::new(),
+            level_momentum: None,
             inner_product: None,
             stage_connections: Vec::new(),
             advected: Vec::new(),

@@ -216,5 +216,6 @@ fn is_of_state(what: DeclaredAs) -> bool {
             | DeclaredAs::Section
             | DeclaredAs::Reconstructed
             | DeclaredAs::CarriedAcceleration
+            | DeclaredAs::Levels
     )
 }

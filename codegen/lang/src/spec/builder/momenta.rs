@@ -155,6 +155,16 @@ impl ModelBuilder {
                 }
             };
             for carried in found {
+                let known = result.iter_mut().find(|known| known.velocity == carried.velocity);
+                // `carry stages, B_rotation;` is the momentum of one level, and velocities of the others.
+                if let Some(Carried { by: CarriedBy::Levels(momenta), .. }) = known
+                    && let CarriedBy::Levels(others) = &carried.by
+                {
+                    momenta.extend(others.iter().cloned());
+                    momenta.sort_unstable();
+                    momenta.dedup();
+                    continue;
+                }
                 if result.iter().any(|known| known.velocity == carried.velocity) {
                     let name = self.name_of_velocity(carried.velocity);
                     let message = format!("what the state carries for `{name}` is said twice");
@@ -195,7 +205,10 @@ impl ModelBuilder {
         }
         let slot = self.slot(name);
         if slot.is_empty() && name == STAGES {
-            return self.carried_levels(span);
+            return self.carried_levels(&[], span);
+        }
+        if let Some(levels) = self.levels_of_momentum(name) {
+            return self.carried_levels(&levels, span);
         }
         if slot.is_empty() && !["velocity", "momentum"].iter().any(|item| self.broken.contains(item)) {
             let help = match self.momenta.is_empty() {
@@ -211,8 +224,12 @@ impl ModelBuilder {
         let momenta = self.momenta.iter();
         let momenta = momenta.flat_map(|m| m.components.iter().map(|(n, ..)| n).chain([&m.name]));
         let velocities = self.velocities.iter().flat_map(|v| [&v.name, &v.block]);
+        let levels = self.level_momentum.iter().flat_map(|(momentum, _)| {
+            let of_one = self.stages.iter().map(move |draft| format!("{momentum}_{}", draft.name));
+            of_one.chain([momentum.clone()])
+        });
         let mut names: Vec<String> =
-            momenta.chain(velocities).cloned().chain(self.velocity_names()).collect();
+            momenta.chain(velocities).cloned().chain(self.velocity_names()).chain(levels).collect();
         names.sort();
         names.dedup();
         names

@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::draft::{ModelBuilder, StageDraft};
+use super::draft::{DeclaredAs, ModelBuilder, StageDraft};
 use crate::algebra::{lies_in, next_ideal, whole_algebra};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::short_list;
@@ -72,8 +72,53 @@ impl ModelBuilder {
         self
     }
 
-    /// Velocities along the levels in the place of those of the algebra, for `carry stages;`.
-    pub(super) fn carried_levels(&mut self, span: Option<Span>) -> Vec<Carried> {
+    /// A name for the momenta along the levels of the stages, `<p, f>` for the elements `f` of the adapted basis:
+    /// `name_stage_1`, `name_stage_2`, .., or `name_stage` for a level of dimension one. [`ModelBuilder::carry`] makes
+    /// those of all levels state variables by `name`, those of one level by `name_stage`.
+    ///
+    /// ```
+    /// use hamel_lang::spec::{CarriedBy, LieAlgebra, ModelBuilder};
+    ///
+    /// let mut b = ModelBuilder::new("stages");
+    /// let [rotation, translation] = b.velocities(LieAlgebra::se(3).unwrap(), &["Omega", "V"]).try_into().unwrap();
+    /// let energy = rotation.dot(b.graph(), &rotation).unwrap();
+    /// b.stage("turn").stage_ideal("move", &[translation]).stage_momentum("B").lagrangian(&energy).carry(&["B_move"]);
+    /// assert_eq!(b.build().unwrap().carries[0].by, CarriedBy::Levels(vec!["move".into()]));
+    /// ```
+    pub fn stage_momentum(&mut self, name: &str) -> &mut Self {
+        let here = self.here;
+        match self.level_momentum {
+            Some((_, first)) => self.twice("momentum of stages", first),
+            None => {
+                self.declare(name, DeclaredAs::Levels);
+                self.level_momentum = Some((name.to_owned(), here));
+            }
+        }
+        self
+    }
+
+    /// Whether `momentum B of stages;` is meant, and not a velocity of that name.
+    pub(in crate::spec) fn is_levels(&self, velocity: &str) -> bool {
+        velocity == STAGES && self.velocity_indices(velocity).is_empty()
+    }
+
+    /// The levels whose momenta a name means: of all stages, of one, or of one element of one.
+    pub(super) fn levels_of_momentum(&self, name: &str) -> Option<Vec<String>> {
+        let (momentum, _) = self.level_momentum.as_ref()?;
+        let rest = name.strip_prefix(momentum.as_str())?;
+        if rest.is_empty() {
+            let mut names: Vec<String> = self.stages.iter().map(|draft| draft.name.clone()).collect();
+            names.sort();
+            return Some(names);
+        }
+        let along = rest.strip_prefix('_')?;
+        let is_of = |draft: &StageDraft| is_along(along, &draft.name);
+        self.stages.iter().any(is_of).then(|| vec![along.to_owned()])
+    }
+
+    /// Velocities along the levels in the place of those of the algebra, for `carry stages;`, or momenta along some of
+    /// them.
+    pub(super) fn carried_levels(&mut self, momenta: &[String], span: Option<Span>) -> Vec<Carried> {
         let drafts: Vec<String> = self.stages.iter().map(|draft| draft.name.clone()).collect();
         if drafts.is_empty() {
             if !self.broken.contains("stage") {
@@ -85,27 +130,36 @@ impl ModelBuilder {
             }
             return Vec::new();
         }
-        for stage in drafts {
-            // Velocities along a level are called by its stage, with a number where there are several.
-            let of_level = |name: &&String| match name.strip_prefix(stage.as_str()) {
-                Some("") => true,
-                Some(rest) => rest.strip_prefix('_').is_some_and(|k| k.parse::<usize>().is_ok()),
-                None => false,
-            };
-            let taken = self.names.keys().chain(self.output_names.keys()).find(of_level).cloned();
+        let prefix = self.level_momentum.as_ref().filter(|_| !momenta.is_empty());
+        let of_momenta =
+            prefix.iter().flat_map(|(prefix, _)| drafts.iter().map(move |s| format!("{prefix}_{s}")));
+        for stage in drafts.iter().cloned().chain(of_momenta).collect::<Vec<String>>() {
+            let is_taken = |name: &&String| is_along(name, &stage);
+            let taken = self.names.keys().chain(self.output_names.keys()).find(is_taken).cloned();
             if let Some(taken) = taken {
                 let message =
-                    format!("velocities along stage `{stage}` are called by it, and `{taken}` is taken");
+                    format!("what is carried along a stage is called `{stage}`, and `{taken}` is taken");
                 self.problem(span, message, "give the stage another name");
             }
         }
         let n_base = self.n_shape();
-        (0..self.velocities.len()).map(|a| Carried { velocity: n_base + a, by: CarriedBy::Level }).collect()
+        let by = CarriedBy::Levels(momenta.to_vec());
+        (0..self.velocities.len()).map(|a| Carried { velocity: n_base + a, by: by.clone() }).collect()
     }
 
     pub(super) fn check_stages(&mut self) -> Option<IdealChain> {
         let drafts = self.stages.clone();
         if drafts.is_empty() {
+            if let Some((name, span)) = self.level_momentum.clone()
+                && !self.broken.contains("stage")
+            {
+                let message = format!("`momentum {name} of stages` without stages has no use");
+                self.problem(
+                    span,
+                    message,
+                    "declare stages: `stage rotation; stage translation = ideal(V);`",
+                );
+            }
             if let Some((_, span)) = self.inner_product
                 && !self.broken.contains("stage")
             {
@@ -197,6 +251,7 @@ impl ModelBuilder {
             ideals,
             inner_product,
             connection,
+            momentum: self.level_momentum.as_ref().map_or(IdealChain::MOMENTUM, |(name, _)| name).to_owned(),
             spans: drafts.iter().map(|d| d.span).collect(),
         })
     }
@@ -315,5 +370,14 @@ impl ModelBuilder {
             }
         }
         Some(InnerProduct::Matrix(entries.chunks(n).map(<[ExprId]>::to_vec).collect()))
+    }
+}
+
+/// Whether a name is that of a stage, or of one of its elements: with a number where there are several.
+fn is_along(name: &str, stage: &str) -> bool {
+    match name.strip_prefix(stage) {
+        Some("") => true,
+        Some(rest) => rest.strip_prefix('_').is_some_and(|k| k.parse::<usize>().is_ok()),
+        None => false,
     }
 }

@@ -110,6 +110,10 @@ impl Elaboration<'_> {
     pub(super) fn declare_momenta(&mut self, items: &[Item]) {
         for item in items {
             if let ItemKind::Momentum { name, velocity } = &item.kind {
+                if self.builder.is_levels(&velocity.text) {
+                    self.builder.at(Some(name.span)).stage_momentum(&name.text);
+                    continue;
+                }
                 let velocity = (velocity.text.as_str(), Some(velocity.span));
                 let builder = self.builder.at(Some(name.span));
                 if builder.located_momentum(&name.text, velocity, &item.doc.join("\n")).is_none() {

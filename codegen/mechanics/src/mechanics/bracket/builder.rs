@@ -4,11 +4,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::mechanics::equations::{Equations, OutputKind};
+use crate::mechanics::equations::Equations;
 use crate::reduction::{AccelerationSource, KinematicConstraint};
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, SectionWriter, SymbolId};
-use hamel_lang::spec::Want;
 
 /// The bracket in coordinates `(x, pi)`, by place of the unknown, and what takes it to velocities.
 pub(super) struct MomentumForm {
@@ -121,16 +120,8 @@ impl<'a> Builder<'a> {
     /// Velocities that the state does not carry: those of momenta, and those that a constraint determines.
     fn velocities(&mut self) -> Result<(), Error> {
         let system = &self.equations.system;
-        let outputs = &self.equations.outputs;
-        let given = outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Velocities));
-        let given = given.map_or(&[][..], |output| output.components.as_slice());
         self.writer.begin("velocities");
-        for momentum in &system.momenta {
-            let unknown = &system.unknowns[momentum.unknown];
-            if let Some((_, value)) = given.iter().find(|(name, _)| *name == unknown.name) {
-                self.values.insert(unknown.symbol, *value);
-            }
-        }
+        self.values.extend(self.equations.velocities_of_momenta());
         for unknown in &system.unknowns {
             let Some(alpha) = unknown.frame_idx else { continue };
             if system.velocities[alpha] != unknown.symbol {

@@ -19,6 +19,7 @@ use hamel_lang::spec::{QuasiFrame, Side};
 use super::change::{Change, Frame, contract};
 use super::constraint::{KinematicConstraint, Unknown};
 use super::formulation::StageUse;
+use super::momenta::CarriedMomentum;
 use super::stages::Stages;
 use super::system::{Block, BlockKind, ReducedSystem, StateKind};
 
@@ -34,26 +35,50 @@ use super::system::{Block, BlockKind, ReducedSystem, StateKind};
 /// [`Error::DivisionByZero`].
 pub(super) fn with_stages(system: ReducedSystem) -> Result<ReducedSystem, Error> {
     let keeps_all = matches!(system.constraint, KinematicConstraint::Multipliers { .. });
-    match system.formulation.stages {
+    match &system.formulation.stages {
         StageUse::Unused | StageUse::Shown => Ok(system),
         // Frames of quasi-velocities and given rates have velocities of their own.
         _ if system.quasi_frame.is_some() || system.accelerations.is_some() => Ok(system),
+        StageUse::Carried(_) if taken_name(&system).is_some() => Err(Error::Unsupported {
+            what: format!(
+                "variables along stages that are called `{}`",
+                taken_name(&system).unwrap_or_default()
+            ),
+            possible: "other names of the stages".into(),
+        }),
         StageUse::Internal if keeps_all || system.hamiltonian.is_some() || system.degeneracy.is_some() => {
             Ok(system)
         }
-        StageUse::Carried if system.degeneracy.is_some() => Err(Error::Unsupported {
-            what: "velocities along stages of a system with a degenerate lagrangian".into(),
+        StageUse::Carried(_) if system.degeneracy.is_some() => Err(Error::Unsupported {
+            what: "variables along stages of a system with a degenerate lagrangian".into(),
             possible: "the velocities of the model; remove `carry stages`".into(),
         }),
-        StageUse::Carried if system.hamiltonian.is_some() => Err(Error::Unsupported {
-            what: "velocities along stages of a system with a hamiltonian".into(),
+        StageUse::Carried(_) if system.hamiltonian.is_some() => Err(Error::Unsupported {
+            what: "variables along stages of a system with a hamiltonian".into(),
             possible: "the momenta that it is a function of; remove `carry stages`".into(),
         }),
-        StageUse::Internal | StageUse::Carried => match system.stages.clone() {
+        StageUse::Internal | StageUse::Carried(_) => match system.stages.clone() {
             Some(stages) => in_frame(system, &stages),
             None => Ok(system),
         },
     }
+}
+
+/// A name of a variable along the levels that something else has.
+fn taken_name(system: &ReducedSystem) -> Option<String> {
+    let stages = system.stages.as_ref()?;
+    let g = &system.graph;
+    let symbols = system.params.iter().map(|p| p.symbol).chain(system.algebroid.base().iter().copied());
+    let symbols = symbols.chain(system.velocities.iter().copied()).chain([system.time]);
+    let symbols = symbols.chain(system.momenta.iter().filter_map(|m| m.symbol));
+    let symbols = symbols.chain(system.inputs.iter().map(|input| input.symbol));
+    let symbols = symbols.chain(system.reconstruction.iter().map(|c| c.symbol));
+    let outputs = system.outputs.iter().flat_map(|o| &o.components).map(|(name, _)| name.as_str());
+    let casimirs = system.casimirs.iter().map(|c| c.name.as_str());
+    let taken: BTreeSet<&str> = symbols.map(|s| g.name(s)).chain(outputs).chain(casimirs).collect();
+    let along = stages.velocity_names();
+    let momenta = along.iter().map(|name| format!("{}_{name}", stages.momentum)).collect::<Vec<String>>();
+    along.into_iter().chain(momenta).find(|name| taken.contains(name.as_str()))
 }
 
 /// The algebroid in the frame of quasi-velocities that a model declares, and that frame.
@@ -121,7 +146,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         changes: _,
     } = system;
     let g = &mut graph;
-    let is_carried = formulation.stages == StageUse::Carried;
+    let is_carried = formulation.stages.is_carried();
     let n = velocities.len() - stages.basis.len();
     let own = velocities.iter().zip(algebroid.frame()).enumerate();
     let own =
@@ -226,6 +251,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     if is_carried {
         let unknowns = carry(g, &mut system, stages, &frame, (&before, &eta));
         constraint::keeps_momenta(g, &mut system, &frame, (&before, &unknowns))?;
+        carry_momenta(g, &mut system, stages, n)?;
     }
     system.graph = graph;
     system.frame = Some(frame);
@@ -330,6 +356,48 @@ fn carry(
     }
     system.blocks = blocks;
     before
+}
+
+/// Momenta `<p, f>` along the adapted elements `f` that the formulation names, or whose levels it names, in the place of
+/// the velocities along them; `n` base velocities are before these. A momentum along an element that the constraints
+/// determine is left out.
+///
+/// # Errors
+/// [`Error::Unsupported`] for an element that the constraints determine and that is named by itself, and for a name of
+/// neither an element nor a level.
+fn carry_momenta(g: &mut Graph, system: &mut ReducedSystem, stages: &Stages, n: usize) -> Result<(), Error> {
+    let StageUse::Carried(names) = system.formulation.stages.clone() else { return Ok(()) };
+    let elements = stages.velocity_names();
+    let is_all = stages.levels.iter().all(|level| names.contains(&level.name));
+    for name in names.iter().filter(|_| !is_all) {
+        let along = elements.iter().position(|element| element == name);
+        let what = match along.map(|k| system.unknown_along(n + k)) {
+            Some(Some(_)) => continue,
+            _ if stages.levels.iter().any(|level| level.name == *name && level.range.len() > 1) => continue,
+            Some(None) => format!("the momentum along `{name}`, which the constraints determine"),
+            None => format!("the momentum along `{name}`, which is no element of a stage"),
+        };
+        let free = (0..elements.len()).filter(|k| system.unknown_along(n + k).is_some());
+        let free: Vec<&str> = free.map(|k| elements[k].as_str()).collect();
+        let possible = format!("momenta along {}", free.join(", "));
+        return Err(Error::Unsupported { what, possible });
+    }
+    for (k, element) in elements.iter().enumerate() {
+        let level = &stages.levels[stages.level_of(k)];
+        let Some(unknown) = system.unknown_along(n + k) else { continue };
+        if !names.contains(element) && !names.contains(&level.name) {
+            continue;
+        }
+        let name = format!("{}_{element}", stages.momentum);
+        let symbol = g.symbol(&name);
+        let (place, value) = (system.momenta.len(), g.sym(symbol));
+        let doc = format!("momentum along the level of stage `{}`", level.name);
+        let own = system.state.iter_mut().find(|(kind, _)| *kind == StateKind::Unknown(unknown));
+        own.into_iter().for_each(|own| *own = (StateKind::Momentum { place, symbol }, doc.clone()));
+        let symbol = Some(symbol);
+        system.momenta.push(CarriedMomentum { unknown, name, value, symbol, doc, cyclic: None });
+    }
+    Ok(())
 }
 
 /// Velocities along the adapted elements: `stage_1`, `stage_2`, .. for a stage of several dimensions, its name for one.
