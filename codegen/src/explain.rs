@@ -516,7 +516,18 @@ impl Page {
             self.line("The equations are derived in this basis; the state has the velocities of the model.");
             return;
         }
-        self.line("The state has the velocities along the levels, by those of the model:");
+        let momenta = system.momenta.iter().filter(|m| {
+            let symbol = system.unknowns[m.unknown].symbol;
+            system.changes.iter().any(|c| c.symbol == symbol)
+        });
+        let momenta: Vec<String> = momenta.map(|m| self.name(&m.name)).collect();
+        self.line(&match momenta.is_empty() {
+            true => "The state has the velocities along the levels, by those of the model:".to_owned(),
+            false => format!(
+                "The state has the momenta {}. The velocities along the levels, by those of the model:",
+                momenta.join(", ")
+            ),
+        });
         let g = &system.graph;
         let rows = system.changes.iter().map(|c| (self.name(&c.name), g.display(c.value, self.style)));
         let rows: Vec<(String, String)> = rows.collect();
@@ -525,6 +536,10 @@ impl Page {
 
     /// The vertical equations by stages in terms of momenta and velocities along the adapted basis.
     fn stage_equations(&mut self, equations: &Equations) {
+        if !equations.system.momenta.is_empty() {
+            self.line("Where the state has momenta, their rates are the vertical equations by stages.");
+            return;
+        }
         let Some(vertical) = VerticalEquations::new(equations) else {
             self.line("That its vertical equations are those of the motion could not be proved: they are not shown.");
             return;

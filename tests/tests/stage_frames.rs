@@ -1,7 +1,7 @@
 //! The frame of a chain of stages: the motion is that of the model's own frame, exactly, for random algebras, chains,
 //! inner products, sides, connections, constraints and advected parameters; and frames that turn with the shape.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_codegen::scene;
 use hamel_codegen::spec::{self, InnerProduct, Model, Want};
@@ -123,11 +123,12 @@ fn assert_carried(plain: &Equations, carried: &Equations, what: &str) {
         assert!(levels.g.is_equal(moved, expected), "the rate of {name} differs\n{what}");
     }
     // What says the state in velocities of the model is inverse to what says these in the state.
-    for change in &carried.system.changes {
-        let back = levels.g.import(&carried.system.graph, &[change.value]).expect("it has a value")[0];
+    for (name, value) in &carried.legendre.momenta {
+        let back = levels.g.import(&carried.system.graph, &[*value]).expect("it has a value")[0];
         let back = levels.g.subs(back, &values).expect("it has a value");
-        let symbol = levels.g.sym(change.symbol);
-        assert!(levels.g.is_equal(back, symbol), "{} is not itself\n{what}", change.name);
+        let symbol = carried.state.iter().find(|s| s.name == *name).expect("a state variable").symbol;
+        let symbol = levels.g.sym(symbol);
+        assert!(levels.g.is_equal(back, symbol), "{name} is not itself\n{what}");
     }
 }
 
@@ -139,6 +140,16 @@ fn assert_same_motion(model: &Model, what: &str) {
     let is_solved = |e: &Equations| matches!(e.system.constraint, KinematicConstraint::Solved(_));
     if is_solved(&plain) == is_solved(&carried) {
         assert_carried(&plain, &carried, what);
+    }
+    // Momenta along the first level, along all.
+    let names = model.stages.as_ref().map(|chain| chain.names.clone()).unwrap_or_default();
+    let of_first = carried.system.stages.as_ref().is_some_and(|s| s.levels[0].range.len() > 1);
+    for momenta in [&names[..usize::from(of_first)], &names[..]] {
+        let momenta: BTreeSet<&String> = momenta.iter().collect();
+        let along = derived(model, StageUse::Carried(momenta.into_iter().cloned().collect()));
+        if is_solved(&plain) == is_solved(&along) {
+            assert_carried(&plain, &along, what);
+        }
     }
     for equations in [internal, carried] {
         assert!(VerticalEquations::new(&equations).is_some(), "not the vertical equations\n{what}");

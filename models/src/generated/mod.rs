@@ -99,6 +99,10 @@ pub mod heavy_top_splitting;
 pub mod heavy_top_symmetric;
 /// Heavy top
 pub mod heavy_top_taylor;
+/// Body on the Heisenberg group
+pub mod heisenberg_body;
+/// Body on the Heisenberg group
+pub mod heisenberg_body_as_written;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body;
 /// Kirchhoff's underwater body
@@ -109,6 +113,8 @@ pub mod kirchhoff_body_momenta;
 pub mod kirchhoff_body_reconstruction;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_splitting;
+/// Kirchhoff's underwater body
+pub mod kirchhoff_body_stages;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_uncoupled;
 /// Predator and prey of Lotka and Volterra
@@ -177,6 +183,10 @@ pub mod suslov_reconstruction;
 pub mod tethered_body;
 /// Tethered rigid body
 pub mod tethered_body_reconstruction;
+/// Body on the group of unitriangular matrices
+pub mod triangular_body;
+/// Body on the group of unitriangular matrices
+pub mod triangular_body_as_written;
 /// Satellite with two arms
 pub mod two_arm_satellite;
 /// Satellite with two arms
@@ -279,11 +289,14 @@ macro_rules! for_each_scene {
             (heavy_top_splitting, "heavy_top", "splitting", 6)
             (heavy_top_symmetric, "heavy_top", "symmetric", 6)
             (heavy_top_taylor, "heavy_top", "taylor", 6)
+            (heisenberg_body, "heisenberg_body", "default", 3)
+            (heisenberg_body_as_written, "heisenberg_body", "as_written", 3)
             (kirchhoff_body, "kirchhoff_body", "default", 6)
             (kirchhoff_body_invariants, "kirchhoff_body", "invariants", 13)
             (kirchhoff_body_momenta, "kirchhoff_body", "momenta", 6)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
             (kirchhoff_body_splitting, "kirchhoff_body", "splitting", 6)
+            (kirchhoff_body_stages, "kirchhoff_body", "stages", 6)
             (kirchhoff_body_uncoupled, "kirchhoff_body", "uncoupled", 6)
             (lotka_volterra, "lotka_volterra", "default", 2)
             (mobile_robot, "mobile_robot", "default", 4)
@@ -318,6 +331,8 @@ macro_rules! for_each_scene {
             (suslov_reconstruction, "suslov", "reconstruction", 6)
             (tethered_body, "tethered_body", "default", 9)
             (tethered_body_reconstruction, "tethered_body", "reconstruction", 16)
+            (triangular_body, "triangular_body", "default", 6)
+            (triangular_body_as_written, "triangular_body", "as_written", 6)
             (two_arm_satellite, "two_arm_satellite", "default", 7)
             (two_arm_satellite_controlled, "two_arm_satellite", "controlled", 7)
             (two_arm_satellite_invariants, "two_arm_satellite", "invariants", 11)
