@@ -19,7 +19,7 @@ fn defined(e: &Equations) -> Vec<&str> {
 }
 
 /// Name, definitions, nodes: measured, plus about a tenth.
-const BOUNDS: [(&str, usize, usize); 37] = [
+const BOUNDS: [(&str, usize, usize); 39] = [
     ("appell_machine", 7, 40),
     ("ball_on_rotating_table", 13, 59),
     ("camassa_holm", 60, 500),
@@ -34,6 +34,7 @@ const BOUNDS: [(&str, usize, usize); 37] = [
     ("free_rigid_body", 7, 32),
     ("guiding_centre", 4, 36),
     ("heavy_top", 10, 68),
+    ("heisenberg_body", 17, 60),
     ("kirchhoff_body", 58, 256),
     ("lotka_volterra", 3, 20),
     ("mobile_robot", 16, 65),
@@ -48,6 +49,7 @@ const BOUNDS: [(&str, usize, usize); 37] = [
     ("snakeboard", 19, 71),
     ("suslov", 10, 46),
     ("tethered_body", 17, 88),
+    ("triangular_body", 60, 400),
     ("two_arm_satellite", 45, 245),
     ("two_arm_satellite_routh", 61, 299),
     ("veselova", 20, 100),

@@ -65,5 +65,39 @@ pub(crate) fn table(model: &Model, scene: &str, found: &Formulations) -> String 
 }
 
 fn state(candidate: &Candidate) -> String {
-    if candidate.keeps_state() { "=".into() } else { candidate.changed.join(" ") }
+    if candidate.keeps_state() { "=".into() } else { in_runs(&candidate.changed) }
+}
+
+/// Names with spaces between, three and more that are numbered one after the other as `name1..3`.
+fn in_runs(names: &[String]) -> String {
+    let numbered = |name: &String| {
+        let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
+        name[stem.len()..].parse::<u64>().ok().map(|number| (stem.to_owned(), number))
+    };
+    let mut parts: Vec<String> = Vec::new();
+    let mut at = 0;
+    while at < names.len() {
+        let run = numbered(&names[at]).map_or(1, |(stem, first)| {
+            let follows = |(k, name): (u64, &String)| numbered(name) == Some((stem.clone(), first + k));
+            (0..).zip(&names[at..]).take_while(|pair| follows(*pair)).count()
+        });
+        match numbered(&names[at + run - 1]) {
+            Some((_, last)) if run > 2 => parts.push(format!("{}..{last}", names[at])),
+            _ => parts.extend(names[at..at + run].iter().cloned()),
+        }
+        at += run;
+    }
+    parts.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::in_runs;
+
+    #[test]
+    fn numbered_names_are_shortened() {
+        let names = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<String>>();
+        assert_eq!(in_runs(&names("b_1 b_2 b_3 c_1 c_2 p9 p10 p11 x")), "b_1..3 c_1 c_2 p9..11 x");
+        assert_eq!(in_runs(&names("a1 a3 a4")), "a1 a3 a4");
+    }
 }

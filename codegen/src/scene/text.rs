@@ -8,6 +8,7 @@ use crate::certify::{N_POINTS, Sample, samples};
 use hamel_expr::error::Error;
 use hamel_expr::{Exhausted, Resource, Stage, Style};
 use hamel_lang::spec::{EventDirection, Unit, Want};
+use hamel_mechanics::reduction::StageUse;
 use hamel_program::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText, MatrixText,
     OutputText, ParamText, PositionsText, ProductText, SceneEntry, SceneText, SelfTestText, StateText,
@@ -82,6 +83,19 @@ impl Language {
 }
 
 impl BuiltScene {
+    /// What the state has along the levels of stages, where the model or the scene says so.
+    fn along_levels(&self) -> Option<String> {
+        let system = &self.equations.system;
+        let StageUse::Carried(momenta) = &system.formulation.stages else { return None };
+        let levels = system.stages.iter().flat_map(|stages| &stages.levels);
+        let chain: Vec<&str> = levels.map(|level| level.name.as_str()).collect();
+        let carried = match momenta.is_empty() {
+            true => "velocities along the levels".to_owned(),
+            false => format!("momenta along {}", momenta.join(", ")),
+        };
+        Some(format!("stages {}, {carried}", chain.join(" > ")))
+    }
+
     /// Name of the emitted module: the model's, followed by the scene's unless it is the default.
     pub fn module_name(&self) -> String {
         SceneEntry::module_name(&self.equations.system.name, &self.name)
@@ -215,7 +229,7 @@ impl BuiltScene {
             model: system.name.clone(),
             scene: self.name.clone(),
             command,
-            formulation: self.chosen.clone(),
+            formulation: self.chosen.clone().or_else(|| self.along_levels()),
             runtime: writing.runtime.clone().unwrap_or_default(),
             doc,
             sources: system.sources.clone(),

@@ -16,7 +16,8 @@ pub struct SceneText {
     pub scene: String,
     /// What the first line says after the version: the command that writes the file again, or what to edit instead.
     pub command: String,
-    /// The formulation that was chosen, and why; only where one was searched for.
+    /// The formulation that was chosen, and why; where one was searched for, and where the state is along the levels of
+    /// stages.
     pub formulation: Option<String>,
     /// Path of the runtime in the crate that the module is for; empty for `::hamel_runtime`.
     pub runtime: String,

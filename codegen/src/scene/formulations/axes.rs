@@ -261,9 +261,13 @@ pub(super) fn neighbours(choice: &Choice, axis: &[Choice], elements: &[(String, 
             let is_carried =
                 |(element, level): &&(String, String)| momenta.contains(element) || momenta.contains(level);
             let flipped = |other: &(String, String)| {
-                let kept = elements.iter().filter(|own| is_carried(own) != (*own == other));
-                let mut momenta: Vec<String> = kept.map(|(element, _)| element.clone()).collect();
+                let is_kept = |own: &(String, String)| is_carried(&own) != (own == other);
+                let is_whole = |level: &String| elements.iter().all(|own| own.1 != *level || is_kept(own));
+                let kept = elements.iter().filter(|own| is_kept(own));
+                let kept = kept.map(|(element, level)| if is_whole(level) { level } else { element });
+                let mut momenta: Vec<String> = kept.cloned().collect();
                 momenta.sort();
+                momenta.dedup();
                 Choice::Levels(chain.clone(), momenta, text.clone())
             };
             elements.iter().map(flipped).collect()
