@@ -271,8 +271,8 @@ fn a_scene_takes_the_formulation_that_costs_least() {
     const SCENES: &str = "scene fast { formulation auto(state); } scene same { formulation auto; }";
     for (name, momentum, state, title) in [
         ("chaplygin_sleigh", "momentum p of v;", ["omega", "p1"], "momenta of v"),
-        // Nobody could give an initial state in momenta without a name.
-        ("chaplygin_sleigh", "", ["omega", "v1"], "as the scene says"),
+        // Without a name of the model the momentum is called by its velocity.
+        ("chaplygin_sleigh", "", ["omega", "p_v1"], "momenta of v"),
         ("suslov", "momentum Pi of Omega;", ["Omega1", "Omega2"], "as the scene says"),
     ] {
         let model = with_scene(name, &format!("{momentum} {SCENES}"));
@@ -328,4 +328,56 @@ fn models_with_a_hamiltonian_and_at_levels_of_momenta_have_formulations() {
     );
     let titles = hold_to_one_motion(&pendulum, scene::DEFAULT, END);
     assert!(titles.contains(&"circle theta".to_owned()), "{titles:?}");
+}
+
+/// Algebras with a metric that couples everything, and the most operations of the right-hand side that
+/// `formulation auto(state)` takes: cost of the best, and of the momenta along all levels.
+const LEVELS: [(&str, &str, &str, u64, u64); 6] = [
+    ("heisenberg(1)", "q, p, z", "stage s0; stage s1 = ideal(z);", 3, 7),
+    ("heisenberg(2)", "q1, q2, p1, p2, z", "stage s0; stage s1 = ideal(z);", 12, 22),
+    ("se(2)", "w, a, b", "stage s0; stage s1 = ideal(a, b);", 8, 9),
+    ("se(3)", "w1, w2, w3, v1, v2, v3", "stage s0; stage s1 = ideal(v1, v2, v3);", 45, 45),
+    (
+        "algebra n4 { basis e12, e23, e34, e13, e24, e14; [e12, e23] = e13; [e23, e34] = e24; [e12, e24] = e14; [e13, e34] = e14; }",
+        "v12, v23, v34, v13, v24, v14",
+        "stage s0; stage s1 = ideal(v13, v24, v14); stage s2 = ideal(v14);",
+        26,
+        26,
+    ),
+    (
+        "algebra engel { basis e1, e2, e3, e4; [e1, e2] = e3; [e1, e3] = e4; }",
+        "v1, v2, v3, v4",
+        "stage s0; stage s1 = ideal(v3, v4); stage s2 = ideal(v4);",
+        7,
+        10,
+    ),
+];
+
+#[test]
+fn momenta_along_levels_are_found_and_cost_least() {
+    for (algebra, velocities, stages, best, along_all) in LEVELS {
+        let n = velocities.split(", ").count();
+        let (items, name) = match algebra.strip_prefix("algebra ") {
+            Some(rest) => (algebra, rest.split(' ').next().unwrap()),
+            None => ("", algebra),
+        };
+        // Diagonally dominant, and full.
+        let rows = (0..n).flat_map(|i| (i..n).map(move |j| (i, j)));
+        let entries: Vec<String> =
+            rows.map(|(i, j)| {
+                if i == j { format!("{}", 2 + i) } else { format!("0.{}", 11 + 2 * ((3 * i + 5 * j) % 7)) }
+            })
+            .collect();
+        let text = format!(
+            "model full {{ param G: symmetric({n}) = [{}]; {items} velocity {velocities} in {name};
+                let y = [{velocities}]; lagrangian = dot(y, G*y)/2; {stages} inner_product = lagrangian;
+                momentum beta of stages; scene levels {{ carry beta; want rhs; }} scene bare {{ want rhs; }} }}",
+            entries.join(", ")
+        );
+        let model = parsed(&text);
+        assert_eq!(cost(&scene::build(&model, "levels").unwrap()), along_all, "{name}");
+        let all = found(&model, "bare");
+        let chosen = all.best(false);
+        assert!(chosen.counts.cost() <= best, "{name}: {} costs {}", chosen.title(), chosen.counts.cost());
+    }
 }

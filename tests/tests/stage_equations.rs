@@ -7,7 +7,7 @@ use hamel_codegen::spec;
 use hamel_expr::{ExprId, Graph, Rational};
 use hamel_lang::algebra::Representation;
 use hamel_mechanics::mechanics::{Equations, VerticalEquations, derive};
-use hamel_mechanics::reduction::{Formulation, KinematicConstraint, Stages, reduce};
+use hamel_mechanics::reduction::{Formulation, KinematicConstraint, StageUse, Stages, reduce};
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::bundle::Bundle;
 use hamel_tests::draws::{Draws, for_all, one};
@@ -40,7 +40,10 @@ fn of_shipped_models_they_are_equations_of_motion() {
         };
         let model = spec::parse(&name, &text).unwrap_or_else(|e| panic!("{name}: {e}"));
         // They are written in velocities.
-        let in_velocities = Formulation { momenta: Vec::new(), ..Formulation::of(&model) };
+        let mut in_velocities = Formulation { momenta: Vec::new(), ..Formulation::of(&model) };
+        if in_velocities.stages.is_carried() {
+            in_velocities.stages = StageUse::Carried(Vec::new());
+        }
         let equations = derive(&reduce(&model, &in_velocities).unwrap()).unwrap();
         let found = vertical(&equations, &name);
         // Along all of the algebra with multipliers, otherwise along as many displacements as there are unknowns

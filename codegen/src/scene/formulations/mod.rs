@@ -20,7 +20,7 @@ use num_traits::Signed as _;
 use hamel_expr::parallel::side_by_side;
 use hamel_expr::{Budget, DivisionByZero, ExprId, Node, Style, SymbolId, sign_of};
 use hamel_lang::spec::{CarriedBy, Diagnostics, FormulationSearch, Model, Want, Wanted};
-use hamel_mechanics::mechanics::{ChangeOfState, Equations, Unrelated, derive};
+use hamel_mechanics::mechanics::{ChangeOfState, Equations, OutputKind, Unrelated, derive};
 use hamel_mechanics::reduction::{Formulation, KinematicConstraint, ReducedSystem, StateKind, reduce};
 use hamel_program::lower::SearchBudget;
 use hamel_program::program::{Counts, Instruction, Op, Operand, Program, Role};
@@ -74,6 +74,8 @@ pub struct Candidate {
     /// Whether all of these are points of the scene's angles, momenta of its velocities, and what is carried along levels
     /// of stages: then a state of either can be told by one of the other.
     pub is_converted: bool,
+    /// State variables that the model has no name for: momenta, and what is carried along levels.
+    pub n_unnamed: usize,
     /// Operations of the right-hand side.
     pub counts: Counts,
     /// The longest chain of operations of the right-hand side, in cycles.
@@ -118,8 +120,8 @@ impl Candidate {
         is_one_state && constants && operations(self) == operations(other)
     }
 
-    fn rank(&self) -> (u64, u32, usize, usize) {
-        (self.counts.cost(), self.latency, self.n_prepared, self.choices.len())
+    fn rank(&self) -> (u64, u32, usize, usize, usize) {
+        (self.counts.cost(), self.latency, self.n_unnamed, self.n_prepared, self.choices.len())
     }
 
     /// Whether it loses no more digits than another one, as far as bounds are told apart.
@@ -178,6 +180,15 @@ struct Changed {
     names: Vec<String>,
     /// See [`Candidate::is_converted`].
     is_converted: bool,
+    /// See [`Candidate::n_unnamed`].
+    n_unnamed: usize,
+}
+
+impl Changed {
+    /// As it is for the scene's own state.
+    fn nothing() -> Changed {
+        Changed { names: Vec::new(), is_converted: true, n_unnamed: 0 }
+    }
 }
 
 /// A candidate on its way.
@@ -231,8 +242,7 @@ pub(super) fn search(
     let mut points = Points::new(model, &hub, &built);
     change.iter().for_each(|change| points.keep_those_of(&built, change));
     let rounding = change.map_or(0.0, |change| points.bound(&built, &change));
-    let scene =
-        Candidate::of(&built, Vec::new(), Changed { names: Vec::new(), is_converted: true }, rounding);
+    let scene = Candidate::of(&built, Vec::new(), Changed::nothing(), rounding);
     let done = AtomicUsize::new(0);
     let search = Search { model, plan: bare, keeps_state, own, hub, points, done, progress };
     Ok(search.run(&axes, scene))
@@ -284,6 +294,7 @@ impl Candidate {
             state: built.state_names(),
             changed: changed.names,
             is_converted: changed.is_converted,
+            n_unnamed: changed.n_unnamed,
             counts: rate.map(|f| f.counts()).unwrap_or_default(),
             latency: rate.map(|f| f.latency()).unwrap_or_default(),
             n_prepared: prepared.len(),
@@ -440,7 +451,7 @@ impl Search<'_> {
         let change = ChangeOfState::between(&self.own, system).ok();
         let keeps = |s| change.as_ref().is_some_and(|change| change.keeps(system, s));
         let points: Vec<SymbolId> = system.circles.iter().flat_map(|c| [c.cosine, c.sine]).collect();
-        let mut changed = Changed { names: Vec::new(), is_converted: true };
+        let mut changed = Changed::nothing();
         // What is carried along levels follows from the velocities of the model, if these are the scene's.
         let [theirs, own] = [&system.formulation, &self.own.system.formulation];
         let has_velocities = theirs.connection == own.connection && theirs.independent == own.independent;
@@ -451,7 +462,11 @@ impl Search<'_> {
             if keeps(symbol) {
                 continue;
             }
-            changed.names.push(system.graph.name(symbol).to_owned());
+            let name = system.graph.name(symbol);
+            let mut named = self.model.momenta.iter().flat_map(|m| &m.components);
+            let has_name = matches!(kind, StateKind::Base(_)) || named.any(|(own, ..)| own == name);
+            changed.n_unnamed += usize::from(!has_name);
+            changed.names.push(name.to_owned());
             changed.is_converted &= match kind {
                 StateKind::Base(_) => points.contains(&symbol),
                 StateKind::Unknown(_) => is_of_level(symbol),
@@ -470,8 +485,13 @@ impl Search<'_> {
         equations: &Arc<Equations>,
         budget: SearchBudget,
     ) -> Result<Candidate, String> {
-        let plan =
+        let mut plan =
             Plan { formulation: equations.system.formulation.clone(), search: budget, ..self.plan.clone() };
+        // The velocities that the state is told by must not need a coordinate that the scene leaves out.
+        let has_velocities = equations.outputs.iter().any(|o| o.kind == OutputKind::Group(Want::Velocities));
+        if has_velocities && !matches!(plan.drops, Drops::Nothing) {
+            plan.outputs = Outputs::Named(vec![Wanted::Want(Want::Velocities)]);
+        }
         let built = build_derived(self.model, Arc::clone(equations), &plan)
             .map_err(|problems| problems.iter().next().map(|p| p.message.clone()).unwrap_or_default())?;
         let rounding = self.points.bound(&built, &self.relation(&equations.system)?);
