@@ -277,6 +277,19 @@ fn ideals_and_inner_products_with_parameters_have_the_same_motion() {
 }
 
 #[test]
+fn an_inner_product_of_shape_and_time_has_the_same_motion() {
+    let metric = "[[2, 0, x/4], [0, 1.5, sin(t)/3], [x/4, sin(t)/3, 1 + x^2]]";
+    for inner in ["lagrangian", metric, "[[1, x, 0], [x, 2 + x^2, t], [0, t, 1 + t^2]]"] {
+        let text = format!(
+            "model shape {{ coordinate x in real; velocity q, p, z in heisenberg(1); let y = [q, p, z];
+                lagrangian = x_dot^2/2 + dot(y, {metric}*y)/2 + x*x_dot*q/5; stage plane; stage centre = ideal(z);
+                inner_product = {inner}; }}"
+        );
+        assert_same_motion(&parsed(&text), &text);
+    }
+}
+
+#[test]
 fn a_stage_with_an_ideal_for_some_parameters_alone_is_refused() {
     let text = "model m { param k = 0; velocity O, V in se(3); lagrangian = dot(O, O) + dot(V, V);
         stage a; stage b = ideal(V, k*O1); }";

@@ -402,7 +402,7 @@ fn stages() {
     check(
         r#"model m { velocity v in R^2; lagrangian = dot(v, v); stage a; stage b = ideal(v1); inner_product = v1*identity(2); }"#,
         expect![[
-            r#"1:100 inner product contains `v1`, which is not a parameter [it is constant on the algebra]"#
+            r#"1:100 inner product contains `v1`, which is no parameter, shape coordinate or time [the group leaves an inner product on its algebra as it is]"#
         ]],
     );
 }

@@ -211,7 +211,7 @@ impl ModelBuilder {
             return self.carried_levels(&levels, span);
         }
         if slot.is_empty() && !["velocity", "momentum"].iter().any(|item| self.broken.contains(item)) {
-            let help = match self.momenta.is_empty() {
+            let help = match self.momenta.is_empty() && self.level_momentum.is_none() {
                 true => "declare it: `momentum Pi of Omega;`".into(),
                 false => names::suggest(name, self.momenta_and_velocities().iter().map(String::as_str)),
             };

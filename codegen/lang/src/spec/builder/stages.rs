@@ -339,12 +339,16 @@ impl ModelBuilder {
             self.problem(span, message, "one row and column per basis element of the algebra");
             return None;
         }
-        let params: BTreeSet<SymbolId> = self.params.iter().map(|p| p.symbol).collect();
+        let params = self.params.iter().map(|p| p.symbol);
+        let shape = self.base[..self.n_shape()].iter().map(|c| c.symbol);
+        let allowed: BTreeSet<SymbolId> = params.chain(shape).chain([self.time]).collect();
         for e in entries {
-            if let Some(wrong) = self.graph.free_symbols(*e).iter().find(|s| !params.contains(s)) {
-                let message =
-                    format!("inner product contains `{}`, which is not a parameter", self.graph.name(*wrong));
-                self.problem(span, message, "it is constant on the algebra");
+            if let Some(wrong) = self.graph.free_symbols(*e).iter().find(|s| !allowed.contains(s)) {
+                let wrong = self.graph.name(*wrong);
+                let message = format!(
+                    "inner product contains `{wrong}`, which is no parameter, shape coordinate or time"
+                );
+                self.problem(span, message, "the group leaves an inner product on its algebra as it is");
                 return None;
             }
         }
