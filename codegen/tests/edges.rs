@@ -191,7 +191,7 @@ fn single_divisors_that_change_their_sign_are_watched() {
 fn a_casimir_of_products_is_conserved_in_every_frame() {
     let model = parsed(include_str!("edges/casimir_of_products.hamel"));
     for stages in [StageUse::Unused, StageUse::Internal] {
-        let formulation = Formulation { stages, ..Formulation::of(&model) };
+        let formulation = Formulation { stages: stages.clone(), ..Formulation::of(&model) };
         let equations = derive(&reduce(&model, &formulation).expect("reduces"));
         let equations = equations.unwrap_or_else(|e| panic!("{stages:?}: {e}"));
         assert!(equations.facts.casimirs.contains(&"C2".to_owned()), "{stages:?}");
@@ -227,7 +227,7 @@ fn facts_about_a_scene_are_about_its_own_state() {
 fn equations_in_the_frame_of_stages_have_a_symmetric_matrix() {
     let model = parsed(include_str!("edges/casimir_of_products.hamel"));
     let [internal, plain] = [StageUse::Internal, StageUse::Unused].map(|stages| {
-        let formulation = Formulation { stages, ..Formulation::of(&model) };
+        let formulation = Formulation { stages: stages.clone(), ..Formulation::of(&model) };
         derive(&reduce(&model, &formulation).expect("reduces")).unwrap_or_else(|e| panic!("{stages:?}: {e}"))
     });
     assert_ne!(internal.sections, plain.sections, "not derived in the frame");
