@@ -3,6 +3,7 @@
 //! Does not know: how scenes are evaluated and integrated, which `hamel-run` does.
 
 pub mod commands;
+#[cfg(feature = "lsp")]
 pub mod editor;
 pub mod output;
 

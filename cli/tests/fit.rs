@@ -70,16 +70,12 @@ fn estimate(answer: &Value, name: &str, field: &str) -> f64 {
 /// Errors of measurements: normal with standard deviation one, always the same for a seed.
 ///
 /// # Source
-/// Steele, Lea and Flood, Fast splittable pseudorandom number generators (2014), figure 17; Box and Muller, A note on
-/// the generation of random normal deviates (1958).
+/// Box and Muller, A note on the generation of random normal deviates (1958).
 struct Noise(u64);
 
 impl Noise {
     fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (((z ^ (z >> 31)) >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
+        ((hamel_expr::split_mix(&mut self.0) >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
     }
 
     fn next(&mut self) -> f64 {

@@ -6,6 +6,7 @@ mod book;
 mod cache;
 mod check_and_fmt;
 mod closed_loops;
+#[cfg(feature = "lsp")]
 mod editor;
 mod ensemble;
 mod event_cases;

@@ -302,7 +302,7 @@ fn the_energy_is_kept() {
 #[test]
 fn the_accelerations_are_those_of_basu_mandal() {
     let scene = built("moving");
-    let counts = scene.program.function(&Role::Rate).unwrap().counts();
+    let counts = scene.program().function(&Role::Rate).unwrap().counts();
     assert!(counts.total() <= 579, "{} operations\n{}", counts.total(), scene.operation_columns());
     let lean = Dual::new(std::f64::consts::FRAC_PI_2 - 0.9501292851472, -0.6068425835418);
     let lean_rate = Dual::new(-0.6068425835418, 7.8555281128244);

@@ -389,7 +389,7 @@ fn scenes_without_a_fault_are_held_to_their_definitions() {
         let certificate = built.certificate();
         assert_eq!(certificate.n_points, 3, "{}", certificate.sentence());
         assert!(certificate.open.is_empty(), "{:?}", certificate.open);
-        let functions = built.program.functions.iter().map(|f| &f.role);
+        let functions = built.program().functions.iter().map(|f| &f.role);
         let has_identity =
             |role: &&Role| !matches!(role, Role::Pivots | Role::Signature | Role::Domain | Role::Flow(_));
         for role in functions.filter(has_identity) {

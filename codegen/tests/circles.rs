@@ -26,7 +26,7 @@ fn bodies() -> BuiltScene {
 }
 
 fn circles(text: &str) -> Option<Found> {
-    Found::of(&built(text, "default").program)
+    Found::of(built(text, "default").program())
 }
 
 const STATES: [[f64; 4]; 4] =
@@ -44,7 +44,7 @@ fn the_module_is_the_one_that_was_compiled() {
 #[test]
 fn derivatives_are_those_of_the_angles() {
     let scene = bodies();
-    let found = Found::of(&scene.program).unwrap();
+    let found = Found::of(scene.program()).unwrap();
     assert_eq!((found.n_state, found.n_angles), (4, 2));
     let rate = &found.program.functions[Found::RATE];
     assert_eq!((rate.counts().transcendental, &rate.role), (0, &Role::Rate));
@@ -150,7 +150,7 @@ fn scenes_without_angles_have_none() {
         "model m { coordinate x in angle; lagrangian = x_dot^2/2 - cos(x); scene round { circle x; } }",
         "round",
     );
-    assert_eq!(Found::of(&on_circle.program), None);
+    assert_eq!(Found::of(on_circle.program()), None);
     let emitted = on_circle.emit().unwrap();
     assert!(!emitted.contains("on_circles") && !emitted.contains("Inside"));
 }
@@ -164,7 +164,7 @@ fn angles_may_be_read_as_numbers_too() {
         lagrangian = x_dot^2/2 - cos(x) - x^2/2 - cos(n*x);
     }";
     let scene = built(text, "default");
-    let found = Found::of(&scene.program).unwrap();
+    let found = Found::of(scene.program()).unwrap();
     assert_eq!(found.n_angles, 2);
     let interpreter = scene.prepare(&[2.5]).unwrap();
     let (y, mut dy, mut z, mut dz) = ([0.7, 1.3], [0.0; 2], [0.0; 6], [0.0; 6]);

@@ -176,14 +176,14 @@ fn entries_that_cancel_from_the_solution_are_not_divided_by() {
 #[test]
 fn single_divisors_that_change_their_sign_are_watched() {
     let scene = built(include_str!("edges/pole_in_force.hamel"), "default").unwrap_or_else(|e| panic!("{e}"));
-    assert!(scene.program.function(&Role::Signature).is_some(), "1/(t - 0.5) is not watched");
+    assert!(scene.program().function(&Role::Signature).is_some(), "1/(t - 0.5) is not watched");
     let interpreter = scene.prepare(&[]).unwrap_or_else(|e| panic!("{e}"));
     let [before, after] = [0.25, 0.75].map(|t| interpreter.signature(t, &[1.0, 0.0]));
     assert_eq!((before, after), (-0.25, 0.25));
     let text = "model m { coordinate x in real; lagrangian = x_dot^2/2;
         force x_dot = 1/(1 + x^2) + 1/(2 + sin(x)); }";
     let scene = built(text, "default").unwrap_or_else(|e| panic!("{e}"));
-    assert!(scene.program.function(&Role::Signature).is_none(), "positive divisors are watched");
+    assert!(scene.program().function(&Role::Signature).is_none(), "positive divisors are watched");
 }
 
 /// In the frame of stages the velocities of the model stay in expressions, and move.
@@ -208,8 +208,8 @@ fn facts_about_a_scene_are_about_its_own_state() {
     let page = explain(&model, &scene, Style::Plain);
     assert!(page.contains("State: x, y, x_dot, y_dot."), "{page}");
     let dropped: BTreeSet<_> =
-        scene.equations.state.iter().filter(|s| s.name == "z").map(|s| s.symbol).collect();
-    let facts = BracketFacts::new(&scene.equations, &dropped).unwrap_or_else(|e| panic!("{e}"));
+        scene.equations().state.iter().filter(|s| s.name == "z").map(|s| s.symbol).collect();
+    let facts = BracketFacts::new(scene.equations(), &dropped).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(facts.coordinates, ["x", "y", "x_dot", "y_dot"]);
     assert!(matches!(facts.multiplier, Some(Density::Found { .. })), "{:?}", facts.multiplier);
     let interpreter = scene.prepare(&[]).unwrap_or_else(|e| panic!("{e}"));

@@ -54,7 +54,7 @@ fn constrained_stages_are_summed_over_their_slots() {
         stage spin; stage translation = ideal(X); let u = [-cos(phi), -sin(phi)];
         lagrangian = (phi_dot^2 + psi_dot^2 + dot(X, X))/2; constraint X = r*psi_dot*u;";
     let (_, scene) = built(items);
-    let vertical = VerticalEquations::new(&scene.equations).expect("a system with stages");
+    let vertical = VerticalEquations::new(scene.equations()).expect("a system with stages");
     assert_eq!(vertical.rows.len(), 1);
     let text = explained(items, Style::Unicode);
     assert_eq!(lines(&text, &["β̇₁"]), ["β̇₁ - r cos(φ) β̇₂ - r sin(φ) β̇₃ = 0"]);
@@ -104,7 +104,7 @@ fn definitions_at_the_origin_of_an_ignorable_coordinate_are_called_so() {
         lagrangian = (r_dot^2 + r^2*phi_dot^2)/2 + dot(X, X)/2 + r*phi_dot*dot(X, u) + dot(X, u)^2;
         constraint X = r_dot*u;";
     let (_, scene) = built(items);
-    let equations = &scene.equations;
+    let equations = scene.equations();
     assert_eq!(equations.facts.taken_at_origin, ["phi"]);
     let g = &mut equations.system.graph.clone();
     let definitions: Vec<_> = equations.sections.iter().flat_map(|s| &s.definitions).collect();

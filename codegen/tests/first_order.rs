@@ -57,8 +57,8 @@ fn a_constraint_may_contain_a_state_whose_rate_has_an_input() {
     let state = [("x", x), ("y", y), ("s", s), ("x_dot", v), ("y_dot", s * v)];
     close("s", rate(&solved, "s", &state, &[U]), s_dot);
     close("x''", rate(&solved, "x_dot", &state, &[U]), expected);
-    assert!(solved.equations.facts.energy_is_conserved);
-    assert_ne!(solved.equations.facts.holonomic, Some(true));
+    assert!(solved.equations().facts.energy_is_conserved);
+    assert_ne!(solved.equations().facts.holonomic, Some(true));
     let kept =
         build(&format!("{BLADE} multipliers; scene a {{ input u; want energy, bracket, implicit; }}"), "a");
     close("x'' by multipliers", rate(&kept, "x_dot", &state, &[U]), expected);
@@ -190,7 +190,7 @@ const HEATED: &str = "param m = 1; param k = 2; param lam = 0.3; param c = 1.5; 
 fn a_nonlinear_constraint_gives_a_velocity_without_inertia() {
     let built = build(HEATED, "a");
     assert_eq!(built.state_names(), ["x", "x_dot", "S"]);
-    assert!(built.equations.facts.energy_is_conserved);
+    assert!(built.equations().facts.energy_is_conserved);
     let params = [1.3, 2.1, 0.4, 1.7];
     let [m, k, lam, c] = params;
     let prepared = built.prepare(&params).unwrap();

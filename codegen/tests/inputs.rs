@@ -247,11 +247,11 @@ fn inputs_that_a_scene_does_not_take_are_numbers() {
     let without = format!("{} scene still {{ want energy; }} }}", &without[..first]);
     let model = spec::parse("pushed.hamel", &without).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(still, scene::build(&model, "still").unwrap().emit().unwrap());
-    assert_eq!(build("half").program.inputs.iter().map(|(n, _)| n.as_str()).collect::<Vec<_>>(), ["tau2"]);
+    assert_eq!(build("half").program().inputs.iter().map(|(n, _)| n.as_str()).collect::<Vec<_>>(), ["tau2"]);
     // Every model with inputs has a scene that takes them all.
     let model = spec::parse("pushed.hamel", TEXT).unwrap();
     assert!(scene::names(&model).contains(&scene::CONTROLLED.to_owned()));
-    assert_eq!(build(scene::CONTROLLED).program.inputs.len(), 2);
+    assert_eq!(build(scene::CONTROLLED).program().inputs.len(), 2);
 }
 
 #[test]

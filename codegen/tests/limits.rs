@@ -86,7 +86,7 @@ fn two_hundred_advected_components_are_a_multiplication_each() {
     for lagrangian in ["v^2/2", "v^2/2 + G1", "v^2/2 - dot(G, G)/2"] {
         let items = format!("velocity v in R; advected G in R^200 by v*G; lagrangian = {lagrangian};");
         let scene = built(Budget::default(), &items).unwrap();
-        let rhs = &scene.program.functions[scene.program.function_idx(&Role::Rate).unwrap()];
+        let rhs = &scene.program().functions[scene.program().function_idx(&Role::Rate).unwrap()];
         assert!(rhs.counts().mul <= 402 && rhs.counts().total() <= 805, "{lagrangian}: {}", rhs.counts());
         // A thousandth of a budget that is about a minute.
         assert!(scene.spent().work < Budget::default().work / 50, "{lagrangian}: {:?}", scene.spent());
@@ -246,7 +246,7 @@ fn the_report_says_where_what_grew_and_what_to_do() {
                 // A search that was cut short gives another form of the same function.
                 let whole = built(Budget::UNLIMITED, items).unwrap();
                 let [a, b] = [&scene, &whole].map(|scene| {
-                    let mut rate = vec![0.0; scene.state.len()];
+                    let mut rate = vec![0.0; scene.state().len()];
                     let state: Vec<f64> = (0..rate.len()).map(|k| 0.3 + 0.1 * k as f64).collect();
                     scene.prepare(&[2.0]).unwrap().rhs(0.0, &state, &mut rate);
                     rate

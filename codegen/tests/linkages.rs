@@ -31,7 +31,7 @@ fn built(model: &Model, recursive: Option<bool>) -> BuiltScene {
 
 /// Operations of the right-hand side and its cost.
 fn counted(scene: &BuiltScene) -> (usize, u64) {
-    let counts = scene.program.function(&Role::Rate).expect("rates").counts();
+    let counts = scene.program().function(&Role::Rate).expect("rates").counts();
     (counts.total(), counts.cost())
 }
 
@@ -69,7 +69,7 @@ fn by_recursion_bodies_move_as_multiplied_out() {
         let [recursive, expanded] = [true, false].map(|recursive| built(&model, Some(recursive)));
         assert_eq!(recursive.state_names(), expanded.state_names());
         for seed in 1..=5 {
-            let state = numbers(recursive.state.len(), seed);
+            let state = numbers(recursive.state().len(), seed);
             let (a, b) = (rates(&recursive, &state), rates(&expanded, &state));
             let size = b.iter().fold(0.0_f64, |size, rate| size.max(rate.abs()));
             assert!(size > 0.1, "{}: nothing moves", model.name);
@@ -98,7 +98,7 @@ fn products_of_inertia_are_part_of_a_spin() {
     let [recursive, expanded] = [true, false].map(|recursive| built(&model, Some(recursive)));
     let without = built(&parsed(&spatial_arm(3)), Some(true));
     for seed in 1..=5 {
-        let state = numbers(recursive.state.len(), seed);
+        let state = numbers(recursive.state().len(), seed);
         let (a, b) = (rates(&recursive, &state), rates(&expanded, &state));
         let size = b.iter().fold(0.0_f64, |size, rate| size.max(rate.abs()));
         let moved = a.iter().zip(rates(&without, &state)).any(|(a, b)| (a - b).abs() > 1e-3 * size);
@@ -222,7 +222,7 @@ fn an_arm_in_space_moves_as_others_compute_it() {
     let most = noted.len() + angles.len() - 1;
     let scene = built(&parsed(&spatial_arm(7)), Some(true));
     // The scene leaves out the angle about the vertical.
-    let n_angles = scene.state.len() - speeds.len();
+    let n_angles = scene.state().len() - speeds.len();
     let state: Vec<f64> = angles[angles.len() - n_angles..].iter().chain(&speeds).copied().collect();
     let found = rates(&scene, &state);
     for ((found, by_hand), expected) in found[n_angles..].iter().zip(&by_hand).zip(expected) {
@@ -337,7 +337,7 @@ fn measured() {
         let start = Instant::now();
         let model = parsed(&text);
         let scene = built(&model, recursive);
-        let counts = scene.program.function(&Role::Rate).expect("rates").counts();
+        let counts = scene.program().function(&Role::Rate).expect("rates").counts();
         println!(
             "{item}: {} additions, {} multiplications, {} in all, cost {}, {:.1} s, {} MB",
             counts.add,
@@ -348,7 +348,7 @@ fn measured() {
             scene.spent().bytes >> 20
         );
         if std::env::var("SECTIONS").is_ok() {
-            let e = &scene.equations;
+            let e = scene.equations();
             for s in &e.sections {
                 println!("# {}", s.title);
                 for d in &s.definitions {

@@ -64,7 +64,7 @@ fn emitted_loops_have_the_bits_of_the_interpreter() {
     let params = [0.07, 1.1, 0.4];
     let interpreter = built.prepare(&params).unwrap();
     let compiled = module::Prepared::prepare(&params).unwrap();
-    let prepared = built.program.prepare(&params).unwrap();
+    let prepared = built.program().prepare(&params).unwrap();
     for seed in 0..20 {
         let (y, v) = point(seed);
         let t = 0.1 * f64::from(seed);
@@ -79,10 +79,10 @@ fn emitted_loops_have_the_bits_of_the_interpreter() {
         let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
         assert_eq!(bits(&own), bits(&outputs));
         for (name, found) in [("jvp", compiled.jvp(t, &y, &v)), ("vjp", compiled.vjp(t, &y, &v))] {
-            let k = built.program.function_idx(&Role::Product(name.into())).unwrap();
+            let k = built.program().function_idx(&Role::Product(name.into())).unwrap();
             let mut expected = [0.0; 10];
             let point = Point { t, state: &y, argument: &v };
-            built.program.run_at(k, &params, &prepared, point, &mut expected);
+            built.program().run_at(k, &params, &prepared, point, &mut expected);
             assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name}");
         }
     }
@@ -145,7 +145,7 @@ fn the_code_of_taylor_coefficients_does_not_grow_with_the_number_of_modes() {
 fn functions_are_loops_as_far_as_they_can_be() {
     let built = build(1);
     let kinds = |role: &Role| {
-        let function = built.program.function(role).unwrap();
+        let function = built.program().function(role).unwrap();
         let terms = function.contractions.iter().flat_map(|c| &c.terms);
         terms.map(|p| (p.left, p.right)).collect::<Vec<_>>()
     };
@@ -160,19 +160,19 @@ fn functions_are_loops_as_far_as_they_can_be() {
 #[test]
 fn loops_compute_what_straight_line_code_computes() {
     let (rolled, straight) = (build(1), build(usize::MAX));
-    assert!(straight.program.functions.iter().all(|f| f.contractions.is_empty()));
+    assert!(straight.program().functions.iter().all(|f| f.contractions.is_empty()));
     let params = [0.07, 1.1, 0.4].map(DoubleDouble::from);
     let mut n_compared = 0;
     for seed in 0..5 {
         let (y, v) = point(seed);
         let (y, v) = (y.map(DoubleDouble::from), v.map(DoubleDouble::from));
         let t = DoubleDouble::from(0.3 * f64::from(seed));
-        for (k, function) in straight.program.functions.iter().enumerate() {
+        for (k, function) in straight.program().functions.iter().enumerate() {
             let argument = if function.argument.is_empty() { &[][..] } else { &v[..] };
             let run = |built: &BuiltScene| {
-                let prepared = built.program.prepare(&params).unwrap();
+                let prepared = built.program().prepare(&params).unwrap();
                 let mut out = vec![DoubleDouble::ZERO; function.results.len()];
-                built.program.run_at(k, &params, &prepared, Point { t, state: &y, argument }, &mut out);
+                built.program().run_at(k, &params, &prepared, Point { t, state: &y, argument }, &mut out);
                 out
             };
             for ((a, b), (name, _)) in run(&rolled).iter().zip(run(&straight)).zip(&function.results) {

@@ -560,7 +560,7 @@ fn check_point(
     }
     let energy = interpreter.energy(at.t, &y).expect("it is wanted");
     compare("energy", &[energy], &[motion.energy], size(&[energy]) * 10.0, text);
-    let facts = &built.equations.facts;
+    let facts = &built.equations().facts;
     if facts.energy_is_conserved || facts.energy_is_conserved_on_constraint {
         let rate = along_flow(at.t, &y, &dy, |t, y| vec![interpreter.energy(t, y).expect("it is wanted")]);
         compare("rate of energy that is conserved", &rate, &[0.0], size(&[energy]) * scale, text);

@@ -26,7 +26,9 @@ fn member(text: &str, n: usize, name: &str) -> Model {
 
 fn program(model: &Model) -> Program {
     let formulation = Formulation { recursive: Some(true), ..Formulation::of(model) };
-    scene::build_in(model, "bare", &formulation).unwrap_or_else(|problems| panic!("{problems}")).program
+    scene::build_in(model, "bare", &formulation)
+        .unwrap_or_else(|problems| panic!("{problems}"))
+        .into_program()
 }
 
 #[test]
@@ -98,7 +100,7 @@ fn copies_of_an_algebra_are_their_product_with_names_for_each() {
     let default = |model: &Model| scene::build(model, scene::DEFAULT).unwrap_or_else(|p| panic!("{p}"));
     let (own, expected) = (default(&member(family, 2, "spins")), default(&parsed(by_hand)));
     assert_eq!(own.state_names(), ["S11", "S12", "S13", "S21", "S22", "S23"]);
-    assert!(own.program == expected.program);
+    assert!(own.program() == expected.program());
     let bodies = "model bodies { algebra A = se(2)^2; velocity omega, v in se(2)^2;
         lagrangian = sum(omega[k]^2 + dot(v[k], v[k]) for k in 1..2); }";
     let names = default(&parsed(bodies)).state_names();
@@ -279,7 +281,7 @@ fn blocks_of_scenes_and_frames_have_loops() {
     );
     let [looped, by_hand] = [looped, by_hand].map(|text| scene::build(&parsed(&text), "alike").unwrap());
     assert_eq!(looped.state_names(), ["q1", "q2_c", "q2_s", "q3_c", "q3_s", "u1", "u2", "u3"]);
-    assert!(looped.program == by_hand.program);
+    assert!(looped.program() == by_hand.program());
     assert_eq!(looped.params().len(), 1);
     // What is wrong in a turn is told where it is written.
     let wrong = text("for k in 1..n { u[k] = q_dot[k]; }", "for k in 2..n { fixed m[k] = 1; }");

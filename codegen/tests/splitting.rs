@@ -32,8 +32,8 @@ impl<'a, R: Real> Functions<'a, R> {
     fn of(scene: &'a BuiltScene) -> Functions<'a, R> {
         let values = scene.params().iter().map(|p| R::from_f64(rational_to_f64(&p.default)));
         let params: Vec<R> = values.collect();
-        let prepared = scene.program.prepare(&params).expect("defaults that are allowed");
-        Functions { program: &scene.program, params, prepared }
+        let prepared = scene.program().prepare(&params).expect("defaults that are allowed");
+        Functions { program: scene.program(), params, prepared }
     }
 
     fn call(&self, role: &Role, y: &[R], argument: &[R]) -> Vec<R> {
@@ -112,7 +112,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 /// Each flow against a general method for its generator, and the sum of the generators against the motion.
 fn verify(what: &str, scene: &BuiltScene) {
-    let y = state(scene.state.len());
+    let y = state(scene.state().len());
     let rates = Functions::<f64>::of(scene).call(&Role::Rate, &y, &[]);
     assert!(rates.iter().any(|e| e.abs() > 1e-3), "{what}: nothing moves");
     let mut sum = vec![0.0; y.len()];
@@ -280,7 +280,7 @@ fn casimirs_stay_what_they_were() {
             let outputs = scene.outputs().iter().map(|o| Role::Output(o.name.clone()));
             outputs.flat_map(|role| Functions::<f64>::of(&scene).call(&role, y, &[])).collect()
         };
-        let start = state(scene.state.len());
+        let start = state(scene.state().len());
         let split = Split { functions: Functions::of(&scene), n_flows: scene.flows().len() };
         let options = Options::fixed(0.05);
         let mut solver =

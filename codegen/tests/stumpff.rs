@@ -180,7 +180,7 @@ fn rotation_vectors_turn_bodies() {
         let w = spin(R); lagrangian = dot(w, I*w)/2; output omega = w; output vertical = R*[0, 0, 1];
         scene a { want energy, outputs; }";
     let built = build(items, "a");
-    assert!(built.equations.facts.energy_is_conserved);
+    assert!(built.equations().facts.energy_is_conserved);
     let prepared = built.prepare(&[1.0, 2.0, 3.0]).unwrap();
     let out = |y: &[f64]| prepared.outputs(0.0, y);
     let names: Vec<String> =

@@ -19,9 +19,9 @@
 //! ";
 //! let model = spec::parse("pendulum.hamel", text)?;
 //! let built = scene::build(&model, "default")?;
-//! let compiled = hamel_jit::Compiled::new(&built.program)?;
-//! let prepared = built.program.prepare(&[2.0_f64])?;
-//! let rates = built.program.function_idx(&Role::Rate).ok_or("a scene without rates")?;
+//! let compiled = hamel_jit::Compiled::new(built.program())?;
+//! let prepared = built.program().prepare(&[2.0_f64])?;
+//! let rates = built.program().function_idx(&Role::Rate).ok_or("a scene without rates")?;
 //! let mut dy = [0.0; 2];
 //! let point = Point { t: 0.0, state: &[0.3, 0.0], argument: &[] };
 //! compiled.run_at(rates, &[2.0], &prepared, point, &mut dy);

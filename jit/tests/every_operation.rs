@@ -31,17 +31,17 @@ fn bits(x: f64) -> u64 {
 
 #[test]
 fn every_operation_has_the_bits_of_the_interpreter_on_numbers_and_on_lanes() {
-    let mut scene = built(FUNCTIONS, usize::MAX);
+    let mut program = built(FUNCTIONS, usize::MAX).into_program();
     // Rounding errors, which no formula has.
     let [x, theta] = [0, 1].map(Operand::State);
-    let function = scene.program.functions.last_mut().unwrap();
+    let function = program.functions.last_mut().unwrap();
     let section = function.instructions.last().unwrap().section;
     for op in [Op::SumError(x, theta), Op::ProductError(x, theta), Op::CircleError(x, theta)] {
         let value = Operand::Value(u32::try_from(function.instructions.len()).unwrap());
         function.instructions.push(Instruction { op, section, name: None });
         function.results.push((format!("{op:?}"), value));
     }
-    let program = &scene.program;
+    let program = &program;
     let is_power = |op: &Op| matches!(op, Op::Power(..));
     assert!(program.functions.iter().flat_map(|f| &f.instructions).any(|i| is_power(&i.op)), "a power");
     let compiled = Compiled::new(program).unwrap();
@@ -99,7 +99,7 @@ fn functions_that_run_through_tables_are_compiled_up_to_the_tables() {
         }",
         1,
     );
-    let program = &scene.program;
+    let program = scene.program();
     assert!(program.functions.iter().any(|f| !f.contractions.is_empty()), "tables");
     let compiled = Compiled::new(program).unwrap();
     let prepared = program.prepare::<f64>(&[]).unwrap();
@@ -116,7 +116,7 @@ fn functions_that_run_through_tables_are_compiled_up_to_the_tables() {
 
 #[test]
 fn programs_that_break_the_rules_are_not_compiled() {
-    let mut program = built(FUNCTIONS, usize::MAX).program;
+    let mut program = built(FUNCTIONS, usize::MAX).into_program();
     program.functions[0].instructions.truncate(1);
     assert!(matches!(Compiled::new(&program), Err(Error::Program { .. })));
 }
@@ -125,8 +125,8 @@ fn programs_that_break_the_rules_are_not_compiled() {
 #[should_panic(expected = "numbers of components")]
 fn vectors_of_other_sizes_are_refused() {
     let scene = built(FUNCTIONS, usize::MAX);
-    let compiled = Compiled::new(&scene.program).unwrap();
-    let prepared = scene.program.prepare(&[1.5]).unwrap();
+    let compiled = Compiled::new(scene.program()).unwrap();
+    let prepared = scene.program().prepare(&[1.5]).unwrap();
     let point = Point { t: 0.0, state: &[0.1; 3], argument: &[] };
     Run::run_at(&compiled, 0, &[1.5], &prepared, point, &mut [0.0; 4]);
 }

@@ -19,7 +19,7 @@ const TEXT: &str = "model pushed {
 fn inputs_are_read_where_they_are_held() {
     let model = spec::parse("pushed.hamel", TEXT).unwrap_or_else(|e| panic!("{e}"));
     let built = scene::build(&model, scene::CONTROLLED).unwrap_or_else(|e| panic!("{e}"));
-    let program = &built.program;
+    let program = built.program();
     let compiled = Compiled::new(program).unwrap();
     let params = [1.3];
     let held = program.prepare(&params).unwrap();

@@ -38,7 +38,7 @@ where
     S: Scene<f64> + System<f64, State = [f64; N]>,
     W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
 {
-    let program = &built.program;
+    let program = built.program();
     let mut milliseconds = [f64::INFINITY; 2];
     for _ in 0..3 {
         for (fastest, on_lanes) in milliseconds.iter_mut().zip([false, true]) {

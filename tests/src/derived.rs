@@ -77,7 +77,7 @@ impl Derived {
         };
         Derived {
             model: model.to_owned(),
-            scene: built.name.clone(),
+            scene: built.name().to_owned(),
             executable: built.executable(),
             params: built.params().iter().map(param).collect(),
             outputs: built.outputs().iter().map(output).collect(),

@@ -39,7 +39,7 @@ fn slopes(of: &Interpreter<'_>, t: f64, y: &[f64]) -> Vec<f64> {
 fn worst(scene: &BuiltScene, onto: impl Fn(&mut [f64])) -> f64 {
     let defaults: Vec<f64> = scene.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
     let interpreter = scene.prepare(&defaults).unwrap();
-    let n = scene.state.len();
+    let n = scene.state().len();
     let mut random = Random(15);
     let (mut worst, mut moved) = (0.0_f64, 0.0_f64);
     for _ in 0..20 {
@@ -209,7 +209,7 @@ fn a_dropped_coordinate_is_in_no_entry() {
 
 fn facts(name: &str, items: &str) -> BracketFacts {
     let scene = of_model(name, items).unwrap_or_else(|e| panic!("{name}: {e}"));
-    BracketFacts::new(&scene.equations, &BTreeSet::new()).unwrap_or_else(|e| panic!("{name}: {e}"))
+    BracketFacts::new(scene.equations(), &BTreeSet::new()).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 fn shown(facts: &BracketFacts, density: &Density) -> String {

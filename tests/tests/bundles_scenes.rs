@@ -11,8 +11,8 @@ use num_traits::{ToPrimitive, Zero};
 
 /// Operations of the right-hand side.
 fn operations(scene: &BuiltScene) -> usize {
-    let k = scene.program.function_idx(&Role::Rate).expect("every scene has a right-hand side");
-    scene.program.functions[k].counts().total()
+    let k = scene.program().function_idx(&Role::Rate).expect("every scene has a right-hand side");
+    scene.program().functions[k].counts().total()
 }
 
 #[test]
@@ -35,12 +35,12 @@ fn velocities_that_cannot_change_are_found_constant() {
         let latex = explain(&models::model(name), &built, Style::Latex);
         assert!(latex.contains("Constant along every motion"), "{name}");
 
-        let rhs = &built.program.functions[built.program.function_idx(&Role::Rate).expect("it has one")];
+        let rhs = &built.program().functions[built.program().function_idx(&Role::Rate).expect("it has one")];
         assert_eq!(rhs.counts().total(), 0, "{name}: the right-hand side computes nothing");
         assert!(rhs.instructions.is_empty(), "{name}");
         for (variable, operand) in &rhs.results {
             let zero = matches!(operand, Operand::Constant(k)
-                if matches!(&built.program.constants[*k as usize], Constant::Rational(q) if q.is_zero()));
+                if matches!(&built.program().constants[*k as usize], Constant::Rational(q) if q.is_zero()));
             assert_eq!(
                 zero,
                 constants.contains(&variable.as_str()),
@@ -76,13 +76,13 @@ fn inside(draws: &mut Draws) -> f64 {
 }
 
 fn compare(whole: &BuiltScene, scene: &BuiltScene) {
-    let label = format!("{} {}", whole.equations.system.name, scene.name);
+    let label = format!("{} {}", whole.equations().system.name, scene.name());
     assert!(operations(scene) <= operations(whole), "{label} computes more than the whole model");
     let p = params(whole, &[]);
     let (all, some) = (whole.prepare(&p), scene.prepare(&p));
     let (all, some) = (all.unwrap_or_else(|e| panic!("{e}")), some.unwrap_or_else(|e| panic!("{e}")));
     for_all(&label, 30, 100, |mut draws| {
-        let y: Vec<f64> = whole.state.iter().map(|_| inside(&mut draws)).collect();
+        let y: Vec<f64> = whole.state().iter().map(|_| inside(&mut draws)).collect();
         let kept = part(whole, scene, &y);
         let mut dy = vec![0.0; y.len()];
         all.rhs(0.0, &y, &mut dy);
@@ -115,7 +115,7 @@ fn minimal_scenes_leave_out_what_nothing_depends_on() {
         let kept: Vec<String> =
             whole.state_names().into_iter().filter(|n| !dropped.contains(&n.as_str())).collect();
         assert_eq!(minimal.state_names(), kept, "{name}");
-        assert_eq!(kept.len() + dropped.len(), whole.state.len(), "{name}");
+        assert_eq!(kept.len() + dropped.len(), whole.state().len(), "{name}");
         compare(&whole, &minimal);
     }
     for name in models::names() {
@@ -142,7 +142,7 @@ fn a_scene_may_drop_one_of_the_coordinates_by_name() {
     ] {
         let whole = build(name, scene::DEFAULT);
         let part = with_scene(name, items).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(part.state.len() + dropped.len(), whole.state.len(), "{name}");
+        assert_eq!(part.state().len() + dropped.len(), whole.state().len(), "{name}");
         assert!(part.state_names().iter().all(|n| !dropped.contains(&n.as_str())), "{name}");
         compare(&whole, &part);
     }

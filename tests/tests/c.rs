@@ -63,7 +63,7 @@ fn call(prefix: &str, has_inputs: bool, function: &Function) -> Option<String> {
 
 /// What C and the interpreter compute from the same numbers: parameters, then for each round time, state and vector.
 fn case(built: BuiltScene, prefix: String) -> Case {
-    let program = &built.program;
+    let program = built.program();
     let mut random = Random(20_261_123);
     let params: Vec<f64> =
         built.params().iter().map(|p| rational_to_f64(&p.default) * (1.0 + 0.05 * random.number())).collect();
@@ -116,7 +116,7 @@ fn case(built: BuiltScene, prefix: String) -> Case {
 
 /// The function of the driver for a scene.
 fn driver(case: &Case) -> String {
-    let (prefix, program) = (&case.prefix, &case.built.program);
+    let (prefix, program) = (&case.prefix, case.built.program());
     let n_vector = program.functions.iter().map(|f| f.argument.len()).max().unwrap_or(0).max(1);
     let mut text = format!(
         "#include \"{prefix}.h\"\nvoid run_{prefix}(void) {{\n    {prefix}_params params = {prefix}_params_default();\n    \
@@ -182,7 +182,8 @@ fn compare(name: &str, scenes: Vec<(BuiltScene, Option<Start>)>) {
     std::fs::create_dir_all(&folder).expect("a folder for tests");
     let mut cases = Vec::new();
     for (built, initial) in scenes {
-        let c = built.emit_c(&Writing::default(), initial).unwrap_or_else(|e| panic!("{}: {e}", built.name));
+        let c =
+            built.emit_c(&Writing::default(), initial).unwrap_or_else(|e| panic!("{}: {e}", built.name()));
         for (extension, text) in [("h", &c.header), ("c", &c.source)] {
             std::fs::write(folder.join(format!("{}.{extension}", c.prefix)), text).expect("a file for tests");
         }

@@ -53,10 +53,10 @@ fn on_circles(scenes: &[BuiltScene; 2], y: &[f64]) -> Vec<f64> {
 fn tracked_rates(scene: &BuiltScene, y: &[f64]) -> Vec<Tracked> {
     let lift = |values: &[f64]| values.iter().map(|x| Tracked::input(*x)).collect::<Vec<_>>();
     let (p, y) = (lift(&params(scene, &[])), lift(y));
-    let prepared = scene.program.prepare(&p).unwrap_or_else(|e| panic!("{e}"));
+    let prepared = scene.program().prepare(&p).unwrap_or_else(|e| panic!("{e}"));
     let mut out = vec![Tracked::default(); y.len()];
-    let k = scene.program.function_idx(&Role::Rate).expect("every scene has its rates");
-    scene.program.run(k, &p, &prepared, Tracked::input(0.0), &y, &mut out);
+    let k = scene.program().function_idx(&Role::Rate).expect("every scene has its rates");
+    scene.program().run(k, &p, &prepared, Tracked::input(0.0), &y, &mut out);
     out
 }
 
@@ -68,7 +68,7 @@ fn rates_are_those_of_the_angle_by_the_chain_rule() {
         let mut random = Random(20_261_121);
         for round in 0..200 {
             // Inside (0, 1): every coordinate is in its domain there.
-            let y: Vec<f64> = scenes[0].state.iter().map(|_| 0.5 + 0.45 * random.number()).collect();
+            let y: Vec<f64> = scenes[0].state().iter().map(|_| 0.5 + 0.45 * random.number()).collect();
             let straight = tracked_rates(&scenes[0], &y);
             let rate =
                 |k: usize, is_sine: bool| straight[k].value * if is_sine { y[k].cos() } else { -y[k].sin() };
@@ -78,7 +78,7 @@ fn rates_are_those_of_the_angle_by_the_chain_rule() {
             for (k, value) in tracked_rates(&scenes[1], &on_circles(&scenes, &y)).iter().enumerate() {
                 let scale = value.term.max(terms[k]).max(expected[k].abs());
                 let off = (value.value - expected[k]).abs() / unit_in_the_last_place(scale);
-                let name = &scenes[1].state[k].name;
+                let name = &scenes[1].state()[k].name;
                 assert!(
                     off <= BOUND,
                     "{model} {angles} {items} {round}: {name} is {off} units off: {value:?}"
@@ -93,16 +93,16 @@ fn no_sine_is_computed_and_the_pivots_stay_definite() {
     for (model, angles, items) in CASES {
         let scenes = pair(model, angles, items);
         let calls = scenes.each_ref().map(|scene| {
-            let k = scene.program.function_idx(&Role::Rate).expect("every scene has its rates");
-            scene.program.functions[k].counts().transcendental
+            let k = scene.program().function_idx(&Role::Rate).expect("every scene has its rates");
+            scene.program().functions[k].counts().transcendental
         });
         // Rates do not depend on the azimuth of the disk; its inclination stays an angle there.
         let left = usize::from(*angles == "phi" && *model == "euler_disk");
         assert_eq!(calls[1], left, "{model} {angles} {items}");
         assert!(calls[0] > 0, "{model}");
         let checked = scenes.each_ref().map(|scene| {
-            let k = scene.program.function_idx(&Role::Pivots).expect("every scene has its check");
-            scene.program.functions[k].results.len()
+            let k = scene.program().function_idx(&Role::Pivots).expect("every scene has its check");
+            scene.program().functions[k].results.len()
         });
         // A pivot may become definite, none may cease to be.
         assert!(checked[1] <= checked[0], "{model} {angles} {items}: {checked:?}");
@@ -130,7 +130,7 @@ fn trajectories_agree_and_stay_on_the_circle() {
         let model = models::model(name);
         let scenes =
             ["minimal", "circle"].map(|scene| scene::build(&model, scene).unwrap_or_else(|e| panic!("{e}")));
-        assert_eq!(scenes[0].state.len(), start.len(), "{name}: {:?}", scenes[0].state_names());
+        assert_eq!(scenes[0].state().len(), start.len(), "{name}: {:?}", scenes[0].state_names());
         let expected = on_circles(&scenes, &integrated(&scenes[0], start.to_vec(), 5.0));
         let last = integrated(&scenes[1], on_circles(&scenes, start), 5.0);
         let size = expected.iter().fold(1.0, |m: f64, x| m.max(x.abs()));

@@ -74,7 +74,7 @@ fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
 /// derivatives to the last bit. Products of a derivative are rounded in the order of the factors, which the values do
 /// not show.
 fn compare_on_duals<S: Scene<Dual>>(built: &BuiltScene, zeros: S::State) -> usize {
-    let (label, program) = (&built.name, &built.program);
+    let (label, program) = (built.name(), built.program());
     let mut random = Random(20_261_124);
     let mut compared = 0;
     for _ in 0..8 {
@@ -117,7 +117,7 @@ fn compare_on_duals<S: Scene<Dual>>(built: &BuiltScene, zeros: S::State) -> usiz
 /// symbolically.
 fn is_held_to_its_definition(built: &BuiltScene) {
     let certificate = built.certificate();
-    let label = format!("{} {}: {}", built.equations.system.name, built.name, certificate.sentence());
+    let label = format!("{} {}: {}", built.equations().system.name, built.name(), certificate.sentence());
     assert_eq!(certificate.n_points, 3, "{label}");
     assert!(certificate.open.keys().all(|name| name == "hamiltonian_time"), "{label} {:?}", certificate.open);
 }
@@ -126,7 +126,7 @@ fn is_held_to_its_definition(built: &BuiltScene) {
 /// that there are NaN among the values, and angles beyond the kernel of sine and cosine.
 fn compare_in_memory(built: &BuiltScene) -> usize {
     is_held_to_its_definition(built);
-    let (label, program) = (&built.name, &built.program);
+    let (label, program) = (built.name(), built.program());
     let compiled = Compiled::new(program).unwrap_or_else(|e| panic!("{label}: {e}"));
     compiled.compile(true).unwrap_or_else(|e| panic!("{label}: {e}"));
     let params: Vec<f64> = built.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();

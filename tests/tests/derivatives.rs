@@ -7,6 +7,7 @@
 use hamel_codegen::scene::{self, Derivative};
 use hamel_codegen::spec;
 use hamel_expr::{ExprId, Graph, SymbolId};
+use hamel_measure::random::Random;
 use hamel_program::lower::Inputs;
 use hamel_program::program::{Point, Program, Role};
 use hamel_runtime::{
@@ -20,21 +21,8 @@ use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
 /// Units in the last place of the largest term; measured over all models and points: 5.
 const BOUND: f64 = 16.0;
 
-/// SplitMix64 (Steele, Lea, Flood 2014), mapped to `[-1, 1)`.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) as f64 / (1u64 << 63) as f64 - 1.0
-    }
-
-    fn vector(&mut self, n: usize) -> Vec<f64> {
-        (0..n).map(|_| self.next()).collect()
-    }
+fn vector(random: &mut Random, n: usize) -> Vec<f64> {
+    (0..n).map(|_| random.number()).collect()
 }
 
 /// The scene with all derivatives of a model.
@@ -67,10 +55,10 @@ fn points(built: &Derived, n_random: usize) -> Vec<At> {
     let mut random = Random(20_261_121);
     for _ in 0..n_random {
         let mut near = built.defaults();
-        near.iter_mut().for_each(|p| *p *= 1.0 + 0.05 * random.next());
+        near.iter_mut().for_each(|p| *p *= 1.0 + 0.05 * random.number());
         // Inside (0, 1): every coordinate is in its domain there.
-        let state = names.iter().map(|_| 0.5 + 0.45 * random.next()).collect();
-        points.push(At { params: near, t: random.next(), state });
+        let state = names.iter().map(|_| 0.5 + 0.45 * random.number()).collect();
+        points.push(At { params: near, t: random.number(), state });
     }
     points
 }
@@ -144,16 +132,16 @@ fn check_against_duals(built: &Derived, at: &At, random: &mut Random) -> f64 {
         call(&Derivative::TimeDerivative.role(), &[]),
         slopes(program, at, (&fixed, 1.0, &still)),
     );
-    let v = random.vector(n);
+    let v = vector(random, n);
     compare("jvp", call(&Derivative::Jvp.role(), &v), slopes(program, at, (&fixed, 0.0, &v)));
-    let v = random.vector(n_params);
+    let v = vector(random, n_params);
     compare(
         "sensitivity_jvp",
         call(&Derivative::SensitivityJvp.role(), &v),
         slopes(program, at, (&v, 0.0, &still)),
     );
     // Column by column, since w^T J e_j = (J^T w)_j.
-    let w = random.vector(n);
+    let w = vector(random, n);
     let weighted = |column: Vec<Tracked>| {
         let terms = column.into_iter().zip(&w).map(|(d, w)| d * Tracked::input(*w));
         terms.fold(Tracked::ZERO, |sum, term| sum + term)
@@ -341,7 +329,7 @@ fn products_agree_with_each_other() {
         let n = built.state_names().len();
         for at in points(built, 4) {
             let interpreter = built.prepare(&at.params).unwrap_or_else(|e| panic!("{e}"));
-            let (v, w) = (random.vector(n), random.vector(n));
+            let (v, w) = (vector(&mut random, n), vector(&mut random, n));
             let tangent = interpreter.product(Derivative::Jvp, at.t, &at.state, &v).unwrap();
             let adjoint = interpreter.product(Derivative::Vjp, at.t, &at.state, &w).unwrap();
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
@@ -425,7 +413,7 @@ fn time_fixed_parameters_and_every_function_are_differentiated() {
     let column = |rows: &[Vec<f64>], j: usize| rows.iter().map(|row| row[j]).collect::<Vec<_>>();
     models::close("df/dc", &column(&stiff_rows, 0), &column(&whole_rows, 1), 1e-14);
     // A scene that wants no products has none.
-    assert!(stiff.products().is_empty() && stiff.program.function_idx(&Derivative::Jvp.role()).is_none());
+    assert!(stiff.products().is_empty() && stiff.program().function_idx(&Derivative::Jvp.role()).is_none());
     assert!(interpreter.product(Derivative::Jvp, 0.0, &y, &y).is_none());
 }
 
@@ -434,10 +422,10 @@ fn a_scene_without_derivatives_does_not_pay_for_them() {
     for name in ["heavy_top", "veselova"] {
         let plain = build(name, scene::DEFAULT);
         assert!(plain.matrices().is_empty() && plain.products().is_empty());
-        assert!(Derivative::ALL.iter().all(|d| plain.program.function_idx(&d.role()).is_none()));
-        assert!(plain.program.functions.iter().all(|f| f.argument.is_empty()));
+        assert!(Derivative::ALL.iter().all(|d| plain.program().function_idx(&d.role()).is_none()));
+        assert!(plain.program().functions.iter().all(|f| f.argument.is_empty()));
         assert_eq!(
-            operations(&plain.program, &Role::Rate),
+            operations(plain.program(), &Role::Rate),
             operations(&derivatives_of(name).program, &Role::Rate)
         );
     }
@@ -463,7 +451,7 @@ fn compare_compiled<S, D, const N: usize>(
         for (row, expected) in rows.iter().zip(&expected) {
             assert_eq!(row.map(f64::to_bits).as_slice(), bits(expected), "{model}");
         }
-        let v: [f64; N] = random.vector(N).try_into().unwrap();
+        let v: [f64; N] = vector(&mut random, N).try_into().unwrap();
         for (derivative, found) in compiled_products(&compiled, at.t, &y, &v) {
             let expected = interpreter.product(derivative, at.t, &y, &v).unwrap();
             assert_eq!(bits(&found), bits(&expected), "{model}: {}", derivative.name());
@@ -514,13 +502,13 @@ fn compiled_derivatives_equal_the_interpreter_bit_for_bit() {
     // A direction of the parameters, and the dense matrix beside its entries.
     let built = derivatives_of("heavy_top");
     let at = &points(built, 1)[0];
-    let v: Vec<f64> = Random(9).vector(at.params.len());
+    let v: Vec<f64> = vector(&mut Random(9), at.params.len());
     let compiled = <top::Prepared as Scene<f64>>::prepare(&at.params).unwrap();
     let (interpreter, y) = (built.prepare(&at.params).unwrap(), at.state.as_slice().try_into().unwrap());
     let product = compiled.sensitivity_jvp(at.t, &y, v.as_slice().try_into().unwrap());
     let expected = interpreter.product(Derivative::SensitivityJvp, at.t, &y, &v).unwrap();
     assert_eq!(bits(&product), bits(&expected));
-    let w: [f64; 6] = Random(10).vector(6).try_into().unwrap();
+    let w: [f64; 6] = vector(&mut Random(10), 6).try_into().unwrap();
     let product = compiled.sensitivity_vjp(at.t, &y, &w);
     let expected = interpreter.product(Derivative::SensitivityVjp, at.t, &y, &w).unwrap();
     assert_eq!(bits(&product), bits(&expected));
@@ -632,8 +620,8 @@ mod variational {
     fn variational_equations_give_the_derivative_of_the_motion() {
         let params = <Prepared as Scene<f64>>::INFO.params.iter().map(|p| p.default).collect::<Vec<f64>>();
         let mut random = Random(13);
-        let direction: [f64; N_PARAMS] = random.vector(N_PARAMS).try_into().unwrap();
-        let v = random.vector(N);
+        let direction: [f64; N_PARAMS] = vector(&mut random, N_PARAMS).try_into().unwrap();
+        let v = vector(&mut random, N);
         let y = [0.4, -0.3, 2.0, 0.0, 0.6, 0.8];
         let prepared = |h: f64| -> Prepared {
             let values: Vec<f64> = params.iter().zip(direction).map(|(p, q)| p + h * q).collect();

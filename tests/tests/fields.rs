@@ -124,7 +124,7 @@ fn a_field_of_first_order_has_no_velocities_in_its_state() {
         field x_dot = c*cos(s) - w*s/10; field y_dot = w*cos(s) + c*s/10;
     }";
     let (one, other) = (build(reduced, "whole"), build(plain, scene::DEFAULT));
-    let names: Vec<&str> = one.equations.state.iter().map(|s| s.name.as_str()).collect();
+    let names: Vec<&str> = one.equations().state.iter().map(|s| s.name.as_str()).collect();
     assert_eq!(names, ["s"]);
     let start = [("s", 0.1), ("theta", 0.4), ("x", 0.0), ("y", 0.3)];
     same((&one, &start), (&other, &start), &["s", "theta", "x", "y"]);

@@ -48,7 +48,7 @@ fn casimirs_are_traces_of_powers_of_matrices() {
                 if !components.iter().any(|n| is_casimir(n) && point.extra.contains_key(*n)) {
                     continue;
                 }
-                let values = tracked(&scene.program, &Role::Output(output.name.clone()), &[], &state);
+                let values = tracked(scene.program(), &Role::Output(output.name.clone()), &[], &state);
                 for (component, value) in components.into_iter().zip(values) {
                     let off = units_off(value, &point.extra[component]);
                     assert!(off <= 64.0, "{name}: {component} is {off} units off");

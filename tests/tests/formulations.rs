@@ -59,15 +59,15 @@ fn start(scene: &BuiltScene) -> Start {
     let mut values: BTreeMap<SymbolId, f64> =
         scene.params().iter().map(|p| p.symbol).zip(params.clone()).collect();
     let numbers = (0..).map(|k| 0.9 - 0.37 * f64::from(k % 5) + 0.01 * f64::from(k));
-    values.extend(scene.state.iter().map(|s| s.symbol).zip(numbers));
+    values.extend(scene.state().iter().map(|s| s.symbol).zip(numbers));
     Start { params, values }
 }
 
 /// The state of `to` at values of that of `from`.
 fn mapped(from: &BuiltScene, to: &BuiltScene, values: &BTreeMap<SymbolId, f64>) -> Vec<f64> {
-    let change = ChangeOfState::between(&from.equations, &to.equations.system).unwrap();
+    let change = ChangeOfState::between(from.equations(), &to.equations().system).unwrap();
     let component = |s: SymbolId| change.graph().eval_f64(change.value(s).unwrap(), values).unwrap();
-    to.state.iter().map(|s| component(s.symbol)).collect()
+    to.state().iter().map(|s| component(s.symbol)).collect()
 }
 
 /// Where motions end: before small differences grow.
@@ -106,12 +106,12 @@ fn integrated(scene: &BuiltScene, params: &[f64], start: &[f64], end: f64) -> Ve
 fn hold_to_one_motion(model: &Model, scene: &str, end: f64) -> Vec<String> {
     let own = scene::build(model, scene).unwrap();
     let Start { params, mut values } = start(&own);
-    values.insert(own.equations.system.time, 0.0);
-    let first: Vec<f64> = own.state.iter().map(|s| values[&s.symbol]).collect();
+    values.insert(own.equations().system.time, 0.0);
+    let first: Vec<f64> = own.state().iter().map(|s| values[&s.symbol]).collect();
     let last = integrated(&own, &params, &first, end);
     let mut reached = values.clone();
-    reached.extend(own.state.iter().map(|s| s.symbol).zip(last));
-    reached.insert(own.equations.system.time, end);
+    reached.extend(own.state().iter().map(|s| s.symbol).zip(last));
+    reached.insert(own.equations().system.time, end);
     let all = found(model, scene);
     for candidate in &all.candidates {
         let built = scene::build_in(model, scene, &candidate.formulation).unwrap();
@@ -263,7 +263,7 @@ fn with_scene(name: &str, scene: &str) -> Model {
 }
 
 fn cost(scene: &BuiltScene) -> u64 {
-    scene.program.function(&Role::Rate).unwrap().counts().cost()
+    scene.program().function(&Role::Rate).unwrap().counts().cost()
 }
 
 #[test]

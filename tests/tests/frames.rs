@@ -277,7 +277,7 @@ fn a_sleigh_in_its_own_frame_moves_as_in_coordinates() {
 
 fn derived_names(model: &spec::Model) -> Vec<String> {
     let built = scene::build(model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
-    built.equations.state.iter().map(|s| s.name.clone()).collect()
+    built.equations().state.iter().map(|s| s.name.clone()).collect()
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn determinant(mut rows: Vec<Vec<f64>>) -> f64 {
 fn assert_holds(name: &str, scene: &BuiltScene) {
     let implicit = scene.implicit().expect("it is wanted");
     let interpreter = scene.prepare(&params(scene, &[])).unwrap();
-    let (t, y) = (0.3, state(scene.state.len()));
+    let (t, y) = (0.3, state(scene.state().len()));
     let z = variables(&interpreter, implicit, t, &y);
     let f = interpreter.implicit(t, &z).unwrap();
     let mut rates = vec![0.0; y.len()];
@@ -101,7 +101,7 @@ fn coordinates_of_the_group_and_momenta_are_variables() {
     let scene = "\n scene tested { want rhs, reconstruction, implicit; }";
     for name in ["heavy_top", "chaplygin_sleigh", "veselova", "two_arm_satellite_routh"] {
         let built = built(name, &text_with(name, scene));
-        assert_eq!(built.implicit().unwrap().state.len(), built.state.len());
+        assert_eq!(built.implicit().unwrap().state.len(), built.state().len());
         assert_holds(name, &built);
     }
     let text = "model m { param I: diagonal(3) = [1, 2, 4] where I1 > 0, I2 > 0, I3 > 0;

@@ -12,7 +12,7 @@ use hamel_tests::models;
 fn of_model(model: &Model) -> Vec<String> {
     let built = scene::build(model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
     let mut texts = vec![explain(model, &built, Style::Latex), dirac(model, &built, Style::Latex)];
-    if let Ok(found) = connection_coefficients(&built.equations.system) {
+    if let Ok(found) = connection_coefficients(&built.equations().system) {
         texts.push(explain::connection_coefficients(&found, Style::Latex));
     }
     assert!(texts[0].contains("\\begin{align*}"), "{}: nothing is explained", model.name);

@@ -64,7 +64,7 @@ fn eleven_squared_modes_move_as_matrices_and_keep_what_they_keep() {
     let n = 11;
     let casimirs = "casimir C2 = trace_power(g, omega, 2);";
     let built = build(&fluid(n, casimirs, "rhs, energy, C2"), SearchBudget::default().products);
-    let rate = built.program.function(&Role::Rate).unwrap();
+    let rate = built.program().function(&Role::Rate).unwrap();
     // No instruction, one table, and nothing but the state in it.
     assert!(rate.instructions.is_empty() && rate.scalars.is_empty(), "{:?}", rate.scalars);
     assert_eq!((rate.contractions.len(), rate.contractions[0].terms.len()), (1, 1));
@@ -104,7 +104,7 @@ fn loops_agree_with_straight_lines() {
     let (rolled, straight) = (build(&text, 100), build(&text, usize::MAX));
     let role = |name: &str| Role::Output(name.to_owned());
     for (wanted, is_rolled) in [(Role::Rate, true), (role("jacobian"), true), (Role::Energy, false)] {
-        let function = rolled.program.function(&wanted).unwrap();
+        let function = rolled.program().function(&wanted).unwrap();
         assert_eq!(!function.contractions.is_empty(), is_rolled, "{wanted}");
     }
     let both = [&rolled, &straight].map(|built| built.prepare(&[0.07]).unwrap());
@@ -153,7 +153,7 @@ fn taylor_coefficients_through_tables_are_those_of_straight_lines() {
     let items = "param mu = 0.05; force dh_domega = -2*mu*omega + cos(t)*omega;";
     let text = fluid(5, items, "rhs, taylor");
     let (rolled, straight) = (build(&text, 100), build(&text, usize::MAX));
-    assert!(!rolled.program.function(&Role::Rate).unwrap().contractions.is_empty());
+    assert!(!rolled.program().function(&Role::Rate).unwrap().contractions.is_empty());
     let modes = random_modes(5, 3);
     compare("stirred", &series(&rolled, &[0.07], 0.7, &modes), &series(&straight, &[0.07], 0.7, &modes));
     for name in ["zeitlin_euler_3", "zeitlin_euler_5", "zeitlin_mhd_3", "second_grade_fluid", "camassa_holm"]
@@ -163,9 +163,9 @@ fn taylor_coefficients_through_tables_are_those_of_straight_lines() {
             let search = SearchBudget { products, ..SearchBudget::default() };
             scene::build_within(&model, "default", search).unwrap_or_else(|e| panic!("{e}"))
         });
-        assert!(!rolled.program.function(&Role::Rate).unwrap().contractions.is_empty(), "{name}");
+        assert!(!rolled.program().function(&Role::Rate).unwrap().contractions.is_empty(), "{name}");
         let mut random = Random(7);
-        let y: Vec<f64> = rolled.state.iter().map(|_| random.number() - 0.5).collect();
+        let y: Vec<f64> = rolled.state().iter().map(|_| random.number() - 0.5).collect();
         let params = params(&rolled, &[]);
         compare(name, &series(&rolled, &params, 0.0, &y), &series(&straight, &params, 0.0, &y));
     }
@@ -199,7 +199,7 @@ impl Jet<f64> for Interpreted<'_> {
 #[test]
 fn taylor_steps_through_tables_have_their_order_and_agree_with_another_method() {
     let built = build(&fluid(9, "", "rhs, taylor"), SearchBudget::default().products);
-    let n_products = built.program.function(&Role::Rate).unwrap().contractions[0].n_products;
+    let n_products = built.program().function(&Role::Rate).unwrap().contractions[0].n_products;
     assert!(n_products > 5000, "{n_products}");
     let system = Interpreted { interpreter: built.prepare(&[]).unwrap(), jet: built.jet().unwrap() };
     let start: [f64; 80] = random_modes(9, 11).try_into().unwrap();

@@ -13,7 +13,7 @@ use hamel_tests::models::build;
 type Cost = [usize; 4];
 
 fn cost(model: &str, scene: &str) -> Cost {
-    let program = build(model, scene).program;
+    let program = build(model, scene).into_program();
     let k = program.function_idx(&Role::Rate).unwrap_or_else(|| panic!("{model} {scene} has no rhs"));
     let c = program.functions[k].counts();
     assert_eq!(c.neg, 0, "{model} {scene} changes signs");
@@ -52,7 +52,7 @@ fn sum(parts: &[(usize, [usize; 2])]) -> Cost {
 #[test]
 fn a_flat_euler_disk_costs_four_additions_and_twelve_multiplications() {
     falls("euler_disk", "minimal", "flat", [4, 12, 1, 1]);
-    assert_eq!(build("euler_disk", "flat").state.len(), 4, "phi is left out");
+    assert_eq!(build("euler_disk", "flat").state().len(), 4, "phi is left out");
 }
 
 /// `Omega1' = (I2 - I3)/I1 Omega2 Omega3 + k1 Gamma2` and its neighbour take 1 addition and 3 multiplications each,

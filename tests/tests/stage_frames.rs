@@ -303,7 +303,7 @@ fn a_heisenberg_body_by_stages_takes_two_additions_and_six_multiplications() {
     let model = parsed(text);
     for (scene, expected) in [("default", [7, 12]), ("levels", [2, 6])] {
         let built = scene::build(&model, scene).unwrap_or_else(|e| panic!("{e}"));
-        let counts = built.program.function(&Role::Rate).expect("a right-hand side").counts();
+        let counts = built.program().function(&Role::Rate).expect("a right-hand side").counts();
         assert_eq!([counts.add, counts.mul], expected, "{scene}");
     }
     let levels = scene::build(&model, "levels").unwrap_or_else(|e| panic!("{e}"));

@@ -75,7 +75,7 @@ fn has_target() -> bool {
 /// What the interpreter makes of the same numbers: parameters, then for each round inputs, time and state; in the end
 /// the motion from the state of the model.
 fn case(model: &Model, built: &BuiltScene) -> Case {
-    let program = &built.program;
+    let program = built.program();
     let mut random = Random(20_261_124);
     let mut numbers = |n: usize| (0..n).map(|_| random.number()).collect::<Vec<f64>>();
     let defaults: Vec<f64> = built.params().iter().map(|p| rational_to_f64(&p.default)).collect();

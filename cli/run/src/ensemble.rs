@@ -9,19 +9,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
-use hamel_runtime::{F64x4, Method, OnCircles, Options};
+use hamel_runtime::{F64x4, Method, Options};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use rayon::ThreadPool;
 use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, ParallelIterator as _};
 use serde::{Deserialize, Serialize};
 
+use super::any_method::AnyMethod;
 use super::auto::Purpose;
 use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
 use super::evaluate::why_stopped;
-use super::inside::Inside;
 use super::method::{MethodName, Steps};
 use super::simulation::{Sample, sample_time};
-use super::solver::{WithMethod, with_method};
+use super::solver::method_of;
 use crate::error::Error;
 
 /// How many trajectories are integrated side by side by one core.
@@ -147,12 +147,16 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec
         let job = Job { factory, request, options, params, initial, times, progress: &progress };
         // What a scene can do depends on the scene alone, but takes parameters that are allowed.
         let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
-        let trajectories = match &any {
+        let method = match &any {
             Some((dynamics, y)) => {
-                with_method(request.method, request.steps, Purpose::Ensemble, &**dynamics, y, job)?
+                method_of(request.method, request.steps, Purpose::Ensemble, &**dynamics, y)?
             }
             // No trajectory will start, whatever the method.
-            None => job.explicit(hamel_runtime::Dop853),
+            None => AnyMethod::single(&hamel_runtime::Dop853),
+        };
+        let trajectories = match method.of_lanes().filter(|_| request.width == Width::Four) {
+            Some(method) => job.run::<F64x4, _>(method),
+            None => job.run::<f64, _>(method.of_scenes()),
         }?;
         let one = |(trajectory, params): (_, &&[f64])| member(factory, trajectory, params, times);
         Ok(trajectories.into_par_iter().zip(params).map(one).collect())
@@ -223,34 +227,6 @@ struct Job<'a, 'r> {
 }
 
 type Trajectories = Vec<Trajectory<VecState, BadParams>>;
-
-impl<'a> WithMethod<'a> for Job<'a, '_> {
-    type Output = Result<Trajectories, Error>;
-
-    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
-        self.run::<f64, M>(method)
-    }
-
-    fn explicit<M>(self, method: M) -> Self::Output
-    where
-        M: Method<f64, PreparedScene<'a>> + Method<F64x4, PreparedLanes<'a>> + Sync,
-    {
-        match self.request.width {
-            Width::One => self.run::<f64, M>(method),
-            Width::Four => self.run::<F64x4, M>(method),
-        }
-    }
-
-    fn on_circles<M>(self, method: M) -> Self::Output
-    where
-        M: Method<f64, PreparedScene<'a>> + Method<f64, Inside<'a>> + Method<F64x4, PreparedLanes<'a>> + Sync,
-    {
-        match self.request.width {
-            Width::One => self.single(OnCircles::new(method)),
-            Width::Four => self.run::<F64x4, M>(method),
-        }
-    }
-}
 
 impl<'a> Job<'a, '_> {
     fn run<L, M>(&self, method: M) -> Result<Trajectories, Error>

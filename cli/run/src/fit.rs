@@ -3,7 +3,7 @@
 //! Does not know: whether the scene is compiled or interpreted, tables, how a request was written.
 
 use hamel_codegen::spec::Want;
-use hamel_runtime::{Dual, Integrator, Method};
+use hamel_runtime::{Dual, Integrator};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ use super::least_squares::{End, Found, Linearised, minimise, precision};
 use super::method::{MethodName, Steps};
 use super::sensitivity::Along;
 use super::simulation::stopped_because;
-use super::solver::{WithMethod, with_method};
+use super::solver::method_of;
 use super::verdict::Judged;
 pub use super::verdict::Verdict;
 use crate::error::Error;
@@ -468,40 +468,22 @@ fn states(
     initial: &[f64],
     times: &[f64],
 ) -> Result<Vec<Vec<f64>>, Error> {
-    let run = Run { dynamics, request, initial, times };
-    with_method(request.method, request.steps, Purpose::Samples, &**dynamics, initial, run)?
-}
-
-/// A motion that waits for its method.
-struct Run<'r, 'a> {
-    dynamics: &'r PreparedScene<'a>,
-    request: &'r FitRequest,
-    initial: &'r [f64],
-    times: &'r [f64],
-}
-
-impl<'a> WithMethod<'a> for Run<'_, 'a> {
-    type Output = Result<Vec<Vec<f64>>, Error>;
-
-    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
-        let Run { dynamics, request, initial, times } = self;
-        let info = dynamics.info();
-        let end = times.last().copied().unwrap_or_default();
-        let options = request.steps.options(end, request.max_steps)?;
-        let initial = VecState(initial.to_vec());
-        let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(|e| match e {
-            hamel_runtime::Error::Failure(failure) => {
-                Error::State { path: "initial".into(), reason: describe(info, failure) }
-            }
-            other => Error::Options { reason: other.to_string() },
-        })?;
-        let mut states = Vec::with_capacity(times.len());
-        let reached = solver.sample(end, times.iter().copied(), |_, y: &VecState| states.push(y.0.clone()));
-        match reached {
-            Ok(()) => Ok(states),
-            Err(error) => {
-                Err(stopped_because(info, solver.t(), &solver.state().0, why_stopped(info, &error)))
-            }
+    let method =
+        method_of(request.method, request.steps, Purpose::Samples, &**dynamics, initial)?.of_scenes();
+    let info = dynamics.info();
+    let end = times.last().copied().unwrap_or_default();
+    let options = request.steps.options(end, request.max_steps)?;
+    let initial = VecState(initial.to_vec());
+    let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(|e| match e {
+        hamel_runtime::Error::Failure(failure) => {
+            Error::State { path: "initial".into(), reason: describe(info, failure) }
         }
+        other => Error::Options { reason: other.to_string() },
+    })?;
+    let mut states = Vec::with_capacity(times.len());
+    let reached = solver.sample(end, times.iter().copied(), |_, y: &VecState| states.push(y.0.clone()));
+    match reached {
+        Ok(()) => Ok(states),
+        Err(error) => Err(stopped_because(info, solver.t(), &solver.state().0, why_stopped(info, &error))),
     }
 }

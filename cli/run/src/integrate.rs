@@ -4,7 +4,7 @@
 
 use std::ops::ControlFlow;
 
-use hamel_runtime::{Error as SolverError, Integrator, Method};
+use hamel_runtime::{Error as SolverError, Integrator};
 
 use super::admissible;
 use super::auto::Purpose;
@@ -17,7 +17,7 @@ use super::method::{MethodName, Steps};
 use super::record::Record;
 use super::sensitivity::Along;
 use super::simulation::{SimulateRequest, SimulateResponse, stopped_because};
-use super::solver::{WithMethod, with_method};
+use super::solver::method_of;
 use super::watched::MAX_EVENTS;
 use crate::error::Error;
 use crate::interrupts;
@@ -77,9 +77,68 @@ fn motion(
     times: &[f64],
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<SimulateResponse, Error> {
-    let run = Run { dynamics, request, times, progress };
     let purpose = Purpose::of(request.samples, request.watched.is_some());
-    with_method(request.method, request.steps, purpose, &**dynamics, &request.initial, run)?
+    let method =
+        method_of(request.method, request.steps, purpose, &**dynamics, &request.initial)?.of_scenes();
+    let info = dynamics.info();
+    let options = request.steps.options(request.t_final, request.max_steps)?;
+    let options = options.with_max_events(request.max_events);
+    let start = |error: SolverError| match error {
+        SolverError::Failure(failure) => {
+            Error::State { path: "initial".into(), reason: describe(info, failure) }
+        }
+        other => Error::Options { reason: other.to_string() },
+    };
+    let clock = std::time::Instant::now();
+    let initial = VecState(request.initial.clone());
+    let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(start)?;
+    let record = Record::new(&**dynamics, request)?;
+    let mut watcher = Watcher::new(&**dynamics, request, (record, progress))?;
+    let times = times.iter().copied();
+    let t_final = request.t_final;
+    let reached = match request.watched {
+        None => solver.observe::<0>(t_final, times, [], &mut watcher),
+        Some(_) => {
+            let directions = watcher.directions();
+            solver.observe::<MAX_EVENTS>(t_final, times, directions, &mut watcher)
+        }
+    };
+    let Watcher { record, log, ended_by, error, .. } = watcher;
+    if let Some(error) = error {
+        return Err(error);
+    }
+    if let Err(error) = reached {
+        let (t, y) = (solver.t(), &solver.state().0);
+        let (SolverError::EventNotFinite { index, .. } | SolverError::EventsAccumulate { index, .. }) = error
+        else {
+            return Err(stopped(info, t, y, &error));
+        };
+        let event = request.watched.as_ref().and_then(|watched| watched.name(index));
+        let reason = format!("event {}: {}", event.unwrap_or_default(), why_stopped(info, &error));
+        return Err(stopped_because(info, t, y, reason));
+    }
+    let last = solver.state().0.clone();
+    let stats = solver.stats();
+    let energy_drift = record.initial_energy.map(|_| (record.deviation / record.scale).min(f64::MAX));
+    Ok(SimulateResponse {
+        t: solver.t(),
+        last,
+        along: Vec::new(),
+        steps: stats.steps,
+        rejected: stats.rejected,
+        rhs_evals: stats.rhs_evals,
+        energy_drift,
+        events: request.watched.is_some().then_some(log),
+        ended_by,
+        warnings: drift_warning(info, request.steps, energy_drift).into_iter().collect(),
+        initial_energy: record.initial_energy,
+        energy_scale: record.scale,
+        energy_at_steps: record.energy_at_steps,
+        initial_residual: record.initial_residual,
+        constraint_residual: record.residual,
+        samples: record.samples,
+        seconds: clock.elapsed().as_secs_f64(),
+    })
 }
 
 /// Whether there is anything to integrate.
@@ -91,84 +150,6 @@ pub fn has_state(info: &Info) -> Result<(), Error> {
         return Err(Error::NoState { scene: info.scene.clone(), model: info.model.clone() });
     }
     Ok(())
-}
-
-/// An integration that waits for its method.
-struct Run<'r, 'a> {
-    dynamics: &'r PreparedScene<'a>,
-    request: &'r SimulateRequest,
-    /// Times of the samples.
-    times: &'r [f64],
-    /// Is told the time reached after every step, and may end the motion there.
-    progress: &'r mut dyn FnMut(f64) -> ControlFlow<()>,
-}
-
-impl<'a> WithMethod<'a> for Run<'_, 'a> {
-    type Output = Result<SimulateResponse, Error>;
-
-    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
-        let Run { dynamics, request, times, progress } = self;
-        let info = dynamics.info();
-        let options = request.steps.options(request.t_final, request.max_steps)?;
-        let options = options.with_max_events(request.max_events);
-        let start = |error: SolverError| match error {
-            SolverError::Failure(failure) => {
-                Error::State { path: "initial".into(), reason: describe(info, failure) }
-            }
-            other => Error::Options { reason: other.to_string() },
-        };
-        let clock = std::time::Instant::now();
-        let initial = VecState(request.initial.clone());
-        let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(start)?;
-        let record = Record::new(&**dynamics, request)?;
-        let mut watcher = Watcher::new(&**dynamics, request, (record, progress))?;
-        let times = times.iter().copied();
-        let t_final = request.t_final;
-        let reached = match request.watched {
-            None => solver.observe::<0>(t_final, times, [], &mut watcher),
-            Some(_) => {
-                let directions = watcher.directions();
-                solver.observe::<MAX_EVENTS>(t_final, times, directions, &mut watcher)
-            }
-        };
-        let Watcher { record, log, ended_by, error, .. } = watcher;
-        if let Some(error) = error {
-            return Err(error);
-        }
-        if let Err(error) = reached {
-            let (t, y) = (solver.t(), &solver.state().0);
-            let (SolverError::EventNotFinite { index, .. } | SolverError::EventsAccumulate { index, .. }) =
-                error
-            else {
-                return Err(stopped(info, t, y, &error));
-            };
-            let event = request.watched.as_ref().and_then(|watched| watched.name(index));
-            let reason = format!("event {}: {}", event.unwrap_or_default(), why_stopped(info, &error));
-            return Err(stopped_because(info, t, y, reason));
-        }
-        let last = solver.state().0.clone();
-        let stats = solver.stats();
-        let energy_drift = record.initial_energy.map(|_| (record.deviation / record.scale).min(f64::MAX));
-        Ok(SimulateResponse {
-            t: solver.t(),
-            last,
-            along: Vec::new(),
-            steps: stats.steps,
-            rejected: stats.rejected,
-            rhs_evals: stats.rhs_evals,
-            energy_drift,
-            events: request.watched.is_some().then_some(log),
-            ended_by,
-            warnings: drift_warning(info, request.steps, energy_drift).into_iter().collect(),
-            initial_energy: record.initial_energy,
-            energy_scale: record.scale,
-            energy_at_steps: record.energy_at_steps,
-            initial_residual: record.initial_residual,
-            constraint_residual: record.residual,
-            samples: record.samples,
-            seconds: clock.elapsed().as_secs_f64(),
-        })
-    }
 }
 
 /// A larger relative drift of an energy that is conserved is told.

@@ -4,12 +4,12 @@
 
 use hamel_runtime::{Dop853, Integrator};
 
+use super::any_method::MAX_INVARIANTS;
 use super::auto;
 use super::dynamics::{Factory, PreparedScene, VecState};
 use super::evaluate::prepare;
 use super::method::{MethodName, Steps};
 use super::simulation::SimulateRequest;
-use super::solver::MAX_INVARIANTS;
 
 /// Steps of `dop853` from which on a motion is long. The energy of `heavy_top` has moved by 7e-9 after five times as
 /// many at the default tolerances, with `dop853` and `gbs14`

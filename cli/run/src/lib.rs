@@ -6,6 +6,7 @@
 //! Does not know: commands and their arguments, how results are shown.
 
 pub mod admissible;
+mod any_method;
 pub mod asked;
 pub mod auto;
 pub mod bars;

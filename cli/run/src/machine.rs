@@ -2,16 +2,16 @@
 //!
 //! Deliberately does not know: scenes, who evaluates them.
 
-#[cfg(not(target_family = "wasm"))]
+#[cfg(all(feature = "jit", not(target_family = "wasm")))]
 pub(super) use hamel_jit::Compiled;
 
 /// Whether programs can be compiled in memory: WebAssembly runs nothing that was not there from the beginning.
-pub(super) const IS_THERE: bool = cfg!(not(target_family = "wasm"));
+pub(super) const IS_THERE: bool = cfg!(all(feature = "jit", not(target_family = "wasm")));
 
-#[cfg(target_family = "wasm")]
+#[cfg(not(all(feature = "jit", not(target_family = "wasm"))))]
 pub(super) use nothing::Compiled;
 
-#[cfg(target_family = "wasm")]
+#[cfg(not(all(feature = "jit", not(target_family = "wasm"))))]
 mod nothing {
     use hamel_program::program::{Point, Program, Run};
 
@@ -22,7 +22,7 @@ mod nothing {
     impl Compiled {
         /// The reason why a program is not compiled.
         pub(in super::super) fn new(_: &Program) -> Result<Compiled, &'static str> {
-            Err("WebAssembly has no memory that can be run")
+            Err("machine code cannot be made in memory here")
         }
     }
 

@@ -1,7 +1,7 @@
 //! Integration methods by name, and how steps are chosen.
 //!
 //! `METHODS` is the one table of methods: a method is added by a variant, a line there, and an arm of
-//! `solver::with_method`, which the compiler asks for.
+//! `solver::method_of`, which the compiler asks for.
 //!
 //! Does not know: how a method works, scenes, requests.
 

@@ -12,13 +12,13 @@ use hamel_codegen::spec::Want;
 use hamel_runtime::consistent_by;
 
 use super::admissible;
+use super::any_method::MAX_INVARIANTS;
 use super::dynamics::{Factory, PreparedScene, VecState};
 use super::evaluate::{EvalRequest, eval, prepare};
 use super::forms::Forms;
 use super::info::Info;
 use super::interpreted::{self, Built};
 use super::simulation::SimulateRequest;
-use super::solver::MAX_INVARIANTS;
 use crate::error::Error;
 use crate::model::{self, Checked};
 

@@ -26,14 +26,14 @@ impl Stored {
         };
         let info = Info {
             model: model.to_owned(),
-            scene: scene.name.clone(),
+            scene: scene.name().to_owned(),
             state: scene.state_names(),
             momenta: momenta(scene),
             params: scene.params().iter().map(param).collect(),
-            inputs: scene.equations.system.inputs.iter().map(param).collect(),
+            inputs: scene.equations().system.inputs.iter().map(param).collect(),
             outputs: scene.outputs().iter().map(output_entry).collect(),
             has_energy: scene.has_energy(),
-            conserves_energy: scene.has_energy() && scene.equations.facts.conserves_energy(),
+            conserves_energy: scene.has_energy() && scene.equations().facts.conserves_energy(),
         };
         Stored { executable: scene.executable(), info }
     }
@@ -66,7 +66,7 @@ pub(super) fn fits(executable: &Executable, info: &Info) -> bool {
 
 /// Components of a state in the place of velocities of the model.
 fn momenta(scene: &BuiltScene) -> Vec<String> {
-    let carried = scene.equations.system.momenta.iter().filter(|m| m.symbol.is_some()).map(|m| &m.name);
+    let carried = scene.equations().system.momenta.iter().filter(|m| m.symbol.is_some()).map(|m| &m.name);
     let others = scene.legendre().momenta.iter().map(|(name, _)| name);
     let mut names: Vec<String> = carried.chain(others).cloned().collect();
     names.sort();

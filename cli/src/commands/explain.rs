@@ -102,7 +102,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     }
     let style = if arguments.latex { Style::Latex } else { Style::Unicode };
     if arguments.coefficients {
-        let found = connection_coefficients(&built.equations.system);
+        let found = connection_coefficients(&built.equations().system);
         let found = found.map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?;
         return Ok(hamel_codegen::explain::connection_coefficients(&found, style));
     }

@@ -220,7 +220,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         {
             let initial = start(model, &built)?;
             let (c, fmu) = built.emit_fmu(&Writing::default(), initial).map_err(|e| {
-                Error::unusable(format!("scene {} of {}:", built.name, model.name), e.to_string())
+                Error::unusable(format!("scene {} of {}:", built.name(), model.name), e.to_string())
             })?;
             let bytes = archive(&c, &fmu)?;
             let name = format!("{}.fmu", c.prefix);

@@ -12,6 +12,7 @@ pub mod fmt;
 pub mod generate;
 pub mod linearize;
 pub mod list;
+#[cfg(feature = "lsp")]
 pub mod lsp;
 pub mod man;
 pub mod new;
@@ -61,6 +62,7 @@ pub enum Command {
     Check(check::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Fmt(fmt::Arguments),
+    #[cfg(feature = "lsp")]
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Lsp(lsp::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
@@ -87,6 +89,7 @@ impl Command {
             Command::Report(arguments) => report::run(session, arguments),
             Command::Check(arguments) => check::run(session, arguments),
             Command::Fmt(arguments) => fmt::run(arguments),
+            #[cfg(feature = "lsp")]
             Command::Lsp(arguments) => lsp::run(arguments),
             Command::Completions(arguments) => Ok(completions::run(program, arguments)),
             Command::Man(arguments) => man::run(program, arguments),

@@ -18,6 +18,7 @@ use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::{Signed, ToPrimitive, Zero};
 
+use super::random::split_mix;
 use super::rational::Rational;
 
 /// The number of elements.
@@ -218,12 +219,9 @@ pub(super) fn has_consistent_root(q: &Rational) -> bool {
     q.is_positive() && splits(q.numer()) && splits(q.denom())
 }
 
-/// SplitMix64 (Steele, Lea, Flood, 2014), folded into the field.
-pub(super) fn hash(seed: u64) -> u64 {
-    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (z ^ (z >> 31)) % P
+/// A random number of the field.
+pub(super) fn hash(mut seed: u64) -> u64 {
+    split_mix(&mut seed) % P
 }
 
 #[cfg(test)]

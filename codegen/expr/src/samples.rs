@@ -9,6 +9,7 @@ use num_traits::{FromPrimitive, Zero};
 
 use super::graph::Graph;
 use super::node::{ExprId, Func, Node, SymbolId};
+use super::random::uniform;
 use super::rational::{Rational, rational_to_f64};
 use super::sign::Sign;
 
@@ -33,15 +34,6 @@ pub struct Measured {
 pub struct Samples {
     points: Vec<BTreeMap<SymbolId, DoubleDouble>>,
     measured: HashMap<ExprId, Option<Vec<Measured>>>,
-}
-
-/// SplitMix64 (Steele, Lea, Flood, 2014), to `[0, 1)`.
-pub fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 /// A rational number to 31 digits.

@@ -353,15 +353,11 @@ fn names_are_seen_through() {
     assert_eq!(fixture.g.vanishing(e), Vanishing::NonZero);
 }
 
-/// SplitMix64.
 struct Draws(u64);
 
 impl Draws {
     fn below(&mut self, n: u64) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) % n
+        crate::split_mix(&mut self.0) % n
     }
 
     fn text(&mut self, choices: &[&str]) -> String {

@@ -20,16 +20,10 @@ use super::positions::PositionLayout;
 /// A scene after the whole pipeline: its equations and its program.
 #[derive(Clone, Debug)]
 pub struct BuiltScene {
-    /// Name of the scene.
-    pub name: String,
-    /// What was derived.
-    pub equations: Arc<Equations>,
-    /// What was lowered: the rates, the energy (when wanted), the pivots, one function for each output and each
-    /// product, then the domain where there is one; see [`Role`].
-    pub program: Program,
-    /// The state of this scene: that of the model without what is left out, with what is reconstructed; the derivatives
-    /// are those by the time of the model.
-    pub state: Vec<StateEquation>,
+    pub(crate) name: String,
+    pub(crate) equations: Arc<Equations>,
+    pub(crate) program: Program,
+    pub(crate) state: Vec<StateEquation>,
     pub(super) outputs: Vec<Output>,
     pub(super) matrices: Vec<Matrix>,
     pub(super) products: Vec<Product>,
@@ -58,6 +52,33 @@ pub(super) fn legendre_role() -> Role {
 }
 
 impl BuiltScene {
+    /// Name of the scene.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What was derived.
+    pub fn equations(&self) -> &Arc<Equations> {
+        &self.equations
+    }
+
+    /// What was lowered: the rates, the energy (when wanted), the pivots, one function for each output and each
+    /// product, then the domain where there is one; see [`Role`].
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
+    /// The program alone.
+    pub fn into_program(self) -> Program {
+        self.program
+    }
+
+    /// The state of this scene: that of the model without what is left out, with what is reconstructed; the derivatives
+    /// are those by the time of the model.
+    pub fn state(&self) -> &[StateEquation] {
+        &self.state
+    }
+
     /// Names of the state variables in order.
     pub fn state_names(&self) -> Vec<String> {
         self.state.iter().map(|s| s.name.clone()).collect()

@@ -57,6 +57,7 @@ pub use events::SceneEvent;
 pub use formulations::{Candidate, Formulations, LeftOut, Progress};
 pub use groups::groups;
 pub use hamel_program::emit::{CModule, Fmu, WasmModule};
+pub use hamel_program::program::Role;
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
@@ -236,8 +237,8 @@ pub fn has_residuals(model: &Model) -> Result<bool, Diagnostics> {
 /// Builds one scene of a model.
 ///
 /// ```
+/// use hamel_codegen::scene::Role;
 /// use hamel_codegen::{scene, spec};
-/// use hamel_program::program::Role;
 ///
 /// let text = "model top {
 ///     param I: diagonal(3) = [2, 1.5, 0.8] where I1 > 0, I2 > 0, I3 > 0;
@@ -247,7 +248,7 @@ pub fn has_residuals(model: &Model) -> Result<bool, Diagnostics> {
 /// }";
 /// let model = spec::parse("top.hamel", text)?;
 /// let ball = scene::build(&model, "ball")?;
-/// let rhs = ball.program.function(&Role::Rate).unwrap();
+/// let rhs = ball.program().function(&Role::Rate).unwrap();
 /// assert_eq!(rhs.counts().total(), 0);
 /// # Ok::<(), spec::Diagnostics>(())
 /// ```

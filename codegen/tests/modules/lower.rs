@@ -1023,7 +1023,7 @@ fn programs_of_scenes_are_read_back_from_their_text() {
     for name in ["heavy_top", "suslov", "mobile_robot"] {
         let path = format!("{}/../models/specs/{name}.hamel", env!("CARGO_MANIFEST_DIR"));
         let model = hamel_codegen::spec::parse(name, &std::fs::read_to_string(path).unwrap()).unwrap();
-        let program = hamel_codegen::scene::build(&model, "default").unwrap().program;
+        let program = hamel_codegen::scene::build(&model, "default").unwrap().into_program();
         let text = program.to_string();
         let read = Program::read(&text).unwrap_or_else(|e| panic!("{name}: {e}\n{text}"));
         verify(&read).unwrap();

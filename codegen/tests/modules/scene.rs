@@ -21,7 +21,7 @@ fn two_unknowns_with_a_constant_determinant_are_solved_without_a_division() {
             lagrangian = 1/2*a_dot^2 + I/2*(x_dot^2 + y_dot^2) + q/2*(cos(a)*x_dot + sin(a)*y_dot)^2;
         }",
     );
-    let rhs = scene.program.function(&Role::Rate).expect("a right-hand side");
+    let rhs = scene.program().function(&Role::Rate).expect("a right-hand side");
     assert_eq!(rhs.counts().div, 0, "{rhs:?}");
     assert!(!scene.emit().expect("a module").contains("fn check"), "nothing can vanish");
 
@@ -132,7 +132,7 @@ fn pivots_that_are_sums_of_positive_terms_are_not_asked_for() {
             lagrangian = 1/2*((I + c*d^2)*a_dot^2 + c*b_dot^2) + c*d*a_dot*b_dot;
         }",
     );
-    let conditions: Vec<&str> = scene.program.prepare.conditions.iter().map(|c| c.text.as_str()).collect();
+    let conditions: Vec<&str> = scene.program().prepare.conditions.iter().map(|c| c.text.as_str()).collect();
     assert_eq!(conditions, ["I > 0", "c > 0"]);
     // Eliminated as it stands, nothing would be left of c.
     let interpreter = scene.prepare(&[1.0, 1.0, 1e9]).expect("allowed parameters");
@@ -154,7 +154,7 @@ fn coupled(e: &str, q: &str) -> BuiltScene {
 #[test]
 fn an_inertia_that_is_definite_by_default_has_to_be_so_for_all_parameters() {
     let scene = coupled("2", "3");
-    let texts: Vec<&str> = scene.program.prepare.conditions.iter().map(|c| c.text.as_str()).collect();
+    let texts: Vec<&str> = scene.program().prepare.conditions.iter().map(|c| c.text.as_str()).collect();
     assert_eq!(texts, ["inertia along a_dot > 0", "inertia along b_dot > 0"]);
     let refused = scene.prepare(&[2.0, 0.4]).expect_err("det = -0.2");
     assert_eq!(refused.condition, "inertia along b_dot > 0");
@@ -181,7 +181,7 @@ fn a_lagrangian_that_is_indefinite_by_default_is_refused_where_its_entries_are_l
 fn pivots_that_can_change_their_sign_are_watched_and_no_others() {
     let watches = |lagrangian: &str| {
         let text = format!("model m {{ param k = 2; coordinate x, w in real; lagrangian = {lagrangian}; }}");
-        built(&text).program.function_idx(&Role::Signature).is_some()
+        built(&text).program().function_idx(&Role::Signature).is_some()
     };
     assert!(watches("1/2*(1 - x^2)*x_dot^2 + 1/2*w_dot^2 - 1/2*w^2"));
     assert!(watches("1/2*x_dot^2 + x*x_dot*w_dot + 1/2*w_dot^2"));

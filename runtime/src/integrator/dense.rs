@@ -59,13 +59,13 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             copy(&self.points[other].state, &mut self.work);
             return Ok(());
         }
-        if const { M::DENSE_BY_STEPS } {
+        if self.method.dense_by_steps() {
             return self.step_inside(t);
         }
         if self.dense == Dense::StagesMissing {
             self.complete_dense_stages()?;
         }
-        let tableau = M::TABLEAU;
+        let tableau = self.method.tableau();
         let (start, end) = (&self.points[other], &self.points[here]);
         let stored = M::stages(&self.storage);
         if tableau.is_series() {
@@ -118,7 +118,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     }
 
     fn complete_dense_stages(&mut self) -> Result<(), Error> {
-        let tableau = M::TABLEAU;
+        let tableau = self.method.tableau();
         let (end, start) =
             (&self.points[usize::from(self.current)], &self.points[usize::from(!self.current)]);
         let offset = tableau.n_stages() - 1;

@@ -183,7 +183,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// Finds the first point of a trial step where something is not finite, and asks the system why.
     #[cold]
     pub(super) fn diagnose(&mut self, h: R, t_new: R) -> Failure {
-        let tableau = M::TABLEAU;
+        let tableau = self.method.tableau();
         let (from, to) = (&self.points[usize::from(self.current)], &self.points[usize::from(!self.current)]);
         let stored = M::stages(&self.storage);
         if tableau.is_series() {

@@ -132,12 +132,12 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
     pub fn new(system: &'s S, method: M, t0: R, y0: S::State, options: Options<R>) -> Result<Self, Error> {
         options.validate()?;
         method.validate(&options)?;
-        let estimate_order = match (M::TABLEAU.estimate_order(), options.step) {
+        let estimate_order = match (method.tableau().estimate_order(), options.step) {
             (Some(order), _) => order,
             // Unused with fixed steps.
-            (None, StepSize::Fixed(_)) => M::TABLEAU.order,
+            (None, StepSize::Fixed(_)) => method.tableau().order,
             (None, StepSize::Adaptive { .. }) => {
-                return Err(Error::NoErrorEstimate { method: M::TABLEAU.name });
+                return Err(Error::NoErrorEstimate { method: method.tableau().name });
             }
         };
         if !t0.all_finite() {
@@ -269,7 +269,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
 impl<R: Real, S: System<R>, M: Method<R, S>> fmt::Debug for Integrator<'_, R, S, M> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Integrator")
-            .field("method", &M::TABLEAU.name)
+            .field("method", &self.method.tableau().name)
             .field("t", &self.t)
             .field("state", &self.state().as_slice())
             .field("options", &self.options)

@@ -105,7 +105,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// The time at which the step ends at the latest: `t_end`, unless the method knows of an earlier one.
     #[inline]
     fn last_time(&mut self, t_end: R) -> R {
-        if const { !M::TABLEAU.is_series() } {
+        if !self.method.tableau().is_series() {
             return t_end;
         }
         // The series at the current point takes the place of that of the last step.
@@ -116,7 +116,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// The longest step that the method knows to be accurate; infinity if it knows none.
     #[inline]
     fn longest_step(&mut self) -> f64 {
-        if const { !M::TABLEAU.is_series() } {
+        if !self.method.tableau().is_series() {
             return f64::INFINITY;
         }
         self.ask(M::longest_step)
@@ -186,7 +186,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         };
         self.method.advance(&mut self.storage, &mut step).map_err(Rejection::Failed)?;
         let Step { to, work, rhs_evals, .. } = step;
-        let has_slopes = const { !M::TABLEAU.is_series() };
+        let has_slopes = !self.method.tableau().is_series();
         if has_slopes {
             *rhs_evals += 1;
             self.method.slope(&mut self.storage, self.system, t_new, to);
@@ -202,7 +202,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             return self.keeps_signature(t_new).map(|()| 0.0);
         }
         let k = Derivatives {
-            n_stages: const { M::TABLEAU.n_stages() },
+            n_stages: self.method.tableau().n_stages(),
             first: &from.slope,
             stored: M::stages(&self.storage),
             last: &to.slope,
@@ -215,16 +215,16 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         };
         let square = known.filter(|square| square.is_finite()).unwrap_or_else(|| {
             let tolerances = tolerances(&self.rtol, &self.atol, ends, &mut self.scales);
-            let rows = const { M::TABLEAU.error_weights() };
-            let estimate = |[first, second]: [f64; 2]| match M::TABLEAU.estimate {
+            let tableau = self.method.tableau();
+            let rows = tableau.error_weights();
+            let estimate = |[first, second]: [f64; 2]| match tableau.estimate {
                 Estimate::None | Estimate::Series => 0.0,
                 Estimate::Embedded { .. } => first,
                 Estimate::Combined { .. } if first == 0.0 => 0.0,
                 Estimate::Combined { .. } => first * (first / (first + 0.01 * second)),
             };
-            let first = weighted_square(norm, const { M::TABLEAU.error_weights()[0] }, &k, &tolerances, work);
-            let second =
-                weighted_square(norm, const { M::TABLEAU.error_weights()[1] }, &k, &tolerances, work);
+            let first = weighted_square(norm, rows[0], &k, &tolerances, work);
+            let second = weighted_square(norm, rows[1], &k, &tolerances, work);
             let square = estimate([first, second]) * (h.magnitude() * h.magnitude());
             if square.is_finite() {
                 return square;
@@ -270,7 +270,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         self.t = t;
         self.t_residue = t_residue;
         self.h = h;
-        self.dense = if M::TABLEAU.dense_stages.is_empty() { Dense::Ready } else { Dense::StagesMissing };
+        let has_stages = !self.method.tableau().dense_stages.is_empty();
+        self.dense = if has_stages { Dense::StagesMissing } else { Dense::Ready };
         self.stats.steps += 1;
     }
 
@@ -323,7 +324,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         let out = self.work.as_mut_slice();
         let bend_norm = scaled_norm(norm, &tolerances, out, |c| probe[c] - slope[c]) / guess;
         let steepest = if bend_norm > slope_norm { bend_norm } else { slope_norm };
-        let order = M::TABLEAU.estimate_order().unwrap_or(M::TABLEAU.order);
+        let tableau = self.method.tableau();
+        let order = tableau.estimate_order().unwrap_or(tableau.order);
         let refined = if steepest <= 1e-15 {
             small.max(guess * 1e-3)
         } else {

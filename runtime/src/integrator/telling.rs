@@ -48,7 +48,9 @@ enum Along {
 
 impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// Whether the inside of a step costs evaluations.
-    const DENSE_COSTS: bool = M::DENSE_BY_STEPS || !M::TABLEAU.dense_stages.is_empty();
+    fn dense_costs(&self) -> bool {
+        self.method.dense_by_steps() || !self.method.tableau().dense_stages.is_empty()
+    }
 
     /// Finds and tells the events of the last step, at whose end the functions have the values `after`, up to one that
     /// stops or changes the motion since `start`.
@@ -66,7 +68,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         let after = finite_values(self.t, after)?;
         let whole = Ends { from: self.t_previous, to: self.t };
         let mut along = Along::Motion;
-        if const { Self::DENSE_COSTS } {
+        if self.dense_costs() {
             let part = self.look(watch, (whole, after), Along::Cubic, observer)?;
             if watch.is_constant(&part) {
                 watch.pass(self.t, after)?;
@@ -213,7 +215,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             if stops {
                 return Ok(Told::Stop);
             }
-            self.control = Controller::new(M::TABLEAU.estimate_order().unwrap_or(M::TABLEAU.order));
+            let tableau = self.method.tableau();
+            self.control = Controller::new(tableau.estimate_order().unwrap_or(tableau.order));
             // The motion until now says how soon the next event may be; a step has to change the time.
             let least = 1e4 * R::EPSILON * t.magnitude();
             let longest = (t - start).magnitude().max(least);
@@ -285,7 +288,7 @@ where
         (before, after): (f64, f64),
         resolution: f64,
     ) -> Result<[(R, f64); 2], Error> {
-        if const { !M::DENSE_BY_STEPS } || !self.is_whole || self.along != Along::Motion {
+        if !self.integrator.method.dense_by_steps() || !self.is_whole || self.along != Along::Motion {
             return Ok([(R::ZERO, before), (R::ONE, after)]);
         }
         let mut function = |t: R, y: &S::State| {

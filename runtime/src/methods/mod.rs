@@ -59,11 +59,24 @@ use crate::system::{StateVector, System};
 /// sizes, errors, dense output, events and counts, is the work of the [`Integrator`](crate::Integrator), which is the
 /// same for all methods.
 pub trait Method<R: Real, S: System<R>>: Copy {
-    /// Coefficients of the method; without stages for a series.
+    /// Coefficients of the method; without stages for a series. [`Tableau::CHOSEN`] where the values of a type are
+    /// different methods.
     const TABLEAU: &'static Tableau;
 
     /// Whether the state within a step is that of a shorter step from the same start, instead of what the tableau says.
     const DENSE_BY_STEPS: bool = false;
+
+    /// Coefficients of this value: [`TABLEAU`](Self::TABLEAU), but for a method that is chosen at run time.
+    #[inline(always)]
+    fn tableau(&self) -> &'static Tableau {
+        Self::TABLEAU
+    }
+
+    /// [`DENSE_BY_STEPS`](Self::DENSE_BY_STEPS) of this value.
+    #[inline(always)]
+    fn dense_by_steps(&self) -> bool {
+        Self::DENSE_BY_STEPS
+    }
 
     /// What the method keeps from one step to the next.
     type Storage;

@@ -83,6 +83,16 @@ where
 
     const DENSE_BY_STEPS: bool = <M as Method<R, S>>::DENSE_BY_STEPS;
 
+    #[inline(always)]
+    fn tableau(&self) -> &'static Tableau {
+        Method::<R, S>::tableau(&self.method)
+    }
+
+    #[inline(always)]
+    fn dense_by_steps(&self) -> bool {
+        Method::<R, S>::dense_by_steps(&self.method)
+    }
+
     type Storage = Turning<R, S::Inside, <M as Method<R, S>>::Storage, <M as Method<R, S::Inside>>::Storage>;
 
     fn validate(&self, options: &Options<R>) -> Result<(), Error> {

@@ -176,6 +176,16 @@ where
 
     const DENSE_BY_STEPS: bool = M::DENSE_BY_STEPS;
 
+    #[inline(always)]
+    fn tableau(&self) -> &'static Tableau {
+        self.method.tableau()
+    }
+
+    #[inline(always)]
+    fn dense_by_steps(&self) -> bool {
+        self.method.dense_by_steps()
+    }
+
     type Storage = Projection<R, S::State, M::Storage, K>;
 
     fn validate(&self, options: &Options<R>) -> Result<(), Error> {

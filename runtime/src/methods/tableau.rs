@@ -76,6 +76,20 @@ pub struct Tableau {
 }
 
 impl Tableau {
+    /// Takes the place of coefficients in a type whose values are different methods:
+    /// [`Method::tableau`](crate::Method::tableau) has the coefficients of each.
+    pub const CHOSEN: &'static Tableau = &Tableau {
+        name: "chosen",
+        order: 0,
+        nodes: &[],
+        stages: &[],
+        weights: &[],
+        estimate: Estimate::None,
+        dense_nodes: &[],
+        dense_stages: &[],
+        dense: &[],
+    };
+
     /// Number of stages `s`; `k_s` belongs to the next step.
     #[must_use]
     pub const fn n_stages(&self) -> usize {

@@ -88,13 +88,13 @@ impl Taylor {
     /// Jorba and Zou, A software package for the numerical integration of ODEs by means of high-order Taylor methods
     /// (2005), section 3.1.
     #[must_use]
-    pub fn new() -> Self {
+    pub const fn new() -> Self {
         Self { order: None }
     }
 
     /// The given order, from 2 to [`MAX_ORDER`].
     #[must_use]
-    pub fn of_order(order: usize) -> Self {
+    pub const fn of_order(order: usize) -> Self {
         Self { order: Some(order) }
     }
 

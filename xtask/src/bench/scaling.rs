@@ -72,7 +72,7 @@ fn component(k: usize) -> f64 {
 /// The bits of the right-hand side by the interpreter.
 fn interpreted(built: &BuiltScene) -> Vec<u64> {
     let params: Vec<f64> = built.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
-    let state: Vec<f64> = (0..built.program.state.len()).map(component).collect();
+    let state: Vec<f64> = (0..built.program().state.len()).map(component).collect();
     let mut rates = vec![0.0; state.len()];
     if let Ok(interpreter) = built.prepare(&params) {
         interpreter.rhs(0.0, &state, &mut rates);
@@ -106,7 +106,7 @@ impl Toolchain {
         if self.target_cpu() == TargetCpu::Baseline && result != interpreted(&built) {
             return Err(failed(&name, "the compiled right-hand side differs from the interpreted one"));
         }
-        let program = &built.program;
+        let program = built.program();
         let rhs = program.function(&Role::Rate);
         let functions = program.functions.iter().map(|f| f.counts().total()).sum::<usize>();
         Ok(Row {

@@ -38,14 +38,27 @@ impl Table {
     }
 
     pub(super) fn parse(path: &Path, text: &str) -> Result<Table, Error> {
-        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-        let split = |line: &str| line.split(',').map(|cell| cell.trim().to_owned()).collect::<Vec<String>>();
-        let names =
-            lines.next().map(|(_, line)| split(line.trim_start_matches('\u{feff}'))).unwrap_or_default();
-        let mut table = Table { path: path.to_owned(), names, rows: Vec::new() };
+        let text = text.trim_start_matches('\u{feff}');
+        let mut reader = csv::ReaderBuilder::new();
+        let mut reader =
+            reader.has_headers(false).flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+        let mut table = Table { path: path.to_owned(), names: Vec::new(), rows: Vec::new() };
         let mut problems = Vec::new();
-        for (at, line) in lines {
-            let (line, texts) = (at + 1, split(line));
+        let (mut line, mut counted) = (1, 0);
+        for texts in reader.records() {
+            let texts = texts.map_err(|e| Error::io(path.display().to_string(), e.into()))?;
+            if texts.iter().eq([""]) {
+                continue;
+            }
+            // A record begins where the one before ends, with the empty lines between them.
+            let before = texts.position().map_or(counted, |position| position.byte() as usize);
+            let start = text.len() - text[before..].trim_start().len();
+            line += text[counted..start].matches('\n').count();
+            counted = start;
+            if table.names.is_empty() {
+                table.names = texts.iter().map(str::to_owned).collect();
+                continue;
+            }
             let mut complain = |reason: String| problems.push(table.problem(line, reason));
             if texts.len() != table.names.len() {
                 let (found, wanted) = (texts.len(), table.names.len());

@@ -4,6 +4,8 @@
 
 use std::fmt;
 
+use hamel_expr::split_mix;
+
 use super::table::number;
 
 /// An interval, along which a quantity or its logarithm is uniform.
@@ -170,15 +172,9 @@ impl fmt::Display for Spread {
     }
 }
 
-/// One step of SplitMix64.
-///
-/// # Source
-/// Steele, Lea and Flood, Fast splittable pseudorandom number generators (2014), figure 17.
-fn scramble(x: u64) -> u64 {
-    let z = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
+/// A number from which neighbours of `x` have theirs far away.
+fn scramble(mut x: u64) -> u64 {
+    split_mix(&mut x)
 }
 
 #[cfg(test)]

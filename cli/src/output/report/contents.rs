@@ -190,8 +190,8 @@ pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
             .iter()
             .map(|p| quantity(&p.name, Some(rational_to_f64(&p.default)), &p.doc))
             .collect(),
-        conditions: scene.equations.system.conditions.iter().map(|c| c.text.clone()).collect(),
-        state: scene.state.iter().map(|s| quantity(&s.name, None, &s.doc)).collect(),
+        conditions: scene.equations().system.conditions.iter().map(|c| c.text.clone()).collect(),
+        state: scene.state().iter().map(|s| quantity(&s.name, None, &s.doc)).collect(),
         text: model.origin.as_ref().map(|o| o.text.clone()).unwrap_or_default(),
         keywords: spec::keywords(),
         sections,

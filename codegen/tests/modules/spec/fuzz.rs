@@ -5,16 +5,11 @@ use hamel_codegen::spec::parse;
 
 const SEED: u64 = 0x5eed_0000_2024_0817;
 
-/// SplitMix64.
 struct Random(u64);
 
 impl Random {
     fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        hamel_expr::split_mix(&mut self.0)
     }
 
     fn below(&mut self, n: usize) -> usize {

@@ -57,7 +57,7 @@ pub(in crate::bench) fn generate(file: &Path) -> Result<String, Error> {
     let module = built.emit().map_err(|e| failed(&name, e))?;
     let seconds = clock.elapsed().as_secs_f64();
     std::fs::write(file.with_extension("rs"), &module).map_err(|e| Error::io(&*name, e))?;
-    let program = &built.program;
+    let program = built.program();
     let counts = program.function(&Role::Rate).map_or_else(Counts::default, |f| f.counts());
     let all = program.functions.iter().map(|f| f.counts().total()).sum::<usize>();
     let generated = Generated {
