@@ -307,7 +307,7 @@ fn a_fault_in_the_jacobian_of_an_arm_is_found() {
         let [a, b] = [matrix.results[last - 1].1, matrix.results[last].1];
         (matrix.results[last - 1].1, matrix.results[last].1) = (b, a);
     };
-    let problems = build_tampered(&model, "bare", &exchanged).err().expect("refused").to_string();
+    let problems = build_tampered(&model, "bare", &exchanged).expect_err("refused").to_string();
     assert!(problems.contains("jacobian"), "{problems}");
     assert!(build_tampered(&model, "bare", &|_| {}).is_ok());
 }
