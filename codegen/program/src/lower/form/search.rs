@@ -38,7 +38,7 @@ const MAX_TERMS_EACH: usize = 4;
 /// Other functions than rates of more definitions and terms than both of these, and few terms each, stay as they were
 /// derived, with common divisors extracted: the budget allows trials of a small part of their definitions. The
 /// derivatives of an arm of seven joints have 3630 definitions and 10,280 terms.
-const LONG: Size = Size { definitions: 1000, terms: 2000 };
+const LONG: Size = Size { definitions: 2000, terms: 6000 };
 /// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near
 /// its definition, in one search after the other: two operations, eight, thirty-two.
 const SLACKS: [i64; 3] = [6, 24, 96];
