@@ -286,6 +286,40 @@ fn draws_are_around_the_value_without_them_and_follow_the_seed() {
     assert_ne!(mass[0] - 1.0, mass[5] - 2.0);
 }
 
+/// Starts are alike but for the values that are drawn, unless the model makes others of these.
+#[test]
+fn a_start_that_the_model_makes_of_a_parameter_follows_its_draws() {
+    let folder = Folder::new("follows");
+    let text = "model slider {
+        param m = 1 where m > 0;
+        param a = 3;
+        coordinate x in real;
+        lagrangian = m*x_dot^2/2 - a*x;
+        initial x = 2*a;
+        initial x_dot = 1;
+    }";
+    let (model, file) = (folder.file("slider.hamel"), folder.file("out.csv"));
+    std::fs::write(&model, text).unwrap();
+    for (spread, varies) in [("a=0.5", true), ("m=0.1", false), ("x_dot=0.1", false)] {
+        let drawn = ["--spread", spread, "m=0.05"];
+        let rest = ["--t-final", "1", "--samples", "2", "-o", &file];
+        let drawn = if spread.starts_with('m') { &drawn[..2] } else { &drawn[..3] };
+        ensemble(&model, &[drawn, &["--count", "9"], &rest[..]].concat());
+        let table = folder.csv("out.csv");
+        let starts: Vec<usize> = (0..table.rows.len()).filter(|row| table.number(*row, "t") == 0.0).collect();
+        assert_eq!(starts.len(), 9);
+        for row in &starts {
+            let expected = if varies { 2.0 * table.number(*row, "a") } else { 6.0 };
+            assert_eq!(table.number(*row, "x"), expected, "{spread}");
+            let speed = if spread.starts_with('x') { table.number(*row, "x_dot(0)") } else { 1.0 };
+            assert_eq!(table.number(*row, "x_dot"), speed, "{spread}");
+        }
+        let name = spread.split_once('=').map_or(spread, |(name, _)| name);
+        let name = if name == "x_dot" { "x_dot(0)" } else { name };
+        assert_ne!(table.number(starts[0], name), table.number(starts[1], name));
+    }
+}
+
 #[test]
 fn arrays_are_those_of_the_table() {
     let folder = Folder::new("arrays");

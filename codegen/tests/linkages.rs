@@ -12,7 +12,7 @@ use crate::families::{
     self, IIWA, planar_arm, planar_pendulum, spatial_arm, spherical_pendulum, wheeled_snake,
 };
 use articulated::{Input, Number, Origin};
-use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::scene::{self, BuiltScene, Derivative, Made, build_tampered};
 use hamel_codegen::spec::{self, Model};
 use hamel_expr::rational_to_f64;
 use hamel_mechanics::mechanics::{derive, is_recursive, same_motion};
@@ -272,6 +272,44 @@ fn operations_of_an_arm_grow_with_its_bodies() {
         let (operations, _) = counted(&built(&parsed(&planar_arm(n)), Some(true)));
         assert!(operations <= 60 * n + n.pow(3) / 6, "{n} bodies: {operations} operations");
     }
+}
+
+/// All columns of the matrix share the values of the rates, and a column is zero where nothing depends on its variable;
+/// loops over nearly empty tables would take 160,000 additions.
+#[test]
+fn the_jacobian_of_an_arm_costs_less_than_products_with_every_direction() {
+    let text = skew_arm(7).replace("want rhs;", "want rhs, jvp, jacobian;");
+    let model = parsed(&text);
+    let scene = scene::build(&model, "bare").unwrap_or_else(|problems| panic!("{problems}"));
+    let function = |role: Role| {
+        let function = scene.program.function(&role).unwrap_or_else(|| panic!("no {role}"));
+        assert!(function.contractions.is_empty(), "{role} has loops");
+        function.counts().cost()
+    };
+    let rates = function(Role::Rate);
+    let product = function(Derivative::Jvp.role());
+    let matrix = function(Derivative::Jacobian.role());
+    let n = scene.state.len() as u64;
+    assert!(matrix < n * product / 4, "{matrix}, {n} products with {product}");
+    assert!(product < 3 * rates && matrix < 8 * rates, "rates {rates}, J v {product}, J {matrix}");
+}
+
+#[test]
+fn a_fault_in_the_jacobian_of_an_arm_is_found() {
+    let text = skew_arm(4).replace("want rhs;", "want rhs, jacobian;");
+    let model = parsed(&text);
+    let role = Derivative::Jacobian.role();
+    // Two entries of the last row, which belong to neighbours.
+    let exchanged = |made: Made<'_>| {
+        let Made::Program(program) = made else { return };
+        let matrix = program.functions.iter_mut().find(|f| f.role == role).expect("a Jacobian");
+        let last = matrix.results.len() - 1;
+        let [a, b] = [matrix.results[last - 1].1, matrix.results[last].1];
+        (matrix.results[last - 1].1, matrix.results[last].1) = (b, a);
+    };
+    let problems = build_tampered(&model, "bare", &exchanged).expect_err("refused").to_string();
+    assert!(problems.contains("jacobian"), "{problems}");
+    assert!(build_tampered(&model, "bare", &|_| {}).is_ok());
 }
 
 #[test]

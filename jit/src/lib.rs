@@ -38,9 +38,10 @@ mod kernel;
 mod translate;
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cranelift_codegen::isa::OwnedTargetIsa;
-use hamel_program::program::{Point, Program, Run, verify_rules};
+use hamel_program::program::{Point, Program, Run, ViolatedCondition, verify_rules};
 use hamel_runtime::{F64x4, Real};
 
 pub use error::Error;
@@ -56,7 +57,20 @@ pub struct Compiled {
     isa: OwnedTargetIsa,
     /// For each function: on one number, on two side by side.
     functions: Vec<[OnceLock<Result<Code, Error>>; 2]>,
+    preparation: Preparation,
 }
+
+/// The part of a program that depends on parameters alone, compiled for those who prepare many sets of parameters.
+#[derive(Default)]
+struct Preparation {
+    /// How often it has run.
+    n_runs: AtomicUsize,
+    /// None where it cannot be compiled.
+    compiled: OnceLock<Option<Box<Compiled>>>,
+}
+
+/// So many sets of parameters are prepared by the interpreter: to compile takes as long as some hundred of them.
+const N_INTERPRETED: usize = 100;
 
 impl std::fmt::Debug for Compiled {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -72,7 +86,26 @@ impl Compiled {
     pub fn new(program: &Program) -> Result<Compiled, Error> {
         verify_rules(program).map_err(|broken| Error::Program { reason: broken.to_string() })?;
         let functions = program.functions.iter().map(|_| Default::default()).collect();
-        Ok(Compiled { program: program.clone(), isa: code::host()?, functions })
+        let preparation = Preparation::default();
+        Ok(Compiled { program: program.clone(), isa: code::host()?, functions, preparation })
+    }
+
+    /// What [`Program::prepare`] returns, by machine code from the hundredth time on.
+    fn prepared<R: Real>(&self, params: &[R]) -> Result<Vec<R>, ViolatedCondition>
+    where
+        Compiled: Run<R>,
+    {
+        let Preparation { n_runs, compiled } = &self.preparation;
+        // Whichever way has the same bits, so that it does not matter which thread counts first.
+        if n_runs.load(Ordering::Relaxed) < N_INTERPRETED {
+            n_runs.fetch_add(1, Ordering::Relaxed);
+            return self.program.prepare(params);
+        }
+        let compile = || Compiled::new(&self.program.preparation()).ok().map(Box::new);
+        match compiled.get_or_init(compile) {
+            Some(compiled) => self.program.prepare_by(&**compiled, params),
+            None => self.program.prepare(params),
+        }
     }
 
     /// Compiles all functions now, on single numbers and, where `on_lanes`, on lanes.
@@ -125,6 +158,10 @@ impl Run<f64> for Compiled {
         &self.program
     }
 
+    fn prepare(&self, params: &[f64]) -> Result<Vec<f64>, ViolatedCondition> {
+        self.prepared(params)
+    }
+
     fn run_at(
         &self,
         function_idx: usize,
@@ -141,6 +178,10 @@ impl Run<f64> for Compiled {
 impl Run<F64x4> for Compiled {
     fn program(&self) -> &Program {
         &self.program
+    }
+
+    fn prepare(&self, params: &[F64x4]) -> Result<Vec<F64x4>, ViolatedCondition> {
+        self.prepared(params)
     }
 
     fn run_at(

@@ -130,3 +130,50 @@ fn vectors_of_other_sizes_are_refused() {
     let point = Point { t: 0.0, state: &[0.1; 3], argument: &[] };
     Run::run_at(&compiled, 0, &[1.5], &prepared, point, &mut [0.0; 4]);
 }
+
+/// The prepare part is compiled for many sets of parameters: with the same bits, and with the same refusals.
+#[test]
+fn prepared_numbers_have_the_bits_of_the_interpreter_on_numbers_and_on_lanes() {
+    let scene = built(
+        "model prepared {
+            param a = 3/2 where a > 0;
+            param b = 1;
+            require a + b > 1/10;
+            coordinate x in real;
+            let k = sqrt(a)*exp(b/7)/3 + a^(1/3)*sin(b)*cos(b) + a/(1 + b^2);
+            lagrangian = a*x_dot^2/2 - k*x^2/2 + k*ln(a)*x;
+            force x_dot = -pi*b*x_dot;
+        }",
+        usize::MAX,
+    );
+    let program = &scene.program;
+    let compiled = Compiled::new(program).unwrap();
+    let (mut refused, mut differing) = (0, 0);
+    let mut before = Vec::new();
+    for k in 0..400 {
+        let params = [0.013 * f64::from(k) - 0.1, 0.7 - 0.005 * f64::from(k)];
+        let expected = program.prepare(&params);
+        let found = Run::<f64>::prepare(&compiled, &params);
+        let as_bits = |values: &Vec<f64>| values.iter().copied().map(bits).collect::<Vec<u64>>();
+        assert_eq!(found.as_ref().map(as_bits), expected.as_ref().map(as_bits), "{params:?}");
+        refused += usize::from(expected.is_err());
+        differing += usize::from(expected.as_ref().is_ok_and(|values| *values != before));
+        before = expected.unwrap_or_default();
+        let on_lanes = |lane: f64| F64x4::new([params[0], params[0] + lane, 1.0, 2.0 + lane]);
+        let lanes = [on_lanes(0.25), F64x4::splat(params[1])];
+        let found = Run::<F64x4>::prepare(&compiled, &lanes);
+        for lane in 0..F64x4::LANES {
+            let expected = program.prepare(&lanes.map(|x| x.lane(lane)));
+            match (&found, expected) {
+                (Ok(found), Ok(expected)) => {
+                    let found: Vec<u64> = found.iter().map(|x| bits(x.lane(lane))).collect();
+                    assert_eq!(found, as_bits(&expected), "{params:?}, lane {lane}");
+                }
+                // One lane that is refused refuses all.
+                (Err(_), _) => {}
+                (Ok(_), Err(refused)) => panic!("{params:?}, lane {lane}: {refused}"),
+            }
+        }
+    }
+    assert!(refused > 5 && differing > 300, "{refused} refused, {differing} different");
+}

@@ -145,6 +145,12 @@ pub trait LaneDynamics: Send + Sync {
     /// Writes the derivatives on all lanes.
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>);
 
+    /// As [`Dynamics::energy`].
+    fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4>;
+
+    /// As [`Dynamics::outputs`].
+    fn outputs(&self, t: F64x4, y: &VecState<F64x4>) -> Vec<F64x4>;
+
     /// As [`System::check`].
     ///
     /// # Errors
@@ -268,6 +274,13 @@ fn lane(values: &[F64x4], k: usize) -> Vec<f64> {
     values.iter().map(|x| x.lane(k)).collect()
 }
 
+/// Some numbers of each of up to four, component by component on lanes, of which those behind the last repeat it.
+pub(super) fn on_lanes(all: &[&[f64]]) -> Vec<F64x4> {
+    let n = all.first().map_or(0, |first| first.len());
+    let of = |k: usize| all[k.min(all.len() - 1)];
+    (0..n).map(|at| F64x4::new(std::array::from_fn(|k| of(k)[at]))).collect()
+}
+
 /// Calls `rhs(k, y, dy)` for the lanes one after the other.
 pub(super) fn lane_by_lane(
     y: &VecState<F64x4>,
@@ -287,6 +300,19 @@ pub(super) fn lane_by_lane(
 impl LaneDynamics for SideBySide<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
         lane_by_lane(y, dy, |k, y, dy| Dynamics::rhs(&*self.0[k], t.lane(k), y, dy));
+    }
+
+    fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
+        let lanes = self.0.iter().enumerate();
+        let energies = lanes.map(|(k, d)| Dynamics::energy(&**d, t.lane(k), &lane(&y.0, k)));
+        let energies: Vec<f64> = energies.collect::<Option<_>>()?;
+        Some(F64x4::new(std::array::from_fn(|k| energies[k])))
+    }
+
+    fn outputs(&self, t: F64x4, y: &VecState<F64x4>) -> Vec<F64x4> {
+        let of_lane = |k: usize| Dynamics::outputs(&*self.0[k], t.lane(k), &lane(&y.0, k));
+        let lanes: [Vec<f64>; F64x4::LANES] = std::array::from_fn(of_lane);
+        (0..lanes[0].len()).map(|at| F64x4::new(std::array::from_fn(|k| lanes[k][at]))).collect()
     }
 
     fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {

@@ -12,12 +12,15 @@ use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
 use hamel_runtime::{F64x4, Method, Options};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use rayon::ThreadPool;
-use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, ParallelIterator as _};
+use rayon::iter::{
+    IndexedParallelIterator as _, IntoParallelIterator as _, IntoParallelRefIterator as _,
+    ParallelIterator as _,
+};
 use serde::{Deserialize, Serialize};
 
 use super::any_method::AnyMethod;
 use super::auto::Purpose;
-use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
+use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState, on_lanes};
 use super::evaluate::why_stopped;
 use super::method::{MethodName, Steps};
 use super::simulation::{Sample, sample_time};
@@ -158,8 +161,8 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec
             Some(method) => job.run::<F64x4, _>(method),
             None => job.run::<f64, _>(method.of_scenes()),
         }?;
-        let one = |(trajectory, params): (_, &&[f64])| member(factory, trajectory, params, times);
-        Ok(trajectories.into_par_iter().zip(params).map(one).collect())
+        let groups = trajectories.into_par_iter().zip(params.par_iter().copied()).chunks(F64x4::LANES);
+        Ok(groups.flat_map_iter(|group| side_by_side(factory, group, times)).collect())
     });
     bar.finish_and_clear();
     if request.cancel.is_off() {
@@ -248,12 +251,51 @@ impl<'a> Job<'a, '_> {
     }
 }
 
-/// A trajectory with times, energies and words.
+/// A trajectory and its parameters.
+type WithParams<'r> = (Trajectory<VecState, BadParams>, &'r [f64]);
+
+/// Trajectories of one group with times, energies and words.
+fn side_by_side(factory: &dyn Factory, group: Vec<WithParams<'_>>, times: &[f64]) -> Vec<Member> {
+    let energies = energies(factory, &group, times);
+    let of = |k: usize| energies.as_ref().map(|all| all.iter().map(|x| x.lane(k)).collect());
+    let one = |(k, (trajectory, params)): (usize, WithParams<'_>)| {
+        member(factory, trajectory, params, (times, of(k)))
+    };
+    group.into_iter().enumerate().map(one).collect()
+}
+
+/// The energies of up to four trajectories at all times, side by side, where all of them arrived and the scene computes
+/// energies.
+fn energies(factory: &dyn Factory, group: &[WithParams<'_>], times: &[f64]) -> Option<Vec<F64x4>> {
+    let (first, _) = group.first()?;
+    let has_arrived = |trajectory: &Trajectory<VecState, BadParams>| {
+        trajectory.stop.is_none()
+            && trajectory.samples.len() == times.len()
+            && trajectory.state.0.len() == first.state.0.len()
+    };
+    if !factory.info().has_energy || !group.iter().all(|(trajectory, _)| has_arrived(trajectory)) {
+        return None;
+    }
+    let params: Vec<&[f64]> = group.iter().map(|(_, params)| *params).collect();
+    if params.iter().any(|own| own.len() != params[0].len()) {
+        return None;
+    }
+    let dynamics = factory.prepare_lanes(&on_lanes(&params)).ok()?;
+    let mut states: Vec<&[f64]> = Vec::with_capacity(group.len());
+    let at = |(k, t): (usize, &f64)| {
+        states.clear();
+        states.extend(group.iter().map(|(trajectory, _)| trajectory.samples[k].0.as_slice()));
+        dynamics.energy(F64x4::splat(*t), &VecState(on_lanes(&states)))
+    };
+    times.iter().enumerate().map(at).collect()
+}
+
+/// A trajectory with times, energies and words; the energies, where they are known.
 fn member(
     factory: &dyn Factory,
     trajectory: Trajectory<VecState, BadParams>,
     params: &[f64],
-    times: &[f64],
+    (times, energies): (&[f64], Option<Vec<f64>>),
 ) -> Member {
     let info = factory.info();
     let mut error = trajectory.stop.as_ref().map(|stop| match stop {
@@ -262,17 +304,27 @@ fn member(
         other => format!("{other:?}"),
     });
     // With a known reason the parameters may not be allowed, and then there is no state either.
-    let Ok(dynamics) = factory.prepare(params) else { return Member { error, ..Member::default() } };
+    let dynamics = match &energies {
+        Some(_) => None,
+        None => match factory.prepare(params) {
+            Ok(dynamics) => Some(dynamics),
+            Err(_) => return Member { error, ..Member::default() },
+        },
+    };
+    let energy_of = |k: usize, t: f64, y: &[f64]| match (&energies, &dynamics) {
+        (Some(energies), _) => energies.get(k).copied(),
+        (None, dynamics) => dynamics.as_ref()?.energy(t, y),
+    };
     let has_started = trajectory.stats.rhs_evals > 0;
     let reached = times.iter().copied().zip(trajectory.samples);
     let is_new = has_started && error.is_some();
     let last = is_new.then_some((trajectory.t, trajectory.state));
     let mut samples: Vec<Sample> = Vec::with_capacity(reached.len() + 1);
-    for (t, state) in reached.chain(last) {
+    for (k, (t, state)) in reached.chain(last).enumerate() {
         if samples.last().is_some_and(|s| s.t == t) {
             continue;
         }
-        let energy = dynamics.energy(t, &state.0).filter(|e| e.is_finite());
+        let energy = energy_of(k, t, &state.0).filter(|e| e.is_finite());
         if info.has_energy && energy.is_none() {
             error.get_or_insert_with(|| format!("the energy is not finite at t = {t:?}"));
         }

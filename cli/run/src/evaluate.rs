@@ -2,10 +2,10 @@
 //!
 //! Does not know: whether the scene is compiled or interpreted, how a request was written.
 
-use hamel_runtime::{Error as SolverError, Failure};
+use hamel_runtime::{Error as SolverError, F64x4, Failure, Real as _};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, Dynamics, Factory, PreparedScene};
+use super::dynamics::{BadParams, Dynamics, Factory, PreparedScene, VecState, on_lanes};
 use super::info::Info;
 use crate::error::{Error, Problem};
 
@@ -115,6 +115,27 @@ fn values(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<Values, String> 
         Some(at) => Err(format!("output {} is not finite", output_name(dynamics.info(), at))),
         None => Ok((dy, energy, values)),
     }
+}
+
+/// Whether the derivative, the energy and all outputs have finite values at time zero at some parameters and states, of
+/// which there are at most as many as lanes.
+pub fn have_values(factory: &dyn Factory, starts: &[&(Vec<f64>, Vec<f64>)]) -> bool {
+    if let [(params, y)] = starts {
+        return factory.prepare(params).is_ok_and(|dynamics| values(&*dynamics, 0.0, y).is_ok());
+    }
+    let params: Vec<&[f64]> = starts.iter().map(|(params, _)| params.as_slice()).collect();
+    let states: Vec<&[f64]> = starts.iter().map(|(_, y)| y.as_slice()).collect();
+    let Ok(dynamics) = factory.prepare_lanes(&on_lanes(&params)) else { return false };
+    let (t, y) = (F64x4::splat(0.0), VecState(on_lanes(&states)));
+    let mut dy = y.clone();
+    let is_finite = |x: &F64x4| x.all_finite();
+    dynamics.check(t, &y).is_ok()
+        && {
+            dynamics.rhs(t, &y, &mut dy);
+            dy.0.iter().all(is_finite)
+        }
+        && dynamics.energy(t, &y).is_none_or(|energy| is_finite(&energy))
+        && dynamics.outputs(t, &y).iter().all(is_finite)
 }
 
 /// The derivative at a point.

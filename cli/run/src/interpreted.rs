@@ -440,6 +440,14 @@ impl LaneDynamics for OnLanes<'_> {
         self.0.at(t).rhs(t, &y.0, &mut dy.0);
     }
 
+    fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
+        self.0.at(t).energy(t, &y.0)
+    }
+
+    fn outputs(&self, t: F64x4, y: &VecState<F64x4>) -> Vec<F64x4> {
+        self.0.at(t).outputs(t, &y.0)
+    }
+
     fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
         check(&self.0.at(t), t, &y.0)
     }

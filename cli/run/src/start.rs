@@ -268,6 +268,89 @@ impl<'a> Starts<'a> {
     }
 }
 
+/// Where a value that varies among starts stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    Param(usize),
+    State(usize),
+}
+
+/// Starts that are the same but for some numbers: no condition moves any of them, and none is converted.
+#[derive(Clone, Debug)]
+pub struct Alike {
+    params: Vec<f64>,
+    state: Vec<f64>,
+    /// Of the values that vary.
+    places: Vec<Place>,
+}
+
+impl Alike {
+    /// Parameters and state with these values in their places.
+    pub fn with(&self, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let (mut params, mut state) = (self.params.clone(), self.state.clone());
+        for (place, value) in self.places.iter().zip(values) {
+            match place {
+                Place::Param(k) => params[*k] = *value,
+                Place::State(k) => state[*k] = *value,
+            }
+        }
+        (params, state)
+    }
+
+    /// The value at a place among parameters and state of a start.
+    pub fn value(&self, at: usize, (params, state): &(Vec<f64>, Vec<f64>)) -> f64 {
+        match self.places[at] {
+            Place::Param(k) => params[k],
+            Place::State(k) => state[k],
+        }
+    }
+}
+
+impl Starts<'_> {
+    /// The starts that [`Starts::choose`] finds first for these parameters and components, with others of the values
+    /// called `names`. There are such where no condition moves a start, where it is given in the scene's own form, and
+    /// where no value of the model depends on a parameter that varies.
+    pub fn alike(
+        &self,
+        set: &BTreeMap<String, f64>,
+        given: &BTreeMap<String, f64>,
+        names: &[String],
+    ) -> Option<Alike> {
+        let is_met_by_any = self.residuals.is_none()
+            && self.positions.is_none()
+            && self.info.inputs.is_empty()
+            && self.info.output_range(Want::Constraint.name()).is_none();
+        if !is_met_by_any {
+            return None;
+        }
+        let own = self.forms.own_form();
+        let own_names = self.forms.names(&own);
+        let read = Prior::reads(self.model);
+        let mut all = given.clone();
+        let mut places = Vec::with_capacity(names.len());
+        for name in names {
+            places.push(match self.info.params.iter().position(|p| p.name == *name) {
+                Some(_) if read.contains(name) => return None,
+                Some(k) => Place::Param(k),
+                None => {
+                    all.insert(name.clone(), 0.0);
+                    Place::State(own_names.iter().position(|known| known == name)?)
+                }
+            });
+        }
+        let prior = Prior::of(self.model, &self.info.scene, set);
+        let first = self.forms.with_momenta_of(prior.initial());
+        let asked =
+            self.forms.form_among(std::slice::from_ref(&first), all.keys().map(String::as_str)).ok()?;
+        if first != own || asked != own || self.forms.with_points(&all).ok()? != all {
+            return None;
+        }
+        let params =
+            self.info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
+        Some(Alike { params, state: prior.guess(&own_names, &all, 0), places })
+    }
+}
+
 /// What became of an initial state beside what the user gave, by the names that the state was asked for in.
 ///
 /// # Errors

@@ -266,7 +266,7 @@ impl<'a, R: Real> Interpreter<'a, R> {
         params: &[R],
     ) -> Result<Interpreter<'a, R>, ViolatedCondition> {
         let program = run.program();
-        let prepared = program.prepare(params)?;
+        let prepared = run.prepare(params)?;
         Ok(Interpreter { run, program, patterns, params: params.to_vec(), prepared })
     }
 

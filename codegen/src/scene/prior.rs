@@ -10,10 +10,11 @@
 //!
 //! Deliberately does not know: who evaluates a scene, how equations are met, the forms of a state.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::roles::{VariableRole, all_params, initial_values, variable_roles};
-use hamel_lang::spec::{Model, circle_names};
+use hamel_expr::{ExprId, SymbolId};
+use hamel_lang::spec::{Domain, Model, circle_names};
 
 /// Where the value of a component of an initial state comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,6 +75,18 @@ impl Prior {
         let points = model.base.iter().flat_map(|c| point(&c.name)).collect();
         let (initial, is_silent) = (initial_values(model, &params), model.initial.is_empty());
         Prior { roles, initial, points, is_silent }
+    }
+
+    /// Names of the parameters that the rule depends on for a model: those in initial values and in ends of intervals.
+    pub fn reads(model: &Model) -> BTreeSet<String> {
+        let domains = model.base.iter().map(|c| c.domain).chain(model.first_order.iter().map(|s| s.domain));
+        let ends = domains.flat_map(|domain| match domain {
+            Domain::Interval(from, to) => vec![from, to],
+            Domain::Angle | Domain::Real => Vec::new(),
+        });
+        let all: Vec<ExprId> = ends.chain(model.initial.iter().map(|(_, e)| *e)).collect();
+        let read: BTreeSet<SymbolId> = all.into_iter().flat_map(|e| model.graph.free_symbols(e)).collect();
+        model.params.iter().filter(|p| read.contains(&p.symbol)).map(|p| p.name.clone()).collect()
     }
 
     /// Whether a component is a velocity or a momentum.

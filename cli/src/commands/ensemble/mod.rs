@@ -138,7 +138,7 @@ pub fn of_scene(
         cancel: subject.cancel.clone(),
     };
     // What no trajectory can have, such as a method that does not suit the scene, is told before any file is begun.
-    let first = pool.install(|| plan.members(0..1, &starts, built));
+    let first = pool.install(|| plan.members(0..1, &starts, (built, scene)));
     let first: Vec<_> = first.into_iter().filter_map(|(_, start)| start.ok()).collect();
     if let Some((params, y)) = first.first()
         && let Some(told) = plan.told(&starts, (params, y))?
@@ -228,7 +228,7 @@ pub fn of_scene(
             while let Some(item) = work.next()? {
                 let range = heading.range(item.chunk);
                 let (first, n) = (range.start, range.len());
-                let members = pool.install(|| plan.members(range, &starts, built));
+                let members = pool.install(|| plan.members(range, &starts, (built, scene)));
                 let (inputs, members): (Vec<Vec<f64>>, Vec<_>) = members.into_iter().unzip();
                 asked.progress.seconds = clock.elapsed().as_secs_f64();
                 let results = integrate(scene, &mut asked, members)?;

@@ -11,13 +11,16 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use super::arguments::Arguments;
 use crate::commands::options::assignments;
 use hamel_run::admissible;
+use hamel_run::dynamics::Factory;
 use hamel_run::error::{Error, Problem};
-use hamel_run::evaluate::prepare;
+use hamel_run::evaluate::{have_values, prepare};
 use hamel_run::forms::Forms;
 use hamel_run::hash::fnv1a;
 use hamel_run::info::Info;
 use hamel_run::interpreted::Built;
+use hamel_run::request::variation::Spread;
 use hamel_run::start::Starts;
+use hamel_runtime::F64x4;
 
 /// Most trajectories: each has a number that a double holds exactly.
 const MAX_TRAJECTORIES: usize = usize::MAX >> 11;
@@ -60,6 +63,9 @@ pub(super) struct Plan<'a> {
 
 /// Parameters and initial state of a trajectory, or why there are none.
 pub(super) type Beginning = Result<(Vec<f64>, Vec<f64>), String>;
+
+/// A start whose values have been drawn: what varies, then parameters and initial state.
+type Drawn = (Vec<f64>, (Vec<f64>, Vec<f64>));
 
 /// The same after the values that vary.
 pub(super) type Start = (Vec<f64>, Beginning);
@@ -183,9 +189,21 @@ impl<'a> Plan<'a> {
         Ok(told_in_words(&starts.told([&self.set, &given], (&params, found.1))?))
     }
 
-    /// The starts of some trajectories in a row, on the threads of the current pool.
-    pub(super) fn members(&self, range: Range<usize>, starts: &Starts<'_>, scene: &Built) -> Vec<Start> {
+    /// The starts of some trajectories in a row, on the threads of the current pool; `fast` evaluates with the bits of
+    /// the scene that chooses.
+    ///
+    /// Where starts are alike but for the values that vary, the rule of initial states is asked once for all of them,
+    /// and a start at which something has no value is chosen by itself.
+    pub(super) fn members(
+        &self,
+        range: Range<usize>,
+        starts: &Starts<'_>,
+        (scene, fast): (&Built, &dyn Factory),
+    ) -> Vec<Start> {
         let of_inputs = self.has_inputs();
+        let names = self.names();
+        let alike = starts.alike(&self.set, &self.given, &names);
+        let alike_at_points = starts.alike(&self.set, &self.given, &self.names);
         let choose = |values: &[(&str, f64)]| {
             let (mut set, mut given) = (self.set.clone(), self.given.clone());
             let mut inputs: Vec<f64> = self.info.inputs.iter().map(|input| input.default).collect();
@@ -209,8 +227,14 @@ impl<'a> Plan<'a> {
         };
         // What is drawn is drawn around these.
         let points = range.start / self.count()..range.end.div_ceil(self.count());
-        let nominal: Vec<_> = points.clone().into_par_iter().map(|at| choose(&at_point(at))).collect();
-        let names = self.names();
+        let nominal = |at: usize| {
+            let found = alike_at_points.as_ref().map(|alike| alike.with(&self.point(at)));
+            let found = found.filter(|start| have_values(fast, &[start]));
+            found.map_or_else(|| choose(&at_point(at)), Ok)
+        };
+        let nominal: Vec<_> = points.clone().into_par_iter().map(nominal).collect();
+        let place = |spread: &Spread| names.iter().position(|name| *name == spread.name);
+        let drawn_at: Vec<usize> = self.arguments.spread.iter().filter_map(place).collect();
         let start = |k: usize| -> Start {
             let at = k / self.count();
             let mut values = at_point(at);
@@ -243,7 +267,34 @@ impl<'a> Plan<'a> {
             }
             (values.iter().map(|(_, x)| *x).collect(), choose(&values))
         };
-        range.into_par_iter().map(start).collect()
+        let drawn = |k: usize| -> Option<Drawn> {
+            if drawn_at.is_empty() {
+                return None;
+            }
+            let at = k / self.count();
+            let (alike, around) = (alike.as_ref()?, nominal[at - points.start].as_ref().ok()?);
+            let mut values = self.point(at);
+            values.resize(names.len(), f64::NAN);
+            for (spread, at) in self.arguments.spread.iter().zip(&drawn_at) {
+                values[*at] = spread.draw(alike.value(*at, around), self.arguments.seed, k);
+            }
+            let start = alike.with(&values);
+            Some((values, start))
+        };
+        let side_by_side = |first: usize| -> Vec<Start> {
+            let members = first..range.end.min(first + F64x4::LANES);
+            let found: Vec<_> = members.clone().map(drawn).collect();
+            let of_all: Vec<_> = found.iter().flatten().map(|(_, start)| start).collect();
+            let have_all = of_all.len() > 1 && have_values(fast, &of_all);
+            let chosen = members.zip(found).map(|(k, found)| match found {
+                Some((values, own)) if have_all || have_values(fast, &[&own]) => (values, Ok(own)),
+                _ => start(k),
+            });
+            chosen.collect()
+        };
+        let groups = range.clone().step_by(F64x4::LANES).collect::<Vec<usize>>();
+        let groups: Vec<Vec<Start>> = groups.into_par_iter().map(side_by_side).collect();
+        groups.into_iter().flatten().collect()
     }
 
     /// Names of what varies: of the table, of the grid, and what is drawn.

@@ -8,8 +8,8 @@
 //! becomes one [`Contraction`].
 //!
 //! Straight-line code of many products is compiled slowly and read from memory once a call: from a number of products
-//! on that [`SearchBudget::products`] says, loops are the better form. Nothing is searched for then: sums are what they
-//! were derived as.
+//! on that [`SearchBudget::products`] says, loops are the better form where tables have products for most sums that
+//! they run through. Nothing is searched for then: sums are what they were derived as.
 //!
 //! Does not know: mechanics, where a sum comes from; how scalars are computed.
 
@@ -22,6 +22,12 @@ use super::source::{Source, needed_definitions};
 use super::{Request, SearchBudget};
 use crate::program::{Contraction, Factors, Place, Products, Table};
 use hamel_expr::{ExprId, Graph, Node, Number, Rational, Scalar, SymbolId};
+
+/// Visits of sums by tables up to which loops are the better form, for each product in the tables: a visit takes four
+/// additions. Derivatives of fluids have one, derivatives of an arm of seven joints eight.
+const VISITS_EACH: usize = 2;
+/// Visits that are few, however few products there are.
+const VISITS: usize = 1000;
 
 /// Where a result of a rolled function comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +89,7 @@ struct Unit {
 }
 
 /// The function in that form, and the request for what has to be computed straight; none where fewer products than the
-/// budget says would be rolled.
+/// budget says would be rolled, or tables would be nearly empty.
 pub(super) fn rolled(
     graph: &mut Graph,
     source: &Source<'_>,
@@ -114,7 +120,10 @@ pub(super) fn rolled(
     if n_products < budget.products {
         return None;
     }
-    roller.assemble(request, &places, &live)
+    let found = roller.assemble(request, &places, &live)?;
+    // Every table runs through all sums of its level, also through those to which it adds nothing.
+    let n_visits: usize = found.0.contractions.iter().map(|c| c.terms.len() * c.n_results).sum();
+    (n_visits <= VISITS.max(VISITS_EACH * n_products)).then_some(found)
 }
 
 struct Roller<'a> {

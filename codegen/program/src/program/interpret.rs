@@ -6,7 +6,9 @@ use std::fmt;
 
 use hamel_runtime::Real;
 
-use super::ir::{Constant, Function, Instruction, Literal, Op, Operand, Program};
+use super::ir::{Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program};
+use super::report::Report;
+use super::role::Role;
 use super::table::{Factors, Products, Table};
 use hamel_expr::Relation;
 
@@ -46,6 +48,20 @@ impl Constant {
 pub trait Run<R>: fmt::Debug + Sync {
     /// What is run.
     fn program(&self) -> &Program;
+
+    /// What [`Program::prepare`] returns.
+    ///
+    /// # Errors
+    /// As [`Program::prepare`].
+    ///
+    /// # Panics
+    /// As [`Program::prepare`].
+    fn prepare(&self, params: &[R]) -> Result<Vec<R>, ViolatedCondition>
+    where
+        R: Real,
+    {
+        self.program().prepare(params)
+    }
 
     /// Calls a function at a point.
     ///
@@ -178,15 +194,7 @@ impl Program {
     /// # Panics
     /// When the number of parameters is wrong.
     pub fn prepare<R: Real>(&self, params: &[R]) -> Result<Vec<R>, ViolatedCondition> {
-        assert_eq!(params.len(), self.params.len(), "number of parameters");
-        for (value, name) in params.iter().zip(&self.params) {
-            if !value.all_finite() {
-                return Err(ViolatedCondition {
-                    condition: format!("{name} is finite"),
-                    meaning: String::new(),
-                });
-            }
-        }
+        self.check_finite(params)?;
         let constants = self.constants.iter().map(Constant::value).collect();
         let mut memory = Memory {
             constants,
@@ -200,22 +208,93 @@ impl Program {
             contracted: Vec::new(),
         };
         memory.run(&self.prepare.instructions);
-        for condition in &self.prepare.conditions {
-            let (greater, less) = (memory.read(condition.greater), memory.read(condition.less));
-            let holds = match condition.relation {
+        self.check_conditions(|k| {
+            let condition = &self.prepare.conditions[k];
+            [condition.greater, condition.less].map(|side| memory.read(side))
+        })?;
+        let slots = self.prepare.slots.iter().map(|slot| memory.values[slot.value as usize]);
+        Ok(slots.chain(self.inputs.iter().map(|(_, held)| held.value())).collect())
+    }
+
+    /// The program whose one function computes the slots and then both sides of each condition: others compile it as
+    /// they compile any function.
+    pub fn preparation(&self) -> Program {
+        let slots = self.prepare.slots.iter().map(|slot| Operand::Value(slot.value));
+        let sides = self.prepare.conditions.iter().flat_map(|c| [c.greater, c.less]);
+        let results = slots.chain(sides).enumerate().map(|(k, value)| (format!("r{k}"), value)).collect();
+        let function = Function {
+            role: Role::OfVariables("prepare".to_owned()),
+            instructions: self
+                .prepare
+                .instructions
+                .iter()
+                .map(|i| Instruction { op: i.op, section: 0, name: None })
+                .collect(),
+            results,
+            ..Function::default()
+        };
+        Program {
+            params: self.params.clone(),
+            time: self.time.clone(),
+            inputs: Vec::new(),
+            state: Vec::new(),
+            constants: self.constants.clone(),
+            tables: Vec::new(),
+            sections: vec!["results".to_owned()],
+            prepare: Prepare::default(),
+            functions: vec![function],
+            report: Report::default(),
+        }
+    }
+
+    /// What [`Program::prepare`] returns, by a [`Run`] of the [`Program::preparation`] of this program.
+    ///
+    /// # Errors
+    /// As [`Program::prepare`].
+    ///
+    /// # Panics
+    /// As [`Program::prepare`].
+    pub fn prepare_by<R: Real>(&self, run: &dyn Run<R>, params: &[R]) -> Result<Vec<R>, ViolatedCondition> {
+        self.check_finite(params)?;
+        let n_slots = self.prepare.slots.len();
+        let mut values = vec![R::ZERO; n_slots + 2 * self.prepare.conditions.len()];
+        run.run_at(0, params, &[], Point::of_state(R::ZERO, &[]), &mut values);
+        self.check_conditions(|k| [values[n_slots + 2 * k], values[n_slots + 2 * k + 1]])?;
+        values.truncate(n_slots);
+        values.extend(self.inputs.iter().map(|(_, held)| held.value::<R>()));
+        Ok(values)
+    }
+
+    fn check_finite<R: Real>(&self, params: &[R]) -> Result<(), ViolatedCondition> {
+        assert_eq!(params.len(), self.params.len(), "number of parameters");
+        match params.iter().zip(&self.params).find(|(value, _)| !value.all_finite()) {
+            Some((_, name)) => {
+                Err(ViolatedCondition { condition: format!("{name} is finite"), meaning: String::new() })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Checks the conditions, of which `sides` tells the greater and the smaller side.
+    fn check_conditions<R: Real>(&self, sides: impl Fn(usize) -> [R; 2]) -> Result<(), ViolatedCondition> {
+        let holds = |k: usize| {
+            let [greater, less] = sides(k);
+            match self.prepare.conditions[k].relation {
                 Relation::Greater => greater.all_gt(less),
                 Relation::GreaterEqual => greater.all_ge(less),
                 Relation::NotEqual => greater.all_ne(less),
-            };
-            if !holds {
-                return Err(ViolatedCondition {
+            }
+        };
+        match (0..self.prepare.conditions.len()).find(|k| !holds(*k)) {
+            Some(k) => {
+                let condition = &self.prepare.conditions[k];
+                Err(ViolatedCondition {
                     condition: condition.text.clone(),
                     meaning: condition.meaning.clone(),
-                });
+                })
             }
+            None => Ok(()),
         }
-        let slots = self.prepare.slots.iter().map(|slot| memory.values[slot.value as usize]);
-        Ok(slots.chain(self.inputs.iter().map(|(_, held)| held.value())).collect())
     }
 
     /// Number of what [`Program::prepare`] returns.

@@ -35,6 +35,10 @@ const LARGE: Size = Size { definitions: 150, terms: 400 };
 /// .. and two or three terms a definition. Those of more than this, such as the dense sums of a truncated fluid (six),
 /// share most of what they share far apart, where no window sees it.
 const MAX_TERMS_EACH: usize = 4;
+/// Other functions than rates of more definitions and terms than both of these, and few terms each, stay as they were
+/// derived, with common divisors extracted: the budget allows trials of a small part of their definitions. The
+/// derivatives of an arm of seven joints have 3630 definitions and 10,280 terms.
+const LONG: Size = Size { definitions: 2000, terms: 6000 };
 /// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near
 /// its definition, in one search after the other: two operations, eight, thirty-two.
 const SLACKS: [i64; 3] = [6, 24, 96];
@@ -52,11 +56,12 @@ struct Size {
     terms: usize,
 }
 
-fn is_chain(system: &System, entries: &[Entry], roots: &[usize]) -> bool {
+/// Whether the roots need more definitions and terms than `size`, with few terms each.
+fn is_chain(system: &System, entries: &[Entry], roots: &[usize], size: &Size) -> bool {
     let alive = needed(system, entries, roots);
     let n_terms: usize = alive.iter().map(|k| entries[*k].value.len()).sum();
     let are_short = n_terms <= MAX_TERMS_EACH * alive.len();
-    alive.len() > LARGE.definitions && n_terms > LARGE.terms && are_short
+    alive.len() > size.definitions && n_terms > size.terms && are_short
 }
 
 /// What the roots need in pieces, each after what it needs.
@@ -88,6 +93,9 @@ pub(super) struct Search<'a> {
 impl Search<'_> {
     /// The cheapest form found, common divisors extracted, in the units with the fewest numbers.
     pub(super) fn run(mut self, original: Vec<Entry>) -> Vec<Entry> {
+        if !self.keeps_digits && is_chain(self.system, &original, self.roots, &LONG) {
+            return self.extracted(&original).1;
+        }
         let found = self.cheapest(original);
         // Numbers, and signs that none of them takes.
         let price = |search: &Self, entries: &[Entry]| -> (i64, usize) {
@@ -117,7 +125,7 @@ impl Search<'_> {
     /// The cheapest form found, common divisors extracted.
     fn cheapest(&mut self, original: Vec<Entry>) -> Vec<Entry> {
         // Derivatives and outputs have to do with less.
-        let is_chain = self.keeps_digits && is_chain(self.system, &original, self.roots);
+        let is_chain = self.keeps_digits && is_chain(self.system, &original, self.roots, &LARGE);
         let (Found { best, current }, is_done) =
             if is_chain { self.by_windows(original) } else { self.by_rounds_from(original) };
         if is_done { self.without_cancellations(best, current) } else { best.1 }
