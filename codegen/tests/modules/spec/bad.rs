@@ -435,7 +435,7 @@ fn what_stages_carry_and_depend_on() {
     check(
         &format!("model m {{ {se3} param a_1 = 1; stage a; stage b = ideal(V); carry stages; }}"),
         expect![
-            "1:109 velocities along stage `a` are called by it, and `a_1` is taken [give the stage another name]"
+            "1:109 what is carried along a stage is called `a`, and `a_1` is taken [give the stage another name]"
         ],
     );
     check(
