@@ -282,14 +282,14 @@ fn the_jacobian_of_an_arm_costs_less_than_products_with_every_direction() {
     let model = parsed(&text);
     let scene = scene::build(&model, "bare").unwrap_or_else(|problems| panic!("{problems}"));
     let function = |role: Role| {
-        let function = scene.program.function(&role).unwrap_or_else(|| panic!("no {role}"));
+        let function = scene.program().function(&role).unwrap_or_else(|| panic!("no {role}"));
         assert!(function.contractions.is_empty(), "{role} has loops");
         function.counts().cost()
     };
     let rates = function(Role::Rate);
     let product = function(Derivative::Jvp.role());
     let matrix = function(Derivative::Jacobian.role());
-    let n = scene.state.len() as u64;
+    let n = scene.state().len() as u64;
     assert!(matrix < n * product / 4, "{matrix}, {n} products with {product}");
     assert!(product < 3 * rates && matrix < 8 * rates, "rates {rates}, J v {product}, J {matrix}");
 }
