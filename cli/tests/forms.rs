@@ -64,8 +64,11 @@ const STAGED: &str = "model staged {
     stage n0;
     stage n1 = ideal(V) { connection V = [x*x_dot, 0, x_dot]; }
     initial x = 0.2; initial x_dot = 0.5; initial Omega = [1, 0.2, 0.3]; initial V = [0.1, 0.4, -0.2];
+    momentum beta of stages;
     scene levels { carry stages; want rhs, velocities; }
+    scene mixed { carry stages, beta_n1_2; want rhs, velocities; }
     scene momenta { carry P; want rhs, velocities; }
+    scene chosen { formulation auto(state); want rhs, velocities; }
 }";
 
 /// A constraint between the base and both levels: by the model's velocities and by those along the levels others are
@@ -214,7 +217,34 @@ fn a_state_along_levels_may_be_given_by_velocities_and_momenta() {
     let back = outputs(STAGED, "levels", along);
     assert!((back["V3"] + 0.2).abs() < 1e-15 && (back["V1"] - 0.1).abs() < 1e-15, "{back:?}");
     let mixed = states(STAGED, "levels", &json!({"n1_1": 1, "V2": 1})).unwrap_err().to_string();
-    assert!(mixed.contains("mixes velocities (V2) with velocities along levels (n1_1)"), "{mixed}");
+    assert!(mixed.contains("mixes velocities (V2) with what the scene carries (n1_1)"), "{mixed}");
+}
+
+#[test]
+fn momenta_along_levels_are_given_by_velocities_and_momenta() {
+    let by_velocities = json!({"x": 0.2, "x_dot": 0.5, "Omega1": 1, "Omega2": 0.2, "Omega3": 0.3,
+        "V1": 0.1, "V2": 0.4, "V3": -0.2});
+    let by_momenta = json!({"x": 0.2, "x_dot": 0.5, "Omega1": 1, "Omega2": 0.2, "Omega3": 0.3,
+        "P1": 0.45, "P2": 0.85, "P3": -0.325});
+    // The metric of the ideal is a: beta = a n1.
+    let expected = [0.2, 0.5, 1.0, 0.2, 0.3, 0.1 + 0.125 + 0.1, 2.0 * (0.4 + 0.025), -0.2 + 0.0375 + 0.5];
+    let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15);
+    for given in [by_velocities.clone(), by_momenta] {
+        let along = states(STAGED, "mixed", &given).unwrap();
+        assert!(close(&along, &expected), "{along:?}");
+    }
+    let names = built(STAGED, "mixed").1.info().state.clone();
+    assert_eq!(names[5..], ["n1_1", "beta_n1_2", "n1_3"]);
+    let y = started(STAGED, "mixed", &[]).unwrap();
+    assert!((y["beta_n1_2"] - expected[6]).abs() < 1e-15, "{y:?}");
+    // Whatever a search chooses is given by velocities, and gives them back.
+    for scene in ["mixed", "chosen"] {
+        let back = outputs(STAGED, scene, states(STAGED, scene, &by_velocities).unwrap());
+        for (name, value) in back.iter().filter(|(name, _)| by_velocities.get(name.as_str()).is_some()) {
+            let given = by_velocities[name.as_str()].as_f64().unwrap();
+            assert!((value - given).abs() < 1e-15, "{scene}: {name} is {value}");
+        }
+    }
 }
 
 #[test]

@@ -146,7 +146,7 @@ fn prepared_numbers_have_the_bits_of_the_interpreter_on_numbers_and_on_lanes() {
         }",
         usize::MAX,
     );
-    let program = &scene.program;
+    let program = scene.program();
     let compiled = Compiled::new(program).unwrap();
     let (mut refused, mut differing) = (0, 0);
     let mut before = Vec::new();

@@ -1,5 +1,5 @@
-//! The variables in which a state of a scene may be given: the scene's own, velocities in the place of momenta or of what
-//! is carried along the levels of stages, and momenta in the place of velocities, where the model names them.
+//! The variables in which a state of a scene may be given: the scene's own, velocities in the place of momenta or of
+//! variables along the levels of stages, and momenta in the place of velocities, where the model names them.
 //!
 //! The interpreter converts, whoever evaluates the scene, so that a state has the same bits everywhere.
 //!

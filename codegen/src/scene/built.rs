@@ -57,7 +57,7 @@ impl BuiltScene {
         &self.name
     }
 
-    /// What was derived.
+    /// The equations of motion.
     pub fn equations(&self) -> &Arc<Equations> {
         &self.equations
     }

@@ -78,6 +78,9 @@ pub use view::{View, ViewShape, Views};
 pub use vocabulary::{Word, WordKind, vocabulary};
 pub use want::{Want, Wanted};
 
+/// Momenta along the levels of stages are called by it and the names of these, where the model says nothing else.
+pub const LEVEL_MOMENTUM: &str = "p";
+
 /// Algebras and representations, for [`ModelBuilder`].
 pub use crate::algebra::{Block, Bracket, LieAlgebra, Matrix, Representation};
 /// Expressions and exact numbers, for [`ModelBuilder`] and those who look at a [`Model`].

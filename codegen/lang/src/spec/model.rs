@@ -171,11 +171,6 @@ pub struct IdealChain {
     pub spans: Vec<Option<Span>>,
 }
 
-impl IdealChain {
-    /// What momenta along levels are called where the model does not say it.
-    pub const MOMENTUM: &str = "p";
-}
-
 /// A parameter that the group moves: `adot = -xi . a` (left action).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Advected {

@@ -165,7 +165,7 @@ impl Derivation<'_> {
         } else {
             BTreeMap::new()
         };
-        // Velocities along the levels of stages, by those of the model.
+        // Velocities along the levels of stages, by the velocities of the model.
         let along_levels: BTreeMap<SymbolId, ExprId> =
             system.changes.iter().map(|c| (c.symbol, c.value)).collect();
         let mut of_levels: BTreeMap<SymbolId, (String, ExprId)> =

@@ -3,7 +3,7 @@
 //! Does not know: how any choice is carried out.
 
 use hamel_expr::{Graph, Rational};
-use hamel_lang::spec::{Carried, CarriedBy, ConnectionKind, IdealChain, InnerProduct, Model};
+use hamel_lang::spec::{Carried, CarriedBy, ConnectionKind, IdealChain, InnerProduct, LEVEL_MOMENTUM, Model};
 
 /// What a chain of stages is used for.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,7 +68,7 @@ impl FoundChain {
             ideals: ideals.iter().map(|basis| basis.iter().map(|v| numbers(g, v)).collect()).collect(),
             inner_product,
             connection: None,
-            momentum: of_model.map_or(IdealChain::MOMENTUM, |chain| &chain.momentum).to_owned(),
+            momentum: of_model.map_or(LEVEL_MOMENTUM, |chain| &chain.momentum).to_owned(),
             spans: vec![None; n],
         })
     }

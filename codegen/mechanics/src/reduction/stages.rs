@@ -3,7 +3,7 @@
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, Number, Rational, Style};
 use hamel_lang::algebra::{LieAlgebra, independent_vectors, next_ideal, solve_symbolic, whole_algebra};
-use hamel_lang::spec::IdealChain;
+use hamel_lang::spec::LEVEL_MOMENTUM;
 
 /// Sparse bilinear form with values in the adapted basis: entries `(a, b, c, value)` meaning
 /// `form(e_a, e_b) = value e_c + ..`, in ascending order of `(a, b, c)`.
@@ -122,7 +122,7 @@ impl Stages {
             basis,
             inverse,
             connection: None,
-            momentum: IdealChain::MOMENTUM.to_owned(),
+            momentum: LEVEL_MOMENTUM.to_owned(),
         };
         let brackets = stages.adapted_brackets(g, algebra);
         stages.levels = ranges

@@ -2,6 +2,8 @@
 //!
 //! Does not know: how choices are combined, what they cost, whether they are the same motion.
 
+use std::ops::Range;
+
 use hamel_expr::{ExprId, Rational, independent_rows};
 use hamel_lang::algebra::{independent_vectors, series::chains};
 use hamel_lang::spec::{Carried, CarriedBy, ConnectionKind, Domain, IdealChain, Model, circle_names};
@@ -32,8 +34,8 @@ pub(super) enum Choice {
     /// The frame in which the equations are derived: adapted to a chain of ideals, that of the model unless one is
     /// given, of which the text says what it is.
     Stages(Option<FoundChain>, String),
-    /// The same frame, with the momenta along these levels, or elements of levels, in the state, and the velocities along
-    /// the others.
+    /// The same frame, with the momenta along these levels, or elements of levels, in the state, and the velocities
+    /// along the others.
     Levels(Option<FoundChain>, Vec<String>, String),
     /// Slots, by name, whose velocities are carried by themselves or by their momenta.
     Momenta(Vec<(String, Vec<Carried>)>),
@@ -181,8 +183,8 @@ fn independent(system: &ReducedSystem) -> Vec<Choice> {
 }
 
 /// Frames that are adapted to chains of ideals: that of the model, and those found by themselves; the complements are
-/// those of the basis of the algebra, or of the kinetic energy. The state stays what it is, or has velocities and momenta
-/// along the levels; a state that has such variables keeps the frame.
+/// those of the basis of the algebra, or of the kinetic energy. The state stays what it is, or has velocities and
+/// momenta along the levels; a state that has such variables keeps the frame.
 fn stages(model: &Model, own: &Formulation, keeps_state: bool) -> Vec<Choice> {
     let mut choices = Vec::new();
     if model.algebra.dim() < 2 || own.stages.is_carried() && keeps_state {
@@ -241,7 +243,7 @@ fn levels(choices: &mut Vec<Choice>, (chain, names): (Option<FoundChain>, &[Stri
     }
 }
 
-/// Whether ideals, found over the rationals, are those of a chain.
+/// Whether ideals, found over the rationals, span the ideals of a chain.
 fn are_those_of(model: &Model, chain: &IdealChain, ideals: &[Vec<Vec<Rational>>]) -> bool {
     let mut g = model.graph.clone();
     chain.ideals.len() == ideals.len()
@@ -253,7 +255,19 @@ fn are_those_of(model: &Model, chain: &IdealChain, ideals: &[Vec<Vec<Rational>>]
         })
 }
 
-/// Choices that differ from one in what is carried for one slot, or along one element of the levels, of which
+/// Whether choices can be made together: along levels no velocity of the algebra is left to have a momentum of its own.
+/// `algebra`: the places of these velocities.
+pub(super) fn go_together(choices: &[Choice], algebra: &Range<usize>) -> bool {
+    let has_levels = choices.iter().any(|choice| matches!(choice, Choice::Levels(..)));
+    let slots = choices.iter().filter_map(|choice| match choice {
+        Choice::Momenta(slots) => Some(slots),
+        _ => None,
+    });
+    let mut carried = slots.flatten().flat_map(|(_, carried)| carried);
+    !has_levels || carried.all(|c| c.by == CarriedBy::Velocity || !algebra.contains(&c.velocity))
+}
+
+/// Choices that differ from one in the variable for one slot, or along one element of the levels, of which
 /// `elements` are the names.
 pub(super) fn neighbours(choice: &Choice, axis: &[Choice], elements: &[(String, String)]) -> Vec<Choice> {
     match choice {
@@ -297,8 +311,8 @@ fn is_free(model: &Model, name: &String) -> bool {
         && model.outputs.iter().all(|output| output.name != *name)
 }
 
-/// Momenta in the place of velocities, and the other way round: of every selection of the first slots, of each other one,
-/// and of all, which are the
+/// Momenta in the place of velocities, and the other way round: of every selection of the first slots, of each other
+/// one, and of all, which are the
 /// velocities of the base, each vector of the algebra, the quasi-velocities. What one slot costs tells nothing of
 /// several: momenta of all may spare the mass matrix that momenta of one still need. Momenta have the names that the
 /// model gives them, or that of the velocity with `p_` before it.

@@ -12,6 +12,7 @@ mod accuracy;
 mod axes;
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -29,7 +30,7 @@ use super::build::build_derived;
 use super::built::BuiltScene;
 use super::plan::{Drops, Outputs, Plan};
 use accuracy::Points;
-use axes::{Choice, axes, neighbours};
+use axes::{Choice, axes, go_together, neighbours};
 
 /// Choices of each axis that are combined with those of others.
 const BEST_OF_AN_AXIS: usize = 2;
@@ -71,10 +72,10 @@ pub struct Candidate {
     pub state: Vec<String>,
     /// Those that are not in the scene's own state, or mean something else there.
     pub changed: Vec<String>,
-    /// Whether all of these are points of the scene's angles, momenta of its velocities, and what is carried along levels
-    /// of stages: then a state of either can be told by one of the other.
+    /// Whether all of these are points of the scene's angles, momenta of its velocities, and what is carried along
+    /// levels of stages: then a state of either can be told by one of the other.
     pub is_converted: bool,
-    /// State variables that the model has no name for: momenta, and what is carried along levels.
+    /// State variables that the model has no name for: momenta, and variables along levels.
     pub n_unnamed: usize,
     /// Operations of the right-hand side.
     pub counts: Counts,
@@ -312,7 +313,9 @@ impl Search<'_> {
         let singles: Vec<Choices> = axes.iter().flatten().map(|choice| vec![choice.clone()]).collect();
         self.try_all(&singles, &mut found, &mut left_out);
         let axes = self.with_neighbours(axes, &mut found, &mut left_out);
-        let combined = combinations(&axes, &found, &scene);
+        let n_base = self.model.n_shape();
+        let algebra = n_base..n_base + self.model.velocities.len();
+        let combined = combinations(&axes, &found, (&scene, &algebra));
         self.try_all(&combined, &mut found, &mut left_out);
         let mut distinct: Vec<&Found> = Vec::new();
         for one in &found {
@@ -345,8 +348,8 @@ impl Search<'_> {
         Formulations { candidates, left_out }
     }
 
-    /// The axes with what follows when, from the cheapest choice of one, what is carried is changed slot by slot, as long
-    /// as that costs less.
+    /// The axes with the choices that come when, from the cheapest one of an axis, the variables are changed slot by
+    /// slot, as long as that costs less.
     fn with_neighbours(
         &self,
         axes: &[Vec<Choice>],
@@ -452,7 +455,7 @@ impl Search<'_> {
         let keeps = |s| change.as_ref().is_some_and(|change| change.keeps(system, s));
         let points: Vec<SymbolId> = system.circles.iter().flat_map(|c| [c.cosine, c.sine]).collect();
         let mut changed = Changed::nothing();
-        // What is carried along levels follows from the velocities of the model, if these are the scene's.
+        // Variables along levels follow from the velocities of the model, if these are the scene's.
         let [theirs, own] = [&system.formulation, &self.own.system.formulation];
         let has_velocities = theirs.connection == own.connection && theirs.independent == own.independent;
         let is_of_level =
@@ -551,7 +554,11 @@ fn divisors(system: &ReducedSystem, roots: &[ExprId]) -> Vec<ExprId> {
 
 /// Choices of several axes together, the most promising first: by the product of what each of them alone makes of the
 /// cost.
-fn combinations(axes: &[Vec<Choice>], found: &[Found], scene: &Candidate) -> Vec<Choices> {
+fn combinations(
+    axes: &[Vec<Choice>],
+    found: &[Found],
+    (scene, algebra): (&Candidate, &Range<usize>),
+) -> Vec<Choices> {
     let own = scene.counts.cost().max(1) as f64;
     let mut sums: Vec<(f64, Choices)> = vec![(1.0, Vec::new())];
     for axis in axes {
@@ -571,7 +578,9 @@ fn combinations(axes: &[Vec<Choice>], found: &[Found], scene: &Candidate) -> Vec
         }
         sums.extend(longer);
     }
-    sums.retain(|(promise, choices)| choices.len() > 1 && *promise <= MAX_PROMISE);
+    sums.retain(|(promise, choices)| {
+        choices.len() > 1 && *promise <= MAX_PROMISE && go_together(choices, algebra)
+    });
     sums.sort_by(|a, b| a.0.total_cmp(&b.0));
     sums.into_iter().take(MAX_COMBINATIONS).map(|(_, choices)| choices).collect()
 }

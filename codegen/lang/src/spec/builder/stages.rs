@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::draft::{DeclaredAs, ModelBuilder, StageDraft};
 use crate::algebra::{lies_in, next_ideal, whole_algebra};
+use crate::spec::LEVEL_MOMENTUM;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::short_list;
 use crate::spec::model::*;
@@ -74,7 +75,7 @@ impl ModelBuilder {
 
     /// A name for the momenta along the levels of the stages, `<p, f>` for the elements `f` of the adapted basis:
     /// `name_stage_1`, `name_stage_2`, .., or `name_stage` for a level of dimension one. [`ModelBuilder::carry`] makes
-    /// those of all levels state variables by `name`, those of one level by `name_stage`.
+    /// the momenta of all levels state variables by `name`, of one level by `name_stage`.
     ///
     /// ```
     /// use hamel_lang::spec::{CarriedBy, LieAlgebra, ModelBuilder};
@@ -251,7 +252,7 @@ impl ModelBuilder {
             ideals,
             inner_product,
             connection,
-            momentum: self.level_momentum.as_ref().map_or(IdealChain::MOMENTUM, |(name, _)| name).to_owned(),
+            momentum: self.level_momentum.as_ref().map_or(LEVEL_MOMENTUM, |(name, _)| name).to_owned(),
             spans: drafts.iter().map(|d| d.span).collect(),
         })
     }

@@ -358,8 +358,8 @@ fn carry(
     before
 }
 
-/// Momenta `<p, f>` along the adapted elements `f` that the formulation names, or whose levels it names, in the place of
-/// the velocities along them; `n` base velocities are before these. A momentum along an element that the constraints
+/// Momenta `<p, f>` along the adapted elements `f` that the formulation names, or whose levels it names, in the place
+/// of the velocities along them; `n` base velocities are before these. A momentum along an element that the constraints
 /// determine is left out.
 ///
 /// # Errors
