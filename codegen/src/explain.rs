@@ -525,7 +525,7 @@ impl Page {
             true => "The state has the velocities along the levels, by those of the model:".to_owned(),
             false => format!(
                 "The state has the momenta {}. The velocities along the levels, by those of the model:",
-                momenta.join(", ")
+                self.inline(&self.list(&momenta))
             ),
         });
         let g = &system.graph;

@@ -341,3 +341,104 @@ fn the_code_of_the_book_is_what_is_emitted() {
     let shown: Vec<&str> = block.trim_end().lines().map(str::trim).collect();
     assert!(emitted.windows(shown.len()).any(|lines| lines == shown), "not emitted:\n{block}");
 }
+
+/// Pairs of row and column of the strictly upper triangular matrices that a velocity moves along, and the metric that
+/// the model has by default.
+struct MatrixBody {
+    entries: &'static [(usize, usize)],
+    metric: Vec<f64>,
+}
+
+impl MatrixBody {
+    /// `p' = ad*_v p` of `p = G v`: `p'_a = tr(P^T (V E_a - E_a V))`, with products of matrices.
+    fn rates_of_momenta(&self, v: &[f64]) -> Vec<f64> {
+        let matrix = |x: &[f64]| {
+            let mut m = [[0.0; 4]; 4];
+            self.entries.iter().zip(x).for_each(|((i, j), x)| m[*i][*j] = *x);
+            m
+        };
+        let p = self.momenta(v);
+        let velocity = matrix(v);
+        let n = v.len();
+        let unit = |a: usize| -> Vec<f64> { (0..n).map(|b| f64::from(u8::from(a == b))).collect() };
+        let along = |a: usize| {
+            let element = matrix(&unit(a));
+            let bracket = |i: usize, j: usize| -> f64 {
+                (0..4).map(|k| velocity[i][k] * element[k][j] - element[i][k] * velocity[k][j]).sum()
+            };
+            self.entries.iter().zip(&p).map(|((i, j), p)| p * bracket(*i, *j)).sum()
+        };
+        (0..n).map(along).collect()
+    }
+
+    /// `G v`.
+    fn momenta(&self, v: &[f64]) -> Vec<f64> {
+        let n = v.len();
+        let at = |i: usize, j: usize| {
+            let (i, j) = (i.min(j), i.max(j));
+            self.metric[i * n - i * (i + 1) / 2 + j]
+        };
+        (0..n).map(|i| (0..n).map(|j| at(i, j) * v[j]).sum()).collect()
+    }
+
+    /// The rates of the momenta, from the rates of a state of which the velocities are linear functions.
+    fn holds<const N: usize>(
+        &self,
+        rhs: impl Fn(&[f64; N]) -> [f64; N],
+        velocities: impl Fn(&[f64; N]) -> [f64; N],
+    ) {
+        let mut random = hamel_measure::random::Random(7);
+        for _ in 0..100 {
+            let y: [f64; N] = std::array::from_fn(|_| random.number());
+            let found = self.momenta(&velocities(&rhs(&y)));
+            let expected = self.rates_of_momenta(&velocities(&y));
+            let size = expected.iter().fold(1.0f64, |size, x| size.max(x.abs()));
+            for (a, b) in found.iter().zip(&expected) {
+                assert!((a - b).abs() < 1e-13 * size, "{found:?} is not {expected:?} at {y:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn bodies_on_groups_of_triangular_matrices_move_as_products_of_matrices_say() {
+    use hamel_models::generated::{
+        heisenberg_body, heisenberg_body_as_written, triangular_body, triangular_body_as_written,
+    };
+    let metric = |params: &[hamel_runtime::ParamInfo]| params.iter().map(|p| p.default).collect::<Vec<f64>>();
+    // `[e_1, e_2] = e_3` for `E_12`, `E_23`, `E_13`.
+    let heisenberg =
+        MatrixBody { entries: &[(0, 1), (1, 2), (0, 2)], metric: metric(heisenberg_body::INFO.params) };
+    let system = heisenberg_body::Prepared::new(&Default::default()).unwrap();
+    let rhs = |y: &[f64; 3]| {
+        let mut dy = [0.0; 3];
+        system.rhs(0.0, y, &mut dy);
+        dy
+    };
+    heisenberg.holds(rhs, |y| system.velocities(0.0, y));
+    let written = heisenberg_body_as_written::Prepared::new(&Default::default()).unwrap();
+    let rhs = |y: &[f64; 3]| {
+        let mut dy = [0.0; 3];
+        written.rhs(0.0, y, &mut dy);
+        dy
+    };
+    heisenberg.holds(rhs, |y| *y);
+    let triangular = MatrixBody {
+        entries: &[(0, 1), (1, 2), (2, 3), (0, 2), (1, 3), (0, 3)],
+        metric: metric(triangular_body::INFO.params),
+    };
+    let system = triangular_body::Prepared::new(&Default::default()).unwrap();
+    let rhs = |y: &[f64; 6]| {
+        let mut dy = [0.0; 6];
+        system.rhs(0.0, y, &mut dy);
+        dy
+    };
+    triangular.holds(rhs, |y| system.velocities(0.0, y));
+    let written = triangular_body_as_written::Prepared::new(&Default::default()).unwrap();
+    let rhs = |y: &[f64; 6]| {
+        let mut dy = [0.0; 6];
+        written.rhs(0.0, y, &mut dy);
+        dy
+    };
+    triangular.holds(rhs, |y| *y);
+}

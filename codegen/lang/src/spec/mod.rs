@@ -69,6 +69,7 @@ pub use model::{
     OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
     Velocity, VelocitySection, circle_names, diagnose,
 };
+pub use names::LEVEL_MOMENTUM;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use size::FamilySize;
@@ -77,9 +78,6 @@ pub use value::Value;
 pub use view::{View, ViewShape, Views};
 pub use vocabulary::{Word, WordKind, vocabulary};
 pub use want::{Want, Wanted};
-
-/// Momenta along the levels of stages are called by it and the names of these, where the model says nothing else.
-pub const LEVEL_MOMENTUM: &str = "p";
 
 /// Algebras and representations, for [`ModelBuilder`].
 pub use crate::algebra::{Block, Bracket, LieAlgebra, Matrix, Representation};

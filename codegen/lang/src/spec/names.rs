@@ -3,6 +3,9 @@
 use super::diagnostic::Help;
 use super::want::Want;
 
+/// Momenta along the levels of stages are called by it and the names of these, where the model says nothing else.
+pub const LEVEL_MOMENTUM: &str = "p";
+
 /// First words of the items of a model, each with the form of the item.
 pub(super) const ITEMS: &[(&str, &str)] = &[
     ("source", "source \"Author, year\";"),

@@ -6,7 +6,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::draft::{DeclaredAs, ModelBuilder, StageDraft};
 use crate::algebra::{lies_in, next_ideal, whole_algebra};
-use crate::spec::LEVEL_MOMENTUM;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::short_list;
 use crate::spec::model::*;
@@ -252,7 +251,7 @@ impl ModelBuilder {
             ideals,
             inner_product,
             connection,
-            momentum: self.level_momentum.as_ref().map_or(LEVEL_MOMENTUM, |(name, _)| name).to_owned(),
+            momentum: self.level_momentum.as_ref().map_or(names::LEVEL_MOMENTUM, |(name, _)| name).to_owned(),
             spans: drafts.iter().map(|d| d.span).collect(),
         })
     }
