@@ -290,6 +290,31 @@ fn an_inner_product_of_shape_and_time_has_the_same_motion() {
 }
 
 #[test]
+fn momenta_along_elements_that_the_state_has_no_velocity_for_are_refused() {
+    let text = |items: &str, momenta: &str| {
+        format!(
+            "model m {{ velocity q, p, z in heisenberg(1); lagrangian = (q^2 + p^2 + z^2)/2; stage plane;
+                stage centre = ideal(z); momentum B of stages; {items} scene s {{ carry stages, {momenta}; }} }}"
+        )
+    };
+    for (items, momenta, message) in [
+        ("", "B_plane_7", "a stage with the element `plane_7` does not exist"),
+        (
+            "constraint z = 0;",
+            "B_centre",
+            "the momentum along `centre`, which the constraints determine, does not",
+        ),
+    ] {
+        let model = parsed(&text(items, momenta));
+        let problems = scene::build(&model, "s").unwrap_err().to_string();
+        assert!(problems.contains(message), "{problems}");
+    }
+    // Of all momenta, the others are carried.
+    let built = scene::build(&parsed(&text("constraint z = 0;", "B")), "s").unwrap();
+    assert_eq!(built.state_names(), ["B_plane_1", "B_plane_2"]);
+}
+
+#[test]
 fn a_stage_with_an_ideal_for_some_parameters_alone_is_refused() {
     let text = "model m { param k = 0; velocity O, V in se(3); lagrangian = dot(O, O) + dot(V, V);
         stage a; stage b = ideal(V, k*O1); }";

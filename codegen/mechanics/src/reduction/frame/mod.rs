@@ -374,8 +374,8 @@ fn carry_momenta(g: &mut Graph, system: &mut ReducedSystem, stages: &Stages, n: 
         let what = match along.map(|k| system.unknown_along(n + k)) {
             Some(Some(_)) => continue,
             _ if stages.levels.iter().any(|level| level.name == *name && level.range.len() > 1) => continue,
-            Some(None) => format!("the momentum along `{name}`, which the constraints determine"),
-            None => format!("the momentum along `{name}`, which is no element of a stage"),
+            Some(None) => format!("the momentum along `{name}`, which the constraints determine,"),
+            None => format!("a stage with the element `{name}`"),
         };
         let free = (0..elements.len()).filter(|k| system.unknown_along(n + k).is_some());
         let free: Vec<&str> = free.map(|k| elements[k].as_str()).collect();
