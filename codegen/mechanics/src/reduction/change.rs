@@ -24,10 +24,10 @@ pub struct Frame {
     pub inverse: Vec<Vec<ExprId>>,
 }
 
-/// A variable of the state as a function of the model's own variables.
+/// A velocity that the model does not have, as a function of the model's own variables.
 #[derive(Clone, Debug)]
 pub struct Change {
-    /// Name of the variable.
+    /// Its name.
     pub name: String,
     /// Its symbol.
     pub symbol: SymbolId,

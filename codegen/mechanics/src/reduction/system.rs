@@ -199,7 +199,8 @@ pub struct ReducedSystem {
     pub quasi_frame: Option<Frame>,
     /// What is divided by in a change of frame and not known to be non-zero, with what to call it.
     pub pivots: Vec<(String, ExprId)>,
-    /// Variables of the state that the model does not have, by those that it has.
+    /// Velocities along the levels of stages, which the state has, or the momenta of which it has, by the velocities of
+    /// the model.
     pub changes: Vec<Change>,
 }
 

@@ -311,11 +311,10 @@ fn is_free(model: &Model, name: &String) -> bool {
         && model.outputs.iter().all(|output| output.name != *name)
 }
 
-/// Momenta in the place of velocities, and the other way round: of every selection of the first slots, of each other
-/// one, and of all, which are the
-/// velocities of the base, each vector of the algebra, the quasi-velocities. What one slot costs tells nothing of
-/// several: momenta of all may spare the mass matrix that momenta of one still need. Momenta have the names that the
-/// model gives them, or that of the velocity with `p_` before it.
+/// Momenta in the place of velocities, and the other way round. Slots are the velocities of the base, each vector of
+/// the algebra, the quasi-velocities; every selection of the first ones is tried, each other slot by itself, and all.
+/// What one slot costs tells nothing of several: momenta of all may spare the mass matrix that momenta of one still
+/// need. Momenta have the names that the model gives them, or that of the velocity with `p_` before it.
 fn momenta(model: &Model, own: &Formulation, system: &ReducedSystem) -> Vec<Choice> {
     let n_frame = model.all_velocities().len();
     let quasi = model.quasi_velocities.iter();

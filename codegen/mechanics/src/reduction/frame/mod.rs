@@ -27,7 +27,7 @@ use super::system::{Block, BlockKind, ReducedSystem, StateKind};
 ///
 /// Internally the state stays what it is and its velocities are independent ones `u` with
 /// `eta = T^-1 Psi u + T^-1 psi0`; the equations are the components along the adapted frame. Carried, the state has
-/// velocities of the levels, and [`ReducedSystem::changes`] says what they are.
+/// velocities and momenta along the levels, and [`ReducedSystem::changes`] has the velocities.
 /// Constraints with multipliers keep all velocities in the state, so that an internal frame changes nothing for them.
 ///
 /// # Errors
@@ -365,6 +365,9 @@ fn carry(
 /// # Errors
 /// [`Error::Unsupported`] for an element that the constraints determine and that is named by itself, and for a name of
 /// neither an element nor a level.
+///
+/// # Source
+/// Cendra, Diaz, equations (18) and (19), whose state these momenta are.
 fn carry_momenta(g: &mut Graph, system: &mut ReducedSystem, stages: &Stages, n: usize) -> Result<(), Error> {
     let StageUse::Carried(names) = system.formulation.stages.clone() else { return Ok(()) };
     let elements = stages.velocity_names();
