@@ -256,6 +256,11 @@ impl Built {
         self.invariants.get_or_init(|| self.also("invariants", |scene| scene.with_invariants().ok())).as_ref()
     }
 
+    /// The scene with its invariants; none where nothing but components of the state is conserved.
+    pub(super) fn invariants_of_motion(&self) -> Option<&Executable> {
+        self.with_invariants().map(|found| &**found)
+    }
+
     fn with_positions(&self) -> Option<&Runnable> {
         let find = || {
             let has_some = model::has_positions(&self.model);

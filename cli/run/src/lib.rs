@@ -15,6 +15,7 @@ pub mod choice;
 pub mod direction;
 pub mod dynamics;
 pub mod ensemble;
+pub mod equilibria;
 pub mod error;
 pub mod evaluate;
 mod events;

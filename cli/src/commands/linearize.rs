@@ -226,7 +226,7 @@ impl Linear {
 }
 
 /// Six digits, and zero for both zeros.
-fn shown(x: f64) -> String {
+pub(super) fn shown(x: f64) -> String {
     match x {
         0.0 => "0".to_owned(),
         x if (1e-3..1e6).contains(&x.abs()) => {

@@ -19,6 +19,7 @@ pub mod new;
 pub mod options;
 pub mod report;
 pub mod simulate;
+pub mod trim;
 
 use clap::Subcommand;
 
@@ -57,6 +58,8 @@ pub enum Command {
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Linearize(linearize::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
+    Trim(trim::Arguments),
+    #[allow(missing_docs, reason = "help is that of the arguments")]
     Report(report::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Check(check::Arguments),
@@ -86,6 +89,7 @@ impl Command {
             Command::Ensemble(arguments) => ensemble::run(session, arguments),
             Command::Fit(arguments) => fit::run(session, arguments),
             Command::Linearize(arguments) => linearize::run(session, arguments),
+            Command::Trim(arguments) => trim::run(session, arguments),
             Command::Report(arguments) => report::run(session, arguments),
             Command::Check(arguments) => check::run(session, arguments),
             Command::Fmt(arguments) => fmt::run(arguments),

@@ -4,6 +4,7 @@
 
 pub(crate) mod crossings;
 pub mod fields;
+pub(crate) mod families;
 pub mod files;
 pub mod fitted;
 pub mod fmu;

@@ -355,6 +355,14 @@ impl<'a, R: Real> Interpreter<'a, R> {
         all
     }
 
+    /// The components of one output; none if the scene does not have it.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn output(&self, name: &str, t: R, y: &[R]) -> Option<Vec<R>> {
+        self.values(&Role::Output(name.to_owned()), t, y)
+    }
+
     /// The functions whose changes of sign are the events of the scene, when it wants them.
     ///
     /// # Panics

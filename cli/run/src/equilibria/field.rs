@@ -1,0 +1,231 @@
+//! What equilibria are told by, at any scalar: the rates of a scene, and what its motions keep.
+//!
+//! Does not know: which of these have to vanish, how they are solved.
+
+use hamel_codegen::scene::{Executable, Interpreter};
+use hamel_codegen::spec::Want;
+use hamel_program::program::{Program, Role};
+use hamel_runtime::{Dual, Real};
+use nalgebra::{DMatrix, DVector};
+
+use crate::dynamics::Factory as _;
+use crate::interpreted::Built;
+
+/// A state, with the values of inputs and parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Point<R = f64> {
+    pub(super) y: Vec<R>,
+    pub(super) inputs: Vec<R>,
+    pub(super) params: Vec<R>,
+}
+
+impl Point {
+    /// The same point, every number moved by `direction` of all of them one after the other times what `new` makes a
+    /// derivative.
+    fn over<R: Real>(&self, new: impl Fn(f64, usize) -> R) -> Point<R> {
+        let (n, m) = (self.y.len(), self.y.len() + self.inputs.len());
+        let list = |values: &[f64], first: usize| {
+            values.iter().enumerate().map(|(k, x)| new(*x, first + k)).collect::<Vec<R>>()
+        };
+        Point { y: list(&self.y, 0), inputs: list(&self.inputs, n), params: list(&self.params, m) }
+    }
+}
+
+/// A number that may be an unknown: a component of the state, an input, or a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Variable {
+    State(usize),
+    Input(usize),
+    Param(usize),
+}
+
+impl Point {
+    pub(super) fn get(&self, variable: Variable) -> f64 {
+        match variable {
+            Variable::State(k) => self.y[k],
+            Variable::Input(k) => self.inputs[k],
+            Variable::Param(k) => self.params[k],
+        }
+    }
+
+    pub(super) fn set(&mut self, variable: Variable, value: f64) {
+        match variable {
+            Variable::State(k) => self.y[k] = value,
+            Variable::Input(k) => self.inputs[k] = value,
+            Variable::Param(k) => self.params[k] = value,
+        }
+    }
+
+    /// Its place among all numbers one after the other.
+    fn place(&self, variable: Variable) -> usize {
+        match variable {
+            Variable::State(k) => k,
+            Variable::Input(k) => self.y.len() + k,
+            Variable::Param(k) => self.y.len() + self.inputs.len() + k,
+        }
+    }
+}
+
+/// The functions of a field, one kind after the other.
+#[derive(Clone, Debug)]
+pub(super) struct Values<R> {
+    pub(super) rates: Vec<R>,
+    /// Functions that are constant along every motion.
+    pub(super) invariants: Vec<R>,
+    /// Equations between coordinates, and behind them what coordinates keep.
+    pub(super) positions: Vec<R>,
+    /// Constraints that a state can violate.
+    pub(super) residuals: Vec<R>,
+    pub(super) outputs: Vec<R>,
+}
+
+impl<R: Real> Values<R> {
+    pub(super) fn map<S>(&self, f: impl Fn(R) -> S + Copy) -> Values<S> {
+        let list = |values: &[R]| values.iter().map(|x| f(*x)).collect();
+        Values {
+            rates: list(&self.rates),
+            invariants: list(&self.invariants),
+            positions: list(&self.positions),
+            residuals: list(&self.residuals),
+            outputs: list(&self.outputs),
+        }
+    }
+
+    /// All of them but the outputs.
+    fn all_but_outputs(&self) -> impl Iterator<Item = &R> {
+        self.rates.iter().chain(&self.invariants).chain(&self.positions).chain(&self.residuals)
+    }
+}
+
+impl Values<f64> {
+    pub(super) fn are_finite(&self) -> bool {
+        self.all_but_outputs().all(|x| x.is_finite())
+    }
+}
+
+/// A scene at one time.
+#[derive(Debug)]
+pub(super) struct Field<'a> {
+    t: f64,
+    scene: &'a Executable,
+    invariants: Option<&'a Executable>,
+    positions: Option<&'a Executable>,
+    residuals: Option<&'a Executable>,
+    /// Of the scene's outputs: its constraints.
+    own_residuals: std::ops::Range<usize>,
+}
+
+impl<'a> Field<'a> {
+    pub(super) fn new(built: &'a Built, residuals: Option<&'a Built>, t: f64) -> Field<'a> {
+        let own = built.info().output_range(Want::Constraint.name());
+        Field {
+            t,
+            scene: built.executable(),
+            invariants: built.invariants_of_motion(),
+            positions: built.equations_between_coordinates(),
+            residuals: residuals.map(Built::executable),
+            own_residuals: own.unwrap_or(0..0),
+        }
+    }
+
+    /// Names of the invariants.
+    pub(super) fn invariant_names(&self) -> Vec<String> {
+        self.invariants.map_or_else(Vec::new, |scene| names(&scene.program, Want::Invariants))
+    }
+
+    /// Number of the positions that have to vanish.
+    pub(super) fn n_equations(&self) -> usize {
+        self.positions.and_then(|scene| scene.positions.as_ref()).map_or(0, |layout| layout.n_equations)
+    }
+
+    /// All functions at a point; nothing where parameters are not allowed.
+    pub(super) fn values<R: Real>(&self, at: &Point<R>) -> Option<Values<R>> {
+        let t = R::from_f64(self.t);
+        let scene = prepared(self.scene, at)?;
+        let mut rates = vec![R::ZERO; at.y.len()];
+        scene.rhs(t, &at.y, &mut rates);
+        let outputs = scene.outputs(t, &at.y);
+        let group = |executable: Option<&'a Executable>, want: Want| match executable {
+            Some(executable) => prepared(executable, at)?.output(want.name(), t, &at.y),
+            None => Some(Vec::new()),
+        };
+        let residuals = match self.residuals {
+            Some(_) => group(self.residuals, Want::Constraint)?,
+            None => outputs[self.own_residuals.clone()].to_vec(),
+        };
+        Some(Values {
+            rates,
+            invariants: group(self.invariants, Want::Invariants)?,
+            positions: group(self.positions, Want::Positions)?,
+            residuals,
+            outputs,
+        })
+    }
+
+    /// Their derivatives by some variables, one after the other.
+    pub(super) fn derivatives(&self, at: &Point, by: &[Variable]) -> Option<Vec<Values<f64>>> {
+        let along = |variable: &Variable| {
+            let place = at.place(*variable);
+            let moved = at.over(|x, k| if k == place { Dual::variable(x) } else { Dual::constant(x) });
+            Some(self.values(&moved)?.map(|x| x.derivative))
+        };
+        by.iter().map(along).collect()
+    }
+
+    /// The matrix of the second derivatives of `sum weights I` of the invariants by the state.
+    pub(super) fn hessian(&self, at: &Point, weights: &DVector<f64>) -> Option<DMatrix<f64>> {
+        let n = at.y.len();
+        let mut hessian = DMatrix::zeros(n, n);
+        let scene = self.invariants?;
+        for i in 0..n {
+            for j in i..n {
+                let moved = at.over(|x, k| {
+                    let inner = if k == i { Dual::variable(x) } else { Dual::constant(x) };
+                    let slope = if k == j { Dual::constant(1.0) } else { Dual::constant(0.0) };
+                    Dual::new(inner, slope)
+                });
+                let t = Dual::constant(Dual::constant(self.t));
+                let found = prepared(scene, &moved)?.output(Want::Invariants.name(), t, &moved.y)?;
+                let terms = found.iter().zip(weights.iter()).map(|(x, w)| w * x.derivative.derivative);
+                hessian[(i, j)] = terms.sum();
+                hessian[(j, i)] = hessian[(i, j)];
+            }
+        }
+        Some(hessian)
+    }
+
+    /// Whether the rates depend on time there.
+    pub(super) fn depends_on_time(&self, at: &Point) -> bool {
+        let moved = at.over(|x, _| Dual::constant(x));
+        let Some(scene) = prepared(self.scene, &moved) else { return false };
+        let mut rates = vec![Dual::constant(0.0); moved.y.len()];
+        scene.rhs(Dual::variable(self.t), &moved.y, &mut rates);
+        rates.iter().any(|x| x.derivative != 0.0)
+    }
+
+    /// Why the rates cannot be believed at a point.
+    pub(super) fn check(&self, at: &Point) -> Result<(), String> {
+        let Ok(mut scene) = self.scene.prepare(&at.params) else {
+            return Err("parameters are not allowed".to_owned());
+        };
+        if scene.n_inputs() > 0 {
+            scene.set_inputs(&at.inputs);
+        }
+        scene.check(self.t, &at.y).map_err(|pivot| format!("{pivot} vanishes"))?;
+        scene.domain(self.t, &at.y).map_err(|condition| format!("{condition} does not hold"))
+    }
+}
+
+fn prepared<'e, R: Real>(scene: &'e Executable, at: &Point<R>) -> Option<Interpreter<'e, R>> {
+    let mut prepared = scene.prepare_over(&at.params).ok()?;
+    if prepared.n_inputs() > 0 {
+        prepared.set_inputs(&at.inputs);
+    }
+    Some(prepared)
+}
+
+/// Names of the components of an output.
+fn names(program: &Program, want: Want) -> Vec<String> {
+    let function = program.function(&Role::Output(want.name().to_owned()));
+    function.map_or_else(Vec::new, |f| f.results.iter().map(|(name, _)| name.clone()).collect())
+}

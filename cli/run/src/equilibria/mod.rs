@@ -1,0 +1,429 @@
+//! Relative equilibria of a scene: states whose rates are drifts along symmetries, alone or in families by a parameter,
+//! with their stability on the reduced space.
+//!
+//! The equations of a scene are reduced already, so that what turns and moves steadily in space is at rest there.
+//! Symmetries that are left in a scene - cyclic coordinates, a heading, equal moments of inertia - are found by numbers,
+//! see [`symmetry`].
+//!
+//! Does not know: arguments, how an answer is shown.
+
+mod answer;
+mod family;
+mod field;
+mod search;
+mod stability;
+mod symmetry;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use hamel_codegen::scene::{Prior, Told};
+
+use crate::dynamics::Factory as _;
+use crate::error::{Error, Problem};
+use crate::forms::Forms;
+use crate::info::{Info, ParamEntry};
+use crate::interpreted::{self, Built};
+use crate::model::Checked;
+use crate::start::Starts;
+use family::{Follower, OnCurve};
+use field::{Field, Point, Values, Variable};
+use search::{Equations, Missed, Quantity};
+use stability::Setting;
+use symmetry::Symmetry;
+
+pub use family::{Change, End};
+pub use stability::{EnergyTest, Stability, Verdict};
+
+/// What is asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Asked {
+    /// Parameters that differ from the scene's.
+    pub set: BTreeMap<String, f64>,
+    /// Components of the guess, in any form of the state.
+    pub at: BTreeMap<String, f64>,
+    /// Inputs that differ from the values that the model holds them at.
+    pub hold: BTreeMap<String, f64>,
+    /// What keeps its value of the guess, or another one: components of the state, invariants, outputs.
+    pub keep: Vec<(String, Option<f64>)>,
+    /// Inputs and parameters that are solved for.
+    pub free: Vec<String>,
+    /// Whether nothing drifts.
+    pub at_rest: bool,
+    /// The time that equations with time in them are frozen at.
+    pub t: Option<f64>,
+    /// What a family goes along.
+    pub along: Option<Along>,
+}
+
+/// The way of a family.
+#[derive(Clone, Debug)]
+pub struct Along {
+    /// A parameter, an input, a component of the state, an invariant, or an output.
+    pub name: String,
+    /// The first value.
+    pub from: f64,
+    /// The last value.
+    pub to: f64,
+    /// Number of points at equal distances where the family does not turn back.
+    pub n_points: usize,
+}
+
+/// A relative equilibrium.
+#[derive(Clone, Debug)]
+pub struct Equilibrium {
+    /// The state, in the order of the scene.
+    pub state: Vec<f64>,
+    /// Values of the inputs.
+    pub inputs: Vec<f64>,
+    /// Values of the parameters.
+    pub params: Vec<f64>,
+    /// Drifts along the symmetries of [`Answer::symmetries`].
+    pub drifts: Vec<f64>,
+    /// The largest rate that is no drift.
+    pub residual: f64,
+    /// What the family goes along.
+    pub along: Option<f64>,
+    /// Its stability.
+    pub stability: Stability,
+}
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// The scene.
+    pub info: Info,
+    /// Symmetries that are left in the scene, in words.
+    pub symmetries: Vec<String>,
+    /// What the guess has that nobody gave.
+    pub told: Vec<Told>,
+    /// The equilibrium, or those of the family.
+    pub equilibria: Vec<Equilibrium>,
+    /// What happens along the family: behind which equilibrium, what, and where.
+    pub changes: Vec<(usize, Change, Equilibrium)>,
+    /// How the family ends.
+    pub end: Option<End>,
+}
+
+/// Finds the relative equilibrium nearest to a guess, or a family of them.
+///
+/// # Errors
+/// [`Error::Request`] with every name that is not there; why there is no guess, and no equilibrium near it.
+pub fn find(model: &Arc<Checked>, scene: &str, asked: &Asked) -> Result<Answer, Error> {
+    let built = interpreted::build(model, scene)?;
+    let residuals = built.with_residuals();
+    let field = Field::new(&built, residuals.as_ref(), asked.t.unwrap_or(0.0));
+    let search = Search::new(model, &built, &field, asked)?;
+    search.answer()
+}
+
+struct Search<'a> {
+    asked: &'a Asked,
+    built: &'a Built,
+    field: &'a Field<'a>,
+    guess: Point,
+    told: Vec<Told>,
+    /// All symmetries that are left.
+    symmetries: Vec<Symmetry>,
+    /// Components of the state that never change.
+    constants: Vec<bool>,
+    /// The energy among the invariants.
+    energy: Option<usize>,
+    held: Vec<(Quantity, f64)>,
+    free: Vec<Variable>,
+    along: Option<Quantity>,
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        model: &Arc<Checked>,
+        built: &'a Built,
+        field: &'a Field<'a>,
+        asked: &'a Asked,
+    ) -> Result<Search<'a>, Error> {
+        let info = built.info();
+        let names = Names { info, invariants: field.invariant_names() };
+        let forms = Forms::of(model, info)?;
+        names.check(asked, &forms)?;
+        let (mut set, mut given, mut hold) = (asked.set.clone(), asked.at.clone(), asked.hold.clone());
+        if let Some(Along { name, from, .. }) = &asked.along
+            && let Some(Quantity::Variable(variable)) = names.quantity(name)
+        {
+            let list = match variable {
+                Variable::Param(_) => &mut set,
+                Variable::Input(_) => &mut hold,
+                Variable::State(_) => &mut given,
+            };
+            list.insert(name.clone(), *from);
+        }
+        let velocity_names = forms.names(&forms.velocities());
+        let starts = Starts::new(model, info, forms)?;
+        let (params, y) = starts.choose(built, &set, &given)?;
+        let told = starts.told([&set, &given], (&params, &y))?;
+        let value = |input: &ParamEntry| hold.get(&input.name).copied().unwrap_or(input.default);
+        let guess = Point { y, inputs: info.inputs.iter().map(value).collect(), params };
+        if asked.t.is_none() && field.depends_on_time(&guess) {
+            let reason = "depends on time: give the time that the equations are frozen at, as --t 0";
+            return Err(Error::unusable("the motion", reason));
+        }
+        let prior = Prior::of(model, &info.scene, &set);
+        let is_velocity: Vec<bool> = velocity_names.iter().map(|name| prior.is_velocity(name)).collect();
+        let mut search = Search {
+            asked,
+            built,
+            field,
+            guess,
+            told,
+            symmetries: Vec::new(),
+            constants: Vec::new(),
+            energy: names.invariants.iter().position(|name| name == "energy"),
+            held: Vec::new(),
+            free: asked.free.iter().filter_map(|name| names.variable(name)).collect(),
+            along: asked.along.as_ref().and_then(|along| names.quantity(&along.name)),
+        };
+        search.look_around(&is_velocity, &names)?;
+        Ok(search)
+    }
+
+    /// Finds what is kept in any case, and the symmetries.
+    fn look_around(&mut self, is_velocity: &[bool], names: &Names<'_>) -> Result<(), Error> {
+        let no_value = || Error::unusable("the guess", "is a state where the motion has no value");
+        let n = self.guess.y.len();
+        let by: Vec<Variable> = (0..n).map(Variable::State).collect();
+        let values = self.field.values(&self.guess).filter(Values::are_finite).ok_or_else(no_value)?;
+        let around = symmetry::around(self.field, &self.guess);
+        let at_guess = self.field.derivatives(&self.guess, &by).ok_or_else(no_value)?;
+        let slopes = || around.iter().map(|(_, slopes)| slopes).chain([&at_guess]);
+        let of_positions = |k: &usize| {
+            slopes().all(|by| (0..n).all(|i| !is_velocity[i] || by[i].invariants[*k] == 0.0))
+        };
+        let kept: Vec<usize> = (0..values.invariants.len()).filter(of_positions).collect();
+        self.constants = (0..n)
+            .map(|k| values.rates[k] == 0.0 && slopes().all(|by| by.iter().all(|s| s.rates[k] == 0.0)))
+            .collect();
+        for k in &kept {
+            self.held.push((Quantity::Invariant(*k), values.invariants[*k]));
+        }
+        let n_equations = self.field.n_equations();
+        for (k, value) in values.positions.iter().enumerate() {
+            self.held.push((Quantity::Position(k), if k < n_equations { 0.0 } else { *value }));
+        }
+        self.held.extend((0..values.residuals.len()).map(|k| (Quantity::Residual(k), 0.0)));
+        for (name, value) in &self.asked.keep {
+            let Some(quantity) = names.quantity(name) else { continue };
+            self.held.push((quantity, value.unwrap_or_else(|| quantity.value(&self.guess, &values))));
+        }
+        let of_symmetries: Vec<usize> = kept.into_iter().chain(self.energy).collect();
+        let rule = (&of_symmetries[..], self.energy.is_some());
+        self.symmetries = symmetry::find(self.field, &self.guess, is_velocity, rule);
+        Ok(())
+    }
+
+    fn equations(&self) -> Equations<'_> {
+        let state = (0..self.guess.y.len()).map(Variable::State);
+        let symmetries = if self.asked.at_rest { &[][..] } else { &self.symmetries[..] };
+        Equations {
+            field: self.field,
+            symmetries,
+            variables: state.chain(self.free.iter().copied()).collect(),
+            held: self.held.clone(),
+            along: None,
+        }
+    }
+
+    fn answer(self) -> Result<Answer, Error> {
+        let setting = Setting {
+            field: self.field,
+            symmetries: &self.symmetries,
+            energy: self.energy,
+            constants: &self.constants,
+        };
+        let mut equations = self.equations();
+        let from = self.asked.along.as_ref().map(|along| along.from);
+        if let (Some(quantity), Some(from)) = (self.along, from)
+            && !matches!(quantity, Quantity::Variable(Variable::Param(_) | Variable::Input(_)))
+        {
+            equations.held.push((quantity, from));
+        }
+        let drifts = self.first_drifts(&equations);
+        let start = equations.unknowns(&self.guess, &drifts, 0.0);
+        let x = equations.solve(&self.guess, &start, &[]).map_err(|missed| self.missed(missed))?;
+        let at = equations.point(&self.guess, &x);
+        self.field.check(&at).map_err(|reason| {
+            Error::unusable("the guess", format!("leads to a state where {reason}: give another one by --at"))
+        })?;
+        let first = self.equilibrium(&equations, &setting, &x, None).ok_or_else(|| self.missed(Missed::NoValue))?;
+        let mut answer = Answer {
+            info: self.built.info().clone(),
+            symmetries: self.symmetries.iter().map(|s| s.to_text(&self.built.info().state)).collect(),
+            told: self.told.clone(),
+            equilibria: vec![first],
+            changes: Vec::new(),
+            end: None,
+        };
+        if let Some(along) = &self.asked.along {
+            self.follow(&setting, along, (&at, &equations.drifts(&x)), &mut answer)?;
+        }
+        Ok(answer)
+    }
+
+    /// Drifts that meet the rates of the guess best.
+    fn first_drifts(&self, equations: &Equations<'_>) -> Vec<f64> {
+        let n = equations.symmetries.len();
+        let start = equations.unknowns(&self.guess, &vec![0.0; n], 0.0);
+        let Some(values) = self.field.values(&self.guess).filter(|_| n > 0) else { return vec![0.0; n] };
+        let y = nalgebra::DVector::from_column_slice(&self.guess.y);
+        let moved: Vec<_> = equations.symmetries.iter().map(|s| s.at(&y)).collect();
+        let columns = nalgebra::DMatrix::from_columns(&moved);
+        let rates = nalgebra::DVector::from_vec(values.rates);
+        let found = columns.clone().svd(true, true).solve(&rates, 1e-10 * columns.norm().max(1e-300));
+        found.map_or_else(|_| equations.drifts(&start), |c| c.iter().copied().collect())
+    }
+
+    fn equilibrium(
+        &self,
+        equations: &Equations<'_>,
+        setting: &Setting<'_>,
+        x: &nalgebra::DVector<f64>,
+        stability: Option<Stability>,
+    ) -> Option<Equilibrium> {
+        let at = equations.point(&self.guess, x);
+        let drifts = equations.drifts(x);
+        let stability = match stability {
+            Some(found) => found,
+            None => setting.stability(&at, &drifts)?,
+        };
+        let residual = equations.linear(&self.guess, x)?.residual.rows(0, at.y.len()).amax();
+        let along = self.asked.along.as_ref().map(|along| match equations.along {
+            Some(_) => x[x.len() - 1],
+            None => along.from,
+        });
+        let Point { y: state, inputs, params } = at;
+        Some(Equilibrium { state, inputs, params, drifts, residual, along, stability })
+    }
+
+    fn follow(
+        &self,
+        setting: &Setting<'_>,
+        along: &Along,
+        (at, drifts): (&Point, &[f64]),
+        answer: &mut Answer,
+    ) -> Result<(), Error> {
+        let equations = Equations { along: self.along, ..self.equations() };
+        let follower = Follower {
+            equations: &equations,
+            setting,
+            base: &self.guess,
+            first: along.from,
+            last: along.to,
+            n_points: along.n_points,
+        };
+        let curve = follower
+            .follow(&equations.unknowns(at, drifts, along.from))
+            .ok_or_else(|| self.missed(Missed::NoValue))?;
+        let shown = |on: &OnCurve| {
+            let x = follower.unscaled(&on.x);
+            self.equilibrium(&equations, setting, &x, Some(on.stability.clone()))
+        };
+        answer.equilibria = curve.points.iter().filter_map(shown).collect();
+        answer.changes =
+            curve.changes.iter().filter_map(|(k, change, on)| Some((*k, *change, shown(on)?))).collect();
+        answer.end = Some(curve.end);
+        Ok(())
+    }
+
+    fn missed(&self, missed: Missed) -> Error {
+        let reason = match missed {
+            Missed::NoValue => "leads to a state where the motion has no value".to_owned(),
+            Missed::Away => "leads away without bound: the rates vanish at infinity only".to_owned(),
+            Missed::Residual(size) => format!("has no equilibrium near it: the smallest rates there are {size:.3e}"),
+        };
+        let free = match (self.asked.free.is_empty(), self.guess.inputs.is_empty()) {
+            (true, false) => ", or set an input free by --free",
+            _ => "",
+        };
+        Error::unusable("the guess", format!("{reason}; give another one by --at{free}"))
+    }
+}
+
+/// What names may mean.
+struct Names<'a> {
+    info: &'a Info,
+    invariants: Vec<String>,
+}
+
+impl Names<'_> {
+    fn outputs(&self) -> impl Iterator<Item = &String> {
+        self.info.outputs.iter().flat_map(|group| &group.components)
+    }
+
+    fn variable(&self, name: &str) -> Option<Variable> {
+        let input = self.info.inputs.iter().position(|input| input.name == name).map(Variable::Input);
+        let param = || self.info.params.iter().position(|p| p.name == name).map(Variable::Param);
+        input.or_else(param)
+    }
+
+    fn quantity(&self, name: &str) -> Option<Quantity> {
+        let state = self.info.state.iter().position(|own| own == name);
+        let state = state.map(|k| Quantity::Variable(Variable::State(k)));
+        let other = || self.variable(name).map(Quantity::Variable);
+        let invariant = || self.invariants.iter().position(|own| own == name).map(Quantity::Invariant);
+        let output = || self.outputs().position(|own| own == name).map(Quantity::Output);
+        state.or_else(other).or_else(invariant).or_else(output)
+    }
+
+    /// All names that something can be kept at.
+    fn kept(&self) -> Vec<String> {
+        self.info.state.iter().chain(&self.invariants).chain(self.outputs()).cloned().collect()
+    }
+
+    /// Inputs and parameters.
+    fn variables(&self) -> Vec<String> {
+        self.info.inputs.iter().chain(&self.info.params).map(|entry| entry.name.clone()).collect()
+    }
+
+    fn check(&self, asked: &Asked, forms: &Forms) -> Result<(), Error> {
+        let mut problems = Vec::new();
+        let unknown = |path: &str, name: &String, kind: &'static str, known: Vec<String>| Problem::UnknownName {
+            path: path.into(),
+            name: name.clone(),
+            kind,
+            known,
+        };
+        let own = |names: &[ParamEntry]| names.iter().map(|entry| entry.name.clone()).collect();
+        let of_state: Vec<String> = forms.known().into_iter().map(str::to_owned).collect();
+        let given = [
+            (&asked.set, "--set", "parameter", own(&self.info.params)),
+            (&asked.hold, "--hold", "input", own(&self.info.inputs)),
+            (&asked.at, "--at", "state", of_state),
+        ];
+        for (list, path, kind, known) in given {
+            let wrong = list.keys().filter(|name| !known.contains(name));
+            problems.extend(wrong.map(|name| unknown(path, name, kind, known.clone())));
+        }
+        for (name, _) in &asked.keep {
+            if self.quantity(name).is_none() || self.variable(name).is_some() {
+                problems.push(unknown("--keep", name, "component, invariant or output", self.kept()));
+            }
+        }
+        for name in &asked.free {
+            if self.variable(name).is_none() {
+                problems.push(unknown("--free", name, "input or parameter", self.variables()));
+            }
+        }
+        if let Some(along) = &asked.along {
+            let known = || self.variables().into_iter().chain(self.kept()).collect();
+            if self.quantity(&along.name).is_none() {
+                problems.push(unknown("--along", &along.name, "parameter, input or component", known()));
+            }
+            let is_said_twice = asked.free.contains(&along.name)
+                || asked.keep.iter().any(|(name, _)| *name == along.name)
+                || [&asked.set, &asked.hold].iter().any(|list| list.contains_key(&along.name));
+            if is_said_twice {
+                let reason = format!("goes along {}, which is given or set free besides", along.name);
+                problems.push(Problem::Unusable { path: "--along".into(), reason });
+            }
+        }
+        if problems.is_empty() { Ok(()) } else { Err(Error::Request { problems }) }
+    }
+}

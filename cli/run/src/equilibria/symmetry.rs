@@ -1,0 +1,255 @@
+//! Symmetries of the equations that are left in a scene, and found by numbers: affine point symmetries.
+//!
+//! A field `Z(y) = S y + b` moves coordinates and advected parameters by functions of themselves, and velocities or
+//! momenta among themselves. It is a symmetry where
+//!
+//! ```text
+//! [Z, f] = Df Z - DZ f = 0   and   dI Z = 0
+//! ```
+//!
+//! for the energy and whatever depends on positions alone and is kept, `I`. Both are linear in the entries of `S` and
+//! `b`: the null space of their values at random states. Translations of cyclic coordinates, rotations of a plane with
+//! the heading in it, turns of a symmetric body about its axis are such fields.
+//!
+//! Does not know: what a symmetry is used for.
+
+use hamel_expr::uniform;
+use nalgebra::{DMatrix, DVector};
+
+use super::field::{Field, Point, Values, Variable};
+
+/// Most entries of `S` and `b` that are looked for; beyond, translations alone are.
+const MAX_ENTRIES: usize = 400;
+/// States beyond those that determine the entries.
+const SPARE_STATES: usize = 6;
+/// States tried for each that has values.
+const TRIES: usize = 20;
+/// Singular values below this part of the largest are zeros: rounding leaves some 1e-14 of it.
+const RANK: f64 = 1e-9;
+
+/// A symmetry `Z(y) = S y + b`.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Symmetry {
+    pub(super) slope: DMatrix<f64>,
+    pub(super) shift: DVector<f64>,
+}
+
+impl Symmetry {
+    pub(super) fn at(&self, y: &DVector<f64>) -> DVector<f64> {
+        &self.slope * y + &self.shift
+    }
+
+    /// The field in words, such as `x d/dy - y d/dx + d/dtheta`.
+    pub(super) fn to_text(&self, names: &[String]) -> String {
+        let mut terms: Vec<(f64, String)> = Vec::new();
+        for (i, name) in names.iter().enumerate() {
+            terms.push((self.shift[i], format!("d/d{name}")));
+            for (j, by) in names.iter().enumerate() {
+                terms.push((self.slope[(i, j)], format!("{by} d/d{name}")));
+            }
+        }
+        terms.retain(|(factor, _)| *factor != 0.0);
+        let mut text = String::new();
+        for (k, (factor, term)) in terms.iter().enumerate() {
+            let sign = match (k, *factor < 0.0) {
+                (0, true) => "-",
+                (0, false) => "",
+                (_, true) => " - ",
+                (_, false) => " + ",
+            };
+            text.push_str(sign);
+            if factor.abs() != 1.0 {
+                text.push_str(&format!("{:.6} ", factor.abs()));
+            }
+            text.push_str(term);
+        }
+        text
+    }
+}
+
+/// Which entries of `S` and `b` are looked for.
+struct Entries {
+    n: usize,
+    shifts: Vec<usize>,
+    slopes: Vec<(usize, usize)>,
+}
+
+impl Entries {
+    fn new(is_velocity: &[bool]) -> Entries {
+        let n = is_velocity.len();
+        let shifts: Vec<usize> = (0..n).filter(|i| !is_velocity[*i]).collect();
+        let all = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
+        let slopes: Vec<(usize, usize)> = all.filter(|(i, j)| is_velocity[*i] == is_velocity[*j]).collect();
+        let slopes = if shifts.len() + slopes.len() > MAX_ENTRIES { Vec::new() } else { slopes };
+        Entries { n, shifts, slopes }
+    }
+
+    fn len(&self) -> usize {
+        self.shifts.len() + self.slopes.len()
+    }
+
+    /// `Z(y)` and `DZ f` where the entry is one and all others are zero: component, `Z`, `DZ f`.
+    fn unit(&self, entry: usize, y: &[f64], rates: &[f64]) -> (usize, f64, f64) {
+        match entry.checked_sub(self.shifts.len()) {
+            None => (self.shifts[entry], 1.0, 0.0),
+            Some(k) => {
+                let (i, j) = self.slopes[k];
+                (i, y[j], rates[j])
+            }
+        }
+    }
+
+    fn symmetry(&self, entries: &[f64]) -> Symmetry {
+        let mut found =
+            Symmetry { slope: DMatrix::zeros(self.n, self.n), shift: DVector::zeros(self.n) };
+        for (i, entry) in self.shifts.iter().zip(entries) {
+            found.shift[*i] = *entry;
+        }
+        for ((i, j), entry) in self.slopes.iter().zip(&entries[self.shifts.len()..]) {
+            found.slope[(*i, *j)] = *entry;
+        }
+        found
+    }
+}
+
+/// The symmetries at the parameters and inputs of a point, a basis with as few entries as elimination leaves; `kept`
+/// are the invariants that they have to keep.
+pub(super) fn find(
+    field: &Field<'_>,
+    at: &Point,
+    is_velocity: &[bool],
+    (kept, has_energy): (&[usize], bool),
+) -> Vec<Symmetry> {
+    let entries = Entries::new(is_velocity);
+    let (n, n_entries) = (at.y.len(), entries.len());
+    if n_entries == 0 {
+        return Vec::new();
+    }
+    let mut states = States { field, at, seed: 1 };
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    // Without an energy that says what a symmetry is, only rotations and translations are.
+    if !has_energy {
+        rows.extend(rotations_alone(&entries));
+    }
+    for _ in 0..n_entries / n + SPARE_STATES {
+        let Some((point, values, slopes)) = states.next_state() else { return Vec::new() };
+        rows.extend(conditions(&entries, kept, &point.y, &values, &slopes));
+    }
+    let matrix = DMatrix::from_fn(rows.len(), n_entries, |i, j| rows[i][j]);
+    // As many rows as columns, with the same singular values.
+    let square = if matrix.nrows() > n_entries { matrix.qr().r() } else { matrix };
+    let n_rows = n_entries.max(square.nrows());
+    let found = square.resize_vertically(n_rows, 0.0).svd(false, true);
+    let (sizes, Some(v)) = (found.singular_values, found.v_t) else { return Vec::new() };
+    let largest = sizes.max();
+    let null: Vec<Vec<f64>> = (0..sizes.len())
+        .filter(|k| sizes[*k] <= RANK * largest)
+        .map(|k| v.row(k).iter().copied().collect())
+        .collect();
+    echelon(null).iter().map(|row| entries.symmetry(row)).collect()
+}
+
+/// Some states near a point, with the derivatives of everything by the state.
+pub(super) fn around(field: &Field<'_>, at: &Point) -> Vec<(Values<f64>, Vec<Values<f64>>)> {
+    let mut states = States { field, at, seed: 2 };
+    (0..SPARE_STATES).filter_map(|_| states.next_state()).map(|(_, values, slopes)| (values, slopes)).collect()
+}
+
+/// States near a point at which everything has a value.
+struct States<'a, 'b> {
+    field: &'a Field<'b>,
+    at: &'a Point,
+    seed: u64,
+}
+
+impl States<'_, '_> {
+    fn next_state(&mut self) -> Option<(Point, Values<f64>, Vec<Values<f64>>)> {
+        let by: Vec<Variable> = (0..self.at.y.len()).map(Variable::State).collect();
+        for _ in 0..TRIES {
+            let mut point = self.at.clone();
+            for x in &mut point.y {
+                *x += (uniform(&mut self.seed) - 0.5) * x.abs().max(1.0);
+            }
+            let Some(values) = self.field.values(&point).filter(Values::are_finite) else { continue };
+            let Some(slopes) = self.field.derivatives(&point, &by) else { continue };
+            if slopes.iter().all(Values::are_finite) {
+                return Some((point, values, slopes));
+            }
+        }
+        None
+    }
+}
+
+/// The conditions at a state, a row of coefficients for each, of size one.
+fn conditions(
+    entries: &Entries,
+    kept: &[usize],
+    y: &[f64],
+    values: &Values<f64>,
+    slopes: &[Values<f64>],
+) -> Vec<Vec<f64>> {
+    let rates = &values.rates;
+    let units: Vec<(usize, f64, f64)> = (0..entries.len()).map(|k| entries.unit(k, y, rates)).collect();
+    let bracket = |row: usize| -> Vec<f64> {
+        let entry = |(i, z, turned): &(usize, f64, f64)| {
+            slopes[*i].rates[row] * z - if *i == row { *turned } else { 0.0 }
+        };
+        units.iter().map(entry).collect()
+    };
+    let gradient = |of: &usize| -> Vec<f64> {
+        units.iter().map(|(i, z, _)| slopes[*i].invariants[*of] * z).collect()
+    };
+    let mut rows: Vec<Vec<f64>> = (0..y.len()).map(bracket).chain(kept.iter().map(gradient)).collect();
+    for row in &mut rows {
+        let size = row.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
+        if size > 0.0 {
+            row.iter_mut().for_each(|x| *x /= size);
+        }
+    }
+    rows
+}
+
+/// That `S` is antisymmetric.
+fn rotations_alone(entries: &Entries) -> Vec<Vec<f64>> {
+    let first = entries.shifts.len();
+    let place = |pair: (usize, usize)| entries.slopes.iter().position(|own| *own == pair);
+    let row = |(k, (i, j)): (usize, &(usize, usize))| {
+        let mut row = vec![0.0; entries.len()];
+        row[first + k] += 1.0;
+        row[first + place((*j, *i))?] += 1.0;
+        Some(row)
+    };
+    entries.slopes.iter().enumerate().filter_map(row).collect()
+}
+
+/// A basis of the same space in reduced echelon form: translations first, entries of size one.
+fn echelon(mut rows: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let n_columns = rows.first().map_or(0, Vec::len);
+    let mut done = 0;
+    for column in 0..n_columns {
+        let Some(best) = (done..rows.len())
+            .max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()))
+            .filter(|k| rows[*k][column].abs() > 1e-6)
+        else {
+            continue;
+        };
+        rows.swap(done, best);
+        let pivot = rows[done][column];
+        rows[done].iter_mut().for_each(|x| *x /= pivot);
+        let own = rows[done].clone();
+        for (k, row) in rows.iter_mut().enumerate() {
+            let factor = row[column];
+            if k != done && factor != 0.0 {
+                row.iter_mut().zip(&own).for_each(|(x, y)| *x -= factor * y);
+            }
+        }
+        done += 1;
+    }
+    for x in rows.iter_mut().flatten() {
+        // Small whole numbers are what elimination left of them.
+        if (*x - x.round()).abs() < 1e-9 {
+            *x = x.round() + 0.0;
+        }
+    }
+    rows
+}

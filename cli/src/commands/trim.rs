@@ -1,0 +1,253 @@
+//! `trim`: relative equilibria, alone or in families, with their stability.
+//!
+//! Does not know: how an equilibrium is found.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use hamel_codegen::scene::told_in_words;
+
+use super::linearize::shown;
+use super::options::{assignment, finite};
+use crate::output::families::{self, Target};
+use hamel_run::equilibria::{Along, Answer, Asked, End, EnergyTest, Equilibrium, Verdict, find};
+use hamel_run::error::Error;
+use hamel_run::model;
+use hamel_run::session::Session;
+
+/// Find the relative equilibrium nearest to a guess, or a family of them, with its stability
+///
+/// The equations are reduced: a body that turns and moves steadily is at rest in them. Beside states at rest, `trim`
+/// finds those that drift along a symmetry that is left: a cyclic coordinate, a heading, the axis of a symmetric body.
+/// Norms of advected vectors and equations between coordinates stay as they are at the guess; --keep adds others.
+/// Eigenvalues are those on the reduced space, without invariants and symmetries; where they do not decide, the second
+/// variation of the energy may.
+#[derive(Clone, Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  hamel trim heavy_top --at Omega1=0 Omega2=0 Omega3=1 Gamma1=0 Gamma2=0.6 Gamma3=0.8
+  hamel trim heavy_top --scene symmetric --at Omega1=0 Omega2=0 Gamma1=0 Gamma2=0 Gamma3=1 --along Omega3=20..1
+  hamel trim mobile_robot --keep v=0.5 --free tau1 tau2 --json"
+)]
+pub struct Arguments {
+    /// Name of a model, or a path that ends in .hamel
+    pub model: String,
+    /// Name of the scene [default: controlled where the model has inputs, otherwise default]
+    #[arg(long)]
+    pub scene: Option<String>,
+    /// Parameters that differ from the model's defaults
+    #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
+    pub set: Vec<(String, f64)>,
+    /// Components of the guess; the others are those of the initial state
+    #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
+    pub at: Vec<(String, f64)>,
+    /// Inputs that differ from the values that the model holds them at
+    #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
+    pub hold: Vec<(String, f64)>,
+    /// Components of the state, invariants and outputs that keep the value of the guess, or have another one
+    #[arg(long, value_name = "NAME[=VALUE]", num_args = 1.., value_parser = kept)]
+    pub keep: Vec<(String, Option<f64>)>,
+    /// Inputs and parameters that are solved for
+    #[arg(long, value_name = "NAME", num_args = 1..)]
+    pub free: Vec<String>,
+    /// Nothing drifts: all rates vanish
+    #[arg(long)]
+    pub at_rest: bool,
+    /// Freeze equations that contain the time at a time
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite)]
+    pub t: Option<f64>,
+    /// A family: a parameter, an input, a component, an invariant or an output, from one value to another
+    #[arg(long, value_name = "NAME=FROM..TO", value_parser = way)]
+    pub along: Option<Way>,
+    /// Points of the family
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u16).range(2..))]
+    pub points: u16,
+    /// File of the family: .csv, or a figure, .svg
+    #[arg(short, long, value_name = "FILE", requires = "along")]
+    pub output: Option<PathBuf>,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The way of a family.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Way {
+    name: String,
+    from: f64,
+    to: f64,
+}
+
+fn kept(text: &str) -> Result<(String, Option<f64>), String> {
+    match text.contains('=') {
+        true => assignment(text).map(|(name, value)| (name, Some(value))),
+        false => Ok((text.trim().to_owned(), None)),
+    }
+}
+
+fn way(text: &str) -> Result<Way, String> {
+    let parts = text.split_once('=').and_then(|(name, values)| Some((name, values.split_once("..")?)));
+    let Some((name, (from, to))) = parts else {
+        return Err("write it as name=from..to, such as v=1..5".into());
+    };
+    let way = Way { name: name.trim().to_owned(), from: finite(from)?, to: finite(to)? };
+    if way.from == way.to { Err("goes nowhere: give two values".into()) } else { Ok(way) }
+}
+
+/// The equilibria for people, or as JSON.
+///
+/// # Errors
+/// Unknown names, problems of the model, and guesses that no equilibrium is near.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let file = session.find(&arguments.model)?;
+    let model = file.model()?;
+    let default = if model.inputs.is_empty() { model::DEFAULT_SCENE } else { model::CONTROLLED_SCENE };
+    let scene = arguments.scene.as_deref().unwrap_or(default);
+    model.known_scene(scene)?;
+    let target = arguments.output.as_deref().map(Target::new).transpose()?;
+    let open = target.as_ref().map(Target::open).transpose()?;
+    let n_points = usize::from(arguments.points);
+    let along = arguments.along.as_ref().map(|way| Along {
+        name: way.name.clone(),
+        from: way.from,
+        to: way.to,
+        n_points,
+    });
+    let asked = Asked {
+        set: arguments.set.iter().cloned().collect(),
+        at: arguments.at.iter().cloned().collect(),
+        hold: arguments.hold.iter().cloned().collect(),
+        keep: arguments.keep.clone(),
+        free: arguments.free.clone(),
+        at_rest: arguments.at_rest,
+        t: arguments.t,
+        along,
+    };
+    let answer = find(model, scene, &asked)?;
+    let name = arguments.along.as_ref().map(|way| way.name.as_str());
+    if let (Some(open), Some(name)) = (open, name) {
+        families::write(open, &model::title(model), &answer, name)?;
+    }
+    if arguments.json {
+        return Ok(answer.to_json().to_string());
+    }
+    let mut text = match name {
+        Some(name) => family(&answer, name),
+        None => answer.equilibria.first().map_or_else(String::new, |found| one(&answer, found)),
+    };
+    if let Some(target) = &target {
+        let _ = write!(text, "\nwritten: {}", target.path().display());
+    }
+    Ok(text)
+}
+
+fn row(text: &mut String, name: &str, value: f64) {
+    let _ = writeln!(text, "  {name:<24} {:>14}", shown(value));
+}
+
+/// One equilibrium for people.
+fn one(answer: &Answer, found: &Equilibrium) -> String {
+    let mut text = String::new();
+    let info = &answer.info;
+    let drifts: Vec<(&String, f64)> =
+        answer.symmetries.iter().zip(found.drifts.iter().copied()).filter(|(_, c)| c.abs() > 1e-12).collect();
+    let what = if drifts.is_empty() { "equilibrium" } else { "relative equilibrium" };
+    let _ = writeln!(text, "{}, scene {}: {what}, rates are met to {:.1e}", info.model, info.scene, found.residual);
+    info.state.iter().zip(&found.state).for_each(|(name, x)| row(&mut text, name, *x));
+    if let Some(told) = told_in_words(&answer.told) {
+        let _ = writeln!(text, "  guess: {told}");
+    }
+    if !info.inputs.is_empty() {
+        text.push_str("inputs\n");
+        info.inputs.iter().zip(&found.inputs).for_each(|(input, x)| row(&mut text, &input.name, *x));
+    }
+    let changed = info.params.iter().zip(&found.params).filter(|(param, x)| param.default != **x);
+    for (k, (param, x)) in changed.enumerate() {
+        text.push_str(if k == 0 { "parameters that differ\n" } else { "" });
+        row(&mut text, &param.name, *x);
+    }
+    for (k, (symmetry, drift)) in drifts.iter().enumerate() {
+        text.push_str(if k == 0 { "drifts along symmetries\n" } else { "" });
+        row(&mut text, symmetry, *drift);
+    }
+    let stability = &found.stability;
+    let _ = writeln!(
+        text,
+        "eigenvalues on the reduced space ({} taken out by invariants, {} by symmetries)",
+        stability.n_invariants, stability.n_symmetries
+    );
+    for [re, im] in &stability.eigenvalues {
+        let _ = match im {
+            0.0 => writeln!(text, "  {}", shown(*re)),
+            im => writeln!(text, "  {} {} {} i", shown(*re), if *im < 0.0 { '-' } else { '+' }, shown(im.abs())),
+        };
+    }
+    text.push_str(&verdict(found));
+    text
+}
+
+/// The verdict with its reason.
+fn verdict(found: &Equilibrium) -> String {
+    let stability = &found.stability;
+    let energy = stability.energy.map_or_else(String::new, |e| {
+        let EnergyTest { n_positive, n_negative, n_zero } = e;
+        format!("{n_positive} positive, {n_negative} negative, {n_zero} zero")
+    });
+    match stability.verdict {
+        Verdict::Unstable { rate } => {
+            format!("unstable: a deviation doubles in {}", shown(std::f64::consts::LN_2 / rate))
+        }
+        Verdict::Asymptotic { rate } => {
+            format!("asymptotically stable: deviations halve in {} at the latest", shown(std::f64::consts::LN_2 / rate))
+        }
+        Verdict::Stable => format!("stable: the second variation of the energy is definite ({energy})"),
+        Verdict::Spectral => {
+            let neutral = match stability.n_neutral {
+                0 => String::new(),
+                n => format!("; {n} eigenvalues are zero: equilibria in families"),
+            };
+            let energy = match stability.energy {
+                Some(_) => format!("; the second variation of the energy is indefinite ({energy}) and does not decide"),
+                None => String::new(),
+            };
+            format!("spectrally stable: no eigenvalue has a positive real part{neutral}{energy}")
+        }
+        Verdict::Rigid => "rigid: invariants and symmetries leave no deviation".to_owned(),
+    }
+}
+
+/// A family for people: its ends and its changes.
+fn family(answer: &Answer, name: &str) -> String {
+    let mut text = String::new();
+    let (Some(first), Some(last)) = (answer.equilibria.first(), answer.equilibria.last()) else {
+        return text;
+    };
+    let ended = match answer.end {
+        Some(End::Reached) | None => "to the last value",
+        Some(End::Returned) => "back to the first value",
+        Some(End::Stuck) => "to where the equations have no value further on",
+        Some(End::Long) => "and stopped after many points",
+    };
+    let _ = writeln!(
+        text,
+        "{}, scene {}: {} equilibria along {name}, {ended}",
+        answer.info.model,
+        answer.info.scene,
+        answer.equilibria.len()
+    );
+    let mut point = |what: &str, at: &Equilibrium| {
+        let value = shown(at.along.unwrap_or(f64::NAN));
+        let state = answer.info.state.iter().zip(&at.state).map(|(name, x)| format!("{name}={}", shown(*x)));
+        let state: Vec<String> = state.collect();
+        let _ = writeln!(text, "  {name} = {value:<12} {what:<22} {}", state.join(" "));
+    };
+    point(first.stability.verdict.name(), first);
+    for (_, change, at) in &answer.changes {
+        point(change.name(), at);
+    }
+    point(last.stability.verdict.name(), last);
+    text.trim_end().to_owned()
+}
