@@ -148,6 +148,12 @@ fn row(text: &mut String, name: &str, value: f64) {
     let _ = writeln!(text, "  {name:<24} {:>14}", shown(value));
 }
 
+/// Numbers for people: rounding beside the largest of them is zero.
+fn rounded(values: &[f64]) -> Vec<f64> {
+    let largest = values.iter().fold(1e-300, |max: f64, x| max.max(x.abs()));
+    values.iter().map(|x| if x.abs() <= 1e-13 * largest { 0.0 } else { *x }).collect()
+}
+
 /// One equilibrium for people.
 fn one(answer: &Answer, found: &Equilibrium) -> String {
     let mut text = String::new();
@@ -155,8 +161,13 @@ fn one(answer: &Answer, found: &Equilibrium) -> String {
     let drifts: Vec<(&String, f64)> =
         answer.symmetries.iter().zip(found.drifts.iter().copied()).filter(|(_, c)| c.abs() > 1e-12).collect();
     let what = if drifts.is_empty() { "equilibrium" } else { "relative equilibrium" };
-    let _ = writeln!(text, "{}, scene {}: {what}, rates are met to {:.1e}", info.model, info.scene, found.residual);
-    info.state.iter().zip(&found.state).for_each(|(name, x)| row(&mut text, name, *x));
+    let _ = writeln!(
+        text,
+        "{}, scene {}: {what}, rates are met to {:.1e}",
+        info.model, info.scene, found.residual
+    );
+    let state = rounded(&found.state);
+    info.state.iter().zip(&state).for_each(|(name, x)| row(&mut text, name, *x));
     if let Some(told) = told_in_words(&answer.told) {
         let _ = writeln!(text, "  guess: {told}");
     }
@@ -179,10 +190,14 @@ fn one(answer: &Answer, found: &Equilibrium) -> String {
         "eigenvalues on the reduced space ({} taken out by invariants, {} by symmetries)",
         stability.n_invariants, stability.n_symmetries
     );
-    for [re, im] in &stability.eigenvalues {
+    let parts: Vec<f64> = stability.eigenvalues.iter().flatten().copied().collect();
+    for z in rounded(&parts).chunks(2) {
+        let (re, im) = (z[0], z[1]);
         let _ = match im {
-            0.0 => writeln!(text, "  {}", shown(*re)),
-            im => writeln!(text, "  {} {} {} i", shown(*re), if *im < 0.0 { '-' } else { '+' }, shown(im.abs())),
+            0.0 => writeln!(text, "  {}", shown(re)),
+            im => {
+                writeln!(text, "  {} {} {} i", shown(re), if im < 0.0 { '-' } else { '+' }, shown(im.abs()))
+            }
         };
     }
     text.push_str(&verdict(found));
@@ -201,16 +216,22 @@ fn verdict(found: &Equilibrium) -> String {
             format!("unstable: a deviation doubles in {}", shown(std::f64::consts::LN_2 / rate))
         }
         Verdict::Asymptotic { rate } => {
-            format!("asymptotically stable: deviations halve in {} at the latest", shown(std::f64::consts::LN_2 / rate))
+            format!(
+                "asymptotically stable: deviations halve in {} at the latest",
+                shown(std::f64::consts::LN_2 / rate)
+            )
         }
         Verdict::Stable => format!("stable: the second variation of the energy is definite ({energy})"),
         Verdict::Spectral => {
             let neutral = match stability.n_neutral {
                 0 => String::new(),
-                n => format!("; {n} eigenvalues are zero: equilibria in families"),
+                1 => "; one more is zero: equilibria in a family".to_owned(),
+                n => format!("; {n} more are zero: equilibria in families"),
             };
             let energy = match stability.energy {
-                Some(_) => format!("; the second variation of the energy is indefinite ({energy}) and does not decide"),
+                Some(_) => format!(
+                    "; the second variation of the energy is indefinite ({energy}) and does not decide"
+                ),
                 None => String::new(),
             };
             format!("spectrally stable: no eigenvalue has a positive real part{neutral}{energy}")
@@ -240,7 +261,8 @@ fn family(answer: &Answer, name: &str) -> String {
     );
     let mut point = |what: &str, at: &Equilibrium| {
         let value = shown(at.along.unwrap_or(f64::NAN));
-        let state = answer.info.state.iter().zip(&at.state).map(|(name, x)| format!("{name}={}", shown(*x)));
+        let state = answer.info.state.iter().zip(rounded(&at.state));
+        let state = state.map(|(name, x)| format!("{name}={}", shown(x)));
         let state: Vec<String> = state.collect();
         let _ = writeln!(text, "  {name} = {value:<12} {what:<22} {}", state.join(" "));
     };

@@ -104,9 +104,10 @@ fn figure(title: &str, answer: &Answer, name: &str) -> Figure {
         points: vec![answer.changes.iter().filter_map(marked).collect()],
         ..Panel::default()
     });
-    let told = answer.changes.iter().map(|(_, change, at)| {
-        format!("{} at {name} = {:.6}", change.name(), at.along.unwrap_or(f64::NAN))
-    });
+    let told = answer
+        .changes
+        .iter()
+        .map(|(_, change, at)| format!("{} at {name} = {:.6}", change.name(), at.along.unwrap_or(f64::NAN)));
     Figure {
         title: if title.is_empty() { answer.info.model.clone() } else { title.to_owned() },
         subtitle: told.collect::<Vec<String>>().join(", "),

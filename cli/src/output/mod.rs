@@ -3,8 +3,8 @@
 //! Does not know: how anything was computed.
 
 pub(crate) mod crossings;
-pub mod fields;
 pub(crate) mod families;
+pub mod fields;
 pub mod files;
 pub mod fitted;
 pub mod fmu;

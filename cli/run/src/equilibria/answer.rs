@@ -60,11 +60,8 @@ impl Answer {
         let counts = counts.map(|(name, n)| (name.to_owned(), Value::from(n)));
         one.insert("taken_out".into(), counts.into_iter().collect());
         if let Some(energy) = stability.energy {
-            let signs = [
-                ("positive", energy.n_positive),
-                ("negative", energy.n_negative),
-                ("zero", energy.n_zero),
-            ];
+            let signs =
+                [("positive", energy.n_positive), ("negative", energy.n_negative), ("zero", energy.n_zero)];
             let signs = signs.map(|(name, n)| (name.to_owned(), Value::from(n)));
             one.insert("energy".into(), signs.into_iter().collect());
         }
@@ -84,7 +81,8 @@ impl Answer {
         names.extend(drifts);
         names.push("largest_real_part".to_owned());
         let row = |of: &Equilibrium| {
-            let state = self.info.state.iter().zip(&of.state).filter(|(state, _)| own(state)).map(|(_, x)| *x);
+            let state =
+                self.info.state.iter().zip(&of.state).filter(|(state, _)| own(state)).map(|(_, x)| *x);
             let first = of.along.unwrap_or(f64::NAN);
             let growth = of.stability.eigenvalues.first().map_or(0.0, |z| z[0]);
             [first].into_iter().chain(state).chain(of.drifts.iter().copied()).chain([growth]).collect()

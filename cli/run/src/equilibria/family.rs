@@ -230,7 +230,11 @@ impl Follower<'_> {
         if here.stability.n_growing() != next.stability.n_growing() {
             let same = |on: &OnCurve| on.stability.n_growing() == here.stability.n_growing();
             let at = self.located(here, next, &same);
-            let change = if at.stability.is_divergence() { Change::Divergence } else { Change::Flutter };
+            let change = if at.stability.is_divergence(&here.stability) {
+                Change::Divergence
+            } else {
+                Change::Flutter
+            };
             curve.changes.push((behind, change, at));
         }
     }

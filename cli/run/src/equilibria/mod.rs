@@ -18,6 +18,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hamel_codegen::scene::{Prior, Told};
+use hamel_codegen::spec::Want;
+use nalgebra::{DMatrix, DVector};
 
 use crate::dynamics::Factory as _;
 use crate::error::{Error, Problem};
@@ -129,6 +131,8 @@ struct Search<'a> {
     constants: Vec<bool>,
     /// The energy among the invariants.
     energy: Option<usize>,
+    /// The size of the derivatives of the rates at the guess.
+    scale: f64,
     held: Vec<(Quantity, f64)>,
     free: Vec<Variable>,
     along: Option<Quantity>,
@@ -177,6 +181,7 @@ impl<'a> Search<'a> {
             symmetries: Vec::new(),
             constants: Vec::new(),
             energy: names.invariants.iter().position(|name| name == "energy"),
+            scale: 0.0,
             held: Vec::new(),
             free: asked.free.iter().filter_map(|name| names.variable(name)).collect(),
             along: asked.along.as_ref().and_then(|along| names.quantity(&along.name)),
@@ -194,16 +199,26 @@ impl<'a> Search<'a> {
         let around = symmetry::around(self.field, &self.guess);
         let at_guess = self.field.derivatives(&self.guess, &by).ok_or_else(no_value)?;
         let slopes = || around.iter().map(|(_, slopes)| slopes).chain([&at_guess]);
-        let of_positions = |k: &usize| {
-            slopes().all(|by| (0..n).all(|i| !is_velocity[i] || by[i].invariants[*k] == 0.0))
-        };
-        let kept: Vec<usize> = (0..values.invariants.len()).filter(of_positions).collect();
+        let of_positions =
+            |k: &usize| slopes().all(|by| (0..n).all(|i| !is_velocity[i] || by[i].invariants[*k] == 0.0));
+        let is_found = |k: &usize| is_of_motion(&names.invariants[*k]);
+        let all = 0..values.invariants.len();
+        let kept: Vec<usize> = all.clone().filter(|k| !is_found(k) && of_positions(k)).collect();
         self.constants = (0..n)
             .map(|k| values.rates[k] == 0.0 && slopes().all(|by| by.iter().all(|s| s.rates[k] == 0.0)))
             .collect();
-        for k in &kept {
-            self.held.push((Quantity::Invariant(*k), values.invariants[*k]));
+        // Somebody who says what is kept may move between the levels of Casimirs.
+        let on_levels = self.asked.keep.is_empty()
+            && self
+                .along
+                .is_none_or(|q| matches!(q, Quantity::Variable(Variable::Param(_) | Variable::Input(_))));
+        let casimirs = names.info.outputs.iter().filter(|group| group.name == Want::Casimirs.name());
+        let casimirs: Vec<&String> = casimirs.flat_map(|group| &group.components).collect();
+        let is_casimir = |k: &usize| on_levels && casimirs.contains(&&names.invariants[*k]);
+        for k in all.filter(|k| kept.contains(k) || is_casimir(k)) {
+            self.held.push((Quantity::Invariant(k), values.invariants[k]));
         }
+        self.scale = DMatrix::from_fn(n, n, |i, j| at_guess[j].rates[i]).norm();
         let n_equations = self.field.n_equations();
         for (k, value) in values.positions.iter().enumerate() {
             self.held.push((Quantity::Position(k), if k < n_equations { 0.0 } else { *value }));
@@ -237,6 +252,7 @@ impl<'a> Search<'a> {
             symmetries: &self.symmetries,
             energy: self.energy,
             constants: &self.constants,
+            scale: self.scale,
         };
         let mut equations = self.equations();
         let from = self.asked.along.as_ref().map(|along| along.from);
@@ -252,7 +268,8 @@ impl<'a> Search<'a> {
         self.field.check(&at).map_err(|reason| {
             Error::unusable("the guess", format!("leads to a state where {reason}: give another one by --at"))
         })?;
-        let first = self.equilibrium(&equations, &setting, &x, None).ok_or_else(|| self.missed(Missed::NoValue))?;
+        let first =
+            self.equilibrium(&equations, &setting, &x, None).ok_or_else(|| self.missed(Missed::NoValue))?;
         let mut answer = Answer {
             info: self.built.info().clone(),
             symmetries: self.symmetries.iter().map(|s| s.to_text(&self.built.info().state)).collect(),
@@ -272,10 +289,10 @@ impl<'a> Search<'a> {
         let n = equations.symmetries.len();
         let start = equations.unknowns(&self.guess, &vec![0.0; n], 0.0);
         let Some(values) = self.field.values(&self.guess).filter(|_| n > 0) else { return vec![0.0; n] };
-        let y = nalgebra::DVector::from_column_slice(&self.guess.y);
+        let y = DVector::from_column_slice(&self.guess.y);
         let moved: Vec<_> = equations.symmetries.iter().map(|s| s.at(&y)).collect();
-        let columns = nalgebra::DMatrix::from_columns(&moved);
-        let rates = nalgebra::DVector::from_vec(values.rates);
+        let columns = DMatrix::from_columns(&moved);
+        let rates = DVector::from_vec(values.rates);
         let found = columns.clone().svd(true, true).solve(&rates, 1e-10 * columns.norm().max(1e-300));
         found.map_or_else(|_| equations.drifts(&start), |c| c.iter().copied().collect())
     }
@@ -284,7 +301,7 @@ impl<'a> Search<'a> {
         &self,
         equations: &Equations<'_>,
         setting: &Setting<'_>,
-        x: &nalgebra::DVector<f64>,
+        x: &DVector<f64>,
         stability: Option<Stability>,
     ) -> Option<Equilibrium> {
         let at = equations.point(&self.guess, x);
@@ -336,7 +353,9 @@ impl<'a> Search<'a> {
         let reason = match missed {
             Missed::NoValue => "leads to a state where the motion has no value".to_owned(),
             Missed::Away => "leads away without bound: the rates vanish at infinity only".to_owned(),
-            Missed::Residual(size) => format!("has no equilibrium near it: the smallest rates there are {size:.3e}"),
+            Missed::Residual(size) => {
+                format!("has no equilibrium near it: the smallest rates there are {size:.3e}")
+            }
         };
         let free = match (self.asked.free.is_empty(), self.guess.inputs.is_empty()) {
             (true, false) => ", or set an input free by --free",
@@ -344,6 +363,12 @@ impl<'a> Search<'a> {
         };
         Error::unusable("the guess", format!("{reason}; give another one by --at{free}"))
     }
+}
+
+/// Whether an invariant says where a motion is on its way, and is no condition on its state: energies and momenta.
+fn is_of_motion(name: &str) -> bool {
+    ["energy", "moving_energy"].contains(&name)
+        || ["gauge_momentum", "space_"].iter().any(|first| name.starts_with(first))
 }
 
 /// What names may mean.
@@ -384,11 +409,8 @@ impl Names<'_> {
 
     fn check(&self, asked: &Asked, forms: &Forms) -> Result<(), Error> {
         let mut problems = Vec::new();
-        let unknown = |path: &str, name: &String, kind: &'static str, known: Vec<String>| Problem::UnknownName {
-            path: path.into(),
-            name: name.clone(),
-            kind,
-            known,
+        let unknown = |path: &str, name: &String, kind: &'static str, known: Vec<String>| {
+            Problem::UnknownName { path: path.into(), name: name.clone(), kind, known }
         };
         let own = |names: &[ParamEntry]| names.iter().map(|entry| entry.name.clone()).collect();
         let of_state: Vec<String> = forms.known().into_iter().map(str::to_owned).collect();

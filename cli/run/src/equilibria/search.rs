@@ -287,9 +287,13 @@ impl Svd {
     /// The shortest step that meets the equations, or one that is shorter still.
     fn step(&self, residual: &DVector<f64>, damping: f64) -> DVector<f64> {
         let parts = self.u.transpose() * residual;
-        let filtered = parts.zip_map(&self.sizes, |part, s| {
-            if s > 0.0 { -part * s / (s * s + damping * damping) } else { 0.0 }
-        });
+        let filtered =
+            parts.zip_map(
+                &self.sizes,
+                |part, s| {
+                    if s > 0.0 { -part * s / (s * s + damping * damping) } else { 0.0 }
+                },
+            );
         &self.v * filtered
     }
 

@@ -27,6 +27,12 @@ use super::symmetry::Symmetry;
 const SMALL: f64 = 1e-7;
 /// Eigenvalues nearer to zero than this part of the largest are zero.
 const NEUTRAL: f64 = 1e-7;
+/// Singular values below this part of the largest are zero: equilibria are known to some 1e-13.
+const ZERO: f64 = 1e-9;
+/// At rest, derivatives may be smaller than at the guess by this factor, and count as zeros below [`ZERO`] of that.
+const RESTED: f64 = 1e-3;
+/// Most steps towards a definite matrix.
+const MAX_ASCENTS: usize = 300;
 /// Where two real eigenvalues meet, rounding parts them by the root of the roundoff.
 const REAL: f64 = 1e-4;
 
@@ -97,7 +103,7 @@ impl EnergyTest {
 pub struct Stability {
     /// What it comes to.
     pub verdict: Verdict,
-    /// Eigenvalues on the reduced space, real and imaginary part, the largest real part first.
+    /// Eigenvalues on the reduced space that are not zero, real and imaginary part, the largest real part first.
     pub eigenvalues: Vec<[f64; 2]>,
     /// Number of deviations that change an invariant.
     pub n_invariants: usize,
@@ -105,6 +111,8 @@ pub struct Stability {
     pub n_symmetries: usize,
     /// Number of eigenvalues that are zero: equilibria in families.
     pub n_neutral: usize,
+    /// Numbers below this are zero beside the eigenvalues.
+    cut: f64,
     /// What the energy says, where it is an invariant that has no first variation.
     pub energy: Option<EnergyTest>,
 }
@@ -117,6 +125,8 @@ pub(super) struct Setting<'a> {
     pub(super) energy: Option<usize>,
     /// The components of the state that never change.
     pub(super) constants: &'a [bool],
+    /// The size of derivatives of the rates where the search began: eigenvalues that are rounding beside it are zero.
+    pub(super) scale: f64,
 }
 
 impl Setting<'_> {
@@ -144,9 +154,10 @@ impl Setting<'_> {
         let level = null_space(&conserved, n)?;
         let moved: Vec<DVector<f64>> = self.symmetries.iter().map(|s| s.at(&y)).collect();
         let is_commuting = |z: &&DVector<f64>| (&motion * *z).norm() <= SMALL * size * z.norm();
-        let along: Vec<&DVector<f64>> = moved.iter().filter(|z| z.norm() > 0.0).filter(is_commuting).collect();
+        let along: Vec<&DVector<f64>> =
+            moved.iter().filter(|z| z.norm() > 0.0).filter(is_commuting).collect();
         let (space, n_symmetries) = modulo(&level, &along)?;
-        let reduced = space.transpose() * &motion * &space;
+        let (reduced, n_neutral) = without_null(space.transpose() * &motion * &space, self.scale)?;
         let mut eigenvalues: Vec<[f64; 2]> = match reduced.is_empty() {
             true => Vec::new(),
             false => reduced.complex_eigenvalues().iter().map(|z| [z.re, z.im]).collect(),
@@ -158,9 +169,12 @@ impl Setting<'_> {
             eigenvalues,
             n_invariants: n - level.ncols(),
             n_symmetries,
-            n_neutral: 0,
+            n_neutral,
+            cut: 0.0,
             energy,
         };
+        let largest = found.eigenvalues.iter().fold(0.0, |max: f64, z| max.max(z[0].hypot(z[1])));
+        found.cut = NEUTRAL * largest;
         found.judge();
         Some(found)
     }
@@ -179,58 +193,133 @@ impl Setting<'_> {
         let first = &gradients[energy];
         let mut weights = DVector::zeros(gradients.len());
         weights[energy] = 1.0;
+        let mut free = Vec::new();
         let mut rest = first.clone();
         if !others.is_empty() {
-            let multipliers = columns.clone().svd(true, true).solve(&(-first), 1e-10 * columns.norm()).ok()?;
+            let rows: Vec<DVector<f64>> = columns.row_iter().map(|row| row.transpose()).collect();
+            let rows: Vec<&DVector<f64>> = rows.iter().filter(|row| row.norm() > 0.0).collect();
+            let svd = columns.clone().svd(true, true);
+            let multipliers = svd.solve(&(-first), 1e-10 * columns.norm()).ok()?;
             rest += &columns * &multipliers;
             others.iter().zip(multipliers.iter()).for_each(|(k, lambda)| weights[*k] = *lambda);
+            let null = null_space(&rows, others.len())?;
+            free = null
+                .column_iter()
+                .map(|column| with_places(&others, column.iter(), gradients.len()))
+                .collect();
         }
-        if rest.norm() > SMALL * (first.norm() + f64::MIN_POSITIVE) && rest.norm() > 1e-12 {
+        if rest.norm() > SMALL * first.norm() && rest.norm() > 1e-12 {
             return None;
         }
-        let second = space.transpose() * self.field.hessian(at, &weights.rows(0, n_found).into_owned())? * space;
-        let values = second.symmetric_eigenvalues();
-        let cut = NEUTRAL * values.amax();
+        let second = |weights: &DVector<f64>| {
+            let weights = weights.rows(0, n_found).into_owned();
+            Some(space.transpose() * self.field.hessian(at, &weights)? * space)
+        };
+        let by_free = free.iter().map(second).collect::<Option<Vec<_>>>()?;
+        Some(EnergyTest::of(&most_definite(second(&weights)?, &by_free)))
+    }
+}
+
+/// A vector with these values in some places.
+fn with_places<'v>(places: &[usize], values: impl Iterator<Item = &'v f64>, n: usize) -> DVector<f64> {
+    let mut all = DVector::zeros(n);
+    places.iter().zip(values).for_each(|(k, value)| all[*k] = *value);
+    all
+}
+
+/// The most definite of the matrices `first + sum x_k others_k`, of either sign: dependent gradients leave multipliers
+/// free. The least eigenvalue is a concave function of `x`, and Polyak's steps along its gradient lead upwards.
+fn most_definite(first: DMatrix<f64>, others: &[DMatrix<f64>]) -> DMatrix<f64> {
+    if others.iter().all(|m| m.amax() == 0.0) || first.is_empty() {
+        return first;
+    }
+    for sign in [1.0, -1.0] {
+        let mut x = vec![0.0; others.len()];
+        for _ in 0..MAX_ASCENTS {
+            let sum = others.iter().zip(&x).fold(first.clone(), |sum, (m, x)| sum + m * *x);
+            let eigen = (&sum * sign).symmetric_eigen();
+            let (least, low) = eigen.eigenvalues.argmin();
+            if low > NEUTRAL * sum.amax() {
+                return sum;
+            }
+            let v = eigen.eigenvectors.column(least);
+            let slope: Vec<f64> = others.iter().map(|m| sign * v.dot(&(m * v))).collect();
+            let size: f64 = slope.iter().map(|s| s * s).sum();
+            if size <= 1e-20 * sum.amax() * sum.amax() {
+                break;
+            }
+            // A little beyond zero, so that a definite matrix is met in a finite number of steps.
+            let ahead = 1e-3 * first.amax() - low;
+            x.iter_mut().zip(&slope).for_each(|(x, s)| *x += ahead * s / size);
+        }
+    }
+    first
+}
+
+impl EnergyTest {
+    /// The signs of the eigenvalues of a matrix.
+    fn of(matrix: &DMatrix<f64>) -> EnergyTest {
+        let values = match matrix.is_empty() {
+            true => DVector::zeros(0),
+            false => matrix.clone().symmetric_eigenvalues(),
+        };
+        let cut = NEUTRAL * values.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
         let count = |is: fn(f64, f64) -> bool| values.iter().filter(|x| is(**x, cut)).count();
-        Some(EnergyTest {
+        EnergyTest {
             n_positive: count(|x, cut| x > cut),
             n_negative: count(|x, cut| x < -cut),
             n_zero: count(|x, cut| x.abs() <= cut),
-        })
+        }
     }
 }
 
 impl Stability {
-    /// The largest absolute value of an eigenvalue.
-    fn size(&self) -> f64 {
-        self.eigenvalues.iter().fold(0.0, |max: f64, z| max.max(z[0].hypot(z[1])))
-    }
-
     /// Number of growing deviations.
     pub(super) fn n_growing(&self) -> usize {
-        let cut = NEUTRAL * self.size();
-        self.eigenvalues.iter().filter(|z| z[0] > cut).count()
+        self.eigenvalues.iter().filter(|z| z[0] > self.cut).count()
     }
 
-    /// Whether the eigenvalue nearest to the imaginary axis is real.
-    pub(super) fn is_divergence(&self) -> bool {
+    /// Whether it is a real eigenvalue that has changed its sign since a neighbour.
+    pub(super) fn is_divergence(&self, before: &Stability) -> bool {
+        if self.n_neutral > before.n_neutral {
+            return true;
+        }
         let nearest = self.eigenvalues.iter().min_by(|x, y| x[0].abs().total_cmp(&y[0].abs()));
-        nearest.is_some_and(|z| z[1].abs() <= REAL * self.size())
+        nearest.is_some_and(|z| z[1].abs() <= REAL / NEUTRAL * self.cut)
     }
 
     /// What eigenvalues and energy come to.
     fn judge(&mut self) {
-        let cut = NEUTRAL * self.size();
-        self.n_neutral = self.eigenvalues.iter().filter(|z| z[0].hypot(z[1]) <= cut).count();
+        let cut = self.cut;
         let growth = self.eigenvalues.iter().fold(f64::NEG_INFINITY, |max, z| max.max(z[0]));
         self.verdict = match () {
-            () if self.eigenvalues.is_empty() => Verdict::Rigid,
+            () if self.eigenvalues.is_empty() && self.n_neutral == 0 => Verdict::Rigid,
             () if growth > cut => Verdict::Unstable { rate: growth },
-            () if growth < -cut => Verdict::Asymptotic { rate: -growth },
+            () if growth < -cut && self.n_neutral == 0 => Verdict::Asymptotic { rate: -growth },
             () if self.energy.is_some_and(EnergyTest::is_definite) => Verdict::Stable,
             () => Verdict::Spectral,
         };
     }
+}
+
+/// A matrix without its eigenvalue zero, and the multiplicity of that: it acts on the quotient by its null space, again
+/// and again, so that chains of generalised eigenvectors, whose eigenvalues rounding would scatter, go as well.
+fn without_null(mut matrix: DMatrix<f64>, scale: f64) -> Option<(DMatrix<f64>, usize)> {
+    let n = matrix.ncols();
+    let cut = ZERO * matrix.norm().max(RESTED * scale);
+    while matrix.ncols() > 0 {
+        let svd = matrix.clone().try_svd(false, true, f64::EPSILON, 10_000)?;
+        let (sizes, v) = (svd.singular_values, svd.v_t?);
+        let kept: Vec<DVector<f64>> =
+            (0..sizes.len()).filter(|k| sizes[*k] > cut).map(|k| v.row(k).transpose()).collect();
+        if kept.len() == matrix.ncols() {
+            break;
+        }
+        let basis = DMatrix::from_fn(matrix.ncols(), kept.len(), |i, k| kept[k][i]);
+        matrix = basis.transpose() * matrix * basis;
+    }
+    let n_left = matrix.ncols();
+    Some((matrix, n - n_left))
 }
 
 /// The gradients of functions by the state, from their derivatives by each component.
@@ -247,8 +336,7 @@ fn null_space(rows: &[&DVector<f64>], n: usize) -> Option<DMatrix<f64>> {
     let svd = matrix.try_svd(false, true, f64::EPSILON, 10_000)?;
     let (sizes, v) = (svd.singular_values, svd.v_t?);
     let cut = SMALL * sizes.max();
-    let null: Vec<DVector<f64>> =
-        (0..n).filter(|k| sizes[*k] <= cut).map(|k| v.row(k).transpose()).collect();
+    let null: Vec<DVector<f64>> = (0..n).filter(|k| sizes[*k] <= cut).map(|k| v.row(k).transpose()).collect();
     Some(DMatrix::from_fn(n, null.len(), |i, k| null[k][i]))
 }
 

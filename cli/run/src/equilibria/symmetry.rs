@@ -100,8 +100,7 @@ impl Entries {
     }
 
     fn symmetry(&self, entries: &[f64]) -> Symmetry {
-        let mut found =
-            Symmetry { slope: DMatrix::zeros(self.n, self.n), shift: DVector::zeros(self.n) };
+        let mut found = Symmetry { slope: DMatrix::zeros(self.n, self.n), shift: DVector::zeros(self.n) };
         for (i, entry) in self.shifts.iter().zip(entries) {
             found.shift[*i] = *entry;
         }
@@ -152,7 +151,10 @@ pub(super) fn find(
 /// Some states near a point, with the derivatives of everything by the state.
 pub(super) fn around(field: &Field<'_>, at: &Point) -> Vec<(Values<f64>, Vec<Values<f64>>)> {
     let mut states = States { field, at, seed: 2 };
-    (0..SPARE_STATES).filter_map(|_| states.next_state()).map(|(_, values, slopes)| (values, slopes)).collect()
+    (0..SPARE_STATES)
+        .filter_map(|_| states.next_state())
+        .map(|(_, values, slopes)| (values, slopes))
+        .collect()
 }
 
 /// States near a point at which everything has a value.
@@ -196,9 +198,8 @@ fn conditions(
         };
         units.iter().map(entry).collect()
     };
-    let gradient = |of: &usize| -> Vec<f64> {
-        units.iter().map(|(i, z, _)| slopes[*i].invariants[*of] * z).collect()
-    };
+    let gradient =
+        |of: &usize| -> Vec<f64> { units.iter().map(|(i, z, _)| slopes[*i].invariants[*of] * z).collect() };
     let mut rows: Vec<Vec<f64>> = (0..y.len()).map(bracket).chain(kept.iter().map(gradient)).collect();
     for row in &mut rows {
         let size = row.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
