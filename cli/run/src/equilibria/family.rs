@@ -228,15 +228,33 @@ impl Follower<'_> {
             curve.changes.push((behind, Change::Fold, at));
         }
         if here.stability.n_growing() != next.stability.n_growing() {
-            let same = |on: &OnCurve| on.stability.n_growing() == here.stability.n_growing();
-            let at = self.located(here, next, &same);
-            let change = if at.stability.is_divergence(&here.stability) {
-                Change::Divergence
-            } else {
-                Change::Flutter
-            };
+            let at = self.crossing(here, next);
+            let is_real = at.stability.is_divergence(&here.stability);
+            let change = if is_real { Change::Divergence } else { Change::Flutter };
             curve.changes.push((behind, change, at));
         }
+    }
+
+    /// Where a real part changes its sign between two neighbours. Around the place it counts as zero: that is in the
+    /// middle between where this begins and where it ends. Pairs that leave the axis have no sign on one side.
+    fn crossing(&self, here: &OnCurve, next: &OnCurve) -> OnCurve {
+        let k = here.stability.n_growing().min(next.stability.n_growing());
+        let n_neutral = here.stability.n_neutral;
+        let real_part = |on: &OnCurve| {
+            let is_regular = on.stability.n_neutral == n_neutral;
+            on.stability.eigenvalues.get(k).filter(|_| is_regular).map(|z| z[0])
+        };
+        let crosses = |on: &OnCurve| real_part(on).is_some_and(|x| x.abs() > on.stability.cut());
+        if !crosses(here) || !crosses(next) {
+            let same = |on: &OnCurve| on.stability.n_growing() == here.stability.n_growing();
+            return self.located(here, next, &same);
+        }
+        let is_as = |on: &OnCurve, other: &OnCurve| real_part(on).zip(real_part(other)).is_some_and(|(x, y)| x * y > 0.0);
+        let first = self.located(here, next, &|on| is_as(on, here));
+        let last = self.located(here, next, &|on| !is_as(on, next));
+        let middle = (&first.x + &last.x) * 0.5;
+        let solved = self.corrected(&middle, &here.tangent).ok();
+        solved.and_then(|x| self.on_curve(x, &here.tangent)).unwrap_or(last)
     }
 
     /// The place between two neighbours where something is true no longer.

@@ -425,7 +425,7 @@ impl Names<'_> {
         }
         for (name, _) in &asked.keep {
             if self.quantity(name).is_none() || self.variable(name).is_some() {
-                problems.push(unknown("--keep", name, "component, invariant or output", self.kept()));
+                problems.push(unknown("--keep", name, "value", self.kept()));
             }
         }
         for name in &asked.free {
@@ -436,7 +436,7 @@ impl Names<'_> {
         if let Some(along) = &asked.along {
             let known = || self.variables().into_iter().chain(self.kept()).collect();
             if self.quantity(&along.name).is_none() {
-                problems.push(unknown("--along", &along.name, "parameter, input or component", known()));
+                problems.push(unknown("--along", &along.name, "value", known()));
             }
             let is_said_twice = asked.free.contains(&along.name)
                 || asked.keep.iter().any(|(name, _)| *name == along.name)

@@ -274,6 +274,11 @@ impl EnergyTest {
 }
 
 impl Stability {
+    /// Numbers below this are zero beside the eigenvalues.
+    pub(super) fn cut(&self) -> f64 {
+        self.cut
+    }
+
     /// Number of growing deviations.
     pub(super) fn n_growing(&self) -> usize {
         self.eigenvalues.iter().filter(|z| z[0] > self.cut).count()
