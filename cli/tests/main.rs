@@ -27,3 +27,4 @@ mod singular;
 mod sizes;
 mod starts;
 mod store;
+mod trim;

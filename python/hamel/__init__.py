@@ -13,16 +13,20 @@ models that come with the package, :func:`models`. Its equations are derived whe
 in memory, and kept in the user's cache.
 """
 
+from ._equilibria import Change, Equilibrium, Family
 from ._errors import Diagnostic, Error, FileError, InputError, IntegrationError, ModelError, ModelWarning
 from ._hamel import __version__
 from ._model import Model, Params, load, methods, models
 from ._results import Ensemble, Event, Motion, Outputs
 
 __all__ = [
+    "Change",
     "Diagnostic",
     "Ensemble",
+    "Equilibrium",
     "Error",
     "Event",
+    "Family",
     "FileError",
     "InputError",
     "IntegrationError",

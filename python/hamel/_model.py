@@ -13,7 +13,8 @@ from typing import Any, Union, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _hamel
+from . import _equilibria, _hamel
+from ._equilibria import Equilibrium, Family
 from ._errors import InputError, ModelWarning
 from ._inputs import by_component
 from ._results import Ensemble, Motion, Outputs
@@ -580,6 +581,50 @@ class Model:
 
     # For people.
 
+    def trim(
+        self,
+        guess: State = None,
+        *,
+        keep: Sequence[str] | Mapping[str, float] = (),
+        free: Sequence[str] = (),
+        at_rest: bool = False,
+        t: float | None = None,
+    ) -> Equilibrium:
+        """The relative equilibrium nearest to a guess, with its stability on the reduced space.
+
+        The guess is an initial state as :meth:`simulate` takes it. ``keep`` names components of the state, invariants
+        and outputs that stay as they are at the guess, or gives them values; ``free`` names inputs and parameters that
+        are solved for. ``at_rest`` leaves out states that drift along a symmetry; ``t`` is the time that equations with
+        time in them are frozen at.
+
+        Raises :class:`InputError` where no equilibrium is near the guess.
+        """
+        answer = self._native.trim(self._by_name(guess), _kept_values(keep), list(free), at_rest, t)
+        return _equilibria.equilibrium(self, answer)
+
+    def family(
+        self,
+        name: str,
+        start: float,
+        stop: float,
+        guess: State = None,
+        *,
+        points: int = 50,
+        keep: Sequence[str] | Mapping[str, float] = (),
+        free: Sequence[str] = (),
+        at_rest: bool = False,
+        t: float | None = None,
+    ) -> Family:
+        """Relative equilibria along ``name``, a parameter, input, component, invariant or output, by pseudo-arclength.
+
+        Folds, and the places where stability changes, are in :attr:`Family.changes`. The rest is as in :meth:`trim`.
+        """
+        if points < 2 or not np.isfinite([start, stop]).all() or start == stop:
+            raise InputError(f"a family of {points} points from {start} to {stop}: give two values and at least 2 points")
+        along = (name, float(start), float(stop), points)
+        answer = self._native.trim(self._by_name(guess), _kept_values(keep), list(free), at_rest, t, along)
+        return _equilibria.family(self, answer)
+
     def latex(self) -> str:
         """The equations of motion in LaTeX, a fragment that needs ``amsmath``."""
         return self._native.latex()
@@ -659,6 +704,15 @@ def _options(
     return {
         "method": method, "rtol": rtol, "atol": atol, "step": step, "max_step": max_step, "max_steps": max_steps,
     }  # fmt: skip
+
+
+def _kept_values(keep: Sequence[str] | Mapping[str, float]) -> list[tuple[str, float | None]]:
+    """Names with the values that they are kept at; none for those of the guess."""
+    if isinstance(keep, str):
+        raise InputError(f"keep is the text {keep!r}: give a list of names, or values by name")
+    if isinstance(keep, Mapping):
+        return [(name, float(value)) for name, value in keep.items()]
+    return [(name, None) for name in keep]
 
 
 def _times(t: float | ArrayLike, samples: int) -> tuple[float, list[float]]:

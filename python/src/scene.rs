@@ -14,7 +14,8 @@ use hamel_run::choice::gives_way;
 use hamel_run::dynamics::{Dynamics, Factory as _, PreparedScene, VecState};
 use hamel_run::error::Error;
 use hamel_run::evaluate::{derivative, prepare, unusable_states};
-use hamel_run::info::Info;
+use hamel_run::equilibria::{self, Along, Asked};
+use hamel_run::info::{Info, ParamEntry};
 use hamel_run::inputs::{Between, InputTable};
 use hamel_run::interpreted::{self, Built};
 use hamel_run::model::{self, Checked};
@@ -573,6 +574,30 @@ impl Scene {
     fn explain(&self, py: Python<'_>) -> PyResult<String> {
         let derived = py.detach(|| self.model.derive(&self.info().scene)).or_raise(py)?;
         Ok(explain::explain(&self.model, &derived, Style::Unicode))
+    }
+
+    /// The relative equilibrium nearest to a guess, or a family of them, as JSON.
+    #[pyo3(signature = (guess, keep, free, at_rest, t, along=None))]
+    fn trim(
+        &self,
+        py: Python<'_>,
+        guess: Vec<(String, f64)>,
+        keep: Vec<(String, Option<f64>)>,
+        free: Vec<String>,
+        at_rest: bool,
+        t: Option<f64>,
+        along: Option<(String, f64, f64, usize)>,
+    ) -> PyResult<String> {
+        let along = along.map(|(name, from, to, n_points)| Along { name, from, to, n_points });
+        let own = |name: &String| along.as_ref().is_some_and(|along| along.name == *name);
+        let names = self.info().params.iter().map(|p| p.name.clone());
+        let set = names.zip(self.values.iter().copied()).filter(|(name, _)| !own(name)).collect();
+        let held = |input: &ParamEntry| Some((input.name.clone(), self.table.as_ref()?.held_value(&input.name)?));
+        let hold = self.info().inputs.iter().filter_map(held).filter(|(name, _)| !own(name)).collect();
+        let asked =
+            Asked { set, at: guess.into_iter().collect(), hold, keep, free, at_rest, t, along, dashes: "" };
+        let find = || equilibria::find(&self.model, &self.info().scene, &asked);
+        Ok(py.detach(find).or_raise(py)?.to_json().to_string())
     }
 
     /// The page of `hamel report`, without a motion.

@@ -125,6 +125,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         at_rest: arguments.at_rest,
         t: arguments.t,
         along,
+        dashes: "--",
     };
     let answer = find(model, scene, &asked)?;
     let name = arguments.along.as_ref().map(|way| way.name.as_str());

@@ -249,7 +249,9 @@ impl Follower<'_> {
             let same = |on: &OnCurve| on.stability.n_growing() == here.stability.n_growing();
             return self.located(here, next, &same);
         }
-        let is_as = |on: &OnCurve, other: &OnCurve| real_part(on).zip(real_part(other)).is_some_and(|(x, y)| x * y > 0.0);
+        let is_as = |on: &OnCurve, other: &OnCurve| {
+            real_part(on).zip(real_part(other)).is_some_and(|(x, y)| x * y > 0.0)
+        };
         let first = self.located(here, next, &|on| is_as(on, here));
         let last = self.located(here, next, &|on| !is_as(on, next));
         let middle = (&first.x + &last.x) * 0.5;

@@ -4,12 +4,17 @@
 
 use hamel_codegen::scene::{Executable, Interpreter};
 use hamel_codegen::spec::Want;
-use hamel_program::program::{Program, Role};
+use hamel_program::program::{Operand, Program, Role};
 use hamel_runtime::{Dual, Real};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use crate::dynamics::Factory as _;
 use crate::interpreted::Built;
+
+/// The name of the energy among invariants.
+pub(super) const ENERGY: &str = "energy";
+/// The name of the energy in a frame that moves with an affine constraint.
+pub(super) const MOVING_ENERGY: &str = "moving_energy";
 
 /// A state, with the values of inputs and parameters.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,8 +25,7 @@ pub(super) struct Point<R = f64> {
 }
 
 impl Point {
-    /// The same point, every number moved by `direction` of all of them one after the other times what `new` makes a
-    /// derivative.
+    /// The same point over another scalar: `new` makes a number of a value and its place among all.
     fn over<R: Real>(&self, new: impl Fn(f64, usize) -> R) -> Point<R> {
         let (n, m) = (self.y.len(), self.y.len() + self.inputs.len());
         let list = |values: &[f64], first: usize| {
@@ -70,6 +74,8 @@ impl Point {
 #[derive(Clone, Debug)]
 pub(super) struct Values<R> {
     pub(super) rates: Vec<R>,
+    /// The energy, where it is constant along every motion that keeps the constraints.
+    pub(super) energy: Vec<R>,
     /// Functions that are constant along every motion.
     pub(super) invariants: Vec<R>,
     /// Equations between coordinates, and behind them what coordinates keep.
@@ -84,6 +90,7 @@ impl<R: Real> Values<R> {
         let list = |values: &[R]| values.iter().map(|x| f(*x)).collect();
         Values {
             rates: list(&self.rates),
+            energy: list(&self.energy),
             invariants: list(&self.invariants),
             positions: list(&self.positions),
             residuals: list(&self.residuals),
@@ -91,15 +98,15 @@ impl<R: Real> Values<R> {
         }
     }
 
-    /// All of them but the outputs.
-    fn all_but_outputs(&self) -> impl Iterator<Item = &R> {
-        self.rates.iter().chain(&self.invariants).chain(&self.positions).chain(&self.residuals)
+    /// Everything that is kept: energy, invariants, equations between coordinates, constraints.
+    pub(super) fn kept(&self) -> impl Iterator<Item = &R> {
+        self.energy.iter().chain(&self.invariants).chain(&self.positions).chain(&self.residuals)
     }
 }
 
 impl Values<f64> {
     pub(super) fn are_finite(&self) -> bool {
-        self.all_but_outputs().all(|x| x.is_finite())
+        self.rates.iter().chain(self.kept()).all(|x| x.is_finite())
     }
 }
 
@@ -113,18 +120,38 @@ pub(super) struct Field<'a> {
     residuals: Option<&'a Executable>,
     /// Of the scene's outputs: its constraints.
     own_residuals: std::ops::Range<usize>,
+    energy: Energy,
+}
+
+/// Where the energy is that is constant along every motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Energy {
+    /// The scene's own.
+    Own,
+    /// Among the invariants: the scene wants none itself.
+    Invariant(usize),
+    Nowhere,
 }
 
 impl<'a> Field<'a> {
     pub(super) fn new(built: &'a Built, residuals: Option<&'a Built>, t: f64) -> Field<'a> {
         let own = built.info().output_range(Want::Constraint.name());
+        let invariants = built.invariants_of_motion();
+        let names = invariants.map_or_else(Vec::new, |scene| names(&scene.program, Want::Invariants));
+        let among = |wanted: &str| names.iter().position(|name| name == wanted);
+        let energy = match (built.info().conserves_energy, among(ENERGY).or_else(|| among(MOVING_ENERGY))) {
+            (true, _) => Energy::Own,
+            (false, Some(k)) => Energy::Invariant(k),
+            (false, None) => Energy::Nowhere,
+        };
         Field {
             t,
             scene: built.executable(),
-            invariants: built.invariants_of_motion(),
+            invariants,
             positions: built.equations_between_coordinates(),
             residuals: residuals.map(Built::executable),
             own_residuals: own.unwrap_or(0..0),
+            energy,
         }
     }
 
@@ -153,9 +180,16 @@ impl<'a> Field<'a> {
             Some(_) => group(self.residuals, Want::Constraint)?,
             None => outputs[self.own_residuals.clone()].to_vec(),
         };
+        let invariants = group(self.invariants, Want::Invariants)?;
+        let energy = match self.energy {
+            Energy::Own => scene.energy(t, &at.y),
+            Energy::Invariant(k) => Some(invariants[k]),
+            Energy::Nowhere => None,
+        };
         Some(Values {
             rates,
-            invariants: group(self.invariants, Want::Invariants)?,
+            energy: energy.into_iter().collect(),
+            invariants,
             positions: group(self.positions, Want::Positions)?,
             residuals,
             outputs,
@@ -172,21 +206,18 @@ impl<'a> Field<'a> {
         by.iter().map(along).collect()
     }
 
-    /// The matrix of the second derivatives of `sum weights I` of the invariants by the state.
-    pub(super) fn hessian(&self, at: &Point, weights: &DVector<f64>) -> Option<DMatrix<f64>> {
+    /// The matrix of the second derivatives by the state of the sum of all that is kept, with weights.
+    pub(super) fn hessian(&self, at: &Point, weights: &[f64]) -> Option<DMatrix<f64>> {
         let n = at.y.len();
         let mut hessian = DMatrix::zeros(n, n);
-        let scene = self.invariants?;
         for i in 0..n {
             for j in i..n {
                 let moved = at.over(|x, k| {
                     let inner = if k == i { Dual::variable(x) } else { Dual::constant(x) };
-                    let slope = if k == j { Dual::constant(1.0) } else { Dual::constant(0.0) };
-                    Dual::new(inner, slope)
+                    Dual::new(inner, Dual::constant(f64::from(k == j)))
                 });
-                let t = Dual::constant(Dual::constant(self.t));
-                let found = prepared(scene, &moved)?.output(Want::Invariants.name(), t, &moved.y)?;
-                let terms = found.iter().zip(weights.iter()).map(|(x, w)| w * x.derivative.derivative);
+                let found = self.values(&moved)?;
+                let terms = found.kept().zip(weights).map(|(x, w)| w * x.derivative.derivative);
                 hessian[(i, j)] = terms.sum();
                 hessian[(j, i)] = hessian[(i, j)];
             }
@@ -194,13 +225,11 @@ impl<'a> Field<'a> {
         Some(hessian)
     }
 
-    /// Whether the rates depend on time there.
-    pub(super) fn depends_on_time(&self, at: &Point) -> bool {
-        let moved = at.over(|x, _| Dual::constant(x));
-        let Some(scene) = prepared(self.scene, &moved) else { return false };
-        let mut rates = vec![Dual::constant(0.0); moved.y.len()];
-        scene.rhs(Dual::variable(self.t), &moved.y, &mut rates);
-        rates.iter().any(|x| x.derivative != 0.0)
+    /// Whether the rates read the time.
+    pub(super) fn reads_time(&self) -> bool {
+        let Some(rates) = self.scene.program.function(&Role::Rate) else { return false };
+        let read = rates.instructions.iter().flat_map(|i| i.op.operands());
+        read.chain(rates.outputs()).any(|operand| operand == Operand::Time)
     }
 
     /// Why the rates cannot be believed at a point.

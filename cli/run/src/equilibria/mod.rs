@@ -29,7 +29,7 @@ use crate::interpreted::{self, Built};
 use crate::model::Checked;
 use crate::start::Starts;
 use family::{Follower, OnCurve};
-use field::{Field, Point, Values, Variable};
+use field::{ENERGY, Field, MOVING_ENERGY, Point, Values, Variable};
 use search::{Equations, Missed, Quantity};
 use stability::Setting;
 use symmetry::Symmetry;
@@ -56,6 +56,8 @@ pub struct Asked {
     pub t: Option<f64>,
     /// What a family goes along.
     pub along: Option<Along>,
+    /// What messages put before the name of an option: `--` on the command line.
+    pub dashes: &'static str,
 }
 
 /// The way of a family.
@@ -129,8 +131,8 @@ struct Search<'a> {
     symmetries: Vec<Symmetry>,
     /// Components of the state that never change.
     constants: Vec<bool>,
-    /// The energy among the invariants.
-    energy: Option<usize>,
+    /// Whether there is an energy that is kept.
+    has_energy: bool,
     /// The size of the derivatives of the rates at the guess.
     scale: f64,
     held: Vec<(Quantity, f64)>,
@@ -166,8 +168,8 @@ impl<'a> Search<'a> {
         let told = starts.told([&set, &given], (&params, &y))?;
         let value = |input: &ParamEntry| hold.get(&input.name).copied().unwrap_or(input.default);
         let guess = Point { y, inputs: info.inputs.iter().map(value).collect(), params };
-        if asked.t.is_none() && field.depends_on_time(&guess) {
-            let reason = "depends on time: give the time that the equations are frozen at, as --t 0";
+        if asked.t.is_none() && field.reads_time() {
+            let reason = "depends on time: give the time `t` that the equations are frozen at";
             return Err(Error::unusable("the motion", reason));
         }
         let prior = Prior::of(model, &info.scene, &set);
@@ -180,7 +182,7 @@ impl<'a> Search<'a> {
             told,
             symmetries: Vec::new(),
             constants: Vec::new(),
-            energy: names.invariants.iter().position(|name| name == "energy"),
+            has_energy: false,
             scale: 0.0,
             held: Vec::new(),
             free: asked.free.iter().filter_map(|name| names.variable(name)).collect(),
@@ -228,9 +230,9 @@ impl<'a> Search<'a> {
             let Some(quantity) = names.quantity(name) else { continue };
             self.held.push((quantity, value.unwrap_or_else(|| quantity.value(&self.guess, &values))));
         }
-        let of_symmetries: Vec<usize> = kept.into_iter().chain(self.energy).collect();
-        let rule = (&of_symmetries[..], self.energy.is_some());
-        self.symmetries = symmetry::find(self.field, &self.guess, is_velocity, rule);
+        self.has_energy = !values.energy.is_empty();
+        let rule = symmetry::Kept { invariants: kept, energy: self.has_energy };
+        self.symmetries = symmetry::find(self.field, &self.guess, is_velocity, &rule);
         Ok(())
     }
 
@@ -250,7 +252,7 @@ impl<'a> Search<'a> {
         let setting = Setting {
             field: self.field,
             symmetries: &self.symmetries,
-            energy: self.energy,
+            has_energy: self.has_energy,
             constants: &self.constants,
             scale: self.scale,
         };
@@ -266,7 +268,7 @@ impl<'a> Search<'a> {
         let x = equations.solve(&self.guess, &start, &[]).map_err(|missed| self.missed(missed))?;
         let at = equations.point(&self.guess, &x);
         self.field.check(&at).map_err(|reason| {
-            Error::unusable("the guess", format!("leads to a state where {reason}: give another one by --at"))
+            Error::unusable("the guess", format!("leads to a state where {reason}: give another one"))
         })?;
         let first =
             self.equilibrium(&equations, &setting, &x, None).ok_or_else(|| self.missed(Missed::NoValue))?;
@@ -358,16 +360,16 @@ impl<'a> Search<'a> {
             }
         };
         let free = match (self.asked.free.is_empty(), self.guess.inputs.is_empty()) {
-            (true, false) => ", or set an input free by --free",
+            (true, false) => ", or set an input free",
             _ => "",
         };
-        Error::unusable("the guess", format!("{reason}; give another one by --at{free}"))
+        Error::unusable("the guess", format!("{reason}; give another one{free}"))
     }
 }
 
 /// Whether an invariant says where a motion is on its way, and is no condition on its state: energies and momenta.
 fn is_of_motion(name: &str) -> bool {
-    ["energy", "moving_energy"].contains(&name)
+    [ENERGY, MOVING_ENERGY].contains(&name)
         || ["gauge_momentum", "space_"].iter().any(|first| name.starts_with(first))
 }
 
@@ -415,9 +417,9 @@ impl Names<'_> {
         let own = |names: &[ParamEntry]| names.iter().map(|entry| entry.name.clone()).collect();
         let of_state: Vec<String> = forms.known().into_iter().map(str::to_owned).collect();
         let given = [
-            (&asked.set, "--set", "parameter", own(&self.info.params)),
-            (&asked.hold, "--hold", "input", own(&self.info.inputs)),
-            (&asked.at, "--at", "state", of_state),
+            (&asked.set, "set", "parameter", own(&self.info.params)),
+            (&asked.hold, "hold", "input", own(&self.info.inputs)),
+            (&asked.at, "at", "state", of_state),
         ];
         for (list, path, kind, known) in given {
             let wrong = list.keys().filter(|name| !known.contains(name));
@@ -425,25 +427,25 @@ impl Names<'_> {
         }
         for (name, _) in &asked.keep {
             if self.quantity(name).is_none() || self.variable(name).is_some() {
-                problems.push(unknown("--keep", name, "value", self.kept()));
+                problems.push(unknown("keep", name, "value", self.kept()));
             }
         }
         for name in &asked.free {
             if self.variable(name).is_none() {
-                problems.push(unknown("--free", name, "input or parameter", self.variables()));
+                problems.push(unknown("free", name, "input or parameter", self.variables()));
             }
         }
         if let Some(along) = &asked.along {
             let known = || self.variables().into_iter().chain(self.kept()).collect();
             if self.quantity(&along.name).is_none() {
-                problems.push(unknown("--along", &along.name, "value", known()));
+                problems.push(unknown("along", &along.name, "value", known()));
             }
             let is_said_twice = asked.free.contains(&along.name)
                 || asked.keep.iter().any(|(name, _)| *name == along.name)
                 || [&asked.set, &asked.hold].iter().any(|list| list.contains_key(&along.name));
             if is_said_twice {
                 let reason = format!("goes along {}, which is given or set free besides", along.name);
-                problems.push(Problem::Unusable { path: "--along".into(), reason });
+                problems.push(Problem::Unusable { path: format!("{}along", asked.dashes), reason });
             }
         }
         if problems.is_empty() { Ok(()) } else { Err(Error::Request { problems }) }

@@ -121,8 +121,8 @@ pub struct Stability {
 pub(super) struct Setting<'a> {
     pub(super) field: &'a Field<'a>,
     pub(super) symmetries: &'a [Symmetry],
-    /// The energy among the invariants.
-    pub(super) energy: Option<usize>,
+    /// Whether there is an energy that is kept: the first of all that is kept.
+    pub(super) has_energy: bool,
     /// The components of the state that never change.
     pub(super) constants: &'a [bool],
     /// The size of derivatives of the rates where the search began: eigenvalues that are rounding beside it are zero.
@@ -140,17 +140,18 @@ impl Setting<'_> {
         for (symmetry, drift) in self.symmetries.iter().zip(drifts) {
             motion -= &symmetry.slope * *drift;
         }
-        let mut of_invariants = gradients(&slopes, |s| &s.invariants);
-        let n_found = of_invariants.len();
-        let constant = (0..n).filter(|k| self.constants[*k]);
-        of_invariants.extend(constant.map(|k| DVector::from_fn(n, |j, _| f64::from(j == k))));
-        let mut of_rest = gradients(&slopes, |s| &s.positions);
-        of_rest.extend(gradients(&slopes, |s| &s.residuals));
+        let kept = gradients(&slopes, Values::kept);
+        let n_strict = slopes.first().map_or(0, |s| s.positions.len() + s.residuals.len());
+        let (of_motion, strict) = kept.split_at(kept.len() - n_strict);
+        let constants: Vec<DVector<f64>> = (0..n)
+            .filter(|k| self.constants[*k])
+            .map(|k| DVector::from_fn(n, |j, _| f64::from(j == k)))
+            .collect();
         let size = motion.norm();
         // Momenta in directions that the drift turns are no left eigenvectors.
         let is_kept = |g: &&DVector<f64>| (motion.transpose() * *g).norm() <= SMALL * size * g.norm();
-        let conserved: Vec<&DVector<f64>> =
-            of_invariants.iter().filter(is_kept).chain(&of_rest).filter(|g| g.norm() > 0.0).collect();
+        let conserved = of_motion.iter().filter(is_kept).chain(strict).chain(&constants);
+        let conserved: Vec<&DVector<f64>> = conserved.filter(|g| g.norm() > 0.0).collect();
         let level = null_space(&conserved, n)?;
         let moved: Vec<DVector<f64>> = self.symmetries.iter().map(|s| s.at(&y)).collect();
         let is_commuting = |z: &&DVector<f64>| (&motion * *z).norm() <= SMALL * size * z.norm();
@@ -163,7 +164,7 @@ impl Setting<'_> {
             false => reduced.complex_eigenvalues().iter().map(|z| [z.re, z.im]).collect(),
         };
         eigenvalues.sort_by(|x, y| y[0].total_cmp(&x[0]).then(y[1].total_cmp(&x[1])));
-        let energy = self.energy.and_then(|e| self.energy_test(at, (&of_invariants, n_found), e, &space));
+        let energy = self.energy_test(at, &kept, &constants, &space);
         let mut found = Stability {
             verdict: Verdict::Rigid,
             eigenvalues,
@@ -179,20 +180,24 @@ impl Setting<'_> {
         Some(found)
     }
 
-    /// The signs of the second variation on a space; nothing where the first one does not vanish.
+    /// The signs of the second variation on a space; nothing where the energy is not kept, or has a first one.
     fn energy_test(
         &self,
         at: &Point,
-        (gradients, n_found): (&[DVector<f64>], usize),
-        energy: usize,
+        kept: &[DVector<f64>],
+        constants: &[DVector<f64>],
         space: &DMatrix<f64>,
     ) -> Option<EnergyTest> {
+        if !self.has_energy {
+            return None;
+        }
         let n = at.y.len();
-        let others: Vec<usize> = (0..gradients.len()).filter(|k| *k != energy).collect();
+        let gradients: Vec<&DVector<f64>> = kept.iter().chain(constants).collect();
+        let others: Vec<usize> = (1..gradients.len()).collect();
         let columns = DMatrix::from_fn(n, others.len(), |i, k| gradients[others[k]][i]);
-        let first = &gradients[energy];
+        let first = gradients[0];
         let mut weights = DVector::zeros(gradients.len());
-        weights[energy] = 1.0;
+        weights[0] = 1.0;
         let mut free = Vec::new();
         let mut rest = first.clone();
         if !others.is_empty() {
@@ -212,8 +217,8 @@ impl Setting<'_> {
             return None;
         }
         let second = |weights: &DVector<f64>| {
-            let weights = weights.rows(0, n_found).into_owned();
-            Some(space.transpose() * self.field.hessian(at, &weights)? * space)
+            // Components of the state have no second derivatives.
+            Some(space.transpose() * self.field.hessian(at, &weights.as_slice()[..kept.len()])? * space)
         };
         let by_free = free.iter().map(second).collect::<Option<Vec<_>>>()?;
         Some(EnergyTest::of(&most_definite(second(&weights)?, &by_free)))
@@ -328,9 +333,13 @@ fn without_null(mut matrix: DMatrix<f64>, scale: f64) -> Option<(DMatrix<f64>, u
 }
 
 /// The gradients of functions by the state, from their derivatives by each component.
-fn gradients(slopes: &[Values<f64>], list: impl Fn(&Values<f64>) -> &Vec<f64>) -> Vec<DVector<f64>> {
-    let n_functions = slopes.first().map_or(0, |s| list(s).len());
-    (0..n_functions).map(|k| DVector::from_fn(slopes.len(), |j, _| list(&slopes[j])[k])).collect()
+fn gradients<'s, I: Iterator<Item = &'s f64>>(
+    slopes: &'s [Values<f64>],
+    list: impl Fn(&'s Values<f64>) -> I,
+) -> Vec<DVector<f64>> {
+    let columns: Vec<Vec<f64>> = slopes.iter().map(|by| list(by).copied().collect()).collect();
+    let n_functions = columns.first().map_or(0, Vec::len);
+    (0..n_functions).map(|k| DVector::from_fn(columns.len(), |j, _| columns[j][k])).collect()
 }
 
 /// An orthonormal basis of the vectors that all rows take to zero.

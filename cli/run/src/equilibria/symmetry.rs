@@ -49,6 +49,7 @@ impl Symmetry {
             }
         }
         terms.retain(|(factor, _)| *factor != 0.0);
+        terms.sort_by_key(|(factor, _)| *factor < 0.0);
         let mut text = String::new();
         for (k, (factor, term)) in terms.iter().enumerate() {
             let sign = match (k, *factor < 0.0) {
@@ -79,7 +80,10 @@ impl Entries {
         let n = is_velocity.len();
         let shifts: Vec<usize> = (0..n).filter(|i| !is_velocity[*i]).collect();
         let all = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
-        let slopes: Vec<(usize, usize)> = all.filter(|(i, j)| is_velocity[*i] == is_velocity[*j]).collect();
+        let mut slopes: Vec<(usize, usize)> =
+            all.filter(|(i, j)| is_velocity[*i] == is_velocity[*j]).collect();
+        // A rotation is `x d/dy - y d/dx`.
+        slopes.sort_by_key(|(i, j)| i < j);
         let slopes = if shifts.len() + slopes.len() > MAX_ENTRIES { Vec::new() } else { slopes };
         Entries { n, shifts, slopes }
     }
@@ -111,14 +115,18 @@ impl Entries {
     }
 }
 
+/// What a symmetry has to keep.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Kept {
+    /// Invariants by their places.
+    pub(super) invariants: Vec<usize>,
+    /// Whether there is an energy that is kept.
+    pub(super) energy: bool,
+}
+
 /// The symmetries at the parameters and inputs of a point, a basis with as few entries as elimination leaves; `kept`
-/// are the invariants that they have to keep.
-pub(super) fn find(
-    field: &Field<'_>,
-    at: &Point,
-    is_velocity: &[bool],
-    (kept, has_energy): (&[usize], bool),
-) -> Vec<Symmetry> {
+/// says what they have to keep.
+pub(super) fn find(field: &Field<'_>, at: &Point, is_velocity: &[bool], kept: &Kept) -> Vec<Symmetry> {
     let entries = Entries::new(is_velocity);
     let (n, n_entries) = (at.y.len(), entries.len());
     if n_entries == 0 {
@@ -127,7 +135,7 @@ pub(super) fn find(
     let mut states = States { field, at, seed: 1 };
     let mut rows: Vec<Vec<f64>> = Vec::new();
     // Without an energy that says what a symmetry is, only rotations and translations are.
-    if !has_energy {
+    if !kept.energy {
         rows.extend(rotations_alone(&entries));
     }
     for _ in 0..n_entries / n + SPARE_STATES {
@@ -185,7 +193,7 @@ impl States<'_, '_> {
 /// The conditions at a state, a row of coefficients for each, of size one.
 fn conditions(
     entries: &Entries,
-    kept: &[usize],
+    kept: &Kept,
     y: &[f64],
     values: &Values<f64>,
     slopes: &[Values<f64>],
@@ -198,9 +206,14 @@ fn conditions(
         };
         units.iter().map(entry).collect()
     };
-    let gradient =
-        |of: &usize| -> Vec<f64> { units.iter().map(|(i, z, _)| slopes[*i].invariants[*of] * z).collect() };
-    let mut rows: Vec<Vec<f64>> = (0..y.len()).map(bracket).chain(kept.iter().map(gradient)).collect();
+    let gradient = |of: &dyn Fn(&Values<f64>) -> f64| -> Vec<f64> {
+        units.iter().map(|(i, z, _)| of(&slopes[*i]) * z).collect()
+    };
+    let mut rows: Vec<Vec<f64>> = (0..y.len()).map(bracket).collect();
+    rows.extend(kept.invariants.iter().map(|k| gradient(&|by| by.invariants[*k])));
+    if kept.energy {
+        rows.push(gradient(&|by| by.energy[0]));
+    }
     for row in &mut rows {
         let size = row.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
         if size > 0.0 {

@@ -1,0 +1,48 @@
+"""Relative equilibria of models, one by one and in families."""
+
+import hamel
+import numpy as np
+import pytest
+
+SLEEPING = {"Omega1": 0.0, "Omega2": 0.0, "Gamma1": 0.0, "Gamma2": 0.0, "Gamma3": 1.0}
+
+
+def top() -> hamel.Model:
+    return hamel.load("heavy_top", scene="symmetric")
+
+
+def test_a_fast_top_sleeps():
+    fast = top().trim({**SLEEPING, "Omega3": 9.0})
+    assert fast.verdict == "stable" and fast.energy == {"positive": 4, "negative": 0, "zero": 0}
+    assert fast["Omega3"] == 9.0 and fast.residual < 1e-14
+    assert np.abs(fast.model.rhs(fast.y)).max() < 1e-14
+    slow = top().trim({**SLEEPING, "Omega3": 3.0})
+    assert slow.verdict == "unstable" and slow.eigenvalues.real.max() > 0.5
+
+
+def test_a_family_knows_where_stability_is_lost():
+    family = top().family("Omega3", 20.0, 1.0, SLEEPING)
+    assert family.end == "reached" and len(family) == len(family.along) == len(family.y)
+    [change] = family.changes
+    threshold = np.sqrt(4 * 1.3 * 1.1 * 9.81 * 0.35) / 0.6
+    assert change.kind == "flutter" and change.at.along == pytest.approx(threshold, rel=1e-9)
+    assert np.all(family.growth[family.along > threshold] < 1e-6)
+    assert np.all(family.growth[family.along < threshold] > 1e-3)
+
+
+def test_parameters_and_inputs_of_the_model_are_those_of_the_equilibrium():
+    heavier = top().with_params(m=2.2)
+    family = heavier.family("l", 0.2, 0.4, {**SLEEPING, "Omega3": 9.0}, points=5)
+    assert family[0].model.params["m"] == 2.2
+    assert [e.model.params["l"] for e in family] == pytest.approx(list(family.along))
+
+
+def test_what_is_wrong_is_said_in_words_of_python():
+    with pytest.raises(hamel.InputError, match="keep has no value `Omega4`"):
+        top().trim(SLEEPING, keep=["Omega4"])
+    with pytest.raises(hamel.InputError, match="free has no"):
+        top().trim(SLEEPING, free=["Omega1"])
+    with pytest.raises(hamel.InputError, match="give two values"):
+        top().family("Omega3", 1.0, 1.0)
+    with pytest.raises(hamel.InputError, match="list of names"):
+        top().trim(SLEEPING, keep="Omega1")
