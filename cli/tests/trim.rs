@@ -305,8 +305,7 @@ fn what_cannot_be_found_is_said() {
         }
         other => panic!("{other:?}"),
     };
-    for part in ["set has no parameter `q`", "`Omega4`", "`Omega1`", "along has no value `d`", "`Gama1`"]
-    {
+    for part in ["set has no parameter `q`", "`Omega4`", "`Omega1`", "along has no value `d`", "`Gama1`"] {
         assert!(text.contains(part), "{part}: {text}");
     }
 }

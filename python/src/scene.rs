@@ -12,9 +12,9 @@ use hamel_expr::{Style, rational_to_f64};
 use hamel_run::cache::Cache;
 use hamel_run::choice::gives_way;
 use hamel_run::dynamics::{Dynamics, Factory as _, PreparedScene, VecState};
+use hamel_run::equilibria::{self, Along, Asked};
 use hamel_run::error::Error;
 use hamel_run::evaluate::{derivative, prepare, unusable_states};
-use hamel_run::equilibria::{self, Along, Asked};
 use hamel_run::info::{Info, ParamEntry};
 use hamel_run::inputs::{Between, InputTable};
 use hamel_run::interpreted::{self, Built};
@@ -592,7 +592,8 @@ impl Scene {
         let own = |name: &String| along.as_ref().is_some_and(|along| along.name == *name);
         let names = self.info().params.iter().map(|p| p.name.clone());
         let set = names.zip(self.values.iter().copied()).filter(|(name, _)| !own(name)).collect();
-        let held = |input: &ParamEntry| Some((input.name.clone(), self.table.as_ref()?.held_value(&input.name)?));
+        let held =
+            |input: &ParamEntry| Some((input.name.clone(), self.table.as_ref()?.held_value(&input.name)?));
         let hold = self.info().inputs.iter().filter_map(held).filter(|(name, _)| !own(name)).collect();
         let asked =
             Asked { set, at: guess.into_iter().collect(), hold, keep, free, at_rest, t, along, dashes: "" };

@@ -183,7 +183,7 @@ fn one(answer: &Answer, found: &Equilibrium) -> String {
     }
     for (k, (symmetry, drift)) in drifts.iter().enumerate() {
         text.push_str(if k == 0 { "drifts along symmetries\n" } else { "" });
-        row(&mut text, symmetry, *drift);
+        let _ = writeln!(text, "  {:>14} along {symmetry}", shown(*drift));
     }
     let stability = &found.stability;
     let _ = writeln!(

@@ -121,6 +121,16 @@ pub fn find(model: &Arc<Checked>, scene: &str, asked: &Asked) -> Result<Answer, 
     search.answer()
 }
 
+/// What a component of the state is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    Coordinate,
+    /// A velocity or a momentum.
+    Velocity,
+    /// A component of a vector whose norm is kept: advected parameters, points of circles, quaternions.
+    Advected,
+}
+
 struct Search<'a> {
     asked: &'a Asked,
     built: &'a Built,
@@ -188,12 +198,20 @@ impl<'a> Search<'a> {
             free: asked.free.iter().filter_map(|name| names.variable(name)).collect(),
             along: asked.along.as_ref().and_then(|along| names.quantity(&along.name)),
         };
-        search.look_around(&is_velocity, &names)?;
+        let is_coordinate = |name: &String| model.base.iter().any(|c| c.name == *name);
+        let roles: Vec<Role> = (velocity_names.iter().zip(&is_velocity))
+            .map(|(name, is_velocity)| match (is_velocity, is_coordinate(name)) {
+                (true, _) => Role::Velocity,
+                (false, true) => Role::Coordinate,
+                (false, false) => Role::Advected,
+            })
+            .collect();
+        search.look_around(&roles, &names)?;
         Ok(search)
     }
 
     /// Finds what is kept in any case, and the symmetries.
-    fn look_around(&mut self, is_velocity: &[bool], names: &Names<'_>) -> Result<(), Error> {
+    fn look_around(&mut self, roles: &[Role], names: &Names<'_>) -> Result<(), Error> {
         let no_value = || Error::unusable("the guess", "is a state where the motion has no value");
         let n = self.guess.y.len();
         let by: Vec<Variable> = (0..n).map(Variable::State).collect();
@@ -201,11 +219,12 @@ impl<'a> Search<'a> {
         let around = symmetry::around(self.field, &self.guess);
         let at_guess = self.field.derivatives(&self.guess, &by).ok_or_else(no_value)?;
         let slopes = || around.iter().map(|(_, slopes)| slopes).chain([&at_guess]);
-        let of_positions =
-            |k: &usize| slopes().all(|by| (0..n).all(|i| !is_velocity[i] || by[i].invariants[*k] == 0.0));
+        let is_of_advected = |k: &usize| {
+            slopes().all(|by| (0..n).all(|i| roles[i] == Role::Advected || by[i].invariants[*k] == 0.0))
+        };
         let is_found = |k: &usize| is_of_motion(&names.invariants[*k]);
         let all = 0..values.invariants.len();
-        let kept: Vec<usize> = all.clone().filter(|k| !is_found(k) && of_positions(k)).collect();
+        let kept: Vec<usize> = all.clone().filter(|k| !is_found(k) && is_of_advected(k)).collect();
         self.constants = (0..n)
             .map(|k| values.rates[k] == 0.0 && slopes().all(|by| by.iter().all(|s| s.rates[k] == 0.0)))
             .collect();
@@ -232,7 +251,8 @@ impl<'a> Search<'a> {
         }
         self.has_energy = !values.energy.is_empty();
         let rule = symmetry::Kept { invariants: kept, energy: self.has_energy };
-        self.symmetries = symmetry::find(self.field, &self.guess, is_velocity, &rule);
+        let is_velocity: Vec<bool> = roles.iter().map(|role| *role == Role::Velocity).collect();
+        self.symmetries = symmetry::find(self.field, &self.guess, &is_velocity, &rule);
         Ok(())
     }
 

@@ -1,10 +1,10 @@
 //! Whether motions near a relative equilibrium stay near it: eigenvalues on the reduced space, and the second variation
 //! of the energy.
 //!
-//! In the frame that moves with the drift `zeta = sum c_k Z_k`, small deviations move by `L = Df - D zeta`. Gradients of
-//! invariants are left eigenvectors of `L` to the eigenvalue zero, symmetries that commute with the drift are right
-//! ones. Both are taken out: `L` acts on the deviations that change no invariant, modulo the symmetries. What is left
-//! are the eigenvalues that decide. Where all lie on the imaginary axis and the energy is an invariant, it decides by
+//! In the frame that moves with the drift `zeta = sum c_k Z_k`, small deviations move by `L = Df - D zeta`. The span
+//! of the gradients of invariants is mapped into itself by `L^T`, that of the symmetries by `L`. Both are taken out: `L`
+//! acts on the deviations that change no invariant, modulo the symmetries among them (the isotropy group of the
+//! momentum). What is left are the eigenvalues that decide. Where all lie on the imaginary axis and the energy is an invariant, it decides by
 //! its second variation on the same space, with multipliers for the other invariants:
 //!
 //! ```text
@@ -147,16 +147,12 @@ impl Setting<'_> {
             .filter(|k| self.constants[*k])
             .map(|k| DVector::from_fn(n, |j, _| f64::from(j == k)))
             .collect();
-        let size = motion.norm();
-        // Momenta in directions that the drift turns are no left eigenvectors.
-        let is_kept = |g: &&DVector<f64>| (motion.transpose() * *g).norm() <= SMALL * size * g.norm();
-        let conserved = of_motion.iter().filter(is_kept).chain(strict).chain(&constants);
-        let conserved: Vec<&DVector<f64>> = conserved.filter(|g| g.norm() > 0.0).collect();
+        // Momenta that a drift turns stay among momenta.
+        let turned = motion.transpose();
+        let conserved = invariant_span(&turned, of_motion.iter().chain(strict).chain(&constants));
         let level = null_space(&conserved, n)?;
         let moved: Vec<DVector<f64>> = self.symmetries.iter().map(|s| s.at(&y)).collect();
-        let is_commuting = |z: &&DVector<f64>| (&motion * *z).norm() <= SMALL * size * z.norm();
-        let along: Vec<&DVector<f64>> =
-            moved.iter().filter(|z| z.norm() > 0.0).filter(is_commuting).collect();
+        let along = invariant_span(&motion, moved.iter());
         let (space, n_symmetries) = modulo(&level, &along)?;
         let (reduced, n_neutral) = without_null(space.transpose() * &motion * &space, self.scale)?;
         let mut eigenvalues: Vec<[f64; 2]> = match reduced.is_empty() {
@@ -330,6 +326,34 @@ fn without_null(mut matrix: DMatrix<f64>, scale: f64) -> Option<(DMatrix<f64>, u
     }
     let n_left = matrix.ncols();
     Some((matrix, n - n_left))
+}
+
+/// Those of some vectors whose span a matrix maps into itself.
+fn invariant_span<'v>(
+    matrix: &DMatrix<f64>,
+    vectors: impl Iterator<Item = &'v DVector<f64>>,
+) -> Vec<&'v DVector<f64>> {
+    let mut kept: Vec<&DVector<f64>> = vectors.filter(|v| v.norm() > 0.0).collect();
+    let size = matrix.norm();
+    while !kept.is_empty() {
+        let units: Vec<DVector<f64>> = kept.iter().map(|v| v.normalize()).collect();
+        let svd = DMatrix::from_columns(&units).svd(true, false);
+        let Some(u) = svd.u else { return kept };
+        let rank = svd.singular_values.iter().filter(|s| **s > SMALL * svd.singular_values.max()).count();
+        let basis = u.columns(0, rank);
+        let stays = |unit: &DVector<f64>| {
+            let moved = matrix * unit;
+            let outside = &moved - basis * (basis.transpose() * &moved);
+            outside.norm() <= SMALL * size
+        };
+        let n_before = kept.len();
+        let mut each = units.iter();
+        kept.retain(|_| each.next().is_some_and(&stays));
+        if kept.len() == n_before {
+            break;
+        }
+    }
+    kept
 }
 
 /// The gradients of functions by the state, from their derivatives by each component.

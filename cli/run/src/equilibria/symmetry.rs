@@ -134,8 +134,9 @@ pub(super) fn find(field: &Field<'_>, at: &Point, is_velocity: &[bool], kept: &K
     }
     let mut states = States { field, at, seed: 1 };
     let mut rows: Vec<Vec<f64>> = Vec::new();
-    // Without an energy that says what a symmetry is, only rotations and translations are.
-    if !kept.energy {
+    // Without an energy that says what a symmetry is, only rotations and translations are; in equations of first order
+    // for places, products of translations with the momenta, which are affine there, are none.
+    if !kept.energy || !is_velocity.contains(&true) {
         rows.extend(rotations_alone(&entries));
     }
     for _ in 0..n_entries / n + SPARE_STATES {
