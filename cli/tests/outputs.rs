@@ -20,7 +20,7 @@ const MOTION: &str = r#"{"initial": {"Omega1": 1, "Omega2": 0.2, "Omega3": 0.1},
 const MODEL: &str = "model m { coordinate x in real; lagrangian = 1/2*x_dot^2; }";
 
 /// Every command that prints, with what it reads.
-const PRINTED: [(&[&str], &str); 15] = [
+const PRINTED: [(&[&str], &str); 16] = [
     (&["--version"], ""),
     (&["--help"], ""),
     (&["simulate", "--help"], ""),
@@ -31,6 +31,7 @@ const PRINTED: [(&[&str], &str); 15] = [
     (&["simulate", "free_rigid_body", "--json"], MOTION),
     (&["simulate", "free_rigid_body", "--t-final", "1"], ""),
     (&["linearize", "free_rigid_body"], ""),
+    (&["trim", "free_rigid_body"], ""),
     (&["fmt", "-"], MODEL),
     (&["check", "free_rigid_body"], ""),
     (&["check", "--json", "free_rigid_body"], ""),

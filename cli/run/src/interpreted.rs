@@ -256,7 +256,7 @@ impl Built {
         self.invariants.get_or_init(|| self.also("invariants", |scene| scene.with_invariants().ok())).as_ref()
     }
 
-    /// The scene with its invariants; none where nothing but components of the state is conserved.
+    /// The scene with its invariants, if anything beside components of the state is conserved.
     pub(super) fn invariants_of_motion(&self) -> Option<&Executable> {
         self.with_invariants().map(|found| &**found)
     }

@@ -19,7 +19,7 @@ use hamel_run::session::Session;
 /// Find the relative equilibrium nearest to a guess, or a family of them, with its stability
 ///
 /// The equations are reduced: a body that turns and moves steadily is at rest in them. Beside states at rest, `trim`
-/// finds those that drift along a symmetry that is left: a cyclic coordinate, a heading, the axis of a symmetric body.
+/// finds states that drift along a symmetry that is left: a cyclic coordinate, a heading, the axis of a symmetric body.
 /// Norms of advected vectors and equations between coordinates stay as they are at the guess; --keep adds others.
 /// Eigenvalues are those on the reduced space, without invariants and symmetries; where they do not decide, the second
 /// variation of the energy may.
@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Parameters that differ from the model's defaults
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     pub set: Vec<(String, f64)>,
-    /// Components of the guess; the others are those of the initial state
+    /// Components of the guess; the initial state has the others
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     pub at: Vec<(String, f64)>,
     /// Inputs that differ from the values that the model holds them at

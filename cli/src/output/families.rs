@@ -9,7 +9,7 @@ use super::plot::{Figure, MAX_LINES, Panel, svg};
 use hamel_run::equilibria::Answer;
 use hamel_run::error::Error;
 
-/// What is written.
+/// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Csv,

@@ -355,7 +355,7 @@ impl<'a, R: Real> Interpreter<'a, R> {
         all
     }
 
-    /// The components of one output; none if the scene does not have it.
+    /// The components of one output, if the scene has it.
     ///
     /// # Panics
     /// When the size of `y` is wrong.

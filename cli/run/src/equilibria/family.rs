@@ -1,9 +1,9 @@
-//! Families of equilibria by a parameter, an input, or what is kept: pseudo-arclength continuation.
+//! Families of equilibria by a parameter, an input, or a quantity: pseudo-arclength continuation.
 //!
 //! Steps go along the curve of solutions, so that it may turn back. Where the tangent turns the sign of its parameter
 //! there is a fold; where the number of growing deviations changes, the place is found by bisection.
 //!
-//! Does not know: what is solved, what is shown of it.
+//! Does not know: the equations, how a family is shown.
 //!
 //! # Source
 //! Keller 1977, Numerical solution of bifurcation and nonlinear eigenvalue problems

@@ -2,8 +2,8 @@
 //! with their stability on the reduced space.
 //!
 //! The equations of a scene are reduced already, so that what turns and moves steadily in space is at rest there.
-//! Symmetries that are left in a scene - cyclic coordinates, a heading, equal moments of inertia - are found by numbers,
-//! see [`symmetry`].
+//! Symmetries that are left in a scene - cyclic coordinates, a heading, equal moments of inertia - are found by
+//! numbers, see [`symmetry`].
 //!
 //! Does not know: arguments, how an answer is shown.
 
@@ -37,7 +37,7 @@ use symmetry::Symmetry;
 pub use family::{Change, End};
 pub use stability::{EnergyTest, Stability, Verdict};
 
-/// What is asked for.
+/// A question.
 #[derive(Clone, Debug, Default)]
 pub struct Asked {
     /// Parameters that differ from the scene's.
@@ -92,7 +92,7 @@ pub struct Equilibrium {
     pub stability: Stability,
 }
 
-/// What was found.
+/// An answer.
 #[derive(Clone, Debug)]
 pub struct Answer {
     /// The scene.
@@ -101,7 +101,7 @@ pub struct Answer {
     pub symmetries: Vec<String>,
     /// What the guess has that nobody gave.
     pub told: Vec<Told>,
-    /// The equilibrium, or those of the family.
+    /// The equilibrium, or all of the family.
     pub equilibria: Vec<Equilibrium>,
     /// What happens along the family: behind which equilibrium, what, and where.
     pub changes: Vec<(usize, Change, Equilibrium)>,
@@ -210,7 +210,7 @@ impl<'a> Search<'a> {
         Ok(search)
     }
 
-    /// Finds what is kept in any case, and the symmetries.
+    /// Finds the quantities that are kept in any case, and the symmetries.
     fn look_around(&mut self, roles: &[Role], names: &Names<'_>) -> Result<(), Error> {
         let no_value = || Error::unusable("the guess", "is a state where the motion has no value");
         let n = self.guess.y.len();
@@ -228,7 +228,7 @@ impl<'a> Search<'a> {
         self.constants = (0..n)
             .map(|k| values.rates[k] == 0.0 && slopes().all(|by| by.iter().all(|s| s.rates[k] == 0.0)))
             .collect();
-        // Somebody who says what is kept may move between the levels of Casimirs.
+        // A user who keeps other quantities may move between the levels of Casimirs.
         let on_levels = self.asked.keep.is_empty()
             && self
                 .along

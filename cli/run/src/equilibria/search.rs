@@ -11,7 +11,7 @@
 //! families, so each step is the shortest that meets the linear equations: Newton's method by singular values, damped
 //! as Levenberg does where a whole step leads away.
 //!
-//! Does not know: what is told about a solution, families.
+//! Does not know: how stable a solution is, families.
 //!
 //! # Source
 //! Ben-Israel and Greville 2003, Generalized inverses, section 7.3 (Newton's method by least norm)
@@ -34,7 +34,7 @@ const ROUNDING: f64 = 1e-9;
 /// Unknowns beyond this have run away: the rates fall towards infinity.
 const FAR: f64 = 1e9;
 
-/// What is kept at a value.
+/// A quantity that may be kept at a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Quantity {
     Variable(Variable),
@@ -86,7 +86,7 @@ pub(super) struct Linear {
     pub(super) jacobian: DMatrix<f64>,
 }
 
-/// What was found instead of a solution.
+/// Why there is no solution.
 #[derive(Clone, Debug)]
 pub(super) enum Missed {
     /// No values at the guess.
@@ -128,7 +128,7 @@ impl Equations<'_> {
         x.rows(self.variables.len(), self.symmetries.len()).iter().copied().collect()
     }
 
-    /// What has to be met beside the rates.
+    /// The conditions beside the rates.
     fn conditions(&self, x: &DVector<f64>) -> Vec<(Quantity, f64)> {
         let along = self.along.map(|quantity| (quantity, x[x.len() - 1]));
         self.held.iter().copied().chain(along).collect()

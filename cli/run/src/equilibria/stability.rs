@@ -2,10 +2,10 @@
 //! of the energy.
 //!
 //! In the frame that moves with the drift `zeta = sum c_k Z_k`, small deviations move by `L = Df - D zeta`. The span
-//! of the gradients of invariants is mapped into itself by `L^T`, that of the symmetries by `L`. Both are taken out: `L`
-//! acts on the deviations that change no invariant, modulo the symmetries among them (the isotropy group of the
-//! momentum). What is left are the eigenvalues that decide. Where all lie on the imaginary axis and the energy is an invariant, it decides by
-//! its second variation on the same space, with multipliers for the other invariants:
+//! of the gradients of invariants is mapped into itself by `L^T`, that of the symmetries by `L`. Both are taken out:
+//! `L` acts on the deviations that change no invariant, modulo the symmetries among them (the isotropy group of the
+//! momentum). The eigenvalues that are left decide. Where all lie on the imaginary axis and the energy is an
+//! invariant, it decides by its second variation on the same space, with multipliers for the other invariants:
 //!
 //! ```text
 //! d(E + sum lambda_j I_j) = 0,   d^2(E + sum lambda_j I_j) definite
@@ -328,7 +328,7 @@ fn without_null(mut matrix: DMatrix<f64>, scale: f64) -> Option<(DMatrix<f64>, u
     Some((matrix, n - n_left))
 }
 
-/// Those of some vectors whose span a matrix maps into itself.
+/// The vectors of a list whose span a matrix maps into itself.
 fn invariant_span<'v>(
     matrix: &DMatrix<f64>,
     vectors: impl Iterator<Item = &'v DVector<f64>>,
@@ -378,8 +378,8 @@ fn null_space(rows: &[&DVector<f64>], n: usize) -> Option<DMatrix<f64>> {
     Some(DMatrix::from_fn(n, null.len(), |i, k| null[k][i]))
 }
 
-/// An orthonormal basis of the part of a space that is orthogonal to those of these directions that lie in it, and their
-/// number.
+/// An orthonormal basis of the part of a space that is orthogonal to all of these directions in it, and
+/// their number.
 fn modulo(space: &DMatrix<f64>, along: &[&DVector<f64>]) -> Option<(DMatrix<f64>, usize)> {
     if along.is_empty() || space.ncols() == 0 {
         return Some((space.clone(), 0));

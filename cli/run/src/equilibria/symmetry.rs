@@ -20,7 +20,7 @@ use super::field::{Field, Point, Values, Variable};
 
 /// Most entries of `S` and `b` that are looked for; beyond, translations alone are.
 const MAX_ENTRIES: usize = 400;
-/// States beyond those that determine the entries.
+/// States beyond the number that determines the entries.
 const SPARE_STATES: usize = 6;
 /// States tried for each that has values.
 const TRIES: usize = 20;
