@@ -365,3 +365,103 @@ fn the_command_prints_answers_and_writes_families() {
     let (code, _, error) = hamel(&["trim", "heavy_top", "--at", "Omega1=0", "-o", "x.svg"]);
     assert!(code == Some(2) && error.contains("--along"), "{code:?} {error}");
 }
+
+/// A bead on a circle in gravity.
+const PENDULUM: &str = "model pendulum {
+    coordinate q in angle;
+    lagrangian = q_dot^2/2 + cos(q);
+    initial q = 1; initial q_dot = 0;
+}";
+
+/// A rimless wheel: spokes at the angle `2 alpha` hit the slope one after the other.
+const WHEEL: &str = "model wheel {
+    param gamma = 0.08;
+    param alpha = 0.2;
+    coordinate q in real;
+    lagrangian = q_dot^2/2 - cos(q + gamma);
+    event step = q - alpha rising { then q = -alpha; then q_dot = q_dot*cos(2*alpha); }
+    initial q = -0.1; initial q_dot = 0.4;
+}";
+
+fn around(period: f64, asked: Asked) -> Asked {
+    Asked { period: Some(period), ..asked }
+}
+
+/// `4 K(sin(a/2))` by the arithmetic-geometric mean.
+fn period_of_a_pendulum(amplitude: f64) -> f64 {
+    let (mut a, mut b) = (1.0, (amplitude / 2.0).cos());
+    for _ in 0..8 {
+        (a, b) = (f64::midpoint(a, b), (a * b).sqrt());
+    }
+    std::f64::consts::TAU / a
+}
+
+#[test]
+fn an_orbit_of_a_pendulum_has_its_period() {
+    let keep = vec![("energy".to_owned(), None)];
+    let asked = around(6.3, Asked { keep, ..Asked::default() });
+    let orbit = one(PENDULUM, "default", &asked);
+    let wanted = period_of_a_pendulum(1.0);
+    assert!((orbit.period.unwrap() - wanted).abs() < 1e-10, "{orbit:?} {wanted}");
+    // Energy and phase leave nothing.
+    assert_eq!(orbit.stability.verdict, Verdict::Rigid);
+    // Beyond the upright position it goes round: the angle comes back with a full turn.
+    let round = around(3.0, Asked { keep: vec![("energy".to_owned(), None)], ..at(&[("q_dot", 2.5)]) });
+    let orbit = one(PENDULUM, "default", &round);
+    let last = moved(PENDULUM, "default", &orbit, orbit.period.unwrap());
+    assert!((last[0] - orbit.state[0] - std::f64::consts::TAU).abs() < 1e-9, "{last:?} {orbit:?}");
+}
+
+#[test]
+fn a_limit_cycle_has_the_multiplier_of_its_divergence() {
+    let text = "model vdp { param mu = 1; coordinate q in real; lagrangian = q_dot^2/2 - q^2/2;
+        force q_dot = mu*(1 - q^2)*q_dot; initial q = 2; initial q_dot = 0; }";
+    let orbit = one(text, "default", &around(6.5, Asked::default()));
+    // Known to many digits; the multiplier by Liouville's formula from the same orbit, integrated apart.
+    assert!((orbit.period.unwrap() - 6.663_286_859_323).abs() < 1e-9, "{orbit:?}");
+    let with_area =
+        text.replace("initial q = 2;", "state area in real by area_dot = mu*(1 - q^2); initial q = 2;");
+    let start = Equilibrium { state: [&orbit.state[..], &[0.0]].concat(), ..orbit.clone() };
+    let built = interpreted::build(&model(&with_area), "default").unwrap();
+    let names = hamel_run::dynamics::Factory::info(&built).state.clone();
+    let place = names.iter().position(|name| name == "area").unwrap();
+    let mut state = orbit.state.clone();
+    state.insert(place, 0.0);
+    let last = moved(&with_area, "default", &Equilibrium { state, ..start }, orbit.period.unwrap());
+    let [multiplier] = orbit.stability.multipliers[..] else { panic!("{:?}", orbit.stability) };
+    assert!((multiplier[0] - last[place].exp()).abs() < 1e-10, "{multiplier:?} {last:?}");
+    assert!(matches!(orbit.stability.verdict, Verdict::Asymptotic { .. }));
+}
+
+#[test]
+fn a_drift_closes_an_orbit() {
+    let off = at(&[("y_dot", 0.6)]);
+    let orbit = one(BOWL, "default", &around(4.0, Asked { keep: vec![("energy".to_owned(), None)], ..off }));
+    let period = orbit.period.unwrap();
+    let last = moved(BOWL, "default", &orbit, period);
+    let (sin, cos) = (orbit.drifts[0] * period).sin_cos();
+    for pair in [0, 2] {
+        let [x, y] = [orbit.state[pair], orbit.state[pair + 1]];
+        assert!((last[pair] - (cos * x - sin * y)).abs() < 1e-9, "{last:?} {orbit:?}");
+        assert!((last[pair + 1] - (sin * x + cos * y)).abs() < 1e-9, "{last:?} {orbit:?}");
+    }
+    assert!(orbit.drifts[0].abs() > 1e-3 && orbit.stability.verdict == Verdict::Spectral);
+}
+
+#[test]
+fn an_impact_is_part_of_an_orbit() {
+    let gait = one(WHEEL, "default", &around(0.8, Asked::default()));
+    // Just before the impact w^2 = w0^2 + 2 (cos(gamma - alpha) - cos(gamma + alpha)), and w0 = w cos(2 alpha).
+    let (gamma, alpha) = (0.08_f64, 0.2_f64);
+    let gained = 2.0 * ((gamma - alpha).cos() - (gamma + alpha).cos());
+    let kept = (2.0 * alpha).cos().powi(2);
+    let speed = gained / (1.0 - kept);
+    let energy = speed / 2.0 + (gamma + alpha).cos();
+    let [q, w] = gait.state[..] else { panic!("{gait:?}") };
+    // On the way the energy is that before the impact.
+    assert!((w * w / 2.0 + (q + gamma).cos() - energy).abs() < 1e-10, "{gait:?} {energy}");
+    // Deviations of the energy shrink by the square of the restitution.
+    let [multiplier] = gait.stability.multipliers[..] else { panic!("{:?}", gait.stability) };
+    assert!((multiplier[0] - kept).abs() < 1e-8, "{multiplier:?} {kept}");
+    assert!(matches!(gait.stability.verdict, Verdict::Asymptotic { .. }));
+}

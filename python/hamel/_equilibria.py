@@ -1,4 +1,4 @@
-"""Relative equilibria and families of them.
+"""Relative equilibria, families of them, and relative periodic orbits.
 
 Deliberately does not know: how they are found.
 """
@@ -19,7 +19,7 @@ __all__ = ["Change", "Equilibrium", "Family"]
 
 
 class Equilibrium:
-    """A relative equilibrium: a state whose rates are drifts along symmetries, with its stability."""
+    """A relative equilibrium: a state whose rates are drifts along symmetries, or a state of a relative periodic orbit."""
 
     def __init__(self, model: Model, symmetries: Sequence[str], found: Mapping[str, Any]):
         #: The model with the parameters and inputs of the equilibrium.
@@ -38,6 +38,10 @@ class Equilibrium:
         self.verdict: str = found["verdict"]
         #: Eigenvalues on the reduced space that are not zero, the largest real part first.
         self.eigenvalues: NDArray[np.complex128] = np.array([complex(*z) for z in found["eigenvalues"]])
+        #: The period of an orbit; none of an equilibrium.
+        self.period: float | None = found.get("period")
+        #: Floquet's multipliers of an orbit on the reduced space, the largest first; the eigenvalues are exponents.
+        self.multipliers: NDArray[np.complex128] = np.array([complex(*z) for z in found.get("multipliers", ())])
         #: Numbers of eigenvalues zero that were taken out, by ``invariants``, ``symmetries`` and ``neutral`` directions.
         self.taken_out: dict[str, int] = dict(found["taken_out"])
         #: Numbers of positive, negative and zero eigenvalues of the second variation of the energy; none without it.
@@ -51,7 +55,8 @@ class Equilibrium:
 
     def __repr__(self) -> str:
         state = ", ".join(f"{name}={x:.6g}" for name, x in zip(self.model.state, self.y))
-        return f"<hamel.Equilibrium of {self.model.name}: {self.verdict}, {state}>"
+        kind = "Equilibrium" if self.period is None else f"orbit of period {self.period:.9g}"
+        return f"<hamel.{kind} of {self.model.name}: {self.verdict}, {state}>"
 
 
 class Change(NamedTuple):

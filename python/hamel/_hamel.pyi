@@ -117,7 +117,7 @@ class Scene:
         keep: list[tuple[str, float | None]],
         free: list[str],
         at_rest: bool,
-        t: float | None,
+        times: tuple[float | None, float | None],
         along: tuple[str, float, float, int] | None = None,
     ) -> str: ...
     def report(self) -> str: ...

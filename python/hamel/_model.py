@@ -599,7 +599,27 @@ class Model:
 
         Raises :class:`InputError` where no equilibrium is near the guess.
         """
-        answer = self._native.trim(self._by_name(guess), _kept_values(keep), list(free), at_rest, t)
+        answer = self._native.trim(self._by_name(guess), _kept_values(keep), list(free), at_rest, (t, None))
+        return _equilibria.equilibrium(self, answer)
+
+    def orbit(
+        self,
+        period: float,
+        guess: State = None,
+        *,
+        keep: Sequence[str] | Mapping[str, float] = (),
+        at_rest: bool = False,
+    ) -> Equilibrium:
+        """The relative periodic orbit near a guess of about this period, events included, with Floquet's multipliers.
+
+        The motion comes back up to drifts along symmetries, unless ``at_rest``, and full turns of angles. In systems
+        with an energy orbits come in families: ``keep=["energy"]`` takes the one with the energy of the guess.
+        """
+        if not period > 0:
+            raise InputError(f"a period of {period}: give a time above zero")
+        answer = self._native.trim(
+            self._by_name(guess), _kept_values(keep), [], at_rest, (None, float(period))
+        )
         return _equilibria.equilibrium(self, answer)
 
     def family(
@@ -622,7 +642,7 @@ class Model:
         if points < 2 or not np.isfinite([start, stop]).all() or start == stop:
             raise InputError(f"a family of {points} points from {start} to {stop}: give two values and at least 2 points")
         along = (name, float(start), float(stop), points)
-        answer = self._native.trim(self._by_name(guess), _kept_values(keep), list(free), at_rest, t, along)
+        answer = self._native.trim(self._by_name(guess), _kept_values(keep), list(free), at_rest, (t, None), along)
         return _equilibria.family(self, answer)
 
     def latex(self) -> str:

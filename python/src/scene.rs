@@ -576,8 +576,9 @@ impl Scene {
         Ok(explain::explain(&self.model, &derived, Style::Unicode))
     }
 
-    /// The relative equilibrium nearest to a guess, or a family of them, as JSON.
-    #[pyo3(signature = (guess, keep, free, at_rest, t, along=None))]
+    /// The relative equilibrium nearest to a guess, a family of them, or an orbit, as JSON. The times are the one that
+    /// equations are frozen at, and the period of an orbit.
+    #[pyo3(signature = (guess, keep, free, at_rest, times, along=None))]
     fn trim(
         &self,
         py: Python<'_>,
@@ -585,7 +586,7 @@ impl Scene {
         keep: Vec<(String, Option<f64>)>,
         free: Vec<String>,
         at_rest: bool,
-        t: Option<f64>,
+        (t, period): (Option<f64>, Option<f64>),
         along: Option<(String, f64, f64, usize)>,
     ) -> PyResult<String> {
         let along = along.map(|(name, from, to, n_points)| Along { name, from, to, n_points });
@@ -595,8 +596,18 @@ impl Scene {
         let held =
             |input: &ParamEntry| Some((input.name.clone(), self.table.as_ref()?.held_value(&input.name)?));
         let hold = self.info().inputs.iter().filter_map(held).filter(|(name, _)| !own(name)).collect();
-        let asked =
-            Asked { set, at: guess.into_iter().collect(), hold, keep, free, at_rest, t, along, dashes: "" };
+        let asked = Asked {
+            set,
+            at: guess.into_iter().collect(),
+            hold,
+            keep,
+            free,
+            at_rest,
+            t,
+            along,
+            period,
+            dashes: "",
+        };
         let find = || equilibria::find(&self.model, &self.info().scene, &asked);
         Ok(py.detach(find).or_raise(py)?.to_json().to_string())
     }

@@ -46,3 +46,13 @@ def test_what_is_wrong_is_said_in_words_of_python():
         top().family("Omega3", 1.0, 1.0)
     with pytest.raises(hamel.InputError, match="list of names"):
         top().trim(SLEEPING, keep="Omega1")
+
+
+def test_an_orbit_closes():
+    pendulum = hamel.load("model p { coordinate q in angle; lagrangian = q_dot^2/2 + cos(q); initial q = 1; initial q_dot = 0; }")
+    orbit = pendulum.orbit(6.3, keep=["energy"])
+    assert orbit.period == pytest.approx(6.699998, abs=1e-3) and orbit.verdict == "rigid"
+    motion = pendulum.simulate(orbit.period, orbit.y, rtol=1e-12, atol=1e-14)
+    assert np.abs(motion.y_end - orbit.y).max() < 1e-9
+    with pytest.raises(hamel.InputError, match="above zero"):
+        pendulum.orbit(0.0)

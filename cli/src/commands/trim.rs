@@ -9,7 +9,7 @@ use clap::Args;
 use hamel_codegen::scene::told_in_words;
 
 use super::linearize::shown;
-use super::options::{assignment, finite};
+use super::options::{assignment, duration, finite};
 use crate::output::families::{self, Target};
 use hamel_run::equilibria::{Along, Answer, Asked, End, EnergyTest, Equilibrium, Verdict, find};
 use hamel_run::error::Error;
@@ -30,7 +30,7 @@ use hamel_run::session::Session;
 Examples:
   hamel trim heavy_top --at Omega1=0 Omega2=0 Omega3=1 Gamma1=0 Gamma2=0.6 Gamma3=0.8
   hamel trim heavy_top --scene symmetric --at Omega1=0 Omega2=0 Gamma1=0 Gamma2=0 Gamma3=1 --along Omega3=20..1
-  hamel trim mobile_robot --keep v=0.5 --free tau1 tau2 --json"
+  hamel trim double_spherical_pendulum --period 2 --keep energy"
 )]
 pub struct Arguments {
     /// Name of a model, or a path that ends in .hamel
@@ -59,6 +59,10 @@ pub struct Arguments {
     /// Freeze equations that contain the time at a time
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite)]
     pub t: Option<f64>,
+    /// A periodic orbit instead, about so long: a motion that comes back, up to drifts along symmetries and full turns
+    /// of angles, with Floquet's multipliers; events happen on the way
+    #[arg(long, value_name = "T", value_parser = duration, conflicts_with_all = ["along", "free"])]
+    pub period: Option<f64>,
     /// A family: a parameter, an input, a component, an invariant or an output, from one value to another
     #[arg(long, value_name = "NAME=FROM..TO", value_parser = way)]
     pub along: Option<Way>,
@@ -125,6 +129,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         at_rest: arguments.at_rest,
         t: arguments.t,
         along,
+        period: arguments.period,
         dashes: "--",
     };
     let answer = find(model, scene, &asked)?;
@@ -161,12 +166,14 @@ fn one(answer: &Answer, found: &Equilibrium) -> String {
     let info = &answer.info;
     let drifts: Vec<(&String, f64)> =
         answer.symmetries.iter().zip(found.drifts.iter().copied()).filter(|(_, c)| c.abs() > 1e-12).collect();
-    let what = if drifts.is_empty() { "equilibrium" } else { "relative equilibrium" };
-    let _ = writeln!(
-        text,
-        "{}, scene {}: {what}, rates are met to {:.1e}",
-        info.model, info.scene, found.residual
-    );
+    let what = match (drifts.is_empty(), found.period) {
+        (true, None) => "equilibrium".to_owned(),
+        (false, None) => "relative equilibrium".to_owned(),
+        (true, Some(period)) => format!("orbit of period {period:.12}"),
+        (false, Some(period)) => format!("relative orbit of period {period:.12}"),
+    };
+    let met = if found.period.is_some() { "it closes" } else { "rates are met" };
+    let _ = writeln!(text, "{}, scene {}: {what}, {met} to {:.1e}", info.model, info.scene, found.residual);
     let state = rounded(&found.state);
     info.state.iter().zip(&state).for_each(|(name, x)| row(&mut text, name, *x));
     if let Some(told) = told_in_words(&answer.told) {
@@ -186,12 +193,18 @@ fn one(answer: &Answer, found: &Equilibrium) -> String {
         let _ = writeln!(text, "  {:>14} along {symmetry}", shown(*drift));
     }
     let stability = &found.stability;
+    let (name, shown_ones) = match found.period {
+        None => ("eigenvalues", &stability.eigenvalues),
+        Some(_) => ("multipliers", &stability.multipliers),
+    };
     let _ = writeln!(
         text,
-        "eigenvalues on the reduced space ({} taken out by invariants, {} by symmetries)",
-        stability.n_invariants, stability.n_symmetries
+        "{name} on the reduced space ({} taken out by invariants, {} by {})",
+        stability.n_invariants,
+        stability.n_symmetries,
+        if found.period.is_some() { "the orbit and symmetries" } else { "symmetries" }
     );
-    let parts: Vec<f64> = stability.eigenvalues.iter().flatten().copied().collect();
+    let parts: Vec<f64> = shown_ones.iter().flatten().copied().collect();
     for z in rounded(&parts).chunks(2) {
         let (re, im) = (z[0], z[1]);
         let _ = match im {
@@ -226,8 +239,14 @@ fn verdict(found: &Equilibrium) -> String {
         Verdict::Spectral => {
             let neutral = match stability.n_neutral {
                 0 => String::new(),
-                1 => "; one more is zero: equilibria in a family".to_owned(),
-                n => format!("; {n} more are zero: equilibria in families"),
+                n => {
+                    let (of, all) = match found.period {
+                        None => ("zero", "equilibria"),
+                        Some(_) => ("one", "orbits"),
+                    };
+                    let more = if n == 1 { "one more is".to_owned() } else { format!("{n} more are") };
+                    format!("; {more} {of}: {all} in families")
+                }
             };
             let energy = match stability.energy {
                 Some(_) => format!(
@@ -235,7 +254,10 @@ fn verdict(found: &Equilibrium) -> String {
                 ),
                 None => String::new(),
             };
-            format!("spectrally stable: no eigenvalue has a positive real part{neutral}{energy}")
+            match found.period {
+                None => format!("spectrally stable: no eigenvalue has a positive real part{neutral}{energy}"),
+                Some(_) => format!("spectrally stable: no multiplier lies outside the unit circle{neutral}"),
+            }
         }
         Verdict::Rigid => "rigid: invariants and symmetries leave no deviation".to_owned(),
     }

@@ -40,6 +40,9 @@ impl Answer {
         if let Some(along) = of.along {
             one.insert("along".into(), number(along));
         }
+        if let Some(period) = of.period {
+            one.insert("period".into(), number(period));
+        }
         one.insert("params".into(), entries(&self.info.params, &of.params));
         one.insert("inputs".into(), entries(&self.info.inputs, &of.inputs));
         one.insert("state".into(), by_name(self.info.state_names(), &of.state));
@@ -52,6 +55,11 @@ impl Answer {
         }
         let eigenvalues = stability.eigenvalues.iter().map(|z| z.map(number).into_iter().collect::<Value>());
         one.insert("eigenvalues".into(), eigenvalues.collect());
+        if of.period.is_some() {
+            let multipliers =
+                stability.multipliers.iter().map(|z| z.map(number).into_iter().collect::<Value>());
+            one.insert("multipliers".into(), multipliers.collect());
+        }
         let counts = [
             ("invariants", stability.n_invariants),
             ("symmetries", stability.n_symmetries),

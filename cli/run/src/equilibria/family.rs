@@ -10,8 +10,7 @@
 
 use nalgebra::DVector;
 
-use super::field::Point;
-use super::search::{Equations, Missed, Svd};
+use super::search::{Equations, Missed, Solvable as _, Svd};
 use super::stability::{Setting, Stability};
 
 /// The part of the way along which a step is taken at most, in units of the unknowns' own sizes.
@@ -92,7 +91,6 @@ pub(super) struct Curve {
 pub(super) struct Follower<'a> {
     pub(super) equations: &'a Equations<'a>,
     pub(super) setting: &'a Setting<'a>,
-    pub(super) base: &'a Point,
     pub(super) first: f64,
     pub(super) last: f64,
     pub(super) n_points: usize,
@@ -122,7 +120,7 @@ impl Follower<'_> {
         own[k] /= self.last - self.first;
         let start = self.unscaled(at);
         let value = own.dot(&start);
-        self.equations.solve(self.base, &start, &[(own, value)]).map(|x| self.scaled(&x))
+        self.equations.solve(&start, &[(own, value)]).map(|x| self.scaled(&x))
     }
 
     /// The solution with a value of what the family goes along.
@@ -140,7 +138,7 @@ impl Follower<'_> {
     /// The direction of the curve at a solution that is nearest to another one.
     fn tangent(&self, x: &DVector<f64>, near: &DVector<f64>) -> Option<DVector<f64>> {
         let k = x.len() - 1;
-        let mut jacobian = self.equations.linear(self.base, &self.unscaled(x))?.jacobian;
+        let mut jacobian = self.equations.linear(&self.unscaled(x))?.jacobian;
         jacobian.column_mut(k).scale_mut(self.last - self.first);
         let along = Svd::new(&jacobian)?.null_part(near);
         (along.norm() > 1e-6).then(|| along.normalize())
@@ -148,7 +146,7 @@ impl Follower<'_> {
 
     fn on_curve(&self, x: DVector<f64>, near: &DVector<f64>) -> Option<OnCurve> {
         let own = self.unscaled(&x);
-        let at = self.equations.point(self.base, &own);
+        let at = self.equations.point(&own);
         let stability = self.setting.stability(&at, &self.equations.drifts(&own))?;
         let tangent = self.tangent(&x, near)?;
         Some(OnCurve { x, stability, tangent })

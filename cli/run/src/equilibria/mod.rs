@@ -10,6 +10,7 @@
 mod answer;
 mod family;
 mod field;
+mod orbit;
 mod search;
 mod stability;
 mod symmetry;
@@ -18,24 +19,38 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hamel_codegen::scene::{Prior, Told};
-use hamel_codegen::spec::Want;
+use hamel_codegen::spec::{Domain, Want};
 use nalgebra::{DMatrix, DVector};
 
+use crate::direction::Direction;
 use crate::dynamics::Factory as _;
 use crate::error::{Error, Problem};
 use crate::forms::Forms;
 use crate::info::{Info, ParamEntry};
+use crate::inputs::InputTable;
+use crate::integrate::simulate;
 use crate::interpreted::{self, Built};
+use crate::method::{MethodName, Steps};
 use crate::model::Checked;
+use crate::simulation::{MAX_EVENTS, SimulateRequest};
 use crate::start::Starts;
 use family::{Follower, OnCurve};
 use field::{ENERGY, Field, MOVING_ENERGY, Point, Values, Variable};
-use search::{Equations, Missed, Quantity};
+use orbit::{Orbit, drifted};
+use search::{Equations, Missed, Quantity, Solvable as _};
 use stability::Setting;
 use symmetry::Symmetry;
 
 pub use family::{Change, End};
 pub use stability::{EnergyTest, Stability, Verdict};
+
+/// Tolerances of the motions that orbits are made of, a little above the roundoff.
+const RTOL: f64 = 1e-13;
+const ATOL: f64 = 1e-15;
+/// A period differs from the guess by less than this factor.
+const STRETCH: f64 = 3.0;
+/// Most steps of such a motion.
+const MAX_STEPS: u64 = 1_000_000;
 
 /// A question.
 #[derive(Clone, Debug, Default)]
@@ -56,6 +71,8 @@ pub struct Asked {
     pub t: Option<f64>,
     /// What a family goes along.
     pub along: Option<Along>,
+    /// About how long an orbit takes: then a relative periodic orbit is sought.
+    pub period: Option<f64>,
     /// What messages put before the name of an option: `--` on the command line.
     pub dashes: &'static str,
 }
@@ -88,6 +105,8 @@ pub struct Equilibrium {
     pub residual: f64,
     /// What the family goes along.
     pub along: Option<f64>,
+    /// The period of an orbit.
+    pub period: Option<f64>,
     /// Its stability.
     pub stability: Stability,
 }
@@ -115,6 +134,7 @@ pub struct Answer {
 /// [`Error::Request`] with every name that is not there; why there is no guess, and no equilibrium near it.
 pub fn find(model: &Arc<Checked>, scene: &str, asked: &Asked) -> Result<Answer, Error> {
     let built = interpreted::build(model, scene)?;
+    let built = if asked.period.is_some() { built.in_memory() } else { built };
     let residuals = built.with_residuals();
     let field = Field::new(&built, residuals.as_ref(), asked.t.unwrap_or(0.0));
     let search = Search::new(model, &built, &field, asked)?;
@@ -141,6 +161,8 @@ struct Search<'a> {
     symmetries: Vec<Symmetry>,
     /// Components of the state that never change.
     constants: Vec<bool>,
+    /// Whether a component is an angle.
+    is_angle: Vec<bool>,
     /// Whether there is an energy that is kept.
     has_energy: bool,
     /// The size of the derivatives of the rates at the guess.
@@ -184,6 +206,8 @@ impl<'a> Search<'a> {
         }
         let prior = Prior::of(model, &info.scene, &set);
         let is_velocity: Vec<bool> = velocity_names.iter().map(|name| prior.is_velocity(name)).collect();
+        let is_angle =
+            |name: &String| model.base.iter().any(|c| c.name == *name && matches!(c.domain, Domain::Angle));
         let mut search = Search {
             asked,
             built,
@@ -192,6 +216,7 @@ impl<'a> Search<'a> {
             told,
             symmetries: Vec::new(),
             constants: Vec::new(),
+            is_angle: velocity_names.iter().map(is_angle).collect(),
             has_energy: false,
             scale: 0.0,
             held: Vec::new(),
@@ -260,6 +285,7 @@ impl<'a> Search<'a> {
         let state = (0..self.guess.y.len()).map(Variable::State);
         let symmetries = if self.asked.at_rest { &[][..] } else { &self.symmetries[..] };
         Equations {
+            base: &self.guess,
             field: self.field,
             symmetries,
             variables: state.chain(self.free.iter().copied()).collect(),
@@ -276,6 +302,9 @@ impl<'a> Search<'a> {
             constants: &self.constants,
             scale: self.scale,
         };
+        if let Some(period) = self.asked.period {
+            return self.orbit(&setting, period);
+        }
         let mut equations = self.equations();
         let from = self.asked.along.as_ref().map(|along| along.from);
         if let (Some(quantity), Some(from)) = (self.along, from)
@@ -285,25 +314,90 @@ impl<'a> Search<'a> {
         }
         let drifts = self.first_drifts(&equations);
         let start = equations.unknowns(&self.guess, &drifts, 0.0);
-        let x = equations.solve(&self.guess, &start, &[]).map_err(|missed| self.missed(missed))?;
-        let at = equations.point(&self.guess, &x);
+        let x = equations.solve(&start, &[]).map_err(|missed| self.missed(missed))?;
+        let at = equations.point(&x);
         self.field.check(&at).map_err(|reason| {
             Error::unusable("the guess", format!("leads to a state where {reason}: give another one"))
         })?;
         let first =
             self.equilibrium(&equations, &setting, &x, None).ok_or_else(|| self.missed(Missed::NoValue))?;
-        let mut answer = Answer {
+        let mut answer = self.answer_of(first);
+        if let Some(along) = &self.asked.along {
+            self.follow(&setting, along, (&at, &equations.drifts(&x)), &mut answer)?;
+        }
+        Ok(answer)
+    }
+
+    fn answer_of(&self, first: Equilibrium) -> Answer {
+        Answer {
             info: self.built.info().clone(),
             symmetries: self.symmetries.iter().map(|s| s.to_text(&self.built.info().state)).collect(),
             told: self.told.clone(),
             equilibria: vec![first],
             changes: Vec::new(),
             end: None,
-        };
-        if let Some(along) = &self.asked.along {
-            self.follow(&setting, along, (&at, &equations.drifts(&x)), &mut answer)?;
         }
-        Ok(answer)
+    }
+
+    /// The relative periodic orbit near the guess.
+    fn orbit(&self, setting: &Setting<'_>, period: f64) -> Result<Answer, Error> {
+        let equations = self.equations();
+        let n = self.guess.y.len();
+        let held = |input: &ParamEntry, value: &f64| (input.name.clone(), *value);
+        let inputs: Vec<(String, f64)> =
+            self.built.info().inputs.iter().zip(&self.guess.inputs).map(|(i, x)| held(i, x)).collect();
+        let driven = match inputs.is_empty() {
+            true => None,
+            false => Some(self.built.also_driven_by(&InputTable::held("hold", &inputs))?),
+        };
+        let scene = driven.as_ref().unwrap_or(self.built);
+        // Neither no time at all nor many rounds.
+        let allowed = period / STRETCH..period * STRETCH;
+        let flow = |at: &Point, t: f64, is_derived: bool| {
+            if allowed.contains(&t) { flowed(scene, at, t, is_derived) } else { None }
+        };
+        let (reached, _) = flow(&self.guess, period, false).ok_or_else(|| {
+            Error::unusable(
+                "the guess",
+                format!("has no motion to the time {period}: give another period or guess"),
+            )
+        })?;
+        let values = self.field.values(&self.guess).ok_or_else(|| self.missed(Missed::NoValue))?;
+        let turn = |k: usize| {
+            let full = std::f64::consts::TAU;
+            if self.is_angle[k] { full * ((reached[k] - self.guess.y[k]) / full).round() } else { 0.0 }
+        };
+        let orbit = Orbit {
+            equations: &equations,
+            flow: &flow,
+            phase: DVector::from_vec(values.rates),
+            turns: DVector::from_fn(n, |k, _| turn(k)),
+        };
+        let drifts = vec![0.0; equations.symmetries.len()];
+        let start = equations.unknowns(&self.guess, &drifts, 0.0).push(period);
+        let x = orbit.solve(&start, &[]).map_err(|missed| self.missed(missed))?;
+        let no_value = || self.missed(Missed::NoValue);
+        let inner = x.rows(0, x.len() - 1).into_owned();
+        let (at, drifts, period) = (equations.point(&inner), equations.drifts(&inner), x[x.len() - 1]);
+        let residual = orbit.residual(&x).ok_or_else(no_value)?.rows(0, n).amax();
+        let (_, derivatives) = flow(&at, period, true).ok_or_else(no_value)?;
+        // Back from where the drift has led.
+        let (back, _) = drifted(equations.symmetries, &drifts, -period, n);
+        let stability = setting
+            .of_orbit(&at, (&(back * derivatives), scene.watched().is_none()), period)
+            .ok_or_else(no_value)?;
+        let Point { y: state, inputs, params } = at;
+        let period = Some(period);
+        Ok(self.answer_of(Equilibrium {
+            state,
+            inputs,
+            params,
+            drifts,
+            residual,
+            along: None,
+            period,
+            stability,
+        }))
     }
 
     /// Drifts that meet the rates of the guess best.
@@ -326,19 +420,19 @@ impl<'a> Search<'a> {
         x: &DVector<f64>,
         stability: Option<Stability>,
     ) -> Option<Equilibrium> {
-        let at = equations.point(&self.guess, x);
+        let at = equations.point(x);
         let drifts = equations.drifts(x);
         let stability = match stability {
             Some(found) => found,
             None => setting.stability(&at, &drifts)?,
         };
-        let residual = equations.linear(&self.guess, x)?.residual.rows(0, at.y.len()).amax();
+        let residual = equations.linear(x)?.residual.rows(0, at.y.len()).amax();
         let along = self.asked.along.as_ref().map(|along| match equations.along {
             Some(_) => x[x.len() - 1],
             None => along.from,
         });
         let Point { y: state, inputs, params } = at;
-        Some(Equilibrium { state, inputs, params, drifts, residual, along, stability })
+        Some(Equilibrium { state, inputs, params, drifts, residual, along, period: None, stability })
     }
 
     fn follow(
@@ -352,7 +446,6 @@ impl<'a> Search<'a> {
         let follower = Follower {
             equations: &equations,
             setting,
-            base: &self.guess,
             first: along.from,
             last: along.to,
             n_points: along.n_points,
@@ -374,6 +467,9 @@ impl<'a> Search<'a> {
     fn missed(&self, missed: Missed) -> Error {
         let reason = match missed {
             Missed::NoValue => "leads to a state where the motion has no value".to_owned(),
+            Missed::Residual(size) if self.asked.period.is_some() => {
+                format!("has no orbit near it: motions there come back to {size:.3e} at best")
+            }
             Missed::Away => "leads away without bound: the rates vanish at infinity only".to_owned(),
             Missed::Residual(size) => {
                 format!("has no equilibrium near it: the smallest rates there are {size:.3e}")
@@ -391,6 +487,32 @@ impl<'a> Search<'a> {
 fn is_of_motion(name: &str) -> bool {
     [ENERGY, MOVING_ENERGY].contains(&name)
         || ["gauge_momentum", "space_"].iter().any(|first| name.starts_with(first))
+}
+
+/// The state that a motion reaches, and its derivatives by the initial state; nothing where it does not go so far.
+fn flowed(scene: &Built, at: &Point, t: f64, is_derived: bool) -> Option<(Vec<f64>, DMatrix<f64>)> {
+    let n = at.y.len();
+    let along = if is_derived { (0..n).map(Direction::Initial).collect() } else { Vec::new() };
+    let request = SimulateRequest {
+        params: at.params.clone(),
+        initial: at.y.clone(),
+        t_final: t,
+        method: MethodName::Dop853,
+        steps: Steps::new(MethodName::Dop853, Some(RTOL), Some(ATOL), None).ok()?,
+        samples: 1,
+        with_outputs: false,
+        n_group: 0,
+        max_steps: MAX_STEPS,
+        max_events: MAX_EVENTS,
+        watched: scene.watched(),
+        along,
+        tangents: Vec::new(),
+    };
+    let response = simulate(scene, &request, &mut |_| ()).ok().filter(|found| found.t == t)?;
+    let columns: Vec<DVector<f64>> =
+        response.along.iter().map(|(_, column)| DVector::from_column_slice(column)).collect();
+    let derivatives = if is_derived { DMatrix::from_columns(&columns) } else { DMatrix::zeros(0, 0) };
+    Some((response.last, derivatives))
 }
 
 /// What names may mean.

@@ -31,6 +31,8 @@ const MAX_HALVINGS: usize = 40;
 const SMALL_STEP: f64 = 1e-13;
 /// A residual counts as rounding up to this part of the size of its terms.
 const ROUNDING: f64 = 1e-9;
+/// Terms are no smaller than this where a residual is rounding.
+const LEAST: f64 = 1e-4;
 /// Unknowns beyond this have run away: the rates fall towards infinity.
 const FAR: f64 = 1e9;
 
@@ -56,7 +58,7 @@ impl Quantity {
     }
 
     /// Its derivative by a variable along which all functions have these derivatives.
-    fn slope(self, by: Variable, slopes: &Values<f64>) -> f64 {
+    pub(super) fn slope(self, by: Variable, slopes: &Values<f64>) -> f64 {
         match self {
             Quantity::Variable(variable) => f64::from(variable == by),
             Quantity::Invariant(k) => slopes.invariants[k],
@@ -71,6 +73,8 @@ impl Quantity {
 /// along, where there is such.
 #[derive(Debug)]
 pub(super) struct Equations<'a> {
+    /// Has all numbers that are no unknowns.
+    pub(super) base: &'a Point,
     pub(super) field: &'a Field<'a>,
     pub(super) symmetries: &'a [Symmetry],
     pub(super) variables: Vec<Variable>,
@@ -109,9 +113,9 @@ impl Equations<'_> {
         self.variables.len() + self.symmetries.len() + usize::from(self.along.is_some())
     }
 
-    /// The point of unknowns; `base` has all numbers that are none.
-    pub(super) fn point(&self, base: &Point, x: &DVector<f64>) -> Point {
-        let mut at = base.clone();
+    /// The point of unknowns.
+    pub(super) fn point(&self, x: &DVector<f64>) -> Point {
+        let mut at = self.base.clone();
         for (variable, value) in self.variables.iter().zip(x.iter()) {
             at.set(*variable, *value);
         }
@@ -129,14 +133,61 @@ impl Equations<'_> {
     }
 
     /// The conditions beside the rates.
-    fn conditions(&self, x: &DVector<f64>) -> Vec<(Quantity, f64)> {
+    pub(super) fn conditions(&self, x: &DVector<f64>) -> Vec<(Quantity, f64)> {
         let along = self.along.map(|quantity| (quantity, x[x.len() - 1]));
         self.held.iter().copied().chain(along).collect()
     }
+}
 
-    /// The equations at unknowns; nothing where they have no value.
-    fn residual(&self, base: &Point, x: &DVector<f64>) -> Option<DVector<f64>> {
-        let at = self.point(base, x);
+/// Equations by their residuals.
+pub(super) trait Solvable {
+    /// The residuals at unknowns; nothing where they have no value.
+    fn residual(&self, x: &DVector<f64>) -> Option<DVector<f64>>;
+
+    /// The residuals and their derivatives; nothing where they have no value.
+    fn linear(&self, x: &DVector<f64>) -> Option<Linear>;
+
+    /// The solution near unknowns, with these further linear equations `row . x = value`.
+    fn solve(&self, start: &DVector<f64>, further: &[(DVector<f64>, f64)]) -> Result<DVector<f64>, Missed> {
+        let mut x = start.clone();
+        for _ in 0..MAX_STEPS {
+            let Some(linear) = self.linear(&x).map(|linear| with_rows(linear, &x, further)) else {
+                return Err(Missed::NoValue);
+            };
+            let size = linear.residual.norm();
+            let Some(svd) = Svd::new(&linear.jacobian) else { return Err(Missed::NoValue) };
+            let mut found = None;
+            let mut damping = 0.0;
+            for _ in 0..MAX_HALVINGS {
+                let step = svd.step(&linear.residual, damping);
+                let next = &x + &step;
+                let residual = self.residual(&next);
+                let residual = residual.map(|r| with_values(r, &next, further).norm());
+                if residual.is_some_and(|r| r < size * (1.0 - 1e-4) || r == 0.0) {
+                    found = Some((next, step));
+                    break;
+                }
+                damping = if damping == 0.0 { 1e-6 * svd.largest() } else { 3.0 * damping };
+            }
+            let is_met = linear.is_met(&x);
+            let Some((next, step)) = found else { return end(&x, &linear, is_met) };
+            if next.amax() > FAR {
+                return Err(Missed::Away);
+            }
+            let is_small = step.amax() <= SMALL_STEP * (1.0 + next.amax());
+            x = next;
+            if is_small && is_met {
+                return Ok(x);
+            }
+        }
+        let linear = self.linear(&x).map(|linear| with_rows(linear, &x, further));
+        linear.map_or(Err(Missed::NoValue), |linear| end(&x, &linear, linear.is_met(&x)))
+    }
+}
+
+impl Solvable for Equations<'_> {
+    fn residual(&self, x: &DVector<f64>) -> Option<DVector<f64>> {
+        let at = self.point(x);
         let values = self.field.values(&at)?;
         let mut rates = DVector::from_column_slice(&values.rates);
         let y = DVector::from_column_slice(&at.y);
@@ -149,10 +200,9 @@ impl Equations<'_> {
         all.iter().all(|r| r.is_finite()).then(|| DVector::from_vec(all))
     }
 
-    /// The equations and their derivatives at unknowns; nothing where they have no value.
-    pub(super) fn linear(&self, base: &Point, x: &DVector<f64>) -> Option<Linear> {
-        let residual = self.residual(base, x)?;
-        let at = self.point(base, x);
+    fn linear(&self, x: &DVector<f64>) -> Option<Linear> {
+        let residual = self.residual(x)?;
+        let at = self.point(x);
         let y = DVector::from_column_slice(&at.y);
         let conditions = self.conditions(x);
         let mut by = self.variables.clone();
@@ -189,48 +239,6 @@ impl Equations<'_> {
         }
         jacobian.iter().all(|x| x.is_finite()).then_some(Linear { residual, jacobian })
     }
-
-    /// The solution near unknowns, with these further linear equations `row . x = value`.
-    pub(super) fn solve(
-        &self,
-        base: &Point,
-        start: &DVector<f64>,
-        further: &[(DVector<f64>, f64)],
-    ) -> Result<DVector<f64>, Missed> {
-        let mut x = start.clone();
-        for _ in 0..MAX_STEPS {
-            let Some(linear) = self.linear(base, &x).map(|linear| with_rows(linear, &x, further)) else {
-                return Err(Missed::NoValue);
-            };
-            let size = linear.residual.norm();
-            let Some(svd) = Svd::new(&linear.jacobian) else { return Err(Missed::NoValue) };
-            let mut found = None;
-            let mut damping = 0.0;
-            for _ in 0..MAX_HALVINGS {
-                let step = svd.step(&linear.residual, damping);
-                let next = &x + &step;
-                let residual = self.residual(base, &next);
-                let residual = residual.map(|r| with_values(r, &next, further).norm());
-                if residual.is_some_and(|r| r < size * (1.0 - 1e-4) || r == 0.0) {
-                    found = Some((next, step));
-                    break;
-                }
-                damping = if damping == 0.0 { 1e-6 * svd.largest() } else { 3.0 * damping };
-            }
-            let is_met = linear.is_met(&x);
-            let Some((next, step)) = found else { return end(&x, &linear, is_met) };
-            if next.amax() > FAR {
-                return Err(Missed::Away);
-            }
-            let is_small = step.amax() <= SMALL_STEP * (1.0 + next.amax());
-            x = next;
-            if is_small && is_met {
-                return Ok(x);
-            }
-        }
-        let linear = self.linear(base, &x).map(|linear| with_rows(linear, &x, further));
-        linear.map_or(Err(Missed::NoValue), |linear| end(&x, &linear, linear.is_met(&x)))
-    }
 }
 
 /// Where no step leads on.
@@ -242,7 +250,7 @@ impl Linear {
     /// Whether every residual is rounding.
     fn is_met(&self, x: &DVector<f64>) -> bool {
         let sizes = self.jacobian.map(f64::abs) * x.map(|x| x.abs().max(1e-3));
-        self.residual.iter().zip(sizes.iter()).all(|(r, size)| r.abs() <= ROUNDING * size.max(1e-6))
+        self.residual.iter().zip(sizes.iter()).all(|(r, size)| r.abs() <= ROUNDING * size.max(LEAST))
     }
 }
 

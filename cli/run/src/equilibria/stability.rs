@@ -31,6 +31,8 @@ const NEUTRAL: f64 = 1e-7;
 const ZERO: f64 = 1e-9;
 /// At rest, derivatives may be smaller than at the guess by this factor, and count as zeros below [`ZERO`] of that.
 const RESTED: f64 = 1e-3;
+/// Logarithms of multipliers below this are zero: what the tolerance of the integration leaves of their digits.
+const INTEGRATED: f64 = 1e-6;
 /// Most steps towards a definite matrix.
 const MAX_ASCENTS: usize = 300;
 /// Where two real eigenvalues meet, rounding parts them by the root of the roundoff.
@@ -105,6 +107,8 @@ pub struct Stability {
     pub verdict: Verdict,
     /// Eigenvalues on the reduced space that are not zero, real and imaginary part, the largest real part first.
     pub eigenvalues: Vec<[f64; 2]>,
+    /// Floquet's multipliers of an orbit, the largest first; its eigenvalues are the exponents.
+    pub multipliers: Vec<[f64; 2]>,
     /// Number of deviations that change an invariant.
     pub n_invariants: usize,
     /// Number of deviations along symmetries.
@@ -115,6 +119,30 @@ pub struct Stability {
     cut: f64,
     /// What the energy says, where it is an invariant that has no first variation.
     pub energy: Option<EnergyTest>,
+}
+
+/// A reduced space.
+struct Reduced {
+    /// An orthonormal basis, column by column.
+    space: DMatrix<f64>,
+    n_invariants: usize,
+    n_symmetries: usize,
+    /// Gradients of everything that is kept.
+    kept: Vec<DVector<f64>>,
+    /// Gradients of the components that never change.
+    constants: Vec<DVector<f64>>,
+}
+
+fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<[f64; 2]> {
+    match matrix.is_empty() {
+        true => Vec::new(),
+        false => matrix.complex_eigenvalues().iter().map(|z| [z.re, z.im]).collect(),
+    }
+}
+
+/// The largest real part first.
+fn sort(eigenvalues: &mut [[f64; 2]]) {
+    eigenvalues.sort_by(|x, y| y[0].total_cmp(&x[0]).then(y[1].total_cmp(&x[1])));
 }
 
 /// What deviations are told by.
@@ -132,39 +160,19 @@ pub(super) struct Setting<'a> {
 impl Setting<'_> {
     /// The stability of an equilibrium with these drifts; nothing where a derivative has no value.
     pub(super) fn stability(&self, at: &Point, drifts: &[f64]) -> Option<Stability> {
-        let n = at.y.len();
-        let y = DVector::from_column_slice(&at.y);
-        let by: Vec<Variable> = (0..n).map(Variable::State).collect();
-        let slopes = self.field.derivatives(at, &by)?;
-        let mut motion = DMatrix::from_fn(n, n, |i, j| slopes[j].rates[i]);
-        for (symmetry, drift) in self.symmetries.iter().zip(drifts) {
-            motion -= &symmetry.slope * *drift;
-        }
-        let kept = gradients(&slopes, Values::kept);
-        let n_strict = slopes.first().map_or(0, |s| s.positions.len() + s.residuals.len());
-        let (of_motion, strict) = kept.split_at(kept.len() - n_strict);
-        let constants: Vec<DVector<f64>> = (0..n)
-            .filter(|k| self.constants[*k])
-            .map(|k| DVector::from_fn(n, |j, _| f64::from(j == k)))
-            .collect();
-        // Momenta that a drift turns stay among momenta.
-        let turned = motion.transpose();
-        let conserved = invariant_span(&turned, of_motion.iter().chain(strict).chain(&constants));
-        let level = null_space(&conserved, n)?;
-        let moved: Vec<DVector<f64>> = self.symmetries.iter().map(|s| s.at(&y)).collect();
-        let along = invariant_span(&motion, moved.iter());
-        let (space, n_symmetries) = modulo(&level, &along)?;
+        let slopes = self.slopes(at)?;
+        let motion = self.motion(&slopes, drifts);
+        let Reduced { space, n_invariants, n_symmetries, kept, constants } =
+            self.reduced(at, &slopes, (&motion, true), Vec::new())?;
         let (reduced, n_neutral) = without_null(space.transpose() * &motion * &space, self.scale)?;
-        let mut eigenvalues: Vec<[f64; 2]> = match reduced.is_empty() {
-            true => Vec::new(),
-            false => reduced.complex_eigenvalues().iter().map(|z| [z.re, z.im]).collect(),
-        };
-        eigenvalues.sort_by(|x, y| y[0].total_cmp(&x[0]).then(y[1].total_cmp(&x[1])));
+        let mut eigenvalues = eigenvalues(&reduced);
+        sort(&mut eigenvalues);
         let energy = self.energy_test(at, &kept, &constants, &space);
         let mut found = Stability {
             verdict: Verdict::Rigid,
             eigenvalues,
-            n_invariants: n - level.ncols(),
+            multipliers: Vec::new(),
+            n_invariants,
             n_symmetries,
             n_neutral,
             cut: 0.0,
@@ -174,6 +182,89 @@ impl Setting<'_> {
         found.cut = NEUTRAL * largest;
         found.judge();
         Some(found)
+    }
+
+    /// The stability of an orbit of a period whose flow has these derivatives, seen from the frame that drifts along:
+    /// Floquet's multipliers, and exponents for eigenvalues. Where
+    /// events change the state on the way, invariants and symmetries are asked one by one whether they are kept.
+    pub(super) fn of_orbit(
+        &self,
+        at: &Point,
+        (monodromy, is_smooth): (&DMatrix<f64>, bool),
+        period: f64,
+    ) -> Option<Stability> {
+        let slopes = self.slopes(at)?;
+        let n = at.y.len();
+        let ahead = DVector::from_vec(self.field.values(at)?.rates);
+        // The flow and its difference from one have the same invariant spaces.
+        let change = monodromy - DMatrix::identity(n, n);
+        let Reduced { space, n_invariants, n_symmetries, .. } =
+            self.reduced(at, &slopes, (&change, is_smooth), vec![ahead])?;
+        let (reduced, n_neutral) = without_null(space.transpose() * &change * &space, 1.0)?;
+        let mut multipliers = eigenvalues(&reduced);
+        multipliers.iter_mut().for_each(|z| z[0] += 1.0);
+        multipliers.sort_by(|x, y| y[0].hypot(y[1]).total_cmp(&x[0].hypot(x[1])));
+        let exponent =
+            |z: &[f64; 2]| [z[0].hypot(z[1]).max(f64::MIN_POSITIVE).ln() / period, z[1].atan2(z[0]) / period];
+        let mut found = Stability {
+            verdict: Verdict::Rigid,
+            eigenvalues: multipliers.iter().map(exponent).collect(),
+            multipliers,
+            n_invariants,
+            n_symmetries,
+            n_neutral,
+            cut: INTEGRATED / period,
+            energy: None,
+        };
+        sort(&mut found.eigenvalues);
+        found.judge();
+        Some(found)
+    }
+
+    fn slopes(&self, at: &Point) -> Option<Vec<Values<f64>>> {
+        let by: Vec<Variable> = (0..at.y.len()).map(Variable::State).collect();
+        self.field.derivatives(at, &by)
+    }
+
+    /// `L`.
+    fn motion(&self, slopes: &[Values<f64>], drifts: &[f64]) -> DMatrix<f64> {
+        let n = slopes.len();
+        let mut motion = DMatrix::from_fn(n, n, |i, j| slopes[j].rates[i]);
+        for (symmetry, drift) in self.symmetries.iter().zip(drifts) {
+            motion -= &symmetry.slope * *drift;
+        }
+        motion
+    }
+
+    /// The reduced space on which a matrix acts; `ahead` are directions that go like symmetries.
+    fn reduced(
+        &self,
+        at: &Point,
+        slopes: &[Values<f64>],
+        (matrix, is_smooth): (&DMatrix<f64>, bool),
+        ahead: Vec<DVector<f64>>,
+    ) -> Option<Reduced> {
+        let n = at.y.len();
+        let y = DVector::from_column_slice(&at.y);
+        let kept = gradients(slopes, Values::kept);
+        let n_strict = slopes.first().map_or(0, |s| s.positions.len() + s.residuals.len());
+        let (of_motion, strict) = kept.split_at(kept.len() - n_strict);
+        let constants: Vec<DVector<f64>> = (0..n)
+            .filter(|k| self.constants[*k])
+            .map(|k| DVector::from_fn(n, |j, _| f64::from(j == k)))
+            .collect();
+        // Momenta that a drift turns stay among momenta.
+        let turned = matrix.transpose();
+        let is_met = |matrix: &DMatrix<f64>, v: &DVector<f64>| {
+            is_smooth || (matrix * v).norm() <= SMALL * matrix.norm() * v.norm()
+        };
+        let all = of_motion.iter().chain(strict).chain(&constants).filter(|g| is_met(&turned, g));
+        let conserved = invariant_span(&turned, all);
+        let level = null_space(&conserved, n)?;
+        let moved: Vec<DVector<f64>> = self.symmetries.iter().map(|s| s.at(&y)).chain(ahead).collect();
+        let along = invariant_span(matrix, moved.iter().filter(|z| is_met(matrix, z)));
+        let (space, n_symmetries) = modulo(&level, &along)?;
+        Some(Reduced { n_invariants: n - level.ncols(), space, n_symmetries, kept, constants })
     }
 
     /// The signs of the second variation on a space; nothing where the energy is not kept, or has a first one.
