@@ -465,3 +465,19 @@ fn an_impact_is_part_of_an_orbit() {
     assert!((multiplier[0] - kept).abs() < 1e-8, "{multiplier:?} {kept}");
     assert!(matches!(gait.stability.verdict, Verdict::Asymptotic { .. }));
 }
+
+#[test]
+fn fields_have_no_momenta_in_space() {
+    // Fields for the group and accelerations: nothing has a momentum, and nothing is looked for.
+    let text = "model walker {
+        coordinate s in angle;
+        velocity omega, v in se(2);
+        field s_dot = sin(s);
+        field omega = sin(s);
+        acceleration v = [cos(s) - v1, -v2];
+        initial s = 3;
+    }";
+    let found = one(text, "default", &Asked::default());
+    assert!((found.state[0] - std::f64::consts::PI).abs() < 1e-9, "{found:?}");
+    assert!(matches!(found.stability.verdict, Verdict::Asymptotic { .. }), "{:?}", found.stability);
+}

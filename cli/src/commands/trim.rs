@@ -250,7 +250,7 @@ fn verdict(found: &Equilibrium) -> String {
             };
             let energy = match stability.energy {
                 Some(_) => format!(
-                    "; the second variation of the energy is indefinite ({energy}) and does not decide"
+                    "; the second variation of the energy is not definite ({energy}) and does not decide"
                 ),
                 None => String::new(),
             };

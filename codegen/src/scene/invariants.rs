@@ -108,7 +108,8 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
     let momenta: Vec<(String, ExprId)> = group(Want::Momentum).collect();
     candidates.extend(momenta.iter().cloned().chain(group(Want::NonholonomicMomentum)));
     candidates.extend(group(Want::Sections));
-    let in_space = &equations.system.momenta_in_space;
+    // Fields and accelerations have no momenta.
+    let in_space = if momenta.is_empty() { &[][..] } else { &equations.system.momenta_in_space[..] };
     for (k, a) in in_space.iter().enumerate() {
         // What turns as one vector keeps its products: Casimirs of so(3) and se(3), also where a scene carries no
         // attitude.

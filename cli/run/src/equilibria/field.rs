@@ -121,6 +121,7 @@ pub(super) struct Field<'a> {
     /// Of the scene's outputs: its constraints.
     own_residuals: std::ops::Range<usize>,
     energy: Energy,
+    energy_among_invariants: Option<usize>,
 }
 
 /// Where the energy is that is constant along every motion.
@@ -139,7 +140,8 @@ impl<'a> Field<'a> {
         let invariants = built.invariants_of_motion();
         let names = invariants.map_or_else(Vec::new, |scene| names(&scene.program, Want::Invariants));
         let among = |wanted: &str| names.iter().position(|name| name == wanted);
-        let energy = match (built.info().conserves_energy, among(ENERGY).or_else(|| among(MOVING_ENERGY))) {
+        let energy_among_invariants = among(ENERGY).or_else(|| among(MOVING_ENERGY));
+        let energy = match (built.info().conserves_energy, energy_among_invariants) {
             (true, _) => Energy::Own,
             (false, Some(k)) => Energy::Invariant(k),
             (false, None) => Energy::Nowhere,
@@ -152,12 +154,18 @@ impl<'a> Field<'a> {
             residuals: residuals.map(Built::executable),
             own_residuals: own.unwrap_or(0..0),
             energy,
+            energy_among_invariants,
         }
     }
 
     /// Names of the invariants.
     pub(super) fn invariant_names(&self) -> Vec<String> {
         self.invariants.map_or_else(Vec::new, |scene| names(&scene.program, Want::Invariants))
+    }
+
+    /// The place among invariants of the same energy.
+    pub(super) fn energy_among_invariants(&self) -> Option<usize> {
+        self.energy_among_invariants
     }
 
     /// Number of the positions that have to vanish.

@@ -96,7 +96,7 @@ pub struct EnergyTest {
 impl EnergyTest {
     /// Whether all have one sign.
     pub fn is_definite(self) -> bool {
-        self.n_zero == 0 && (self.n_positive == 0 || self.n_negative == 0)
+        self.n_zero == 0 && (self.n_positive == 0) != (self.n_negative == 0)
     }
 }
 
@@ -223,7 +223,7 @@ impl Setting<'_> {
 
     fn slopes(&self, at: &Point) -> Option<Vec<Values<f64>>> {
         let by: Vec<Variable> = (0..at.y.len()).map(Variable::State).collect();
-        self.field.derivatives(at, &by)
+        self.field.derivatives(at, &by).filter(|slopes| slopes.iter().all(Values::are_finite))
     }
 
     /// `L`.
@@ -280,7 +280,8 @@ impl Setting<'_> {
         }
         let n = at.y.len();
         let gradients: Vec<&DVector<f64>> = kept.iter().chain(constants).collect();
-        let others: Vec<usize> = (1..gradients.len()).collect();
+        let twin = self.field.energy_among_invariants().map(|k| k + 1);
+        let others: Vec<usize> = (1..gradients.len()).filter(|k| Some(*k) != twin).collect();
         let columns = DMatrix::from_fn(n, others.len(), |i, k| gradients[others[k]][i]);
         let first = gradients[0];
         let mut weights = DVector::zeros(gradients.len());
@@ -308,7 +309,9 @@ impl Setting<'_> {
             Some(space.transpose() * self.field.hessian(at, &weights.as_slice()[..kept.len()])? * space)
         };
         let by_free = free.iter().map(second).collect::<Option<Vec<_>>>()?;
-        Some(EnergyTest::of(&most_definite(second(&weights)?, &by_free)))
+        let own = second(&weights)?;
+        let are_finite = by_free.iter().chain([&own]).all(|m| m.iter().all(|x| x.is_finite()));
+        are_finite.then(|| EnergyTest::of(&most_definite(own, &by_free)))
     }
 }
 
