@@ -2,15 +2,15 @@
 //!
 //! The module deliberately does not know any scene or method.
 
+use std::fmt;
 use std::marker::PhantomData;
 
-use hamel_runtime::{
-    Error as IntegrationError, F64x4, Integrator, Method, Options, ParamError, StateVector, Stats, System,
-};
+use hamel_runtime::{F64x4, Method, Options, ParamError, Stats};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use crate::error::{Error, Stop};
 use crate::lanes::{Family, Generated, Lanes, Source};
+use crate::space::{Goal, Space};
 
 /// How the trajectories of an ensemble are integrated: method, options, lanes.
 ///
@@ -85,31 +85,6 @@ impl<M, L> Ensemble<M, L> {
         L: Lanes,
         M: Method<f64, F::Of<f64>> + Method<L, F::Of<L>> + Sync,
     {
-        self.run_from(&Generated::<F, N>(PhantomData), params, initial, t_end, times, |_| {})
-    }
-
-    /// [`run`](Self::run) with systems that are known at run time only. `progress` is told how many more trajectories
-    /// are done, by any thread.
-    ///
-    /// # Errors
-    ///
-    /// As [`run`](Self::run).
-    pub fn run_from<P, Y, E>(
-        &self,
-        source: &P,
-        params: &[impl AsRef<[f64]> + Sync],
-        initial: &[Y],
-        t_end: f64,
-        times: &[f64],
-        progress: impl Fn(usize) + Sync,
-    ) -> Result<Vec<Trajectory<Y, E>>, Error>
-    where
-        P: Source<f64, State = Y, Error = E> + Source<L, Error = E>,
-        Y: StateVector<f64> + Send + Sync,
-        E: Send,
-        L: Lanes,
-        M: Method<f64, <P as Source<f64>>::System> + Method<L, <P as Source<L>>::System> + Sync,
-    {
         let n = match (params.len(), initial.len()) {
             (sets, states) if sets == states || states == 1 => sets,
             (1, states) => states,
@@ -117,23 +92,57 @@ impl<M, L> Ensemble<M, L> {
         };
         let member = |k: usize| {
             let values = &params[if params.len() == 1 { 0 } else { k }];
-            (values.as_ref(), &initial[if initial.len() == 1 { 0 } else { k }])
+            (values.as_ref(), initial[if initial.len() == 1 { 0 } else { k }].as_slice())
         };
+        let source = Generated::<F, N>(PhantomData);
+        let members = Members { n, n_state: N, member: &member };
+        Ok(self.run_from(&source, &members, t_end, times, |_| {}).into_trajectories(t_end))
+    }
+
+    /// [`run`](Self::run) with systems that are known at run time only, and all numbers one after the other: nothing
+    /// is allocated for a single trajectory. `progress` is told how many more trajectories are done, by any thread.
+    pub fn run_from<P, E>(
+        &self,
+        source: &P,
+        members: &Members<'_>,
+        t_end: f64,
+        times: &[f64],
+        progress: impl Fn(usize) + Sync,
+    ) -> Motions<E>
+    where
+        P: Source<f64, Error = E> + Source<L, Error = E>,
+        E: Send,
+        L: Lanes,
+        M: Method<f64, <P as Source<f64>>::System> + Method<L, <P as Source<L>>::System> + Sync,
+    {
         let goal =
             Goal { source, method: self.method, options: self.options, start: self.start, t_end, times };
-        let group = |first: usize| {
-            let width = L::LANES.min(n - first);
-            let members: Vec<(&[f64], &Y)> = (first..first + width).map(member).collect();
-            let done = goal
-                .together::<L, Y, E>(&members)
-                .unwrap_or_else(|| members.iter().map(|&(values, y)| goal.alone(values, y)).collect());
-            progress(width);
+        let n_groups = members.n.div_ceil(L::LANES);
+        let length =
+            n_groups.div_ceil(BLOCKS_OF_A_THREAD * rayon::current_num_threads()).clamp(1, LARGEST_BLOCK);
+        let block = |at: usize| {
+            let (mut on_lanes, mut single) = (Space::default(), Space::default());
+            let mut done = Motions::none(members.n_state, times.len());
+            for group in at * length..n_groups.min((at + 1) * length) {
+                let first = group * L::LANES;
+                let range = first..members.n.min(first + L::LANES);
+                let width = range.len();
+                goal.group::<L, E>((&mut on_lanes, &mut single), members, range, &mut done);
+                progress(width);
+            }
             done
         };
-        let groups = share_out(n.div_ceil(L::LANES), &|g| group(g * L::LANES));
-        Ok(groups.into_iter().flatten().collect())
+        let mut all = Motions::none(members.n_state, times.len());
+        share_out(n_groups.div_ceil(length), &block).into_iter().for_each(|done| all.append(done));
+        all
     }
 }
+
+/// Groups of a block, at most: their numbers fit a core's cache.
+const LARGEST_BLOCK: usize = 64;
+
+/// Blocks for each thread, so that none waits long for the last one.
+const BLOCKS_OF_A_THREAD: usize = 8;
 
 /// The tasks `0..n` on the threads of the current pool, their results in order. What a task does is behind a pointer,
 /// so that this is compiled once for each type of results, not for each system and method.
@@ -141,93 +150,147 @@ fn share_out<T: Send>(n: usize, task: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
     (0..n).into_par_iter().map(task).collect()
 }
 
-/// What every trajectory of an ensemble is asked for.
-struct Goal<'a, P, M> {
-    source: &'a P,
-    method: M,
-    options: Options<f64>,
-    start: f64,
-    t_end: f64,
-    times: &'a [f64],
+/// What trajectories start from.
+#[derive(Clone, Copy)]
+pub struct Members<'a> {
+    /// Number of trajectories.
+    pub n: usize,
+    /// Number of components of each state.
+    pub n_state: usize,
+    /// Parameters and initial state of each.
+    pub member: &'a (dyn Fn(usize) -> (&'a [f64], &'a [f64]) + Sync),
 }
 
-impl<P, M: Copy> Goal<'_, P, M> {
-    /// Trajectories side by side; none if anything fails, or if there is one lane only.
-    fn together<L: Lanes, Y, E>(&self, members: &[(&[f64], &Y)]) -> Option<Vec<Trajectory<Y, E>>>
-    where
-        P: Source<f64, State = Y, Error = E> + Source<L>,
-        Y: StateVector<f64>,
-        M: Method<L, <P as Source<L>>::System>,
-    {
-        let (n_params, n_state) = (members[0].0.len(), members[0].1.as_slice().len());
-        let alike = |&(values, y): &(&[f64], &Y)| values.len() == n_params && y.as_slice().len() == n_state;
-        if L::LANES == 1 || !members.iter().all(alike) {
-            return None;
+impl fmt::Debug for Members<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Members").field("n", &self.n).field("n_state", &self.n_state).finish_non_exhaustive()
+    }
+}
+
+/// Many trajectories, all numbers one after the other; `E` says why parameters are not allowed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motions<E = ParamError> {
+    /// Number of components of each state.
+    pub n_state: usize,
+    /// Number of samples of each trajectory.
+    pub n_times: usize,
+    /// States at the times asked for, trajectory by trajectory and time by time; NaN where they were not reached.
+    pub states: Vec<f64>,
+    /// What [`Source::measure`] tells of each of these states; NaN where it tells nothing.
+    pub measures: Vec<f64>,
+    /// The last state of each trajectory; the initial state if it never started.
+    pub ends: Vec<f64>,
+    /// Work done for each, which the lanes of a group share: each of them reports the same counts.
+    pub stats: Vec<Stats>,
+    /// The trajectories that stopped before the end, in their order.
+    pub stopped: Vec<Stopped<E>>,
+}
+
+/// A trajectory that stopped before the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stopped<E = ParamError> {
+    /// Its number.
+    pub at: usize,
+    /// Number of samples that were reached.
+    pub n_samples: usize,
+    /// Time reached.
+    pub t: f64,
+    /// Why it stopped.
+    pub stop: Stop<E>,
+}
+
+impl<E> Motions<E> {
+    pub(crate) fn none(n_state: usize, n_times: usize) -> Self {
+        let (states, measures, ends) = (Vec::new(), Vec::new(), Vec::new());
+        Motions { n_state, n_times, states, measures, ends, stats: Vec::new(), stopped: Vec::new() }
+    }
+
+    /// Number of trajectories.
+    pub fn len(&self) -> usize {
+        self.stats.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.stats.is_empty()
+    }
+
+    /// The state of a trajectory at one of the times.
+    ///
+    /// # Panics
+    /// When there is no such trajectory or time.
+    pub fn state(&self, k: usize, time: usize) -> &[f64] {
+        let first = (k * self.n_times + time) * self.n_state;
+        &self.states[first..first + self.n_state]
+    }
+
+    /// Makes room for more trajectories.
+    pub(crate) fn grow(&mut self, n: usize) {
+        self.states.resize(self.states.len() + n * self.n_times * self.n_state, f64::NAN);
+        self.measures.resize(self.measures.len() + n * self.n_times, f64::NAN);
+        self.ends.resize(self.ends.len() + n * self.n_state, f64::NAN);
+        self.stats.resize(self.stats.len() + n, Stats::default());
+    }
+
+    /// Writes a sample, and what is measured of it.
+    #[inline]
+    pub(crate) fn put<L: Lanes>(
+        &mut self,
+        (k, time, lane): (usize, usize, usize),
+        y: &[L],
+        measure: Option<L>,
+    ) {
+        let at = k * self.n_times + time;
+        let out = &mut self.states[at * self.n_state..(at + 1) * self.n_state];
+        out.iter_mut().zip(y).for_each(|(out, y)| *out = y.lane(lane));
+        if let Some(measure) = measure {
+            self.measures[at] = measure.lane(lane);
         }
-        // Lanes beyond the last trajectory repeat it.
-        let of = |k: usize| members[k.min(members.len() - 1)];
-        let values: Vec<L> = (0..n_params).map(|p| L::gather(|k| of(k).0[p])).collect();
-        let system = Source::<L>::prepare(self.source, &values).ok()?;
-        let initial: Vec<L> = (0..n_state).map(|c| L::gather(|k| of(k).1.as_slice()[c])).collect();
-        let initial = Source::<L>::state(self.source, &initial);
-        let mut lane = vec![0.0; n_state];
-        let mut scatter = |y: &[L], k: usize| {
-            lane.iter_mut().zip(y).for_each(|(x, y)| *x = y.lane(k));
-            Source::<f64>::state(self.source, &lane)
-        };
-        let mut samples: Vec<Vec<Y>> = vec![Vec::with_capacity(self.times.len()); members.len()];
-        let start = L::from_f64(self.start);
-        let mut solver =
-            Integrator::new(&system, self.method, start, initial, self.options.map(L::from_f64)).ok()?;
-        let keep = |y: &<P as Source<L>>::State| {
-            for (k, samples) in samples.iter_mut().enumerate() {
-                samples.push(scatter(y.as_slice(), k));
-            }
-        };
-        self.drive(&mut solver, keep).ok()?;
-        let finish = |(k, samples)| Trajectory {
-            t: self.t_end,
-            state: scatter(solver.state().as_slice(), k),
-            samples,
-            stats: solver.stats(),
-            stop: None,
-        };
-        Some(samples.into_iter().enumerate().map(finish).collect())
     }
 
-    /// One trajectory, with whatever becomes of it.
-    fn alone<Y, E>(&self, values: &[f64], initial: &Y) -> Trajectory<Y, E>
-    where
-        P: Source<f64, State = Y, Error = E>,
-        Y: StateVector<f64>,
-        M: Method<f64, <P as Source<f64>>::System>,
-    {
-        let mut trajectory = Trajectory {
-            t: self.start,
-            state: initial.clone(),
-            samples: Vec::with_capacity(self.times.len()),
-            stats: Stats::default(),
-            stop: None,
-        };
-        let outcome = (|| -> Result<(), Stop<E>> {
-            let system = self.source.prepare(values).map_err(Stop::Params)?;
-            let mut solver =
-                Integrator::new(&system, self.method, self.start, initial.clone(), self.options)?;
-            let driven = self.drive(&mut solver, |y| trajectory.samples.push(y.clone()));
-            (trajectory.t, trajectory.state) = (solver.t(), solver.state().clone());
-            trajectory.stats = solver.stats();
-            Ok(driven?)
-        })();
-        trajectory.stop = outcome.err();
-        trajectory
+    /// Writes where a trajectory ended.
+    pub(crate) fn end<L: Lanes>(&mut self, (k, lane): (usize, usize), y: &[L], stats: Stats) {
+        let out = &mut self.ends[k * self.n_state..(k + 1) * self.n_state];
+        out.iter_mut().zip(y).for_each(|(out, y)| *out = y.lane(lane));
+        self.stats[k] = stats;
     }
 
-    fn drive<R: Lanes, S: System<R>, K: Method<R, S>>(
-        &self,
-        solver: &mut Integrator<'_, R, S, K>,
-        mut keep: impl FnMut(&S::State),
-    ) -> Result<(), IntegrationError> {
-        let times = self.times.iter().map(|&t| R::from_f64(t));
-        solver.sample(R::from_f64(self.t_end), times, |_, y| keep(y))
+    /// Forgets the samples of a trajectory.
+    pub(crate) fn clear(&mut self, k: usize) {
+        let samples = k * self.n_times..(k + 1) * self.n_times;
+        self.states[samples.start * self.n_state..samples.end * self.n_state].fill(f64::NAN);
+        self.measures[samples].fill(f64::NAN);
+    }
+
+    /// Takes those of a later block in, whose numbers follow.
+    fn append(&mut self, mut later: Self) {
+        let before = self.len();
+        if before == 0 {
+            *self = later;
+            return;
+        }
+        self.states.append(&mut later.states);
+        self.measures.append(&mut later.measures);
+        self.ends.append(&mut later.ends);
+        self.stats.append(&mut later.stats);
+        let later = later.stopped.into_iter();
+        self.stopped.extend(later.map(|stopped| Stopped { at: before + stopped.at, ..stopped }));
+    }
+
+    fn into_trajectories<const N: usize>(self, t_end: f64) -> Vec<Trajectory<[f64; N], E>> {
+        let array = |numbers: &[f64]| std::array::from_fn(|c| numbers[c]);
+        let mut stopped = self.stopped.into_iter().peekable();
+        let mut samples = self.states.chunks(N.max(1));
+        let one = |(k, &stats): (usize, &Stats)| {
+            let own = stopped.next_if(|stopped| stopped.at == k);
+            let mut samples: Vec<[f64; N]> = samples.by_ref().take(self.n_times).map(array).collect();
+            let state = array(&self.ends[k * N..(k + 1) * N]);
+            let Some(Stopped { n_samples, t, stop, .. }) = own else {
+                return Trajectory { t: t_end, state, samples, stats, stop: None };
+            };
+            samples.truncate(n_samples);
+            Trajectory { t, state, samples, stats, stop: Some(stop) }
+        };
+        self.stats.iter().enumerate().map(one).collect()
     }
 }

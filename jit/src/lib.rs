@@ -90,21 +90,25 @@ impl Compiled {
         Ok(Compiled { program: program.clone(), isa: code::host()?, functions, preparation })
     }
 
-    /// What [`Program::prepare`] returns, by machine code from the hundredth time on.
-    fn prepared<R: Real>(&self, params: &[R]) -> Result<Vec<R>, ViolatedCondition>
+    /// Writes what [`Program::prepare`] returns, by machine code from the hundredth time on.
+    fn prepared<R: Real>(&self, params: &[R], prepared: &mut Vec<R>) -> Result<(), ViolatedCondition>
     where
         Compiled: Run<R>,
     {
         let Preparation { n_runs, compiled } = &self.preparation;
+        let interpret = |prepared: &mut Vec<R>| {
+            *prepared = self.program.prepare(params)?;
+            Ok(())
+        };
         // Whichever way has the same bits, so that it does not matter which thread counts first.
         if n_runs.load(Ordering::Relaxed) < N_INTERPRETED {
             n_runs.fetch_add(1, Ordering::Relaxed);
-            return self.program.prepare(params);
+            return interpret(prepared);
         }
         let compile = || Compiled::new(&self.program.preparation()).ok().map(Box::new);
         match compiled.get_or_init(compile) {
-            Some(compiled) => self.program.prepare_by(&**compiled, params),
-            None => self.program.prepare(params),
+            Some(compiled) => self.program.prepare_by(&**compiled, params, prepared),
+            None => interpret(prepared),
         }
     }
 
@@ -159,7 +163,12 @@ impl Run<f64> for Compiled {
     }
 
     fn prepare(&self, params: &[f64]) -> Result<Vec<f64>, ViolatedCondition> {
-        self.prepared(params)
+        let mut prepared = Vec::new();
+        self.prepared(params, &mut prepared).map(|()| prepared)
+    }
+
+    fn prepare_into(&self, params: &[f64], prepared: &mut Vec<f64>) -> Result<(), ViolatedCondition> {
+        self.prepared(params, prepared)
     }
 
     fn run_at(
@@ -181,7 +190,12 @@ impl Run<F64x4> for Compiled {
     }
 
     fn prepare(&self, params: &[F64x4]) -> Result<Vec<F64x4>, ViolatedCondition> {
-        self.prepared(params)
+        let mut prepared = Vec::new();
+        self.prepared(params, &mut prepared).map(|()| prepared)
+    }
+
+    fn prepare_into(&self, params: &[F64x4], prepared: &mut Vec<F64x4>) -> Result<(), ViolatedCondition> {
+        self.prepared(params, prepared)
     }
 
     fn run_at(

@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
-use std::ops::Deref;
+use std::ops::{ControlFlow, Deref};
 use std::sync::{Arc, Mutex, OnceLock};
 
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
@@ -64,9 +64,9 @@ impl Runnable {
     }
 
     /// On lanes with parameters of their own; none where the program is interpreted.
-    fn prepare_lanes(&self, params: &[F64x4]) -> Option<Result<OnLanes<'_>, ViolatedCondition>> {
+    fn prepare_lanes(&self, params: &[F64x4]) -> Option<Result<Driving<'_, F64x4>, ViolatedCondition>> {
         let compiled = self.compiled.as_ref()?;
-        Some(self.executable.prepare_on(compiled, params).map(|on| OnLanes(Driving::held(on))))
+        Some(self.executable.prepare_on(compiled, params).map(Driving::held))
     }
 }
 
@@ -368,8 +368,8 @@ impl Factory for Built {
         let (params, inputs) = self.parted(values);
         match self.executable.prepare_lanes(params) {
             Some(lanes) => {
-                let OnLanes(lanes) = lanes.map_err(bad_params)?;
-                Ok(Box::new(OnLanes(lanes.driven(&self.drive).holding(inputs))))
+                let driving = lanes.map_err(bad_params)?.driven(&self.drive).holding(inputs);
+                Ok(Box::new(OnLanes { driving, n_values: values.len() }))
             }
             None => SideBySide::boxed(self, values),
         }
@@ -433,43 +433,63 @@ impl DualDynamics for Driving<'_, Dual> {
 }
 
 /// The machine code of a scene on lanes.
-struct OnLanes<'a>(Driving<'a, F64x4>);
+struct OnLanes<'a> {
+    driving: Driving<'a, F64x4>,
+    /// Number of parameters and of the inputs that are held.
+    n_values: usize,
+}
 
 impl LaneDynamics for OnLanes<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
-        self.0.at(t).rhs(t, &y.0, &mut dy.0);
+        self.driving.at(t).rhs(t, &y.0, &mut dy.0);
     }
 
     fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
-        self.0.at(t).energy(t, &y.0)
+        self.driving.at(t).energy(t, &y.0)
     }
 
-    fn outputs(&self, t: F64x4, y: &VecState<F64x4>) -> Vec<F64x4> {
-        self.0.at(t).outputs(t, &y.0)
+    fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>) {
+        self.driving.at(t).write_outputs(t, &y.0, out);
+    }
+
+    fn set(&mut self, values: &[F64x4]) -> Option<Result<(), BadParams>> {
+        // Inputs that are held, or are not, take part in what drives them.
+        if values.len() != self.n_values {
+            return None;
+        }
+        let interpreter = &mut self.driving.interpreter;
+        let (params, inputs) = values.split_at(interpreter.n_params());
+        let prepared = interpreter.prepare_again(params).map_err(bad_params);
+        if !inputs.is_empty() {
+            interpreter.set_inputs(inputs);
+        }
+        Some(prepared)
     }
 
     fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        check(&self.0.at(t), t, &y.0)
+        check(&self.driving.at(t), t, &y.0)
     }
 
     fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        domain(&self.0.at(t), t, &y.0)
+        domain(&self.driving.at(t), t, &y.0)
     }
 
     fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
-        self.0.at(t).signature(t, &y.0)
+        self.driving.at(t).signature(t, &y.0)
     }
 
     fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
-        pivots(&self.0.at(t), t, &y.0, visit);
+        pivots(&self.driving.at(t), t, &y.0, visit);
     }
 }
 
 fn check<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R]) -> Result<(), Failure> {
-    interpreter.pivots(t, y).into_iter().try_for_each(|(name, value, scale)| {
+    let found = interpreter.visit_pivots(t, y, |(name, value, scale)| {
         let verified = Pivot { name: "", value, scale }.verify(t);
-        verified.or_else(|_| Pivot { name: interned(name.to_owned()), value, scale }.verify(t))
-    })
+        let named = verified.or_else(|_| Pivot { name: interned(name.to_owned()), value, scale }.verify(t));
+        named.map_or_else(ControlFlow::Break, ControlFlow::Continue)
+    });
+    found.break_value().map_or(Ok(()), Err)
 }
 
 fn domain<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R]) -> Result<(), Failure> {
@@ -479,9 +499,10 @@ fn domain<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R]) -> Result<()
 }
 
 fn pivots<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R], visit: &mut dyn FnMut(Pivot<R>)) {
-    for (name, value, scale) in interpreter.pivots(t, y) {
+    let _ = interpreter.visit_pivots(t, y, |(name, value, scale)| {
         visit(Pivot { name: interned(name.to_owned()), value, scale });
-    }
+        ControlFlow::<()>::Continue(())
+    });
 }
 
 struct Interpreted<'a> {
@@ -555,8 +576,9 @@ impl Dynamics for Interpreted<'_> {
         let on_lanes = || {
             let [params, inputs] = [&self.params, &self.inputs]
                 .map(|values| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>());
-            let OnLanes(lanes) = self.built.executable.prepare_lanes(&params)?.ok()?;
-            Some(OnLanes(lanes.driven(&self.built.drive).holding(&inputs)))
+            let lanes = self.built.executable.prepare_lanes(&params)?.ok()?;
+            let driving = lanes.driven(&self.built.drive).holding(&inputs);
+            Some(OnLanes { driving, n_values: params.len() + inputs.len() })
         };
         match self.lanes.get_or_init(on_lanes) {
             Some(lanes) => lanes.rhs(t, y, dy),

@@ -33,6 +33,7 @@ pub mod length;
 mod lost_rank;
 mod machine;
 pub mod matrices;
+pub mod members;
 pub mod method;
 pub mod model;
 pub mod names;

@@ -60,22 +60,22 @@ impl Sink for Csv {
             }
         };
         let mut text = String::new();
-        for (k, (inputs, result)) in chunk.inputs.iter().zip(&chunk.results).enumerate() {
-            let error =
-                result.error.as_ref().map(|e| format!("\"{}\"", e.replace('"', "\"\"").replace('\n', " ")));
+        for (k, (inputs, result)) in chunk.rows().enumerate() {
+            let error = result.error().map(|e| format!("\"{}\"", e.replace('"', "\"\"").replace('\n', " ")));
             let mut line = |cells: &mut dyn Iterator<Item = f64>, error: Option<&String>| {
                 let _ = write!(text, "{}", chunk.first + k);
                 inputs.iter().for_each(|x| cell(&mut text, Some(*x)));
                 (0..self.n_cells).for_each(|_| cell(&mut text, cells.next()));
                 let _ = writeln!(text, ",{}", error.map_or("", String::as_str));
             };
-            for (at, sample) in result.samples.iter().enumerate() {
+            let mut samples = result.samples().peekable();
+            if samples.peek().is_none() {
+                line(&mut std::iter::empty(), error.as_ref());
+            }
+            while let Some(sample) = samples.next() {
                 let mut cells =
                     [sample.t].into_iter().chain(sample.state.iter().copied()).chain(sample.energy);
-                line(&mut cells, error.as_ref().filter(|_| at + 1 == result.samples.len()));
-            }
-            if result.samples.is_empty() {
-                line(&mut std::iter::empty(), error.as_ref());
+                line(&mut cells, error.as_ref().filter(|_| samples.peek().is_none()));
             }
         }
         self.out.write_all(text.as_bytes()).map_err(|e| Error::io(self.path.display().to_string(), e))
