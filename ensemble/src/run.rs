@@ -139,7 +139,7 @@ impl<M, L> Ensemble<M, L> {
 }
 
 /// Groups of a block, at most: their numbers fit a core's cache.
-const LARGEST_BLOCK: usize = 64;
+const LARGEST_BLOCK: usize = 256;
 
 /// Blocks for each thread, so that none waits long for the last one.
 const BLOCKS_OF_A_THREAD: usize = 8;

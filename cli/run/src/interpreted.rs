@@ -441,7 +441,10 @@ struct OnLanes<'a> {
 
 impl LaneDynamics for OnLanes<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
-        self.driving.at(t).rhs(t, &y.0, &mut dy.0);
+        match &self.driving.drive {
+            None => self.driving.interpreter.rhs(t, &y.0, &mut dy.0),
+            Some(_) => self.driving.at(t).rhs(t, &y.0, &mut dy.0),
+        }
     }
 
     fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {

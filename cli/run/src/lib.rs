@@ -5,6 +5,8 @@
 //!
 //! Does not know: commands and their arguments, how results are shown.
 
+#![forbid(unsafe_code)]
+
 pub mod admissible;
 mod any_method;
 pub mod asked;
@@ -54,6 +56,7 @@ pub mod streams;
 pub mod temporary;
 mod verdict;
 pub mod watched;
+mod wide;
 
 pub use error::Error;
 pub use record::energy_scale;
