@@ -3,7 +3,8 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use hamel_ensemble::{
-    Dop853, Ensemble, Error, F64x8, Family, Lanes, Members, Options, Rk4, Source, Stop, Trajectory, Tsit5, family,
+    Dop853, Ensemble, Error, F64x8, Family, Lanes, Members, Options, Rk4, Source, Stop, Trajectory, Tsit5,
+    family,
 };
 use hamel_models::generated::heavy_top;
 use hamel_runtime::{

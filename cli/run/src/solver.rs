@@ -93,9 +93,7 @@ fn own_method<'a>(
                 let reason = "method auto chooses by tolerances: give these instead of a step".to_owned();
                 return Err(Error::Options { reason });
             };
-            // A table ends a step of a series at every row, and most have many.
-            let has_series = dynamics.series((0.0, f64::INFINITY), y, &mut []) == Some(f64::INFINITY);
-            let chosen = auto::choose(rtol, dynamics.rhs_cost(), has_series, purpose);
+            let chosen = auto::choose(rtol, dynamics.rhs_cost(), purpose);
             return own_method(chosen, steps, purpose, dynamics, y);
         }
         MethodName::Isospectral => {

@@ -115,8 +115,7 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
 #[cfg(test)]
 mod tests {
     use hamel_runtime::{
-        Dop853, Dopri5, F64x4, Failure, Integrator, Method, Options, Pivot, Real, Rk4, System, Tableau,
-        Tsit5, Vern9,
+        Dop853, Dopri5, F64x4, Failure, Integrator, Method, Options, Pivot, Real, Rk4, Tableau, Tsit5, Vern9,
     };
 
     use super::{Lanes, PreparedLanes, VecState, Wide};
