@@ -47,7 +47,8 @@ pub trait Dynamics: Send + Sync {
         let _ = (t, z, dz);
     }
 
-    /// The same on four lanes, of which each has the bits of [`Dynamics::rhs_on_circles`].
+    /// The same on four lanes, of which each has the bits of [`Dynamics::rhs_on_circles`]; one lane after the other unless
+    /// the scene has been compiled for lanes.
     fn rhs_on_circles_on_lanes(&self, t: F64x4, z: &VecState<F64x4>, dz: &mut VecState<F64x4>) {
         lane_by_lane(z, dz, |k, z, dz| self.rhs_on_circles(t.lane(k), z, dz));
     }

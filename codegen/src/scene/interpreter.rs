@@ -514,6 +514,18 @@ impl<'a, R: Real> Interpreter<'a, R> {
     }
 }
 
+impl<R: Real> Interpreter<'_, R> {
+    /// Derivative of a state with cosines and sines of the angles of [`Executable::circles`] behind it, where `run` runs
+    /// the program of the circles.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn rhs_on_circles_by(&self, run: &dyn Run<R>, t: R, z: &[R], dz: &mut [R]) {
+        let point = Point { t, state: z, argument: &[] };
+        run.run_at(Circles::RATE, &self.params, &self.prepared, point, dz);
+    }
+}
+
 impl Interpreter<'_> {
     /// Derivatives of [`rhs`](Interpreter::rhs) by the components of the state: row `i` has those of component `i`.
     ///
@@ -581,15 +593,6 @@ impl Interpreter<'_> {
     /// When a size is wrong.
     pub fn rhs_on_circles(&self, circles: &Circles, t: f64, z: &[f64], dz: &mut [f64]) {
         self.rhs_on_circles_by(&circles.program, t, z, dz);
-    }
-
-    /// The same, where `run` runs the program of the circles.
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn rhs_on_circles_by(&self, run: &dyn Run<f64>, t: f64, z: &[f64], dz: &mut [f64]) {
-        let point = Point { t, state: z, argument: &[] };
-        run.run_at(Circles::RATE, &self.params, &self.prepared, point, dz);
     }
 
     /// A derivative that is a matrix, row by row, when the scene wants it.
