@@ -3,7 +3,8 @@
 //! A program that `hamel-codegen` lowered runs operation by operation in its interpreter, at the speed of the processor
 //! once it has been emitted as Rust and compiled. This crate is the third way: machine code of the very same operations
 //! in the same order, with the runtime's own sine and cosine, there in milliseconds. Results have the bits of the
-//! interpreter.
+//! interpreter. Cranelift has registers of two numbers; four lanes are one register where the processor has AVX2, by code
+//! that this crate writes itself.
 //!
 //! ```
 //! use hamel_program::program::{Point, Role, Run as _};
