@@ -40,7 +40,7 @@ pub trait Source<R: Real>: Sync {
     /// The state with these components.
     fn state(&self, components: &[R]) -> Self::State;
 
-    /// A number that is recorded beside each sample, such as the energy; none unless the source has one.
+    /// A number that is recorded beside each sample, such as the energy, if the source has one.
     fn measure(&self, system: &Self::System, t: R, y: &Self::State) -> Option<R> {
         let _ = (system, t, y);
         None

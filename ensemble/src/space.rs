@@ -8,7 +8,7 @@ use hamel_runtime::{AtRest, Integrator, Method, Options, StateVector as _, Stats
 
 use crate::error::Stop;
 use crate::lanes::{Lanes, Source};
-use crate::run::{Members, Motions, Stopped};
+use crate::motions::{Members, Motions, Stopped};
 
 /// What every trajectory of an ensemble is asked for.
 pub(crate) struct Goal<'a, P, M> {

@@ -1,9 +1,9 @@
-//! Functions of a program as machine code on four numbers side by side, for processors with AVX2: the same operations in
-//! the same order. Cranelift has registers of two numbers.
+//! Functions of a program as machine code on four numbers side by side, for processors with AVX2: the same operations
+//! in the same order. Cranelift has registers of two numbers.
 //!
 //! A function is straight-line code. Its values stay in the sixteen registers as long as they are needed soonest; what
-//! is read from vectors is read where it is needed. Where an angle is beyond the bound of the kernel of sine and cosine,
-//! the code gives up, and the caller takes another way.
+//! is read from vectors is read where it is needed. Where an angle is beyond the bound of the kernel of sine and
+//! cosine, the code gives up, and the caller takes another way.
 //!
 //! Deliberately does not know: how code is made runnable, tables of products, elementary functions but sine, cosine and
 //! the absolute value: a function with others has no such code.
@@ -77,7 +77,7 @@ pub(crate) struct Emitted {
     pub(crate) constants: Vec<Four>,
 }
 
-/// The code of a function; none where it has operations that there is no code for.
+/// The code of a function, unless it has operations that there is no code for.
 pub(crate) fn emit(function: &Function, program: &Program) -> Option<Emitted> {
     let mut writer = Writer {
         instructions: Vec::new(),
@@ -461,7 +461,7 @@ impl Allocation {
         register
     }
 
-    /// A register that is free, or whose value is needed last among those that are not kept, which goes to the stack.
+    /// A register that is free, or whose value is needed last among the others that are not kept, which goes to the stack.
     fn free(&mut self, kept: &[Place]) -> usize {
         let is_kept = |register: usize| kept.contains(&Place::Register(register));
         let unused = (0..N_REGISTERS).find(|r| self.contents[*r].is_none() && !is_kept(*r));

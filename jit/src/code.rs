@@ -1,7 +1,7 @@
 //! One compiled function in executable memory.
 //!
-//! One of two files with unsafe code: a function of machine code is called through a pointer, which no type can vouch for.
-//! What makes it sound: [`Code`] is made by [`Code::compile`] alone, from a function whose places the program's
+//! One of two files with unsafe code: a function of machine code is called through a pointer, which no type can vouch
+//! for. What makes it sound: [`Code`] is made by [`Code::compile`] alone, from a function whose places the program's
 //! verifier has checked; the sizes of all vectors are kept beside the code and compared in every call; code reads and
 //! writes nothing but those vectors and its own constants; it lives as long as its memory.
 //!
@@ -296,7 +296,7 @@ pub(crate) fn has_four_lanes() -> bool {
 }
 
 impl WideCode {
-    /// Compiles a function of a verified program; none where the processor has no such code, or the function has
+    /// Compiles a function of a verified program, unless the processor has no such code or the function has
     /// operations that there is none for.
     pub(crate) fn compile(
         isa: &OwnedTargetIsa,

@@ -3,8 +3,8 @@
 //! A program that `hamel-codegen` lowered runs operation by operation in its interpreter, at the speed of the processor
 //! once it has been emitted as Rust and compiled. This crate is the third way: machine code of the very same operations
 //! in the same order, with the runtime's own sine and cosine, there in milliseconds. Results have the bits of the
-//! interpreter. Cranelift has registers of two numbers; four lanes are one register where the processor has AVX2, by code
-//! that this crate writes itself.
+//! interpreter. Cranelift has registers of two numbers; four lanes are one register where the processor has AVX2, by
+//! code that this crate writes itself.
 //!
 //! ```
 //! use hamel_program::program::{Point, Role, Run as _};
@@ -144,7 +144,7 @@ impl Compiled {
         code.get_or_init(compile).as_ref().map_err(Error::clone)
     }
 
-    /// The code on four lanes; none where there is none, or where it is refused.
+    /// The code on four lanes, where there is some.
     #[cold]
     fn wide_code(&self, function_idx: usize) -> Option<&WideCode> {
         let function = &self.program.functions[function_idx];

@@ -45,7 +45,7 @@ type Row<'a> = &'a [(usize, Constant)];
 pub struct WideSums(());
 
 impl WideSums {
-    /// None where sums are those of the runtime.
+    /// None where the runtime's own sums are as wide.
     #[must_use]
     pub fn of_host() -> Option<WideSums> {
         #[cfg(target_arch = "x86_64")]

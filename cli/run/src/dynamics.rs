@@ -47,8 +47,8 @@ pub trait Dynamics: Send + Sync {
         let _ = (t, z, dz);
     }
 
-    /// The same on four lanes, of which each has the bits of [`Dynamics::rhs_on_circles`]; one lane after the other unless
-    /// the scene has been compiled for lanes.
+    /// The same on four lanes, of which each has the bits of [`Dynamics::rhs_on_circles`]; one lane after the other
+    /// unless the scene has been compiled for lanes.
     fn rhs_on_circles_on_lanes(&self, t: F64x4, z: &VecState<F64x4>, dz: &mut VecState<F64x4>) {
         lane_by_lane(z, dz, |k, z, dz| self.rhs_on_circles(t.lane(k), z, dz));
     }
@@ -152,7 +152,7 @@ pub trait LaneDynamics: Send + Sync {
     /// [`Dynamics::outputs`] in the place of what a vector has.
     fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>);
 
-    /// Fixes other parameters, as [`Factory::prepare_lanes`], without allocation; none where that cannot be.
+    /// Fixes other parameters, as [`Factory::prepare_lanes`], without allocation, where that can be.
     fn set(&mut self, values: &[F64x4]) -> Option<Result<(), BadParams>> {
         let _ = values;
         None

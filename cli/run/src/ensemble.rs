@@ -110,7 +110,7 @@ impl EnsembleRequest {
 }
 
 /// Integrates all members on several threads; results are in their order, and the same for any number of threads.
-/// Side by side are those that follow each other among the members with a start.
+/// Neighbours among the members with a start are side by side.
 ///
 /// # Errors
 /// [`Error::Options`] for a time, tolerances, a method or a number of threads that suit none of them, and where it is

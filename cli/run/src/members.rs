@@ -31,7 +31,7 @@ impl Beginnings {
     /// Adds a trajectory.
     ///
     /// # Panics
-    /// When the numbers are not as many as those of the others.
+    /// When the numbers are not as many as the others have.
     pub fn push(&mut self, params: &[f64], state: &[f64]) {
         assert_eq!((params.len(), state.len()), (self.n_params, self.n_state), "parameters and components");
         self.n += 1;
@@ -86,7 +86,7 @@ impl Beginnings {
         self.failed.get(&k).map(String::as_str)
     }
 
-    /// The numbers of those with a start; none where all have one.
+    /// The numbers of the trajectories with a start, unless all have one.
     pub(super) fn started(&self) -> Option<Vec<usize>> {
         let has_start = |k: &usize| !self.failed.contains_key(k);
         (!self.failed.is_empty()).then(|| (0..self.n).filter(has_start).collect())
@@ -103,9 +103,9 @@ pub struct Members {
     states: Vec<f64>,
     /// Their energies; empty where there is none.
     energies: Vec<f64>,
-    /// Accepted steps, those of the trajectories beside each included.
+    /// Accepted steps, which the trajectories beside each share.
     steps: Vec<u64>,
-    /// Those that did not arrive with all values.
+    /// The trajectories that did not arrive with all values.
     ended: BTreeMap<usize, Ended>,
 }
 
@@ -163,7 +163,7 @@ impl Members {
         }
     }
 
-    /// The same with those that have no start.
+    /// The same with the trajectories without a start.
     fn among(self, starts: &Beginnings, started: &[usize]) -> Members {
         let n_times = self.times.len();
         let spread = |values: &[f64], width: usize| {
@@ -253,12 +253,12 @@ pub struct At<'a> {
 }
 
 impl<'a> Member<'a> {
-    /// Accepted steps, those of the trajectories beside it.
+    /// Accepted steps, which the trajectories beside it share.
     pub fn steps(&self) -> u64 {
         self.all.steps[self.at]
     }
 
-    /// Why it stopped before the end, or what has no value.
+    /// Why it stopped before the end, or which value it lacks.
     pub fn error(&self) -> Option<&'a str> {
         self.ended.map(|ended| ended.reason.as_str())
     }
@@ -267,7 +267,7 @@ impl<'a> Member<'a> {
         self.ended.map_or(self.all.times.len(), |ended| ended.n_samples)
     }
 
-    /// The sample at a time by its number; none where it was not reached, or where the time is that of the sample
+    /// The sample at a time by its number, unless it was not reached, or where the time is that of the sample
     /// before.
     pub fn sample(&self, time: usize) -> Option<At<'a>> {
         let Members { n_state, times, states, energies, .. } = self.all;
@@ -285,7 +285,7 @@ impl<'a> Member<'a> {
         Some(At { t: *t, state, energy: *energy })
     }
 
-    /// The samples as far as they were reached, then the last state if it stopped; none if it never started.
+    /// The samples as far as they were reached, then the last state if it stopped; nothing if it never started.
     pub fn samples(&self) -> impl Iterator<Item = At<'a>> {
         let own = *self;
         (0..self.n_samples()).filter_map(move |time| own.sample(time)).chain(self.stopped_at())

@@ -1,7 +1,7 @@
 //! Steps of explicit methods on four lanes, their sums in the widest registers of the processor.
 //!
-//! Every number has the bits that the method itself gives: [`WideSums`] promises those of each operation, and their order
-//! is that of the runtime.
+//! Every number has the bits that the method itself gives: [`WideSums`] promises the bits of each operation, and their
+//! order is that of the runtime.
 //!
 //! Does not know: scenes, how steps are chosen.
 
@@ -20,7 +20,7 @@ pub(crate) struct Wide {
 }
 
 impl Wide {
-    /// The method with a tableau; none where the processor has no wider registers than the program was compiled for.
+    /// The method with a tableau, where the processor has wider registers than the program was compiled for.
     pub(crate) fn of(tableau: &'static Tableau) -> Option<Wide> {
         let sums = WideSums::of_host()?;
         Some(Wide { tableau, sums })

@@ -25,7 +25,7 @@ static N_ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         N_ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promises are those that the callee asks for.
+        // SAFETY: the caller's promises are what the callee asks for.
         unsafe { System.alloc(layout) }
     }
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
@@ -88,7 +88,7 @@ fn nothing_is_allocated_for_a_single_trajectory() {
     let scene = scene();
     assert_eq!(scene.info().state.len(), 4);
     for method in [MethodName::Dop853, MethodName::Vern9, MethodName::Tsit5] {
-        // What is compiled once.
+        // Code is compiled once.
         allocations_of(&scene, method, 512);
         let (few, many) = (allocations_of(&scene, method, 2048), allocations_of(&scene, method, 4096));
         // Two blocks more of a thousand trajectories, each with storage of its own.

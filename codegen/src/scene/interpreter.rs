@@ -19,6 +19,7 @@ use super::derivatives::{Derivative, Matrix};
 use super::events::SceneEvent;
 use super::implicit;
 use super::invariants::GRADIENTS;
+use super::places::{Places, with_space};
 use super::plan::INVARIANTS;
 use super::positions::{self, PositionLayout};
 use super::splitting::flow_role;
@@ -261,37 +262,6 @@ pub struct Interpreter<'a, R = f64> {
     places: Places,
 }
 
-/// The functions that are called at every step, by their places in the program: there are many, and they are looked up
-/// once.
-#[derive(Clone, Copy, Debug)]
-struct Places {
-    rate: Option<usize>,
-    energy: Option<usize>,
-    signature: Option<usize>,
-    pivots: Option<usize>,
-    domain: Option<usize>,
-}
-
-impl Places {
-    fn of(program: &Program) -> Places {
-        Places {
-            rate: program.function_idx(&Role::Rate),
-            energy: program.function_idx(&Role::Energy),
-            signature: program.function_idx(&Role::Signature),
-            pivots: program.function_idx(&Role::Pivots),
-            domain: program.function_idx(&Role::Domain),
-        }
-    }
-}
-
-/// Results of a function with fewer are on the stack.
-const N_ON_STACK: usize = 16;
-
-/// Space for the results of a function.
-fn with_space<R: Real, T>(n: usize, use_it: impl FnOnce(&mut [R]) -> T) -> T {
-    if n <= N_ON_STACK { use_it(&mut [R::ZERO; N_ON_STACK][..n]) } else { use_it(&mut vec![R::ZERO; n]) }
-}
-
 impl<'a, R: Real> Interpreter<'a, R> {
     fn new(
         run: &'a dyn Run<R>,
@@ -515,8 +485,8 @@ impl<'a, R: Real> Interpreter<'a, R> {
 }
 
 impl<R: Real> Interpreter<'_, R> {
-    /// Derivative of a state with cosines and sines of the angles of [`Executable::circles`] behind it, where `run` runs
-    /// the program of the circles.
+    /// Derivative of a state with cosines and sines of the angles of [`Executable::circles`] behind it, where `run`
+    /// runs the program of the circles.
     ///
     /// # Panics
     /// When a size is wrong.

@@ -2,9 +2,9 @@
 //!
 //! [`step`] takes one accepted step, [`failure`] says why there is none, [`dense`] interpolates within the last step,
 //! [`sampling`] visits times on the way, [`telling`] looks for the events of a step and carries them out, [`watch`] has
-//! what is known of their functions, [`rest`] keeps storage from one integration to the next, [`parts`] judges these by a few values, [`crossing`] brackets events with few
-//! steps, [`norms`] measures errors. The module deliberately does not know any method: the integrator reads a
-//! tableau and has the stages, or a series, computed.
+//! the knowledge of their functions, [`rest`] keeps storage from one integration to the next, [`parts`] judges these by
+//! a few values, [`crossing`] brackets events with few steps, [`norms`] measures errors. The module deliberately does
+//! not know any method: the integrator reads a tableau and has the stages, or a series, computed.
 
 mod crossing;
 mod dense;

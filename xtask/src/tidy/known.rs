@@ -28,8 +28,8 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
     ),
     (
         "runtime/src/integrator",
-        &["dense", "mod"],
-        "dense output is a part of the integrator in a file of its own",
+        &["dense", "mod", "rest"],
+        "dense output and the storage between integrations are parts of the integrator in files of their own",
     ),
     (
         "runtime/src/integrator",

@@ -70,7 +70,7 @@ type Beginning = Result<(Vec<f64>, Vec<f64>), String>;
 
 /// The starts of trajectories in a row.
 pub(super) struct Row {
-    /// What varies, a line for each trajectory; NaN for what was not drawn because nothing could be drawn around.
+    /// The values that vary, a line for each trajectory; NaN for what was not drawn because nothing could be drawn around.
     pub(super) inputs: Vec<f64>,
     pub(super) members: Beginnings,
 }
@@ -288,12 +288,12 @@ struct Drawing<'p, 'a> {
     scene: &'p Built,
     /// Names of all that varies.
     names: Vec<String>,
-    /// Places among them of what is drawn.
+    /// Places among them of the drawn values.
     drawn_at: Vec<usize>,
     /// Starts that are the same but for what varies, if they are.
     alike: Option<Alike>,
     first_point: usize,
-    /// What is drawn around, from the first point on.
+    /// The starts around which values are drawn, from the first point on.
     nominal: Vec<Beginning>,
 }
 

@@ -66,7 +66,7 @@ pub trait Run<R>: fmt::Debug + Sync {
     /// [`prepare`](Self::prepare) into a vector that is there.
     ///
     /// # Errors
-    /// As [`Program::prepare`]; what is in the vector then is of no account.
+    /// As [`Program::prepare`]; the vector is then of no account.
     ///
     /// # Panics
     /// As [`Program::prepare`].
@@ -262,8 +262,8 @@ impl Program {
         }
     }
 
-    /// Writes what [`Program::prepare`] returns, by a [`Run`] of the [`Program::preparation`] of this program; allocates
-    /// nothing once the vector is long enough.
+    /// Writes what [`Program::prepare`] returns, by a [`Run`] of the [`Program::preparation`] of this program;
+    /// allocates nothing once the vector is long enough.
     ///
     /// # Errors
     /// As [`Program::prepare`].
