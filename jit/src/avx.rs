@@ -461,7 +461,8 @@ impl Allocation {
         register
     }
 
-    /// A register that is free, or whose value is needed last among the others that are not kept, which goes to the stack.
+    /// A register that is free, or whose value is needed last among the others that are not kept, which goes to the
+    /// stack.
     fn free(&mut self, kept: &[Place]) -> usize {
         let is_kept = |register: usize| kept.contains(&Place::Register(register));
         let unused = (0..N_REGISTERS).find(|r| self.contents[*r].is_none() && !is_kept(*r));

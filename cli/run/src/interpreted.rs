@@ -4,9 +4,8 @@
 //! Does not know: commands, files, JSON.
 
 use std::borrow::Cow;
-use std::collections::BTreeSet;
-use std::ops::{ControlFlow, Deref};
-use std::sync::{Arc, Mutex, OnceLock};
+use std::ops::Deref;
+use std::sync::{Arc, OnceLock};
 
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_program::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
@@ -16,6 +15,7 @@ use super::dynamics::{
     BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PositionEquations, PreparedDuals,
     PreparedLanes, PreparedScene, SideBySide, VecState, lane_by_lane,
 };
+use super::guards::{check, domain, pivots};
 use super::info::Info;
 use super::inputs::{Drive, InputTable};
 use super::machine::{self, Compiled};
@@ -486,28 +486,6 @@ impl LaneDynamics for OnLanes<'_> {
     }
 }
 
-fn check<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R]) -> Result<(), Failure> {
-    let found = interpreter.visit_pivots(t, y, |(name, value, scale)| {
-        let verified = Pivot { name: "", value, scale }.verify(t);
-        let named = verified.or_else(|_| Pivot { name: interned(name.to_owned()), value, scale }.verify(t));
-        named.map_or_else(ControlFlow::Break, ControlFlow::Continue)
-    });
-    found.break_value().map_or(Ok(()), Err)
-}
-
-fn domain<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R]) -> Result<(), Failure> {
-    let seconds = if R::ZERO.all_gt(t) { -t.magnitude() } else { t.magnitude() };
-    let outside = |condition| Failure::OutsideDomain { t: seconds, condition: interned(condition) };
-    interpreter.domain(t, y).map_err(outside)
-}
-
-fn pivots<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R], visit: &mut dyn FnMut(Pivot<R>)) {
-    let _ = interpreter.visit_pivots(t, y, |(name, value, scale)| {
-        visit(Pivot { name: interned(name.to_owned()), value, scale });
-        ControlFlow::<()>::Continue(())
-    });
-}
-
 struct Interpreted<'a> {
     built: &'a Built,
     params: Vec<f64>,
@@ -691,16 +669,4 @@ impl Dynamics for Interpreted<'_> {
     fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>)) {
         pivots(&self.interpreter.at(t), t, y, visit);
     }
-}
-
-/// The runtime's failures borrow from the program for ever, so each pivot's name and each condition is kept once.
-fn interned(name: String) -> &'static str {
-    static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
-    let mut kept = KEPT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    if let Some(known) = kept.get(name.as_str()) {
-        return known;
-    }
-    let name: &'static str = name.leak();
-    kept.insert(name);
-    name
 }

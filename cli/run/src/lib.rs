@@ -23,6 +23,7 @@ mod events;
 pub mod fit;
 pub mod follow;
 pub mod forms;
+mod guards;
 pub mod hash;
 pub mod info;
 pub mod inputs;

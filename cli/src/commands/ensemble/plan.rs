@@ -70,7 +70,8 @@ type Beginning = Result<(Vec<f64>, Vec<f64>), String>;
 
 /// The starts of trajectories in a row.
 pub(super) struct Row {
-    /// The values that vary, a line for each trajectory; NaN for what was not drawn because nothing could be drawn around.
+    /// The values that vary, a line for each trajectory; NaN for what was not drawn because nothing could be drawn
+    /// around.
     pub(super) inputs: Vec<f64>,
     pub(super) members: Beginnings,
 }
