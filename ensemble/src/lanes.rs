@@ -28,8 +28,23 @@ pub trait Source<R: Real>: Sync {
     /// Why the values are not allowed, on any lane.
     fn prepare(&self, params: &[R]) -> Result<Self::System, Self::Error>;
 
+    /// Makes a system of this source the one with other parameter values; without allocation where it can be.
+    ///
+    /// # Errors
+    /// As [`prepare`](Self::prepare); the system is then to be prepared again before it is used.
+    fn prepare_again(&self, system: &mut Self::System, params: &[R]) -> Result<(), Self::Error> {
+        *system = self.prepare(params)?;
+        Ok(())
+    }
+
     /// The state with these components.
     fn state(&self, components: &[R]) -> Self::State;
+
+    /// A number that is recorded beside each sample, such as the energy, if the source has one.
+    fn measure(&self, system: &Self::System, t: R, y: &Self::State) -> Option<R> {
+        let _ = (system, t, y);
+        None
+    }
 }
 
 /// A family as a [`Source`].

@@ -44,12 +44,15 @@
 
 mod error;
 mod lanes;
+mod motions;
 mod run;
+mod space;
 
 pub use error::{Error, Stop};
 pub use hamel_runtime::{Dop853, Dopri5, F64x4, F64x8, Gbs14, Options, Rk4, Stats, Tsit5, Vern9};
 pub use lanes::{Family, Lanes, Source};
-pub use run::{Ensemble, Trajectory};
+pub use motions::{Members, Motions, Stopped, Trajectory};
+pub use run::Ensemble;
 
 /// Not part of the interface: what [`family!`] writes down.
 #[doc(hidden)]

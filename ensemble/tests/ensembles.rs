@@ -3,7 +3,8 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use hamel_ensemble::{
-    Dop853, Ensemble, Error, F64x8, Family, Lanes, Options, Rk4, Source, Stop, Trajectory, Tsit5, family,
+    Dop853, Ensemble, Error, F64x8, Family, Lanes, Members, Options, Rk4, Source, Stop, Trajectory, Tsit5,
+    family,
 };
 use hamel_models::generated::heavy_top;
 use hamel_runtime::{
@@ -228,18 +229,18 @@ fn systems_of_a_dimension_known_at_run_time_are_integrated_as_well() {
     let progress = |n: usize| {
         done.fetch_add(n, Ordering::Relaxed);
     };
-    let start = [Numbers(vec![1.0, 2.0])];
-    let results = ensemble.run_from(&Decay, &params, &start, 1.0, &[0.5], progress).unwrap();
+    let start = [1.0, 2.0];
+    let member = |k: usize| (params[k].as_slice(), start.as_slice());
+    let members = Members { n: params.len(), n_state: 2, member: &member };
+    let results = ensemble.run_from(&Decay, &members, 1.0, &[0.5], progress);
     assert_eq!((results.len(), done.into_inner()), (10, 10));
-    for (rates, trajectory) in params.iter().zip(&results) {
-        if rates[0] <= 0.0 {
-            assert_eq!(trajectory.stop, Some(Stop::Params("rate > 0")));
-            continue;
-        }
+    let stopped: Vec<_> = results.stopped.iter().map(|stopped| (stopped.at, stopped.stop)).collect();
+    assert_eq!(stopped, [(0, Stop::Params("rate > 0")), (1, Stop::Params("rate > 0"))]);
+    for (k, rates) in params.iter().enumerate().skip(2) {
         let expected = |t: f64| [(-rates[0] * t).exp(), 2.0 * (-rates[1] * t).exp()];
-        for (found, t) in [(&trajectory.samples[0], 0.5), (&trajectory.state, 1.0)] {
+        for (found, t) in [(results.state(k, 0), 0.5), (&results.ends[2 * k..2 * k + 2], 1.0)] {
             // Some steps at a tolerance of 1e-10.
-            let near = found.0.iter().zip(expected(t)).all(|(x, y)| (x - y).abs() < 1e-9);
+            let near = found.iter().zip(expected(t)).all(|(x, y)| (x - y).abs() < 1e-9);
             assert!(near, "{found:?} for {:?}", expected(t));
         }
     }

@@ -1,7 +1,7 @@
 //! One compiled function in executable memory.
 //!
-//! The only file with unsafe code: a function of machine code is called through a pointer, which no type can vouch for.
-//! What makes it sound: [`Code`] is made by [`Code::compile`] alone, from a function whose places the program's
+//! One of two files with unsafe code: a function of machine code is called through a pointer, which no type can vouch
+//! for. What makes it sound: [`Code`] is made by [`Code::compile`] alone, from a function whose places the program's
 //! verifier has checked; the sizes of all vectors are kept beside the code and compared in every call; code reads and
 //! writes nothing but those vectors and its own constants; it lives as long as its memory.
 //!
@@ -16,9 +16,10 @@ use cranelift_codegen::settings::{self, Configurable as _};
 use cranelift_frontend::FunctionBuilderContext;
 use cranelift_jit::{JITBuilder, JITModule};
 use cranelift_module::{FuncId, Linkage, Module, default_libcall_names};
-use hamel_program::program::{Function, Program};
+use hamel_program::program::{Function, Point, Program};
 use hamel_runtime::F64x4;
 
+use crate::avx::{self, Four};
 use crate::calls::Call;
 use crate::error::Error;
 use crate::translate::{Imports, LANES, N_POINTERS, Twice, Width, translate};
@@ -29,6 +30,18 @@ type Entry =
 
 const _: () = assert!(N_POINTERS == 8, "as many as `Entry` takes");
 const _: () = assert!(F64x4::LANES == LANES && size_of::<F64x4>() == LANES * size_of::<f64>());
+
+/// The same for code on four lanes, which returns another number than zero where it has given up.
+type WideEntry = extern "C" fn(
+    *const f64,
+    *mut f64,
+    *const f64,
+    *const f64,
+    *const f64,
+    *const f64,
+    *const f64,
+    *mut f64,
+) -> u32;
 
 /// What a function reads and writes.
 #[derive(Debug)]
@@ -85,9 +98,11 @@ pub(crate) struct Code {
     sizes: Sizes,
     width: Width,
     has_tables: bool,
-    /// Owns the memory of the code; nothing else uses it once the code is there.
-    module: ManuallyDrop<JITModule>,
+    _memory: Memory,
 }
+
+/// Owns the memory of code; nothing else uses it once the code is there.
+struct Memory(ManuallyDrop<JITModule>);
 
 impl fmt::Debug for Code {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -95,20 +110,19 @@ impl fmt::Debug for Code {
     }
 }
 
-// SAFETY: after `compile` the module is neither read nor written until `drop`, which has it alone; machine code, the
-// constants and the sizes are only read.
+// SAFETY: once code is compiled the module is neither read nor written until `drop`, which has it alone.
 #[allow(unsafe_code)]
-unsafe impl Send for Code {}
+unsafe impl Send for Memory {}
 // SAFETY: as above.
 #[allow(unsafe_code)]
-unsafe impl Sync for Code {}
+unsafe impl Sync for Memory {}
 
-impl Drop for Code {
+impl Drop for Memory {
     fn drop(&mut self) {
-        // SAFETY: the module is taken once, here, and no call is under way, since calls borrow `self`.
+        // SAFETY: the module is taken once, here, and no call is under way, since calls borrow what owns the memory.
         #[allow(unsafe_code)]
         unsafe {
-            ManuallyDrop::take(&mut self.module).free_memory();
+            ManuallyDrop::take(&mut self.0).free_memory();
         }
     }
 }
@@ -192,7 +206,7 @@ impl Code {
             sizes: Sizes::of(program, function),
             width,
             has_tables: !function.contractions.is_empty(),
-            module: ManuallyDrop::new(module),
+            _memory: Memory(ManuallyDrop::new(module)),
         })
     }
 
@@ -253,5 +267,101 @@ impl Code {
                 at_mut(scalars.as_mut_ptr()),
             );
         }
+    }
+}
+
+/// A function as machine code on four lanes at once.
+pub(crate) struct WideCode {
+    entry: WideEntry,
+    constants: Vec<Four>,
+    sizes: Sizes,
+    has_tables: bool,
+    _memory: Memory,
+}
+
+impl fmt::Debug for WideCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("WideCode").field("sizes", &self.sizes).finish_non_exhaustive()
+    }
+}
+
+/// Whether this processor runs code on four lanes, with the bits of the runtime: it has no operations that are rounded
+/// once.
+pub(crate) fn has_four_lanes() -> bool {
+    #[cfg(all(target_arch = "x86_64", not(windows)))]
+    let has_registers = std::is_x86_feature_detected!("avx2");
+    #[cfg(not(all(target_arch = "x86_64", not(windows))))]
+    let has_registers = false;
+    has_registers && !hamel_runtime::math::FUSED
+}
+
+impl WideCode {
+    /// Compiles a function of a verified program, unless the processor has no such code or the function has
+    /// operations that there is none for.
+    pub(crate) fn compile(
+        isa: &OwnedTargetIsa,
+        program: &Program,
+        function: &Function,
+    ) -> Result<Option<WideCode>, Error> {
+        if !has_four_lanes() {
+            return Ok(None);
+        }
+        let Some(avx::Emitted { code, constants }) = avx::emit(function, program) else { return Ok(None) };
+        let mut module = JITModule::new(JITBuilder::with_isa(isa.clone(), default_libcall_names()));
+        let signature = module.make_signature();
+        let declared = module.declare_function(function.role.name(), Linkage::Local, &signature);
+        let id = declared.map_err(Error::cranelift)?;
+        module.define_function_bytes(id, 16, &code, &[]).map_err(Error::cranelift)?;
+        module.finalize_definitions().map_err(Error::cranelift)?;
+        let address = module.get_finalized_function(id);
+        // SAFETY: the code at this address takes eight pointers and returns a number in the calling convention of
+        // x86-64 but on Windows, which `has_four_lanes` excludes; it is `extern "C"` there.
+        #[allow(unsafe_code)]
+        let entry = unsafe { std::mem::transmute::<*const u8, WideEntry>(address) };
+        let (sizes, memory) = (Sizes::of(program, function), Memory(ManuallyDrop::new(module)));
+        let has_tables = !function.contractions.is_empty();
+        Ok(Some(WideCode { entry, constants, sizes, has_tables, _memory: memory }))
+    }
+
+    /// Whether tables are to be run through after the code.
+    #[inline]
+    pub(crate) fn has_tables(&self) -> bool {
+        self.has_tables
+    }
+
+    /// Calls the function on four lanes, with its results and its scalars behind the point; false where it has given
+    /// up, and what it has written is of no account.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    #[inline]
+    pub(crate) fn call(
+        &self,
+        params: &[F64x4],
+        prepared: &[F64x4],
+        point: &Point<'_, F64x4>,
+        (out, scalars): (&mut [F64x4], &mut [F64x4]),
+    ) -> bool {
+        let Point { t, state, argument } = point;
+        let sizes = Sizes {
+            params: params.len(),
+            prepared: prepared.len(),
+            state: state.len(),
+            argument: argument.len(),
+            out: out.len(),
+            scalars: scalars.len(),
+        };
+        assert!(self.sizes == sizes, "numbers of components");
+        let given_up = (self.entry)(
+            state.as_ptr().cast(),
+            out.as_mut_ptr().cast(),
+            prepared.as_ptr().cast(),
+            self.constants.as_ptr().cast(),
+            params.as_ptr().cast(),
+            (&raw const *t).cast(),
+            argument.as_ptr().cast(),
+            scalars.as_mut_ptr().cast(),
+        );
+        given_up == 0
     }
 }

@@ -3,7 +3,8 @@
 //! A program that `hamel-codegen` lowered runs operation by operation in its interpreter, at the speed of the processor
 //! once it has been emitted as Rust and compiled. This crate is the third way: machine code of the very same operations
 //! in the same order, with the runtime's own sine and cosine, there in milliseconds. Results have the bits of the
-//! interpreter.
+//! interpreter. Cranelift has registers of two numbers; four lanes are one register where the processor has AVX2, by
+//! code that this crate writes itself.
 //!
 //! ```
 //! use hamel_program::program::{Point, Role, Run as _};
@@ -31,10 +32,13 @@
 //!
 //! Deliberately does not know: models, scenes, what a function is for.
 
+mod assembler;
+mod avx;
 mod calls;
 mod code;
 mod error;
 mod kernel;
+mod sums;
 mod translate;
 
 use std::sync::OnceLock;
@@ -45,8 +49,9 @@ use hamel_program::program::{Point, Program, Run, ViolatedCondition, verify_rule
 use hamel_runtime::{F64x4, Real};
 
 pub use error::Error;
+pub use sums::{Slopes, WideSums};
 
-use code::{Code, Vectors};
+use code::{Code, Vectors, WideCode};
 use translate::Width;
 
 /// A program whose functions are compiled when they are first called.
@@ -57,6 +62,8 @@ pub struct Compiled {
     isa: OwnedTargetIsa,
     /// For each function: on one number, on two side by side.
     functions: Vec<[OnceLock<Result<Code, Error>>; 2]>,
+    /// For each function: on four numbers side by side, where the processor has registers for them.
+    wide: Vec<OnceLock<Option<WideCode>>>,
     preparation: Preparation,
 }
 
@@ -86,25 +93,30 @@ impl Compiled {
     pub fn new(program: &Program) -> Result<Compiled, Error> {
         verify_rules(program).map_err(|broken| Error::Program { reason: broken.to_string() })?;
         let functions = program.functions.iter().map(|_| Default::default()).collect();
+        let wide = program.functions.iter().map(|_| OnceLock::new()).collect();
         let preparation = Preparation::default();
-        Ok(Compiled { program: program.clone(), isa: code::host()?, functions, preparation })
+        Ok(Compiled { program: program.clone(), isa: code::host()?, functions, wide, preparation })
     }
 
-    /// What [`Program::prepare`] returns, by machine code from the hundredth time on.
-    fn prepared<R: Real>(&self, params: &[R]) -> Result<Vec<R>, ViolatedCondition>
+    /// Writes what [`Program::prepare`] returns, by machine code from the hundredth time on.
+    fn prepared<R: Real>(&self, params: &[R], prepared: &mut Vec<R>) -> Result<(), ViolatedCondition>
     where
         Compiled: Run<R>,
     {
         let Preparation { n_runs, compiled } = &self.preparation;
+        let interpret = |prepared: &mut Vec<R>| {
+            *prepared = self.program.prepare(params)?;
+            Ok(())
+        };
         // Whichever way has the same bits, so that it does not matter which thread counts first.
         if n_runs.load(Ordering::Relaxed) < N_INTERPRETED {
             n_runs.fetch_add(1, Ordering::Relaxed);
-            return self.program.prepare(params);
+            return interpret(prepared);
         }
         let compile = || Compiled::new(&self.program.preparation()).ok().map(Box::new);
         match compiled.get_or_init(compile) {
-            Some(compiled) => self.program.prepare_by(&**compiled, params),
-            None => self.program.prepare(params),
+            Some(compiled) => self.program.prepare_by(&**compiled, params, prepared),
+            None => interpret(prepared),
         }
     }
 
@@ -117,11 +129,83 @@ impl Compiled {
         (0..self.functions.len()).try_for_each(|k| widths.iter().try_for_each(|w| self.code(k, *w).map(drop)))
     }
 
+    /// Whether a function runs on four lanes at once here, rather than on two and two.
+    ///
+    /// # Panics
+    /// When the function does not exist.
+    pub fn is_wide(&self, function_idx: usize) -> bool {
+        self.wide_code(function_idx).is_some()
+    }
+
     fn code(&self, function_idx: usize, width: Width) -> Result<&Code, Error> {
         let compile =
             || Code::compile(&self.isa, &self.program, &self.program.functions[function_idx], width);
         let code = &self.functions[function_idx][width as usize];
         code.get_or_init(compile).as_ref().map_err(Error::clone)
+    }
+
+    /// The code on four lanes, where there is some.
+    #[cold]
+    fn wide_code(&self, function_idx: usize) -> Option<&WideCode> {
+        let function = &self.program.functions[function_idx];
+        let compile = || WideCode::compile(&self.isa, &self.program, function).ok().flatten();
+        self.wide[function_idx].get_or_init(compile).as_ref()
+    }
+
+    /// Calls a function on four lanes at once; whether it has answered.
+    #[inline]
+    fn call_wide(
+        &self,
+        function_idx: usize,
+        params: &[F64x4],
+        prepared: &[F64x4],
+        point: &Point<'_, F64x4>,
+        out: &mut [F64x4],
+    ) -> bool {
+        let code = match self.wide[function_idx].get() {
+            Some(code) => code.as_ref(),
+            None => self.wide_code(function_idx),
+        };
+        match code {
+            None => false,
+            Some(code) if code.has_tables() => {
+                self.call_with_tables(code, function_idx, params, prepared, point, out)
+            }
+            Some(code) => code.call(params, prepared, point, (out, &mut [])),
+        }
+    }
+
+    /// The same for a function with tables, which take longer than to make room for their factors.
+    #[inline(never)]
+    fn call_with_tables(
+        &self,
+        code: &WideCode,
+        function_idx: usize,
+        params: &[F64x4],
+        prepared: &[F64x4],
+        point: &Point<'_, F64x4>,
+        out: &mut [F64x4],
+    ) -> bool {
+        let function = &self.program.functions[function_idx];
+        let mut scalars = vec![F64x4::ZERO; function.scalars.len()];
+        let has_answered = code.call(params, prepared, point, (out, &mut scalars));
+        if has_answered {
+            self.program.run_tables(function, *point, &scalars, out);
+        }
+        has_answered
+    }
+
+    /// Calls a function on four lanes, two and two.
+    #[inline(never)]
+    fn call_pairs(
+        &self,
+        function_idx: usize,
+        params: &[F64x4],
+        prepared: &[F64x4],
+        point: Point<'_, F64x4>,
+        out: &mut [F64x4],
+    ) {
+        self.call(function_idx, Width::Pair, params, prepared, point, out, Code::call_on_lanes);
     }
 
     #[inline]
@@ -159,7 +243,12 @@ impl Run<f64> for Compiled {
     }
 
     fn prepare(&self, params: &[f64]) -> Result<Vec<f64>, ViolatedCondition> {
-        self.prepared(params)
+        let mut prepared = Vec::new();
+        self.prepared(params, &mut prepared).map(|()| prepared)
+    }
+
+    fn prepare_into(&self, params: &[f64], prepared: &mut Vec<f64>) -> Result<(), ViolatedCondition> {
+        self.prepared(params, prepared)
     }
 
     fn run_at(
@@ -181,7 +270,12 @@ impl Run<F64x4> for Compiled {
     }
 
     fn prepare(&self, params: &[F64x4]) -> Result<Vec<F64x4>, ViolatedCondition> {
-        self.prepared(params)
+        let mut prepared = Vec::new();
+        self.prepared(params, &mut prepared).map(|()| prepared)
+    }
+
+    fn prepare_into(&self, params: &[F64x4], prepared: &mut Vec<F64x4>) -> Result<(), ViolatedCondition> {
+        self.prepared(params, prepared)
     }
 
     fn run_at(
@@ -192,6 +286,8 @@ impl Run<F64x4> for Compiled {
         point: Point<'_, F64x4>,
         out: &mut [F64x4],
     ) {
-        self.call(function_idx, Width::Pair, params, prepared, point, out, Code::call_on_lanes);
+        if !self.call_wide(function_idx, params, prepared, &point, out) {
+            self.call_pairs(function_idx, params, prepared, point, out);
+        }
     }
 }

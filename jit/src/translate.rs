@@ -158,7 +158,7 @@ fn destinations(function: &Function) -> HashMap<u32, Vec<(Pointer, usize)>> {
 }
 
 /// What a function writes where, but for results of contractions.
-fn outputs(function: &Function) -> impl Iterator<Item = (Operand, (Pointer, usize))> + '_ {
+pub(crate) fn outputs(function: &Function) -> impl Iterator<Item = (Operand, (Pointer, usize))> + '_ {
     let results = function.results.iter().enumerate().map(|(k, (_, o))| (*o, (Pointer::Out, k)));
     let scalars = function.scalars.iter().enumerate().map(|(k, o)| (*o, (Pointer::Scalars, k)));
     results.chain(scalars).filter(|(o, _)| !matches!(o, Operand::Contracted(_)))

@@ -1,4 +1,5 @@
 //! Tests of programs compiled in memory.
 
 mod every_operation;
+mod four_lanes;
 mod inputs;

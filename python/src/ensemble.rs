@@ -10,12 +10,13 @@ use hamel::commands::options::{EndOptions, InputOptions, MotionOptions, SceneOpt
 use hamel::output::trajectories::Statistic;
 use hamel_run::admissible;
 use hamel_run::asked::assignments;
-use hamel_run::ensemble::{Cancel, EnsembleRequest, Member, Progress, Width, pool};
+use hamel_run::ensemble::{Cancel, EnsembleRequest, Progress, Width, pool};
 use hamel_run::error::{Error, Problem};
 use hamel_run::evaluate::prepare;
 use hamel_run::forms::Forms;
 use hamel_run::info::{Info, ParamEntry};
 use hamel_run::interpreted::Built;
+use hamel_run::members::{Beginnings, Members};
 use hamel_run::method::{MethodName, Steps};
 use hamel_run::request::share::Share;
 use hamel_run::resources::{free_memory, shown};
@@ -117,9 +118,23 @@ pub(crate) fn integrate(
         Ok((params, y))
     };
     let threads = pool(asked.threads)?;
-    let members: Vec<_> = threads.install(|| (0..values.nrows()).into_par_iter().map(start).collect());
+    let n_params = info.params.len() + if of_inputs { info.inputs.len() } else { 0 };
+    let block = |first: usize| {
+        let mut members = Beginnings::none(n_params, info.state.len());
+        for k in first..values.nrows().min(first + BLOCK) {
+            match start(k) {
+                Ok((params, y)) => members.push(&params, &y),
+                Err(reason) => members.push_failed(reason),
+            }
+        }
+        members
+    };
+    let blocks: Vec<usize> = (0..values.nrows()).step_by(BLOCK).collect();
+    let blocks: Vec<Beginnings> = threads.install(|| blocks.into_par_iter().map(block).collect());
+    let mut members = Beginnings::none(n_params, info.state.len());
+    blocks.into_iter().for_each(|block| members.append(block));
     let request = EnsembleRequest {
-        members: members.iter().filter_map(|member| member.as_ref().ok().cloned()).collect(),
+        members,
         t_final: asked.t_final,
         method: asked.method,
         steps: asked.steps,
@@ -131,8 +146,11 @@ pub(crate) fn integrate(
         cancel: cancel.clone(),
     };
     let integrated = hamel_run::ensemble::integrate(built, &request)?;
-    Ok(side_by_side(info, asked, &members, integrated))
+    Ok(side_by_side(info, asked, &request.members, &integrated))
 }
+
+/// Starts of a block, which one thread chooses.
+const BLOCK: usize = 64;
 
 /// Whether the states of all samples can be in memory at once.
 ///
@@ -266,7 +284,7 @@ fn chosen(
     starts.choose(built, &set, &given)
 }
 
-fn side_by_side(info: &Info, asked: &Asked, members: &[Start], integrated: Vec<Member>) -> Trajectories {
+fn side_by_side(info: &Info, asked: &Asked, members: &Beginnings, integrated: &Members) -> Trajectories {
     let (n, n_params, samples) = (info.state.len(), info.params.len(), asked.samples);
     let mut all = Trajectories {
         times: (0..samples).map(|k| sample_time(asked.t_final, samples, k)).collect(),
@@ -279,44 +297,32 @@ fn side_by_side(info: &Info, asked: &Asked, members: &[Start], integrated: Vec<M
         params: Vec::with_capacity(members.len() * n_params),
         initial: Vec::with_capacity(members.len() * n),
     };
-    let mut integrated = integrated.into_iter();
     let nothing = |n: usize| std::iter::repeat_n(f64::NAN, n);
-    for member in members {
-        let (params, initial, result) = match member {
-            Ok((params, initial)) => (Some(params), Some(initial), integrated.next().unwrap_or_default()),
-            Err(error) => (None, None, Member { error: Some(error.clone()), ..Member::default() }),
-        };
-        match params {
-            // Behind them are inputs.
-            Some(params) => all.params.extend(params.iter().take(n_params)),
-            None => all.params.extend(nothing(n_params)),
-        }
-        match initial {
-            Some(initial) => all.initial.extend(initial),
-            None => all.initial.extend(nothing(n)),
-        }
-        let has_stopped = result.error.is_some();
-        for (k, t) in all.times.iter().enumerate() {
-            // Where a trajectory has stopped, its last state is behind the samples.
-            let sample = result.samples.get(k).filter(|sample| sample.t == *t);
+    for (k, result) in integrated.iter().enumerate() {
+        let (params, initial) = members.member(k);
+        // Behind them are inputs.
+        all.params.extend(&params[..n_params]);
+        all.initial.extend(initial);
+        for at in 0..samples {
+            let sample = result.sample(at);
             match sample {
-                Some(sample) => all.states.extend(&sample.state),
+                Some(sample) => all.states.extend(sample.state),
                 None => all.states.extend(nothing(n)),
             }
             all.energies.push(sample.and_then(|sample| sample.energy).unwrap_or(f64::NAN));
         }
-        match result.samples.last() {
+        match result.last() {
             Some(sample) => {
                 all.ends.push(sample.t);
-                all.last.extend(&sample.state);
+                all.last.extend(sample.state);
             }
             None => {
-                all.ends.push(if has_stopped { 0.0 } else { asked.t_final });
+                all.ends.push(if result.error().is_some() { 0.0 } else { asked.t_final });
                 all.last.extend(nothing(n));
             }
         }
-        all.steps.push(result.steps);
-        all.errors.push(result.error);
+        all.steps.push(result.steps());
+        all.errors.push(result.error().map(str::to_owned));
     }
     all
 }

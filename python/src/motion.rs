@@ -130,9 +130,7 @@ pub(crate) fn simulate(
         let purpose = auto::Purpose::of(times.len(), has_events);
         let method = match (asked_method, steps) {
             (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
-                // Series have no derivatives along parameters, and a table ends a step of theirs at every row.
-                let has_series = sensitivity.is_empty() && !built.is_driven();
-                auto::choose(rtol, built.rhs_counts().cost(), has_series, purpose)
+                auto::choose(rtol, built.rhs_counts().cost(), purpose)
             }
             (method, _) => method,
         };

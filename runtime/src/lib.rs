@@ -119,7 +119,7 @@ pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
 pub use inputs::{
     Controlled, ControlledJet, InputDifferentiable, PolynomialSignal, Signal, SignalOverScalar, WithInput,
 };
-pub use integrator::{Integrator, Progress, Stats};
+pub use integrator::{AtRest, Integrator, Progress, Stats};
 pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};

@@ -21,6 +21,9 @@ struct With<M, T> {
 
 /// A method that has its storage, whatever types they have.
 pub(crate) trait Kept<R: Real, S: System<R>> {
+    /// As [`Method::renew`].
+    fn renew(&mut self, system: &S, t0: R, y0: &S::State, options: &Options<R>);
+
     /// As [`Method::stages`].
     fn stages(&self) -> &[S::State];
 
@@ -53,6 +56,10 @@ pub(crate) trait Kept<R: Real, S: System<R>> {
 }
 
 impl<R: Real, S: System<R>, M: Method<R, S>> Kept<R, S> for With<M, M::Storage> {
+    fn renew(&mut self, system: &S, t0: R, y0: &S::State, options: &Options<R>) {
+        self.method.renew(&mut self.storage, system, t0, y0, options);
+    }
+
     fn stages(&self) -> &[S::State] {
         M::stages(&self.storage)
     }
@@ -182,6 +189,10 @@ impl<'a, R: Real + 'a, S: System<R> + 'a, C: Choice<'a, R, S>> Method<R, S> for 
 
     fn storage(&self, system: &S, t0: R, y0: &S::State, options: &Options<R>) -> Self::Storage {
         self.choice.keep(system, t0, y0, options)
+    }
+
+    fn renew(&self, kept: &mut Self::Storage, system: &S, t0: R, y0: &S::State, options: &Options<R>) {
+        kept.renew(system, t0, y0, options);
     }
 
     fn stages(kept: &Self::Storage) -> &[S::State] {

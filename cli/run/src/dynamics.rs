@@ -47,7 +47,8 @@ pub trait Dynamics: Send + Sync {
         let _ = (t, z, dz);
     }
 
-    /// The same on four lanes, of which each has the bits of [`Dynamics::rhs_on_circles`].
+    /// The same on four lanes, of which each has the bits of [`Dynamics::rhs_on_circles`]; one lane after the other
+    /// unless the scene has been compiled for lanes.
     fn rhs_on_circles_on_lanes(&self, t: F64x4, z: &VecState<F64x4>, dz: &mut VecState<F64x4>) {
         lane_by_lane(z, dz, |k, z, dz| self.rhs_on_circles(t.lane(k), z, dz));
     }
@@ -148,8 +149,14 @@ pub trait LaneDynamics: Send + Sync {
     /// As [`Dynamics::energy`].
     fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4>;
 
-    /// As [`Dynamics::outputs`].
-    fn outputs(&self, t: F64x4, y: &VecState<F64x4>) -> Vec<F64x4>;
+    /// [`Dynamics::outputs`] in the place of what a vector has.
+    fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>);
+
+    /// Fixes other parameters, as [`Factory::prepare_lanes`], without allocation, where that can be.
+    fn set(&mut self, values: &[F64x4]) -> Option<Result<(), BadParams>> {
+        let _ = values;
+        None
+    }
 
     /// As [`System::check`].
     ///
@@ -231,6 +238,24 @@ pub trait Factory: Sync {
         SideBySide::boxed(self, values)
     }
 
+    /// Fixes other parameters of lanes of this scene.
+    ///
+    /// # Errors
+    /// As [`Factory::prepare_lanes`]; the lanes are then to be prepared again before they are used.
+    fn prepare_lanes_again<'a>(
+        &'a self,
+        lanes: &mut PreparedLanes<'a>,
+        values: &[F64x4],
+    ) -> Result<(), BadParams> {
+        match lanes.set(values) {
+            Some(set) => set,
+            None => {
+                *lanes = self.prepare_lanes(values)?;
+                Ok(())
+            }
+        }
+    }
+
     /// Fixes the parameters, with their derivatives along a direction.
     ///
     /// # Errors
@@ -274,13 +299,6 @@ fn lane(values: &[F64x4], k: usize) -> Vec<f64> {
     values.iter().map(|x| x.lane(k)).collect()
 }
 
-/// Some numbers of each of up to four, component by component on lanes, of which those behind the last repeat it.
-pub(super) fn on_lanes(all: &[&[f64]]) -> Vec<F64x4> {
-    let n = all.first().map_or(0, |first| first.len());
-    let of = |k: usize| all[k.min(all.len() - 1)];
-    (0..n).map(|at| F64x4::new(std::array::from_fn(|k| of(k)[at]))).collect()
-}
-
 /// Calls `rhs(k, y, dy)` for the lanes one after the other.
 pub(super) fn lane_by_lane(
     y: &VecState<F64x4>,
@@ -309,10 +327,11 @@ impl LaneDynamics for SideBySide<'_> {
         Some(F64x4::new(std::array::from_fn(|k| energies[k])))
     }
 
-    fn outputs(&self, t: F64x4, y: &VecState<F64x4>) -> Vec<F64x4> {
+    fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>) {
         let of_lane = |k: usize| Dynamics::outputs(&*self.0[k], t.lane(k), &lane(&y.0, k));
         let lanes: [Vec<f64>; F64x4::LANES] = std::array::from_fn(of_lane);
-        (0..lanes[0].len()).map(|at| F64x4::new(std::array::from_fn(|k| lanes[k][at]))).collect()
+        out.clear();
+        out.extend((0..lanes[0].len()).map(|at| F64x4::new(std::array::from_fn(|k| lanes[k][at]))));
     }
 
     fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {

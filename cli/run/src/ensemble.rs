@@ -8,22 +8,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
+use hamel_ensemble::{Ensemble, Lanes, Motions, Source};
 use hamel_runtime::{F64x4, Method, Options};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use rayon::ThreadPool;
-use rayon::iter::{
-    IndexedParallelIterator as _, IntoParallelIterator as _, IntoParallelRefIterator as _,
-    ParallelIterator as _,
-};
 use serde::{Deserialize, Serialize};
 
 use super::any_method::AnyMethod;
 use super::auto::Purpose;
-use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState, on_lanes};
-use super::evaluate::why_stopped;
+use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
+use super::members::{Beginnings, Members};
 use super::method::{MethodName, Steps};
-use super::simulation::{Sample, sample_time};
+use super::simulation::sample_time;
 use super::solver::method_of;
 use crate::error::Error;
 
@@ -41,10 +37,10 @@ pub enum Width {
 }
 
 /// Many integrations from time zero that differ in parameters and initial state.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EnsembleRequest {
-    /// Parameters and initial state of each trajectory; behind the parameters, or not, what its inputs are held at.
-    pub members: Vec<(Vec<f64>, Vec<f64>)>,
+    /// What each trajectory starts from.
+    pub members: Beginnings,
     /// Time to reach.
     pub t_final: f64,
     /// The method.
@@ -61,8 +57,7 @@ pub struct EnsembleRequest {
     pub threads: Option<usize>,
     /// How far the whole ensemble is.
     pub progress: Progress,
-    /// Whether it is called off; another process does not learn of it.
-    #[serde(skip)]
+    /// Whether it is called off.
     pub cancel: Cancel,
 }
 
@@ -90,7 +85,7 @@ impl PartialEq for Cancel {
 }
 
 /// How far an ensemble is before a request, for the progress bar.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
     /// Trajectories that are done.
     pub done: usize,
@@ -114,40 +109,21 @@ impl EnsembleRequest {
     }
 }
 
-/// What became of one trajectory.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Member {
-    /// Samples as far as they were reached, then the last state if it stopped; none if it never started.
-    pub samples: Vec<Sample>,
-    /// Accepted steps, those of the trajectories beside it.
-    pub steps: u64,
-    /// Why it stopped before the end, or what has no value.
-    pub error: Option<String>,
-}
-impl Member {
-    /// A trajectory that never started.
-    pub fn failed(error: impl ToString) -> Member {
-        Member { error: Some(error.to_string()), ..Member::default() }
-    }
-}
-
 /// Integrates all members on several threads; results are in their order, and the same for any number of threads.
+/// Neighbours among the members with a start are side by side.
 ///
 /// # Errors
 /// [`Error::Options`] for a time, tolerances, a method or a number of threads that suit none of them, and where it is
 /// called off.
-pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
+pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Members, Error> {
     let options = request.options()?;
     let pool = pool(request.threads)?;
-    let (params, initial): (Vec<&[f64]>, Vec<VecState>) =
-        request.members.iter().map(|(params, y)| (params.as_slice(), VecState(y.clone()))).unzip();
     let times: Vec<f64> =
         (0..request.samples).map(|k| sample_time(request.t_final, request.samples, k)).collect();
     let bar = progress_bar(request.progress);
     let progress = |n: usize| bar.inc(n as u64);
     let members = pool.install(|| {
-        let (params, initial, times) = (&params, &initial, &times);
-        let job = Job { factory, request, options, params, initial, times, progress: &progress };
+        let job = Job { factory, request, options, times: &times, progress: &progress };
         // What a scene can do depends on the scene alone, but takes parameters that are allowed.
         let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
         let method = match &any {
@@ -157,12 +133,11 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec
             // No trajectory will start, whatever the method.
             None => AnyMethod::single(&hamel_runtime::Dop853),
         };
-        let trajectories = match method.of_lanes().filter(|_| request.width == Width::Four) {
+        let motions = match method.of_lanes().filter(|_| request.width == Width::Four) {
             Some(method) => job.run::<F64x4, _>(method),
             None => job.run::<f64, _>(method.of_scenes()),
         }?;
-        let groups = trajectories.into_par_iter().zip(params.par_iter().copied()).chunks(F64x4::LANES);
-        Ok(groups.flat_map_iter(|group| side_by_side(factory, group, times)).collect())
+        Ok(Members::new(factory, &request.members, motions, &times))
     });
     bar.finish_and_clear();
     if request.cancel.is_off() {
@@ -199,6 +174,10 @@ impl<'a> Source<f64> for Scenes<'a> {
     fn state(&self, components: &[f64]) -> VecState {
         VecState(components.to_vec())
     }
+
+    fn measure(&self, system: &Self::System, t: f64, y: &VecState) -> Option<f64> {
+        system.energy(t, &y.0)
+    }
 }
 
 impl<'a> Source<F64x4> for Scenes<'a> {
@@ -211,8 +190,17 @@ impl<'a> Source<F64x4> for Scenes<'a> {
         self.factory.prepare_lanes(params)
     }
 
+    fn prepare_again(&self, system: &mut Self::System, params: &[F64x4]) -> Result<(), BadParams> {
+        self.go_on()?;
+        self.factory.prepare_lanes_again(system, params)
+    }
+
     fn state(&self, components: &[F64x4]) -> VecState<F64x4> {
         VecState(components.to_vec())
+    }
+
+    fn measure(&self, system: &Self::System, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
+        system.energy(t, y)
     }
 }
 
@@ -221,116 +209,30 @@ struct Job<'a, 'r> {
     factory: &'a dyn Factory,
     request: &'r EnsembleRequest,
     options: Options<f64>,
-    params: &'r [&'r [f64]],
-    initial: &'r [VecState],
     /// Times of the samples.
     times: &'r [f64],
     /// Is told how many more trajectories are done.
     progress: &'r (dyn Fn(usize) + Sync),
 }
 
-type Trajectories = Vec<Trajectory<VecState, BadParams>>;
-
 impl<'a> Job<'a, '_> {
-    fn run<L, M>(&self, method: M) -> Result<Trajectories, Error>
+    fn run<L, M>(&self, method: M) -> Result<Motions<BadParams>, Error>
     where
         L: Lanes,
         Scenes<'a>: Source<L, Error = BadParams>,
         M: Method<f64, PreparedScene<'a>> + Method<L, <Scenes<'a> as Source<L>>::System> + Sync,
     {
-        let refused = |reason: String| Error::Options { reason };
         Method::<f64, PreparedScene<'a>>::validate(&method, &self.options)
-            .map_err(|e| refused(e.to_string()))?;
+            .map_err(|e| Error::Options { reason: e.to_string() })?;
         let ensemble = Ensemble::new(method, self.options).with_lanes::<L>();
-        let scenes = Scenes { factory: self.factory, cancel: self.request.cancel.clone() };
-        let t_final = self.request.t_final;
-        let trajectories =
-            ensemble.run_from(&scenes, self.params, self.initial, t_final, self.times, self.progress);
-        // As many parameters as states, by construction.
-        trajectories.map_err(|e| refused(e.to_string()))
+        let EnsembleRequest { members, t_final, cancel, .. } = self.request;
+        let scenes = Scenes { factory: self.factory, cancel: cancel.clone() };
+        let started = members.started();
+        let member = |k: usize| members.member(started.as_ref().map_or(k, |started| started[k]));
+        let n = started.as_ref().map_or(members.len(), Vec::len);
+        let all = hamel_ensemble::Members { n, n_state: members.n_state, member: &member };
+        Ok(ensemble.run_from(&scenes, &all, *t_final, self.times, self.progress))
     }
-}
-
-/// A trajectory and its parameters.
-type WithParams<'r> = (Trajectory<VecState, BadParams>, &'r [f64]);
-
-/// Trajectories of one group with times, energies and words.
-fn side_by_side(factory: &dyn Factory, group: Vec<WithParams<'_>>, times: &[f64]) -> Vec<Member> {
-    let energies = energies(factory, &group, times);
-    let of = |k: usize| energies.as_ref().map(|all| all.iter().map(|x| x.lane(k)).collect());
-    let one = |(k, (trajectory, params)): (usize, WithParams<'_>)| {
-        member(factory, trajectory, params, (times, of(k)))
-    };
-    group.into_iter().enumerate().map(one).collect()
-}
-
-/// The energies of up to four trajectories at all times, side by side, where all of them arrived and the scene computes
-/// energies.
-fn energies(factory: &dyn Factory, group: &[WithParams<'_>], times: &[f64]) -> Option<Vec<F64x4>> {
-    let (first, _) = group.first()?;
-    let has_arrived = |trajectory: &Trajectory<VecState, BadParams>| {
-        trajectory.stop.is_none()
-            && trajectory.samples.len() == times.len()
-            && trajectory.state.0.len() == first.state.0.len()
-    };
-    if !factory.info().has_energy || !group.iter().all(|(trajectory, _)| has_arrived(trajectory)) {
-        return None;
-    }
-    let params: Vec<&[f64]> = group.iter().map(|(_, params)| *params).collect();
-    if params.iter().any(|own| own.len() != params[0].len()) {
-        return None;
-    }
-    let dynamics = factory.prepare_lanes(&on_lanes(&params)).ok()?;
-    let mut states: Vec<&[f64]> = Vec::with_capacity(group.len());
-    let at = |(k, t): (usize, &f64)| {
-        states.clear();
-        states.extend(group.iter().map(|(trajectory, _)| trajectory.samples[k].0.as_slice()));
-        dynamics.energy(F64x4::splat(*t), &VecState(on_lanes(&states)))
-    };
-    times.iter().enumerate().map(at).collect()
-}
-
-/// A trajectory with times, energies and words; the energies, where they are known.
-fn member(
-    factory: &dyn Factory,
-    trajectory: Trajectory<VecState, BadParams>,
-    params: &[f64],
-    (times, energies): (&[f64], Option<Vec<f64>>),
-) -> Member {
-    let info = factory.info();
-    let mut error = trajectory.stop.as_ref().map(|stop| match stop {
-        Stop::Params(bad) => bad.to_string(),
-        Stop::Integration(error) => why_stopped(info, error),
-        other => format!("{other:?}"),
-    });
-    // With a known reason the parameters may not be allowed, and then there is no state either.
-    let dynamics = match &energies {
-        Some(_) => None,
-        None => match factory.prepare(params) {
-            Ok(dynamics) => Some(dynamics),
-            Err(_) => return Member { error, ..Member::default() },
-        },
-    };
-    let energy_of = |k: usize, t: f64, y: &[f64]| match (&energies, &dynamics) {
-        (Some(energies), _) => energies.get(k).copied(),
-        (None, dynamics) => dynamics.as_ref()?.energy(t, y),
-    };
-    let has_started = trajectory.stats.rhs_evals > 0;
-    let reached = times.iter().copied().zip(trajectory.samples);
-    let is_new = has_started && error.is_some();
-    let last = is_new.then_some((trajectory.t, trajectory.state));
-    let mut samples: Vec<Sample> = Vec::with_capacity(reached.len() + 1);
-    for (k, (t, state)) in reached.chain(last).enumerate() {
-        if samples.last().is_some_and(|s| s.t == t) {
-            continue;
-        }
-        let energy = energy_of(k, t, &state.0).filter(|e| e.is_finite());
-        if info.has_energy && energy.is_none() {
-            error.get_or_insert_with(|| format!("the energy is not finite at t = {t:?}"));
-        }
-        samples.push(Sample { t, state: state.0, energy, outputs: Vec::new(), along: Vec::new() });
-    }
-    Member { samples, steps: trajectory.stats.steps, error }
 }
 
 /// Most threads: several for each core of a large machine, and far fewer than a system refuses.

@@ -5,7 +5,7 @@
 use hamel_runtime::{Error as SolverError, F64x4, Failure, Real as _};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, Dynamics, Factory, PreparedScene, VecState, on_lanes};
+use super::dynamics::{BadParams, Dynamics, Factory, PreparedLanes, PreparedScene, VecState};
 use super::info::Info;
 use crate::error::{Error, Problem};
 
@@ -117,25 +117,58 @@ fn values(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<Values, String> 
     }
 }
 
-/// Whether the derivative, the energy and all outputs have finite values at time zero at some parameters and states, of
-/// which there are at most as many as lanes.
-pub fn have_values(factory: &dyn Factory, starts: &[&(Vec<f64>, Vec<f64>)]) -> bool {
-    if let [(params, y)] = starts {
-        return factory.prepare(params).is_ok_and(|dynamics| values(&*dynamics, 0.0, y).is_ok());
+/// Tells of many starts whether the scene has values there, in the same storage, without allocation where the scene is
+/// compiled.
+pub struct Judge<'a> {
+    factory: &'a dyn Factory,
+    lanes: Option<PreparedLanes<'a>>,
+    params: Vec<F64x4>,
+    state: VecState<F64x4>,
+    slope: VecState<F64x4>,
+    outputs: Vec<F64x4>,
+}
+
+impl<'a> Judge<'a> {
+    /// Of the starts of a scene.
+    pub fn new(factory: &'a dyn Factory) -> Judge<'a> {
+        let [state, slope] = [(); 2].map(|()| VecState(Vec::new()));
+        Judge { factory, lanes: None, params: Vec::new(), state, slope, outputs: Vec::new() }
     }
-    let params: Vec<&[f64]> = starts.iter().map(|(params, _)| params.as_slice()).collect();
-    let states: Vec<&[f64]> = starts.iter().map(|(_, y)| y.as_slice()).collect();
-    let Ok(dynamics) = factory.prepare_lanes(&on_lanes(&params)) else { return false };
-    let (t, y) = (F64x4::splat(0.0), VecState(on_lanes(&states)));
-    let mut dy = y.clone();
-    let is_finite = |x: &F64x4| x.all_finite();
-    dynamics.check(t, &y).is_ok()
-        && {
-            dynamics.rhs(t, &y, &mut dy);
-            dy.0.iter().all(is_finite)
+
+    /// Whether the derivative, the energy and all outputs have finite values at time zero at some parameters and
+    /// states, of which there are at most as many as lanes, and as many of both.
+    pub fn have_values(&mut self, params: &[&[f64]], states: &[&[f64]]) -> bool {
+        if let ([params], [y]) = (params, states) {
+            return self.factory.prepare(params).is_ok_and(|dynamics| values(&*dynamics, 0.0, y).is_ok());
         }
-        && dynamics.energy(t, &y).is_none_or(|energy| is_finite(&energy))
-        && dynamics.outputs(t, &y).iter().all(is_finite)
+        to_lanes(params, &mut self.params);
+        to_lanes(states, &mut self.state.0);
+        self.slope.0.clone_from(&self.state.0);
+        let prepared = match &mut self.lanes {
+            Some(lanes) => self.factory.prepare_lanes_again(lanes, &self.params),
+            None => self.factory.prepare_lanes(&self.params).map(|lanes| self.lanes = Some(lanes)),
+        };
+        let (Ok(()), Some(dynamics)) = (prepared, &self.lanes) else { return false };
+        let (t, y) = (F64x4::splat(0.0), &self.state);
+        let is_finite = |x: &F64x4| x.all_finite();
+        if dynamics.check(t, y).is_err() {
+            return false;
+        }
+        dynamics.rhs(t, y, &mut self.slope);
+        if !self.slope.0.iter().all(is_finite) || !dynamics.energy(t, y).is_none_or(|e| is_finite(&e)) {
+            return false;
+        }
+        dynamics.write_outputs(t, y, &mut self.outputs);
+        self.outputs.iter().all(is_finite)
+    }
+}
+
+/// Some numbers of each of up to four, component by component on lanes, of which those behind the last repeat it.
+fn to_lanes(all: &[&[f64]], out: &mut Vec<F64x4>) {
+    let n = all.first().map_or(0, |first| first.len());
+    let of = |k: usize| all[k.min(all.len() - 1)];
+    out.clear();
+    out.extend((0..n).map(|at| F64x4::new(std::array::from_fn(|k| of(k)[at]))));
 }
 
 /// The derivative at a point.

@@ -4,9 +4,8 @@
 //! Does not know: commands, files, JSON.
 
 use std::borrow::Cow;
-use std::collections::BTreeSet;
 use std::ops::Deref;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, OnceLock};
 
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_program::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
@@ -16,6 +15,7 @@ use super::dynamics::{
     BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PositionEquations, PreparedDuals,
     PreparedLanes, PreparedScene, SideBySide, VecState, lane_by_lane,
 };
+use super::guards::{check, domain, pivots};
 use super::info::Info;
 use super::inputs::{Drive, InputTable};
 use super::machine::{self, Compiled};
@@ -64,9 +64,9 @@ impl Runnable {
     }
 
     /// On lanes with parameters of their own; none where the program is interpreted.
-    fn prepare_lanes(&self, params: &[F64x4]) -> Option<Result<OnLanes<'_>, ViolatedCondition>> {
+    fn prepare_lanes(&self, params: &[F64x4]) -> Option<Result<Driving<'_, F64x4>, ViolatedCondition>> {
         let compiled = self.compiled.as_ref()?;
-        Some(self.executable.prepare_on(compiled, params).map(|on| OnLanes(Driving::held(on))))
+        Some(self.executable.prepare_on(compiled, params).map(Driving::held))
     }
 }
 
@@ -373,8 +373,8 @@ impl Factory for Built {
         let (params, inputs) = self.parted(values);
         match self.executable.prepare_lanes(params) {
             Some(lanes) => {
-                let OnLanes(lanes) = lanes.map_err(bad_params)?;
-                Ok(Box::new(OnLanes(lanes.driven(&self.drive).holding(inputs))))
+                let driving = lanes.map_err(bad_params)?.driven(&self.drive).holding(inputs);
+                Ok(Box::new(OnLanes { driving, n_values: values.len() }))
             }
             None => SideBySide::boxed(self, values),
         }
@@ -438,54 +438,56 @@ impl DualDynamics for Driving<'_, Dual> {
 }
 
 /// The machine code of a scene on lanes.
-struct OnLanes<'a>(Driving<'a, F64x4>);
+struct OnLanes<'a> {
+    driving: Driving<'a, F64x4>,
+    /// Number of parameters and of the inputs that are held.
+    n_values: usize,
+}
 
 impl LaneDynamics for OnLanes<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
-        self.0.at(t).rhs(t, &y.0, &mut dy.0);
+        match &self.driving.drive {
+            None => self.driving.interpreter.rhs(t, &y.0, &mut dy.0),
+            Some(_) => self.driving.at(t).rhs(t, &y.0, &mut dy.0),
+        }
     }
 
     fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
-        self.0.at(t).energy(t, &y.0)
+        self.driving.at(t).energy(t, &y.0)
     }
 
-    fn outputs(&self, t: F64x4, y: &VecState<F64x4>) -> Vec<F64x4> {
-        self.0.at(t).outputs(t, &y.0)
+    fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>) {
+        self.driving.at(t).write_outputs(t, &y.0, out);
+    }
+
+    fn set(&mut self, values: &[F64x4]) -> Option<Result<(), BadParams>> {
+        // Inputs that are held, or are not, take part in what drives them.
+        if values.len() != self.n_values {
+            return None;
+        }
+        let interpreter = &mut self.driving.interpreter;
+        let (params, inputs) = values.split_at(interpreter.n_params());
+        let prepared = interpreter.prepare_again(params).map_err(bad_params);
+        if !inputs.is_empty() {
+            interpreter.set_inputs(inputs);
+        }
+        Some(prepared)
     }
 
     fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        check(&self.0.at(t), t, &y.0)
+        check(&self.driving.at(t), t, &y.0)
     }
 
     fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        domain(&self.0.at(t), t, &y.0)
+        domain(&self.driving.at(t), t, &y.0)
     }
 
     fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
-        self.0.at(t).signature(t, &y.0)
+        self.driving.at(t).signature(t, &y.0)
     }
 
     fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
-        pivots(&self.0.at(t), t, &y.0, visit);
-    }
-}
-
-fn check<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R]) -> Result<(), Failure> {
-    interpreter.pivots(t, y).into_iter().try_for_each(|(name, value, scale)| {
-        let verified = Pivot { name: "", value, scale }.verify(t);
-        verified.or_else(|_| Pivot { name: interned(name.to_owned()), value, scale }.verify(t))
-    })
-}
-
-fn domain<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R]) -> Result<(), Failure> {
-    let seconds = if R::ZERO.all_gt(t) { -t.magnitude() } else { t.magnitude() };
-    let outside = |condition| Failure::OutsideDomain { t: seconds, condition: interned(condition) };
-    interpreter.domain(t, y).map_err(outside)
-}
-
-fn pivots<R: Real>(interpreter: &Interpreter<'_, R>, t: R, y: &[R], visit: &mut dyn FnMut(Pivot<R>)) {
-    for (name, value, scale) in interpreter.pivots(t, y) {
-        visit(Pivot { name: interned(name.to_owned()), value, scale });
+        pivots(&self.driving.at(t), t, &y.0, visit);
     }
 }
 
@@ -516,6 +518,18 @@ impl<'a> Interpreted<'a> {
     fn with_positions(&self) -> Option<&Interpreter<'a>> {
         let prepare = || self.built.with_positions()?.prepare(&self.params).ok();
         self.positions.get_or_init(prepare).as_ref()
+    }
+
+    /// The same parameters on every lane, where the scene is compiled.
+    fn on_lanes(&self) -> Option<&OnLanes<'a>> {
+        let prepare = || {
+            let [params, inputs] = [&self.params, &self.inputs]
+                .map(|values| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>());
+            let lanes = self.built.executable.prepare_lanes(&params)?.ok()?;
+            let driving = lanes.driven(&self.built.drive).holding(&inputs);
+            Some(OnLanes { driving, n_values: params.len() + inputs.len() })
+        };
+        self.lanes.get_or_init(prepare).as_ref()
     }
 
     fn with_invariants(&self) -> Option<&Interpreter<'a>> {
@@ -556,14 +570,16 @@ impl Dynamics for Interpreted<'_> {
         }
     }
 
+    fn rhs_on_circles_on_lanes(&self, t: F64x4, z: &VecState<F64x4>, dz: &mut VecState<F64x4>) {
+        let run = self.built.circles().and_then(|found| found.compiled.as_ref());
+        match (self.on_lanes(), run) {
+            (Some(lanes), Some(run)) => lanes.driving.at(t).rhs_on_circles_by(run, t, &z.0, &mut dz.0),
+            _ => lane_by_lane(z, dz, |k, z, dz| self.rhs_on_circles(t.lane(k), z, dz)),
+        }
+    }
+
     fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
-        let on_lanes = || {
-            let [params, inputs] = [&self.params, &self.inputs]
-                .map(|values| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>());
-            let OnLanes(lanes) = self.built.executable.prepare_lanes(&params)?.ok()?;
-            Some(OnLanes(lanes.driven(&self.built.drive).holding(&inputs)))
-        };
-        match self.lanes.get_or_init(on_lanes) {
+        match self.on_lanes() {
             Some(lanes) => lanes.rhs(t, y, dy),
             None => lane_by_lane(y, dy, |k, y, dy| self.rhs(t.lane(k), y, dy)),
         }
@@ -658,16 +674,4 @@ impl Dynamics for Interpreted<'_> {
     fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>)) {
         pivots(&self.interpreter.at(t), t, y, visit);
     }
-}
-
-/// The runtime's failures borrow from the program for ever, so each pivot's name and each condition is kept once.
-fn interned(name: String) -> &'static str {
-    static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
-    let mut kept = KEPT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    if let Some(known) = kept.get(name.as_str()) {
-        return known;
-    }
-    let name: &'static str = name.leak();
-    kept.insert(name);
-    name
 }

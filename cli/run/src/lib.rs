@@ -5,6 +5,8 @@
 //!
 //! Does not know: commands and their arguments, how results are shown.
 
+#![forbid(unsafe_code)]
+
 pub mod admissible;
 mod any_method;
 pub mod asked;
@@ -22,6 +24,7 @@ mod events;
 pub mod fit;
 pub mod follow;
 pub mod forms;
+mod guards;
 pub mod hash;
 pub mod info;
 pub mod inputs;
@@ -34,6 +37,7 @@ pub mod length;
 mod lost_rank;
 mod machine;
 pub mod matrices;
+pub mod members;
 pub mod method;
 pub mod model;
 pub mod names;
@@ -54,6 +58,7 @@ pub mod streams;
 pub mod temporary;
 mod verdict;
 pub mod watched;
+mod wide;
 
 pub use error::Error;
 pub use record::energy_scale;

@@ -2,18 +2,31 @@
 //!
 //! Does not know: what is integrated with a method, requests.
 
+use std::sync::LazyLock;
+
 use hamel_codegen::spec::Want;
 use hamel_runtime::{
-    Dop853, Dopri5, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, OnCircles, Rk4, Splitting2, Splitting4,
-    Splitting6, Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, OnCircles, Rk4, Splitting2,
+    Splitting4, Splitting6, Taylor, Tsit5, Vern9,
 };
 
-use super::any_method::{AnyMethod, MAX_INVARIANTS, OfScenes};
+use super::any_method::{AnyMethod, MAX_INVARIANTS, OfLanes, OfScenes};
 use super::auto::{self, Purpose};
-use super::dynamics::Dynamics;
+use super::dynamics::{Dynamics, PreparedLanes};
 use super::info::Info;
 use super::method::{MethodName, Steps};
+use super::wide::Wide;
 use crate::error::Error;
+
+/// An explicit method on lanes, in wide registers where the processor has some.
+macro_rules! on_lanes {
+    ($method:ident) => {{
+        static WIDE: LazyLock<Option<Wide>> =
+            LazyLock::new(|| Wide::of(<$method as Method<F64x4, PreparedLanes<'static>>>::TABLEAU));
+        let own: OfLanes<'a> = &$method;
+        WIDE.as_ref().map_or(own, |wide| wide)
+    }};
+}
 
 /// The method of a name, for a scene with parameters at a state; equations between coordinates are kept by a projection
 /// after every step, whatever the method.
@@ -54,14 +67,16 @@ fn own_method<'a>(
     y: &[f64],
 ) -> Result<AnyMethod<'a>, Error> {
     Ok(match method {
-        MethodName::Tsit5 => AnyMethod::single(&Tsit5).with_lanes(&Tsit5),
+        MethodName::Tsit5 => AnyMethod::single(&Tsit5).with_lanes(on_lanes!(Tsit5)),
         MethodName::Dop853 => {
-            carried(&Dop853, const { &OnCircles::new(Dop853) }, dynamics).with_lanes(&Dop853)
+            carried(&Dop853, const { &OnCircles::new(Dop853) }, dynamics).with_lanes(on_lanes!(Dop853))
         }
-        MethodName::Vern9 => carried(&Vern9, const { &OnCircles::new(Vern9) }, dynamics).with_lanes(&Vern9),
+        MethodName::Vern9 => {
+            carried(&Vern9, const { &OnCircles::new(Vern9) }, dynamics).with_lanes(on_lanes!(Vern9))
+        }
         MethodName::Gbs14 => carried(&Gbs14, const { &OnCircles::new(Gbs14) }, dynamics).with_lanes(&Gbs14),
-        MethodName::Dopri5 => AnyMethod::single(&Dopri5).with_lanes(&Dopri5),
-        MethodName::Rk4 => AnyMethod::single(&Rk4).with_lanes(&Rk4),
+        MethodName::Dopri5 => AnyMethod::single(&Dopri5).with_lanes(on_lanes!(Dopri5)),
+        MethodName::Rk4 => AnyMethod::single(&Rk4).with_lanes(on_lanes!(Rk4)),
         MethodName::Gauss4 => AnyMethod::single(const { &Gauss4::fixed_point() }),
         MethodName::Gauss6 => AnyMethod::single(const { &Gauss6::fixed_point() }),
         MethodName::Gauss8 => AnyMethod::single(const { &Gauss8::fixed_point() }),
@@ -78,9 +93,7 @@ fn own_method<'a>(
                 let reason = "method auto chooses by tolerances: give these instead of a step".to_owned();
                 return Err(Error::Options { reason });
             };
-            // A table ends a step of a series at every row, and most have many.
-            let has_series = dynamics.series((0.0, f64::INFINITY), y, &mut []) == Some(f64::INFINITY);
-            let chosen = auto::choose(rtol, dynamics.rhs_cost(), has_series, purpose);
+            let chosen = auto::choose(rtol, dynamics.rhs_cost(), purpose);
             return own_method(chosen, steps, purpose, dynamics, y);
         }
         MethodName::Isospectral => {

@@ -287,14 +287,21 @@ pub struct Alike {
 impl Alike {
     /// Parameters and state with these values in their places.
     pub fn with(&self, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (mut params, mut state) = (self.params.clone(), self.state.clone());
+        let (mut params, mut state) = (Vec::new(), Vec::new());
+        self.write(values, &mut params, &mut state);
+        (params, state)
+    }
+
+    /// [`with`](Self::with) into vectors that are there.
+    pub fn write(&self, values: &[f64], params: &mut Vec<f64>, state: &mut Vec<f64>) {
+        params.clone_from(&self.params);
+        state.clone_from(&self.state);
         for (place, value) in self.places.iter().zip(values) {
             match place {
                 Place::Param(k) => params[*k] = *value,
                 Place::State(k) => state[*k] = *value,
             }
         }
-        (params, state)
     }
 
     /// The value at a place among parameters and state of a start.

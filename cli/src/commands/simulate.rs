@@ -19,7 +19,6 @@ use crate::output::plot::field::{self, Field};
 use crate::output::terminal::bold;
 use hamel_run::asked::{Asked, Words};
 use hamel_run::bars::simulate_with_bar;
-use hamel_run::choice::Via;
 use hamel_run::dynamics::Factory;
 use hamel_run::error::{Error, Problem};
 use hamel_run::fit::Follows as _;
@@ -444,13 +443,8 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let method = match (motion.method, steps) {
         (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
-            let is_interpreted = choice.via() == Via::Interpreter;
-            // Series have no derivatives along parameters, and a table ends a step of theirs at every row.
-            let has_series = arguments.sensitivity.is_empty()
-                && choice.table.is_none()
-                && (is_interpreted || model::wants(model, &choice.scene, Want::Taylor));
             let has_events = !arguments.section.is_empty() || scene::has_events(model, &choice.scene);
-            auto::choose(rtol, cost, has_series, auto::Purpose::of(samples, has_events))
+            auto::choose(rtol, cost, auto::Purpose::of(samples, has_events))
         }
         (method, _) => method,
     };

@@ -5,6 +5,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::ops::ControlFlow;
 
 use hamel_runtime::{Dual, Real};
 
@@ -18,6 +19,7 @@ use super::derivatives::{Derivative, Matrix};
 use super::events::SceneEvent;
 use super::implicit;
 use super::invariants::GRADIENTS;
+use super::places::{Places, with_space};
 use super::plan::INVARIANTS;
 use super::positions::{self, PositionLayout};
 use super::splitting::flow_role;
@@ -257,6 +259,7 @@ pub struct Interpreter<'a, R = f64> {
     patterns: Cow<'a, [Pattern]>,
     params: Vec<R>,
     prepared: Vec<R>,
+    places: Places,
 }
 
 impl<'a, R: Real> Interpreter<'a, R> {
@@ -267,7 +270,26 @@ impl<'a, R: Real> Interpreter<'a, R> {
     ) -> Result<Interpreter<'a, R>, ViolatedCondition> {
         let program = run.program();
         let prepared = run.prepare(params)?;
-        Ok(Interpreter { run, program, patterns, params: params.to_vec(), prepared })
+        let places = Places::of(program);
+        Ok(Interpreter { run, program, patterns, params: params.to_vec(), prepared, places })
+    }
+
+    /// The same for other parameters, with inputs at their defaults; allocates nothing where the program is compiled.
+    ///
+    /// # Errors
+    /// The condition that the parameters violate; the interpreter is then to be prepared again before it is used.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong.
+    pub fn prepare_again(&mut self, params: &[R]) -> Result<(), ViolatedCondition> {
+        self.run.prepare_into(params, &mut self.prepared)?;
+        self.params.copy_from_slice(params);
+        Ok(())
+    }
+
+    /// Number of the parameters.
+    pub fn n_params(&self) -> usize {
+        self.params.len()
     }
 
     /// Number of the inputs that the scene takes.
@@ -299,7 +321,7 @@ impl<'a, R: Real> Interpreter<'a, R> {
     /// # Panics
     /// When a size is wrong.
     pub fn rhs_with(&self, t: R, y: &[R], inputs: &[R], dy: &mut [R]) {
-        let Some(k) = self.program.function_idx(&Role::Rate) else { return };
+        let Some(k) = self.places.rate else { return };
         let mut prepared = self.prepared.clone();
         prepared[self.program.prepare.slots.len()..].copy_from_slice(inputs);
         self.run.run_at(k, &self.params, &prepared, Point { t, state: y, argument: &[] }, dy);
@@ -322,29 +344,34 @@ impl<'a, R: Real> Interpreter<'a, R> {
         Some(out)
     }
 
-    fn call(&self, role: &Role, t: R, y: &[R], out: &mut [R]) -> bool {
-        let Some(k) = self.program.function_idx(role) else { return false };
-        self.run(k, t, y, out);
-        true
-    }
-
     /// Time derivative of the state.
     ///
     /// # Panics
     /// When a size is wrong.
+    #[inline]
     pub fn rhs(&self, t: R, y: &[R], dy: &mut [R]) {
-        self.call(&Role::Rate, t, y, dy);
+        if let Some(k) = self.places.rate {
+            self.run(k, t, y, dy);
+        }
     }
 
     /// Energy, when the scene wants it.
     pub fn energy(&self, t: R, y: &[R]) -> Option<R> {
-        let values = self.values(&Role::Energy, t, y)?;
-        values.first().copied()
+        let mut out = [R::ZERO];
+        self.run(self.places.energy?, t, y, &mut out);
+        Some(out[0])
     }
 
     /// All outputs, concatenated.
     pub fn outputs(&self, t: R, y: &[R]) -> Vec<R> {
         let mut all = Vec::new();
+        self.write_outputs(t, y, &mut all);
+        all
+    }
+
+    /// [`outputs`](Self::outputs) in the place of what a vector has.
+    pub fn write_outputs(&self, t: R, y: &[R], all: &mut Vec<R>) {
+        all.clear();
         for (k, function) in self.program.functions.iter().enumerate() {
             if let Role::Output(_) = function.role {
                 let start = all.len();
@@ -352,7 +379,6 @@ impl<'a, R: Real> Interpreter<'a, R> {
                 self.run(k, t, y, &mut all[start..]);
             }
         }
-        all
     }
 
     /// The components of one output, if the scene has it.
@@ -389,20 +415,40 @@ impl<'a, R: Real> Interpreter<'a, R> {
         self.values(&Role::Output(Want::Positions.name().to_owned()), t, y)
     }
 
-    /// Everything that the right-hand side divides by and that may vanish or overflow: names, values, and scales of
-    /// their rounding errors, as [`hamel_runtime::Pivot`] has them.
+    /// All of what [`visit_pivots`](Self::visit_pivots) tells.
     ///
     /// # Panics
     /// When the size of `y` is wrong.
     pub fn pivots(&self, t: R, y: &[R]) -> Vec<(&'a str, R, R)> {
+        let mut all = Vec::new();
+        let _ = self.visit_pivots(t, y, |pivot| {
+            all.push(pivot);
+            ControlFlow::<()>::Continue(())
+        });
+        all
+    }
+
+    /// Tells everything that the right-hand side divides by and that may vanish or overflow: names, values, and scales
+    /// of their rounding errors, as [`hamel_runtime::Pivot`] has them; stops at what `visit` breaks with.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn visit_pivots<B>(
+        &self,
+        t: R,
+        y: &[R],
+        mut visit: impl FnMut((&'a str, R, R)) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
         let program = self.program;
-        let Some(k) = program.function_idx(&Role::Pivots) else { return Vec::new() };
+        let Some(k) = self.places.pivots else { return ControlFlow::Continue(()) };
         let results = &program.functions[k].results;
-        let mut out = vec![R::ZERO; results.len()];
-        self.run(k, t, y, &mut out);
-        let (values, scales) = out.split_at(out.len() / 2);
-        let names = results.iter().map(|(name, _)| name.as_str());
-        names.zip(values).zip(scales).map(|((name, value), scale)| (name, *value, *scale)).collect()
+        with_space(results.len(), |out: &mut [R]| {
+            self.run(k, t, y, out);
+            let (values, scales) = out.split_at(out.len() / 2);
+            let names = results.iter().map(|(name, _)| name.as_str());
+            let mut pivots = names.zip(values).zip(scales);
+            pivots.try_for_each(|((name, value), scale)| visit((name, *value, *scale)))
+        })
     }
 
     /// Why the right-hand side cannot be evaluated here.
@@ -410,10 +456,13 @@ impl<'a, R: Real> Interpreter<'a, R> {
     /// # Errors
     /// The name of the pivot that is not finite, that vanishes, or that rounding errors of its terms could hide.
     pub fn check(&self, t: R, y: &[R]) -> Result<(), String> {
-        let lost = |(_, value, scale): &(&str, R, R)| {
-            hamel_runtime::Pivot { name: "", value: *value, scale: *scale }.verify(t).is_err()
-        };
-        self.pivots(t, y).into_iter().find(lost).map_or(Ok(()), |(name, ..)| Err(name.to_owned()))
+        let found = self.visit_pivots(t, y, |(name, value, scale)| {
+            match (hamel_runtime::Pivot { name: "", value, scale }).verify(t) {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(_) => ControlFlow::Break(name.to_owned()),
+            }
+        });
+        found.break_value().map_or(Ok(()), Err)
     }
 
     /// The number that stays the same along a motion while no matrix becomes singular; zero if none can.
@@ -422,7 +471,9 @@ impl<'a, R: Real> Interpreter<'a, R> {
     /// When the size of `y` is wrong.
     pub fn signature(&self, t: R, y: &[R]) -> R {
         let mut out = [R::ZERO];
-        self.call(&Role::Signature, t, y, &mut out);
+        if let Some(k) = self.places.signature {
+            self.run(k, t, y, &mut out);
+        }
         out[0]
     }
 
@@ -431,23 +482,25 @@ impl<'a, R: Real> Interpreter<'a, R> {
     /// # Errors
     /// The first condition that does not hold, such as `theta > 0`.
     pub fn domain(&self, t: R, y: &[R]) -> Result<(), String> {
-        let is_inside = |value: &R| value.all_gt(R::ZERO);
-        self.guard(&Role::Domain, t, y, |out| out.iter().position(|value| !is_inside(value)))
-    }
-
-    /// The name of the result of a function that does not hold.
-    fn guard(
-        &self,
-        role: &Role,
-        t: R,
-        y: &[R],
-        broken: impl Fn(&[R]) -> Option<usize>,
-    ) -> Result<(), String> {
-        let Some(k) = self.program.function_idx(role) else { return Ok(()) };
+        let Some(k) = self.places.domain else { return Ok(()) };
         let results = &self.program.functions[k].results;
-        let mut out = vec![R::ZERO; results.len()];
-        self.run(k, t, y, &mut out);
-        broken(&out).map_or(Ok(()), |k| Err(results[k].0.clone()))
+        with_space(results.len(), |out: &mut [R]| {
+            self.run(k, t, y, out);
+            let outside = out.iter().position(|value| !value.all_gt(R::ZERO));
+            outside.map_or(Ok(()), |k| Err(results[k].0.clone()))
+        })
+    }
+}
+
+impl<R: Real> Interpreter<'_, R> {
+    /// Derivative of a state with cosines and sines of the angles of [`Executable::circles`] behind it, where `run`
+    /// runs the program of the circles.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn rhs_on_circles_by(&self, run: &dyn Run<R>, t: R, z: &[R], dz: &mut [R]) {
+        let point = Point { t, state: z, argument: &[] };
+        run.run_at(Circles::RATE, &self.params, &self.prepared, point, dz);
     }
 }
 
@@ -459,7 +512,7 @@ impl Interpreter<'_> {
     /// # Panics
     /// When a size is wrong.
     pub fn rhs_jacobian(&self, t: f64, y: &[f64], rows: &mut [&mut [f64]]) {
-        let Some(k) = self.program.function_idx(&Role::Rate) else { return };
+        let Some(k) = self.places.rate else { return };
         let constants = |values: &[f64]| values.iter().copied().map(Dual::constant).collect::<Vec<Dual>>();
         let (params, prepared) = (constants(&self.params), constants(&self.prepared));
         let (mut state, mut out) = (constants(y), constants(y));
@@ -518,15 +571,6 @@ impl Interpreter<'_> {
     /// When a size is wrong.
     pub fn rhs_on_circles(&self, circles: &Circles, t: f64, z: &[f64], dz: &mut [f64]) {
         self.rhs_on_circles_by(&circles.program, t, z, dz);
-    }
-
-    /// The same, where `run` runs the program of the circles.
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn rhs_on_circles_by(&self, run: &dyn Run<f64>, t: f64, z: &[f64], dz: &mut [f64]) {
-        let point = Point { t, state: z, argument: &[] };
-        run.run_at(Circles::RATE, &self.params, &self.prepared, point, dz);
     }
 
     /// A derivative that is a matrix, row by row, when the scene wants it.

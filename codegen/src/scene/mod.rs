@@ -26,6 +26,7 @@ mod interpreter;
 mod invariants;
 pub mod nearest;
 mod pivots;
+mod places;
 mod plan;
 mod positions;
 mod prior;

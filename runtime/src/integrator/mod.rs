@@ -2,15 +2,16 @@
 //!
 //! [`step`] takes one accepted step, [`failure`] says why there is none, [`dense`] interpolates within the last step,
 //! [`sampling`] visits times on the way, [`telling`] looks for the events of a step and carries them out, [`watch`] has
-//! what is known of their functions, [`parts`] judges these by a few values, [`crossing`] brackets events with few
-//! steps, [`norms`] measures errors. The module deliberately does not know any method: the integrator reads a
-//! tableau and has the stages, or a series, computed.
+//! the knowledge of their functions, [`rest`] keeps storage from one integration to the next, [`parts`] judges these by
+//! a few values, [`crossing`] brackets events with few steps, [`norms`] measures errors. The module deliberately does
+//! not know any method: the integrator reads a tableau and has the stages, or a series, computed.
 
 mod crossing;
 mod dense;
 mod failure;
 mod norms;
 mod parts;
+mod rest;
 mod sampling;
 mod step;
 mod telling;
@@ -19,9 +20,9 @@ mod watch;
 use core::fmt;
 
 use self::dense::Dense;
-use self::norms::non_finite;
+pub use self::rest::AtRest;
 use crate::controller::Controller;
-use crate::error::{Error, Failure};
+use crate::error::Error;
 use crate::methods::{Method, Point};
 use crate::options::{Options, StepSize, signed, validate_tolerances};
 use crate::real::Real;
@@ -140,50 +141,27 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
                 return Err(Error::NoErrorEstimate { method: method.tableau().name });
             }
         };
-        if !t0.all_finite() {
-            return Err(Error::TimeNotFinite { value: signed(t0) });
-        }
-        if let Some(index) = non_finite(&y0) {
-            return Err(Failure::NonFinite { t: signed(t0), index }.into());
-        }
-        system.domain(t0, &y0)?;
-        system.check(t0, &y0)?;
-        let signature = system.signature(t0, &y0);
+        let signature = rest::checked(system, t0, &y0)?;
         let zeros = y0.zeros_like();
         let storage = method.storage(system, t0, &y0, &options);
-        let mut slope = zeros.clone();
-        system.rhs(t0, &y0, &mut slope);
-        if let Some(index) = non_finite(&slope) {
-            return Err(Failure::NonFinite { t: signed(t0), index }.into());
-        }
         let filled = |value: R| {
             let mut state = zeros.clone();
             state.as_mut_slice().fill(value);
             state
         };
-        let start = Point { state: y0, residue: zeros.clone(), slope };
-        Ok(Self {
-            system,
+        let start = Point { state: y0, residue: zeros.clone(), slope: zeros.clone() };
+        let rest = AtRest {
             method,
             options,
             rtol: filled(options.rtol),
             atol: filled(options.atol),
-            control: Controller::new(estimate_order),
-            next_step: None,
-            t: t0,
-            t_previous: t0,
-            t_residue: R::ZERO,
-            h: R::ZERO,
+            estimate_order,
             points: [start.clone(), start],
-            current: false,
             scales: zeros.clone(),
             work: zeros,
             storage,
-            dense: Dense::NoStep,
-            signature,
-            told_until: None,
-            stats: Stats { rhs_evals: 1, ..Stats::default() },
-        })
+        };
+        rest.begin(system, t0, signature)
     }
 
     /// Replaces the tolerances of the options by those of each component; no effect with fixed steps.

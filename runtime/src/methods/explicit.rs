@@ -31,6 +31,17 @@ macro_rules! explicit_method {
                 core::array::from_fn(|_| crate::system::StateVector::zeros_like(y0))
             }
 
+            fn renew(
+                &self,
+                _storage: &mut Self::Storage,
+                _system: &S,
+                _t0: R,
+                _y0: &S::State,
+                _options: &crate::options::Options<R>,
+            ) {
+                // Every stage of a step is computed before it is read.
+            }
+
             #[inline]
             fn stages(storage: &Self::Storage) -> &[S::State] {
                 storage

@@ -93,6 +93,12 @@ pub trait Method<R: Real, S: System<R>>: Copy {
     /// Storage for an integration with valid options that starts at the state `y0` at time `t0`.
     fn storage(&self, system: &S, t0: R, y0: &S::State, options: &Options<R>) -> Self::Storage;
 
+    /// Makes storage ready for another integration, of a system and a state of the same dimensions, as
+    /// [`storage`](Self::storage) makes it; nothing that it leaves is read before it is written.
+    fn renew(&self, storage: &mut Self::Storage, system: &S, t0: R, y0: &S::State, options: &Options<R>) {
+        *storage = self.storage(system, t0, y0, options);
+    }
+
     /// The stage derivatives: `k_1` to `k_(s-1)`, then those for dense output alone; of a series its coefficients, from
     /// the state at the start of the step to the last order.
     ///

@@ -107,8 +107,9 @@ impl Tableau {
         matches!(self.estimate, Estimate::Series)
     }
 
-    /// The rows of weights of the error estimate.
-    pub(crate) const fn error_weights(&self) -> [Row; 2] {
+    /// The rows of weights of the error estimate; empty where there is none.
+    #[must_use]
+    pub const fn error_weights(&self) -> [Row; 2] {
         match self.estimate {
             Estimate::None | Estimate::Series => [&[], &[]],
             Estimate::Embedded { weights, .. } => [weights, &[]],

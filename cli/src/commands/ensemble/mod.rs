@@ -22,12 +22,13 @@ use crate::output::trajectories::gathered::Wanted;
 use crate::output::trajectories::store::Store;
 use crate::output::trajectories::summary::Summary;
 use hamel_run::dynamics::Factory;
-use hamel_run::ensemble::{self, Cancel, EnsembleRequest, Member, Progress, pool};
+use hamel_run::ensemble::{self, Cancel, EnsembleRequest, Progress, pool};
 use hamel_run::error::Error;
 use hamel_run::forms::Forms;
 use hamel_run::integrate::has_state;
 use hamel_run::interpreted;
 use hamel_run::interrupts;
+use hamel_run::members::Beginnings;
 use hamel_run::model;
 use hamel_run::ranks::Ranks;
 use hamel_run::request::table::Table;
@@ -36,7 +37,7 @@ use hamel_run::session::Session;
 use hamel_run::simulation::sample_time;
 use hamel_run::start::Starts;
 use hamel_run::streams::tell;
-use plan::{Beginning, Plan};
+use plan::{Plan, Row};
 use work::{Item, Work};
 
 /// Most numbers in memory at once: half a gigabyte.
@@ -126,7 +127,7 @@ pub fn of_scene(
     let starts = Starts::new(model, &info, forms)?;
     let pool = pool(arguments.threads)?;
     let mut asked = EnsembleRequest {
-        members: Vec::new(),
+        members: Beginnings::none(0, 0),
         t_final: arguments.end.t_final,
         method: motion.method,
         steps,
@@ -139,14 +140,13 @@ pub fn of_scene(
     };
     // What no trajectory can have, such as a method that does not suit the scene, is told before any file is begun.
     let first = pool.install(|| plan.members(0..1, &starts, (built, scene)));
-    let first: Vec<_> = first.into_iter().filter_map(|(_, start)| start.ok()).collect();
-    if let Some((params, y)) = first.first()
+    if let Some((params, y)) = first.members.iter().next()
         && let Some(told) = plan.told(&starts, (params, y))?
     {
         eprintln!("note: trajectories start at values that nobody gives, of the first {told}");
     }
     asked.options()?;
-    ensemble::integrate(scene, &EnsembleRequest { members: first, t_final: 0.0, ..asked.clone() })?;
+    ensemble::integrate(scene, &EnsembleRequest { members: first.members, t_final: 0.0, ..asked.clone() })?;
     let heading = Heading {
         info: &info,
         input_names: plan.names(),
@@ -228,10 +228,10 @@ pub fn of_scene(
             while let Some(item) = work.next()? {
                 let range = heading.range(item.chunk);
                 let (first, n) = (range.start, range.len());
-                let members = pool.install(|| plan.members(range, &starts, (built, scene)));
-                let (inputs, members): (Vec<Vec<f64>>, Vec<_>) = members.into_iter().unzip();
+                let Row { inputs, members } = pool.install(|| plan.members(range, &starts, (built, scene)));
                 asked.progress.seconds = clock.elapsed().as_secs_f64();
-                let results = integrate(scene, &mut asked, members)?;
+                asked.members = members;
+                let results = ensemble::integrate(scene, &asked)?;
                 asked.progress.done += n;
                 let chunk = Chunk { at: item.chunk, first, inputs, results };
                 if to_writer.send((chunk, item)).is_err() {
@@ -319,31 +319,6 @@ fn has_room(target: &Target, heading: &Heading<'_>, wanted: Option<&Wanted>) -> 
 
 fn shown(target: &Target) -> String {
     target.path().display().to_string()
-}
-
-/// Integrates the trajectories of a chunk that have a start; side by side are those that follow each other among them.
-fn integrate(
-    scene: &dyn Factory,
-    asked: &mut EnsembleRequest,
-    members: Vec<Beginning>,
-) -> Result<Vec<Member>, Error> {
-    let mut failed: Vec<Option<String>> = Vec::with_capacity(members.len());
-    asked.members.clear();
-    for member in members {
-        failed.push(match member {
-            Ok(start) => {
-                asked.members.push(start);
-                None
-            }
-            Err(reason) => Some(reason),
-        });
-    }
-    let mut integrated = ensemble::integrate(scene, asked)?.into_iter();
-    let one = |failed: Option<String>| match failed {
-        Some(reason) => Member::failed(reason),
-        None => integrated.next().unwrap_or_default(),
-    };
-    Ok(failed.into_iter().map(one).collect())
 }
 
 /// Has an interrupt say how to go on.

@@ -13,17 +13,21 @@ use crate::commands::options::assignments;
 use hamel_run::admissible;
 use hamel_run::dynamics::Factory;
 use hamel_run::error::{Error, Problem};
-use hamel_run::evaluate::{have_values, prepare};
+use hamel_run::evaluate::{Judge, prepare};
 use hamel_run::forms::Forms;
 use hamel_run::hash::fnv1a;
 use hamel_run::info::Info;
 use hamel_run::interpreted::Built;
+use hamel_run::members::Beginnings;
 use hamel_run::request::variation::Spread;
-use hamel_run::start::Starts;
+use hamel_run::start::{Alike, Starts};
 use hamel_runtime::F64x4;
 
 /// Most trajectories: each has a number that a double holds exactly.
 const MAX_TRAJECTORIES: usize = usize::MAX >> 11;
+
+/// Trajectories whose starts are drawn by one thread in the same storage; a multiple of the lanes.
+const BLOCK: usize = 256;
 
 /// What varies along the lines of a table: names, and for each line a number for each of them.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,13 +66,15 @@ pub(super) struct Plan<'a> {
 }
 
 /// Parameters and initial state of a trajectory, or why there are none.
-pub(super) type Beginning = Result<(Vec<f64>, Vec<f64>), String>;
+type Beginning = Result<(Vec<f64>, Vec<f64>), String>;
 
-/// A start whose values have been drawn: what varies, then parameters and initial state.
-type Drawn = (Vec<f64>, (Vec<f64>, Vec<f64>));
-
-/// The same after the values that vary.
-pub(super) type Start = (Vec<f64>, Beginning);
+/// The starts of trajectories in a row.
+pub(super) struct Row {
+    /// The values that vary, a line for each trajectory; NaN for what was not drawn because nothing could be drawn
+    /// around.
+    pub(super) inputs: Vec<f64>,
+    pub(super) members: Beginnings,
+}
 
 impl<'a> Plan<'a> {
     pub(super) fn new(
@@ -161,14 +167,20 @@ impl<'a> Plan<'a> {
     /// Values of all names but those that are drawn: of a line of the table and a point of the grid, the last name of
     /// which runs fastest.
     fn point(&self, at: usize) -> Vec<f64> {
-        let mut values = self.lines[at / self.n_grid].clone();
+        let mut values = Vec::new();
+        self.add_point(at, &mut values);
+        values
+    }
+
+    /// [`point`](Self::point) behind other values.
+    fn add_point(&self, at: usize, values: &mut Vec<f64>) {
+        values.extend_from_slice(&self.lines[at / self.n_grid]);
         let first = values.len();
         let mut rest = at % self.n_grid;
         for sweep in self.arguments.sweep.iter().rev() {
             values.insert(first, sweep.value(rest % sweep.n));
             rest /= sweep.n;
         }
-        values
     }
 
     /// Whether trajectories differ in their inputs.
@@ -199,102 +211,58 @@ impl<'a> Plan<'a> {
         range: Range<usize>,
         starts: &Starts<'_>,
         (scene, fast): (&Built, &dyn Factory),
-    ) -> Vec<Start> {
-        let of_inputs = self.has_inputs();
+    ) -> Row {
         let names = self.names();
         let alike = starts.alike(&self.set, &self.given, &names);
         let alike_at_points = starts.alike(&self.set, &self.given, &self.names);
-        let choose = |values: &[(&str, f64)]| {
-            let (mut set, mut given) = (self.set.clone(), self.given.clone());
-            let mut inputs: Vec<f64> = self.info.inputs.iter().map(|input| input.default).collect();
-            for (name, value) in values {
-                if let Some(k) = self.info.inputs.iter().position(|input| input.name == *name) {
-                    inputs[k] = *value;
-                    continue;
-                }
-                let is_param = self.info.params.iter().any(|p| p.name == *name);
-                if is_param { &mut set } else { &mut given }.insert((*name).to_owned(), *value);
-            }
-            let chosen = starts.choose(scene, &set, &given).and_then(|(mut params, y)| {
-                params.extend(inputs.iter().filter(|_| of_inputs));
-                admissible::check(&*prepare(scene, &params)?, &y, 0)?;
-                Ok((params, y))
-            });
-            chosen.map_err(|e| e.to_string())
-        };
-        let at_point = |at: usize| -> Vec<(&str, f64)> {
-            self.names.iter().map(String::as_str).zip(self.point(at)).collect()
+        let place = |spread: &Spread| names.iter().position(|name| *name == spread.name);
+        let drawn_at: Vec<usize> = self.arguments.spread.iter().filter_map(place).collect();
+        let mut drawing = Drawing {
+            plan: self,
+            starts,
+            scene,
+            names,
+            drawn_at,
+            alike,
+            first_point: 0,
+            nominal: Vec::new(),
         };
         // What is drawn is drawn around these.
         let points = range.start / self.count()..range.end.div_ceil(self.count());
         let nominal = |at: usize| {
             let found = alike_at_points.as_ref().map(|alike| alike.with(&self.point(at)));
-            let found = found.filter(|start| have_values(fast, &[start]));
-            found.map_or_else(|| choose(&at_point(at)), Ok)
+            let found = found.filter(|(params, y)| Judge::new(fast).have_values(&[params], &[y]));
+            found.map_or_else(|| drawing.choose(&self.at_point(at)), Ok)
         };
-        let nominal: Vec<_> = points.clone().into_par_iter().map(nominal).collect();
-        let place = |spread: &Spread| names.iter().position(|name| *name == spread.name);
-        let drawn_at: Vec<usize> = self.arguments.spread.iter().filter_map(place).collect();
-        let start = |k: usize| -> Start {
-            let at = k / self.count();
-            let mut values = at_point(at);
-            let around = match &nominal[at - points.start] {
-                Ok(around) if !self.arguments.spread.is_empty() => around,
-                chosen => {
-                    values.resize(names.len(), ("", f64::NAN));
-                    return (values.into_iter().map(|(_, x)| x).collect(), chosen.clone());
-                }
-            };
-            let (params, state) = around;
-            for spread in &self.arguments.spread {
-                let inputs = self.info.inputs.iter().map(|input| input.name.as_str());
-                let params_by_name = self.info.param_names().into_iter().chain(inputs).zip(params);
-                let center = match params_by_name.into_iter().find(|(name, _)| *name == spread.name) {
-                    Some((_, x)) => *x,
-                    None => match starts.value(params, state, &spread.name) {
-                        Ok(x) => x.unwrap_or_default(),
-                        Err(error) => {
-                            values.resize(names.len(), ("", f64::NAN));
-                            return (values.into_iter().map(|(_, x)| x).collect(), Err(error.to_string()));
-                        }
-                    },
-                };
-                let value = spread.draw(center, self.arguments.seed, k);
-                match values.iter_mut().find(|(name, _)| *name == spread.name) {
-                    Some((_, x)) => *x = value,
-                    None => values.push((spread.name.as_str(), value)),
-                }
-            }
-            (values.iter().map(|(_, x)| *x).collect(), choose(&values))
+        let nominal = points.clone().into_par_iter().map(nominal).collect();
+        (drawing.first_point, drawing.nominal) = (points.start, nominal);
+        let block = |first: usize| {
+            let mut row = self.no_row();
+            drawing.add(&mut row, first..range.end.min(first + BLOCK), fast);
+            row
         };
-        let drawn = |k: usize| -> Option<Drawn> {
-            if drawn_at.is_empty() {
-                return None;
-            }
-            let at = k / self.count();
-            let (alike, around) = (alike.as_ref()?, nominal[at - points.start].as_ref().ok()?);
-            let mut values = self.point(at);
-            values.resize(names.len(), f64::NAN);
-            for (spread, at) in self.arguments.spread.iter().zip(&drawn_at) {
-                values[*at] = spread.draw(alike.value(*at, around), self.arguments.seed, k);
-            }
-            let start = alike.with(&values);
-            Some((values, start))
-        };
-        let side_by_side = |first: usize| -> Vec<Start> {
-            let members = first..range.end.min(first + F64x4::LANES);
-            let found: Vec<_> = members.clone().map(drawn).collect();
-            let of_all: Vec<_> = found.iter().flatten().map(|(_, start)| start).collect();
-            let have_all = of_all.len() > 1 && have_values(fast, &of_all);
-            let chosen = members.zip(found).map(|(k, found)| match found {
-                Some((values, own)) if have_all || have_values(fast, &[&own]) => (values, Ok(own)),
-                _ => start(k),
-            });
-            chosen.collect()
-        };
-        let groups = range.clone().step_by(F64x4::LANES).collect::<Vec<usize>>();
-        let groups: Vec<Vec<Start>> = groups.into_par_iter().map(side_by_side).collect();
-        groups.into_iter().flatten().collect()
+        let blocks = range.clone().step_by(BLOCK).collect::<Vec<usize>>();
+        let blocks: Vec<Row> = blocks.into_par_iter().map(block).collect();
+        let mut all = self.no_row();
+        for Row { mut inputs, members } in blocks {
+            all.inputs.append(&mut inputs);
+            all.members.append(members);
+        }
+        all
+    }
+
+    /// The starts of no trajectory.
+    fn no_row(&self) -> Row {
+        let n_inputs = if self.has_inputs() { self.info.inputs.len() } else { 0 };
+        Row {
+            inputs: Vec::new(),
+            members: Beginnings::none(self.info.params.len() + n_inputs, self.info.state.len()),
+        }
+    }
+
+    /// The values that do not have to be drawn, by name.
+    fn at_point(&self, at: usize) -> Vec<(&str, f64)> {
+        self.names.iter().map(String::as_str).zip(self.point(at)).collect()
     }
 
     /// Names of what varies: of the table, of the grid, and what is drawn.
@@ -311,5 +279,134 @@ impl<'a> Plan<'a> {
         }
         let names = self.names.iter().take(n).flat_map(|name| name.bytes().chain([b',']));
         Some(fnv1a(names.chain(self.lines.iter().flatten().flat_map(|x| x.to_le_bytes()))))
+    }
+}
+
+/// Starts that are being drawn.
+struct Drawing<'p, 'a> {
+    plan: &'p Plan<'a>,
+    starts: &'p Starts<'p>,
+    scene: &'p Built,
+    /// Names of all that varies.
+    names: Vec<String>,
+    /// Places among them of the drawn values.
+    drawn_at: Vec<usize>,
+    /// Starts that are the same but for what varies, if they are.
+    alike: Option<Alike>,
+    first_point: usize,
+    /// The starts around which values are drawn, from the first point on.
+    nominal: Vec<Beginning>,
+}
+
+impl Drawing<'_, '_> {
+    fn nominal(&self, k: usize) -> &Beginning {
+        &self.nominal[k / self.plan.count() - self.first_point]
+    }
+
+    /// The start with these values, by the rule of initial states.
+    fn choose(&self, values: &[(&str, f64)]) -> Beginning {
+        let Plan { info, set, given, .. } = self.plan;
+        let (mut set, mut given) = (set.clone(), given.clone());
+        let mut inputs: Vec<f64> = info.inputs.iter().map(|input| input.default).collect();
+        for (name, value) in values {
+            if let Some(k) = info.inputs.iter().position(|input| input.name == *name) {
+                inputs[k] = *value;
+                continue;
+            }
+            let is_param = info.params.iter().any(|p| p.name == *name);
+            if is_param { &mut set } else { &mut given }.insert((*name).to_owned(), *value);
+        }
+        let of_inputs = self.plan.has_inputs();
+        let chosen = self.starts.choose(self.scene, &set, &given).and_then(|(mut params, y)| {
+            params.extend(inputs.iter().filter(|_| of_inputs));
+            admissible::check(&*prepare(self.scene, &params)?, &y, 0)?;
+            Ok((params, y))
+        });
+        chosen.map_err(|e| e.to_string())
+    }
+
+    /// What varies and the start of a trajectory that is not like the others.
+    fn start(&self, k: usize) -> (Vec<f64>, Beginning) {
+        let plan = self.plan;
+        let mut values = plan.at_point(k / plan.count());
+        let around = match self.nominal(k) {
+            Ok(around) if !plan.arguments.spread.is_empty() => around,
+            chosen => {
+                values.resize(self.names.len(), ("", f64::NAN));
+                return (values.into_iter().map(|(_, x)| x).collect(), chosen.clone());
+            }
+        };
+        let (params, state) = around;
+        for spread in &plan.arguments.spread {
+            let inputs = plan.info.inputs.iter().map(|input| input.name.as_str());
+            let params_by_name = plan.info.param_names().into_iter().chain(inputs).zip(params);
+            let center = match params_by_name.into_iter().find(|(name, _)| *name == spread.name) {
+                Some((_, x)) => *x,
+                None => match self.starts.value(params, state, &spread.name) {
+                    Ok(x) => x.unwrap_or_default(),
+                    Err(error) => {
+                        values.resize(self.names.len(), ("", f64::NAN));
+                        return (values.into_iter().map(|(_, x)| x).collect(), Err(error.to_string()));
+                    }
+                },
+            };
+            let value = spread.draw(center, plan.arguments.seed, k);
+            match values.iter_mut().find(|(name, _)| *name == spread.name) {
+                Some((_, x)) => *x = value,
+                None => values.push((spread.name.as_str(), value)),
+            }
+        }
+        (values.iter().map(|(_, x)| *x).collect(), self.choose(&values))
+    }
+
+    /// Adds what varies of a trajectory that is like the others behind `values`, and writes its start; whether it is.
+    fn draw(&self, k: usize, values: &mut Vec<f64>, (params, state): (&mut Vec<f64>, &mut Vec<f64>)) -> bool {
+        let (Some(alike), Ok(around), false) = (&self.alike, self.nominal(k), self.drawn_at.is_empty())
+        else {
+            return false;
+        };
+        let first = values.len();
+        self.plan.add_point(k / self.plan.count(), values);
+        values.resize(first + self.names.len(), f64::NAN);
+        for (spread, at) in self.plan.arguments.spread.iter().zip(&self.drawn_at) {
+            values[first + at] = spread.draw(alike.value(*at, around), self.plan.arguments.seed, k);
+        }
+        alike.write(&values[first..], params, state);
+        true
+    }
+
+    /// Adds starts in a row; nothing is allocated for a single one where starts are alike and the scene is compiled.
+    fn add(&self, row: &mut Row, range: Range<usize>, fast: &dyn Factory) {
+        let mut judge = Judge::new(fast);
+        let mut drawn: [(Vec<f64>, Vec<f64>); F64x4::LANES] = Default::default();
+        let (n, mut values) = (self.names.len(), Vec::new());
+        for first in range.clone().step_by(F64x4::LANES) {
+            let members = first..range.end.min(first + F64x4::LANES);
+            values.clear();
+            let are_alike = members
+                .clone()
+                .zip(&mut drawn)
+                .all(|(k, (params, y))| self.draw(k, &mut values, (params, y)));
+            let (mut params, mut states): ([&[f64]; F64x4::LANES], [&[f64]; F64x4::LANES]) =
+                Default::default();
+            for (k, (own, y)) in drawn.iter().enumerate() {
+                (params[k], states[k]) = (own, y);
+            }
+            let width = members.len();
+            let have_all = are_alike && width > 1 && judge.have_values(&params[..width], &states[..width]);
+            for (at, k) in members.enumerate() {
+                if have_all || are_alike && judge.have_values(&params[at..=at], &states[at..=at]) {
+                    row.inputs.extend_from_slice(&values[at * n..(at + 1) * n]);
+                    row.members.push(params[at], states[at]);
+                    continue;
+                }
+                let (own, start) = self.start(k);
+                row.inputs.extend(own);
+                match start {
+                    Ok((params, y)) => row.members.push(&params, &y),
+                    Err(reason) => row.members.push_failed(reason),
+                }
+            }
+        }
     }
 }

@@ -2,10 +2,9 @@
 //!
 //! Does not know: how they were computed, formats.
 
-use hamel_run::ensemble::Member;
 use hamel_run::error::Error;
 use hamel_run::info::Info;
-use hamel_run::simulation::Sample;
+use hamel_run::members::{Member, Members};
 
 /// What is known of an ensemble before anything is integrated.
 #[derive(Clone, Debug)]
@@ -32,13 +31,6 @@ impl Heading<'_> {
         let first = chunk * self.n_chunk;
         first..(first + self.n_chunk).min(self.n)
     }
-
-    /// The sample of a trajectory at time number `at`; none where it was not reached.
-    ///
-    /// Samples come in the order of the times, and the last state of a trajectory that stopped is between two of them.
-    pub(crate) fn sample<'m>(&self, member: &'m Member, at: usize) -> Option<&'m Sample> {
-        member.samples.get(at).filter(|sample| sample.t == self.times[at])
-    }
 }
 
 /// Some trajectories in a row: a function of the request and of their numbers alone.
@@ -49,9 +41,17 @@ pub(crate) struct Chunk {
     /// Number of its first trajectory.
     pub(crate) first: usize,
     /// What varies, a line for each trajectory; NaN for what was not drawn because nothing could be drawn around.
-    pub(crate) inputs: Vec<Vec<f64>>,
+    pub(crate) inputs: Vec<f64>,
     /// What became of each.
-    pub(crate) results: Vec<Member>,
+    pub(crate) results: Members,
+}
+
+impl Chunk {
+    /// What varies, and what became of it, of each trajectory.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = (&[f64], Member<'_>)> {
+        let n = self.inputs.len() / self.results.len().max(1);
+        self.results.iter().enumerate().map(move |(k, result)| (&self.inputs[k * n..(k + 1) * n], result))
+    }
 }
 
 /// Something that takes chunks and makes a file of them.
@@ -84,10 +84,10 @@ impl Tally {
     pub(crate) fn add(&mut self, chunk: &Chunk) {
         self.n += chunk.results.len();
         for (k, result) in chunk.results.iter().enumerate() {
-            self.steps += result.steps;
-            if let Some(error) = &result.error {
+            self.steps += result.steps();
+            if let Some(error) = result.error() {
                 self.n_stopped += 1;
-                self.first_stopped.get_or_insert_with(|| (chunk.first + k, error.clone()));
+                self.first_stopped.get_or_insert_with(|| (chunk.first + k, error.to_owned()));
             }
         }
     }

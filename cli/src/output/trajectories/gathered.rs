@@ -9,7 +9,7 @@
 use clap::ValueEnum;
 
 use super::chunk::{Chunk, Heading};
-use hamel_run::ensemble::Member;
+use hamel_run::members::Member;
 use hamel_run::statistics::Distribution;
 
 /// What is told of the values at a time.
@@ -161,8 +161,8 @@ impl Gathered {
     pub(crate) fn of(chunk: &Chunk, heading: &Heading<'_>) -> Gathered {
         let n_state = heading.info.state.len();
         let of = |at: usize, quantity: usize| {
-            let value = |member: &Member| {
-                let sample = heading.sample(member, at)?;
+            let value = |member: Member<'_>| {
+                let sample = member.sample(at)?;
                 if quantity < n_state { Some(sample.state[quantity]) } else { sample.energy }
             };
             Distribution::of(chunk.results.iter().filter_map(value))

@@ -13,8 +13,8 @@ use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
 use super::chunk::{Chunk, Heading, Sink};
-use hamel_run::ensemble::Member;
 use hamel_run::error::Error;
+use hamel_run::members::Member;
 use hamel_run::temporary::Temporary;
 
 /// Arrays by name: see `docs/command-line.md`, which promises them. NaN stands where a trajectory has no value, and
@@ -54,13 +54,13 @@ impl<'a> Npz<'a> {
         })
     }
 
-    fn append(&mut self, inputs: &[f64], member: &Member) -> io::Result<()> {
+    fn append(&mut self, inputs: &[f64], member: Member<'_>) -> io::Result<()> {
         let heading = &self.heading;
         let n_state = heading.info.state.len();
         self.inputs.append(inputs.iter().copied())?;
         let absent = || std::iter::repeat_n(f64::NAN, n_state);
         for at in 0..heading.times.len() {
-            let sample = heading.sample(member, at);
+            let sample = member.sample(at);
             match sample {
                 Some(sample) => self.state.append(sample.state.iter().copied())?,
                 None => self.state.append(absent())?,
@@ -69,7 +69,7 @@ impl<'a> Npz<'a> {
                 energy.append([sample.and_then(|s| s.energy).unwrap_or(f64::NAN)].into_iter())?;
             }
         }
-        match member.samples.last() {
+        match member.last() {
             Some(last) => {
                 self.last_t.append([last.t].into_iter())?;
                 self.last_state.append(last.state.iter().copied())?;
@@ -79,7 +79,7 @@ impl<'a> Npz<'a> {
                 self.last_state.append(absent())?;
             }
         }
-        self.error.append(member.error.as_deref().unwrap_or_default())
+        self.error.append(member.error().unwrap_or_default())
     }
 
     fn pack(self) -> io::Result<()> {
@@ -106,8 +106,7 @@ impl<'a> Npz<'a> {
 
 impl Sink for Npz<'_> {
     fn add(&mut self, chunk: &Chunk) -> Result<(), Error> {
-        let mut rows = chunk.inputs.iter().zip(&chunk.results);
-        let added = rows.try_for_each(|(inputs, member)| self.append(inputs, member));
+        let added = chunk.rows().try_for_each(|(inputs, member)| self.append(inputs, member));
         added.map_err(|e| Error::io(self.path.display().to_string(), e))
     }
 

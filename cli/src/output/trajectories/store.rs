@@ -26,6 +26,7 @@ use super::gathered::{Gathered, Statistic, Table, Wanted, quantities};
 use super::tree::Tree;
 use super::zarr::{self, Array, DOCUMENT, Kind};
 use hamel_run::error::Error;
+use hamel_run::members::Member;
 use hamel_run::temporary::Temporary;
 
 /// Folder for locks, for files that have not taken their places, and for what is merged; gone when the store is
@@ -289,19 +290,19 @@ impl<'a> Store<'a> {
                 self.tree(&self.folder.join(WORK)).add(chunk.at, &gathered, &put).map_err(fail)?;
             }
         }
-        let counted: Vec<u64> = results.iter().map(|r| r.steps).collect();
+        let counted: Vec<u64> = results.iter().map(|r| r.steps()).collect();
         put(steps, zarr::counts(&counted, steps.n_chunk()))?;
         // Chunks of nothing but what stands for absent values are absent themselves.
-        if results.iter().any(|r| r.error.is_some()) {
-            let reasons = results.iter().map(|r| r.error.as_deref().unwrap_or_default());
+        if !results.have_arrived() {
+            let reasons = results.iter().map(|r| r.error().unwrap_or_default());
             put(error, zarr::texts(reasons, error.n_chunk()))?;
         }
         let codes: Vec<u8> = results
             .iter()
-            .map(|r| match (&r.error, r.samples.is_empty()) {
+            .map(|r| match (r.error(), r.last()) {
                 (None, _) => ARRIVED,
-                (Some(_), false) => STOPPED,
-                (Some(_), true) => NOT_STARTED,
+                (Some(_), Some(_)) => STOPPED,
+                (Some(_), None) => NOT_STARTED,
             })
             .collect();
         put(status, zarr::codes(&codes, status.n_chunk()))
@@ -316,14 +317,13 @@ impl<'a> Store<'a> {
             self.put_chunk(array, chunk.at, zarr::floats(&values, array.n_chunk()))
         };
         if let Some(inputs) = inputs {
-            floats(inputs, chunk.inputs.iter().flatten().copied().collect())?;
+            floats(inputs, chunk.inputs.clone())?;
         }
-        let each =
-            || results.iter().flat_map(|r| (0..heading.times.len()).map(move |at| heading.sample(r, at)));
+        let each = || results.iter().flat_map(|r| (0..heading.times.len()).map(move |at| r.sample(at)));
         let mut states = Vec::with_capacity(y.n_chunk());
         for sample in each() {
             match sample {
-                Some(sample) => states.extend_from_slice(&sample.state),
+                Some(sample) => states.extend_from_slice(sample.state),
                 None => states.extend(std::iter::repeat_n(f64::NAN, n_state)),
             }
         }
@@ -331,9 +331,9 @@ impl<'a> Store<'a> {
         if let Some(energy) = energy {
             floats(energy, each().map(|s| s.and_then(|s| s.energy).unwrap_or(f64::NAN)).collect())?;
         }
-        if results.iter().any(|r| r.error.is_some()) {
-            let last = |r: &'_ hamel_run::ensemble::Member| match (&r.error, r.samples.last()) {
-                (Some(_), Some(last)) => (last.t, last.state.clone()),
+        if !results.have_arrived() {
+            let last = |r: Member<'_>| match (r.error(), r.last()) {
+                (Some(_), Some(last)) => (last.t, last.state.to_vec()),
                 _ => (f64::NAN, vec![f64::NAN; n_state]),
             };
             let (times, states): (Vec<f64>, Vec<Vec<f64>>) = results.iter().map(last).unzip();

@@ -63,6 +63,21 @@ pub trait Run<R>: fmt::Debug + Sync {
         self.program().prepare(params)
     }
 
+    /// [`prepare`](Self::prepare) into a vector that is there.
+    ///
+    /// # Errors
+    /// As [`Program::prepare`]; the vector is then of no account.
+    ///
+    /// # Panics
+    /// As [`Program::prepare`].
+    fn prepare_into(&self, params: &[R], prepared: &mut Vec<R>) -> Result<(), ViolatedCondition>
+    where
+        R: Real,
+    {
+        *prepared = self.prepare(params)?;
+        Ok(())
+    }
+
     /// Calls a function at a point.
     ///
     /// # Shapes
@@ -247,22 +262,29 @@ impl Program {
         }
     }
 
-    /// What [`Program::prepare`] returns, by a [`Run`] of the [`Program::preparation`] of this program.
+    /// Writes what [`Program::prepare`] returns, by a [`Run`] of the [`Program::preparation`] of this program;
+    /// allocates nothing once the vector is long enough.
     ///
     /// # Errors
     /// As [`Program::prepare`].
     ///
     /// # Panics
     /// As [`Program::prepare`].
-    pub fn prepare_by<R: Real>(&self, run: &dyn Run<R>, params: &[R]) -> Result<Vec<R>, ViolatedCondition> {
+    pub fn prepare_by<R: Real>(
+        &self,
+        run: &dyn Run<R>,
+        params: &[R],
+        prepared: &mut Vec<R>,
+    ) -> Result<(), ViolatedCondition> {
         self.check_finite(params)?;
         let n_slots = self.prepare.slots.len();
-        let mut values = vec![R::ZERO; n_slots + 2 * self.prepare.conditions.len()];
-        run.run_at(0, params, &[], Point::of_state(R::ZERO, &[]), &mut values);
-        self.check_conditions(|k| [values[n_slots + 2 * k], values[n_slots + 2 * k + 1]])?;
-        values.truncate(n_slots);
-        values.extend(self.inputs.iter().map(|(_, held)| held.value::<R>()));
-        Ok(values)
+        prepared.clear();
+        prepared.resize(n_slots + 2 * self.prepare.conditions.len(), R::ZERO);
+        run.run_at(0, params, &[], Point::of_state(R::ZERO, &[]), prepared);
+        self.check_conditions(|k| [prepared[n_slots + 2 * k], prepared[n_slots + 2 * k + 1]])?;
+        prepared.truncate(n_slots);
+        prepared.extend(self.inputs.iter().map(|(_, held)| held.value::<R>()));
+        Ok(())
     }
 
     fn check_finite<R: Real>(&self, params: &[R]) -> Result<(), ViolatedCondition> {

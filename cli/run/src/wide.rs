@@ -1,0 +1,209 @@
+//! Steps of explicit methods on four lanes, their sums in the widest registers of the processor.
+//!
+//! Every number has the bits that the method itself gives: [`WideSums`] promises the bits of each operation, and their
+//! order is that of the runtime.
+//!
+//! Does not know: scenes, how steps are chosen.
+
+use hamel_runtime::{Error, Estimate, F64x4, Method, Options, Point, Real, Step, System, Tableau};
+
+use super::dynamics::{PreparedLanes, VecState};
+use super::machine::{Slopes, WideSums};
+
+type Lanes = VecState<F64x4>;
+
+/// An explicit method by its tableau.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wide {
+    tableau: &'static Tableau,
+    sums: WideSums,
+}
+
+impl Wide {
+    /// The method with a tableau, where the processor has wider registers than the program was compiled for.
+    pub(crate) fn of(tableau: &'static Tableau) -> Option<Wide> {
+        let sums = WideSums::of_host()?;
+        Some(Wide { tableau, sums })
+    }
+}
+
+/// What a method keeps from one step to the next.
+pub(crate) struct Storage {
+    wide: Wide,
+    /// Derivatives at the stages but the first.
+    stages: Vec<Lanes>,
+    /// Those at the ends of the step, for its error.
+    ends: [Lanes; 2],
+}
+
+impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
+    const TABLEAU: &'static Tableau = Tableau::CHOSEN;
+
+    type Storage = Storage;
+
+    fn tableau(&self) -> &'static Tableau {
+        self.tableau
+    }
+
+    fn storage(&self, _: &PreparedLanes<'a>, _: F64x4, y0: &Lanes, _: &Options<F64x4>) -> Storage {
+        let zeros = VecState(vec![F64x4::ZERO; y0.0.len()]);
+        let stages = vec![zeros.clone(); self.tableau.n_stored()];
+        Storage { wide: *self, stages, ends: [zeros.clone(), zeros] }
+    }
+
+    fn renew(&self, _: &mut Storage, _: &PreparedLanes<'a>, _: F64x4, _: &Lanes, _: &Options<F64x4>) {
+        // Every stage of a step is computed before it is read.
+    }
+
+    fn stages(storage: &Storage) -> &[Lanes] {
+        &storage.stages
+    }
+
+    fn stages_mut(storage: &mut Storage) -> &mut [Lanes] {
+        &mut storage.stages
+    }
+
+    fn advance(
+        &self,
+        storage: &mut Storage,
+        step: &mut Step<'_, F64x4, PreparedLanes<'a>>,
+    ) -> Result<(), Error> {
+        let (Wide { tableau, sums }, n_stages) = (*self, self.tableau.n_stages());
+        let (from, h) = (step.from, step.h);
+        let (slope, y) = (&from.slope, from.state.0.as_slice());
+        storage.ends[0].0.copy_from_slice(&slope.0);
+        for (i, (row, node)) in tableau.stages.iter().zip(tableau.nodes).enumerate().skip(1) {
+            let (known, next) = storage.stages.split_at_mut(i - 1);
+            let k = Slopes { n_stages, first: slope, stored: known, last: slope };
+            sums.stage((row, &k), h, y, &mut step.work.0);
+            step.system.rhs(step.t + node.get::<F64x4>() * h, step.work, &mut next[0]);
+        }
+        // The weights do not refer to the derivative at the end, which is not known yet.
+        let k = Slopes { n_stages, first: slope, stored: &storage.stages, last: slope };
+        let to = (step.to.state.0.as_mut_slice(), step.to.residue.0.as_mut_slice());
+        sums.advance((tableau.weights, &k), h, (y, &from.residue.0), to);
+        *step.rhs_evals += n_stages as u64 - 1;
+        Ok(())
+    }
+
+    fn slope(&self, storage: &mut Storage, system: &PreparedLanes<'a>, t: F64x4, end: &mut Point<Lanes>) {
+        system.rhs(t, &end.state, &mut end.slope);
+        storage.ends[1].0.copy_from_slice(&end.slope.0);
+    }
+
+    fn mean_square_error(
+        storage: &Storage,
+        h: F64x4,
+        rtol: &Lanes,
+        atol: &Lanes,
+        [a, b]: [&Lanes; 2],
+    ) -> Option<f64> {
+        let Storage { wide: Wide { tableau, sums }, stages, ends: [first, last] } = storage;
+        let k = Slopes { n_stages: tableau.n_stages(), first, stored: stages, last };
+        let rows = (tableau.error_weights(), &k);
+        let [first, second] = sums.mean_squares(rows, [&rtol.0, &atol.0], [&a.0, &b.0]);
+        let square = match tableau.estimate {
+            Estimate::Embedded { .. } => first,
+            Estimate::Combined { .. } if first == 0.0 => 0.0,
+            Estimate::Combined { .. } => first * (first / (first + 0.01 * second)),
+            _ => return None,
+        };
+        Some(square * (h.magnitude() * h.magnitude()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hamel_runtime::{
+        Dop853, Dopri5, F64x4, Failure, Integrator, Method, Options, Pivot, Real, Rk4, Tableau, Tsit5, Vern9,
+    };
+
+    use super::{Lanes, PreparedLanes, VecState, Wide};
+    use crate::dynamics::{BadParams, LaneDynamics};
+
+    /// Coupled pendulums, as many as there are.
+    struct Pendulums;
+
+    impl LaneDynamics for Pendulums {
+        fn rhs(&self, t: F64x4, y: &Lanes, dy: &mut Lanes) {
+            let n = y.0.len();
+            for k in 0..n {
+                dy.0[k] = (y.0[(k + 1) % n] + t).sin() - (y.0[k] * y.0[(k + 2) % n]).sin();
+            }
+        }
+        fn energy(&self, _: F64x4, _: &Lanes) -> Option<F64x4> {
+            None
+        }
+        fn write_outputs(&self, _: F64x4, _: &Lanes, _: &mut Vec<F64x4>) {}
+        fn set(&mut self, _: &[F64x4]) -> Option<Result<(), BadParams>> {
+            None
+        }
+        fn check(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+            Ok(())
+        }
+        fn domain(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+            Ok(())
+        }
+        fn signature(&self, _: F64x4, _: &Lanes) -> F64x4 {
+            F64x4::ZERO
+        }
+        fn pivots(&self, _: F64x4, _: &Lanes, _: &mut dyn FnMut(Pivot<F64x4>)) {}
+    }
+
+    fn motion<'a, M: Method<F64x4, PreparedLanes<'a>>>(
+        system: &PreparedLanes<'a>,
+        method: M,
+        n: usize,
+        options: Options<F64x4>,
+    ) -> (Vec<Vec<F64x4>>, hamel_runtime::Stats) {
+        let start = (0..n)
+            .map(|k| F64x4::new(std::array::from_fn(|l| 0.3 * (k as f64) - 0.17 * (l as f64))))
+            .collect();
+        let mut solver = Integrator::new(system, method, F64x4::ZERO, VecState(start), options).unwrap();
+        let mut states = Vec::new();
+        let times = [0.3, 0.9, 2.0].map(F64x4::splat);
+        solver.sample(F64x4::splat(2.0), times, |_, y| states.push(y.0.clone())).unwrap();
+        (states, solver.stats())
+    }
+
+    /// Whether wide sums by a tableau give the numbers of a method.
+    fn hold(n: usize, method: impl Method<F64x4, PreparedLanes<'static>>, tableau: &'static Tableau) -> bool {
+        let Some(wide) = Wide::of(tableau) else { return true };
+        let system: PreparedLanes<'static> = Box::new(Pendulums);
+        let options = match tableau.estimate_order() {
+            Some(_) => Options::adaptive(F64x4::splat(1e-9), F64x4::splat(1e-11)),
+            None => Options::fixed(F64x4::splat(0.01)),
+        };
+        motion(&system, method, n, options) == motion(&system, wide, n, options)
+    }
+
+    #[test]
+    fn wide_sums_have_the_bits_of_the_runtime() {
+        macro_rules! all {
+            ($($method:ident)*) => {$(
+                let tableau = <$method as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
+                // Blocks of eight components, and every number behind them.
+                for n in 1..=19 {
+                    assert!(hold(n, $method, tableau), "{} with {n} components", tableau.name);
+                }
+            )*};
+        }
+        all!(Dop853 Vern9 Tsit5 Dopri5 Rk4);
+    }
+
+    /// A method whose tableau is another one is found.
+    #[test]
+    fn another_weight_is_found() {
+        if super::WideSums::of_host().is_none() {
+            return;
+        }
+        let own = <Dopri5 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
+        let mut weights = own.weights.to_vec();
+        weights.swap(0, 1);
+        weights[0].0 = own.weights[0].0;
+        weights[1].0 = own.weights[1].0;
+        let mut other = *own;
+        other.weights = weights.leak();
+        assert!(!hold(3, Dopri5, Box::leak(Box::new(other))));
+    }
+}

@@ -1,0 +1,509 @@
+//! Functions of a program as machine code on four numbers side by side, for processors with AVX2: the same operations
+//! in the same order. Cranelift has registers of two numbers.
+//!
+//! A function is straight-line code. Its values stay in the sixteen registers as long as they are needed soonest; what
+//! is read from vectors is read where it is needed. Where an angle is beyond the bound of the kernel of sine and
+//! cosine, the code gives up, and the caller takes another way.
+//!
+//! Deliberately does not know: how code is made runnable, tables of products, elementary functions but sine, cosine and
+//! the absolute value: a function with others has no such code.
+
+use std::collections::HashMap;
+
+use hamel_expr::Func;
+use hamel_program::program::{Constant, Function, Op, Operand, Program, Signs};
+use hamel_runtime::math::kernel::BOUND;
+
+use crate::assembler::{Assembler, Binary, Place};
+use crate::kernel::{Step, kernel};
+use crate::translate::{Pointer, outputs};
+
+/// A constant on every lane.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+pub(crate) struct Four(#[expect(dead_code, reason = "compiled code reads it")] [u64; 4]);
+
+/// Bytes of a number on all lanes.
+const STRIDE: usize = size_of::<Four>();
+
+/// A value: the result of an instruction, or a number of a vector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Value {
+    Temporary(usize),
+    Number(Pointer, usize),
+}
+
+/// One instruction on values.
+#[derive(Clone, Copy, Debug)]
+enum Instruction {
+    Binary(Binary, usize, [Value; 2]),
+    Root(usize, Value),
+    /// Bits moved to the left.
+    Shift(usize, Value, u8),
+    /// The second where the sign bit of the third is set, otherwise the first.
+    Choose(usize, [Value; 3]),
+    Store(Value, Pointer, usize),
+    /// Gives up where a lane of the first is larger than the second.
+    Guard(usize, [Value; 2]),
+}
+
+impl Instruction {
+    fn operands(&self) -> impl Iterator<Item = Value> {
+        let (first, others): (Value, [Option<Value>; 2]) = match *self {
+            Instruction::Binary(_, _, [a, b]) | Instruction::Guard(_, [a, b]) => (a, [Some(b), None]),
+            Instruction::Choose(_, [a, b, c]) => (a, [Some(b), Some(c)]),
+            Instruction::Root(_, a) | Instruction::Shift(_, a, _) | Instruction::Store(a, ..) => {
+                (a, [None; 2])
+            }
+        };
+        std::iter::once(first).chain(others.into_iter().flatten())
+    }
+
+    /// What it computes, if it does nothing else.
+    fn result(&self) -> Option<usize> {
+        match *self {
+            Instruction::Binary(_, to, _)
+            | Instruction::Root(to, _)
+            | Instruction::Shift(to, ..)
+            | Instruction::Choose(to, _) => Some(to),
+            Instruction::Store(..) | Instruction::Guard(..) => None,
+        }
+    }
+}
+
+/// Code and the constants that it reads.
+pub(crate) struct Emitted {
+    pub(crate) code: Vec<u8>,
+    pub(crate) constants: Vec<Four>,
+}
+
+/// The code of a function, unless it has operations that there is no code for.
+pub(crate) fn emit(function: &Function, program: &Program) -> Option<Emitted> {
+    let mut writer = Writer {
+        instructions: Vec::new(),
+        n_temporaries: 0,
+        constants: Vec::new(),
+        places: HashMap::new(),
+        numbers: &program.constants,
+        n_slots: program.prepare.slots.len(),
+        values: Vec::new(),
+        angles: HashMap::new(),
+    };
+    writer.function(function)?;
+    let Writer { instructions, n_temporaries, constants, .. } = writer;
+    let code = allocate(&needed(instructions, n_temporaries), n_temporaries);
+    Some(Emitted { code, constants })
+}
+
+/// The instructions whose results are needed.
+fn needed(instructions: Vec<Instruction>, n_temporaries: usize) -> Vec<Instruction> {
+    let mut is_used = vec![false; n_temporaries];
+    let mut kept: Vec<Instruction> = Vec::with_capacity(instructions.len());
+    for instruction in instructions.into_iter().rev() {
+        if instruction.result().is_some_and(|result| !is_used[result]) {
+            continue;
+        }
+        for operand in instruction.operands() {
+            if let Value::Temporary(k) = operand {
+                is_used[k] = true;
+            }
+        }
+        kept.push(instruction);
+    }
+    kept.reverse();
+    kept
+}
+
+struct Writer<'a> {
+    instructions: Vec<Instruction>,
+    n_temporaries: usize,
+    constants: Vec<Four>,
+    places: HashMap<u64, usize>,
+    numbers: &'a [Constant],
+    n_slots: usize,
+    values: Vec<Value>,
+    /// Sines and cosines of angles that there are.
+    angles: HashMap<Operand, (Value, Value)>,
+}
+
+impl Writer<'_> {
+    fn function(&mut self, function: &Function) -> Option<()> {
+        for instruction in &function.instructions {
+            let value = self.instruction(instruction.op)?;
+            self.values.push(value);
+        }
+        for (operand, (pointer, place)) in outputs(function) {
+            let value = self.read(operand);
+            self.instructions.push(Instruction::Store(value, pointer, place * STRIDE));
+        }
+        Some(())
+    }
+
+    fn new_temporary(&mut self) -> usize {
+        self.n_temporaries += 1;
+        self.n_temporaries - 1
+    }
+
+    fn bits(&mut self, bits: u64) -> Value {
+        let constants = &mut self.constants;
+        let place = *self.places.entry(bits).or_insert_with(|| {
+            constants.push(Four([bits; 4]));
+            constants.len() - 1
+        });
+        Value::Number(Pointer::Constants, place * STRIDE)
+    }
+
+    fn constant(&mut self, x: f64) -> Value {
+        self.bits(x.to_bits())
+    }
+
+    fn read(&mut self, operand: Operand) -> Value {
+        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * STRIDE);
+        match operand {
+            Operand::Value(i) => self.values[i as usize],
+            Operand::Constant(i) => self.constant(self.numbers[i as usize].value()),
+            Operand::Param(i) => number(Pointer::Params, i as usize),
+            Operand::Slot(i) => number(Pointer::Prepared, i as usize),
+            // Inputs are behind the prepared numbers.
+            Operand::Input(i) => number(Pointer::Prepared, self.n_slots + i as usize),
+            Operand::Time => number(Pointer::Time, 0),
+            Operand::State(i) => number(Pointer::State, i as usize),
+            Operand::Argument(i) => number(Pointer::Argument, i as usize),
+            // The verifier allows these in results alone, which are not read here.
+            Operand::Contracted(_) => unreachable!("a result of a contraction as an operand"),
+        }
+    }
+
+    fn binary(&mut self, operation: Binary, a: Value, b: Value) -> Value {
+        let to = self.new_temporary();
+        self.instructions.push(Instruction::Binary(operation, to, [a, b]));
+        Value::Temporary(to)
+    }
+
+    fn add(&mut self, a: Value, b: Value) -> Value {
+        self.binary(Binary::Add, a, b)
+    }
+
+    fn sub(&mut self, a: Value, b: Value) -> Value {
+        self.binary(Binary::Sub, a, b)
+    }
+
+    fn mul(&mut self, a: Value, b: Value) -> Value {
+        self.binary(Binary::Mul, a, b)
+    }
+
+    fn neg(&mut self, a: Value) -> Value {
+        let sign = self.constant(-0.0);
+        self.binary(Binary::Xor, a, sign)
+    }
+
+    fn abs(&mut self, a: Value) -> Value {
+        let all_but_sign = self.bits(!(1 << 63));
+        self.binary(Binary::And, a, all_but_sign)
+    }
+
+    fn shift(&mut self, a: Value, bits: u8) -> Value {
+        let to = self.new_temporary();
+        self.instructions.push(Instruction::Shift(to, a, bits));
+        Value::Temporary(to)
+    }
+
+    fn instruction(&mut self, op: Op) -> Option<Value> {
+        Some(match op {
+            Op::Add(a, b) => {
+                let (a, b) = (self.read(a), self.read(b));
+                self.add(a, b)
+            }
+            Op::Sub(a, b) => {
+                let (a, b) = (self.read(a), self.read(b));
+                self.sub(a, b)
+            }
+            Op::Mul(a, b) => {
+                let (a, b) = (self.read(a), self.read(b));
+                self.mul(a, b)
+            }
+            Op::Div(a, b) => {
+                let (a, b) = (self.read(a), self.read(b));
+                self.binary(Binary::Div, a, b)
+            }
+            Op::Neg(a) => {
+                let a = self.read(a);
+                self.neg(a)
+            }
+            Op::Recip(a) => {
+                let (one, a) = (self.constant(1.0), self.read(a));
+                self.binary(Binary::Div, one, a)
+            }
+            Op::Sqrt(a) => {
+                let (to, a) = (self.new_temporary(), self.read(a));
+                self.instructions.push(Instruction::Root(to, a));
+                Value::Temporary(to)
+            }
+            Op::Function(Func::Sin, angle) => self.sine_and_cosine(angle).0,
+            Op::Function(Func::Cos, angle) => self.sine_and_cosine(angle).1,
+            Op::Function(Func::Abs, a) => {
+                let a = self.read(a);
+                self.abs(a)
+            }
+            Op::MulAdd(signs, a, b, c) => {
+                let (a, b, c) = (self.read(a), self.read(b), self.read(c));
+                self.mul_add(signs, a, b, c)
+            }
+            Op::Power(..)
+            | Op::Function(..)
+            | Op::Atan2(..)
+            | Op::SumError(..)
+            | Op::ProductError(..)
+            | Op::CircleError(..) => return None,
+        })
+    }
+
+    /// `+-(a * b) +- c`, rounded twice: a product of the opposite sign is one that is subtracted, bit for bit.
+    fn mul_add(&mut self, signs: Signs, a: Value, b: Value, c: Value) -> Value {
+        let product = self.mul(a, b);
+        match (signs.product, signs.addend) {
+            (false, false) => self.add(product, c),
+            (false, true) => self.sub(product, c),
+            (true, false) => self.sub(c, product),
+            (true, true) => {
+                let minus = self.neg(product);
+                self.sub(minus, c)
+            }
+        }
+    }
+
+    fn sine_and_cosine(&mut self, angle: Operand) -> (Value, Value) {
+        if let Some(found) = self.angles.get(&angle) {
+            return *found;
+        }
+        let x = self.read(angle);
+        let (size, bound) = (self.abs(x), self.constant(BOUND));
+        let scratch = self.new_temporary();
+        self.instructions.push(Instruction::Guard(scratch, [size, bound]));
+        let recording = kernel();
+        let mut values: Vec<Value> = Vec::with_capacity(recording.steps.len());
+        for step in &recording.steps {
+            let value = match *step {
+                Step::Angle => x,
+                Step::Constant(number) => self.constant(number),
+                Step::Add(a, b) => self.add(values[a], values[b]),
+                Step::Sub(a, b) => self.sub(values[a], values[b]),
+                Step::Mul(a, b) => self.mul(values[a], values[b]),
+                Step::Neg(a) => self.neg(values[a]),
+                Step::MulAdd(a, b, c) => self.mul_add(Signs::default(), values[a], values[b], values[c]),
+                Step::TurnedSine(n, s, c) => self.turned(values[n], [values[s], values[c]], values[n]),
+                Step::TurnedCosine(n, s, c) => {
+                    // One quarter turn more, in bits.
+                    let one = self.bits(1);
+                    let next = self.binary(Binary::AddBits, values[n], one);
+                    self.turned(values[n], [values[c], values[s]], next)
+                }
+            };
+            values.push(value);
+        }
+        let found = (values[recording.sine], values[recording.cosine]);
+        self.angles.insert(angle, found);
+        found
+    }
+
+    /// The first of two numbers where the number of quarter turns is even, otherwise the second; with the other sign
+    /// where `signs` has the bit of two.
+    fn turned(&mut self, turns: Value, [even, odd]: [Value; 2], signs: Value) -> Value {
+        let (is_odd, to) = (self.shift(turns, 63), self.new_temporary());
+        self.instructions.push(Instruction::Choose(to, [even, odd, is_odd]));
+        let (moved, sign) = (self.shift(signs, 62), self.constant(-0.0));
+        let sign = self.binary(Binary::And, moved, sign);
+        self.binary(Binary::Xor, Value::Temporary(to), sign)
+    }
+}
+
+/// Number of registers.
+const N_REGISTERS: usize = 16;
+
+/// Where the values are while code is written.
+struct Allocation {
+    assembler: Assembler,
+    /// What each register has.
+    contents: [Option<usize>; N_REGISTERS],
+    /// The register of each value.
+    registers: Vec<Option<usize>>,
+    /// The place of each value on the stack, once it has one.
+    slots: Vec<Option<usize>>,
+    n_slots: usize,
+    /// Where each value is needed, the last place first.
+    uses: Vec<Vec<usize>>,
+}
+
+/// Writes instructions with values in registers.
+fn allocate(instructions: &[Instruction], n_temporaries: usize) -> Vec<u8> {
+    let mut uses: Vec<Vec<usize>> = vec![Vec::new(); n_temporaries];
+    for (at, instruction) in instructions.iter().enumerate().rev() {
+        for operand in instruction.operands() {
+            if let Value::Temporary(k) = operand {
+                uses[k].push(at);
+            }
+        }
+    }
+    let mut allocation = Allocation {
+        assembler: Assembler::default(),
+        contents: [None; N_REGISTERS],
+        registers: vec![None; n_temporaries],
+        slots: vec![None; n_temporaries],
+        n_slots: 0,
+        uses,
+    };
+    for (at, instruction) in instructions.iter().enumerate() {
+        allocation.instruction(at, instruction);
+    }
+    allocation.assembler.finish(allocation.n_slots * STRIDE)
+}
+
+impl Allocation {
+    fn instruction(&mut self, at: usize, instruction: &Instruction) {
+        match *instruction {
+            Instruction::Binary(operation, to, [a, b]) => {
+                // A sum and a product of numbers do not depend on the order, but for the payload of NaN.
+                let is_swapped =
+                    operation.commutes() && self.register(a).is_none() && self.register(b).is_some();
+                let (a, b) = if is_swapped { (b, a) } else { (a, b) };
+                let first = self.loaded(a, &[b]);
+                let second = self.place(b);
+                self.forget(at, instruction, &[first]);
+                let target = self.target(to, &[first, second]);
+                self.assembler.binary(operation, target, first.register(), second);
+            }
+            Instruction::Root(to, a) => {
+                let source = self.place(a);
+                self.forget(at, instruction, &[source]);
+                let target = self.target(to, &[source]);
+                self.assembler.root(target, source);
+            }
+            Instruction::Shift(to, a, bits) => {
+                let source = self.loaded(a, &[]);
+                self.forget(at, instruction, &[source]);
+                let target = self.target(to, &[source]);
+                self.assembler.shift(target, source.register(), bits);
+            }
+            Instruction::Choose(to, [a, b, c]) => {
+                let first = self.loaded(a, &[b, c]);
+                let third = self.loaded_beside(c, &[b], &[first]);
+                let second = self.place(b);
+                self.forget(at, instruction, &[first, third]);
+                let target = self.target(to, &[first, second, third]);
+                self.assembler.choose(target, first.register(), second, third.register());
+            }
+            Instruction::Store(a, pointer, offset) => {
+                let source = self.loaded(a, &[]);
+                self.forget(at, instruction, &[source]);
+                self.assembler.store(source.register(), Place::Number(pointer, offset));
+            }
+            Instruction::Guard(scratch, [a, b]) => {
+                let first = self.loaded(a, &[b]);
+                let second = self.place(b);
+                self.forget(at, instruction, &[first]);
+                let target = self.target(scratch, &[first, second]);
+                self.assembler.guard(target, first.register(), second);
+                // Nobody reads the comparison again.
+                self.release(scratch);
+            }
+        }
+    }
+
+    fn register(&self, value: Value) -> Option<usize> {
+        match value {
+            Value::Temporary(k) => self.registers[k],
+            Value::Number(..) => None,
+        }
+    }
+
+    /// Where a value is.
+    fn place(&self, value: Value) -> Place {
+        match value {
+            Value::Number(pointer, offset) => Place::Number(pointer, offset),
+            Value::Temporary(k) => match (self.registers[k], self.slots[k]) {
+                (Some(register), _) => Place::Register(register),
+                (None, Some(slot)) => Place::Stack(slot * STRIDE),
+                (None, None) => unreachable!("a value that is read before it is computed"),
+            },
+        }
+    }
+
+    /// A value in a register, beside others that are kept where they are.
+    fn loaded(&mut self, value: Value, keep: &[Value]) -> Place {
+        self.loaded_beside(value, keep, &[])
+    }
+
+    fn loaded_beside(&mut self, value: Value, keep: &[Value], beside: &[Place]) -> Place {
+        let place = self.place(value);
+        if let Place::Register(_) = place {
+            return place;
+        }
+        let mut kept: Vec<Place> = beside.to_vec();
+        kept.extend(keep.iter().map(|value| self.place(*value)));
+        let register = self.free(&kept);
+        self.assembler.load(register, place);
+        if let Value::Temporary(k) = value {
+            self.registers[k] = Some(register);
+            self.contents[register] = Some(k);
+        }
+        Place::Register(register)
+    }
+
+    /// A register for a result, which may be that of an operand that is not needed any more.
+    fn target(&mut self, to: usize, operands: &[Place]) -> usize {
+        let is_free = |place: &&Place| matches!(place, Place::Register(r) if self.contents[*r].is_none());
+        let register = match operands.iter().find(is_free) {
+            Some(Place::Register(register)) => *register,
+            _ => self.free(operands),
+        };
+        self.registers[to] = Some(register);
+        self.contents[register] = Some(to);
+        register
+    }
+
+    /// A register that is free, or whose value is needed last among the others that are not kept, which goes to the
+    /// stack.
+    fn free(&mut self, kept: &[Place]) -> usize {
+        let is_kept = |register: usize| kept.contains(&Place::Register(register));
+        let unused = (0..N_REGISTERS).find(|r| self.contents[*r].is_none() && !is_kept(*r));
+        if let Some(register) = unused {
+            return register;
+        }
+        let next_use = |register: &usize| {
+            let of = |k: usize| self.uses[k].last().copied().unwrap_or(usize::MAX);
+            self.contents[*register].map_or(usize::MAX, of)
+        };
+        // Instructions have three operands, and there are sixteen registers.
+        let found = (0..N_REGISTERS).filter(|r| !is_kept(*r)).max_by_key(next_use);
+        let register = found.expect("a register");
+        if let Some(k) = self.contents[register].take() {
+            self.registers[k] = None;
+            if self.slots[k].is_none() {
+                self.slots[k] = Some(self.n_slots);
+                self.n_slots += 1;
+                self.assembler.store(register, self.place(Value::Temporary(k)));
+            }
+        }
+        register
+    }
+
+    /// Forgets the operands of an instruction that no later one needs.
+    fn forget(&mut self, at: usize, instruction: &Instruction, _: &[Place]) {
+        for operand in instruction.operands() {
+            if let Value::Temporary(k) = operand {
+                while self.uses[k].last() == Some(&at) {
+                    self.uses[k].pop();
+                }
+                if self.uses[k].is_empty() {
+                    self.release(k);
+                }
+            }
+        }
+    }
+
+    fn release(&mut self, k: usize) {
+        if let Some(register) = self.registers[k].take() {
+            self.contents[register] = None;
+        }
+    }
+}
