@@ -4,6 +4,7 @@
 //! Deliberately does not know: how any of it was computed.
 
 mod bracket;
+mod connection;
 mod dirac;
 mod displacements;
 mod frame;
@@ -637,6 +638,8 @@ impl Page {
             Some(q) if (-q).is_one() && self.html() => format!("<mo>−</mo>{element}"),
             Some(q) if (-q).is_one() => format!("-{element}"),
             Some(_) if self.html() => self.style.product(&[g.display(value, self.style), element.to_owned()]),
+            // A name, or minus one.
+            None if g.is_trivial(value) => self.style.product(&[g.display(value, self.style), element.to_owned()]),
             None if self.html() => {
                 let factor = format!("<mrow><mo>(</mo>{}<mo>)</mo></mrow>", g.display(value, self.style));
                 self.style.product(&[factor, element.to_owned()])
@@ -644,88 +647,6 @@ impl Page {
             Some(_) => format!("{} {element}", g.display(value, self.style)),
             None => format!("({}) {element}", g.display(value, self.style)),
         }
-    }
-
-    /// The brackets of the horizontal lifts `D_i`: they carry the connection and its curvature `B = dA - [A, A]`.
-    fn connection(&mut self, model: &Model, equations: &Equations) {
-        let n = model.n_shape();
-        let algebroid = &equations.system.algebroid;
-        // Brackets of other sections are those of the frame or the algebroid.
-        let is_own = model.algebroid.is_some() || model.frame.is_some();
-        let mut g = equations.system.graph.clone();
-        g.set_budget(Budget::UNLIMITED);
-        let lift = |page: &Page, i: usize| match (page.style, page.name(&model.base[i].name)) {
-            (Style::MathMl, name) => format!("<msub><mi>D</mi>{name}</msub>"),
-            (Style::Latex, name) => format!("D_{{{name}}}"),
-            (_, name) => format!("D_{name}"),
-        };
-        let basis: Vec<String> = match equations.system.frame {
-            Some(_) => {
-                let stem = unused_stem(equations, "f");
-                (1..=model.algebra.dim()).map(|k| self.name(&format!("{stem}{k}"))).collect()
-            }
-            None => model.algebra.basis().iter().map(|b| self.name(b)).collect(),
-        };
-        let mut rows = Vec::new();
-        let mut curved = false;
-        for i in (0..n).filter(|_| !is_own) {
-            for beta in i + 1..n + basis.len() {
-                let bracket = algebroid.bracket(&mut g, i, beta);
-                if bracket.is_empty() {
-                    continue;
-                }
-                curved |= beta < n;
-                let right: Vec<String> =
-                    bracket.iter().map(|(c, e)| self.term(&g, *e, &basis[c - n])).collect();
-                let other = if beta < n { lift(self, beta) } else { basis[beta - n].clone() };
-                let right = if self.html() { self.sum(&right) } else { right.join(" + ") };
-                rows.push((self.bracket(&lift(self, i), &other), right));
-            }
-        }
-        let velocities = match equations.system.connection {
-            Some(_) => equations.system.group_velocity(&mut g, n),
-            None => Vec::new(),
-        };
-        if velocities.is_empty() && rows.is_empty() {
-            return;
-        }
-        self.begin(SectionKind::Connection);
-        if !velocities.is_empty() {
-            let [velocity, xi] = [self.velocity(equations), self.xi()].map(|of| self.inline(&of));
-            self.line(&format!("The velocities of the model are {velocity}; the group velocity {xi} is"));
-            let own = model.algebra.basis().iter();
-            let names = own.map(|b| self.name(&format!("xi_{b}")));
-            let shown = names.zip(velocities).map(|(name, e)| (name, g.display(e, self.style)));
-            let shown: Vec<(String, String)> = shown.collect();
-            self.formulas(&shown);
-        }
-        if is_own {
-            return;
-        }
-        self.line(if rows.is_empty() {
-            "The connection is flat, and the horizontal lifts commute with everything."
-        } else if curved {
-            "Brackets of the horizontal lifts: [D_i, D_j] is minus the curvature, [D_i, e_b] is minus [A_i, e_b]."
-        } else {
-            "Brackets of the horizontal lifts: the connection is flat, [D_i, e_b] is minus [A_i, e_b]."
-        });
-        self.formulas(&rows);
-        if !algebroid.has_drift() {
-            return;
-        }
-        self.line("The connection depends on time: the frame drifts, and [d/dt, D_i] is minus dA_i/dt.");
-        let time = match self.html() {
-            true => "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>",
-            false => "d/dt",
-        };
-        let mut rows = Vec::new();
-        for i in (0..n).filter(|i| !algebroid.drift(*i).is_empty()) {
-            let drift = algebroid.drift(i).iter();
-            let right: Vec<String> = drift.map(|(c, e)| self.term(&g, *e, &basis[c - n])).collect();
-            let right = if self.html() { self.sum(&right) } else { right.join(" + ") };
-            rows.push((self.bracket(time, &lift(self, i)), right));
-        }
-        self.formulas(&rows);
     }
 
     fn kinematics(&mut self, equations: &Equations) {

@@ -82,7 +82,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = session.find(&arguments.model)?;
     let mut model = Arc::clone(file.model()?);
     if let Some(connection) = arguments.connection {
-        model = Arc::new(Checked::new(model::with_connection(&model, connection)?, Cache::none()));
+        model = Arc::new(Checked::new(model::with_connection(&model, connection), Cache::none()));
     }
     if arguments.formulations {
         return formulations(&model, &arguments.scene);

@@ -81,6 +81,20 @@ fn taken_name(system: &ReducedSystem) -> Option<String> {
     along.into_iter().chain(momenta).find(|name| taken.contains(name.as_str()))
 }
 
+impl ReducedSystem {
+    /// The algebroid in the frame `(D_i, e_a)` of the horizontal lifts of the connection.
+    pub fn with_lifts(&self, g: &mut Graph) -> Algebroid {
+        let (Some(frame), Some(_)) = (&self.frame, &self.lift) else { return self.algebroid.clone() };
+        let lifts = Frame {
+            original: frame.original.clone(),
+            matrix: frame.inverse.clone(),
+            inverse: frame.matrix.clone(),
+        };
+        let names: Vec<String> = frame.original.iter().map(|u| u.name.clone()).collect();
+        algebroid::transformed(g, &self.algebroid, &lifts, &names)
+    }
+}
+
 /// The algebroid in the frame of quasi-velocities that a model declares, and that frame.
 pub(super) fn in_quasi_frame(
     g: &mut Graph,
@@ -141,6 +155,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         domains,
         circles,
         frame: _,
+        lift,
         quasi_frame,
         pivots,
         changes: _,
@@ -244,6 +259,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         domains,
         circles,
         frame: None,
+        lift,
         quasi_frame,
         pivots,
         changes: Vec::new(),
