@@ -6,7 +6,7 @@ use super::{Page, SectionKind};
 use hamel_expr::{Budget, Definition, Graph, Style};
 use hamel_lang::algebra::Algebroid;
 use hamel_lang::spec::Model;
-use hamel_mechanics::mechanics::{Equations, LiftBracket, NamedConnection, unused_stem};
+use hamel_mechanics::mechanics::{ConnectionName, Equations, LiftBracket, NamedConnection, unused_stem};
 
 impl Page {
     /// The brackets of the horizontal lifts `D_i`: they carry the connection and its curvature `B = dA - [A, A]`.
@@ -14,7 +14,7 @@ impl Page {
         // Brackets of other sections are those of the frame or the algebroid.
         let is_own = model.algebroid.is_some() || model.frame.is_some();
         if !is_own && let Some(named) = NamedConnection::new(&equations.system) {
-            self.named_connection(model, equations, &named);
+            self.named_connection(model, equations, named);
             return;
         }
         let n = model.n_shape();
@@ -37,7 +37,12 @@ impl Page {
         }
     }
 
-    fn named_connection(&mut self, model: &Model, equations: &Equations, named: &NamedConnection) {
+    fn named_connection(&mut self, model: &Model, equations: &Equations, mut named: NamedConnection) {
+        let names: Vec<ConnectionName> = named.coefficients.iter().chain(&named.curvature).cloned().collect();
+        for name in &names {
+            self.call_component(&mut named.graph, name);
+        }
+        let named = &named;
         let g = &named.graph;
         self.begin(SectionKind::Connection);
         self.group_velocity(model, equations, (g, &named.group_velocity));
@@ -51,7 +56,8 @@ impl Page {
             self.line("with the coefficients of the connection");
         }
         self.definitions(g, &named.inertia);
-        self.definitions(g, &named.coefficients);
+        let of = |names: &[ConnectionName]| names.iter().map(|name| name.definition).collect::<Vec<_>>();
+        self.definitions(g, &of(&named.coefficients));
         let shown = |page: &Page, e| g.display(e, page.style);
         let rows: Vec<(String, String)> =
             named.conditions.iter().map(|(l, r)| (shown(self, *l), shown(self, *r))).collect();
@@ -62,7 +68,7 @@ impl Page {
         }
         if !named.curvature.is_empty() {
             self.line("The curvature B = dA - [A, A]:");
-            self.definitions(g, &named.curvature);
+            self.definitions(g, &of(&named.curvature));
         }
         self.lifts(model, equations, (g, &named.brackets));
     }

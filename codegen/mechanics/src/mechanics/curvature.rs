@@ -19,17 +19,51 @@ pub struct NamedConnection {
     /// Locked inertia `K`, coupling `L_vx`, and its cofactors and determinant where it has few rows.
     pub inertia: Vec<Definition>,
     /// `A^a_i`.
-    pub coefficients: Vec<Definition>,
+    pub coefficients: Vec<ConnectionName>,
     /// `K A_i = L_vi`, where `K` has more rows than its cofactors are written for.
     pub conditions: Vec<(ExprId, ExprId)>,
     /// Derivatives of `K`, and `R_ij`, which is `K (d_i A_j - d_j A_i)`.
     pub rates: Vec<Definition>,
     /// `B^a_ij = d_i A^a_j - d_j A^a_i - [A_i, A_j]^a`.
-    pub curvature: Vec<Definition>,
+    pub curvature: Vec<ConnectionName>,
     /// `xi^a = v^a - A^a_i xdot^i`, by the velocities of the model.
     pub group_velocity: Vec<ExprId>,
     /// The brackets `[D_i, .]` that do not vanish.
     pub brackets: Vec<LiftBracket>,
+}
+
+/// A component of a connection, of its curvature or of what they are made of, with its name and value.
+#[derive(Clone, Debug)]
+pub struct ConnectionName {
+    /// The name and what it is equal to.
+    pub definition: Definition,
+    /// The letter before its indices.
+    pub stem: &'static str,
+    /// The component along the algebra.
+    pub component: usize,
+    /// The coordinates along which it is taken.
+    pub coordinates: Vec<SymbolId>,
+}
+
+impl ConnectionName {
+    /// A component by its name where it is worth one, which joins the list.
+    pub(super) fn of(
+        g: &mut Graph,
+        list: &mut Vec<ConnectionName>,
+        (stem, component): (&'static str, usize),
+        (coordinates, expr): (&[SymbolId], ExprId),
+    ) -> ExprId {
+        let expr = g.cancel_zero(expr);
+        if g.is_trivial(expr) {
+            return expr;
+        }
+        let along: Vec<&str> = coordinates.iter().map(|x| g.name(*x)).collect();
+        let name = format!("{stem}{}_{}", component + 1, along.join("_"));
+        let symbol = g.define(&name, expr);
+        let definition = Definition { symbol, expr };
+        list.push(ConnectionName { definition, stem, component, coordinates: coordinates.to_vec() });
+        g.sym(symbol)
+    }
 }
 
 /// `[D_i, e]` for the section `e` of the frame at a place behind `i`.
@@ -116,7 +150,12 @@ impl<'a> Writer<'a> {
     }
 
     /// A name for what is worth one.
-    fn named(&mut self, list: fn(&mut NamedConnection) -> &mut Vec<Definition>, name: &str, e: ExprId) -> ExprId {
+    fn named(
+        &mut self,
+        list: fn(&mut NamedConnection) -> &mut Vec<Definition>,
+        name: &str,
+        e: ExprId,
+    ) -> ExprId {
         let e = self.g.cancel_zero(e);
         if self.g.is_trivial(e) {
             return e;
@@ -126,12 +165,13 @@ impl<'a> Writer<'a> {
         self.g.sym(symbol)
     }
 
-    fn named_rows(&mut self, stem: &str, rows: &[Vec<ExprId>]) -> Vec<Vec<ExprId>> {
+    fn named_rows(&mut self, stem: &'static str, rows: &[Vec<ExprId>]) -> Vec<Vec<ExprId>> {
         let mut named = rows.to_vec();
         for i in 0..self.n {
             for (a, row) in named.iter_mut().enumerate() {
-                let name = format!("{stem}{}_{}", a + 1, self.coordinates[i].1);
-                row[i] = self.named(|found| &mut found.coefficients, &name, row[i]);
+                let of = ([self.coordinates[i].0], row[i]);
+                let list = &mut self.found.coefficients;
+                row[i] = ConnectionName::of(&mut self.g, list, (stem, a), (&of.0, of.1));
             }
         }
         named
@@ -197,7 +237,8 @@ impl<'a> Writer<'a> {
                 rows[a][i] = match &solved {
                     Some(solved) => {
                         let sum = self.g.add(own, solved[a]);
-                        self.named(|found| &mut found.coefficients, &name, sum)
+                        let list = &mut self.found.coefficients;
+                        ConnectionName::of(&mut self.g, list, ("A", a), (&[self.coordinates[i].0], sum))
                     }
                     None => {
                         let symbol = self.g.define(&name, total[a][i]);
@@ -289,7 +330,9 @@ impl<'a> Writer<'a> {
                 let backward = self.g.diff(lift.coupling[b][i], self.coordinates[j].0);
                 let mut terms = vec![forward, self.g.neg(backward)];
                 for (c, (named, given)) in named.iter().zip(&given).enumerate() {
-                    let own = |g: &mut Graph, k: usize| if has_given { g.sub(named[k], given[k]) } else { named[k] };
+                    let own = |g: &mut Graph, k: usize| {
+                        if has_given { g.sub(named[k], given[k]) } else { named[k] }
+                    };
                     let (first, second) = (own(&mut self.g, j), own(&mut self.g, i));
                     let forward = self.g.mul(slopes[i][b][c], first);
                     terms.push(self.g.neg(forward));
@@ -402,25 +445,23 @@ impl<'a> Writer<'a> {
     }
 
     /// `B_ij`, as the difference by names, or as what it is where that is shorter.
-    fn curvature(
-        &mut self,
-        (i, j): (usize, usize),
-        (turning, inner): (&[ExprId], &[ExprId]),
-    ) -> Vec<ExprId> {
+    fn curvature(&mut self, (i, j): (usize, usize), (turning, inner): (&[ExprId], &[ExprId])) -> Vec<ExprId> {
         let mut components = Vec::with_capacity(self.dim);
         for (a, (turning, inner)) in turning.iter().zip(inner).enumerate() {
             let mut value = self.g.sub(*turning, *inner);
             if self.system.lift.is_none() {
                 let known = self.system.algebroid.bracket(&mut self.g, i, j);
-                let known = known.into_iter().find(|(c, _)| *c == self.n + a).map_or(self.g.zero(), |(_, e)| e);
+                let known =
+                    known.into_iter().find(|(c, _)| *c == self.n + a).map_or(self.g.zero(), |(_, e)| e);
                 let known = self.g.neg(known);
                 let size = |g: &Graph, e: ExprId| g.reachable(&[e]).len();
                 if self.g.is_equal(known, value) && size(&self.g, known) <= size(&self.g, value) {
                     value = known;
                 }
             }
-            let name = format!("B{}_{}_{}", a + 1, self.coordinates[i].1, self.coordinates[j].1);
-            components.push(self.named(|found| &mut found.curvature, &name, value));
+            let along = [i, j].map(|k| self.coordinates[k].0);
+            let list = &mut self.found.curvature;
+            components.push(ConnectionName::of(&mut self.g, list, ("B", a), (&along, value)));
         }
         components
     }

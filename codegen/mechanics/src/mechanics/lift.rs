@@ -61,8 +61,7 @@ impl Derivation<'_> {
         self.writer.begin("factors of K");
         let names: Vec<String> = solved.unknowns[n..].iter().map(|u| u.name.clone()).collect();
         let signs = &self.system.signs;
-        let factors =
-            Factorisation::new(&mut self.g, &mut self.writer, "K", &inertia, &names, signs, &[])?;
+        let factors = Factorisation::new(&mut self.g, &mut self.writer, "K", &inertia, &names, signs, &[])?;
         self.writer.begin("mechanical connection A = K^-1 L_vx");
         let mut connection = vec![Vec::with_capacity(n); dim];
         for (i, x) in base.iter().enumerate() {
@@ -197,7 +196,8 @@ impl Derivation<'_> {
         for i in 0..n {
             for j in i..n {
                 // A sum of squares of sines and cosines is seen to be constant alone.
-                let mut terms = vec![self.define(&format!("L_{}_{}", names[i], names[j]), self.hessian[i][j])];
+                let mut terms =
+                    vec![self.define(&format!("L_{}_{}", names[i], names[j]), self.hessian[i][j])];
                 for (coupling, connection) in lifted.coupling.iter().zip(&lifted.connection) {
                     let product = self.g.mul(coupling[i], connection[j]);
                     terms.push(self.g.neg(product));

@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::error::Error;
 use hamel_expr::{DivisionByZero, ExprId, Graph, SymbolId};
-use hamel_lang::algebra::tableau::{MAX_COFACTORS, adjugate, determinant};
 use hamel_lang::algebra::solve_symmetric;
+use hamel_lang::algebra::tableau::{MAX_COFACTORS, adjugate, determinant};
 use hamel_lang::spec::{ConnectionKind, Model};
 
 use super::change::{Frame, tidied};

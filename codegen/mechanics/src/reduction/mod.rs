@@ -47,7 +47,7 @@ pub use momenta::momentum_of;
 pub use momenta::{CarriedMomentum, Hamiltonian};
 pub use part::Part;
 pub use reconstruction::ReconstructedCoordinate;
-pub use stages::{StageLevel, Stages, Tensor};
+pub use stages::{StageLevel, Stages, Tensor, VerticalKind, VerticalPart};
 pub use system::{Block, BlockKind, Circle, OwnRate, PositionResidual, ReducedSystem, StateKind};
 
 /// Reduces a model in the formulation that is asked for.

@@ -26,6 +26,37 @@ pub struct StageLevel {
     pub vertical_connection: Tensor,
 }
 
+/// A part of a vertical equation by stages, tested on the adapted element `f_k`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VerticalPart {
+    /// `k`.
+    pub element: usize,
+    /// What it is.
+    pub kind: VerticalKind,
+    /// Its value.
+    pub value: ExprId,
+}
+
+/// What a part of a vertical equation is, for an element of level `i`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VerticalKind {
+    /// `<beta, [eta^i, f_k]_i>`.
+    Coadjoint,
+    /// `<beta, a_i(eta^i, f_k)>`.
+    Curvature,
+    /// `<beta, b_i(f_k, sum_{l>i} eta^l)>`.
+    Below,
+    /// `<beta, b_j(eta^j, f_k)>` of the level `j < i`.
+    Above(usize),
+}
+
+impl VerticalKind {
+    /// Whether the equation has minus it.
+    pub fn is_negative(self) -> bool {
+        matches!(self, VerticalKind::Curvature | VerticalKind::Below)
+    }
+}
+
 /// A Lie algebra split along a chain of ideals `g = n_0 > n_1 > .. > n_k > 0`.
 ///
 /// # Shapes
@@ -254,24 +285,41 @@ impl Stages {
     /// # Source
     /// Cendra, Diaz, equation (19), in the corrected closed form of (20).
     pub fn vertical_equations(&self, g: &mut Graph, eta: &[ExprId], beta: &[ExprId]) -> Vec<ExprId> {
-        let mut terms: Vec<Vec<ExprId>> = vec![Vec::new(); eta.len()];
-        for level in &self.levels {
-            for (a, z, c, value) in &level.quotient_bracket {
-                terms[*z].push(g.product(&[*value, beta[*c], eta[*a]]));
-            }
-            for (a, z, c, value) in &level.curvature {
-                let term = g.product(&[*value, beta[*c], eta[*a]]);
-                terms[*z].push(g.neg(term));
-            }
-            for (a, b, c, value) in &level.vertical_connection {
-                // The level's own equation: z = e_a stands in the first slot of b.
-                let own = g.product(&[*value, beta[*c], eta[*b]]);
-                terms[*a].push(g.neg(own));
-                // A deeper level's equation: z = e_b stands in the second slot.
-                terms[*b].push(g.product(&[*value, beta[*c], eta[*a]]));
+        let mut right = vec![g.zero(); eta.len()];
+        for VerticalPart { element, kind, value } in self.vertical_parts(g, eta, beta) {
+            let term = if kind.is_negative() { g.neg(value) } else { value };
+            right[element] = g.add(right[element], term);
+        }
+        right
+    }
+
+    /// The parts of the right sides of [`Stages::vertical_equations`] that do not vanish, by elements.
+    pub fn vertical_parts(&self, g: &mut Graph, eta: &[ExprId], beta: &[ExprId]) -> Vec<VerticalPart> {
+        let mut parts = Vec::new();
+        for element in 0..eta.len() {
+            let own = self.level_of(element);
+            let level = &self.levels[own];
+            let mut part = |g: &mut Graph, kind: VerticalKind, tensor: &Tensor, is_second: bool| {
+                let picked = tensor.iter().filter(|(a, b, ..)| element == if is_second { *b } else { *a });
+                let terms = picked.map(|(a, b, c, value)| {
+                    let other = if is_second { *a } else { *b };
+                    g.product(&[*value, beta[*c], eta[other]])
+                });
+                let terms: Vec<ExprId> = terms.collect();
+                let sum = g.sum(&terms);
+                let value = g.cancel_zero(sum);
+                if value != g.zero() {
+                    parts.push(VerticalPart { element, kind, value });
+                }
+            };
+            part(g, VerticalKind::Coadjoint, &level.quotient_bracket, true);
+            part(g, VerticalKind::Curvature, &level.curvature, true);
+            part(g, VerticalKind::Below, &level.vertical_connection, false);
+            for (j, above) in self.levels[..own].iter().enumerate() {
+                part(g, VerticalKind::Above(j), &above.vertical_connection, true);
             }
         }
-        terms.iter().map(|list| g.sum(list)).collect()
+        parts
     }
 
     /// An adapted basis element spelled in the algebra's basis.
