@@ -6,13 +6,15 @@
 //! Deliberately does not know: how any of it was computed.
 
 use super::{Page, SectionKind};
+use crate::scene::BuiltScene;
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, SPELLED, Style};
-use hamel_lang::spec::{Model, Side};
+use hamel_lang::spec::{CarriedBy, Model, Side};
 use hamel_mechanics::mechanics::{
-    Equations, VariationKind, VariationPart, Variations, VerticalEquation, VerticalEquations, unused_stem,
+    Equations, VariationKind, VariationPart, Variations, VerticalEquation, VerticalEquations, derive,
+    same_motion, unused_stem,
 };
-use hamel_mechanics::reduction::{KinematicConstraint, Stages};
+use hamel_mechanics::reduction::{Formulation, KinematicConstraint, StageUse, Stages, reduce};
 
 /// A general formula, in Unicode and in LaTeX.
 struct General {
@@ -83,41 +85,70 @@ const HORIZONTAL: [General; 2] = [
     },
 ];
 
-/// The equations of a scene in the notation of Cendra and Diaz, in the styles of [`explain`](super::explain).
+/// The equations of a scene in the notation of Cendra and Diaz, in the styles of [`explain`](super::explain): in
+/// velocities of the model, whatever the state of the scene carries.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a scene without stages, without velocities in its state or with equations of another
-/// frame, and where a block is not seen to be that of the motion.
-pub fn by_paper(model: &Model, scene: &crate::scene::BuiltScene, style: Style) -> Result<String, Error> {
-    let refused =
-        |what: &str, possible: &str| Error::Unsupported { what: what.into(), possible: possible.into() };
-    let equations = &scene.equations;
-    let system = &equations.system;
-    let Some(stages) = &system.stages else {
+/// [`Error::Unsupported`] for a scene without stages, with a Hamiltonian or with momenta that are parameters, and where
+/// a block is not seen to be that of the motion.
+pub fn by_paper(model: &Model, scene: &BuiltScene, style: Style) -> Result<String, Error> {
+    let in_velocities = in_velocities(model, scene)?;
+    let equations = in_velocities.as_ref().unwrap_or(&scene.equations);
+    let Some(stages) = &equations.system.stages else {
         let possible = "`stage whole;` for the group as one stage, and a model with an algebra";
         return Err(refused("equations by stages of a model without stages", possible));
     };
-    if system.hamiltonian.is_some() || !system.momenta.is_empty() {
-        let possible = "a scene whose state has velocities, without `carry` and `routh`";
-        return Err(refused("equations by stages of a state with momenta", possible));
-    }
-    let unproved = || {
-        let possible = "the explanation without `--by paper`";
-        refused("equations by stages that are not seen to be those of the motion", possible)
-    };
     let mut vertical = VerticalEquations::new(equations).ok_or_else(unproved)?;
-    let variations = Variations::new(equations, &vertical).ok_or_else(unproved)?;
     let head = super::Section { kind: SectionKind::Head, text: String::new() };
     let mut page = Page { style, head, rest: Vec::new() };
-    page.header(model, scene);
     page.call_pairings(&mut vertical, stages, equations);
+    let mut variations = Variations::new(equations, &vertical).ok_or_else(unproved)?;
+    for (delta, x) in variations.shape.iter().zip(equations.system.algebroid.base()) {
+        let label = page.varied(&page.name(equations.system.graph.name(*x)));
+        variations.graph.rename(*delta, Page::spelled(&label));
+    }
+    page.header(model, scene);
     page.paper_forms(model, stages, equations);
     page.paper_variations((stages, equations), &vertical, &variations);
     page.paper_constraint(stages, equations, &vertical);
-    page.paper_derivatives((stages, equations), &variations);
+    page.paper_derivatives(equations, &variations);
     page.paper_vertical(stages, equations, &vertical);
     page.paper_horizontal(equations, &vertical);
     Ok(super::written(std::iter::once(page.head).chain(page.rest).collect(), style))
+}
+
+fn refused(what: &str, possible: &str) -> Error {
+    Error::Unsupported { what: what.into(), possible: possible.into() }
+}
+
+fn unproved() -> Error {
+    let possible = "the explanation without `--by paper`";
+    refused("a form by stages that is not seen to be that of the motion", possible)
+}
+
+/// The same motion in the velocities of the model and its own frame; none where the scene has these.
+fn in_velocities(model: &Model, scene: &BuiltScene) -> Result<Option<Equations>, Error> {
+    let own = &scene.equations.system.formulation;
+    if scene.equations.system.hamiltonian.is_some() {
+        return Err(refused("equations by stages of a hamiltonian", "a model with a lagrangian"));
+    }
+    if own.momenta.iter().any(|carried| matches!(carried.by, CarriedBy::Parameter(_))) {
+        return Err(refused(
+            "equations by stages of momenta that are parameters",
+            "the model without `routh`",
+        ));
+    }
+    let is_plain = own.momenta.is_empty() && matches!(own.stages, StageUse::Shown | StageUse::Unused);
+    if is_plain {
+        return Ok(None);
+    }
+    let formulation = Formulation { momenta: Vec::new(), stages: StageUse::Shown, ..own.clone() };
+    let system = reduce(model, &formulation).map_err(|_| unproved())?;
+    let equations = derive(&system)?;
+    match same_motion(&scene.equations, &equations) {
+        Ok(()) => Ok(Some(equations)),
+        Err(_) => Err(unproved()),
+    }
 }
 
 impl Page {
@@ -139,9 +170,15 @@ impl Page {
         self.begin(SectionKind::PaperForms);
         let g = &equations.system.graph;
         let chain: Vec<String> = stages.levels.iter().map(|l| self.prose(&l.name)).collect();
-        let sign = if self.latex() { " $\\supset$ " } else { " ⊃ " };
-        self.line(&format!("Chain of subgroups N_0 ⊃ N_1 ⊃ ..: {}.", chain.join(sign)));
-        self.line("An element of the algebra is the sum of its parts in the levels n_i/n_(i+1), by horizontal lifts (13):");
+        let (sign, groups, level) = match self.latex() {
+            true => (" $\\supset$ ", "N_0 \\supset N_1 \\supset \\ldots", "n_i/n_{i+1}"),
+            false => (" ⊃ ", "N_0 ⊃ N_1 ⊃ ..", "n_i/n_(i+1)"),
+        };
+        let [groups, level] = [groups, level].map(|text| self.inline(text));
+        self.line(&format!("Chain of subgroups {groups}: {}.", chain.join(sign)));
+        self.line(&format!(
+            "An element of the algebra is the sum of its parts in the levels {level}, by horizontal lifts (13):"
+        ));
         self.levels_of_velocity(stages, equations);
         let stem = unused_stem(equations, "f");
         let basis: Vec<String> = model.algebra.basis().to_vec();
@@ -269,7 +306,6 @@ impl Page {
                 let along = self.applied(&self.name("A"), &[&self.varied(&self.name("x"))]);
                 self.in_level(&self.bracket(&along, &self.name("v")), part.level)
             }
-            VariationKind::Turning => self.in_level(&self.name("T"), part.level),
         }
     }
 
@@ -283,8 +319,11 @@ impl Page {
             return;
         }
         self.begin(SectionKind::PaperConstraint);
-        let texts: Vec<String> = equations.system.constraint.texts().map(|text| self.prose(text)).collect();
+        let mut texts: Vec<&str> = equations.system.constraint.texts().collect();
+        // A constraint on vectors has a row for each component.
+        texts.dedup();
         for text in texts {
+            let text = self.prose(text);
             self.line(&text);
         }
         if vertical.has_multipliers {
@@ -349,7 +388,7 @@ impl Page {
     }
 
     /// (33), (34) and appendix A.
-    fn paper_derivatives(&mut self, (stages, equations): (&Stages, &Equations), variations: &Variations) {
+    fn paper_derivatives(&mut self, equations: &Equations, variations: &Variations) {
         if variations.covariant.is_empty() {
             return;
         }
@@ -376,10 +415,7 @@ impl Page {
         self.line("The vertical Lagrange-Poincare equation (36), (38) in one piece, without what acts from outside:");
         self.general(&[VERTICAL_COVARIANT]);
         self.formulas(&moved);
-        let n = stages.levels.len();
-        self.line(&format!(
-            "Its right side less D/Dt - d/dt was compared, exactly, with the vertical equations by {n} stages that follow."
-        ));
+        self.line("Its right side less D/Dt - d/dt was compared, exactly, with the vertical equations by stages that follow.");
         self.line("Horizontal and vertical derivatives of the reduced Lagrangian l (appendix A): the vertical ones are the");
         self.line("momenta, the horizontal one along a coordinate stands with the horizontal equations.");
     }

@@ -26,7 +26,7 @@ pub struct Variations {
     pub shape: Vec<SymbolId>,
     /// The parts of `delta v` beside `dzeta/dt` that do not vanish.
     pub parts: Vec<VariationPart>,
-    /// `D beta/Dt - dbeta/dt` and `<beta, [v, f_k]>`, by elements; none where the frame is not that of the model.
+    /// `D beta/Dt - dbeta/dt` and `<beta, [v, f_k]>`, by elements; none without a connection.
     pub covariant: Vec<(ExprId, ExprId)>,
 }
 
@@ -56,8 +56,6 @@ pub enum VariationKind {
     ShapeCurvature,
     /// `[A(delta x), v]`.
     ShapeBracket,
-    /// What turns with the frame and its lifts, where the frame is adapted to the stages.
-    Turning,
 }
 
 impl VariationKind {
@@ -73,7 +71,7 @@ impl VariationKind {
             | VariationKind::Curvature(_)
             | VariationKind::Vertical(_)
             | VariationKind::Exchanged(_) => true,
-            VariationKind::ShapeCurvature | VariationKind::ShapeBracket | VariationKind::Turning => false,
+            VariationKind::ShapeCurvature | VariationKind::ShapeBracket => false,
         }
     }
 }
@@ -92,10 +90,11 @@ struct Writer<'a> {
 }
 
 impl Variations {
-    /// The variations of a system with stages; none where their parts are not seen to add up.
+    /// The variations of a system with stages in the frame of its model; none in another frame, and where their parts
+    /// are not seen to add up.
     pub fn new(equations: &Equations, vertical: &VerticalEquations) -> Option<Variations> {
         let system = &equations.system;
-        let stages = system.stages.as_ref()?;
+        let stages = system.stages.as_ref().filter(|_| system.frame.is_none())?;
         let mut g = vertical.graph.clone();
         let dim = stages.basis.len();
         let n = system.velocities.len() - dim;
@@ -224,11 +223,7 @@ impl Writer<'_> {
     /// Whether the parts are `C^a_bc y^b s^c` of the velocity `y` and the section `s` of the variation.
     fn is_whole(&mut self) -> Option<()> {
         let (n, dim) = (self.n, self.eta.len());
-        let is_adapted = self.system.frame.is_some();
-        let (basis, inverse) = match is_adapted {
-            true => (unit_vectors(&self.g, dim), unit_vectors(&self.g, dim)),
-            false => (self.stages.basis.clone(), self.stages.inverse.clone()),
-        };
+        let (basis, inverse) = (&self.stages.basis, &self.stages.inverse);
         let y = self.y.clone();
         let mut section = self.delta.clone();
         for a in 0..dim {
@@ -256,13 +251,7 @@ impl Writer<'_> {
                 rest[k] = if is_negative { self.g.add(rest[k], e) } else { self.g.sub(rest[k], e) };
             }
         }
-        if rest.iter().all(|e| self.g.is_zero(*e)) {
-            return Some(());
-        }
-        if is_adapted {
-            self.part(VariationKind::Turning, &rest);
-        }
-        is_adapted.then_some(())
+        rest.iter().all(|e| self.g.is_zero(*e)).then_some(())
     }
 
     /// `<beta, [A xdot, f_k]>` and `<beta, [v, f_k]>`, whose difference is minus the right side of the vertical

@@ -8,8 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::error::Error;
 use hamel_expr::{DivisionByZero, ExprId, Graph, SymbolId};
-use hamel_lang::algebra::solve_symmetric;
-use hamel_lang::algebra::tableau::{MAX_COFACTORS, adjugate, determinant};
+use hamel_lang::algebra::solve_over_determinant;
 use hamel_lang::spec::{ConnectionKind, Model};
 
 use super::change::{Frame, tidied};
@@ -67,7 +66,7 @@ impl Lift {
         if coupling.iter().flatten().all(|e| *e == zero) || entries.any(|e| g.depends_on(*e, &moving)) {
             return None;
         }
-        let connection = solved(g, &inertia, &coupling)?;
+        let connection = solve_over_determinant(g, &inertia, &coupling).ok()?;
         Some(Lift { inertia, coupling, connection })
     }
 }
@@ -78,26 +77,6 @@ fn moving(model: &Model) -> BTreeSet<SymbolId> {
     let advected = model.advected.iter().flat_map(|a| a.components.iter().map(|(_, s)| *s));
     let first_order = model.first_order.iter().flat_map(|s| s.components.iter().map(|(_, s)| *s));
     velocities.chain(advected).chain(first_order).collect()
-}
-
-/// `K^-1 L_vx`, over the determinant of `K` as the one denominator where it has few rows; none where it vanishes.
-fn solved(g: &mut Graph, inertia: &[Vec<ExprId>], coupling: &[Vec<ExprId>]) -> Option<Vec<Vec<ExprId>>> {
-    if inertia.len() > MAX_COFACTORS {
-        return solve_symmetric(g, inertia, coupling).ok();
-    }
-    let determinant = determinant(g, inertia);
-    if g.is_zero(determinant) {
-        return None;
-    }
-    let inverse = g.powi(determinant, -1);
-    let cofactors = adjugate(g, inertia);
-    let width = coupling.first().map_or(0, Vec::len);
-    let mut entry = |row: &[ExprId], i: usize| {
-        let column: Vec<ExprId> = coupling.iter().map(|row| row[i]).collect();
-        let numerator = tidied(g, |g| g.dot(row, &column));
-        g.mul(numerator, inverse)
-    };
-    Some(cofactors.iter().map(|row| (0..width).map(|i| entry(row, i)).collect()).collect())
 }
 
 /// The system in the frame of its model, with the velocities `w = v + A xdot` in its state in the place of `v`.

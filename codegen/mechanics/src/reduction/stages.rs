@@ -2,7 +2,9 @@
 
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, Number, Rational, Style};
-use hamel_lang::algebra::{LieAlgebra, independent_vectors, next_ideal, solve_symbolic, whole_algebra};
+use hamel_lang::algebra::{
+    LieAlgebra, independent_vectors, next_ideal, solve_over_determinant, solve_symbolic, whole_algebra,
+};
 use hamel_lang::spec::LEVEL_MOMENTUM;
 
 /// Sparse bilinear form with values in the adapted basis: entries `(a, b, c, value)` meaning
@@ -147,7 +149,11 @@ impl Stages {
         // basis is invertible: each level completes the one below to a basis of the level's stage.
         let columns = solve_symbolic(g, &transposed, &unit)
             .map_err(|_| vec![Error::DegenerateInnerProduct { stage: names[0].clone() }])?;
-        let inverse: Vec<Vec<ExprId>> = (0..n).map(|a| columns.iter().map(|row| row[a]).collect()).collect();
+        let mut inverse: Vec<Vec<ExprId>> =
+            (0..n).map(|a| columns.iter().map(|row| row[a]).collect()).collect();
+        for range in &ranges {
+            by_products(g, &mut inverse, &metric, (&basis, range.clone()));
+        }
         let mut stages = Stages {
             levels: Vec::new(),
             basis,
@@ -368,7 +374,7 @@ fn horizontal_basis(
         gram.push(below.iter().map(|h| inner(g, f, h)).collect::<Vec<_>>());
         right.push(representatives.iter().map(|e| inner(g, f, e)).collect::<Vec<_>>());
     }
-    let coefficients = solve_symbolic(g, &gram, &right).map_err(|_| ())?;
+    let coefficients = solve_over_determinant(g, &gram, &right).map_err(|_| ())?;
     let mut lifted = Vec::new();
     for (k, e) in representatives.iter().enumerate() {
         let mut vector = Vec::new();
@@ -383,6 +389,33 @@ fn horizontal_basis(
         lifted.push(vector);
     }
     Ok(lifted)
+}
+
+/// Writes components along a level by inner products, `eta = K^-1 <f, .>` with `K` that of the level, where that is
+/// shorter than what the levels below leave of an elimination.
+fn by_products(
+    g: &mut Graph,
+    inverse: &mut [Vec<ExprId>],
+    metric: &[Vec<ExprId>],
+    (basis, range): (&[Vec<ExprId>], std::ops::Range<usize>),
+) {
+    let is_number = |g: &Graph, e: ExprId| g.as_rational(e).is_some();
+    if range.clone().all(|k| inverse.iter().all(|row| is_number(g, row[k]))) {
+        return;
+    }
+    let lowered: Vec<Vec<ExprId>> =
+        range.clone().map(|k| metric.iter().map(|row| g.dot(row, &basis[k])).collect()).collect();
+    let gram: Vec<Vec<ExprId>> =
+        lowered.iter().map(|f| range.clone().map(|k| g.dot(f, &basis[k])).collect()).collect();
+    let Ok(solved) = solve_over_determinant(g, &gram, &lowered) else { return };
+    for (k, row) in range.zip(solved) {
+        for (own, e) in inverse.iter_mut().zip(row) {
+            let size = |g: &Graph, e: ExprId| g.reachable(&[e]).len();
+            if !is_number(g, own[k]) && size(g, e) < size(g, own[k]) && g.is_equal(e, own[k]) {
+                own[k] = e;
+            }
+        }
+    }
 }
 
 fn stage_forms(
