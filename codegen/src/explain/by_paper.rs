@@ -47,18 +47,18 @@ const VERTICAL: General = General {
 const COVARIANT: [General; 2] = [
     General {
         left: ["Dζ/Dt", "\\frac{D\\zeta}{Dt}"],
-        right: ["ζ̇ - [A(ẋ), ζ]", "\\dot{\\zeta} - [A(\\dot{x}), \\zeta]"],
+        right: ["ζ̇ - [A(ẋ), ζ]", "\\dot{\\zeta} - [A(\\dot{x}), \\zeta]"],
     },
     General {
         left: ["Dβ/Dt", "\\frac{D\\beta}{Dt}"],
-        right: ["β̇ + ad*(A(ẋ)) β", "\\dot{\\beta} + \\operatorname{ad}^*_{A(\\dot{x})} \\beta"],
+        right: ["β̇ + ad*(A(ẋ)) β", "\\dot{\\beta} + \\operatorname{ad}^*_{A(\\dot{x})} \\beta"],
     },
 ];
 
 const VARIATION: General = General {
     left: ["δv", "\\delta v"],
     right: [
-        "Dζ/Dt + [v, ζ] + B(δx, ẋ) + [A(δx), v]",
+        "Dζ/Dt + [v, ζ] + B(δx, ẋ) + [A(δx), v]",
         "\\frac{D\\zeta}{Dt} + [v, \\zeta] + B(\\delta x, \\dot{x}) + [A(\\delta x), v]",
     ],
 };
@@ -71,10 +71,10 @@ const VERTICAL_COVARIANT: General = General {
 const HORIZONTAL: [General; 2] = [
     General {
         left: [
-            "d/dt ∂l/∂ẋ^i - ∂^C l/∂x^i",
+            "d/dt ∂l/∂ẋ^i - ∂^C l/∂x^i",
             "\\frac{d}{dt} \\frac{\\partial l}{\\partial \\dot{x}^i} - \\frac{\\partial^C l}{\\partial x^i}",
         ],
-        right: ["⟨β, B(∂_i, ẋ)⟩", "\\langle \\beta, B(\\partial_i, \\dot{x})\\rangle"],
+        right: ["⟨β, B(∂_i, ẋ)⟩", "\\langle \\beta, B(\\partial_i, \\dot{x})\\rangle"],
     },
     General {
         left: ["∂^C l/∂x^i", "\\frac{\\partial^C l}{\\partial x^i}"],
