@@ -94,8 +94,8 @@ fn superscript(text: &str) -> Option<String> {
     script(text, ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'], '⁻')
 }
 
-/// Begins a name that is spelled in its style already, such as `<beta, a(eta, f)>` for people: no name of a model or of a
-/// definition begins with it.
+/// Begins a name that is spelled in its style already, such as `<beta, a(eta, f)>` for people: no name of a model or of
+/// a definition begins with it.
 pub const SPELLED: char = '\'';
 
 /// Spells an identifier such as `Omega1`, `theta_dot` or `p_Omega1` in a style: Ω₁, θ̇, p_Ω₁.

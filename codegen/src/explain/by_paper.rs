@@ -6,15 +6,14 @@
 //! Deliberately does not know: how any of it was computed.
 
 use super::{Page, SectionKind};
-use crate::scene::BuiltScene;
+use crate::scene::{BuiltScene, in_velocities};
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, SPELLED, Style};
-use hamel_lang::spec::{CarriedBy, Model, Side};
+use hamel_lang::spec::{Model, Side};
 use hamel_mechanics::mechanics::{
-    Equations, VariationKind, VariationPart, Variations, VerticalEquation, VerticalEquations, derive,
-    same_motion, unused_stem,
+    Equations, VariationKind, VariationPart, Variations, VerticalEquation, VerticalEquations, unused_stem,
 };
-use hamel_mechanics::reduction::{Formulation, KinematicConstraint, StageUse, Stages, reduce};
+use hamel_mechanics::reduction::{KinematicConstraint, Stages};
 
 /// A general formula, in Unicode and in LaTeX.
 struct General {
@@ -124,31 +123,6 @@ fn refused(what: &str, possible: &str) -> Error {
 fn unproved() -> Error {
     let possible = "the explanation without `--by paper`";
     refused("a form by stages that is not seen to be that of the motion", possible)
-}
-
-/// The same motion in the velocities of the model and its own frame; none where the scene has these.
-fn in_velocities(model: &Model, scene: &BuiltScene) -> Result<Option<Equations>, Error> {
-    let own = &scene.equations.system.formulation;
-    if scene.equations.system.hamiltonian.is_some() {
-        return Err(refused("equations by stages of a hamiltonian", "a model with a lagrangian"));
-    }
-    if own.momenta.iter().any(|carried| matches!(carried.by, CarriedBy::Parameter(_))) {
-        return Err(refused(
-            "equations by stages of momenta that are parameters",
-            "the model without `routh`",
-        ));
-    }
-    let is_plain = own.momenta.is_empty() && matches!(own.stages, StageUse::Shown | StageUse::Unused);
-    if is_plain {
-        return Ok(None);
-    }
-    let formulation = Formulation { momenta: Vec::new(), stages: StageUse::Shown, ..own.clone() };
-    let system = reduce(model, &formulation).map_err(|_| unproved())?;
-    let equations = derive(&system)?;
-    match same_motion(&scene.equations, &equations) {
-        Ok(()) => Ok(Some(equations)),
-        Err(_) => Err(unproved()),
-    }
 }
 
 impl Page {

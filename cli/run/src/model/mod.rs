@@ -60,8 +60,8 @@ pub fn name_refusal(name: &str) -> Option<&'static str> {
     spec::name_refusal(name)
 }
 
-/// The same system to be written with another connection: that of an item `connection mechanical;`. What has no such
-/// connection is refused where it is derived.
+/// The same system to be written with another connection: as an item `connection mechanical;` asks. A system without
+/// such a connection is refused where it is derived.
 pub fn with_connection(model: &Model, connection: ConnectionKind) -> Model {
     Model { derived_connection: Some(connection), ..model.clone() }
 }

@@ -8,7 +8,6 @@ use super::event::{Event, OutputPart};
 pub(super) use super::first_order::FirstOrderState;
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
-use super::names::LEVEL_MOMENTUM;
 use super::size::FamilySize;
 use super::unit::Units;
 use super::view::Views;
@@ -170,20 +169,6 @@ pub struct IdealChain {
     pub momentum: String,
     /// Where each stage stands.
     pub spans: Vec<Option<Span>>,
-}
-
-impl IdealChain {
-    /// The algebra as its one stage, `whole`.
-    pub fn whole() -> IdealChain {
-        IdealChain {
-            names: vec!["whole".into()],
-            ideals: Vec::new(),
-            inner_product: None,
-            connection: None,
-            momentum: LEVEL_MOMENTUM.to_owned(),
-            spans: vec![None],
-        }
-    }
 }
 
 /// A parameter that the group moves: `adot = -xi . a` (left action).

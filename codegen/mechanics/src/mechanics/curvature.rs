@@ -1,8 +1,8 @@
 //! A connection and its curvature by names, for those who read: each name is told once and used from then on.
 //!
-//! A mechanical connection is the quotient of cofactors of the locked inertia and its determinant; its curvature comes
-//! from `K (d_i A_j - d_j A_i) = d_i L_vj - d_j L_vi - d_i K A_j + d_j K A_i`, without a derivative of a quotient. Every
-//! bracket is compared with that of the algebroid. Deliberately does not know: equations of motion, how anything is
+//! A mechanical connection is the quotient of cofactors of the locked inertia and its determinant. Its curvature comes
+//! from `K (d_i A_j - d_j A_i) = d_i L_vj - d_j L_vi - d_i K A_j + d_j K A_i`, without a derivative of a quotient.
+//! Every bracket is compared with the bracket of the algebroid. Deliberately does not know: equations of motion, how anything is
 //! printed.
 
 use hamel_expr::{Definition, ExprId, Graph, SymbolId};
@@ -94,7 +94,7 @@ struct Writer<'a> {
 }
 
 impl NamedConnection {
-    /// The connection of a system; none without one, and where something is not seen to be what it is called.
+    /// The connection of a system that has one. There is nothing where a value is not seen to have its name.
     pub fn new(system: &ReducedSystem) -> Option<NamedConnection> {
         let rows = system.connection.as_ref()?;
         // In a frame that is adapted to stages its components are others.
@@ -149,7 +149,7 @@ impl<'a> Writer<'a> {
         Writer { system, g, n, dim, coordinates, found }
     }
 
-    /// A name for what is worth one.
+    /// A name for a value that is worth one.
     fn named(
         &mut self,
         list: fn(&mut NamedConnection) -> &mut Vec<Definition>,
@@ -206,7 +206,7 @@ impl<'a> Writer<'a> {
         Inertia { matrix, quotient }
     }
 
-    /// `K^-1 right`, over the determinant; none where only its names are known.
+    /// `K^-1 right`, over the determinant, where cofactors are written.
     fn quotient(&mut self, inertia: &Inertia, right: &[ExprId]) -> Option<Vec<ExprId>> {
         let (cofactors, determinant) = inertia.quotient.as_ref()?;
         let inverse = self.g.powi(*determinant, -1);

@@ -12,7 +12,7 @@ use hamel_expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
 use hamel_lang::algebra::tableau::Pen;
 
 use super::equations::{Equations, LinearSystem};
-use super::lift::Lifted;
+use super::lifted::Lifted;
 use super::recursion::Recursion;
 use super::rows::Answered;
 use super::solve::{Factorisation, Pivot};

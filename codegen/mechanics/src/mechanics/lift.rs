@@ -18,21 +18,8 @@ use hamel_expr::error::Error;
 use super::constrained::inertias;
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
+use super::lifted::Lifted;
 use super::solve::Factorisation;
-
-/// The connection by names.
-pub(super) struct Lifted {
-    /// Of `K`.
-    factors: Factorisation,
-    /// `K`.
-    inertia: Vec<Vec<ExprId>>,
-    /// `L_vx`.
-    coupling: Vec<Vec<ExprId>>,
-    /// `A`.
-    pub(super) connection: Vec<Vec<ExprId>>,
-    /// `A xdot`.
-    along: Vec<ExprId>,
-}
 
 impl Derivation<'_> {
     /// `K`, `L_vx`, `A`, and the velocities `v = w - A xdot`.

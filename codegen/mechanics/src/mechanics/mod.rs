@@ -27,6 +27,7 @@ mod integrable;
 mod kane;
 mod legendre;
 mod lift;
+mod lifted;
 mod limits;
 mod linked;
 mod measure;

@@ -26,7 +26,7 @@ pub struct Variations {
     pub shape: Vec<SymbolId>,
     /// The parts of `delta v` beside `dzeta/dt` that do not vanish.
     pub parts: Vec<VariationPart>,
-    /// `D beta/Dt - dbeta/dt` and `<beta, [v, f_k]>`, by elements; none without a connection.
+    /// `D beta/Dt - dbeta/dt` and `<beta, [v, f_k]>`, by elements, where there is a connection.
     pub covariant: Vec<(ExprId, ExprId)>,
 }
 
@@ -90,8 +90,7 @@ struct Writer<'a> {
 }
 
 impl Variations {
-    /// The variations of a system with stages in the frame of its model; none in another frame, and where their parts
-    /// are not seen to add up.
+    /// The variations of a system with stages in the frame of its model, where their parts are seen to add up.
     pub fn new(equations: &Equations, vertical: &VerticalEquations) -> Option<Variations> {
         let system = &equations.system;
         let stages = system.stages.as_ref().filter(|_| system.frame.is_none())?;

@@ -61,7 +61,8 @@ pub struct VerticalEquations {
     pub horizontal: Vec<HorizontalEquation>,
     /// Whether reactions of the constraint are in the equations.
     pub has_multipliers: bool,
-    /// The velocities of the system, those that the constraint determines under names that zero tests see through.
+    /// The velocities of the system; velocities that the constraint determines have names that zero tests see
+    /// through.
     pub frame_velocities: Vec<ExprId>,
 }
 
@@ -70,7 +71,7 @@ pub struct VerticalEquations {
 pub struct ShapeConnection {
     /// The names of `A^k_i`, where they are worth one.
     pub connection: Vec<ConnectionName>,
-    /// Those of `B^k_ij`.
+    /// The names of `B^k_ij`.
     pub curvature: Vec<ConnectionName>,
     /// `A_i`, by coordinate.
     pub coefficients: Vec<Vec<ExprId>>,

@@ -20,6 +20,7 @@ mod frame;
 mod given;
 mod inertialess;
 mod lift;
+mod lifted;
 mod matrix_group;
 mod momenta;
 mod part;
@@ -76,15 +77,14 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
         .map_err(|error| written.diagnostics(vec![constraint::refused(&written, &error)]))
 }
 
-/// The system with its mechanical connection by the equation that this solves, where nothing else changes velocities;
-/// none where the model has to be written with the connection.
+/// The system with its mechanical connection by the equation that this solves, where nothing else changes velocities.
 fn lifted(written: &mut Model, formulation: &Formulation) -> Result<Option<ReducedSystem>, Diagnostics> {
     let Some(lift) = Lift::of(written, formulation) else { return Ok(None) };
     let system = assemble::on_algebroid(written.clone(), formulation)?;
     if system.degeneracy.is_some() {
         return Ok(None);
     }
-    let system = lift::lifted(system, lift);
+    let system = lifted::over_lift(system, lift);
     system.map(Some).map_err(|error| written.diagnostics(vec![written.diagnose(&error)]))
 }
 
