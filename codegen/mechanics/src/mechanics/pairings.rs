@@ -57,8 +57,8 @@ pub(super) struct Pairings {
 impl Pairings {
     /// A part by its name; zero has none.
     pub(super) fn named(&mut self, g: &mut Graph, kind: PairingKind, terms: &[ExprId]) -> ExprId {
-        let sum = g.sum(terms);
-        let expr = g.cancel_zero(sum);
+        // A part that vanishes for one metric alone stands there all the same.
+        let expr = g.sum(terms);
         if expr == g.zero() {
             return expr;
         }

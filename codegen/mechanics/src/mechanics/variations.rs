@@ -272,8 +272,7 @@ impl Writer<'_> {
             let right = if self.system.side == Side::Right { self.g.neg(right) } else { right };
             let [turned, moved] = [&along, &v].map(|x| {
                 let bracket = self.bracket(x, element);
-                let sum = self.g.dot(&bracket, &beta);
-                self.g.cancel_zero(sum)
+                self.g.dot(&bracket, &beta)
             });
             let difference = self.g.sub(moved, turned);
             self.g.is_equal(difference, right).then_some(())?;

@@ -299,7 +299,7 @@ impl Stages {
         right
     }
 
-    /// The parts of the right sides of [`Stages::vertical_equations`] that do not vanish, by elements.
+    /// The parts of the right sides of [`Stages::vertical_equations`] for which the forms have a component, by elements.
     pub fn vertical_parts(&self, g: &mut Graph, eta: &[ExprId], beta: &[ExprId]) -> Vec<VerticalPart> {
         let mut parts = Vec::new();
         for element in 0..eta.len() {
@@ -312,8 +312,7 @@ impl Stages {
                     g.product(&[*value, beta[*c], eta[other]])
                 });
                 let terms: Vec<ExprId> = terms.collect();
-                let sum = g.sum(&terms);
-                let value = g.cancel_zero(sum);
+                let value = g.sum(&terms);
                 if value != g.zero() {
                     parts.push(VerticalPart { element, kind, value });
                 }
