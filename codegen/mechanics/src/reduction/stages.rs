@@ -299,7 +299,7 @@ impl Stages {
         right
     }
 
-    /// The parts of the right sides of [`Stages::vertical_equations`] for which the forms have a component, by elements.
+    /// The parts of the right sides of [`Stages::vertical_equations`] for which a form has components, by elements.
     pub fn vertical_parts(&self, g: &mut Graph, eta: &[ExprId], beta: &[ExprId]) -> Vec<VerticalPart> {
         let mut parts = Vec::new();
         for element in 0..eta.len() {
