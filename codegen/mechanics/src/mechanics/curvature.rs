@@ -1,7 +1,7 @@
 //! A connection and its curvature by names, for those who read: each name is told once and used from then on.
 //!
 //! A mechanical connection is the quotient of cofactors of the locked inertia and its determinant. Its curvature comes
-//! from `K (d_i A_j - d_j A_i) = d_i L_vj - d_j L_vi - d_i K A_j + d_j K A_i`, without a derivative of a quotient. Every
+//! from `K (d_i A_j - d_j A_i) = d_i L_vj - d_j L_vi - d_i K A_j + d_j K A_i`: no quotient is differentiated. Every
 //! bracket is compared with the algebroid. Deliberately does not know: equations of motion, how anything is printed.
 
 use hamel_expr::{Definition, ExprId, Graph, SymbolId};
