@@ -201,7 +201,7 @@ fn what_the_paper_says_of_a_connection_is_there() {
         "  δv^(0,1) = ζ̇^(0,1) + [η^(0,1), ζ^(0,1)] + B(δx, ẋ)^(0,1) + [A(δx), v]^(0,1)",
         "  Dβ₁/Dt - β̇₁ = β₂ (ẋ₁ A₃_x₁ + ẋ₂ A₃_x₂) - β₃ (ẋ₁ A₂_x₁ + ẋ₃ A₂_x₃)",
         "  β̇₁ = ⟨ad*(η^(0,1)) β^(0,1), f₁⟩",
-        "  ṗ_ẋ₁ = ⟨β, B(∂_x₁, ẋ)⟩",
+        "  ṗ_ẋ₁ = ⟨β, B(∂_x₁, ẋ)⟩ + ⟨β, [A_x₁, v]⟩",
     ] {
         assert!(text.lines().any(|l| l == line), "{line}\n{text}");
     }
