@@ -4,10 +4,14 @@
 //! Deliberately does not know: how any of it was computed.
 
 mod bracket;
+mod by_paper;
+mod by_stages;
+mod connection;
 mod dirac;
 mod displacements;
 mod frame;
 mod implicit;
+mod labels;
 mod latex;
 mod rates;
 mod sections;
@@ -15,6 +19,7 @@ mod splitting;
 mod stages;
 mod units;
 
+pub use self::by_paper::by_paper;
 pub use self::rates::{brackets, rates};
 pub use self::stages::stages;
 
@@ -25,14 +30,12 @@ use num_traits::One;
 
 use crate::scene::BuiltScene;
 use hamel_expr::error::spell_vector;
-use hamel_expr::{Budget, Definition, ExprId, Graph, Number, Style, SymbolId, identifier, rational_to_f64};
+use hamel_expr::{Budget, ExprId, Graph, Number, Style, SymbolId, identifier, rational_to_f64};
 use hamel_lang::spec::{Model, Side};
-use hamel_mechanics::mechanics::{
-    Coefficients, Equations, Form, Routhian, VerticalEquation, VerticalEquations, unused_stem,
-};
+use hamel_mechanics::mechanics::{Coefficients, Equations, Form, Routhian};
 use hamel_mechanics::reduction::{
     AccelerationRow, AccelerationSource, DegenerateOutcome, KinematicConstraint, ReducedSystem,
-    SolvedConstraint, Stages, Tensor,
+    SolvedConstraint,
 };
 
 /// What a part of an explanation is about.
@@ -81,6 +84,18 @@ pub enum SectionKind {
     Counts,
     /// Coefficients of the connections of the kinetic energy; on request.
     Coefficients,
+    /// The bracket by stages, (2)-(14) of Cendra and Diaz; on request, as all that follow.
+    PaperForms,
+    /// Variations, (17) and (24).
+    PaperVariations,
+    /// The constraint and its displacements, (22)-(32).
+    PaperConstraint,
+    /// Covariant derivatives, (33), (34) and appendix A.
+    PaperDerivatives,
+    /// Vertical equations, (18)-(21), (35)-(38), (40), (43).
+    PaperVertical,
+    /// Horizontal equations, (39), (41)-(43).
+    PaperHorizontal,
 }
 
 impl SectionKind {
@@ -108,6 +123,14 @@ impl SectionKind {
             SectionKind::Splitting => "Exact flows",
             SectionKind::Counts => "Operation counts",
             SectionKind::Coefficients => "Connection coefficients",
+            SectionKind::PaperForms => "Bracket by stages, (2)-(14)",
+            SectionKind::PaperVariations => "Variations by stages, (17), (24)",
+            SectionKind::PaperConstraint => "Constraint and displacements, (22)-(32)",
+            SectionKind::PaperDerivatives => "Covariant derivatives, (33), (34), appendix A",
+            SectionKind::PaperVertical => {
+                "Vertical equations by stages, (18)-(21), (25), (32), (35)-(38), (40), (43)"
+            }
+            SectionKind::PaperHorizontal => "Horizontal equations by stages, (39), (41)-(43)",
         }
     }
 }
@@ -466,177 +489,16 @@ impl Page {
         self.formulas(&rows);
     }
 
-    fn stages(&mut self, model: &Model, stages: &Stages, equations: &Equations) {
-        self.begin(SectionKind::Stages);
-        let mut g = equations.system.graph.clone();
-        g.set_budget(Budget::UNLIMITED);
-        let chain: Vec<String> = stages.levels.iter().map(|l| self.prose(&l.name)).collect();
-        self.line(&format!(
-            "Chain of ideals: {}.",
-            chain.join(if self.latex() { " $\\supset$ " } else { " ⊃ " })
-        ));
-        let basis: Vec<String> = model.algebra.basis().to_vec();
-        let stem = unused_stem(equations, "f");
-        let symbol = |k: usize| format!("{stem}{}", k + 1);
-        let standard = stages.basis.iter().enumerate().all(|(k, row)| {
-            row.iter().enumerate().all(|(a, e)| *e == if a == k { g.one() } else { g.zero() })
-        });
-        if standard {
-            self.line(&format!("The adapted basis is the given one: {stem}_k = e_k."));
-        } else {
-            let rows: Vec<(String, String)> = (0..basis.len())
-                .map(|k| (self.name(&symbol(k)), stages.spell_element(&mut g, k, &basis, self.style)))
-                .collect();
-            self.line("Adapted basis (horizontal lifts, orthogonal to the stage below):");
-            self.formulas(&rows);
-        }
-        self.frame_of_stages(equations);
-        for (j, level) in stages.levels.iter().enumerate() {
-            let members: Vec<String> = level.range.clone().map(|k| self.name(&symbol(k))).collect();
-            let members = self.inline(&self.list(&members));
-            let name = self.prose(&level.name);
-            self.line(&format!("\nLevel {j}, {name}: spanned by {members}"));
-            self.form("quotient bracket", ["", &stem], j, &level.quotient_bracket, &g);
-            self.form("curvature form", ["a", &stem], j, &level.curvature, &g);
-            self.form("vertical connection form", ["b", &stem], j, &level.vertical_connection, &g);
-        }
-        self.line(
-            "\nThe bracket rebuilt from these forms was checked, exactly, to be the bracket of the algebra.",
-        );
-        self.stage_equations(equations);
-    }
-
-    /// What the frame that is adapted to the stages is used for.
-    fn frame_of_stages(&mut self, equations: &Equations) {
-        let system = &equations.system;
-        if system.frame.is_none() {
-            return;
-        }
-        if system.changes.is_empty() {
-            self.line("The equations are derived in this basis; the state has the velocities of the model.");
-            return;
-        }
-        let momenta = system.momenta.iter().filter(|m| {
-            let symbol = system.unknowns[m.unknown].symbol;
-            system.changes.iter().any(|c| c.symbol == symbol)
-        });
-        let momenta: Vec<String> = momenta.map(|m| self.name(&m.name)).collect();
-        self.line(&match momenta.is_empty() {
-            true => "The state has the velocities along the levels, by those of the model:".to_owned(),
-            false => format!(
-                "The state has the momenta {}. The velocities along the levels, by those of the model:",
-                self.inline(&self.list(&momenta))
-            ),
-        });
-        let g = &system.graph;
-        let rows = system.changes.iter().map(|c| (self.name(&c.name), g.display(c.value, self.style)));
-        let rows: Vec<(String, String)> = rows.collect();
-        self.formulas(&rows);
-    }
-
-    /// The vertical equations by stages in terms of momenta and velocities along the adapted basis.
-    fn stage_equations(&mut self, equations: &Equations) {
-        if !equations.system.momenta.is_empty() {
-            self.line("Where the state has momenta, their rates are the vertical equations by stages.");
-            return;
-        }
-        let Some(vertical) = VerticalEquations::new(equations) else {
-            self.line("That its vertical equations are those of the motion could not be proved: they are not shown.");
-            return;
-        };
-        let VerticalEquations { graph: g, velocities, momenta, applied, rows, .. } = &vertical;
-        let list = |page: &Page, lists: [&[Definition]; 3]| -> Vec<(String, String)> {
-            let all = lists.into_iter().flatten();
-            all.map(|d| (page.name(g.name(d.symbol)), g.display(d.expr, page.style))).collect()
-        };
-        let sides = |page: &Page, rows: Vec<&VerticalEquation>| -> Vec<(String, String)> {
-            let shown = rows.into_iter().map(|row| [row.left, row.right].map(|e| g.display(e, page.style)));
-            shown.map(|[left, right]| (left, right)).collect()
-        };
-        if rows.is_empty() {
-            self.line("The constraint allows no displacement along the group: no equation is vertical.");
-        }
-        self.line(match &equations.system.connection {
-            None => "In the adapted basis, velocity, momentum p = dL/dv, and what acts from outside:",
-            Some(_) => {
-                "In the adapted basis, group velocity, momentum p = dL/dv, and what acts from outside:"
-            }
-        });
-        let definitions = list(self, [velocities, momenta, applied]);
-        self.formulas(&definitions);
-        if !rows.is_empty() {
-            self.line(match (rows.len() < momenta.len(), vertical.has_multipliers) {
-                (true, _) => {
-                    "Vertical equations by stages, summed over the levels along each displacement that the constraint \
-                     allows:"
-                }
-                (false, true) => {
-                    "Vertical equations by stages, with the reactions of the constraint (every level's momentum may \
-                     enter):"
-                }
-                (false, false) => "Vertical equations by stages (every level's momentum may enter):",
-            });
-            let shown = sides(self, rows.iter().collect());
-            self.formulas(&shown);
-        }
-        if !vertical.horizontal.is_empty() {
-            self.line("Along the shape, momentum and what acts from outside:");
-            let definitions = list(self, [&vertical.shape_momenta, &vertical.shape_applied, &[]]);
-            self.formulas(&definitions);
-            self.line(match equations.system.connection {
-                None => "Horizontal equations:",
-                Some(_) => "Horizontal equations, with the curvature of the connection:",
-            });
-            let shown = sides(self, vertical.horizontal.iter().map(|row| &row.equation).collect());
-            self.formulas(&shown);
-        }
-        self.line(match equations.system.frame {
-            None => "These were compared, exactly, with the equations of motion, which are derived without stages.",
-            Some(_) => "These were compared, exactly, with the equations of motion, which are derived in this basis.",
-        });
-    }
-
-    fn form(&mut self, title: &str, [letter, stem]: [&str; 2], level: usize, tensor: &Tensor, g: &Graph) {
-        if tensor.is_empty() {
-            self.line(&format!("  {title}: zero"));
-            return;
-        }
-        self.line(&format!("  {title}:"));
-        let mut rows: Vec<(String, String)> = Vec::new();
-        let mut last = None;
-        for (a, b, c, value) in tensor {
-            let antisymmetric = letter != "b";
-            if antisymmetric && a > b {
-                continue;
-            }
-            let [fa, fb, fc] = [a, b, c].map(|k| self.name(&format!("{stem}{}", k + 1)));
-            let term = self.term(g, *value, &fc);
-            if last == Some((a, b)) {
-                if let Some((_, right)) = rows.last_mut() {
-                    self.style.append_term(right, &term);
-                }
-                continue;
-            }
-            last = Some((a, b));
-            let left = if letter.is_empty() {
-                self.bracket(&fa, &fb)
-            } else if self.html() {
-                let form = self.name(&format!("{letter}{level}"));
-                format!("{form}<mo stretchy=\"false\">(</mo>{fa}<mo>,</mo>{fb}<mo stretchy=\"false\">)</mo>")
-            } else {
-                format!("{}({fa}, {fb})", self.name(&format!("{letter}{level}")))
-            };
-            rows.push((left, term));
-        }
-        self.formulas(&rows);
-    }
-
     fn term(&self, g: &Graph, value: ExprId, element: &str) -> String {
         match g.as_rational(value) {
             Some(q) if q.is_one() => element.to_owned(),
             Some(q) if (-q).is_one() && self.html() => format!("<mo>−</mo>{element}"),
             Some(q) if (-q).is_one() => format!("-{element}"),
             Some(_) if self.html() => self.style.product(&[g.display(value, self.style), element.to_owned()]),
+            // A name, or minus one.
+            None if g.is_trivial(value) => {
+                self.style.product(&[g.display(value, self.style), element.to_owned()])
+            }
             None if self.html() => {
                 let factor = format!("<mrow><mo>(</mo>{}<mo>)</mo></mrow>", g.display(value, self.style));
                 self.style.product(&[factor, element.to_owned()])
@@ -644,88 +506,6 @@ impl Page {
             Some(_) => format!("{} {element}", g.display(value, self.style)),
             None => format!("({}) {element}", g.display(value, self.style)),
         }
-    }
-
-    /// The brackets of the horizontal lifts `D_i`: they carry the connection and its curvature `B = dA - [A, A]`.
-    fn connection(&mut self, model: &Model, equations: &Equations) {
-        let n = model.n_shape();
-        let algebroid = &equations.system.algebroid;
-        // Brackets of other sections are those of the frame or the algebroid.
-        let is_own = model.algebroid.is_some() || model.frame.is_some();
-        let mut g = equations.system.graph.clone();
-        g.set_budget(Budget::UNLIMITED);
-        let lift = |page: &Page, i: usize| match (page.style, page.name(&model.base[i].name)) {
-            (Style::MathMl, name) => format!("<msub><mi>D</mi>{name}</msub>"),
-            (Style::Latex, name) => format!("D_{{{name}}}"),
-            (_, name) => format!("D_{name}"),
-        };
-        let basis: Vec<String> = match equations.system.frame {
-            Some(_) => {
-                let stem = unused_stem(equations, "f");
-                (1..=model.algebra.dim()).map(|k| self.name(&format!("{stem}{k}"))).collect()
-            }
-            None => model.algebra.basis().iter().map(|b| self.name(b)).collect(),
-        };
-        let mut rows = Vec::new();
-        let mut curved = false;
-        for i in (0..n).filter(|_| !is_own) {
-            for beta in i + 1..n + basis.len() {
-                let bracket = algebroid.bracket(&mut g, i, beta);
-                if bracket.is_empty() {
-                    continue;
-                }
-                curved |= beta < n;
-                let right: Vec<String> =
-                    bracket.iter().map(|(c, e)| self.term(&g, *e, &basis[c - n])).collect();
-                let other = if beta < n { lift(self, beta) } else { basis[beta - n].clone() };
-                let right = if self.html() { self.sum(&right) } else { right.join(" + ") };
-                rows.push((self.bracket(&lift(self, i), &other), right));
-            }
-        }
-        let velocities = match equations.system.connection {
-            Some(_) => equations.system.group_velocity(&mut g, n),
-            None => Vec::new(),
-        };
-        if velocities.is_empty() && rows.is_empty() {
-            return;
-        }
-        self.begin(SectionKind::Connection);
-        if !velocities.is_empty() {
-            let [velocity, xi] = [self.velocity(equations), self.xi()].map(|of| self.inline(&of));
-            self.line(&format!("The velocities of the model are {velocity}; the group velocity {xi} is"));
-            let own = model.algebra.basis().iter();
-            let names = own.map(|b| self.name(&format!("xi_{b}")));
-            let shown = names.zip(velocities).map(|(name, e)| (name, g.display(e, self.style)));
-            let shown: Vec<(String, String)> = shown.collect();
-            self.formulas(&shown);
-        }
-        if is_own {
-            return;
-        }
-        self.line(if rows.is_empty() {
-            "The connection is flat, and the horizontal lifts commute with everything."
-        } else if curved {
-            "Brackets of the horizontal lifts: [D_i, D_j] is minus the curvature, [D_i, e_b] is minus [A_i, e_b]."
-        } else {
-            "Brackets of the horizontal lifts: the connection is flat, [D_i, e_b] is minus [A_i, e_b]."
-        });
-        self.formulas(&rows);
-        if !algebroid.has_drift() {
-            return;
-        }
-        self.line("The connection depends on time: the frame drifts, and [d/dt, D_i] is minus dA_i/dt.");
-        let time = match self.html() {
-            true => "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>",
-            false => "d/dt",
-        };
-        let mut rows = Vec::new();
-        for i in (0..n).filter(|i| !algebroid.drift(*i).is_empty()) {
-            let drift = algebroid.drift(i).iter();
-            let right: Vec<String> = drift.map(|(c, e)| self.term(&g, *e, &basis[c - n])).collect();
-            let right = if self.html() { self.sum(&right) } else { right.join(" + ") };
-            rows.push((self.bracket(time, &lift(self, i)), right));
-        }
-        self.formulas(&rows);
     }
 
     fn kinematics(&mut self, equations: &Equations) {

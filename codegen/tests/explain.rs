@@ -28,8 +28,11 @@ fn vertical_equations_of_a_right_action_have_the_other_sign() {
     let body = "velocity Omega in so(3); stage whole; lagrangian = dot(Omega, diag([1, 2, 3])*Omega)/2;";
     let left = explained(&format!("{body} action left;"), Style::Unicode);
     let right = explained(&format!("{body} action right;"), Style::Unicode);
-    assert_eq!(lines(&left, &["β̇₁ "]), ["β̇₁ = η₃ β₂ - η₂ β₃"]);
-    assert_eq!(lines(&right, &["β̇₁ "]), ["β̇₁ = η₂ β₃ - η₃ β₂"]);
+    assert_eq!(lines(&left, &["β̇₁ "]), ["β̇₁ = ⟨ad*(η^(0,1)) β^(0,1), f₁⟩"]);
+    assert_eq!(lines(&right, &["β̇₁ "]), ["β̇₁ = -⟨ad*(η^(0,1)) β^(0,1), f₁⟩"]);
+    for text in [left, right] {
+        assert!(text.contains("⟨ad*(η^(0,1)) β^(0,1), f₁⟩ = η₃ β₂ - η₂ β₃"), "{text}");
+    }
 }
 
 #[test]
@@ -70,7 +73,13 @@ fn what_acts_on_the_group_is_in_its_vertical_equations() {
     let items = "velocity Omega in so(3); stage whole; advected Gamma in R^3 by cross(Omega, Gamma);
         lagrangian = dot(Omega, Omega)/2 - 3*Gamma3; force Omega1 = -Omega1;";
     let text = explained(items, Style::Unicode);
-    let expected = ["τ₁ = 3 Γ₂ - Ω₁", "β̇₁ = η₃ β₂ + τ₁ - η₂ β₃", "β̇₂ = η₁ β₃ + τ₂ - η₃ β₁"];
+    let expected = [
+        "τ₁ = 3 Γ₂ - Ω₁",
+        "β̇₁ = ⟨ad*(η^(0,1)) β^(0,1), f₁⟩ + τ₁",
+        "β̇₂ = ⟨ad*(η^(0,1)) β^(0,1), f₂⟩ + τ₂",
+        "⟨ad*(η^(0,1)) β^(0,1), f₁⟩ = η₃ β₂ - η₂ β₃",
+        "⟨ad*(η^(0,1)) β^(0,1), f₂⟩ = η₁ β₃ - η₃ β₁",
+    ];
     for line in expected {
         assert!(text.lines().any(|l| l.trim() == line), "no {line} in\n{text}");
     }
@@ -92,7 +101,7 @@ fn names_of_a_model_are_not_taken_by_the_stages() {
     let text = explained(items, Style::Unicode);
     assert_eq!(
         lines(&text, &["β_stage₁ ", "β̇_stage₁", "η_stage₁ "]),
-        ["η_stage₁ = w₁", "β_stage₁ = p_w₁", "β\u{307}_stage₁ = 0"]
+        ["η^(0,1) = η_stage₁ f_stage₁", "η_stage₁ = w₁", "β_stage₁ = p_w₁", "β\u{307}_stage₁ = 0"]
     );
 }
 

@@ -7,8 +7,8 @@ const COMMANDS: &str = "alpha beta gamma delta varepsilon epsilon zeta eta theta
     upsilon phi varphi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega \
     dot ddot dddot frac tfrac sqrt mathrm mathbf text left right sin cos tan arcsin arccos arctan exp ln log sinh cosh tanh \
     operatorname cdot times div pm quad qquad ldots dots langle rangle supset subset to mapsto le ge ne approx equiv in \
-    infty partial nabla int surd circ oplus otimes \
-    section subsection allowdisplaybreaks begin end textbackslash ae S";
+    infty partial nabla int sum bar surd circ oplus otimes \
+    section subsection allowdisplaybreaks begin end textstyle textbackslash ae S";
 
 /// What is read as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use hamel_codegen::scene;
 use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Model};
-use hamel_expr::{Graph, SymbolId, rational_to_f64};
+use hamel_expr::{ExprId, Graph, SymbolId, rational_to_f64};
 use hamel_mechanics::mechanics::derive;
 use hamel_mechanics::reduction::{Formulation, KinematicConstraint, ReducedSystem, reduce, with_connection};
 use hamel_runtime::{Dop853, Integrator, Options};
@@ -139,9 +139,13 @@ fn a_model_can_ask_for_its_mechanical_connection() {
     let model = spec::parse("bead.hamel", text).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(model.derived_connection, Some(ConnectionKind::Mechanical));
     let system = reduced(&model).unwrap_or_else(|e| panic!("{e}"));
+    // The horizontal lift d_x - A is orthogonal to the group.
     let mut g = system.graph.clone();
-    let p = g.diff(system.lagrangian, system.velocities[0]);
-    let mixed = g.diff(p, system.velocities[1]);
+    let lift: Vec<ExprId> = system.frame.iter().flat_map(|f| &f.inverse).map(|row| row[0]).collect();
+    let p = g.diff(system.lagrangian, system.velocities[1]);
+    let slopes: Vec<ExprId> = system.velocities.iter().map(|y| g.diff(p, *y)).collect();
+    let mixed = g.dot(&slopes, &lift);
+    assert_ne!(slopes[0], g.zero());
     assert!(g.is_zero(mixed));
     assert!(derive(&system).unwrap_or_else(|e| panic!("{e}")).facts.energy_is_conserved);
 }

@@ -32,6 +32,7 @@ mod latex;
 mod matrix_groups;
 mod momenta;
 mod momentum;
+mod named_parts;
 mod operations;
 mod phases;
 mod pivots;

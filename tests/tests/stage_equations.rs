@@ -183,10 +183,12 @@ fn assert_contracted(problem: &Problem, equations: &Equations, state: &State, dr
         let listed = lists.iter().find_map(|(stem, list)| index(name, stem).map(|k| list[k].clone()));
         listed.or_else(|| tau.get(name).cloned()).or_else(|| state_value(name))
     };
+    let parts = found.pairings.iter().map(|p| (p.definition.symbol, p.definition.expr)).collect();
     let mut displacements = Vec::new();
     for row in &found.rows {
+        let right = g.subs(row.right, &parts).expect("parts divide by nothing");
         let s: Vector = row.displacement.iter().map(|e| value(&mut g, *e, &state_value)).collect();
-        let difference = value(&mut g, row.left, &all) - value(&mut g, row.right, &all);
+        let difference = value(&mut g, row.left, &all) - value(&mut g, right, &all);
         let vector = times(&transposed(&basis), &s);
         let reaction = if found.has_multipliers {
             forms.iter().zip(&lambda).map(|(form, l)| l * dot(form, &vector)).sum()

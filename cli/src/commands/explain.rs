@@ -32,6 +32,7 @@ Examples:
   hamel explain heavy_top --dirac
   hamel explain heavy_top --certify
   hamel explain heavy_top --stages
+  hamel explain kirchhoff_body --by paper --latex > kirchhoff.tex
   hamel explain euler_disk --latex > euler_disk.tex"
 )]
 pub struct Arguments {
@@ -62,6 +63,10 @@ pub struct Arguments {
     /// algebroid, definitions of the equations, the program
     #[arg(long, conflicts_with_all = ["latex", "ops", "formulations", "coefficients", "dirac", "certify"])]
     pub stages: bool,
+    /// Print the equations by stages in the notation of a source instead: `paper` is that of Cendra and Diaz,
+    /// Lagrange-d'Alembert-Poincare equations by several stages
+    #[arg(long, value_parser = ["paper"], conflicts_with_all = ["ops", "formulations", "coefficients", "dirac", "certify", "stages"])]
+    pub by: Option<String>,
     /// Write the system with another connection first: the velocity becomes v = xi + A(x) xdot
     #[arg(long, value_parser = PossibleValuesParser::new(CONNECTIONS).try_map(|name| connection(&name)))]
     pub connection: Option<ConnectionKind>,
@@ -82,10 +87,13 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = session.find(&arguments.model)?;
     let mut model = Arc::clone(file.model()?);
     if let Some(connection) = arguments.connection {
-        model = Arc::new(Checked::new(model::with_connection(&model, connection)?, Cache::none()));
+        model = Arc::new(Checked::new(model::with_connection(&model, connection), Cache::none()));
     }
     if arguments.formulations {
         return formulations(&model, &arguments.scene);
+    }
+    if arguments.by.is_some() {
+        model = Arc::new(Checked::new(model::with_one_stage(&model), Cache::none()));
     }
     let built = model.derive(&arguments.scene)?;
     model::show_warnings(&scene::warnings(&model, std::slice::from_ref(&built)));
@@ -101,6 +109,10 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         return Ok(hamel_codegen::explain::stages(&model, &built));
     }
     let style = if arguments.latex { Style::Latex } else { Style::Unicode };
+    if arguments.by.is_some() {
+        let found = hamel_codegen::explain::by_paper(&model, &built, style);
+        return Ok(found.map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?);
+    }
     if arguments.coefficients {
         let found = connection_coefficients(&built.equations().system);
         let found = found.map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?;

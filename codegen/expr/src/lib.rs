@@ -48,7 +48,7 @@ pub use knowledge::Vanishing;
 pub use node::{ExprId, Func, Node, SymbolId};
 pub use number::{Number, Residue, Scalar};
 pub use print::Style;
-pub use print::identifier;
+pub use print::{SPELLED, identifier};
 pub use random::{split_mix, uniform};
 pub use rational::{Rational, parse_decimal, rational_to_f64};
 pub use relations::rational_relations;

@@ -94,13 +94,20 @@ fn superscript(text: &str) -> Option<String> {
     script(text, ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'], '⁻')
 }
 
+/// Begins a name that is spelled in its style already, such as `<beta, a(eta, f)>` for people: no name of a model or of
+/// a definition begins with it.
+pub const SPELLED: char = '\'';
+
 /// Spells an identifier such as `Omega1`, `theta_dot` or `p_Omega1` in a style: Ω₁, θ̇, p_Ω₁.
 ///
 /// `dot` after a part, or in front of the first one, is a time derivative of it. `X1|phi=0` is the value of `X1` where
-/// `phi` is zero.
+/// `phi` is zero. What follows [`SPELLED`] stands as it is.
 pub fn identifier(name: &str, style: Style) -> String {
     if style == Style::Plain {
         return name.to_owned();
+    }
+    if let Some(text) = name.strip_prefix(SPELLED) {
+        return text.to_owned();
     }
     if let Some((head, place)) = name.split_once('|') {
         return at_place(&identifier(head, style), place, style);

@@ -361,7 +361,8 @@ impl Motion {
         }
         let mut along_shape = random.vector(n);
         along_shape.resize(m, Wide::ZERO);
-        let horizontal = definition.group_velocities(&self.at.env, &along_shape)?;
+        // The vertical velocities of the model vanish along it, whatever frame the equations are written in.
+        let horizontal = definition.group_velocities_before_stages(&self.at.env, &along_shape)?;
         let mut vertical = vec![Wide::ZERO; n];
         vertical.extend(random.vector(m - n));
         let group: Vec<Dual<Wide>> =

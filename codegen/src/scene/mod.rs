@@ -35,6 +35,7 @@ mod splitting;
 mod start;
 mod tamper;
 mod text;
+mod velocities;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -70,6 +71,7 @@ pub use roles::{VariableRole, all_params, initial_slopes, initial_values, variab
 pub use start::{Start, start};
 pub use tamper::{Made, build_tampered};
 pub use text::{Language, Writing};
+pub use velocities::in_velocities;
 
 /// The scenes of a model; what several of them share is derived once.
 ///

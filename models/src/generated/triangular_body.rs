@@ -68,7 +68,7 @@ pub const INFO: ::hamel_runtime::SceneInfo =
 
 /// The initial state of the model, for the parameters as published.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
-pub const INITIAL: [f64; 6] = [1.0092130228546787, -0.4411998706338939, 0.8909077188443296, 0.78125, 0.49624999999999997, 1.035];
+pub const INITIAL: [f64; 6] = [1.0092130228546787, -0.44119987063389393, 0.8909077188443296, 0.78125, 0.49624999999999997, 1.035];
 
 ::hamel_runtime::numbers!(State[6] "State of `triangular_body` by name, in the order of the array." {
     beta_first_1: "Momentum along the level of stage `first`",
@@ -109,23 +109,27 @@ pub struct Prepared<R = f64> {
     c17: R, // 0.5 / G66
     c18: R, // G46 / G66
     c19: R, // G56 / G66
-    c20: R, c21: R, c22: R, c23: R, c24: R, c25: R, c26: R, c27: R, c28: R,
-    c29: R, // 1 / G66
-    c30: R, c31: R, c32: R,
+    c20: R, c21: R, c22: R, c23: R, c24: R, c25: R,
+    c26: R, // G16 / G66
+    c27: R, // G26 / G66
+    c28: R, // G36 / G66
+    c29: R, c30: R, c31: R, c32: R, c33: R, c34: R,
+    c35: R, // 1 / G66
+    c36: R, c37: R, c38: R,
     A_second_1_second_1: R, // G44 - G46 * G46 / G66
     A_second_1_second_2: R, // G45 - G46 * G56 / G66
     A_second_2_second_2: R, // G55 - G56 * G56 / G66
-    A_first_1_first_1: R, A_first_2_first_2: R, A_first_3_first_3: R, c33: R, c34: R, c35: R, A_l3_2_2: R,
-    A_l2_1_2: R,
+    A_first_1_first_1: R, A_first_2_first_2: R, A_first_3_first_3: R, A_first_1_first_2: R,
+    A_first_2_first_3: R, A_first_1_first_3: R, A_l3_2_2: R, A_l2_1_2: R,
     A_l5_4_2: R, // (G45 - G46 * G56 / G66) / (G44 - G46 * G46 / G66)
-    c36: R,
+    c39: R,
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 503 additions, 595 multiplications, 182 divisions, 241 sign changes.
+    /// Operations: 236 additions, 298 multiplications, 109 divisions, 140 sign changes.
     ///
     /// # Errors
     ///
@@ -140,414 +144,241 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_second_1_second_1 = G44 - t1;
         let t2 = G44.abs();
         let t3 = R::from_f64(10.0) * (t2 + t1.abs());
-        let t4 = G56 * G56 / G66;
-        let A_second_2_second_2 = G55 - t4;
-        let t5 = G46 * G56 / G66;
-        let A_second_1_second_2 = G45 - t5;
+        let t4 = G56 * G56;
+        let t5 = t4 / G66;
+        let A_second_2_second_2 = G55 - t5;
+        let t6 = G46 * G56;
+        let t7 = t6 / G66;
+        let A_second_1_second_2 = G45 - t7;
         let A_l5_4 = A_second_1_second_2 / A_second_1_second_1;
-        let t6 = A_second_1_second_2 * A_l5_4;
-        let A_s4_5_5 = A_second_2_second_2 - t6;
-        let t7 = G55.abs();
-        let t8 = G45.abs();
-        let t9 = R::from_f64(10.0) * (t8 + t5.abs());
-        let t10 = A_l5_4.abs();
-        let t11 = A_second_1_second_1.recip();
-        let t12 = R::from_f64(10.0) * (t7 + t4.abs()) + t9 * t10 + (t3 * (A_second_1_second_2 / (A_second_1_second_1 * A_second_1_second_1)).abs() + t9 * t11.abs() + R::from_f64(8.0) * t10) * A_second_1_second_2.abs();
-        let t13 = t12 + R::from_f64(10.0) * t6.abs() + R::from_f64(2.0) * A_second_2_second_2.abs();
-        let t14 = G14 / G44;
-        let t15 = G14 * G45 / G44;
-        let t16 = G15 - t15;
-        let t17 = G45 * t16;
-        let t18 = G45 * G45 / G44;
-        let t19 = G55 - t18;
-        let t20 = G44 * t19;
-        let t21 = t17 / t20;
-        let t22 = G46 / G44;
-        let t23 = G45 * G46 / G44;
-        let t24 = G56 - t23;
-        let t25 = G45 * t24;
-        let t26 = t25 / t20;
-        let t27 = t22 - t26;
-        let t28 = G14 * G46 / G44;
-        let t29 = t24 * t16;
-        let t30 = t29 / t19;
-        let t31 = G16 - t28 - t30;
-        let t32 = t27 * t31;
-        let t33 = t0 / G44;
-        let t34 = t24 * t24;
-        let t35 = t34 / t19;
-        let t36 = G66 - t33 - t35;
-        let t37 = t32 / t36;
-        let t38 = t14 - t21 - t37;
-        let t39 = G14 * t38;
-        let t40 = t16 / t19;
-        let t41 = t24 * t31;
-        let t42 = t19 * t36;
-        let t43 = t41 / t42;
-        let t44 = t40 - t43;
-        let t45 = G15 * t44;
-        let t46 = G16 * t31;
-        let t47 = t46 / t36;
-        let t48 = G44 * t38;
-        let t49 = G45 * t44;
-        let t50 = G46 * t31;
-        let t51 = t50 / t36;
-        let t52 = G14 - t48 - t49 - t51;
-        let t53 = t38 * t52;
-        let t54 = G45 * t38;
-        let t55 = G55 * t44;
-        let t56 = G56 * t31;
-        let t57 = t56 / t36;
-        let t58 = G15 - t54 - t55 - t57;
-        let t59 = t44 * t58;
-        let t60 = G46 * t38;
-        let t61 = G56 * t44;
-        let t62 = G66 * t31;
-        let t63 = t62 / t36;
-        let t64 = G16 - t60 - t61 - t63;
-        let t65 = t31 * t64;
-        let t66 = t65 / t36;
-        let A_first_1_first_1 = G11 - t39 - t45 - t47 - t53 - t59 - t66;
-        let t67 = R::from_f64(10.0) * (t7 + t18.abs());
-        let t68 = t19 * t19;
-        let t69 = G44 * t68;
-        let t70 = G15.abs();
-        let t71 = R::from_f64(10.0) * (t70 + t15.abs());
-        let t72 = (G45 / t20).abs();
-        let t73 = G56.abs();
-        let t74 = R::from_f64(10.0) * (t73 + t23.abs());
-        let t75 = t67 * (t25 / t69).abs() + t74 * t72 + R::from_f64(10.0) * t26.abs() + R::from_f64(10.0) * t22.abs();
-        let t76 = t31 / t36;
-        let t77 = t76.abs();
-        let t78 = (t24 / t19).abs();
-        let t79 = t34 * t67 / t68 + R::from_f64(2.0) * t74 * t78 + R::from_f64(11.0) * t35.abs() + R::from_f64(11.0) * G66.abs() + R::from_f64(11.0) * t33.abs();
-        let t80 = t36 * t36;
-        let t81 = t40.abs();
-        let t82 = G16.abs();
-        let t83 = t67 * (t29 / t68).abs() + t74 * t81 + t71 * t78 + R::from_f64(11.0) * t30.abs() + R::from_f64(11.0) * t82 + R::from_f64(11.0) * t28.abs();
-        let t84 = (t27 / t36).abs();
-        let t85 = t67 * (t17 / t69).abs() + t71 * t72 + R::from_f64(11.0) * t21.abs() + t75 * t77 + t79 * (t32 / t80).abs() + t83 * t84 + R::from_f64(11.0) * t37.abs() + R::from_f64(11.0) * t14.abs();
-        let t86 = G14.abs();
-        let t87 = t19.recip().abs();
-        let t88 = t68 * t36;
-        let t89 = t19 * t80;
-        let t90 = (t24 / t42).abs();
-        let t91 = t67 * (t16 / t68).abs() + t71 * t87 + R::from_f64(10.0) * t81 + t67 * (t41 / t88).abs() + t74 * (t31 / t42).abs() + t79 * (t41 / t89).abs() + t83 * t90 + R::from_f64(10.0) * t43.abs();
-        let t92 = (G16 / t36).abs();
-        let t93 = t52.abs();
-        let t94 = t85 * t86 + R::from_f64(15.0) * t39.abs() + t70 * t91 + R::from_f64(15.0) * t45.abs() + t79 * (t46 / t80).abs() + t83 * t92 + R::from_f64(15.0) * t47.abs() + t85 * t93;
-        let t95 = (G46 / t36).abs();
-        let t96 = R::from_f64(12.0) * t86 + t85 * t2 + R::from_f64(12.0) * t48.abs() + t91 * t8 + R::from_f64(12.0) * t49.abs() + t79 * (t50 / t80).abs() + t83 * t95 + R::from_f64(12.0) * t51.abs();
-        let t97 = t38.abs();
-        let t98 = t58.abs();
-        let t99 = (G56 / t36).abs();
-        let t100 = R::from_f64(12.0) * t70 + t85 * t8 + R::from_f64(12.0) * t54.abs() + t7 * t91 + R::from_f64(12.0) * t55.abs() + t79 * (t56 / t80).abs() + t83 * t99 + R::from_f64(12.0) * t57.abs();
-        let t101 = t44.abs();
-        let t102 = (t64 / t36).abs();
-        let t103 = G46.abs();
-        let t104 = (G66 / t36).abs();
-        let t105 = R::from_f64(12.0) * t82 + t85 * t103 + R::from_f64(12.0) * t60.abs() + t73 * t91 + R::from_f64(12.0) * t61.abs() + t79 * (t62 / t80).abs() + t83 * t104 + R::from_f64(12.0) * t63.abs();
-        let t106 = t94 + t96 * t97 + R::from_f64(15.0) * t53.abs() + t91 * t98 + t100 * t101 + R::from_f64(15.0) * t59.abs() + t79 * (t65 / t80).abs() + t83 * t102 + t77 * t105 + R::from_f64(15.0) * t66.abs();
-        let t107 = t106 + R::from_f64(15.0) * G11.abs();
-        let t108 = G24 / G44;
-        let t109 = G24 * G45 / G44;
-        let t110 = G25 - t109;
-        let t111 = G45 * t110;
-        let t112 = t111 / t20;
-        let t113 = G24 * G46 / G44;
-        let t114 = t24 * t110;
-        let t115 = t114 / t19;
-        let t116 = G26 - t113 - t115;
-        let t117 = t27 * t116;
-        let t118 = t117 / t36;
-        let t119 = t108 - t112 - t118;
-        let t120 = G24 * t119;
-        let t121 = t110 / t19;
-        let t122 = t24 * t116;
-        let t123 = t122 / t42;
-        let t124 = t121 - t123;
-        let t125 = G25 * t124;
-        let t126 = G26 * t116;
-        let t127 = t126 / t36;
-        let t128 = G44 * t119;
-        let t129 = G45 * t124;
-        let t130 = G46 * t116;
-        let t131 = t130 / t36;
-        let t132 = G24 - t128 - t129 - t131;
-        let t133 = t119 * t132;
-        let t134 = G45 * t119;
-        let t135 = G55 * t124;
-        let t136 = G56 * t116;
-        let t137 = t136 / t36;
-        let t138 = G25 - t134 - t135 - t137;
-        let t139 = t124 * t138;
-        let t140 = G46 * t119;
-        let t141 = G56 * t124;
-        let t142 = G66 * t116;
-        let t143 = t142 / t36;
-        let t144 = G26 - t140 - t141 - t143;
-        let t145 = t116 * t144;
-        let t146 = t145 / t36;
-        let A_first_2_first_2 = G22 - t120 - t125 - t127 - t133 - t139 - t146;
-        let t147 = R::from_f64(0.5) * G24;
-        let t148 = R::from_f64(0.5) * G25;
-        let t149 = R::from_f64(0.5) * G26;
-        let t150 = R::from_f64(0.5) * G14;
-        let t151 = R::from_f64(0.5) * G15;
-        let t152 = R::from_f64(0.5) * G16;
-        let t153 = R::from_f64(0.5) * t119;
-        let t154 = R::from_f64(0.5) * t38;
-        let t155 = R::from_f64(0.5) * t124;
-        let t156 = R::from_f64(0.5) * t44;
-        let t157 = R::from_f64(0.5) * t116;
-        let t158 = G12 - t147 * t38 - t148 * t44 - t149 * t31 / t36 - t150 * t119 - t151 * t124 - t152 * t116 / t36 - t153 * t52 - t154 * t132 - t155 * t58 - t156 * t138 - t157 * t64 / t36;
-        let t159 = R::from_f64(0.5) * t31;
-        let A_first_1_first_2 = t158 - t159 * t144 / t36;
+        let t8 = A_second_1_second_2 * A_l5_4;
+        let A_s4_5_5 = A_second_2_second_2 - t8;
+        let t9 = G45.abs();
+        let t10 = R::from_f64(10.0) * (t9 + t7.abs());
+        let t11 = A_l5_4.abs();
+        let t12 = A_second_1_second_1.recip();
+        let t13 = R::from_f64(10.0) * (G55.abs() + t5.abs()) + t10 * t11 + (t3 * (A_second_1_second_2 / (A_second_1_second_1 * A_second_1_second_1)).abs() + t10 * t12.abs() + R::from_f64(8.0) * t11) * A_second_1_second_2.abs();
+        let t14 = t13 + R::from_f64(10.0) * t8.abs() + R::from_f64(2.0) * A_second_2_second_2.abs();
+        let t15 = G55 * G66;
+        let t16 = t15 - t4;
+        let t17 = G14 * t16;
+        let t18 = G45 * G56;
+        let t19 = G46 * G55;
+        let t20 = t18 - t19;
+        let t21 = G16 * t20;
+        let t22 = G45 * G66;
+        let t23 = t22 - t6;
+        let t24 = G15 * t23;
+        let t25 = t17 + t21 - t24;
+        let t26 = G14 * t25;
+        let t27 = G44 * t16;
+        let t28 = G45 * t23;
+        let t29 = G46 * t20;
+        let t30 = t27 - t28 + t29;
+        let t31 = t26 / t30;
+        let t32 = G44 * G66;
+        let t33 = t32 - t0;
+        let t34 = G15 * t33;
+        let t35 = G14 * t23;
+        let t36 = G44 * G56;
+        let t37 = G45 * G46;
+        let t38 = t36 - t37;
+        let t39 = G16 * t38;
+        let t40 = t34 - t35 - t39;
+        let t41 = G15 * t40;
+        let t42 = t41 / t30;
+        let t43 = G14 * t20;
+        let t44 = G44 * G55;
+        let t45 = G45 * G45;
+        let t46 = t44 - t45;
+        let t47 = G16 * t46;
+        let t48 = G15 * t38;
+        let t49 = t43 + t47 - t48;
+        let t50 = G16 * t49;
+        let t51 = t50 / t30;
+        let A_first_1_first_1 = G11 - t31 - t42 - t51;
+        let t52 = R::from_f64(10.0) * (t4 + t15.abs());
+        let t53 = R::from_f64(10.0) * (t22.abs() + t6.abs());
+        let t54 = R::from_f64(10.0) * (t18.abs() + t19.abs());
+        let t55 = t52 * t2 + R::from_f64(11.0) * t27.abs() + t53 * t9 + R::from_f64(11.0) * t28.abs() + t54 * G46.abs() + R::from_f64(11.0) * t29.abs();
+        let t56 = t30 * t30;
+        let t57 = G14.abs();
+        let t58 = G16.abs();
+        let t59 = G15.abs();
+        let t60 = t52 * t57 + R::from_f64(11.0) * t17.abs() + t54 * t58 + R::from_f64(11.0) * t21.abs() + t53 * t59 + R::from_f64(11.0) * t24.abs();
+        let t61 = R::from_f64(10.0) * (t0 + t32.abs());
+        let t62 = R::from_f64(10.0) * (t36.abs() + t37.abs());
+        let t63 = t61 * t59 + R::from_f64(11.0) * t34.abs() + t53 * t57 + R::from_f64(11.0) * t35.abs() + t62 * t58 + R::from_f64(11.0) * t39.abs();
+        let t64 = t55 * (t26 / t56).abs() + t60 * (G14 / t30).abs() + R::from_f64(12.0) * t31.abs() + t55 * (t41 / t56).abs() + t63 * (G15 / t30).abs() + R::from_f64(12.0) * t42.abs();
+        let t65 = R::from_f64(10.0) * (t45 + t44.abs());
+        let t66 = t54 * t57 + R::from_f64(11.0) * t43.abs() + t65 * t58 + R::from_f64(11.0) * t47.abs() + t62 * t59 + R::from_f64(11.0) * t48.abs();
+        let t67 = t64 + t55 * (t50 / t56).abs() + t66 * (G16 / t30).abs() + R::from_f64(12.0) * t51.abs() + R::from_f64(12.0) * G11.abs();
+        let t68 = G24 * t16;
+        let t69 = G26 * t20;
+        let t70 = G25 * t23;
+        let t71 = t68 + t69 - t70;
+        let t72 = G24 * t71;
+        let t73 = t72 / t30;
+        let t74 = G25 * t33;
+        let t75 = G24 * t23;
+        let t76 = G26 * t38;
+        let t77 = t74 - t75 - t76;
+        let t78 = G25 * t77;
+        let t79 = t78 / t30;
+        let t80 = G24 * t20;
+        let t81 = G26 * t46;
+        let t82 = G25 * t38;
+        let t83 = t80 + t81 - t82;
+        let t84 = G26 * t83;
+        let t85 = t84 / t30;
+        let A_first_2_first_2 = G22 - t73 - t79 - t85;
+        let t86 = G24 * t25;
+        let t87 = t86 / t30;
+        let t88 = G25 * t40;
+        let t89 = t88 / t30;
+        let t90 = G26 * t49;
+        let t91 = t90 / t30;
+        let A_first_1_first_2 = G12 - t87 - t89 - t91;
         let A_l2_1 = A_first_1_first_2 / A_first_1_first_1;
-        let t160 = A_first_1_first_2 * A_l2_1;
-        let A_s1_2_2 = A_first_2_first_2 - t160;
-        let t161 = G25.abs();
-        let t162 = R::from_f64(10.0) * (t161 + t109.abs());
-        let t163 = t116 / t36;
-        let t164 = t163.abs();
-        let t165 = t121.abs();
-        let t166 = G26.abs();
-        let t167 = t67 * (t114 / t68).abs() + t74 * t165 + t162 * t78 + R::from_f64(11.0) * t115.abs() + R::from_f64(11.0) * t166 + R::from_f64(11.0) * t113.abs();
-        let t168 = t67 * (t111 / t69).abs() + t162 * t72 + R::from_f64(11.0) * t112.abs() + t75 * t164 + t79 * (t117 / t80).abs() + t167 * t84 + R::from_f64(11.0) * t118.abs() + R::from_f64(11.0) * t108.abs();
-        let t169 = G24.abs();
-        let t170 = t67 * (t110 / t68).abs() + t162 * t87 + R::from_f64(10.0) * t165 + t67 * (t122 / t88).abs() + t74 * (t116 / t42).abs() + t79 * (t122 / t89).abs() + t167 * t90 + R::from_f64(10.0) * t123.abs();
-        let t171 = (G26 / t36).abs();
-        let t172 = t168 * t169 + R::from_f64(15.0) * t120.abs() + t161 * t170 + R::from_f64(15.0) * t125.abs() + t79 * (t126 / t80).abs() + t167 * t171 + R::from_f64(15.0) * t127.abs();
-        let t173 = t132.abs();
-        let t174 = R::from_f64(12.0) * t169 + t168 * t2 + R::from_f64(12.0) * t128.abs() + t170 * t8 + R::from_f64(12.0) * t129.abs() + t79 * (t130 / t80).abs() + t167 * t95 + R::from_f64(12.0) * t131.abs();
-        let t175 = t119.abs();
-        let t176 = t138.abs();
-        let t177 = R::from_f64(12.0) * t161 + t168 * t8 + R::from_f64(12.0) * t134.abs() + t7 * t170 + R::from_f64(12.0) * t135.abs() + t79 * (t136 / t80).abs() + t167 * t99 + R::from_f64(12.0) * t137.abs();
-        let t178 = t124.abs();
-        let t179 = (t144 / t36).abs();
-        let t180 = t172 + t168 * t173 + t174 * t175 + R::from_f64(15.0) * t133.abs() + t170 * t176 + t177 * t178 + R::from_f64(15.0) * t139.abs() + t79 * (t145 / t80).abs() + t167 * t179;
-        let t181 = R::from_f64(12.0) * t166 + t168 * t103 + R::from_f64(12.0) * t140.abs() + t73 * t170 + R::from_f64(12.0) * t141.abs() + t79 * (t142 / t80).abs() + t167 * t104 + R::from_f64(12.0) * t143.abs();
-        let t182 = R::from_f64(0.5) * t85;
-        let t183 = G24 * t38;
-        let t184 = R::from_f64(0.5) * t161;
-        let t185 = G25 * t44;
-        let t186 = R::from_f64(0.5) * t79;
-        let t187 = G26 * t31;
-        let t188 = R::from_f64(0.5) * t83;
-        let t189 = t187 / t36;
-        let t190 = t182 * t169 + R::from_f64(10.5) * t183.abs() + t184 * t91 + R::from_f64(10.5) * t185.abs() + t186 * (t187 / t80).abs() + t188 * t171 + R::from_f64(10.5) * t189.abs();
-        let t191 = R::from_f64(0.5) * t168;
-        let t192 = G14 * t119;
-        let t193 = R::from_f64(0.5) * t70;
-        let t194 = G15 * t124;
-        let t195 = G16 * t116;
-        let t196 = R::from_f64(0.5) * t167;
-        let t197 = t195 / t36;
-        let t198 = t190 + t191 * t86 + R::from_f64(10.5) * t192.abs() + t193 * t170 + R::from_f64(10.5) * t194.abs() + t186 * (t195 / t80).abs() + t196 * t92 + R::from_f64(10.5) * t197.abs();
-        let t199 = R::from_f64(0.5) * t96;
-        let t200 = t119 * t52;
-        let t201 = R::from_f64(0.5) * t174;
-        let t202 = t38 * t132;
-        let t203 = R::from_f64(0.5) * t170;
-        let t204 = R::from_f64(0.5) * t100;
-        let t205 = t124 * t58;
-        let t206 = t198 + t191 * t93 + t199 * t175 + R::from_f64(10.5) * t200.abs() + t182 * t173 + t201 * t97 + R::from_f64(10.5) * t202.abs() + t203 * t98 + t204 * t178 + R::from_f64(10.5) * t205.abs();
-        let t207 = R::from_f64(0.5) * t91;
-        let t208 = R::from_f64(0.5) * t177;
-        let t209 = t44 * t138;
-        let t210 = t116 * t64;
-        let t211 = R::from_f64(0.5) * t164;
-        let t212 = t210 / t36;
-        let t213 = t31 * t144;
-        let t214 = t206 + t207 * t176 + t208 * t101 + R::from_f64(10.5) * t209.abs() + t186 * (t210 / t80).abs() + t196 * t102 + t211 * t105 + R::from_f64(10.5) * t212.abs() + t186 * (t213 / t80).abs();
-        let t215 = R::from_f64(0.5) * t77;
-        let t216 = t213 / t36;
-        let t217 = t214 + t188 * t179 + t215 * t181 + R::from_f64(10.5) * t216.abs() + R::from_f64(21.0) * G12.abs();
-        let t218 = A_l2_1.abs();
-        let t219 = A_first_1_first_1 * A_first_1_first_1;
-        let t220 = A_first_1_first_1.recip();
-        let t221 = t220.abs();
-        let t222 = t107 * (A_first_1_first_2 / t219).abs() + t217 * t221 + R::from_f64(8.0) * t218;
-        let t223 = t180 + t164 * t181 + R::from_f64(15.0) * t146.abs() + R::from_f64(15.0) * G22.abs() + t217 * t218 + t222 * A_first_1_first_2.abs() + R::from_f64(10.0) * t160.abs();
-        let t224 = t223 + R::from_f64(2.0) * A_first_2_first_2.abs();
-        let t225 = G34 / G44;
-        let t226 = G34 * G45 / G44;
-        let t227 = G35 - t226;
-        let t228 = G45 * t227;
-        let t229 = t228 / t20;
-        let t230 = G34 * G46 / G44;
-        let t231 = t24 * t227;
-        let t232 = t231 / t19;
-        let t233 = G36 - t230 - t232;
-        let t234 = t27 * t233;
-        let t235 = t234 / t36;
-        let t236 = t225 - t229 - t235;
-        let t237 = G34 * t236;
-        let t238 = t227 / t19;
-        let t239 = t24 * t233;
-        let t240 = t239 / t42;
-        let t241 = t238 - t240;
-        let t242 = G35 * t241;
-        let t243 = G36 * t233;
-        let t244 = t243 / t36;
-        let t245 = G44 * t236;
-        let t246 = G45 * t241;
-        let t247 = G46 * t233;
-        let t248 = t247 / t36;
-        let t249 = G34 - t245 - t246 - t248;
-        let t250 = t236 * t249;
-        let t251 = G45 * t236;
-        let t252 = G55 * t241;
-        let t253 = G56 * t233;
-        let t254 = t253 / t36;
-        let t255 = G35 - t251 - t252 - t254;
-        let t256 = t241 * t255;
-        let t257 = G46 * t236;
-        let t258 = G56 * t241;
-        let t259 = G66 * t233;
-        let t260 = t259 / t36;
-        let t261 = G36 - t257 - t258 - t260;
-        let t262 = t233 * t261;
-        let t263 = t262 / t36;
-        let A_first_3_first_3 = G33 - t237 - t242 - t244 - t250 - t256 - t263;
-        let t264 = R::from_f64(0.5) * G34;
-        let t265 = R::from_f64(0.5) * G35;
-        let t266 = R::from_f64(0.5) * G36;
-        let t267 = R::from_f64(0.5) * t236;
-        let t268 = R::from_f64(0.5) * t241;
-        let t269 = R::from_f64(0.5) * t233;
-        let t270 = G13 - t264 * t38 - t265 * t44 - t266 * t31 / t36 - t150 * t236 - t151 * t241 - t152 * t233 / t36 - t267 * t52 - t154 * t249 - t268 * t58 - t156 * t255 - t269 * t64 / t36;
-        let A_first_1_first_3 = t270 - t159 * t261 / t36;
+        let t92 = A_first_1_first_2 * A_l2_1;
+        let A_s1_2_2 = A_first_2_first_2 - t92;
+        let t93 = G24.abs();
+        let t94 = G26.abs();
+        let t95 = G25.abs();
+        let t96 = t52 * t93 + R::from_f64(11.0) * t68.abs() + t54 * t94 + R::from_f64(11.0) * t69.abs() + t53 * t95 + R::from_f64(11.0) * t70.abs();
+        let t97 = (G24 / t30).abs();
+        let t98 = t61 * t95 + R::from_f64(11.0) * t74.abs() + t53 * t93 + R::from_f64(11.0) * t75.abs() + t62 * t94 + R::from_f64(11.0) * t76.abs();
+        let t99 = (G25 / t30).abs();
+        let t100 = t55 * (t72 / t56).abs() + t96 * t97 + R::from_f64(12.0) * t73.abs() + t55 * (t78 / t56).abs() + t98 * t99 + R::from_f64(12.0) * t79.abs() + t55 * (t84 / t56).abs();
+        let t101 = t54 * t93 + R::from_f64(11.0) * t80.abs() + t65 * t94 + R::from_f64(11.0) * t81.abs() + t62 * t95 + R::from_f64(11.0) * t82.abs();
+        let t102 = (G26 / t30).abs();
+        let t103 = t55 * (t86 / t56).abs() + t60 * t97 + R::from_f64(12.0) * t87.abs() + t55 * (t88 / t56).abs() + t63 * t99 + R::from_f64(12.0) * t89.abs() + t55 * (t90 / t56).abs();
+        let t104 = t103 + t66 * t102 + R::from_f64(12.0) * t91.abs() + R::from_f64(12.0) * G12.abs();
+        let t105 = A_l2_1.abs();
+        let t106 = A_first_1_first_1 * A_first_1_first_1;
+        let t107 = A_first_1_first_1.recip();
+        let t108 = t107.abs();
+        let t109 = t67 * (A_first_1_first_2 / t106).abs() + t104 * t108 + R::from_f64(8.0) * t105;
+        let t110 = t100 + t101 * t102 + R::from_f64(12.0) * t85.abs() + R::from_f64(12.0) * G22.abs() + t104 * t105 + t109 * A_first_1_first_2.abs() + R::from_f64(10.0) * t92.abs();
+        let t111 = t110 + R::from_f64(2.0) * A_first_2_first_2.abs();
+        let t112 = G34 * t16;
+        let t113 = G36 * t20;
+        let t114 = G35 * t23;
+        let t115 = t112 + t113 - t114;
+        let t116 = G34 * t115;
+        let t117 = t116 / t30;
+        let t118 = G35 * t33;
+        let t119 = G34 * t23;
+        let t120 = G36 * t38;
+        let t121 = t118 - t119 - t120;
+        let t122 = G35 * t121;
+        let t123 = t122 / t30;
+        let t124 = G34 * t20;
+        let t125 = G36 * t46;
+        let t126 = G35 * t38;
+        let t127 = t124 + t125 - t126;
+        let t128 = G36 * t127;
+        let t129 = t128 / t30;
+        let A_first_3_first_3 = G33 - t117 - t123 - t129;
+        let t130 = G34 * t25;
+        let t131 = t130 / t30;
+        let t132 = G35 * t40;
+        let t133 = t132 / t30;
+        let t134 = G36 * t49;
+        let t135 = t134 / t30;
+        let A_first_1_first_3 = G13 - t131 - t133 - t135;
         let A_l3_1 = A_first_1_first_3 / A_first_1_first_1;
-        let t271 = A_first_1_first_3 * A_l3_1;
-        let A_s1_3_3 = A_first_3_first_3 - t271;
-        let t272 = G23 - t264 * t119 - t265 * t124 - t266 * t116 / t36 - t147 * t236 - t148 * t241 - t149 * t233 / t36 - t267 * t132 - t153 * t249 - t268 * t138 - t155 * t255 - t269 * t144 / t36;
-        let A_first_2_first_3 = t272 - t157 * t261 / t36;
-        let t273 = A_first_1_first_3 * A_l2_1;
-        let A_s1_2_3 = A_first_2_first_3 - t273;
+        let t136 = A_first_1_first_3 * A_l3_1;
+        let A_s1_3_3 = A_first_3_first_3 - t136;
+        let t137 = G34 * t71;
+        let t138 = t137 / t30;
+        let t139 = G35 * t77;
+        let t140 = t139 / t30;
+        let t141 = G36 * t83;
+        let t142 = t141 / t30;
+        let A_first_2_first_3 = G23 - t138 - t140 - t142;
+        let t143 = A_first_1_first_3 * A_l2_1;
+        let A_s1_2_3 = A_first_2_first_3 - t143;
         let A_l3_2 = A_s1_2_3 / A_s1_2_2;
-        let t274 = A_s1_2_3 * A_l3_2;
-        let A_s2_3_3 = A_s1_3_3 - t274;
-        let t275 = G35.abs();
-        let t276 = R::from_f64(10.0) * (t275 + t226.abs());
-        let t277 = t233 / t36;
-        let t278 = t277.abs();
-        let t279 = t238.abs();
-        let t280 = G36.abs();
-        let t281 = t67 * (t231 / t68).abs() + t74 * t279 + t276 * t78 + R::from_f64(11.0) * t232.abs() + R::from_f64(11.0) * t280 + R::from_f64(11.0) * t230.abs();
-        let t282 = t67 * (t228 / t69).abs() + t276 * t72 + R::from_f64(11.0) * t229.abs() + t75 * t278 + t79 * (t234 / t80).abs() + t281 * t84 + R::from_f64(11.0) * t235.abs() + R::from_f64(11.0) * t225.abs();
-        let t283 = G34.abs();
-        let t284 = t67 * (t227 / t68).abs() + t276 * t87 + R::from_f64(10.0) * t279 + t67 * (t239 / t88).abs() + t74 * (t233 / t42).abs() + t79 * (t239 / t89).abs() + t281 * t90 + R::from_f64(10.0) * t240.abs();
-        let t285 = (G36 / t36).abs();
-        let t286 = t282 * t283 + R::from_f64(15.0) * t237.abs() + t275 * t284 + R::from_f64(15.0) * t242.abs() + t79 * (t243 / t80).abs() + t281 * t285 + R::from_f64(15.0) * t244.abs();
-        let t287 = t249.abs();
-        let t288 = R::from_f64(12.0) * t283 + t282 * t2 + R::from_f64(12.0) * t245.abs() + t284 * t8 + R::from_f64(12.0) * t246.abs() + t79 * (t247 / t80).abs() + t281 * t95 + R::from_f64(12.0) * t248.abs();
-        let t289 = t236.abs();
-        let t290 = t255.abs();
-        let t291 = R::from_f64(12.0) * t275 + t282 * t8 + R::from_f64(12.0) * t251.abs() + t7 * t284 + R::from_f64(12.0) * t252.abs() + t79 * (t253 / t80).abs() + t281 * t99 + R::from_f64(12.0) * t254.abs();
-        let t292 = t241.abs();
-        let t293 = (t261 / t36).abs();
-        let t294 = t286 + t282 * t287 + t288 * t289 + R::from_f64(15.0) * t250.abs() + t284 * t290 + t291 * t292 + R::from_f64(15.0) * t256.abs() + t79 * (t262 / t80).abs() + t281 * t293;
-        let t295 = R::from_f64(12.0) * t280 + t282 * t103 + R::from_f64(12.0) * t257.abs() + t73 * t284 + R::from_f64(12.0) * t258.abs() + t79 * (t259 / t80).abs() + t281 * t104 + R::from_f64(12.0) * t260.abs();
-        let t296 = G34 * t38;
-        let t297 = R::from_f64(0.5) * t275;
-        let t298 = G35 * t44;
-        let t299 = G36 * t31;
-        let t300 = t299 / t36;
-        let t301 = t182 * t283 + R::from_f64(10.5) * t296.abs() + t297 * t91 + R::from_f64(10.5) * t298.abs() + t186 * (t299 / t80).abs() + t188 * t285 + R::from_f64(10.5) * t300.abs();
-        let t302 = R::from_f64(0.5) * t282;
-        let t303 = G14 * t236;
-        let t304 = G15 * t241;
-        let t305 = G16 * t233;
-        let t306 = R::from_f64(0.5) * t281;
-        let t307 = t305 / t36;
-        let t308 = t301 + t302 * t86 + R::from_f64(10.5) * t303.abs() + t193 * t284 + R::from_f64(10.5) * t304.abs() + t186 * (t305 / t80).abs() + t306 * t92 + R::from_f64(10.5) * t307.abs();
-        let t309 = t236 * t52;
-        let t310 = R::from_f64(0.5) * t288;
-        let t311 = t38 * t249;
-        let t312 = R::from_f64(0.5) * t284;
-        let t313 = t241 * t58;
-        let t314 = t308 + t302 * t93 + t199 * t289 + R::from_f64(10.5) * t309.abs() + t182 * t287 + t310 * t97 + R::from_f64(10.5) * t311.abs() + t312 * t98 + t204 * t292 + R::from_f64(10.5) * t313.abs();
-        let t315 = R::from_f64(0.5) * t291;
-        let t316 = t44 * t255;
-        let t317 = t233 * t64;
-        let t318 = R::from_f64(0.5) * t278;
-        let t319 = t317 / t36;
-        let t320 = t31 * t261;
-        let t321 = t314 + t207 * t290 + t315 * t101 + R::from_f64(10.5) * t316.abs() + t186 * (t317 / t80).abs() + t306 * t102 + t318 * t105 + R::from_f64(10.5) * t319.abs() + t186 * (t320 / t80).abs();
-        let t322 = t320 / t36;
-        let t323 = t321 + t188 * t293 + t215 * t295 + R::from_f64(10.5) * t322.abs() + R::from_f64(21.0) * G13.abs();
-        let t324 = A_l3_1.abs();
-        let t325 = A_first_1_first_3.abs();
-        let t326 = t294 + t278 * t295 + R::from_f64(15.0) * t263.abs() + R::from_f64(15.0) * G33.abs() + t323 * t324 + (t107 * (A_first_1_first_3 / t219).abs() + t323 * t221 + R::from_f64(8.0) * t324) * t325;
-        let t327 = G34 * t119;
-        let t328 = G35 * t124;
-        let t329 = G36 * t116;
-        let t330 = t329 / t36;
-        let t331 = t191 * t283 + R::from_f64(10.5) * t327.abs() + t297 * t170 + R::from_f64(10.5) * t328.abs() + t186 * (t329 / t80).abs() + t196 * t285 + R::from_f64(10.5) * t330.abs();
-        let t332 = G24 * t236;
-        let t333 = G25 * t241;
-        let t334 = G26 * t233;
-        let t335 = t334 / t36;
-        let t336 = t331 + t302 * t169 + R::from_f64(10.5) * t332.abs() + t184 * t284 + R::from_f64(10.5) * t333.abs() + t186 * (t334 / t80).abs() + t306 * t171 + R::from_f64(10.5) * t335.abs();
-        let t337 = t236 * t132;
-        let t338 = t119 * t249;
-        let t339 = t241 * t138;
-        let t340 = t336 + t302 * t173 + t201 * t289 + R::from_f64(10.5) * t337.abs() + t191 * t287 + t310 * t175 + R::from_f64(10.5) * t338.abs() + t312 * t176 + t208 * t292 + R::from_f64(10.5) * t339.abs();
-        let t341 = t124 * t255;
-        let t342 = t233 * t144;
-        let t343 = t342 / t36;
-        let t344 = t116 * t261;
-        let t345 = t340 + t203 * t290 + t315 * t178 + R::from_f64(10.5) * t341.abs() + t186 * (t342 / t80).abs() + t306 * t179 + t318 * t181 + R::from_f64(10.5) * t343.abs() + t186 * (t344 / t80).abs();
-        let t346 = t344 / t36;
-        let t347 = t345 + t196 * t293 + t211 * t295 + R::from_f64(10.5) * t346.abs() + R::from_f64(21.0) * G23.abs() + t323 * t218 + t222 * t325 + R::from_f64(10.0) * t273.abs() + R::from_f64(2.0) * A_first_2_first_3.abs();
-        let t348 = A_l3_2.abs();
-        let t349 = A_s1_2_2.recip();
-        let t350 = t326 + R::from_f64(10.0) * t271.abs() + R::from_f64(2.0) * A_first_3_first_3.abs() + t347 * t348 + (t224 * (A_s1_2_3 / (A_s1_2_2 * A_s1_2_2)).abs() + t347 * t349.abs() + R::from_f64(8.0) * t348) * A_s1_2_3.abs();
-        let t351 = t350 + R::from_f64(10.0) * t274.abs() + R::from_f64(2.0) * A_s1_3_3.abs();
-        let t352 = G46 / G66;
-        let t353 = t14 + t238 - t21 - t37 - t240;
-        let t354 = G56 / G66;
-        let t355 = A_l3_1 - A_l2_1 * A_l3_2;
-        let t356 = A_l3_2 * t355 / A_s2_3_3 - A_l2_1 / A_s1_2_2;
-        let t357 = R::from_f64(2.0) * G12 - t183 - t185 - t189 - t192 - t194 - t197 - t200 - t202 - t205 - t209 - t212 - t216;
-        let t358 = t220 - A_l2_1 * t356 + A_l3_1 * t355 / A_s2_3_3;
-        let t359 = t356 * t356;
-        let t360 = R::from_f64(2.0) * G13 - t296 - t298 - t300 - t303 - t304 - t307 - t309 - t311 - t313 - t316 - t319 - t322;
-        let t361 = R::from_f64(2.0) * G23 - t327 - t328 - t330 - t332 - t333 - t335 - t337 - t338 - t339 - t341 - t343 - t346;
-        let t362 = t355 * t355;
-        let t363 = A_s2_3_3 * A_s2_3_3;
-        let t364 = t357 * t356 * t358 + A_first_1_first_1 * (t358 * t358) + A_first_2_first_2 * t359 - t355 * (t360 * t358 + t361 * t356) / A_s2_3_3 + A_first_3_first_3 * t362 / t363;
-        let t365 = A_l5_4 * A_l5_4;
-        let t366 = A_s4_5_5 * A_s4_5_5;
-        let t367 = t11 + t365 / A_s4_5_5;
-        let t368 = A_l3_2 * A_l3_2;
-        let t369 = t349 + t368 / A_s2_3_3;
-        let t370 = t357 * t369 * t356 + A_first_1_first_1 * t359 + A_first_2_first_2 * (t369 * t369) - A_l3_2 * (t360 * t356 + t361 * t369) / A_s2_3_3 + A_first_3_first_3 * t368 / t363;
+        let t144 = A_s1_2_3 * A_l3_2;
+        let A_s2_3_3 = A_s1_3_3 - t144;
+        let t145 = G34.abs();
+        let t146 = G36.abs();
+        let t147 = G35.abs();
+        let t148 = (G34 / t30).abs();
+        let t149 = t55 * (t116 / t56).abs() + (t52 * t145 + R::from_f64(11.0) * t112.abs() + t54 * t146 + R::from_f64(11.0) * t113.abs() + t53 * t147 + R::from_f64(11.0) * t114.abs()) * t148;
+        let t150 = (G35 / t30).abs();
+        let t151 = t149 + R::from_f64(12.0) * t117.abs() + t55 * (t122 / t56).abs() + (t61 * t147 + R::from_f64(11.0) * t118.abs() + t53 * t145 + R::from_f64(11.0) * t119.abs() + t62 * t146 + R::from_f64(11.0) * t120.abs()) * t150;
+        let t152 = (G36 / t30).abs();
+        let t153 = t151 + R::from_f64(12.0) * t123.abs() + t55 * (t128 / t56).abs() + (t54 * t145 + R::from_f64(11.0) * t124.abs() + t65 * t146 + R::from_f64(11.0) * t125.abs() + t62 * t147 + R::from_f64(11.0) * t126.abs()) * t152;
+        let t154 = t55 * (t130 / t56).abs() + t60 * t148 + R::from_f64(12.0) * t131.abs() + t55 * (t132 / t56).abs() + t63 * t150 + R::from_f64(12.0) * t133.abs() + t55 * (t134 / t56).abs();
+        let t155 = t154 + t66 * t152 + R::from_f64(12.0) * t135.abs() + R::from_f64(12.0) * G13.abs();
+        let t156 = A_l3_1.abs();
+        let t157 = A_first_1_first_3.abs();
+        let t158 = t153 + R::from_f64(12.0) * t129.abs() + R::from_f64(12.0) * G33.abs() + t155 * t156 + (t67 * (A_first_1_first_3 / t106).abs() + t155 * t108 + R::from_f64(8.0) * t156) * t157;
+        let t159 = t55 * (t137 / t56).abs() + t96 * t148 + R::from_f64(12.0) * t138.abs() + t55 * (t139 / t56).abs() + t98 * t150 + R::from_f64(12.0) * t140.abs() + t55 * (t141 / t56).abs();
+        let t160 = t159 + t101 * t152 + R::from_f64(12.0) * t142.abs() + R::from_f64(12.0) * G23.abs() + t155 * t105 + t109 * t157 + R::from_f64(10.0) * t143.abs() + R::from_f64(2.0) * A_first_2_first_3.abs();
+        let t161 = A_l3_2.abs();
+        let t162 = A_s1_2_2.recip();
+        let t163 = t158 + R::from_f64(10.0) * t136.abs() + R::from_f64(2.0) * A_first_3_first_3.abs() + t160 * t161 + (t111 * (A_s1_2_3 / (A_s1_2_2 * A_s1_2_2)).abs() + t160 * t162.abs() + R::from_f64(8.0) * t161) * A_s1_2_3.abs();
+        let t164 = t163 + R::from_f64(10.0) * t144.abs() + R::from_f64(2.0) * A_s1_3_3.abs();
+        let t165 = t77 / t30;
+        let t166 = G46 / G66;
+        let t167 = t25 / t30;
+        let t168 = t121 / t30;
+        let t169 = t167 + t168;
+        let t170 = t71 / t30;
+        let t171 = G56 / G66;
+        let t172 = A_l3_1 - A_l2_1 * A_l3_2;
+        let t173 = A_l3_2 * t172 / A_s2_3_3 - A_l2_1 / A_s1_2_2;
+        let t174 = R::from_f64(2.0) * A_first_1_first_2;
+        let t175 = t107 - A_l2_1 * t173 + A_l3_1 * t172 / A_s2_3_3;
+        let t176 = t173 * t173;
+        let t177 = t174 * t173 * t175 + A_first_1_first_1 * (t175 * t175) + A_first_2_first_2 * t176 - R::from_f64(2.0) * t172 * (A_first_1_first_3 * t175 + A_first_2_first_3 * t173) / A_s2_3_3;
+        let t178 = t172 * t172;
+        let t179 = A_s2_3_3 * A_s2_3_3;
+        let t180 = A_l5_4 * A_l5_4;
+        let t181 = A_s4_5_5 * A_s4_5_5;
+        let t182 = t12 + t180 / A_s4_5_5;
+        let t183 = A_l3_2 * A_l3_2;
+        let t184 = t162 + t183 / A_s2_3_3;
+        let t185 = t174 * t184 * t173 + A_first_1_first_1 * t176 + A_first_2_first_2 * (t184 * t184) - R::from_f64(2.0) * A_l3_2 * (A_first_1_first_3 * t173 + A_first_2_first_3 * t184) / A_s2_3_3;
+        let t186 = G14 - G16 * G46 / G66;
+        let t187 = G15 - G16 * G56 / G66;
+        let t188 = A_second_1_second_1 * A_second_2_second_2 - A_second_1_second_2 * A_second_1_second_2;
+        let t189 = G24 - G26 * G46 / G66;
+        let t190 = G25 - G26 * G56 / G66;
+        let t191 = G34 - G36 * G46 / G66;
+        let t192 = G35 - G36 * G56 / G66;
         ::hamel_runtime::ParamError::require(G66.all_gt(R::ZERO), "inertia along corner > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
         ::hamel_runtime::ParamError::require((A_second_1_second_1 + t3).all_gt(t3), "inertia along second_1 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
-        ::hamel_runtime::ParamError::require((A_s4_5_5 + t13).all_gt(t13), "inertia along second_2 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
-        ::hamel_runtime::ParamError::require((A_first_1_first_1 + t107).all_gt(t107), "inertia along first_1 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
-        ::hamel_runtime::ParamError::require((A_s1_2_2 + t224).all_gt(t224), "inertia along first_2 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
-        ::hamel_runtime::ParamError::require((A_s2_3_3 + t351).all_gt(t351), "inertia along first_3 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
+        ::hamel_runtime::ParamError::require((A_s4_5_5 + t14).all_gt(t14), "inertia along second_2 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
+        ::hamel_runtime::ParamError::require((A_first_1_first_1 + t67).all_gt(t67), "inertia along first_1 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
+        ::hamel_runtime::ParamError::require((A_s1_2_2 + t111).all_gt(t111), "inertia along first_2 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
+        ::hamel_runtime::ParamError::require((A_s2_3_3 + t164).all_gt(t164), "inertia along first_3 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
         Ok(Self {
-            G66, A_l5_4, A_l2_1, A_l3_1, A_l3_2, c0: A_s2_3_3.recip(), c1: t349, c2: t220, c3: A_s4_5_5.recip(),
-            c4: t11, c5: t352 - t124, c6: t353, c7: t354 - t119, c8: t356, c9: R::from_f64(0.5) * t364,
+            G66, A_l5_4, A_l2_1, A_l3_1, A_l3_2, c0: A_s2_3_3.recip(), c1: t162, c2: t107, c3: A_s4_5_5.recip(),
+            c4: t12, c5: t166 - t165, c6: t169, c7: t171 - t170, c8: t173,
+            c9: R::from_f64(0.5) * (t177 + A_first_3_first_3 * t178 / t179),
             c10: A_l5_4 / A_s4_5_5,
-            c11: R::from_f64(0.5) * (R::from_f64(2.0) * A_second_1_second_2 * A_l5_4 * t367 / A_s4_5_5 - A_second_1_second_1 * (t367 * t367) - A_second_2_second_2 * t365 / t366),
-            c12: t355 / A_s2_3_3,
-            c13: R::from_f64(0.5) * (t357 * A_l3_2 * t355 / t363 + A_first_1_first_1 * t362 / t363 + A_first_2_first_2 * t368 / t363 - A_first_3_first_3 / t363),
+            c11: R::from_f64(0.5) * (R::from_f64(2.0) * A_second_1_second_2 * A_l5_4 * t182 / A_s4_5_5 - A_second_1_second_1 * (t182 * t182) - A_second_2_second_2 * t180 / t181),
+            c12: t172 / A_s2_3_3,
+            c13: R::from_f64(0.5) * (t174 * A_l3_2 * t172 / t179 + A_first_1_first_1 * t178 / t179 + A_first_2_first_2 * t183 / t179 - A_first_3_first_3 / t179),
             c14: A_l3_2 / A_s2_3_3,
-            c15: R::from_f64(-0.5) * (A_second_1_second_1 * t365 / t366 - A_second_1_second_1 * t367 / A_s4_5_5),
-            c16: R::from_f64(0.5) * t370, c17: R::from_f64(0.5) / G66, c18: t352, c19: t354, c20: t38, c21: t119,
-            c22: t236, c23: t44, c24: t124, c25: t241,
-            c26: t76 + t60 / G66 + t61 / G66,
-            c27: t163 + t140 / G66 + t141 / G66,
-            c28: t277 + t257 / G66 + t258 / G66,
-            c29: G66.recip(), c30: -t277, c31: -t163, c32: -t76, A_second_1_second_1, A_second_1_second_2,
-            A_second_2_second_2, A_first_1_first_1, A_first_2_first_2, A_first_3_first_3,
-            c33: R::from_f64(0.5) * t357, c34: R::from_f64(0.5) * t360, c35: R::from_f64(0.5) * t361,
-            A_l3_2_2: A_l3_2, A_l2_1_2: A_l2_1, A_l5_4_2: A_l5_4, c36: t353,
+            c15: R::from_f64(-0.5) * (A_second_1_second_1 * t180 / t181 - A_second_1_second_1 * t182 / A_s4_5_5),
+            c16: R::from_f64(0.5) * (t185 + A_first_3_first_3 * t183 / t179),
+            c17: R::from_f64(0.5) / G66, c18: t166, c19: t171,
+            c20: (t186 * A_second_2_second_2 - A_second_1_second_2 * t187) / t188,
+            c21: (t189 * A_second_2_second_2 - A_second_1_second_2 * t190) / t188,
+            c22: (t191 * A_second_2_second_2 - A_second_1_second_2 * t192) / t188,
+            c23: (A_second_1_second_1 * t187 - t186 * A_second_1_second_2) / t188,
+            c24: (A_second_1_second_1 * t190 - t189 * A_second_1_second_2) / t188,
+            c25: (A_second_1_second_1 * t192 - t191 * A_second_1_second_2) / t188,
+            c26: G16 / G66, c27: G26 / G66, c28: G36 / G66, c29: -(t115 / t30), c30: -t168, c31: -t170, c32: -t165,
+            c33: -t167, c34: -(t40 / t30), c35: G66.recip(), c36: -(t127 / t30), c37: -(t83 / t30), c38: -(t49 / t30),
+            A_second_1_second_1, A_second_1_second_2, A_second_2_second_2, A_first_1_first_1, A_first_2_first_2,
+            A_first_3_first_3, A_first_1_first_2, A_first_2_first_3, A_first_1_first_3, A_l3_2_2: A_l3_2,
+            A_l2_1_2: A_l2_1, A_l5_4_2: A_l5_4, c39: t169,
         })
     }
 
@@ -580,7 +411,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = fma(beta_corner, self.c7, beta_second_2);
         let r_first_2 = fma(first_1, t0, -(first_3 * t2));
         let dot_beta_second_2 = beta_corner * first_1;
-        let r_first_3 = fma(-dot_beta_second_2, self.c36, fma(first_2, t2, beta_corner * second_1));
+        let r_first_3 = fma(-dot_beta_second_2, self.c39, fma(first_2, t2, beta_corner * second_1));
         let dot_beta_second_1 = -t1;
         *dy = [r_first_1, r_first_2, r_first_3, dot_beta_second_1, dot_beta_second_2, R::ZERO];
     }
@@ -640,9 +471,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             first_1,
             first_2,
             first_3,
-            fma(-first_1, self.c20, fma(-first_2, self.c21, fma(-first_3, self.c22, second_1))),
-            fma(-first_1, self.c23, fma(-first_2, self.c24, fma(-first_3, self.c25, second_2))),
-            fma(first_1, self.c32, fma(first_2, self.c31, fma(-second_1, self.c18, fma(first_3, self.c30, fma(-second_2, self.c19, self.c29 * beta_corner))))),
+            fma(first_1, self.c33, fma(first_2, self.c31, fma(first_3, self.c29, second_1))),
+            fma(first_1, self.c34, fma(first_2, self.c32, fma(first_3, self.c30, second_2))),
+            fma(first_1, self.c38, fma(first_2, self.c37, fma(-second_1, self.c18, fma(first_3, self.c36, fma(-second_2, self.c19, self.c35 * beta_corner))))),
         ]
     }
 
@@ -657,9 +488,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = fma(v34, self.c22, fma(v23, self.c21, fma(v12, self.c20, v13)));
         let t1 = fma(v34, self.c25, fma(v23, self.c24, fma(v12, self.c23, v24)));
         [
-            fma(v34, self.c34, fma(v23, self.c33, self.A_first_1_first_1 * v12)),
-            fma(v34, self.c35, fma(v12, self.c33, self.A_first_2_first_2 * v23)),
-            fma(v23, self.c35, fma(v12, self.c34, self.A_first_3_first_3 * v34)),
+            fma(v34, self.A_first_1_first_3, fma(v23, self.A_first_1_first_2, self.A_first_1_first_1 * v12)),
+            fma(v12, self.A_first_1_first_2, fma(v34, self.A_first_2_first_3, self.A_first_2_first_2 * v23)),
+            fma(v23, self.A_first_2_first_3, fma(v12, self.A_first_1_first_3, self.A_first_3_first_3 * v34)),
             fma(t1, self.A_second_1_second_2, self.A_second_1_second_1 * t0),
             fma(t1, self.A_second_2_second_2, self.A_second_1_second_2 * t0),
             self.G66 * fma(v24, self.c19, fma(v13, self.c18, fma(v34, self.c28, fma(v23, self.c27, fma(v12, self.c26, v14))))),
@@ -671,9 +502,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[6] {
     G66, A_l5_4, A_l2_1, A_l3_1, A_l3_2, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15,
-    c16, c17, c18, c19, c20, c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, A_second_1_second_1,
-    A_second_1_second_2, A_second_2_second_2, A_first_1_first_1, A_first_2_first_2, A_first_3_first_3, c33,
-    c34, c35, A_l3_2_2, A_l2_1_2, A_l5_4_2, c36,
+    c16, c17, c18, c19, c20, c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36,
+    c37, c38, A_second_1_second_1, A_second_1_second_2, A_second_2_second_2, A_first_1_first_1,
+    A_first_2_first_2, A_first_3_first_3, A_first_1_first_2, A_first_2_first_3, A_first_1_first_3, A_l3_2_2,
+    A_l2_1_2, A_l5_4_2, c39,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

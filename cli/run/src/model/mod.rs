@@ -11,9 +11,8 @@ pub mod units;
 
 use hamel_codegen::scene;
 pub use hamel_codegen::spec::Model;
-use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Want, Wanted};
+use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, IdealChain, Want, Wanted};
 use hamel_expr::Budget;
-use hamel_mechanics::reduction;
 
 pub use checked::Checked;
 pub use extended::{first_message, is_one_expression, with_items};
@@ -61,12 +60,18 @@ pub fn name_refusal(name: &str) -> Option<&'static str> {
     spec::name_refusal(name)
 }
 
-/// The same system written with another connection.
-///
-/// # Errors
-/// [`Error::Models`] when the system has no such connection.
-pub fn with_connection(model: &Model, connection: ConnectionKind) -> Result<Model, Error> {
-    Ok(reduction::with_connection(model, connection)?)
+/// The same system to be written with another connection: as an item `connection mechanical;` asks. A system without
+/// such a connection is refused where it is derived.
+pub fn with_connection(model: &Model, connection: ConnectionKind) -> Model {
+    Model { derived_connection: Some(connection), ..model.clone() }
+}
+
+/// The same system with its group as the one stage, where it says nothing about stages.
+pub fn with_one_stage(model: &Model) -> Model {
+    match model.stages.is_some() || model.algebra.dim() == 0 {
+        true => model.clone(),
+        false => Model { stages: Some(IdealChain::whole()), ..model.clone() },
+    }
 }
 
 /// Names of the coordinates that a model reconstructs, those of the group and cyclic ones, in the order of the scene's

@@ -17,6 +17,9 @@ impl Derivation<'_> {
         if let Some(recursion) = self.way.recursion() {
             return self.solve_linked(&recursion, solved);
         }
+        if let (Some(lift), Some(lifted)) = (&self.system.lift, self.way.lifted()) {
+            return self.solve_by_lift(solved, (lift, &lifted));
+        }
         if let Some(frame) = self.frame_of_displacements(solved) {
             return self.solve_in_frame(solved, &frame);
         }

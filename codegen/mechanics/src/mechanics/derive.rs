@@ -12,6 +12,7 @@ use hamel_expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
 use hamel_lang::algebra::tableau::Pen;
 
 use super::equations::{Equations, LinearSystem};
+use super::lifted::Lifted;
 use super::recursion::Recursion;
 use super::rows::Answered;
 use super::solve::{Factorisation, Pivot};
@@ -71,20 +72,29 @@ pub(super) enum Velocities {
     ByRows(Rc<Answered>),
     /// By the parts of linked bodies.
     ByRecursion(Rc<Recursion>),
+    /// By a mechanical connection.
+    ByLift(Rc<Lifted>),
 }
 
 impl Velocities {
     pub(super) fn answered(&self) -> Option<Rc<Answered>> {
         match self {
             Velocities::ByRows(answered) => Some(Rc::clone(answered)),
-            Velocities::Solved | Velocities::ByRecursion(_) => None,
+            Velocities::Solved | Velocities::ByRecursion(_) | Velocities::ByLift(_) => None,
         }
     }
 
     pub(super) fn recursion(&self) -> Option<Rc<Recursion>> {
         match self {
             Velocities::ByRecursion(recursion) => Some(Rc::clone(recursion)),
-            Velocities::Solved | Velocities::ByRows(_) => None,
+            Velocities::Solved | Velocities::ByRows(_) | Velocities::ByLift(_) => None,
+        }
+    }
+
+    pub(super) fn lifted(&self) -> Option<Rc<Lifted>> {
+        match self {
+            Velocities::ByLift(lifted) => Some(Rc::clone(lifted)),
+            Velocities::Solved | Velocities::ByRows(_) | Velocities::ByRecursion(_) => None,
         }
     }
 }
@@ -206,6 +216,10 @@ impl<'a> Derivation<'a> {
     /// `y = Psi u + psi0` for the dependent velocities.
     fn velocities(&mut self) -> Result<(), Error> {
         let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
+        if let Some(lift) = &self.system.lift {
+            self.way = Velocities::ByLift(Rc::new(self.velocities_by_lift(solved, lift)?));
+            return Ok(());
+        }
         if let Some(recursion) = self.velocities_by_recursion()? {
             self.way = Velocities::ByRecursion(Rc::new(recursion));
             return Ok(());

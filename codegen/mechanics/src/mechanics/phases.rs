@@ -37,7 +37,8 @@ pub struct Phase {
 /// [`Error::DivisionByZero`] of a rate that has no value on the constraint.
 pub fn phases(g: &mut Graph, equations: &Equations) -> Result<Vec<Phase>, Error> {
     let system = &equations.system;
-    if system.frame.is_some() || system.quasi_frame.is_some() {
+    let is_lift = system.lift.is_some();
+    if system.frame.is_some() && !is_lift || system.quasi_frame.is_some() {
         return Ok(Vec::new());
     }
     let values: BTreeMap<SymbolId, ExprId> =
@@ -67,9 +68,16 @@ fn connection_part(
     let system = &equations.system;
     let n_shape = system.velocities.len() - system.connection.as_ref()?.len();
     let mut terms = Vec::new();
-    for y in &system.velocities[..n_shape] {
-        let (slope, velocity) = (g.diff(coordinate.rate, *y), g.sym(*y));
-        terms.push(g.mul(slope, velocity));
+    // What the horizontal lift of a base velocity is along the frame.
+    let inverse = system.lift.as_ref().and(system.frame.as_ref()).map(|frame| &frame.inverse);
+    for (i, base) in system.velocities[..n_shape].iter().enumerate() {
+        let velocity = g.sym(*base);
+        for (alpha, y) in system.velocities.iter().enumerate() {
+            let own = if alpha == i { g.one() } else { g.zero() };
+            let along = inverse.map_or(own, |inverse| inverse[alpha][i]);
+            let slope = g.diff(coordinate.rate, *y);
+            terms.push(g.product(&[slope, along, velocity]));
+        }
     }
     Some(g.sum(&terms))
 }

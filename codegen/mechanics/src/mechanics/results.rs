@@ -80,7 +80,10 @@ impl Derivation<'_> {
         let Some(frame) = &self.system.frame else {
             return self.names.iter().zip(&self.momentum).map(|(name, p)| named(name, p)).collect();
         };
-        let momenta = frame.momenta(&mut self.g, &self.momentum);
+        let momenta = match self.way.lifted() {
+            Some(lifted) => self.momenta_over_lift(&lifted),
+            None => frame.momenta(&mut self.g, &self.momentum),
+        };
         frame.original.iter().zip(&momenta).map(|(u, p)| named(&u.name, p)).collect()
     }
 

@@ -12,7 +12,9 @@ use hamel_expr::{Definition, ExprId, Graph, SymbolId};
 use hamel_lang::algebra::tableau::{Judge, Tableau};
 use hamel_lang::spec::Side;
 
+use super::curvature::ConnectionName;
 use super::equations::Equations;
+use super::pairings::{Pairing, PairingKind, Pairings};
 
 /// The equations of motion along the vertical displacements that the constraint allows, by stages.
 ///
@@ -39,6 +41,10 @@ use super::equations::Equations;
 pub struct VerticalEquations {
     /// Owner of the expressions here: the graph of the equations and more.
     pub graph: Graph,
+    /// The connection along the adapted basis, where the model has one and the frame is its own.
+    pub along_shape: ShapeConnection,
+    /// The parts of the equations that have names.
+    pub pairings: Vec<Pairing>,
     /// `eta_k`, by the velocities of the model.
     pub velocities: Vec<Definition>,
     /// `beta_k`, by the momenta `p`.
@@ -55,6 +61,22 @@ pub struct VerticalEquations {
     pub horizontal: Vec<HorizontalEquation>,
     /// Whether reactions of the constraint are in the equations.
     pub has_multipliers: bool,
+    /// The velocities of the system; velocities that the constraint determines have names that zero tests see
+    /// through.
+    pub frame_velocities: Vec<ExprId>,
+}
+
+/// A connection and its curvature along the adapted basis, by names; nothing without one.
+#[derive(Clone, Debug, Default)]
+pub struct ShapeConnection {
+    /// The names of `A^k_i`, where they are worth one.
+    pub connection: Vec<ConnectionName>,
+    /// The names of `B^k_ij`.
+    pub curvature: Vec<ConnectionName>,
+    /// `A_i`, by coordinate.
+    pub coefficients: Vec<Vec<ExprId>>,
+    /// `B_ij`, by pairs `i < j`.
+    pub curved: Vec<((usize, usize), Vec<ExprId>)>,
 }
 
 /// One equation `left = right`.
@@ -90,12 +112,14 @@ impl VerticalEquations {
         }
         let stages = system.stages.as_ref()?;
         let mut writer = Writer::new(equations, stages);
-        let velocities = writer.velocities();
+        let mut pairings = Pairings::default();
+        let shape = writer.shape_of_connection();
+        let velocities = writer.velocities(&shape);
         let p = writer.frame_momenta()?;
         let (momenta, rates) = writer.momenta(&p);
         let (shape_momenta, shape_rates) = writer.shape_momenta(&p);
-        let right = writer.right_sides(&velocities, &momenta);
-        let shape_right = writer.horizontal_sides(&momenta);
+        let right = writer.right_sides(&velocities, &momenta, &mut pairings);
+        let shape_right = writer.horizontal_sides((&velocities, &momenta), &shape, &mut pairings);
         let (applied, mut right) = writer.applied(right)?;
         let (shape_applied, mut shape_right) = writer.shape_applied(shape_right)?;
         let n = writer.n;
@@ -109,6 +133,7 @@ impl VerticalEquations {
                 ((unit_vectors(g, r), others.collect()), !reactions.is_empty())
             }
         };
+        let frame_velocities = writer.frame_velocities();
         let mut g = writer.g;
         let zeros = vec![g.zero(); n];
         let along = |g: &mut Graph, shape: &[ExprId], displacement: Vec<ExprId>| {
@@ -131,6 +156,8 @@ impl VerticalEquations {
         }
         Some(VerticalEquations {
             graph: g,
+            along_shape: shape,
+            pairings: pairings.list,
             velocities,
             momenta,
             applied,
@@ -139,6 +166,7 @@ impl VerticalEquations {
             shape_applied,
             horizontal,
             has_multipliers,
+            frame_velocities,
         })
     }
 }
@@ -162,7 +190,7 @@ fn is_taken(equations: &Equations, stem: &str) -> bool {
     names.any(|name| name.strip_prefix(stem).is_some_and(|rest| rest.bytes().all(|b| b.is_ascii_digit())))
 }
 
-fn unit_vectors(g: &Graph, n: usize) -> Vec<Vec<ExprId>> {
+pub(super) fn unit_vectors(g: &Graph, n: usize) -> Vec<Vec<ExprId>> {
     (0..n).map(|i| (0..n).map(|j| if i == j { g.one() } else { g.zero() }).collect()).collect()
 }
 
@@ -212,21 +240,81 @@ impl<'a> Writer<'a> {
         values.iter().enumerate().map(|(k, e)| self.g.define(&format!("{stem}{}", k + 1), *e)).collect()
     }
 
+    fn frame_velocities(&mut self) -> Vec<ExprId> {
+        let own = self.system.velocities.iter();
+        own.map(|s| self.named.get(s).copied().unwrap_or_else(|| self.g.sym(*s))).collect()
+    }
+
+    /// The connection and its curvature along the adapted basis, by names; nothing in another frame.
+    fn shape_of_connection(&mut self) -> ShapeConnection {
+        let mut shape = ShapeConnection::default();
+        let is_own = self.system.frame.is_none() && self.system.quasi_frame.is_none();
+        let Some(rows) = self.system.connection.as_ref().filter(|_| is_own) else { return shape };
+        let base: Vec<SymbolId> = self.system.algebroid.base()[..self.n].to_vec();
+        let is_standard = self.basis == unit_vectors(&self.g, self.basis.len());
+        let stems = if is_standard { ["A", "B"] } else { ["Af", "Bf"] };
+        for (i, x) in base.iter().enumerate() {
+            let column: Vec<ExprId> = rows.iter().map(|row| row[i]).collect();
+            let of = (stems[0], &[*x][..]);
+            shape.coefficients.push(self.adapted(&column, &mut shape.connection, of));
+        }
+        for i in 0..self.n {
+            for j in i + 1..self.n {
+                let mut column = vec![self.g.zero(); rows.len()];
+                for (c, value) in self.system.algebroid.bracket(&mut self.g, i, j) {
+                    column[c - self.n] = self.g.neg(value);
+                }
+                let of = (stems[1], &[base[i], base[j]][..]);
+                let value = self.adapted(&column, &mut shape.curvature, of);
+                shape.curved.push(((i, j), value));
+            }
+        }
+        shape
+    }
+
+    /// A vector of the algebra along the adapted basis, by names where they are worth it.
+    fn adapted(
+        &mut self,
+        vector: &[ExprId],
+        list: &mut Vec<ConnectionName>,
+        (stem, coordinates): (&'static str, &[SymbolId]),
+    ) -> Vec<ExprId> {
+        let mut components = Vec::with_capacity(vector.len());
+        for k in 0..vector.len() {
+            let column: Vec<ExprId> = self.inverse.iter().map(|row| row[k]).collect();
+            let sum = self.g.dot(vector, &column);
+            let expr = self.g.cancel_zero(sum);
+            components.push(ConnectionName::of(&mut self.g, list, (stem, k), (coordinates, expr)));
+        }
+        components
+    }
+
     /// `eta_k = inverse[a][k] (v^a - A^a_i xdot^i)`.
-    fn velocities(&mut self) -> Vec<Definition> {
+    fn velocities(&mut self, shape: &ShapeConnection) -> Vec<Definition> {
+        let xi = self.system.group_velocity(&mut self.g, self.n);
         let g = &mut self.g;
-        let xi = self.system.group_velocity(g, self.n);
-        let eta: Vec<ExprId> = (0..xi.len())
-            .map(|k| {
-                let rows = xi.iter().zip(&self.stages.inverse);
-                let terms: Vec<ExprId> = rows.map(|(v, row)| g.mul(*v, row[k])).collect();
-                g.sum(&terms)
-            })
-            .collect();
+        let along = |g: &mut Graph, vector: &[ExprId], k: usize| {
+            let column: Vec<ExprId> = self.stages.inverse.iter().map(|row| row[k]).collect();
+            g.dot(vector, &column)
+        };
+        let eta: Vec<ExprId> = (0..xi.len()).map(|k| along(g, &xi, k)).collect();
+        // By the names of the connection, which read the same.
+        let mut shown = eta.clone();
+        if !shape.coefficients.is_empty() {
+            let y: Vec<ExprId> = self.system.velocities.iter().map(|s| g.sym(*s)).collect();
+            for (k, shown) in shown.iter_mut().enumerate() {
+                let mut terms = vec![along(g, &y[self.n..], k)];
+                for (column, xdot) in shape.coefficients.iter().zip(&y) {
+                    let product = g.mul(column[k], *xdot);
+                    terms.push(g.neg(product));
+                }
+                *shown = g.sum(&terms);
+            }
+        }
         // A linear change of variables divides by nothing that the constraint could make zero.
         let values: Vec<ExprId> = eta.iter().map(|e| g.subs(*e, &self.named).unwrap_or(*e)).collect();
         let symbols = self.symbols("eta", &values);
-        symbols.into_iter().zip(eta).map(|(symbol, expr)| Definition { symbol, expr }).collect()
+        symbols.into_iter().zip(shown).map(|(symbol, expr)| Definition { symbol, expr }).collect()
     }
 
     /// Momenta `dL/dy` along the frame of the system, and their rates.
@@ -291,27 +379,33 @@ impl<'a> Writer<'a> {
     }
 
     /// The stage equations, with `<beta, df_k/dt>` where the basis turns.
-    fn right_sides(&mut self, velocities: &[Definition], momenta: &[Definition]) -> Vec<ExprId> {
+    fn right_sides(
+        &mut self,
+        velocities: &[Definition],
+        momenta: &[Definition],
+        pairings: &mut Pairings,
+    ) -> Vec<ExprId> {
         let g = &mut self.g;
         let [eta, beta] = [velocities, momenta]
             .map(|list| -> Vec<ExprId> { list.iter().map(|d| g.sym(d.symbol)).collect() });
-        let right = self.stages.vertical_equations(g, &eta, &beta);
+        let right = pairings.of_levels(g, self.stages, (&eta, &beta));
         let right = match self.system.side {
             Side::Left => right,
             Side::Right => right.into_iter().map(|e| g.neg(e)).collect(),
         };
         let mut turned = Vec::new();
-        for (element, right) in self.stages.basis.clone().iter().zip(right) {
+        for (k, (element, right)) in self.stages.basis.clone().iter().zip(right).enumerate() {
             let moved: Vec<ExprId> = element.iter().map(|e| self.rate_of_shape(*e)).collect();
             let g = &mut self.g;
-            let mut terms = vec![right];
+            let mut terms = Vec::new();
             for (c, beta) in beta.iter().enumerate() {
                 let column: Vec<ExprId> = self.stages.inverse.iter().map(|row| row[c]).collect();
                 let along = g.dot(&moved, &column);
                 let along = g.cancel_zero(along);
                 terms.push(g.mul(along, *beta));
             }
-            turned.push(g.sum(&terms));
+            let turning = pairings.named(g, PairingKind::Turning { element: k }, &terms);
+            turned.push(g.add(right, turning));
         }
         turned
     }
@@ -329,30 +423,60 @@ impl<'a> Writer<'a> {
     }
 
     /// `<beta, [y, D_i] + [d/dt, D_i]>`, the coefficients of the frame in the adapted basis.
-    fn horizontal_sides(&mut self, momenta: &[Definition]) -> Vec<ExprId> {
+    fn horizontal_sides(
+        &mut self,
+        (velocities, momenta): (&[Definition], &[Definition]),
+        shape: &ShapeConnection,
+        pairings: &mut Pairings,
+    ) -> Vec<ExprId> {
+        let y = self.frame_velocities();
         let (g, n, algebroid) = (&mut self.g, self.n, &self.system.algebroid);
-        let beta: Vec<ExprId> = momenta.iter().map(|d| g.sym(d.symbol)).collect();
+        let [eta, beta] = [velocities, momenta]
+            .map(|list| -> Vec<ExprId> { list.iter().map(|d| g.sym(d.symbol)).collect() });
         // p_c = inverse[c][k] beta_k.
-        let p: Vec<Vec<ExprId>> = self.inverse.clone();
+        let p: Vec<ExprId> = self.inverse.iter().map(|row| g.dot(row, &beta)).collect();
         let mut sides = Vec::new();
         for i in 0..n {
-            let mut terms = Vec::new();
-            let mut add = |g: &mut Graph, c: usize, weight: ExprId, y: Option<ExprId>| {
-                for (along, beta) in p[c - n].iter().zip(&beta) {
-                    let product = g.product(&[weight, *along, *beta]);
-                    terms.push(y.map_or(product, |y| g.mul(product, y)));
+            let (mut curved, mut turned) = (Vec::new(), Vec::new());
+            match shape.coefficients.get(i) {
+                Some(own) => {
+                    for ((j, k), value) in &shape.curved {
+                        let along = g.dot(value, &beta);
+                        if *j == i {
+                            curved.push(g.mul(along, y[*k]));
+                        } else if *k == i {
+                            let product = g.mul(along, y[*j]);
+                            curved.push(g.neg(product));
+                        }
+                    }
+                    let v: Vec<ExprId> = (0..eta.len())
+                        .map(|k| {
+                            let column: Vec<ExprId> = shape.coefficients.iter().map(|a| a[k]).collect();
+                            let along = g.dot(&column, &y[..n]);
+                            g.add(eta[k], along)
+                        })
+                        .collect();
+                    let bracket = self.stages.rebuilt_bracket(g, own, &v);
+                    let along = g.dot(&bracket, &beta);
+                    turned.push(if self.system.side == Side::Right { g.neg(along) } else { along });
                 }
-            };
-            for (k, velocity) in self.system.velocities.iter().enumerate() {
-                let y = self.named.get(velocity).copied().unwrap_or_else(|| g.sym(*velocity));
-                for (c, value) in algebroid.bracket(g, k, i) {
-                    add(g, c, value, Some(y));
+                None => {
+                    for (k, y) in y.iter().enumerate() {
+                        for (c, value) in algebroid.bracket(g, k, i) {
+                            let term = g.product(&[value, p[c - n], *y]);
+                            if k < n { curved.push(term) } else { turned.push(term) }
+                        }
+                    }
                 }
             }
-            for (c, value) in algebroid.drift(i) {
-                add(g, *c, *value, None);
-            }
-            sides.push(g.sum(&terms));
+            let drift = algebroid.drift(i).iter().map(|(c, value)| g.mul(*value, p[*c - n]));
+            let drift: Vec<ExprId> = drift.collect();
+            let parts = [
+                pairings.named(g, PairingKind::ShapeCurvature { coordinate: i }, &curved),
+                pairings.named(g, PairingKind::ShapeBracket { coordinate: i }, &turned),
+                pairings.named(g, PairingKind::ShapeDrift { coordinate: i }, &drift),
+            ];
+            sides.push(g.sum(&parts));
         }
         sides
     }

@@ -171,6 +171,7 @@ pub(super) fn on_algebroid(
         domains,
         circles: Vec::new(),
         frame: None,
+        lift: None,
         quasi_frame,
         pivots,
         changes: Vec::new(),

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, SymbolId};
-use hamel_lang::algebra::solve_symmetric;
+use hamel_lang::algebra::solve_over_determinant;
 use hamel_lang::spec::{ConnectionKind, ConstraintKind, Diagnostics, ExpressionRole, Model};
 
 use super::constraint::{self, ConstraintRow, Prolonged, Solver, Unknown, annihilator, constrain, prolonged};
@@ -185,7 +185,7 @@ fn vertical_shift(
         matrix.push(free.iter().map(|k| form[*k]).chain(padding).collect());
         right.push(form[names.len()..names.len() + n].to_vec());
     }
-    let correction = solve_symmetric(g, &matrix, &right).map_err(|k| match free.get(k) {
+    let correction = solve_over_determinant(g, &matrix, &right).map_err(|k| match free.get(k) {
         Some(k) => Error::NoHorizontalSpace { connection: kind.name(), direction: names[*k].clone() },
         None => restricted(),
     })?;

@@ -19,6 +19,8 @@ mod formulation;
 mod frame;
 mod given;
 mod inertialess;
+mod lift;
+mod lifted;
 mod matrix_group;
 mod momenta;
 mod part;
@@ -40,12 +42,13 @@ pub use degenerate::{Degeneracy, DegenerateOutcome, DegenerateStep};
 pub use domain::DomainCondition;
 pub use fix::{with_fixed, with_held_inputs};
 pub use formulation::{Formulation, FoundChain, StageUse, carried_by_momenta};
+pub use lift::Lift;
 pub use matrix_group::MomentumInSpace;
 pub use momenta::momentum_of;
 pub use momenta::{CarriedMomentum, Hamiltonian};
 pub use part::Part;
 pub use reconstruction::ReconstructedCoordinate;
-pub use stages::{StageLevel, Stages, Tensor};
+pub use stages::{StageLevel, Stages, Tensor, VerticalKind, VerticalPart};
 pub use system::{Block, BlockKind, Circle, OwnRate, PositionResidual, ReducedSystem, StateKind};
 
 /// Reduces a model in the formulation that is asked for.
@@ -60,13 +63,29 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
     written = with_fixed(written, &formulation.fixed)?;
     written = with_held_inputs(written, &formulation.inputs)?;
     written = inertialess::without_inertialess(written, formulation)?;
-    if let Some(kind) = formulation.connection {
-        written = with_connection(&written, kind)?;
-    }
-    let mut system = assemble::on_algebroid(written.clone(), formulation)?;
+    let mut system = match lifted(&mut written, formulation)? {
+        Some(system) => system,
+        None => {
+            if let Some(kind) = formulation.connection {
+                written = with_connection(&written, kind)?;
+            }
+            assemble::on_algebroid(written.clone(), formulation)?
+        }
+    };
     system = with_circles(&written, system, &formulation.circles)?;
     frame::with_stages(system)
         .map_err(|error| written.diagnostics(vec![constraint::refused(&written, &error)]))
+}
+
+/// The system with its mechanical connection by the equation that this solves, where nothing else changes velocities.
+fn lifted(written: &mut Model, formulation: &Formulation) -> Result<Option<ReducedSystem>, Diagnostics> {
+    let Some(lift) = Lift::of(written, formulation) else { return Ok(None) };
+    let system = assemble::on_algebroid(written.clone(), formulation)?;
+    if system.degeneracy.is_some() {
+        return Ok(None);
+    }
+    let system = lifted::over_lift(system, lift);
+    system.map(Some).map_err(|error| written.diagnostics(vec![written.diagnose(&error)]))
 }
 
 /// The model with the items that a formulation chooses in the place of its own.

@@ -2,7 +2,9 @@
 
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, Number, Rational, Style};
-use hamel_lang::algebra::{LieAlgebra, independent_vectors, next_ideal, solve_symbolic, whole_algebra};
+use hamel_lang::algebra::{
+    LieAlgebra, independent_vectors, next_ideal, solve_over_determinant, solve_symbolic, whole_algebra,
+};
 use hamel_lang::spec::LEVEL_MOMENTUM;
 
 /// Sparse bilinear form with values in the adapted basis: entries `(a, b, c, value)` meaning
@@ -24,6 +26,37 @@ pub struct StageLevel {
     pub curvature: Tensor,
     /// `b_j(eta, zeta) = [eta, zeta]` for `zeta` in `n_{j+1}`, the quotient vertical connection.
     pub vertical_connection: Tensor,
+}
+
+/// A part of a vertical equation by stages, tested on the adapted element `f_k`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VerticalPart {
+    /// `k`.
+    pub element: usize,
+    /// What it is.
+    pub kind: VerticalKind,
+    /// Its value.
+    pub value: ExprId,
+}
+
+/// What a part of a vertical equation is, for an element of level `i`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VerticalKind {
+    /// `<beta, [eta^i, f_k]_i>`.
+    Coadjoint,
+    /// `<beta, a_i(eta^i, f_k)>`.
+    Curvature,
+    /// `<beta, b_i(f_k, sum_{l>i} eta^l)>`.
+    Below,
+    /// `<beta, b_j(eta^j, f_k)>` of the level `j < i`.
+    Above(usize),
+}
+
+impl VerticalKind {
+    /// Whether the equation has minus it.
+    pub fn is_negative(self) -> bool {
+        matches!(self, VerticalKind::Curvature | VerticalKind::Below)
+    }
 }
 
 /// A Lie algebra split along a chain of ideals `g = n_0 > n_1 > .. > n_k > 0`.
@@ -116,7 +149,11 @@ impl Stages {
         // basis is invertible: each level completes the one below to a basis of the level's stage.
         let columns = solve_symbolic(g, &transposed, &unit)
             .map_err(|_| vec![Error::DegenerateInnerProduct { stage: names[0].clone() }])?;
-        let inverse: Vec<Vec<ExprId>> = (0..n).map(|a| columns.iter().map(|row| row[a]).collect()).collect();
+        let mut inverse: Vec<Vec<ExprId>> =
+            (0..n).map(|a| columns.iter().map(|row| row[a]).collect()).collect();
+        for range in &ranges {
+            by_products(g, &mut inverse, &metric, (&basis, range.clone()));
+        }
         let mut stages = Stages {
             levels: Vec::new(),
             basis,
@@ -254,24 +291,40 @@ impl Stages {
     /// # Source
     /// Cendra, Diaz, equation (19), in the corrected closed form of (20).
     pub fn vertical_equations(&self, g: &mut Graph, eta: &[ExprId], beta: &[ExprId]) -> Vec<ExprId> {
-        let mut terms: Vec<Vec<ExprId>> = vec![Vec::new(); eta.len()];
-        for level in &self.levels {
-            for (a, z, c, value) in &level.quotient_bracket {
-                terms[*z].push(g.product(&[*value, beta[*c], eta[*a]]));
-            }
-            for (a, z, c, value) in &level.curvature {
-                let term = g.product(&[*value, beta[*c], eta[*a]]);
-                terms[*z].push(g.neg(term));
-            }
-            for (a, b, c, value) in &level.vertical_connection {
-                // The level's own equation: z = e_a stands in the first slot of b.
-                let own = g.product(&[*value, beta[*c], eta[*b]]);
-                terms[*a].push(g.neg(own));
-                // A deeper level's equation: z = e_b stands in the second slot.
-                terms[*b].push(g.product(&[*value, beta[*c], eta[*a]]));
+        let mut right = vec![g.zero(); eta.len()];
+        for VerticalPart { element, kind, value } in self.vertical_parts(g, eta, beta) {
+            let term = if kind.is_negative() { g.neg(value) } else { value };
+            right[element] = g.add(right[element], term);
+        }
+        right
+    }
+
+    /// The parts of the right sides of [`Stages::vertical_equations`] for which a form has components, by elements.
+    pub fn vertical_parts(&self, g: &mut Graph, eta: &[ExprId], beta: &[ExprId]) -> Vec<VerticalPart> {
+        let mut parts = Vec::new();
+        for element in 0..eta.len() {
+            let own = self.level_of(element);
+            let level = &self.levels[own];
+            let mut part = |g: &mut Graph, kind: VerticalKind, tensor: &Tensor, is_second: bool| {
+                let picked = tensor.iter().filter(|(a, b, ..)| element == if is_second { *b } else { *a });
+                let terms = picked.map(|(a, b, c, value)| {
+                    let other = if is_second { *a } else { *b };
+                    g.product(&[*value, beta[*c], eta[other]])
+                });
+                let terms: Vec<ExprId> = terms.collect();
+                let value = g.sum(&terms);
+                if value != g.zero() {
+                    parts.push(VerticalPart { element, kind, value });
+                }
+            };
+            part(g, VerticalKind::Coadjoint, &level.quotient_bracket, true);
+            part(g, VerticalKind::Curvature, &level.curvature, true);
+            part(g, VerticalKind::Below, &level.vertical_connection, false);
+            for (j, above) in self.levels[..own].iter().enumerate() {
+                part(g, VerticalKind::Above(j), &above.vertical_connection, true);
             }
         }
-        terms.iter().map(|list| g.sum(list)).collect()
+        parts
     }
 
     /// An adapted basis element spelled in the algebra's basis.
@@ -320,7 +373,7 @@ fn horizontal_basis(
         gram.push(below.iter().map(|h| inner(g, f, h)).collect::<Vec<_>>());
         right.push(representatives.iter().map(|e| inner(g, f, e)).collect::<Vec<_>>());
     }
-    let coefficients = solve_symbolic(g, &gram, &right).map_err(|_| ())?;
+    let coefficients = solve_over_determinant(g, &gram, &right).map_err(|_| ())?;
     let mut lifted = Vec::new();
     for (k, e) in representatives.iter().enumerate() {
         let mut vector = Vec::new();
@@ -335,6 +388,33 @@ fn horizontal_basis(
         lifted.push(vector);
     }
     Ok(lifted)
+}
+
+/// Writes components along a level by inner products, `eta = K^-1 <f, .>` with `K` that of the level, where that is
+/// shorter than what the levels below leave of an elimination.
+fn by_products(
+    g: &mut Graph,
+    inverse: &mut [Vec<ExprId>],
+    metric: &[Vec<ExprId>],
+    (basis, range): (&[Vec<ExprId>], std::ops::Range<usize>),
+) {
+    let is_number = |g: &Graph, e: ExprId| g.as_rational(e).is_some();
+    if range.clone().all(|k| inverse.iter().all(|row| is_number(g, row[k]))) {
+        return;
+    }
+    let lowered: Vec<Vec<ExprId>> =
+        range.clone().map(|k| metric.iter().map(|row| g.dot(row, &basis[k])).collect()).collect();
+    let gram: Vec<Vec<ExprId>> =
+        lowered.iter().map(|f| range.clone().map(|k| g.dot(f, &basis[k])).collect()).collect();
+    let Ok(solved) = solve_over_determinant(g, &gram, &lowered) else { return };
+    for (k, row) in range.zip(solved) {
+        for (own, e) in inverse.iter_mut().zip(row) {
+            let size = |g: &Graph, e: ExprId| g.reachable(&[e]).len();
+            if !is_number(g, own[k]) && size(g, e) < size(g, own[k]) && g.is_equal(e, own[k]) {
+                own[k] = e;
+            }
+        }
+    }
 }
 
 fn stage_forms(

@@ -15,6 +15,7 @@ use super::constraint::{HigherOrder, KinematicConstraint, Unknown};
 use super::degenerate::Degeneracy;
 use super::domain::DomainCondition;
 use super::formulation::Formulation;
+use super::lift::Lift;
 use super::matrix_group::MomentumInSpace;
 use super::momenta::{CarriedMomentum, Hamiltonian};
 use super::part::Part;
@@ -195,6 +196,9 @@ pub struct ReducedSystem {
     pub circles: Vec<Circle>,
     /// The frame of the velocities by that of the model; absent where they are the same.
     pub frame: Option<Frame>,
+    /// The mechanical connection of the velocities in the state, where the equations are those without it: the frame
+    /// is `w = v + A xdot`.
+    pub lift: Option<Lift>,
     /// The frame of quasi-velocities that the model declares, by the one of its velocities before.
     pub quasi_frame: Option<Frame>,
     /// What is divided by in a change of frame and not known to be non-zero, with what to call it.
@@ -278,6 +282,7 @@ impl ReducedSystem {
             domains,
             circles: _,
             frame,
+            lift,
             quasi_frame,
             pivots,
             changes,
@@ -316,6 +321,8 @@ impl ReducedSystem {
         let domains = domains.iter_mut().map(|d| &mut d.positive);
         list.extend(domains.enumerate().map(|(k, e)| (Part::Domain(k), e)));
         let frame = frame.iter_mut().chain(quasi_frame).flat_map(Frame::expressions_mut);
+        let lift = lift.iter_mut().flat_map(Lift::expressions_mut);
+        list.extend(lift.map(|e| (Part::Connection, e)));
         let changes = changes.iter_mut().map(|change| &mut change.value);
         let pivots = pivots.iter_mut().map(|(_, e)| e);
         list.extend(frame.chain(changes).chain(pivots).map(|e| (Part::Frame, e)));

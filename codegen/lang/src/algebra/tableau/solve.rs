@@ -4,7 +4,7 @@
 
 use hamel_expr::{ExprId, Graph};
 
-use super::cofactors::{MAX_DETERMINANT, determinant};
+use super::cofactors::{MAX_COFACTORS, MAX_DETERMINANT, adjugate, determinant};
 use super::grade::Judge;
 use super::rows::{Tableau, Tie};
 
@@ -51,6 +51,39 @@ pub fn solve_symmetric(
         x[i] = row;
     }
     Ok(x)
+}
+
+/// Solves `A X = B` for a symmetric `A` over its determinant as the one denominator, where `A` has few rows; as
+/// [`solve_symmetric`] does otherwise.
+///
+/// # Shapes
+/// `a`: `n x n`, `b`: `n x k` -> `n x k`.
+///
+/// # Errors
+/// The index of a column, when `A` is singular identically.
+pub fn solve_over_determinant(
+    g: &mut Graph,
+    a: &[Vec<ExprId>],
+    b: &[Vec<ExprId>],
+) -> Result<Vec<Vec<ExprId>>, usize> {
+    if !(2..=MAX_COFACTORS).contains(&a.len()) {
+        return solve_symmetric(g, a, b);
+    }
+    let determinant = determinant(g, a);
+    if g.is_zero(determinant) {
+        // Which column it is, the elimination knows.
+        return solve_symmetric(g, a, b);
+    }
+    let inverse = g.powi(determinant, -1);
+    let cofactors = adjugate(g, a);
+    let width = b.first().map_or(0, Vec::len);
+    let mut entry = |row: &[ExprId], i: usize| {
+        let column: Vec<ExprId> = b.iter().map(|row| row[i]).collect();
+        let sum = g.dot(row, &column);
+        let numerator = g.cancel_zero(sum);
+        g.mul(numerator, inverse)
+    };
+    Ok(cofactors.iter().map(|row| (0..width).map(|i| entry(row, i)).collect()).collect())
 }
 
 /// The determinant of a square matrix: by cofactors while its minors are few, by the product of the pivots of an

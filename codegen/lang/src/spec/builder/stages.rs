@@ -385,3 +385,17 @@ fn is_along(name: &str, stage: &str) -> bool {
         None => false,
     }
 }
+
+impl IdealChain {
+    /// The algebra as its one stage, `whole`.
+    pub fn whole() -> IdealChain {
+        IdealChain {
+            names: vec!["whole".into()],
+            ideals: Vec::new(),
+            inner_product: None,
+            connection: None,
+            momentum: names::LEVEL_MOMENTUM.to_owned(),
+            spans: vec![None],
+        }
+    }
+}

@@ -81,6 +81,20 @@ fn taken_name(system: &ReducedSystem) -> Option<String> {
     along.into_iter().chain(momenta).find(|name| taken.contains(name.as_str()))
 }
 
+impl ReducedSystem {
+    /// The algebroid in the frame `(D_i, e_a)` of the horizontal lifts of the connection.
+    pub fn with_lifts(&self, g: &mut Graph) -> Algebroid {
+        let (Some(frame), Some(_)) = (&self.frame, &self.lift) else { return self.algebroid.clone() };
+        let lifts = Frame {
+            original: frame.original.clone(),
+            matrix: frame.inverse.clone(),
+            inverse: frame.matrix.clone(),
+        };
+        let names: Vec<String> = frame.original.iter().map(|u| u.name.clone()).collect();
+        algebroid::transformed(g, &self.algebroid, &lifts, &names)
+    }
+}
+
 /// The algebroid in the frame of quasi-velocities that a model declares, and that frame.
 pub(super) fn in_quasi_frame(
     g: &mut Graph,
@@ -141,6 +155,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         domains,
         circles,
         frame: _,
+        lift,
         quasi_frame,
         pivots,
         changes: _,
@@ -161,9 +176,10 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     let values = frame.velocities(g, &symbols);
     let all: BTreeMap<SymbolId, ExprId> = velocities.iter().copied().zip(values).skip(n).collect();
     let divided = |_: DivisionByZero| Error::DivisionByZero { place: "the change of frame".into() };
+    let old = (lagrangian, velocities.as_slice());
     let lagrangian = g.subs(lagrangian, &all).map_err(divided)?;
     let along: Vec<SymbolId> = eta.iter().map(|u| u.symbol).collect();
-    let lagrangian = gathered(g, lagrangian, &along, &algebroid);
+    let lagrangian = gathered(g, lagrangian, &along, (&algebroid, &frame, old));
     let forces = g.subs_all(&forces, &all).map_err(divided)?;
     let forces = frame.one_form(g, &forces);
     let beside = constraint::Setting { time, params: &params, signs: &signs, algebroid: &algebroid };
@@ -244,6 +260,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         domains,
         circles,
         frame: None,
+        lift,
         quasi_frame,
         pivots,
         changes: Vec::new(),
@@ -260,7 +277,14 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
 
 /// The same function of the velocities, a sum over their products where the metric depends on parameters alone: the
 /// products that couple levels are not there then, and the others have one coefficient each.
-fn gathered(g: &mut Graph, lagrangian: ExprId, velocities: &[SymbolId], algebroid: &Algebroid) -> ExprId {
+///
+/// `old`: the function of the velocities of the model.
+fn gathered(
+    g: &mut Graph,
+    lagrangian: ExprId,
+    velocities: &[SymbolId],
+    (algebroid, frame, old): (&Algebroid, &Frame, (ExprId, &[SymbolId])),
+) -> ExprId {
     let moving = velocities.iter().chain(algebroid.base()).copied().chain([algebroid.time()]);
     let moving: BTreeSet<SymbolId> = moving.collect();
     let zeros: BTreeMap<SymbolId, ExprId> = velocities.iter().map(|s| (*s, g.zero())).collect();
@@ -274,6 +298,7 @@ fn gathered(g: &mut Graph, lagrangian: ExprId, velocities: &[SymbolId], algebroi
         let slope = g.cancel_zero(slope);
         terms.push(g.mul(slope, velocity));
     }
+    let lowered = lowered(g, frame, old);
     let half = Rational::new(1.into(), 2.into());
     for (a, p) in p.into_iter().enumerate() {
         for (b, s) in velocities.iter().enumerate().skip(a) {
@@ -282,12 +307,38 @@ fn gathered(g: &mut Graph, lagrangian: ExprId, velocities: &[SymbolId], algebroi
             if g.depends_on(entry, &moving) {
                 return lagrangian;
             }
+            let entry = paired(g, entry, frame, (&lowered[a], b));
             let pair = [velocities[a], *s].map(|s| g.sym(s));
             let product = g.product(&[entry, pair[0], pair[1]]);
             terms.push(if a == b { g.scale(product, &half) } else { product });
         }
     }
     g.sum(&terms)
+}
+
+/// The metric of a function of the velocities of the model, contracted with each section of a frame.
+fn lowered(
+    g: &mut Graph,
+    frame: &Frame,
+    (lagrangian, velocities): (ExprId, &[SymbolId]),
+) -> Vec<Vec<ExprId>> {
+    let p: Vec<ExprId> = velocities.iter().map(|s| g.diff(lagrangian, *s)).collect();
+    let metric: Vec<Vec<ExprId>> =
+        p.iter().map(|p| velocities.iter().map(|s| g.diff(*p, *s)).collect()).collect();
+    let column = |a: usize| -> Vec<ExprId> { frame.matrix.iter().map(|row| row[a]).collect() };
+    (0..velocities.len()).map(|a| metric.iter().map(|row| contract(g, row, &column(a))).collect()).collect()
+}
+
+/// An entry of the metric in a frame, `<f_a, f_b>`, as the product of `f_a` with the representative of `f_b` modulo the
+/// levels below, where these are orthogonal to `f_a` and that is shorter.
+fn paired(g: &mut Graph, entry: ExprId, frame: &Frame, (lowered, b): (&[ExprId], usize)) -> ExprId {
+    let numbers: Vec<ExprId> = (frame.matrix.iter())
+        .map(|row| if g.as_rational(row[b]).is_some() { row[b] } else { g.zero() })
+        .collect();
+    let product = contract(g, lowered, &numbers);
+    let size = |g: &Graph, e: ExprId| g.reachable(&[e]).len();
+    let is_shorter = size(g, product) < size(g, entry);
+    if is_shorter && g.is_equal(product, entry) { product } else { entry }
 }
 
 /// The state of velocities along the levels, and what tells of it; the unknowns before.
