@@ -68,6 +68,9 @@ const MAP_0F3A: u8 = 3;
 /// The field of an operand that an instruction does not have.
 const NO_REGISTER: usize = 0;
 
+/// Bytes of the smallest guard behind a stack.
+const PAGE: usize = 4096;
+
 const RSP: u8 = 4;
 const RAX: u8 = 0;
 const R10: u8 = 10;
@@ -165,10 +168,17 @@ impl Assembler {
 
     /// A function that returns zero, or one where it gives up, with so many bytes of the stack.
     pub(crate) fn finish(mut self, n_bytes: usize) -> Vec<u8> {
+        // mov rax, [rsp + 8]; mov r10, [rsp + 16]
+        let mut code = vec![0x48, 0x8b, 0x44, 0x24, 8, 0x4c, 0x8b, 0x54, 0x24, 16];
+        // Each page is touched in its turn, so that none beyond the guard of the stack is: or qword [rsp - distance], 0
+        for page in 1..=n_bytes / PAGE {
+            code.extend([0x48, 0x83, 0x8c, 0x24]);
+            code.extend((-((page * PAGE) as i32)).to_le_bytes());
+            code.push(0);
+        }
         let n_bytes = (n_bytes as u32).to_le_bytes();
-        let mut code = Vec::new();
-        // mov rax, [rsp + 8]; mov r10, [rsp + 16]; sub rsp, n_bytes
-        code.extend([0x48, 0x8b, 0x44, 0x24, 8, 0x4c, 0x8b, 0x54, 0x24, 16, 0x48, 0x81, 0xec]);
+        // sub rsp, n_bytes
+        code.extend([0x48, 0x81, 0xec]);
         code.extend(n_bytes);
         // vzeroupper; add rsp, n_bytes; mov eax, answer; ret
         let end = |answer: u8| {

@@ -83,6 +83,36 @@ fn every_lane_has_the_bits_of_the_interpreter() {
     assert_eq!(first_other(&compiled, &program), None);
 }
 
+/// Values that are kept for the end take more than a page of the stack.
+#[test]
+fn a_frame_of_several_pages_is_touched_page_by_page() {
+    let n = 95;
+    let product = |k: usize| format!("(x{k} - k*x{})", k % n + 1);
+    let all: Vec<String> = (1..=n).map(product).collect();
+    let pairs: Vec<String> = (1..=n).map(|k| format!("{}*{}", product(k), product(n + 1 - k))).collect();
+    let text = format!(
+        "model wide {{ param k = 0.3; param b = 1; coordinate x: vector({n}) in real; lagrangian = dot(x_dot, x_dot)/2;
+            output all = [{}, {}]; }}",
+        all.join(", "),
+        pairs.join(", ")
+    );
+    let model = spec::parse("wide.hamel", &text).unwrap_or_else(|e| panic!("{e}"));
+    let program = scene::build(&model, "default").unwrap_or_else(|e| panic!("{e}")).into_program();
+    let compiled = Compiled::new(&program).unwrap();
+    let prepared = program.prepare(&[0.3, 1.0]).unwrap();
+    let splat = |values: &[f64]| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>();
+    let state: Vec<f64> = (0..2 * n).map(|k| (k as f64).sin()).collect();
+    for (k, function) in program.functions.iter().enumerate() {
+        let mut own = vec![0.0; function.results.len()];
+        program.run_at(k, &[0.3, 1.0], &prepared, Point { t: 0.5, state: &state, argument: &[] }, &mut own);
+        let mut out = splat(&own);
+        out.fill(F64x4::splat(f64::NAN));
+        let point = Point { t: F64x4::splat(0.5), state: &splat(&state)[..], argument: &[] };
+        compiled.run_at(k, &splat(&[0.3, 1.0]), &splat(&prepared), point, &mut out);
+        assert!(out.iter().zip(&own).all(|(found, own)| found.lane(3).to_bits() == own.to_bits()));
+    }
+}
+
 /// A difference with its operands exchanged, and a sum with another sign; not where the sign has no part in a result,
 /// as that of an angle in its cosine.
 #[test]
