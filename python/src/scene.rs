@@ -586,9 +586,10 @@ impl Scene {
         keep: Vec<(String, Option<f64>)>,
         free: Vec<String>,
         at_rest: bool,
-        (t, period): (Option<f64>, Option<f64>),
+        times: (Option<f64>, Option<f64>),
         along: Option<(String, f64, f64, usize)>,
     ) -> PyResult<String> {
+        let (t, period) = times;
         let along = along.map(|(name, from, to, n_points)| Along { name, from, to, n_points });
         let own = |name: &String| along.as_ref().is_some_and(|along| along.name == *name);
         let names = self.info().params.iter().map(|p| p.name.clone());
