@@ -50,7 +50,7 @@ pub struct Motions<E = ParamError> {
     pub n_times: usize,
     /// States at the times asked for, trajectory by trajectory and time by time; NaN where they were not reached.
     pub states: Vec<f64>,
-    /// What [`Source::measure`] tells of each of these states; NaN where it tells nothing.
+    /// What [`Source::measure`](crate::Source::measure) tells of each of these states; NaN where it tells nothing.
     pub measures: Vec<f64>,
     /// The last state of each trajectory; the initial state if it never started.
     pub ends: Vec<f64>,

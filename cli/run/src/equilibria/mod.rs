@@ -3,7 +3,7 @@
 //!
 //! The equations of a scene are reduced already, so that what turns and moves steadily in space is at rest there.
 //! Symmetries that are left in a scene - cyclic coordinates, a heading, equal moments of inertia - are found by
-//! numbers, see [`symmetry`].
+//! numbers.
 //!
 //! Does not know: arguments, how an answer is shown.
 
