@@ -292,6 +292,7 @@ fn what_cannot_be_found_is_said() {
     assert!(
         (one(driven, "default", &Asked { t: Some(0.0), ..Asked::default() }).state[0] - 1.0).abs() < 1e-12
     );
+    assert!(refused(driven, &around(6.0, Asked::default())).contains("without time"));
     let asked = Asked {
         set: named(&[("q", 1.0)]),
         keep: vec![("Omega4".to_owned(), None)],
@@ -405,6 +406,9 @@ fn an_orbit_of_a_pendulum_has_its_period() {
     assert!((orbit.period.unwrap() - wanted).abs() < 1e-10, "{orbit:?} {wanted}");
     // Energy and phase leave nothing.
     assert_eq!(orbit.stability.verdict, Verdict::Rigid);
+    // At rest it comes back after any time, which is no orbit.
+    let text = find(&model(PENDULUM), "default", &around(6.3, at(&[("q", 0.0)]))).unwrap_err().to_string();
+    assert!(text.contains("leads to an equilibrium"), "{text}");
     // Beyond the upright position it goes round: the angle comes back with a full turn.
     let round = around(3.0, Asked { keep: vec![("energy".to_owned(), None)], ..at(&[("q_dot", 2.5)]) });
     let orbit = one(PENDULUM, "default", &round);

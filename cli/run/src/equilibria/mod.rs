@@ -49,6 +49,8 @@ const RTOL: f64 = 1e-13;
 const ATOL: f64 = 1e-15;
 /// A period differs from the guess by less than this factor.
 const STRETCH: f64 = 3.0;
+/// A motion that moves by less than this in a period, beside its size, is an equilibrium.
+const AT_REST: f64 = 1e-8;
 /// Most steps of such a motion.
 const MAX_STEPS: u64 = 1_000_000;
 
@@ -200,6 +202,10 @@ impl<'a> Search<'a> {
         let told = starts.told([&set, &given], (&params, &y))?;
         let value = |input: &ParamEntry| hold.get(&input.name).copied().unwrap_or(input.default);
         let guess = Point { y, inputs: info.inputs.iter().map(value).collect(), params };
+        if asked.period.is_some() && field.reads_time() {
+            let reason = "depends on time: only motions without time in their equations come back";
+            return Err(Error::unusable("the motion", reason));
+        }
         if asked.t.is_none() && field.reads_time() {
             let reason = "depends on time: give the time `t` that the equations are frozen at";
             return Err(Error::unusable("the motion", reason));
@@ -380,6 +386,11 @@ impl<'a> Search<'a> {
         let inner = x.rows(0, x.len() - 1).into_owned();
         let (at, drifts, period) = (equations.point(&inner), equations.drifts(&inner), x[x.len() - 1]);
         let residual = orbit.residual(&x).ok_or_else(no_value)?.rows(0, n).amax();
+        let rest = equations.residual(&inner).ok_or_else(no_value)?.rows(0, n).amax();
+        if rest * period <= AT_REST * (1.0 + DVector::from_column_slice(&at.y).amax()) {
+            let reason = "leads to an equilibrium, which comes back after any time: give another one";
+            return Err(Error::unusable("the guess", reason));
+        }
         let (_, derivatives) = flow(&at, period, true).ok_or_else(no_value)?;
         // Back from where the drift has led.
         let (back, _) = drifted(equations.symmetries, &drifts, -period, n);
