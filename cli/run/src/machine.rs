@@ -67,6 +67,7 @@ mod nothing {
     }
 
     /// The derivatives that sums are of.
+    #[expect(dead_code, reason = "nobody sums without compiled code")]
     pub(in super::super) struct Slopes<'a, V> {
         pub(in super::super) n_stages: usize,
         pub(in super::super) first: &'a V,
