@@ -368,19 +368,19 @@ impl Allocation {
                 let (a, b) = if is_swapped { (b, a) } else { (a, b) };
                 let first = self.loaded(a, &[b]);
                 let second = self.place(b);
-                self.forget(at, instruction, &[first]);
+                self.forget(at, instruction);
                 let target = self.target(to, &[first, second]);
                 self.assembler.binary(operation, target, first.register(), second);
             }
             Instruction::Root(to, a) => {
                 let source = self.place(a);
-                self.forget(at, instruction, &[source]);
+                self.forget(at, instruction);
                 let target = self.target(to, &[source]);
                 self.assembler.root(target, source);
             }
             Instruction::Shift(to, a, bits) => {
                 let source = self.loaded(a, &[]);
-                self.forget(at, instruction, &[source]);
+                self.forget(at, instruction);
                 let target = self.target(to, &[source]);
                 self.assembler.shift(target, source.register(), bits);
             }
@@ -388,19 +388,19 @@ impl Allocation {
                 let first = self.loaded(a, &[b, c]);
                 let third = self.loaded_beside(c, &[b], &[first]);
                 let second = self.place(b);
-                self.forget(at, instruction, &[first, third]);
+                self.forget(at, instruction);
                 let target = self.target(to, &[first, second, third]);
                 self.assembler.choose(target, first.register(), second, third.register());
             }
             Instruction::Store(a, pointer, offset) => {
                 let source = self.loaded(a, &[]);
-                self.forget(at, instruction, &[source]);
+                self.forget(at, instruction);
                 self.assembler.store(source.register(), Place::Number(pointer, offset));
             }
             Instruction::Guard(scratch, [a, b]) => {
                 let first = self.loaded(a, &[b]);
                 let second = self.place(b);
-                self.forget(at, instruction, &[first]);
+                self.forget(at, instruction);
                 let target = self.target(scratch, &[first, second]);
                 self.assembler.guard(target, first.register(), second);
                 // Nobody reads the comparison again.
@@ -488,7 +488,7 @@ impl Allocation {
     }
 
     /// Forgets the operands of an instruction that no later one needs.
-    fn forget(&mut self, at: usize, instruction: &Instruction, _: &[Place]) {
+    fn forget(&mut self, at: usize, instruction: &Instruction) {
         for operand in instruction.operands() {
             if let Value::Temporary(k) = operand {
                 while self.uses[k].last() == Some(&at) {

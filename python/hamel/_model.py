@@ -590,7 +590,7 @@ class Model:
         at_rest: bool = False,
         t: float | None = None,
     ) -> Equilibrium:
-        """The relative equilibrium nearest to a guess, with its stability on the reduced space.
+        """A relative equilibrium near a guess, with its stability on the reduced space.
 
         The guess is an initial state as :meth:`simulate` takes it. ``keep`` names components of the state, invariants
         and outputs that stay as they are at the guess, or gives them values; ``free`` names inputs and parameters that

@@ -576,7 +576,7 @@ impl Scene {
         Ok(explain::explain(&self.model, &derived, Style::Unicode))
     }
 
-    /// The relative equilibrium nearest to a guess, a family of them, or an orbit, as JSON. The times are the one that
+    /// A relative equilibrium near a guess, a family of them, or an orbit, as JSON. The times are the one that
     /// equations are frozen at, and the period of an orbit.
     #[pyo3(signature = (guess, keep, free, at_rest, times, along=None))]
     fn trim(

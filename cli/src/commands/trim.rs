@@ -16,7 +16,7 @@ use hamel_run::error::Error;
 use hamel_run::model;
 use hamel_run::session::Session;
 
-/// Find the relative equilibrium nearest to a guess, or a family of them, with its stability
+/// Find a relative equilibrium near a guess, a family of them, or a periodic orbit, with its stability
 ///
 /// The equations are reduced: a body that turns and moves steadily is at rest in them. Beside states at rest, `trim`
 /// finds states that drift along a symmetry that is left: a cyclic coordinate, a heading, the axis of a symmetric body.

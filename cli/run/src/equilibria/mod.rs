@@ -130,7 +130,7 @@ pub struct Answer {
     pub end: Option<End>,
 }
 
-/// Finds the relative equilibrium nearest to a guess, or a family of them.
+/// Finds a relative equilibrium near a guess, a family of them, or a relative periodic orbit.
 ///
 /// # Errors
 /// [`Error::Request`] with every name that is not there; why there is no guess, and no equilibrium near it.

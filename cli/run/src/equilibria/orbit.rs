@@ -41,25 +41,8 @@ pub(super) fn drifted(
     t: f64,
     n: usize,
 ) -> (DMatrix<f64>, DVector<f64>) {
-    let whole = exponential(&generator(symmetries, drifts, n) * t);
+    let whole = (generator(symmetries, drifts, n) * t).exp();
     (whole.view((0, 0), (n, n)).into_owned(), whole.view((0, n), (n, 1)).column(0).into_owned())
-}
-
-/// The exponential of a matrix: that of a small part of it by its series, squared again and again.
-fn exponential(matrix: DMatrix<f64>) -> DMatrix<f64> {
-    let n_squarings = matrix.norm().log2().ceil().max(0.0) as i32 + 1;
-    let small = matrix * 0.5_f64.powi(n_squarings);
-    let mut term = DMatrix::identity(small.nrows(), small.nrows());
-    let mut sum = term.clone();
-    // 0.5^20 / 20! is below the roundoff.
-    for k in 1..=20 {
-        term = &term * &small / f64::from(k);
-        sum += &term;
-    }
-    for _ in 0..n_squarings {
-        sum = &sum * &sum;
-    }
-    sum
 }
 
 /// `sum c_k Z_k` as a matrix that acts on `(y, 1)`.
@@ -124,12 +107,12 @@ impl Solvable for Orbit<'_> {
             blocks.view_mut((0, 0), (n + 1, n + 1)).copy_from(&whole);
             blocks.view_mut((n + 1, n + 1), (n + 1, n + 1)).copy_from(&whole);
             blocks.view_mut((0, n + 1), (n + 1, n + 1)).copy_from(&one);
-            let slope = exponential(blocks * t).view((0, n + 1), (n + 1, n + 1)) * &extended;
+            let slope = (blocks * t).exp().view((0, n + 1), (n + 1, n + 1)) * &extended;
             jacobian.view_mut((0, n + k), (n, 1)).copy_from(&(-slope.rows(0, n)));
         }
         let end = Point { y: reached, ..at.clone() };
         let rates = DVector::from_vec(field.values(&end)?.rates);
-        let moved = &whole * (exponential(&whole * t) * &extended);
+        let moved = &whole * ((&whole * t).exp() * &extended);
         jacobian.view_mut((0, x.len() - 1), (n, 1)).copy_from(&(rates - moved.rows(0, n)));
         let by: Vec<Variable> = (0..n).map(Variable::State).collect();
         let slopes = field.derivatives(&at, &by)?;

@@ -1,4 +1,4 @@
-//! The equations of an equilibrium and their solution nearest to a guess.
+//! The equations of an equilibrium and a solution near a guess.
 //!
 //! ```text
 //! f(y; u, p) = sum c_k Z_k(y)      rates are drifts along symmetries
