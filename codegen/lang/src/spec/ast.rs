@@ -363,6 +363,12 @@ pub(super) enum ItemKind {
     },
     /// `event impact = z falling { then v = -e*v; }`
     Event(EventItem),
+    /// `configuration R, r in SE(3) velocity Omega, V;`, `configuration R in SO(3) from Omega;`
+    Configuration {
+        names: Vec<Name>,
+        group: AlgebraExpr,
+        by: MovedBy,
+    },
     Reconstruct {
         names: Vec<Name>,
         way: ReconstructWay,
@@ -401,6 +407,15 @@ pub(super) enum Carry {
     Level { cyclic: Name, parameter: Name },
     /// The momenta of a velocity.
     Momenta { velocity: Name, momentum: Name },
+}
+
+/// The velocities that move a configuration.
+#[derive(Clone, Debug)]
+pub(super) enum MovedBy {
+    /// The item declares them.
+    Own(Vec<Name>),
+    /// Those of that name; no names for all velocities of the algebra.
+    Declared(Vec<Name>),
 }
 
 #[derive(Clone, Debug)]

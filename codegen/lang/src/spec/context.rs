@@ -155,6 +155,9 @@ fn of_item(statement: &[&str]) -> Context {
         "representation" if last == "of" || has("on") => Context::Algebra,
         "advected" if has("by") => Context::Action,
         "advected" if has("in") => Context::Algebra,
+        "configuration" if has("velocity") => Context::Anything,
+        "configuration" if has("from") => Context::Velocity,
+        "configuration" if has("in") => Context::Group,
         "reconstruct" if has("by") => Context::Expression,
         "reconstruct" if has("from") => Context::Velocity,
         "reconstruct" if has("in") => Context::Group,
@@ -170,7 +173,7 @@ fn of_item(statement: &[&str]) -> Context {
         "carry" | "routh" => Context::Carried,
         "view" if last == "=" => Context::Solid,
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
-        | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source"
+        | "configuration" | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source"
         | "topic" | "multipliers" => Context::Anything,
         "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
             Context::Anything

@@ -106,6 +106,7 @@ macro_rules! visit {
             outputs,
             sections,
             events,
+            configurations: _,
             reconstruction,
             initial,
             scenes,

@@ -134,6 +134,11 @@ impl MatrixGroup {
         if self.family.is_complex() { 2 } else { 1 }
     }
 
+    /// Whether its matrices are rotations.
+    pub fn is_of_rotations(&self) -> bool {
+        matches!(self.family, MatrixFamily::SpecialOrthogonal | MatrixFamily::Euclidean)
+    }
+
     /// Its algebra.
     pub fn algebra(&self) -> &LieAlgebra {
         &self.algebra

@@ -27,6 +27,7 @@ mod first_order;
 mod fluid;
 mod format;
 mod group;
+pub mod group_motion;
 mod kind;
 mod layout;
 mod limits;
@@ -64,7 +65,7 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use model::{
-    Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
+    Advected, Carried, CarriedBy, Condition, Configuration, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
     FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
     OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
     Velocity, VelocitySection, circle_names, diagnose,

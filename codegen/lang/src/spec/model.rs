@@ -186,6 +186,24 @@ pub struct Advected {
     pub span: Option<Span>,
 }
 
+/// Coordinates in a group of matrices that everything may depend on: the trivial algebroid `G x g`, `g' = g xi` (left)
+/// or `g' = xi g` (right). They are an advected parameter of the model as well, with that action.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Configuration {
+    /// Name of the matrix.
+    pub name: String,
+    /// Its place in [`Model::advected`].
+    pub advected: usize,
+    /// Names of the coordinates: the matrix row by row, and the vectors of a semidirect product.
+    pub names: Vec<String>,
+    /// Their symbols.
+    pub symbols: Vec<SymbolId>,
+    /// The group.
+    pub group: Box<MatrixGroup>,
+    /// The elements of [`Model::algebra`] that are those of the group's, in its order.
+    pub velocities: Vec<usize>,
+}
+
 /// A connection that the generator can derive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConnectionKind {
@@ -569,6 +587,8 @@ pub struct Model {
     pub events: Vec<Event>,
     /// Sections along which momenta are wanted.
     pub sections: Vec<VelocitySection>,
+    /// Coordinates in groups, which expressions of the model may contain.
+    pub configurations: Vec<Configuration>,
     /// Coordinates of the group motion.
     pub reconstruction: Vec<Reconstruction>,
     /// Default initial values of state variables and reconstructed coordinates, by component; in parameters only.

@@ -33,6 +33,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("inner_product", "inner_product = diag([1, 1, 2]);"),
     ("coordinate", "coordinate theta in angle;` or `coordinate x: vector(2) in (0, 1);"),
     ("advected", "advected Gamma in R^3 by cross(Omega, Gamma);"),
+    ("configuration", "configuration R in SO(3) velocity Omega;"),
     ("state", "state i in real by i_dot = (V - R*i)/L;"),
     ("lagrangian", "lagrangian = expression;"),
     ("hamiltonian", "hamiltonian = expression;"),
@@ -80,7 +81,9 @@ pub(super) fn item_meant_by(word: &str) -> Help {
             "write `coordinate` for the base, `velocity` for the algebra, `advected` for what the group moves, \
              `state` for what has a rate of its own"
         }
-        "group" => "write the algebra: `velocity Omega in so(3);`, and `reconstruct` for the group",
+        "group" => {
+            "write `configuration R in SO(3) velocity Omega;`; or reduced by it, `velocity Omega in so(3);` and `reconstruct`"
+        }
         "constraints" | "nonholonomic" | "holonomic" => "write `constraint dot(Omega, Gamma) = 0;`",
         "equation" | "equations" => "equations of motion are derived, not written",
         "if" | "else" | "match" => "the language has no conditions besides `where` and `require`",

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use super::ast::{BodyPart, File, Item, ItemKind, Name, Shape};
+use super::ast::{BodyPart, File, Item, ItemKind, MovedBy, Name, Shape};
 use super::diagnostic::Span;
 use super::parser;
 use super::tokens::{Kind, Token, tokens};
@@ -455,6 +455,14 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
             names.iter().map(|name| one(DeclarationKind::Coordinate, name, is_array(shape))).collect()
         }
         ItemKind::Advected { name, .. } => vec![one(DeclarationKind::Advected, name, true)],
+        ItemKind::Configuration { names, by, .. } => {
+            let own = match by {
+                MovedBy::Own(list) => list.as_slice(),
+                MovedBy::Declared(_) => &[],
+            };
+            let of_velocities = own.iter().map(|name| one(DeclarationKind::Velocity, name, true));
+            names.iter().map(|name| one(DeclarationKind::Advected, name, true)).chain(of_velocities).collect()
+        }
         ItemKind::State { name, shape, .. } => vec![one(DeclarationKind::State, name, is_array(shape))],
         ItemKind::Constraint { name, .. } | ItemKind::Virtual { name, .. } => {
             name.iter().map(|name| one(DeclarationKind::Constraint, name, false)).collect()

@@ -9,7 +9,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::ast::{
-    AlgebraExpr, AlgebraNode, AlgebroidBlock, Carry, DomainExpr, Expr, Item, ItemKind, Name, Node,
+    AlgebraExpr, AlgebraNode, AlgebroidBlock, Carry, DomainExpr, Expr, Item, ItemKind, MovedBy, Name, Node,
     ReconstructWay, Shape, Size,
 };
 use super::diagnostic::Diagnostic;
@@ -218,7 +218,8 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::Coordinate { by: Some((left, right)), .. } => mentions([left, right]),
         ItemKind::Momentum { velocity, .. } => vec![velocity.text.clone()],
         ItemKind::Carry(list) | ItemKind::Scene { carries: list, .. } => levels(list),
-        ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {
+        ItemKind::Configuration { by: MovedBy::Declared(from), .. }
+        | ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {
             owned(from.iter().map(|name| name.text.as_str()))
         }
         ItemKind::View { arguments, around, at, attitude, .. } => {
@@ -241,6 +242,7 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Action(_)
         | ItemKind::Coordinate { by: None, .. }
         | ItemKind::Advected { .. }
+        | ItemKind::Configuration { by: MovedBy::Own(_), .. }
         | ItemKind::State { .. }
         | ItemKind::Independent(_)
         | ItemKind::Multipliers => Vec::new(),

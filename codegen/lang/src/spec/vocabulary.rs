@@ -129,6 +129,11 @@ const OF_ITEMS: &[(&str, &str)] = &[
          right one.",
     ),
     (
+        "configuration",
+        "Coordinates in a group that everything may depend on: `R' = R hat(Omega)` for a left action, \
+         `R' = hat(omega) R` for a right one.",
+    ),
+    (
         "state",
         "A state of first order: a number or a vector of the state whose rate the model gives, a function of \
          the state, inputs and the time.",

@@ -125,7 +125,10 @@ pub(super) fn on_algebroid(
     let turned = |item| reconstruction::momenta_in_space(graph, item, side, algebra.clone());
     let momenta_in_space = items.iter().filter(|_| is_turned).flat_map(turned).collect();
     let kept = |item| reconstruction::group_equations(graph, item, side);
-    let group_equations = items.iter().flat_map(kept).collect();
+    let mut group_equations: Vec<(String, ExprId)> = items.iter().flat_map(kept).collect();
+    for configuration in &model.configurations {
+        group_equations.extend(reconstruction::configuration_equations(graph, configuration, side));
+    }
     reconstruction.extend(momenta::cyclic_coordinates(&mut model, &momenta));
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));

@@ -1,7 +1,4 @@
-//! The group equation `gdot = g xi` (left) or `gdot = xi g` (right) for matrices and the vectors of a semidirect
-//! product, what the matrices keep, and momenta in space.
-//!
-//! Matrices are real here: a complex number `a + ib` is the block `[[a, -b], [b, a]]`.
+//! What the matrices of a group keep along its motion, and momenta in space.
 //!
 //! Does not know: which coordinates a scene carries.
 
@@ -10,6 +7,7 @@ use num_traits::{One, Zero};
 use hamel_expr::{ExprId, Graph, Rational};
 use hamel_lang::algebra::Matrix;
 use hamel_lang::algebra::tableau::{Ring, determinant};
+use hamel_lang::spec::group_motion::{Element, constant, product, transposed};
 use hamel_lang::spec::{KeptForm, MatrixGroup, MatrixSpace, Side};
 
 /// Momenta along some velocities, turned into space: `J_i = sum_k rows[i][k] p_k`.
@@ -21,90 +19,8 @@ pub struct MomentumInSpace {
     pub rows: Vec<Vec<ExprId>>,
 }
 
-/// A square matrix of expressions.
-type Rows = Vec<Vec<ExprId>>;
-
 /// Determinants of larger matrices are not written down.
 const MAX_DETERMINANT: usize = 4;
-
-/// A group element by its coordinates.
-struct Element {
-    /// `g`, as a real matrix.
-    matrix: Rows,
-    /// A vector for each space.
-    vectors: Vec<Vec<ExprId>>,
-}
-
-impl Element {
-    fn new(g: &mut Graph, group: &MatrixGroup, coordinates: &[ExprId]) -> Element {
-        let n = group.n();
-        let (entries, mut rest) = coordinates.split_at(n_entries(group));
-        let matrix = match group.family().is_complex() {
-            false => entries.chunks(n).map(<[ExprId]>::to_vec).collect(),
-            true => {
-                let (re, im) = entries.split_at(n * n);
-                let mut rows = vec![vec![g.zero(); 2 * n]; 2 * n];
-                for (k, (a, b)) in re.iter().zip(im).enumerate() {
-                    let (i, j) = (2 * (k / n), 2 * (k % n));
-                    (rows[i][j], rows[i + 1][j + 1]) = (*a, *a);
-                    (rows[i][j + 1], rows[i + 1][j]) = (g.neg(*b), *b);
-                }
-                rows
-            }
-        };
-        let mut vectors = Vec::new();
-        for (_, dim) in group.spaces() {
-            let (vector, after) = rest.split_at(dim);
-            vectors.push(vector.to_vec());
-            rest = after;
-        }
-        Element { matrix, vectors }
-    }
-}
-
-/// How many coordinates are entries of the matrix.
-fn n_entries(group: &MatrixGroup) -> usize {
-    group.n_blocks() * group.n() * group.n()
-}
-
-/// Rates of the coordinates by the group velocity: `g' = g xi`, `v' = g u` (left), or `g' = xi g`, `v' = xi v + u`
-/// (right), with `u` alone for a space that the group leaves alone.
-pub(super) fn rates(
-    g: &mut Graph,
-    group: &MatrixGroup,
-    coordinates: &[ExprId],
-    xi: &[ExprId],
-    side: Side,
-) -> Vec<ExprId> {
-    let element = Element::new(g, group, coordinates);
-    let (turning, mut moving) = xi.split_at(group.matrices().len());
-    let hat = combined(g, group.matrices(), turning);
-    let rate = match side {
-        Side::Left => product(g, &element.matrix, &hat),
-        Side::Right => product(g, &hat, &element.matrix),
-    };
-    let n = group.n();
-    let mut rates: Vec<ExprId> = match group.family().is_complex() {
-        false => rate.into_iter().flatten().collect(),
-        true => {
-            let part = |k: usize| (0..n * n).map(move |at| (2 * (at / n) + k, 2 * (at % n)));
-            part(0).chain(part(1)).map(|(i, j)| rate[i][j]).collect()
-        }
-    };
-    for ((space, dim), vector) in group.spaces().into_iter().zip(&element.vectors) {
-        let (u, after) = moving.split_at(dim);
-        moving = after;
-        rates.extend(match (space, side) {
-            (MatrixSpace::Trivial(_), _) => u.to_vec(),
-            (MatrixSpace::Standard, Side::Left) => applied(g, &element.matrix, u),
-            (MatrixSpace::Standard, Side::Right) => {
-                let turned = applied(g, &hat, vector);
-                turned.into_iter().zip(u).map(|(a, b)| g.add(a, *b)).collect()
-            }
-        });
-    }
-    rates
-}
 
 /// Functions of the coordinates that a motion of the group keeps, whatever matrix it starts from, with names after
 /// that of the matrix: `g M g^T` (left) or `g^T M g` (right) for the form that the group keeps, and determinants.
@@ -244,36 +160,6 @@ fn dual_basis(matrices: &[Matrix]) -> Option<Vec<Matrix>> {
         parts.fold(zero, |sum, (b, m)| sum.minus(&m.scaled(&(inverse.get(a, b) * &minus))))
     });
     Some(dual.collect())
-}
-
-/// `sum_a xi_a E_a`.
-fn combined(g: &mut Graph, matrices: &[Matrix], xi: &[ExprId]) -> Rows {
-    let size = matrices.first().map_or(0, Matrix::n_rows);
-    let entry = |g: &mut Graph, i: usize, j: usize| {
-        let terms: Vec<(ExprId, Rational)> = (matrices.iter().zip(xi))
-            .filter(|(m, _)| !m.get(i, j).is_zero())
-            .map(|(m, x)| (*x, m.get(i, j).clone()))
-            .collect();
-        g.linear_combination(&terms)
-    };
-    (0..size).map(|i| (0..size).map(|j| entry(g, i, j)).collect()).collect()
-}
-
-fn constant(g: &mut Graph, m: &Matrix) -> Rows {
-    (0..m.n_rows()).map(|i| m.row(i).iter().map(|q| g.rational(q.clone())).collect()).collect()
-}
-
-fn transposed(m: &Rows) -> Rows {
-    (0..m.len()).map(|i| m.iter().map(|row| row[i]).collect()).collect()
-}
-
-fn product(g: &mut Graph, a: &Rows, b: &Rows) -> Rows {
-    let columns = transposed(b);
-    a.iter().map(|row| columns.iter().map(|column| g.dot(row, column)).collect()).collect()
-}
-
-fn applied(g: &mut Graph, m: &Rows, v: &[ExprId]) -> Vec<ExprId> {
-    m.iter().map(|row| g.dot(row, v)).collect()
 }
 
 /// Complex expressions, real and imaginary part.

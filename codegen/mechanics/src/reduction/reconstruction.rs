@@ -5,7 +5,8 @@ use std::ops::Range;
 use num_traits::One;
 
 use hamel_expr::{ExprId, Func, Graph, Rational, SymbolId};
-use hamel_lang::spec::{Reconstruction, ReconstructionKind, Side};
+use hamel_lang::spec::group_motion::group_rates;
+use hamel_lang::spec::{Configuration, Reconstruction, ReconstructionKind, Side};
 
 use super::matrix_group::{self, MomentumInSpace};
 
@@ -38,7 +39,7 @@ pub(super) fn rates(g: &mut Graph, item: &Reconstruction, side: Side) -> Vec<Rec
         ReconstructionKind::Quaternion { omega } => quaternion_rates(g, &coordinates, omega, side),
         ReconstructionKind::PlanarPose { omega, v } => planar_rates(g, &coordinates, *omega, v, side),
         ReconstructionKind::Matrix { group, elements: _, xi } => {
-            matrix_group::rates(g, group, &coordinates, xi, side)
+            group_rates(g, group, &coordinates, xi, side)
         }
         ReconstructionKind::Pose { omega, v } => {
             let (q, r) = coordinates.split_at(4);
@@ -123,6 +124,12 @@ pub(super) fn group_equations(g: &mut Graph, item: &Reconstruction, side: Side) 
     let coordinates: Vec<ExprId> = item.symbols.iter().map(|s| g.sym(*s)).collect();
     let name = item.blocks.first().map_or("", |(name, _)| name.trim_end_matches("_re"));
     matrix_group::equations(g, group, (name, &coordinates), side)
+}
+
+/// Functions of the coordinates of a configuration that a motion keeps because it stays in the group.
+pub(super) fn configuration_equations(g: &mut Graph, item: &Configuration, side: Side) -> Vec<(String, ExprId)> {
+    let coordinates: Vec<ExprId> = item.symbols.iter().map(|s| g.sym(*s)).collect();
+    matrix_group::equations(g, &item.group, (&item.name, &coordinates), side)
 }
 
 /// `|q|^2 R(q)`, or its transpose for a right action: `(w^2 - u.u) 1 + 2 u u^T +- 2 w [u]`.

@@ -60,13 +60,14 @@ impl ModelBuilder {
         Ok(value.with_entries(entries?))
     }
 
-    /// Rates of coordinates by the velocities of the model, of the time, and of parameters.
+    /// Rates of coordinates and configurations by the velocities of the model, of the time, and of parameters.
     pub(in crate::spec) fn rates(&mut self) -> Rates {
         let (zero, one) = (self.graph.zero(), self.graph.one());
         let mut rates = Rates::from([(self.time, one)]);
         rates.extend(self.params.iter().map(|param| (param.symbol, zero)));
         let coordinates: Vec<SymbolId> = self.base.iter().map(|c| c.symbol).collect();
         rates.extend(coordinates.into_iter().zip(self.coordinate_rates()));
+        self.add_configuration_rates(&mut rates);
         rates
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Deliberately does not know: what is checked.
 
-use super::draft::{GivenDraft, ModelBuilder};
+use super::draft::{ConfigurationDraft, GivenDraft, ModelBuilder};
 use super::first_order::misplaced_states;
 use super::inputs::{close, misplaced_inputs};
 use crate::algebra::LieAlgebra;
@@ -13,6 +13,13 @@ use crate::spec::unit::Units;
 use crate::spec::value::Value;
 use crate::spec::view::Views;
 use hamel_expr::Graph;
+
+fn configuration(draft: ConfigurationDraft, advected: &[Advected]) -> Configuration {
+    let ConfigurationDraft { group, advected: k, velocities, values: _ } = draft;
+    let name = advected[k].name.clone();
+    let (names, symbols) = advected[k].components.iter().cloned().unzip();
+    Configuration { name, advected: k, names, symbols, group, velocities }
+}
 
 impl ModelBuilder {
     /// Checks everything and returns the model.
@@ -34,6 +41,7 @@ impl ModelBuilder {
         let algebroid = self.check_algebroid();
         self.check_beside_frame();
         let stages = self.check_stages();
+        self.move_configurations();
         let advected = self.check_advected();
         let first_order = self.check_first_order();
         let connection = self.check_connection();
@@ -72,6 +80,8 @@ impl ModelBuilder {
             initial: by_name(self.initial),
             carries: placed_carries,
         };
+        let drafts = std::mem::take(&mut self.configurations);
+        let configurations = drafts.into_iter().map(|draft| configuration(draft, &advected)).collect();
         let views_graph = self.views_graph.unwrap_or_else(|| match self.views.is_empty() {
             true => Graph::new(),
             false => self.graph.clone(),
@@ -105,6 +115,7 @@ impl ModelBuilder {
             action: self.action.map_or(Side::Left, |(side, _)| side),
             stages,
             advected,
+            configurations,
             first_order,
             lagrangian,
             hamiltonian,

@@ -8,6 +8,7 @@ use crate::algebra::LieAlgebra;
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::event::EventDirection;
 use crate::spec::group::Group;
+use crate::spec::matrix_group::MatrixGroup;
 use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::shape::ValueError;
@@ -121,6 +122,18 @@ pub(super) struct AdvectedDraft {
     pub(super) action: Option<(Value, Option<Span>)>,
     pub(super) doc: String,
     pub(super) span: Option<Span>,
+}
+
+/// A group whose elements are coordinates.
+#[derive(Clone, Debug)]
+pub(super) struct ConfigurationDraft {
+    pub(super) group: Box<MatrixGroup>,
+    /// The advected parameter that its coordinates are.
+    pub(super) advected: usize,
+    /// The elements of the algebra of the model that are those of the group's, in its order.
+    pub(super) velocities: Vec<usize>,
+    /// The matrices and vectors.
+    pub(super) values: Vec<Value>,
 }
 
 /// A state of first order.
@@ -391,6 +404,7 @@ pub struct ModelBuilder {
     /// Connections of stages: by stage and velocity.
     pub(super) stage_connections: Vec<(String, String, Value, Option<Span>)>,
     pub(super) advected: Vec<AdvectedDraft>,
+    pub(super) configurations: Vec<ConfigurationDraft>,
     pub(super) first_order: Vec<FirstOrderDraft>,
     pub(super) lagrangian: Option<(Value, Option<Span>)>,
     pub(super) hamiltonian: Option<(Value, Option<Span>)>,
@@ -470,6 +484,7 @@ impl ModelBuilder {
             inner_product: None,
             stage_connections: Vec::new(),
             advected: Vec::new(),
+            configurations: Vec::new(),
             first_order: Vec::new(),
             lagrangian: None,
             hamiltonian: None,

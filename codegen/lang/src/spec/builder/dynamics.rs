@@ -84,6 +84,7 @@ impl ModelBuilder {
             }
         };
         let e = self.simple_in_frame(e);
+        let e = self.simple_on_groups(e);
         self.reports_stray(e, span, "the lagrangian", &[]);
         let velocities = self.velocity_symbols();
         // Constraints that determine every velocity leave nothing to be derived, as for a swimmer without inertia.

@@ -6,6 +6,7 @@ mod advected;
 mod algebroid;
 mod applied;
 mod build;
+mod configuration;
 mod connection;
 mod constraints;
 mod draft;

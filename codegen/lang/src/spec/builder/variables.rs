@@ -106,6 +106,13 @@ impl ModelBuilder {
         values
     }
 
+    /// Another documentation for a velocity, vector or component.
+    pub(in crate::spec) fn document_velocity(&mut self, name: &str, doc: &str) {
+        for velocity in self.velocities.iter_mut().filter(|v| v.block == name || v.name == name) {
+            doc.clone_into(&mut velocity.doc);
+        }
+    }
+
     /// The names of the components of a velocity, with another prefix.
     pub(in crate::spec) fn labelled(&self, velocity: &str, prefix: &str, other: &str) -> Vec<String> {
         let own = self.velocities.iter().filter(|v| v.block == velocity);

@@ -6,7 +6,7 @@ use super::values::Elaboration;
 use crate::spec::ast::{Carry, Comparison, EventItem, Expr, Item, ItemKind, Name};
 use crate::spec::builder::{CarryDraft, EventSet, FIELD, Placement};
 use crate::spec::eval::is_poisoned;
-use crate::spec::model::{ConnectionKind, FormulationSearch, Side};
+use crate::spec::model::{ConnectionKind, FormulationSearch};
 use crate::spec::names;
 use crate::spec::value::Value;
 
@@ -20,14 +20,6 @@ impl Elaboration<'_> {
                 }
             }
             ItemKind::Require(conditions) => conditions.iter().for_each(|c| self.condition(c)),
-            ItemKind::Action(side) => match side.text.as_str() {
-                "left" => _ = self.builder.at(Some(side.span)).action(Side::Left),
-                "right" => _ = self.builder.at(Some(side.span)).action(Side::Right),
-                other => {
-                    let help = names::suggest(other, ["left", "right"]);
-                    self.problem(side.span, format!("unknown side `{other}`"), help);
-                }
-            },
             ItemKind::Stage { name, ideal, connections } => {
                 match ideal {
                     None => _ = self.builder.at(Some(name.span)).stage(&name.text),
@@ -208,6 +200,8 @@ impl Elaboration<'_> {
             | ItemKind::Frame(_)
             | ItemKind::Momentum { .. }
             | ItemKind::MomentumIn { .. }
+            | ItemKind::Action(_)
+            | ItemKind::Configuration { .. }
             | ItemKind::Reconstruct { .. }
             | ItemKind::Initial { .. }
             | ItemKind::View { .. }

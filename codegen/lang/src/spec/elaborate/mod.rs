@@ -82,6 +82,11 @@ impl Elaboration<'_> {
         items.iter().filter_map(definition).collect()
     }
 
+    /// Forgets the angular velocities of rotations but those of configurations.
+    fn note_configurations(&mut self) {
+        self.spins = self.builder.configuration_spins().into_iter().collect();
+    }
+
     fn run(&mut self, file: &File) {
         for line in &file.doc {
             self.builder.doc(line);
@@ -100,6 +105,7 @@ impl Elaboration<'_> {
         }
         self.define_algebras(&file.items);
         self.declare_variables(&file.items);
+        self.note_configurations();
         self.withhold(&file.items);
         let lets = self.declare_lets(&file.items);
         self.check_indices(file);
@@ -107,8 +113,8 @@ impl Elaboration<'_> {
         let (first, rest) = lets.needed_first(&frames::expressions(&file.items));
         self.define_lets(&lets, &first);
         self.define_frames(&file.items);
-        // They are in the velocities before the frame.
-        self.spins.clear();
+        // Those that are known are in the velocities before the frame.
+        self.note_configurations();
         self.declare_momenta(&file.items);
         self.define_lets(&lets, &rest);
         for item in &file.items {

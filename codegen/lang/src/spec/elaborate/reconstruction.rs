@@ -43,27 +43,62 @@ impl Elaboration<'_> {
                     let from = from.iter().map(|n| (n.text.clone(), Some(n.span))).collect();
                     self.builder.at(Some(span)).located_group(&located, group, from, &doc);
                 }
-                None => {
-                    let written = self.one_line(group.span);
-                    let known = Group::NAMED.iter().map(|(name, _)| *name);
-                    // `SU(2)` is one letter from `SE(2)` and another group: only the case is a slip.
-                    let help = match known.clone().find(|name| name.eq_ignore_ascii_case(&written)) {
-                        Some(name) => format!("did you mean `{name}`?"),
-                        None => {
-                            let families = Group::OF_MATRICES.iter().map(|(name, _)| *name);
-                            let others = ["R^n", "matrices(SO(3))", "semidirect(SO(3), standard)"];
-                            let all: Vec<&str> = known.chain(families).chain(others).collect();
-                            format!("legal here: {}", names::list(&all))
-                        }
-                    };
-                    self.problem(group.span, format!("unknown group `{written}`"), help);
-                }
+                None => self.unknown_group(group),
             },
         }
         if self.builder.problems.len() > before {
             self.builder.broken.insert("reconstruct");
             self.poisoned.extend(names.iter().map(|n| n.text.clone()));
         }
+    }
+
+    fn unknown_group(&mut self, group: &AlgebraExpr) {
+        let written = self.one_line(group.span);
+        let known = Group::NAMED.iter().map(|(name, _)| *name);
+        // `SU(2)` is one letter from `SE(2)` and another group: only the case is a slip.
+        let help = match known.clone().find(|name| name.eq_ignore_ascii_case(&written)) {
+            Some(name) => format!("did you mean `{name}`?"),
+            None => {
+                let families = Group::OF_MATRICES.iter().map(|(name, _)| *name);
+                let others = ["R^n", "matrices(SO(3))", "semidirect(SO(3), standard)"];
+                let all: Vec<&str> = known.chain(families).chain(others).collect();
+                format!("legal here: {}", names::list(&all))
+            }
+        };
+        self.problem(group.span, format!("unknown group `{written}`"), help);
+    }
+
+    /// The group of a configuration; what is none is a problem.
+    pub(super) fn group_of_configuration(&mut self, group: &AlgebraExpr) -> Option<MatrixGroup> {
+        let found = matrices_of(group);
+        if found.is_none() {
+            match group_of(group) {
+                Some(Group::Translation(n)) => {
+                    let help = format!("write `coordinate x: vector({n}) in real;`");
+                    self.problem(group.span, format!("R^{n} is no group of matrices"), help);
+                }
+                Some(_) => {
+                    let help = "write `coordinate theta in angle;`";
+                    self.problem(group.span, "a rotation of the plane is an angle", help);
+                }
+                None => self.unknown_group(group),
+            }
+        }
+        found
+    }
+}
+
+/// The group of matrices of that expression, its rotations by a matrix; none where it is no group of matrices.
+pub(super) fn matrices_of(expr: &AlgebraExpr) -> Option<MatrixGroup> {
+    let AlgebraNode::Call(name, arguments) = &expr.node else { return None };
+    let group = match (name.text.as_str(), arguments.as_slice()) {
+        ("SO", [AlgebraExpr { node: AlgebraNode::Number(2), .. }]) => None,
+        ("matrices" | "semidirect", _) => group_of(expr),
+        _ => of_matrices(expr, &[]),
+    };
+    match group? {
+        Group::Matrices(group) => Some(*group),
+        _ => None,
     }
 }
 

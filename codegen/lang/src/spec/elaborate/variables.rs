@@ -4,12 +4,27 @@
 
 use num_traits::Zero;
 
+use super::reconstruction::matrices_of;
 use super::values::Elaboration;
-use crate::spec::ast::{self, AlgebraExpr, AlgebraNode, DomainExpr, Expr, Item, ItemKind, Name, Node};
+use crate::algebra::LieAlgebra;
+use crate::spec::ast::{self, AlgebraExpr, AlgebraNode, DomainExpr, Expr, Item, ItemKind, MovedBy, Name, Node};
 use crate::spec::diagnostic::Span;
 use crate::spec::layout::{Layout, component_help};
-use crate::spec::model::Domain;
-use hamel_expr::Rational;
+use crate::spec::model::{Domain, Side};
+use crate::spec::names;
+use hamel_expr::{Number, Rational};
+
+/// Velocities that an item declares.
+struct OfItem<'a> {
+    item: &'a Item,
+    names: &'a [Name],
+    labels: &'a [Name],
+    algebra: LieAlgebra<Number>,
+}
+
+fn counted(n: usize) -> String {
+    format!("{n} {}", if n == 1 { "name" } else { "names" })
+}
 
 impl Elaboration<'_> {
     pub(super) fn declare_sources_and_params(&mut self, items: &[Item]) {
@@ -104,6 +119,7 @@ impl Elaboration<'_> {
                 self.declare_momenta_in(item, names, algebra, labels);
             }
         }
+        self.declare_configurations(items);
     }
 
     /// Momenta of velocities, once it is known what the velocities are.
@@ -143,7 +159,13 @@ impl Elaboration<'_> {
             names.iter().map(|name| Name { text: format!("dh_d{}", name.text), span: name.span }).collect();
         let of_velocities: Vec<Name> =
             labels.iter().map(|l| Name { text: format!("dh_d{}", l.text), span: l.span }).collect();
-        self.declare_velocities(item, &velocities, algebra, &of_velocities);
+        match self.algebra(algebra) {
+            Some(algebra) => {
+                let (names, labels) = (velocities.as_slice(), of_velocities.as_slice());
+                self.declare_velocities(&OfItem { item, names, labels, algebra });
+            }
+            None => self.without_velocities(&velocities),
+        }
         for (k, (name, velocity)) in names.iter().zip(&velocities).enumerate() {
             if self.poisoned.contains(&velocity.text) {
                 self.poisoned.insert(name.text.clone());
@@ -161,11 +183,9 @@ impl Elaboration<'_> {
     }
 
     fn declare_velocities_and_coordinates(&mut self, items: &[Item]) {
+        self.declare_all_velocities(items);
         for item in items {
             match &item.kind {
-                ItemKind::Velocity { names, algebra, labels } => {
-                    self.declare_velocities(item, names, algebra, labels);
-                }
                 ItemKind::Algebroid(block) => self.declare_algebroid(item, block),
                 ItemKind::QuasiVelocity(names) => {
                     for name in names {
@@ -181,30 +201,119 @@ impl Elaboration<'_> {
                 ItemKind::Advected { name, space, labels, .. } => {
                     self.declare_advected(item, name, space, labels.first());
                 }
+                ItemKind::Action(side) => self.declare_side(side),
                 _ => {}
             }
         }
     }
 
-    fn declare_velocities(&mut self, item: &Item, names: &[Name], algebra: &AlgebraExpr, labels: &[Name]) {
-        let Some(algebra) = self.algebra(algebra) else {
-            self.builder.broken.insert("velocity");
-            self.poisoned.extend(names.iter().map(|n| n.text.clone()));
+    fn declare_side(&mut self, side: &Name) {
+        match side.text.as_str() {
+            "left" => _ = self.builder.at(Some(side.span)).action(Side::Left),
+            "right" => _ = self.builder.at(Some(side.span)).action(Side::Right),
+            other => {
+                let help = names::suggest(other, ["left", "right"]);
+                self.problem(side.span, format!("unknown side `{other}`"), help);
+            }
+        }
+    }
+
+    /// Velocities of items `velocity`, then those that configurations declare: one algebra, the product of theirs.
+    fn declare_all_velocities(&mut self, items: &[Item]) {
+        let mut all: Vec<OfItem<'_>> = Vec::new();
+        for item in items {
+            let ItemKind::Velocity { names, algebra, labels } = &item.kind else { continue };
+            match self.algebra(algebra) {
+                Some(algebra) => all.push(OfItem { item, names, labels, algebra }),
+                None => self.without_velocities(names),
+            }
+        }
+        for item in items {
+            let ItemKind::Configuration { group, by: MovedBy::Own(names), .. } = &item.kind else { continue };
+            match self.group_of_configuration(group) {
+                Some(group) => {
+                    let algebra = group.algebra().clone().into();
+                    all.push(OfItem { item, names, labels: &[], algebra });
+                }
+                None => self.without_velocities(names),
+            }
+        }
+        let is_configuration = |of: &OfItem<'_>| matches!(of.item.kind, ItemKind::Configuration { .. });
+        if all.len() < 2 || !all.iter().any(is_configuration) {
+            // A second item `velocity` is a problem that the builder tells.
+            all.iter().for_each(|of| self.declare_velocities(of));
             return;
-        };
+        }
+        // Each item names what is its own; that the sum fits says nothing.
+        for OfItem { item, names, algebra, .. } in &all {
+            if ![algebra.blocks().len(), algebra.dim()].contains(&names.len()) {
+                let message = format!("{} for the velocity in {}", counted(names.len()), algebra.name());
+                let help = format!("give {}", counted(algebra.blocks().len()));
+                self.problem(item.span, message, help);
+                self.without_velocities(names);
+                return;
+            }
+        }
+        // One name for a block or for an element: both in one list are elements.
+        let factors: Vec<LieAlgebra<Number>> = all.iter().map(|of| of.algebra.clone()).collect();
+        let names: Vec<Name> = all.iter().flat_map(|of| of.names.iter().cloned()).collect();
+        let labels: Vec<Name> = all.iter().flat_map(|of| of.labels.iter().cloned()).collect();
+        let whole = OfItem { item: all[0].item, names: &names, labels: &labels, algebra: LieAlgebra::product(&factors) };
+        self.declare_velocities(&whole);
+        for OfItem { item, names, .. } in &all {
+            let doc = item.doc.join("\n");
+            names.iter().for_each(|name| self.builder.document_velocity(&name.text, &doc));
+        }
+    }
+
+    fn without_velocities(&mut self, names: &[Name]) {
+        self.builder.broken.insert("velocity");
+        for name in names {
+            self.builder.values.remove(&name.text);
+            self.poisoned.insert(name.text.clone());
+        }
+    }
+
+    fn declare_velocities(&mut self, of: &OfItem<'_>) {
+        let OfItem { item, names, labels, algebra } = of;
         let located: Vec<(&str, Option<Span>)> =
             names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
         let span = names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
         let before = self.builder.problems.len();
         let labels: Vec<&str> = labels.iter().map(|l| l.text.as_str()).collect();
-        self.builder.at(Some(span)).located_velocities(algebra, &located, &labels, &item.doc.join("\n"));
+        let doc = item.doc.join("\n");
+        self.builder.at(Some(span)).located_velocities(algebra.clone(), &located, &labels, &doc);
         if self.builder.problems.len() > before {
             // The wrong number of names: their components are unknown.
-            self.builder.broken.insert("velocity");
-            for name in names {
-                self.builder.values.remove(&name.text);
-                self.poisoned.insert(name.text.clone());
+            self.without_velocities(names);
+        }
+    }
+
+    /// Coordinates in groups, when the velocities that move them are declared.
+    fn declare_configurations(&mut self, items: &[Item]) {
+        for item in items {
+            let ItemKind::Configuration { names, group, by } = &item.kind else { continue };
+            let (by, is_own) = match by {
+                MovedBy::Own(list) => (list, true),
+                MovedBy::Declared(list) => (list, false),
+            };
+            let before = self.builder.problems.len();
+            // What its own velocities are in has been looked at.
+            let group = if is_own { matrices_of(group) } else { self.group_of_configuration(group) };
+            if let Some(group) = group.filter(|_| by.iter().all(|name| !self.poisoned.contains(&name.text))) {
+                let located: Vec<(&str, Option<Span>)> =
+                    names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
+                let by = by.iter().map(|n| (n.text.clone(), Some(n.span))).collect();
+                let span =
+                    names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
+                let doc = item.doc.join("\n");
+                let values = self.builder.at(Some(span)).located_configuration(&located, &group, by, &doc);
+                if !values.is_empty() && self.builder.problems.len() == before {
+                    continue;
+                }
             }
+            self.builder.broken.insert("configuration");
+            self.poisoned.extend(names.iter().map(|n| n.text.clone()));
         }
     }
 

@@ -107,6 +107,7 @@ impl<'a> Parser<'a> {
             "coordinate" => self.coordinate()?,
             "state" => self.first_order_state()?,
             "advected" => self.advected()?,
+            "configuration" => self.configuration()?,
             "lagrangian" => {
                 self.equals()?;
                 ItemKind::Lagrangian(self.expr()?)
@@ -488,6 +489,22 @@ impl<'a> Parser<'a> {
             return Err(Box::new(problem.with_help("for example `by cross(Omega, Gamma)`")));
         }
         Ok(ItemKind::Advected { name, space, labels, action: self.expr()? })
+    }
+
+    fn configuration(&mut self) -> Parsed<ItemKind> {
+        let names = self.comma_separated(|p| p.declared("the name of a configuration"))?;
+        self.require_word("in")?;
+        let group = self.algebra_expr()?;
+        let by = if self.word("velocity").is_some() {
+            MovedBy::Own(self.comma_separated(|p| p.declared("the name of a velocity"))?)
+        } else if self.word("from").is_some() {
+            MovedBy::Declared(self.comma_separated(|p| p.named("the name of a velocity"))?)
+        } else if self.peek_punct(';') {
+            MovedBy::Declared(Vec::new())
+        } else {
+            return self.expected("`velocity` and names for the velocities that move it, `from` and their names, or `;`");
+        };
+        Ok(ItemKind::Configuration { names, group, by })
     }
 
     /// `as w_*`: what precedes the names of basis elements in those of components, one for each of `n` vectors; or
