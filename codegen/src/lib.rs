@@ -38,6 +38,7 @@ pub mod certify;
 pub mod config;
 pub mod explain;
 pub mod scene;
+pub mod symmetry;
 
 pub use config::{Config, compile};
 pub use hamel_expr::error;

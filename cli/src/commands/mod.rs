@@ -17,6 +17,7 @@ pub mod lsp;
 pub mod man;
 pub mod new;
 pub mod options;
+pub mod reduce;
 pub mod report;
 pub mod simulate;
 pub mod trim;
@@ -60,6 +61,8 @@ pub enum Command {
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Trim(trim::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
+    Reduce(reduce::Arguments),
+    #[allow(missing_docs, reason = "help is that of the arguments")]
     Report(report::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
     Check(check::Arguments),
@@ -90,6 +93,7 @@ impl Command {
             Command::Fit(arguments) => fit::run(session, arguments),
             Command::Linearize(arguments) => linearize::run(session, arguments),
             Command::Trim(arguments) => trim::run(session, arguments),
+            Command::Reduce(arguments) => reduce::run(session, arguments),
             Command::Report(arguments) => report::run(session, arguments),
             Command::Check(arguments) => check::run(session, arguments),
             Command::Fmt(arguments) => fmt::run(arguments),

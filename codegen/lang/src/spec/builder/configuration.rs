@@ -182,9 +182,9 @@ impl ModelBuilder {
         }
     }
 
-    /// A Lagrangian that is quadratic in the velocities with each coefficient that is constant on a group, such as the
-    /// entries of `R^T R`, put to its value at the identity; the same where no coefficient is. A mass matrix has zeros
-    /// that elimination can see then.
+    /// A Lagrangian that is quadratic in the velocities with coefficients that are constant on the groups, as `R^T R`
+    /// is, with their values at the identity; the same where a coefficient is not, for then the way it is written tells
+    /// more. A mass matrix has zeros that elimination can see then.
     pub(super) fn simple_on_groups(&mut self, e: ExprId) -> ExprId {
         if self.configurations.is_empty() {
             return e;
@@ -192,11 +192,14 @@ impl ModelBuilder {
         let velocities = self.velocity_symbols();
         let own: BTreeSet<SymbolId> = velocities.iter().copied().collect();
         let rest: BTreeMap<SymbolId, ExprId> = own.iter().map(|y| (*y, self.graph.zero())).collect();
-        let mut has_changed = false;
+        let groups: BTreeSet<SymbolId> = (self.configurations.iter())
+            .flat_map(|draft| self.advected[draft.advected].components.iter().map(|(_, s)| *s))
+            .collect();
+        let mut is_constant = true;
         let mut terms = Vec::new();
         let mut term = |b: &mut ModelBuilder, coefficient: ExprId, factors: &[ExprId], weight: Rational| {
             let simple = b.constant_on_groups(coefficient);
-            has_changed |= simple != coefficient;
+            is_constant &= factors.is_empty() || !b.graph.depends_on(simple, &groups);
             let product = factors.iter().fold(simple, |p, y| b.graph.mul(p, *y));
             terms.push((product, weight));
         };
@@ -219,7 +222,7 @@ impl ModelBuilder {
         }
         let Ok(potential) = self.graph.subs(e, &rest) else { return e };
         term(self, potential, &[], one());
-        if has_changed { self.graph.linear_combination(&terms) } else { e }
+        if is_constant { self.graph.linear_combination(&terms) } else { e }
     }
 
     /// The value at the identity of an expression that does not change on groups, one group after the other; proved by
@@ -240,7 +243,7 @@ impl ModelBuilder {
                 })
                 .collect();
             let Some(element) = rational_element(&mut self.graph, &draft.group, &free) else { continue };
-            let mut at = |b: &mut ModelBuilder, entries: Vec<ExprId>| {
+            let at = |b: &mut ModelBuilder, entries: Vec<ExprId>| {
                 let map = components.iter().map(|(_, s)| *s).zip(entries).collect();
                 b.graph.subs(value, &map)
             };

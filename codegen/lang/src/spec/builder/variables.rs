@@ -48,15 +48,27 @@ impl ModelBuilder {
                 .with_help("name all blocks in one item: `velocity Omega, V in se(3);`");
             self.problems.push(problem);
         }
+        let sizes = self.velocity_sizes(&algebra, names.len());
+        self.sized_velocities(algebra, names, &sizes, prefixes, doc)
+    }
+
+    /// Dimensions of the vectors that so many names for velocities in an algebra stand for: its blocks, or elements.
+    /// Another number of names is a problem.
+    pub(in crate::spec) fn velocity_sizes(
+        &mut self,
+        algebra: &LieAlgebra<Number>,
+        n_names: usize,
+    ) -> Vec<usize> {
+        let here = self.here;
         let blocks: Vec<usize> = algebra.blocks().iter().map(|s| s.dim).collect();
-        let sizes = if names.len() == blocks.len() {
+        if n_names == blocks.len() {
             blocks
         } else {
-            if names.len() != algebra.dim() {
+            if n_names != algebra.dim() {
                 let spelled: Vec<String> =
                     algebra.blocks().iter().map(|s| format!("{} (dimension {})", s.name, s.dim)).collect();
-                let plural = if names.len() == 1 { "name" } else { "names" };
-                let message = format!("{} {plural} for the velocity in {}", names.len(), algebra.name());
+                let plural = if n_names == 1 { "name" } else { "names" };
+                let message = format!("{n_names} {plural} for the velocity in {}", algebra.name());
                 let mut help = match spelled.as_slice() {
                     [only] => format!("give one name for {only}"),
                     several => format!("give {} names, for {}", several.len(), several.join(", ")),
@@ -66,11 +78,23 @@ impl ModelBuilder {
                 }
                 self.problem(here, message, help);
             }
-            vec![1; names.len()]
-        };
+            vec![1; n_names]
+        }
+    }
+
+    /// The algebra and names for its velocities, of these dimensions.
+    pub(in crate::spec) fn sized_velocities(
+        &mut self,
+        algebra: LieAlgebra<Number>,
+        names: &[(&str, Option<Span>)],
+        sizes: &[usize],
+        prefixes: &[&str],
+        doc: &str,
+    ) -> Vec<Value> {
+        let here = self.here;
         let mut values = Vec::with_capacity(names.len());
         let (labels, mut start) = (algebra.labels(), 0);
-        for (k, ((name, span), size)) in names.iter().zip(sizes).enumerate() {
+        for (k, ((name, span), size)) in names.iter().zip(sizes.iter().copied()).enumerate() {
             self.here = *span;
             let velocity = |b: &mut ModelBuilder, component: &str, what| {
                 let (symbol, expr) = b.new_symbol(component, what);

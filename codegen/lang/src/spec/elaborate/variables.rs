@@ -22,10 +22,6 @@ struct OfItem<'a> {
     algebra: LieAlgebra<Number>,
 }
 
-fn counted(n: usize) -> String {
-    format!("{n} {}", if n == 1 { "name" } else { "names" })
-}
-
 impl Elaboration<'_> {
     pub(super) fn declare_sources_and_params(&mut self, items: &[Item]) {
         for item in items {
@@ -244,25 +240,27 @@ impl Elaboration<'_> {
             all.iter().for_each(|of| self.declare_velocities(of));
             return;
         }
-        // Each item names what is its own; that the sum fits says nothing.
+        // Each item names what is its own: blocks or elements of its factor.
+        let before = self.builder.problems.len();
+        let mut sizes = Vec::new();
         for OfItem { item, names, algebra, .. } in &all {
-            if ![algebra.blocks().len(), algebra.dim()].contains(&names.len()) {
-                let message = format!("{} for the velocity in {}", counted(names.len()), algebra.name());
-                let help = format!("give {}", counted(algebra.blocks().len()));
-                self.problem(item.span, message, help);
-                self.without_velocities(names);
-                return;
+            sizes.extend(self.builder.at(Some(item.span)).velocity_sizes(algebra, names.len()));
+        }
+        let located: Vec<(&str, Option<Span>)> =
+            all.iter().flat_map(|of| of.names.iter().map(|n| (n.text.as_str(), Some(n.span)))).collect();
+        if self.builder.problems.len() == before {
+            let factors: Vec<LieAlgebra<Number>> = all.iter().map(|of| of.algebra.clone()).collect();
+            let labels: Vec<&str> = all.iter().flat_map(|of| of.labels.iter().map(|l| l.text.as_str())).collect();
+            let span = all[0].item.span;
+            let product = LieAlgebra::product(&factors);
+            self.builder.at(Some(span)).sized_velocities(product, &located, &sizes, &labels, "");
+            for OfItem { item, names, .. } in &all {
+                let doc = item.doc.join("\n");
+                names.iter().for_each(|name| self.builder.document_velocity(&name.text, &doc));
             }
         }
-        // One name for a block or for an element: both in one list are elements.
-        let factors: Vec<LieAlgebra<Number>> = all.iter().map(|of| of.algebra.clone()).collect();
-        let names: Vec<Name> = all.iter().flat_map(|of| of.names.iter().cloned()).collect();
-        let labels: Vec<Name> = all.iter().flat_map(|of| of.labels.iter().cloned()).collect();
-        let whole = OfItem { item: all[0].item, names: &names, labels: &labels, algebra: LieAlgebra::product(&factors) };
-        self.declare_velocities(&whole);
-        for OfItem { item, names, .. } in &all {
-            let doc = item.doc.join("\n");
-            names.iter().for_each(|name| self.builder.document_velocity(&name.text, &doc));
+        if self.builder.problems.len() > before {
+            all.iter().for_each(|of| self.without_velocities(of.names));
         }
     }
 

@@ -1,0 +1,50 @@
+//! `reduce`: an unreduced model to the model reduced by its symmetries.
+//!
+//! Does not know: how symmetries are found ([`symmetry`]).
+
+use std::path::PathBuf;
+
+use clap::Args;
+use hamel_codegen::config::write_atomically;
+use hamel_codegen::symmetry;
+
+use hamel_run::error::Error;
+use hamel_run::session::Session;
+
+/// Find the symmetries of an unreduced model, and write the model reduced by them
+///
+/// The model is a Lagrangian in coordinates and configurations (`configuration R in SO(3) velocity Omega;`), with
+/// forces and linear constraints. Symmetries are looked for among translations, linear fields and translations of
+/// groups, and proved. The reduced model has the algebra, the reduced Lagrangian, advected parameters for what forces
+/// and constraints break, and the reconstruction of what is left out. Without a file it is printed.
+#[derive(Clone, Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  hamel reduce top.hamel                        the reduced model
+  hamel reduce top.hamel -o top_reduced.hamel   into a file, and what was found"
+)]
+pub struct Arguments {
+    /// Path to a .hamel file, or name of a shipped model
+    pub model: String,
+    /// File of the reduced model
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}
+
+/// The reduced model, or what was found where it goes to a file.
+///
+/// # Errors
+/// Problems of the model, what cannot be looked into, and files that cannot be written.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let file = session.find(&arguments.model)?;
+    let model = file.model()?;
+    let reduced = symmetry::reduce(model)?;
+    let text = hamel_codegen::spec::format("reduced", &reduced.text)?;
+    let Some(path) = &arguments.output else { return Ok(text.trim_end().to_owned()) };
+    write_atomically(path, text.as_bytes()).map_err(|e| Error::io(session.shown(path), e))?;
+    let mut lines = reduced.report.clone();
+    lines.push(format!("{} has the model reduced by a group of dimension {}", session.shown(path), reduced.dim));
+    Ok(lines.join("\n"))
+}

@@ -1,0 +1,703 @@
+//! The reduced model as text.
+//!
+//! Does not know: how symmetries are found.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use hamel_expr::{ExprId, Rational, Style, SymbolId};
+use hamel_lang::algebra::LieAlgebra;
+use hamel_lang::spec::{Domain, Layout, Param, ParamArray};
+use num_traits::{One, Signed, Zero};
+
+use super::group::SymmetryGroup;
+use super::modules::Module;
+use super::setting::{Generator, Images, Setting};
+
+/// A function of the reduced system: `f_0 + sum_i a_i v_i` with advected `a`, if the group moves it.
+pub(super) struct Brought {
+    /// Its name for people.
+    pub(super) what: String,
+    pub(super) function: ExprId,
+    pub(super) module: Option<Module>,
+}
+
+/// What a text is made of.
+pub(super) struct Pieces {
+    pub(super) group: SymmetryGroup,
+    pub(super) potential: Brought,
+    pub(super) constraints: Vec<Brought>,
+    /// Lines about what was found.
+    pub(super) report: Vec<String>,
+}
+
+/// Names and values at the cross-section.
+struct Section {
+    at: Images,
+    /// Names of the velocities of the group.
+    names: Vec<String>,
+    symbols: Vec<SymbolId>,
+    /// Base coordinates that stay.
+    shape: Vec<usize>,
+    /// Configurations that stay, with the names of their velocities.
+    kept: Vec<(usize, Vec<String>)>,
+    /// `X_a` at the section by the velocities of the model.
+    tangents: Vec<Vec<ExprId>>,
+    /// Displacements of the reduced velocities, in the order of `reduced`.
+    pairs: Vec<SymbolId>,
+    /// Names of all reduced velocities: of the group, of the shape, of configurations that stay.
+    reduced: Vec<String>,
+}
+
+impl Setting<'_> {
+    fn section(&mut self, group: &SymmetryGroup) -> Section {
+        let model = self.model;
+        let is_pivot = |s: &Setting<'_>, generator| group.fields.iter().any(|f| s.generators[f.pivot] == generator);
+        let mut at = Images::new();
+        let (zero, one) = (self.graph.zero(), self.graph.one());
+        let mut shape = Vec::new();
+        for (i, coordinate) in model.base.iter().enumerate() {
+            match is_pivot(self, Generator::Translation(i)) {
+                true => _ = at.insert(coordinate.symbol, zero),
+                false => shape.push(i),
+            }
+        }
+        let mut kept = Vec::new();
+        for (k, configuration) in model.configurations.iter().enumerate() {
+            if is_pivot(self, Generator::Left(k, 0)) {
+                let n = configuration.group.n();
+                let unit = |e: usize| if e < n * n && e / n == e % n { one } else { zero };
+                at.extend(configuration.symbols.iter().enumerate().map(|(e, s)| (*s, unit(e))));
+            } else {
+                kept.push(k);
+            }
+        }
+        let tangents: Vec<Vec<ExprId>> = group
+            .fields
+            .iter()
+            .map(|field| self.tangent(&field.coefficients, &field.images, &at))
+            .collect();
+        let mut taken: BTreeSet<String> = model.places.declared.keys().cloned().collect();
+        let (mut names, mut symbols) = (Vec::new(), Vec::new());
+        for field in &group.fields {
+            let (name, symbol) = match self.generators[field.pivot] {
+                Generator::Left(k, a) => {
+                    let velocity = &model.velocities[model.configurations[k].velocities[a]];
+                    (velocity.name.clone(), velocity.symbol)
+                }
+                Generator::Translation(i) | Generator::Linear(i, _) | Generator::Right(i, _) => {
+                    let mut name = format!("v_{}", model.base[i].name);
+                    while !taken.insert(name.clone()) {
+                        name.push('_');
+                    }
+                    let symbol = self.graph.symbol(&name);
+                    (name, symbol)
+                }
+            };
+            names.push(name);
+            symbols.push(symbol);
+        }
+        let n_base = model.base.len();
+        // Velocities and displacements of the model by those of the reduced one.
+        let mut reduced = names.clone();
+        let mut own: BTreeMap<usize, SymbolId> = BTreeMap::new();
+        for i in &shape {
+            reduced.push(model.base[*i].velocity_name.clone());
+            own.insert(*i, self.velocities[*i]);
+        }
+        let mut kept_names = Vec::new();
+        for k in kept {
+            let velocities = &model.configurations[k].velocities;
+            let is_moved = velocities.iter().any(|b| tangents.iter().any(|t| t[n_base + b] != zero));
+            let mut of_group = Vec::new();
+            for b in velocities {
+                let velocity = &model.velocities[*b];
+                let (name, symbol) = match is_moved {
+                    false => (velocity.name.clone(), velocity.symbol),
+                    true => {
+                        let (block, index) = velocity.name.split_at(velocity.block.len().min(velocity.name.len()));
+                        let name = format!("{block}_rel{index}");
+                        let symbol = self.graph.symbol(&name);
+                        (name, symbol)
+                    }
+                };
+                own.insert(n_base + b, symbol);
+                reduced.push(name.clone());
+                of_group.push(name);
+            }
+            kept_names.push((k, of_group));
+        }
+        let pairs: Vec<SymbolId> =
+            (0..reduced.len()).map(|k| self.graph.symbol(&format!("'pair{k}"))).collect();
+        let order: Vec<usize> = own.keys().copied().collect();
+        for k in 0..self.velocities.len() {
+            let mut along = Vec::new();
+            let mut paired = Vec::new();
+            for (a, tangent) in tangents.iter().enumerate() {
+                let [xi, pair] = [symbols[a], pairs[a]].map(|s| self.graph.sym(s));
+                along.push(self.graph.mul(xi, tangent[k]));
+                paired.push(self.graph.mul(pair, tangent[k]));
+            }
+            if let Some(symbol) = own.get(&k) {
+                along.push(self.graph.sym(*symbol));
+                // `reduced` lists the shape and then configurations, each in ascending order.
+                let place = group.fields.len() + order.iter().position(|o| o == &k).unwrap_or_default();
+                paired.push(self.graph.sym(pairs[place]));
+            }
+            let (along, paired) = (self.graph.sum(&along), self.graph.sum(&paired));
+            at.insert(self.velocities[k], along);
+            at.insert(self.displacements[k], paired);
+        }
+        Section { at, names, symbols, shape, kept: kept_names, tangents, pairs, reduced }
+    }
+
+    /// `X` at the section by the velocities of the model.
+    fn tangent(&mut self, coefficients: &[Rational], images: &Images, at: &Images) -> Vec<ExprId> {
+        let (model, zero) = (self.model, self.graph.zero());
+        let mut tangent = Vec::with_capacity(self.velocities.len());
+        for coordinate in &model.base {
+            let image = images.get(&coordinate.symbol).copied().unwrap_or(zero);
+            tangent.push(self.graph.subs(image, at).unwrap_or(image));
+        }
+        let mut of_groups = vec![Vec::new(); model.velocities.len()];
+        for (generator, q) in self.generators.clone().into_iter().zip(coefficients).filter(|(_, q)| !q.is_zero()) {
+            let (Generator::Left(k, a) | Generator::Right(k, a)) = generator else { continue };
+            let configuration = &model.configurations[k];
+            let is_at_identity = configuration.symbols.iter().all(|s| at.contains_key(s));
+            if matches!(generator, Generator::Right(..)) || is_at_identity {
+                of_groups[configuration.velocities[a]].push((self.graph.one(), q.clone()));
+                continue;
+            }
+            // `R^T e_a` of an attitude that stays.
+            for (b, velocity) in configuration.velocities.iter().enumerate() {
+                let entry = self.graph.sym(configuration.symbols[3 * a + b]);
+                of_groups[*velocity].push((entry, q.clone()));
+            }
+        }
+        for terms in of_groups {
+            tangent.push(self.graph.linear_combination(&terms));
+        }
+        tangent
+    }
+
+    fn at_section(&mut self, section: &Section, e: ExprId) -> ExprId {
+        let value = self.graph.subs(e, &section.at).unwrap_or(e);
+        self.graph.cancel_zero(value)
+    }
+
+    fn spelled(&self, e: ExprId) -> String {
+        self.graph.display(e, Style::Plain)
+    }
+
+    /// The text of the reduced model.
+    pub(super) fn written(&mut self, pieces: &Pieces) -> String {
+        let model = self.model;
+        let section = self.section(&pieces.group);
+        let mut out = String::new();
+        for line in head(&model.name, &model.doc, &pieces.report) {
+            let _ = writeln!(out, "///{}{line}", if line.is_empty() { "" } else { " " });
+        }
+        let _ = writeln!(out, "model {}_reduced {{", model.name);
+        for source in &model.sources {
+            let _ = writeln!(out, "    source {source:?};");
+        }
+        numbers(&mut out, "param", &model.params, &model.param_arrays);
+        numbers(&mut out, "input", &model.inputs, &model.input_arrays);
+        for condition in &model.conditions {
+            let _ = writeln!(out, "    require {};", condition.text);
+        }
+        self.write_velocities(&mut out, &pieces.group, &section);
+        for i in &section.shape {
+            self.write_coordinate(&mut out, *i);
+        }
+        for (k, names) in &section.kept {
+            let configuration = &model.configurations[*k];
+            document(&mut out, &model.advected[configuration.advected].doc);
+            let matrix = &configuration.name;
+            let others: Vec<String> = vectors_of(configuration);
+            let list = [vec![matrix.clone()], others].concat().join(", ");
+            let group = configuration.group.to_string();
+            // A configuration has the entries of a matrix by itself.
+            let group = group.strip_prefix("matrices(").and_then(|g| g.strip_suffix(')')).unwrap_or(&group);
+            let blocks: Vec<usize> = configuration.group.algebra().blocks().iter().map(|b| b.dim).collect();
+            let names = shortened(names, &blocks);
+            let _ = writeln!(out, "    configuration {list} in {group} velocity {};", names.join(", "));
+        }
+        let mut letters = 0;
+        let potential = self.brought(&mut out, &pieces.group, &section, &pieces.potential, &mut letters);
+        let constraints: Vec<ExprId> = pieces
+            .constraints
+            .iter()
+            .map(|brought| self.brought(&mut out, &pieces.group, &section, brought, &mut letters))
+            .collect();
+        let kinetic = self.at_section(&section, self.kinetic);
+        let lagrangian = self.graph.sub(kinetic, potential);
+        let _ = writeln!(out, "    lagrangian = {};", self.spelled(lagrangian));
+        for (constraint, residual) in model.constraints.iter().zip(constraints) {
+            if residual != self.graph.zero() {
+                let _ = writeln!(out, "    constraint {}: {} = 0;", constraint.name, self.spelled(residual));
+            }
+        }
+        let power = self.at_section(&section, self.power);
+        for (name, pair) in section.reduced.clone().iter().zip(section.pairs.clone()) {
+            let force = self.graph.diff(power, pair);
+            if !self.graph.is_zero(force) {
+                let _ = writeln!(out, "    force {name} = {};", self.spelled(force));
+            }
+        }
+        self.write_outputs(&mut out, &pieces.group, &section);
+        self.write_reconstruction(&mut out, &pieces.group, &section);
+        self.write_initial(&mut out, &pieces.group, &section);
+        out.push_str("}\n");
+        out
+    }
+
+    /// A function at the section; what advects it is declared.
+    fn brought(
+        &mut self,
+        out: &mut String,
+        group: &SymmetryGroup,
+        section: &Section,
+        brought: &Brought,
+        letters: &mut u8,
+    ) -> ExprId {
+        let Some(module) = &brought.module else { return self.at_section(section, brought.function) };
+        let mut letter = char::from(b'a' + *letters).to_string();
+        *letters += 1;
+        while self.model.places.declared.contains_key(&letter) {
+            letter.push('_');
+        }
+        let n = module.basis.len();
+        let names: Vec<String> = if n == 1 { vec![letter.clone()] } else { Layout::Vector(n).names(&letter) };
+        let symbols: Vec<ExprId> = names
+            .iter()
+            .map(|name| {
+                let symbol = self.graph.symbol(name);
+                self.graph.sym(symbol)
+            })
+            .collect();
+        // adot = -xi . a.
+        let mut action = vec![Vec::new(); n];
+        for (a, _) in group.fields.iter().enumerate() {
+            let xi = self.graph.sym(section.symbols[a]);
+            for (j, row) in module.matrices[a].iter().enumerate() {
+                for (k, q) in row.iter().enumerate().filter(|(_, q)| !q.is_zero()) {
+                    let term = self.graph.mul(xi, symbols[j]);
+                    action[k].push((term, -q.clone()));
+                }
+            }
+        }
+        let action: Vec<String> = action
+            .into_iter()
+            .map(|terms| {
+                let sum = self.graph.linear_combination(&terms);
+                self.spelled(sum)
+            })
+            .collect();
+        let _ = writeln!(out, "    /// What the group makes of {}.", brought.what);
+        let start: Vec<String> = module.start.iter().map(decimal).collect();
+        if n == 1 {
+            let _ = writeln!(out, "    advected {letter} in R by {};", action[0]);
+            let _ = writeln!(out, "    initial {letter} = {};", start[0]);
+        } else {
+            let _ = writeln!(out, "    advected {letter} in R^{n} by [{}];", action.join(", "));
+            let _ = writeln!(out, "    initial {letter} = [{}];", start.join(", "));
+        }
+        let mut terms = vec![self.at_section(section, module.rest)];
+        for (a, v) in symbols.iter().zip(&module.basis) {
+            let value = self.at_section(section, *v);
+            terms.push(self.graph.mul(*a, value));
+        }
+        self.graph.sum(&terms)
+    }
+
+    fn write_velocities(&mut self, out: &mut String, group: &SymmetryGroup, section: &Section) {
+        let n = group.fields.len();
+        if n == 0 {
+            return;
+        }
+        let docs: BTreeSet<&str> = self.model.velocities.iter().map(|v| v.doc.as_str()).collect();
+        let known = known_algebra(group);
+        let list = match &known {
+            Some((_, blocks)) => shortened(&section.names, blocks),
+            None => section.names.clone(),
+        };
+        let name = match known {
+            Some((name, _)) => name,
+            None => {
+                let mut name = "g".to_owned();
+                while self.model.places.declared.contains_key(&name) {
+                    name.push('_');
+                }
+                let basis: Vec<String> = section.names.iter().map(|v| format!("e_{v}")).collect();
+                let _ = writeln!(out, "    algebra {name} {{");
+                let _ = writeln!(out, "        basis {};", basis.join(", "));
+                for (a, b, constants) in &group.brackets {
+                    let terms: Vec<(ExprId, Rational)> = constants
+                        .iter()
+                        .enumerate()
+                        .filter(|(_, q)| !q.is_zero())
+                        .map(|(c, q)| {
+                            let symbol = self.graph.symbol(&basis[c]);
+                            (self.graph.sym(symbol), -q.clone())
+                        })
+                        .collect();
+                    let sum = self.graph.linear_combination(&terms);
+                    let _ = writeln!(out, "        [{}, {}] = {};", basis[*a], basis[*b], self.spelled(sum));
+                }
+                let _ = writeln!(out, "    }}");
+                name
+            }
+        };
+        if let [doc] = docs.into_iter().collect::<Vec<_>>().as_slice() {
+            let is_all_of_groups = group.fields.iter().all(|f| matches!(self.generators[f.pivot], Generator::Left(..)));
+            if is_all_of_groups {
+                document(out, doc);
+            }
+        }
+        let _ = writeln!(out, "    velocity {} in {name};", list.join(", "));
+    }
+
+    fn write_coordinate(&mut self, out: &mut String, i: usize) {
+        let coordinate = &self.model.base[i];
+        document(out, &coordinate.doc);
+        let domain = match coordinate.domain {
+            Domain::Angle => "angle".to_owned(),
+            Domain::Real => "real".to_owned(),
+            Domain::Interval(low, high) => format!("({}, {})", self.spelled(low), self.spelled(high)),
+        };
+        let _ = writeln!(out, "    coordinate {} in {domain};", coordinate.name);
+    }
+
+    /// Casimirs and outputs that the group leaves alone.
+    fn write_outputs(&mut self, out: &mut String, group: &SymmetryGroup, section: &Section) {
+        let model = self.model;
+        let casimirs = model.casimirs.iter().map(|c| ("casimir", &c.name, &c.doc, vec![c.expr]));
+        let outputs = model.outputs.iter().map(|o| {
+            ("output", &o.name, &o.doc, o.components.iter().map(|(_, e)| *e).collect::<Vec<ExprId>>())
+        });
+        for (word, name, doc, entries) in casimirs.chain(outputs).collect::<Vec<_>>() {
+            let is_kept = entries.iter().all(|e| {
+                group.fields.iter().all(|field| {
+                    let slope = self.graph.derivative_along(*e, &field.images);
+                    self.vanishes(slope)
+                })
+            });
+            if !is_kept {
+                let _ = writeln!(out, "    // Left out: {word} `{name}`, which the group moves.");
+                continue;
+            }
+            let texts: Vec<String> = entries
+                .iter()
+                .map(|e| {
+                    let value = self.at_section(section, *e);
+                    self.spelled(value)
+                })
+                .collect();
+            document(out, doc);
+            let value = if let [only] = texts.as_slice() { only.clone() } else { format!("[{}]", texts.join(", ")) };
+            let _ = writeln!(out, "    {word} {name} = {value};");
+        }
+        for (what, count) in [("event", model.events.len()), ("view", model.views.list.len())] {
+            if count > 0 {
+                let _ = writeln!(out, "    // Left out: {count} {what}{}.", if count == 1 { "" } else { "s" });
+            }
+        }
+    }
+
+    /// The coordinates of the group from its velocity, where the group is one of those that a model can name.
+    fn write_reconstruction(&mut self, out: &mut String, group: &SymmetryGroup, section: &Section) {
+        let model = self.model;
+        for (k, configuration) in model.configurations.iter().enumerate() {
+            let own: Vec<usize> = (0..group.fields.len())
+                .filter(|a| matches!(self.generators[group.fields[*a].pivot], Generator::Left(of, _) if of == k))
+                .collect();
+            if own.is_empty() {
+                continue;
+            }
+            let list = [vec![configuration.name.clone()], vectors_of(configuration)].concat().join(", ");
+            let from: Vec<&str> = own.iter().map(|a| section.names[*a].as_str()).collect();
+            document(out, &model.advected[configuration.advected].doc);
+            let _ = writeln!(out, "    reconstruct {list} in {} from {};", configuration.group, from.join(", "));
+        }
+        let mut done: BTreeSet<usize> = BTreeSet::new();
+        // Angles come before what they turn.
+        let mut order: Vec<usize> = (0..model.base.len()).filter(|i| !section.shape.contains(i)).collect();
+        order.sort_by_key(|i| !self.is_angle(*i));
+        for i in order {
+            if !done.insert(i) {
+                continue;
+            }
+            let turning: Vec<usize> = (0..group.fields.len())
+                .filter(|a| {
+                    let c = &group.fields[*a].coefficients;
+                    self.generators.iter().zip(c).any(|(g, q)| {
+                        matches!(g, Generator::Linear(_, j) if *j == i) && !q.is_zero()
+                    })
+                })
+                .collect();
+            let along = |s: &mut Setting<'_>, i: usize| -> String {
+                let Some(at) = s.position(Generator::Translation(i)) else { return "0".into() };
+                let terms: Vec<(ExprId, Rational)> = (group.fields.iter().zip(&section.symbols))
+                    .map(|(f, symbol)| (s.graph.sym(*symbol), f.coefficients[at].clone()))
+                    .collect();
+                let sum = s.graph.linear_combination(&terms);
+                s.spelled(sum)
+            };
+            let name = |i: usize| model.base[i].name.clone();
+            match turning.as_slice() {
+                [] => {
+                    let rate = along(self, i);
+                    document(out, &model.base[i].doc);
+                    let _ = writeln!(out, "    reconstruct {} by {rate};", name(i));
+                }
+                [a] if i + 1 < model.base.len() && self.is_quarter_turn(&group.fields[*a].coefficients, i) => {
+                    let (x, y) = (along(self, i), along(self, i + 1));
+                    if let Generator::Translation(angle) = self.generators[group.fields[*a].pivot] {
+                        done.insert(i + 1);
+                        let theta = name(angle);
+                        let _ = writeln!(
+                            out,
+                            "    reconstruct {}, {} by [cos({theta})*{x} - sin({theta})*{y}, sin({theta})*{x} + \
+                             cos({theta})*{y}];",
+                            name(i),
+                            name(i + 1)
+                        );
+                    }
+                }
+                [a, _] | [a, _, _] => {
+                    let of_space = match self.generators[group.fields[*a].pivot] {
+                        Generator::Left(k, _) if i + 2 < model.base.len() => Some(&model.configurations[k].name),
+                        _ => None,
+                    };
+                    if let Some(matrix) = of_space {
+                        let rates = [0, 1, 2].map(|d| along(self, i + d)).join(", ");
+                        done.extend([i + 1, i + 2]);
+                        let names = [0, 1, 2].map(|d| name(i + d)).join(", ");
+                        let _ = writeln!(out, "    reconstruct {names} by {matrix}*[{rates}];");
+                    }
+                }
+                _ => {
+                    let _ = writeln!(out, "    // Not reconstructed: `{}`.", name(i));
+                }
+            }
+        }
+    }
+
+    /// Whether a field turns `q_i`, `q_i+1` counter-clockwise and moves no other coordinate linearly along them.
+    fn is_quarter_turn(&self, coefficients: &[Rational], i: usize) -> bool {
+        let of = |from: usize, to: usize| {
+            self.position(Generator::Linear(from, to)).map_or_else(Rational::zero, |at| coefficients[at].clone())
+        };
+        of(i, i + 1).is_one() && (-of(i + 1, i)).is_one() && of(i, i).is_zero() && of(i + 1, i + 1).is_zero()
+    }
+
+    /// Initial values, where the model starts at the cross-section.
+    fn write_initial(&mut self, out: &mut String, group: &SymmetryGroup, section: &Section) {
+        let model = self.model;
+        let given: BTreeMap<&str, ExprId> = model.initial.iter().map(|(n, e)| (n.as_str(), *e)).collect();
+        let zero = self.graph.zero();
+        let symbols = model.base.iter().map(|c| (c.name.as_str(), c.symbol));
+        let of_groups = model.configurations.iter().flat_map(|c| c.names.iter().map(String::as_str).zip(c.symbols.iter().copied()));
+        let starts_there = symbols.chain(of_groups).all(|(name, symbol)| {
+            let wanted = section.at.get(&symbol);
+            let is_alone = group.fields.iter().all(|f| {
+                let pivot = self.generators[f.pivot];
+                let is_own = matches!(pivot, Generator::Translation(i) if model.base[i].symbol == symbol);
+                // A coordinate of a line that nothing depends on starts where it does.
+                !is_own || f.coefficients.iter().filter(|q| !q.is_zero()).count() == 1
+            });
+            let is_line = model.base.iter().any(|c| c.symbol == symbol) && is_alone && {
+                let moved = group.fields.iter().any(|f| {
+                    let image = f.images.get(&symbol).copied().unwrap_or(zero);
+                    self.graph.as_rational(image).is_none()
+                });
+                !moved
+            };
+            match (wanted, given.get(name)) {
+                (None, _) | (Some(_), None) => true,
+                (Some(value), Some(start)) => value == start || is_line,
+            }
+        });
+        if model.initial.is_empty() {
+            return;
+        }
+        if !starts_there {
+            out.push_str("    // Initial values are left out: those of the model are not at the identity of the group.\n");
+            return;
+        }
+        let speed = |k: usize| {
+            let all = model.all_velocities();
+            given.get(all[k].0).copied().unwrap_or(zero)
+        };
+        let mut xi = Vec::new();
+        for (field, name) in group.fields.iter().zip(&section.names) {
+            let k = match self.generators[field.pivot] {
+                Generator::Left(k, a) => model.base.len() + model.configurations[k].velocities[a],
+                Generator::Translation(i) | Generator::Linear(i, _) | Generator::Right(i, _) => i,
+            };
+            xi.push(speed(k));
+            let _ = writeln!(out, "    initial {name} = {};", self.spelled(speed(k)));
+        }
+        let start: Images = model
+            .base
+            .iter()
+            .map(|c| (c.symbol, given.get(c.name.as_str()).copied().unwrap_or(zero)))
+            .chain(model.configurations.iter().flat_map(|c| {
+                c.names.iter().zip(&c.symbols).map(|(n, s)| (*s, given.get(n.as_str()).copied().unwrap_or(zero)))
+            }))
+            .collect();
+        let mut rest: Vec<(usize, String)> =
+            section.shape.iter().map(|i| (*i, model.base[*i].velocity_name.clone())).collect();
+        for (k, names) in &section.kept {
+            let places = model.configurations[*k].velocities.iter().map(|b| model.base.len() + b);
+            rest.extend(places.zip(names.iter().cloned()));
+        }
+        for (k, name) in rest {
+            let mut terms = vec![(speed(k), Rational::one())];
+            for (xi, tangent) in xi.iter().zip(&section.tangents) {
+                let tangent = self.graph.subs(tangent[k], &start).unwrap_or(tangent[k]);
+                terms.push((self.graph.mul(*xi, tangent), -Rational::one()));
+            }
+            let value = self.graph.linear_combination(&terms);
+            let _ = writeln!(out, "    initial {name} = {};", self.spelled(value));
+        }
+        for i in &section.shape {
+            if let Some(e) = given.get(model.base[*i].name.as_str()) {
+                let _ = writeln!(out, "    initial {} = {};", model.base[*i].name, self.spelled(*e));
+            }
+        }
+        for (k, _) in &section.kept {
+            for name in &model.configurations[*k].names {
+                if let Some(e) = given.get(name.as_str()) {
+                    let _ = writeln!(out, "    initial {name} = {};", self.spelled(*e));
+                }
+            }
+        }
+    }
+}
+
+/// One name for each block, where the components of all blocks are numbered from one; the names otherwise.
+fn shortened(names: &[String], blocks: &[usize]) -> Vec<String> {
+    let mut rest = names;
+    let mut shorter = Vec::new();
+    for size in blocks {
+        let (own, after) = rest.split_at(*size);
+        rest = after;
+        let stem = own[0].strip_suffix('1').filter(|stem| Layout::Vector(*size).names(stem) == own);
+        match (stem, size) {
+            (_, 1) => shorter.push(own[0].clone()),
+            (Some(stem), _) => shorter.push(stem.to_owned()),
+            (None, _) => return names.to_vec(),
+        }
+    }
+    shorter
+}
+
+/// Names of the vectors of a configuration.
+fn vectors_of(configuration: &hamel_lang::spec::Configuration) -> Vec<String> {
+    let n_entries = configuration.group.n_blocks() * configuration.group.n() * configuration.group.n();
+    let mut start = n_entries;
+    let mut list = Vec::new();
+    for (_, dim) in configuration.group.spaces() {
+        let first = &configuration.names[start];
+        list.push(if dim == 1 { first.clone() } else { first.trim_end_matches('1').to_owned() });
+        start += dim;
+    }
+    list
+}
+
+fn head(name: &str, doc: &[String], report: &[String]) -> Vec<String> {
+    let title = doc.first().cloned().unwrap_or_else(|| name.to_owned());
+    let mut lines = vec![format!("{title}, reduced"), String::new()];
+    lines.extend(report.iter().cloned());
+    lines
+}
+
+fn document(out: &mut String, doc: &str) {
+    for line in doc.lines() {
+        let _ = writeln!(out, "    ///{}{line}", if line.is_empty() { "" } else { " " });
+    }
+}
+
+/// Parameters or inputs as items.
+fn numbers(out: &mut String, word: &str, all: &[Param], arrays: &[ParamArray]) {
+    let mut k = 0;
+    while let Some(param) = all.get(k) {
+        let array = arrays.iter().find(|array| array.symbols.first() == Some(&param.symbol));
+        document(out, &param.doc);
+        match array {
+            Some(array) => {
+                let list: Vec<String> =
+                    all[k..k + array.symbols.len()].iter().map(|p| decimal(&p.default)).collect();
+                let shape = match array.layout {
+                    Layout::Vector(n) => format!("vector({n})"),
+                    Layout::Diagonal(n) => format!("diagonal({n})"),
+                    Layout::Symmetric(n) => format!("symmetric({n})"),
+                    Layout::Matrix(n, m) => format!("matrix({n}, {m})"),
+                };
+                let _ = writeln!(out, "    {word} {}: {shape} = [{}];", array.name, list.join(", "));
+                k += array.symbols.len();
+            }
+            None => {
+                let _ = writeln!(out, "    {word} {} = {};", param.name, decimal(&param.default));
+                k += 1;
+            }
+        }
+    }
+}
+
+/// A rational number as the language reads it: in decimals where these end soon.
+fn decimal(q: &Rational) -> String {
+    let ten = Rational::from_integer(10.into());
+    let mut scaled = q.abs();
+    for digits in 0..=17usize {
+        if scaled.is_integer() {
+            let text = scaled.to_integer().to_string();
+            let padded = format!("{text:0>width$}", width = digits + 1);
+            let (whole, part) = padded.split_at(padded.len() - digits);
+            let sign = if q.is_negative() { "-" } else { "" };
+            return if digits == 0 { format!("{sign}{whole}") } else { format!("{sign}{whole}.{part}") };
+        }
+        scaled *= &ten;
+    }
+    format!("{}/{}", q.numer(), q.denom())
+}
+
+/// The algebra by its name, with the sizes of its blocks, where its constants are those of the group.
+fn known_algebra(group: &SymmetryGroup) -> Option<(String, Vec<usize>)> {
+    let n = group.fields.len();
+    let own = |a: usize, b: usize| -> Vec<Rational> {
+        let found = group.brackets.iter().find(|(x, y, _)| (*x, *y) == (a, b));
+        found.map_or_else(|| vec![Rational::zero(); n], |(_, _, c)| c.iter().map(|q| -q.clone()).collect())
+    };
+    let mut candidates: Vec<LieAlgebra> = Vec::new();
+    let bases = [LieAlgebra::so(3), LieAlgebra::se(2), LieAlgebra::se(3), LieAlgebra::su(2)];
+    let bases: Vec<LieAlgebra> = bases.into_iter().filter_map(Result::ok).collect();
+    candidates.push(LieAlgebra::abelian(n));
+    for base in bases {
+        for copies in 1..=n / base.dim() {
+            let rest = n - copies * base.dim();
+            let mut factors = vec![base.clone(); copies];
+            if rest > 0 {
+                factors.push(LieAlgebra::abelian(rest));
+            }
+            candidates.push(if factors.len() == 1 { base.clone() } else { LieAlgebra::product(&factors) });
+        }
+    }
+    let fits = |algebra: &&LieAlgebra| {
+        algebra.dim() == n
+            && (0..n).all(|a| {
+                (a + 1..n).all(|b| {
+                    let mut constants = vec![Rational::zero(); n];
+                    for (c, q) in algebra.bracket(a, b) {
+                        constants[c] = q;
+                    }
+                    constants == own(a, b)
+                })
+            })
+    };
+    let found = candidates.iter().find(fits)?;
+    let name = if n > 0 && found.name() == format!("R^{n}") && n == 1 { "R".to_owned() } else { found.name().to_owned() };
+    Some((name, found.blocks().iter().map(|b| b.dim).collect()))
+}
