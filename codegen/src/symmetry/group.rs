@@ -7,7 +7,7 @@
 //!
 //! Does not know: what is broken, how a model is written.
 
-use hamel_expr::Rational;
+use hamel_expr::{ExprId, Rational};
 use num_traits::{One, Zero};
 
 use super::search::{Coefficients, Kept};
@@ -204,6 +204,18 @@ impl Setting<'_> {
                     continue 'again;
                 }
             }
+            // What commutes with everything comes last, so that the algebra is a product that has a name.
+            let is_central = |a: usize| {
+                brackets.iter().all(|(x, y, c)| ![*x, *y].contains(&a) && c[a].is_zero())
+            };
+            let (mut order, central): (Vec<usize>, Vec<usize>) = (0..fields.len()).partition(|a| !is_central(*a));
+            order.extend(central);
+            let place = |a: usize| order.iter().position(|o| *o == a).unwrap_or_default();
+            let brackets = brackets
+                .iter()
+                .map(|(a, b, c)| (place(*a), place(*b), order.iter().map(|o| c[*o].clone()).collect()))
+                .collect();
+            let fields = order.iter().map(|a| fields[*a].clone()).collect();
             return SymmetryGroup { fields, brackets };
         }
     }
@@ -212,7 +224,7 @@ impl Setting<'_> {
     fn completed(
         &mut self,
         fields: &[GroupField],
-        value: &[hamel_expr::ExprId],
+        value: &[ExprId],
         kinetic: &Kept,
     ) -> Option<GroupField> {
         let ansatz: Vec<_> =

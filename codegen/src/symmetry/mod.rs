@@ -10,18 +10,23 @@
 //!
 //! Does not know: equations of motion, scenes, how a model is run.
 
+mod check;
 mod group;
 mod modules;
 mod search;
 mod setting;
+#[cfg(test)]
+mod tests;
 mod write;
 
+use hamel_expr::ExprId;
 use hamel_lang::spec::{Diagnostic, Diagnostics, Model};
 use num_traits::Zero;
 
 use group::SymmetryGroup;
 use setting::{Generator, Refusal, Setting};
-use write::{Brought, Pieces};
+use modules::Module;
+use write::Pieces;
 
 /// A model that was reduced.
 #[derive(Clone, Debug)]
@@ -30,7 +35,7 @@ pub struct Reduced {
     pub text: String,
     /// Lines about what was found, for people.
     pub report: Vec<String>,
-    /// The dimension of the group; zero where there is none, and the text is the model as it was.
+    /// The dimension of the group.
     pub dim: usize,
 }
 
@@ -46,8 +51,14 @@ pub struct Reduced {
 /// ```
 ///
 /// # Errors
-/// What a model has that is not looked into.
+/// What a model has that is not looked into; a model without a group to reduce it by; a reduced model that disagrees with
+/// the model, which is a fault of the generator.
 pub fn reduce(model: &Model) -> Result<Reduced, Diagnostics> {
+    reduce_altered(model, |text| text)
+}
+
+/// As [`reduce`], with the text altered before it is compared with the model.
+fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Reduced, Diagnostics> {
     let refuse = |Refusal(what, help): Refusal| {
         let message = format!("symmetries of a model with {what} are not looked for");
         model.diagnostics(vec![Diagnostic::new(model.places.lagrangian, message).with_help(help)])
@@ -56,11 +67,15 @@ pub fn reduce(model: &Model) -> Result<Reduced, Diagnostics> {
     let everything = setting.everything();
     let known = setting.symmetries(&everything);
     let mut group = setting.group();
-    let (potential, constraints) = loop {
+    let mut left = Vec::new();
+    let (moved, module) = loop {
         match setting.moved(&group) {
             Ok(found) => break found,
             // A field whose module has no end is no part of the group.
-            Err(a) => group = setting.without(group, a),
+            Err((a, why)) => {
+                left.push(format!("Left: {}, {why}.", setting.described(&group.fields[a].coefficients)));
+                group = setting.without(group, a);
+            }
         }
     };
     let mut report: Vec<String> = Vec::new();
@@ -75,12 +90,26 @@ pub fn reduce(model: &Model) -> Result<Reduced, Diagnostics> {
             report.push(format!("Of the kinetic energy alone: {}.", setting.described(&field.coefficients)));
         }
     }
+    report.extend(left.iter().cloned());
     let dim = group.fields.len();
-    if dim == 0 && !known.is_empty() {
-        report.push("None of them moves a coordinate of its own by which the motion could be reduced.".into());
+    if dim == 0 {
+        let mut found = report.join(" ");
+        if !known.is_empty() && left.is_empty() {
+            found.push_str(" None of them moves a coordinate of its own by which the motion could be reduced.");
+        }
+        let message = format!("`{}` is not reduced: there is no group to reduce it by", model.name);
+        let problem = Diagnostic::new(model.places.lagrangian, message).with_help(found);
+        return Err(model.diagnostics(vec![problem]));
     }
-    let pieces = Pieces { group, potential, constraints, report };
-    let text = setting.written(&pieces);
+    let pieces = Pieces { group, moved, module, report };
+    let section = setting.section(&pieces.group);
+    let written = setting.written(&pieces, &section);
+    let text = alter(written.text.clone());
+    if let Err(differs) = setting.compared((&pieces.group, &section), &written, &text) {
+        let message = format!("internal: the reduced model disagrees with `{}`: {differs}", model.name);
+        let problem = Diagnostic::new(model.places.lagrangian, message).with_help("please report this model");
+        return Err(model.diagnostics(vec![problem]));
+    }
     if let Err(exhausted) = setting.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
@@ -88,33 +117,35 @@ pub fn reduce(model: &Model) -> Result<Reduced, Diagnostics> {
 }
 
 impl Setting<'_> {
-    /// Potential energy and constraints with what the group makes of them; or a field that makes too much of them.
-    fn moved(&mut self, group: &SymmetryGroup) -> Result<(Brought, Vec<Brought>), usize> {
+    /// Potential energy and constraints that the group moves, by their places in [`Setting::brought`], with their module; or
+    /// a field that makes too much of them, and why.
+    fn moved(&mut self, group: &SymmetryGroup) -> Result<(Vec<usize>, Option<Module>), (usize, String)> {
+        let power = search::Kept { functions: vec![self.power], equations: Vec::new() };
+        if let Some(a) = (0..group.fields.len()).rev().find(|a| !self.keeps(&group.fields[*a].images, &power)) {
+            return Err((a, "which the forces do not keep".to_owned()));
+        }
         let functions = search::Kept { functions: vec![self.potential], equations: Vec::new() };
         let equations = search::Kept { functions: Vec::new(), equations: self.constraints.clone() };
-        let power = search::Kept { functions: vec![self.power], equations: Vec::new() };
-        let last = group.fields.len().wrapping_sub(1);
-        if let Some(a) = (0..group.fields.len()).rev().find(|a| !self.keeps(&group.fields[*a].images, &power)) {
-            return Err(a);
+        let all = self.brought();
+        let mut moved = Vec::new();
+        if !group.fields.iter().all(|f| self.keeps(&f.images, &functions)) {
+            moved.push(0);
         }
-        let is_kept = group.fields.iter().all(|f| self.keeps(&f.images, &functions));
-        let module = match is_kept {
-            true => None,
-            false => Some(self.module(group, self.potential).ok_or(last)?),
-        };
-        let what = "the potential energy".to_owned();
-        let potential = Brought { what, function: self.potential, module };
-        let is_kept = group.fields.iter().all(|f| self.keeps(&f.images, &equations));
-        let mut constraints = Vec::new();
-        for (k, function) in self.constraints.clone().into_iter().enumerate() {
-            let module = match is_kept {
-                true => None,
-                false => Some(self.module(group, function).ok_or(last)?),
-            };
-            let what = format!("the constraint `{}`", self.model.constraints[k].name);
-            constraints.push(Brought { what, function, module });
+        if !group.fields.iter().all(|f| self.keeps(&f.images, &equations)) {
+            moved.extend(1..all.len());
         }
-        Ok((potential, constraints))
+        if moved.is_empty() {
+            return Ok((moved, None));
+        }
+        let list: Vec<ExprId> = moved.iter().map(|k| all[*k]).collect();
+        match self.module(group, &list) {
+            Some(module) => Ok((moved, Some(module))),
+            None => {
+                let what = if moved.contains(&0) { "potential energy or constraints" } else { "constraints" };
+                let why = format!("of which more than {} functions are made from {what}", modules::MAX_DIM);
+                Err((group.fields.len() - 1, why))
+            }
+        }
     }
 
     /// A field in words.

@@ -68,6 +68,9 @@ fn refused(model: &Model) -> Option<Refusal> {
     if model.advected.len() != model.configurations.len() {
         return has("advected parameters", "it is reduced by what moves them: write them by a configuration");
     }
+    if model.configurations.iter().any(|c| !c.relative.is_empty()) {
+        return has("a configuration relative to another", "write the attitude in space");
+    }
     if model.hamiltonian.is_some() || model.given.is_some() {
         return has("no Lagrangian", "give a Lagrangian in coordinates");
     }
@@ -236,6 +239,16 @@ impl Setting<'_> {
     pub(super) fn vanishes(&mut self, e: ExprId) -> bool {
         let e = self.on_groups(e);
         self.graph.is_zero(e)
+    }
+
+    /// A coordinate of a configuration by free symbols.
+    pub(super) fn element(&self, symbol: SymbolId) -> Option<ExprId> {
+        self.elements.get(&symbol).copied()
+    }
+
+    /// What is brought to the cross-section: the potential energy, and residuals of constraints.
+    pub(super) fn brought(&self) -> Vec<ExprId> {
+        [vec![self.potential], self.constraints.clone()].concat()
     }
 
     /// Whether one base coordinate is an angle.

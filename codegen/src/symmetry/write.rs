@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use hamel_expr::{ExprId, Rational, Style, SymbolId};
+use hamel_expr::{ExprId, Rational, Relation, Style, SymbolId};
 use hamel_lang::algebra::LieAlgebra;
 use hamel_lang::spec::{Domain, Layout, Param, ParamArray};
 use num_traits::{One, Signed, Zero};
@@ -14,33 +14,30 @@ use super::group::SymmetryGroup;
 use super::modules::Module;
 use super::setting::{Generator, Images, Setting};
 
-/// A function of the reduced system: `f_0 + sum_i a_i v_i` with advected `a`, if the group moves it.
-pub(super) struct Brought {
-    /// Its name for people.
-    pub(super) what: String,
-    pub(super) function: ExprId,
-    pub(super) module: Option<Module>,
-}
-
 /// What a text is made of.
 pub(super) struct Pieces {
     pub(super) group: SymmetryGroup,
-    pub(super) potential: Brought,
-    pub(super) constraints: Vec<Brought>,
+    /// Which of [`Setting::brought`] the group moves.
+    pub(super) moved: Vec<usize>,
+    /// What it makes of them.
+    pub(super) module: Option<Module>,
     /// Lines about what was found.
     pub(super) report: Vec<String>,
 }
 
 /// Names and values at the cross-section.
-struct Section {
-    at: Images,
+pub(super) struct Section {
+    /// Coordinates, velocities and displacements of the model.
+    pub(super) at: Images,
     /// Names of the velocities of the group.
     names: Vec<String>,
-    symbols: Vec<SymbolId>,
+    pub(super) symbols: Vec<SymbolId>,
     /// Base coordinates that stay.
-    shape: Vec<usize>,
+    pub(super) shape: Vec<usize>,
     /// Configurations that stay, with the names of their velocities.
-    kept: Vec<(usize, Vec<String>)>,
+    pub(super) kept: Vec<(usize, Vec<String>)>,
+    /// The symbols of all reduced velocities.
+    all: Vec<SymbolId>,
     /// `X_a` at the section by the velocities of the model.
     tangents: Vec<Vec<ExprId>>,
     /// Displacements of the reduced velocities, in the order of `reduced`.
@@ -49,8 +46,24 @@ struct Section {
     reduced: Vec<String>,
 }
 
+impl Section {
+    /// Symbols of the velocities of the reduced model.
+    pub(super) fn velocities(&self) -> &[SymbolId] {
+        &self.all
+    }
+}
+
+/// What was written, by expressions at the section.
+pub(super) struct Written<'a> {
+    pub(super) text: String,
+    /// Residuals of constraints.
+    pub(super) constraints: Vec<ExprId>,
+    /// What the group moves, with the functions and the symbols that advect.
+    pub(super) module: Option<(Vec<ExprId>, &'a Module, Vec<SymbolId>)>,
+}
+
 impl Setting<'_> {
-    fn section(&mut self, group: &SymmetryGroup) -> Section {
+    pub(super) fn section(&mut self, group: &SymmetryGroup) -> Section {
         let model = self.model;
         let is_pivot = |s: &Setting<'_>, generator| group.fields.iter().any(|f| s.generators[f.pivot] == generator);
         let mut at = Images::new();
@@ -107,23 +120,12 @@ impl Setting<'_> {
         }
         let mut kept_names = Vec::new();
         for k in kept {
-            let velocities = &model.configurations[k].velocities;
-            let is_moved = velocities.iter().any(|b| tangents.iter().any(|t| t[n_base + b] != zero));
             let mut of_group = Vec::new();
-            for b in velocities {
+            for b in &model.configurations[k].velocities {
                 let velocity = &model.velocities[*b];
-                let (name, symbol) = match is_moved {
-                    false => (velocity.name.clone(), velocity.symbol),
-                    true => {
-                        let (block, index) = velocity.name.split_at(velocity.block.len().min(velocity.name.len()));
-                        let name = format!("{block}_rel{index}");
-                        let symbol = self.graph.symbol(&name);
-                        (name, symbol)
-                    }
-                };
-                own.insert(n_base + b, symbol);
-                reduced.push(name.clone());
-                of_group.push(name);
+                own.insert(n_base + b, velocity.symbol);
+                reduced.push(velocity.name.clone());
+                of_group.push(velocity.name.clone());
             }
             kept_names.push((k, of_group));
         }
@@ -148,7 +150,8 @@ impl Setting<'_> {
             at.insert(self.velocities[k], along);
             at.insert(self.displacements[k], paired);
         }
-        Section { at, names, symbols, shape, kept: kept_names, tangents, pairs, reduced }
+        let all = [symbols.clone(), own.values().copied().collect()].concat();
+        Section { at, names, symbols, shape, kept: kept_names, all, tangents, pairs, reduced }
     }
 
     /// `X` at the section by the velocities of the model.
@@ -168,11 +171,8 @@ impl Setting<'_> {
                 of_groups[configuration.velocities[a]].push((self.graph.one(), q.clone()));
                 continue;
             }
-            // `R^T e_a` of an attitude that stays.
-            for (b, velocity) in configuration.velocities.iter().enumerate() {
-                let entry = self.graph.sym(configuration.symbols[3 * a + b]);
-                of_groups[*velocity].push((entry, q.clone()));
-            }
+            // An attitude that stays is told in the frame of the one that leaves, by its own angular velocity: the
+            // field moves it without one.
         }
         for terms in of_groups {
             tangent.push(self.graph.linear_combination(&terms));
@@ -190,9 +190,8 @@ impl Setting<'_> {
     }
 
     /// The text of the reduced model.
-    pub(super) fn written(&mut self, pieces: &Pieces) -> String {
+    pub(super) fn written<'p>(&mut self, pieces: &'p Pieces, section: &Section) -> Written<'p> {
         let model = self.model;
-        let section = self.section(&pieces.group);
         let mut out = String::new();
         for line in head(&model.name, &model.doc, &pieces.report) {
             let _ = writeln!(out, "///{}{line}", if line.is_empty() { "" } else { " " });
@@ -204,9 +203,16 @@ impl Setting<'_> {
         numbers(&mut out, "param", &model.params, &model.param_arrays);
         numbers(&mut out, "input", &model.inputs, &model.input_arrays);
         for condition in &model.conditions {
-            let _ = writeln!(out, "    require {};", condition.text);
+            // The text of a condition may name definitions, which are not written.
+            let sides = [condition.greater, condition.less].map(|e| self.spelled(e));
+            let sign = match condition.relation {
+                Relation::Greater => ">",
+                Relation::GreaterEqual => ">=",
+                Relation::NotEqual => "!=",
+            };
+            let _ = writeln!(out, "    require {} {sign} {};", sides[0], sides[1]);
         }
-        self.write_velocities(&mut out, &pieces.group, &section);
+        self.write_velocities(&mut out, &pieces.group, section);
         for i in &section.shape {
             self.write_coordinate(&mut out, *i);
         }
@@ -220,62 +226,56 @@ impl Setting<'_> {
             // A configuration has the entries of a matrix by itself.
             let group = group.strip_prefix("matrices(").and_then(|g| g.strip_suffix(')')).unwrap_or(&group);
             let blocks: Vec<usize> = configuration.group.algebra().blocks().iter().map(|b| b.dim).collect();
-            let names = shortened(names, &blocks);
-            let _ = writeln!(out, "    configuration {list} in {group} velocity {};", names.join(", "));
+            let names = shortened(names, &blocks).join(", ");
+            let relative = self.frame_of(*k, &pieces.group, section);
+            let relative = relative.map_or_else(String::new, |frame| format!(" relative {frame}"));
+            let _ = writeln!(out, "    configuration {list} in {group} velocity {names}{relative};");
         }
-        let mut letters = 0;
-        let potential = self.brought(&mut out, &pieces.group, &section, &pieces.potential, &mut letters);
-        let constraints: Vec<ExprId> = pieces
-            .constraints
-            .iter()
-            .map(|brought| self.brought(&mut out, &pieces.group, &section, brought, &mut letters))
-            .collect();
-        let kinetic = self.at_section(&section, self.kinetic);
+        let (brought, advected) = self.write_advected(&mut out, pieces, section);
+        let (potential, constraints) = (brought[0], &brought[1..]);
+        let kinetic = self.at_section(section, self.kinetic);
         let lagrangian = self.graph.sub(kinetic, potential);
         let _ = writeln!(out, "    lagrangian = {};", self.spelled(lagrangian));
-        for (constraint, residual) in model.constraints.iter().zip(constraints) {
-            if residual != self.graph.zero() {
-                let _ = writeln!(out, "    constraint {}: {} = 0;", constraint.name, self.spelled(residual));
+        for (residual, constraint) in constraints.iter().zip(&model.constraints) {
+            if *residual != self.graph.zero() {
+                let _ = writeln!(out, "    constraint {}: {} = 0;", constraint.name, self.spelled(*residual));
             }
         }
-        let power = self.at_section(&section, self.power);
+        let power = self.at_section(section, self.power);
         for (name, pair) in section.reduced.clone().iter().zip(section.pairs.clone()) {
             let force = self.graph.diff(power, pair);
             if !self.graph.is_zero(force) {
                 let _ = writeln!(out, "    force {name} = {};", self.spelled(force));
             }
         }
-        self.write_outputs(&mut out, &pieces.group, &section);
-        self.write_reconstruction(&mut out, &pieces.group, &section);
-        self.write_initial(&mut out, &pieces.group, &section);
+        self.write_outputs(&mut out, &pieces.group, section);
+        self.write_reconstruction(&mut out, &pieces.group, section);
+        self.write_initial(&mut out, &pieces.group, section);
         out.push_str("}\n");
-        out
+        let functions = pieces.moved.iter().map(|k| self.brought()[*k]).collect();
+        let module = pieces.module.as_ref().map(|module| (functions, module, advected));
+        Written { text: out, constraints: constraints.to_vec(), module }
     }
 
-    /// A function at the section; what advects it is declared.
-    fn brought(
+    /// Potential energy and constraints at the section; what advects them is declared.
+    fn write_advected(
         &mut self,
         out: &mut String,
-        group: &SymmetryGroup,
+        pieces: &Pieces,
         section: &Section,
-        brought: &Brought,
-        letters: &mut u8,
-    ) -> ExprId {
-        let Some(module) = &brought.module else { return self.at_section(section, brought.function) };
-        let mut letter = char::from(b'a' + *letters).to_string();
-        *letters += 1;
-        while self.model.places.declared.contains_key(&letter) {
-            letter.push('_');
-        }
+    ) -> (Vec<ExprId>, Vec<SymbolId>) {
+        let mut all = self.brought();
+        let Some(module) = &pieces.module else {
+            return (all.into_iter().map(|e| self.at_section(section, e)).collect(), Vec::new());
+        };
+        let group = &pieces.group;
+        let declared = &self.model.places.declared;
+        let letters = ["a", "b", "c", "d", "advected"];
+        let letter = letters.iter().find(|l| !declared.contains_key(**l)).unwrap_or(&"advected_").to_string();
         let n = module.basis.len();
         let names: Vec<String> = if n == 1 { vec![letter.clone()] } else { Layout::Vector(n).names(&letter) };
-        let symbols: Vec<ExprId> = names
-            .iter()
-            .map(|name| {
-                let symbol = self.graph.symbol(name);
-                self.graph.sym(symbol)
-            })
-            .collect();
+        let own: Vec<SymbolId> = names.iter().map(|name| self.graph.symbol(name)).collect();
+        let symbols: Vec<ExprId> = own.iter().map(|symbol| self.graph.sym(*symbol)).collect();
         // adot = -xi . a.
         let mut action = vec![Vec::new(); n];
         for (a, _) in group.fields.iter().enumerate() {
@@ -294,7 +294,12 @@ impl Setting<'_> {
                 self.spelled(sum)
             })
             .collect();
-        let _ = writeln!(out, "    /// What the group makes of {}.", brought.what);
+        let what = match (pieces.moved.contains(&0), pieces.moved.len()) {
+            (true, 1) => "potential energy",
+            (true, _) => "potential energy and constraints",
+            (false, _) => "constraints",
+        };
+        let _ = writeln!(out, "    /// What the group makes of the {what}.");
         let start: Vec<String> = module.start.iter().map(decimal).collect();
         if n == 1 {
             let _ = writeln!(out, "    advected {letter} in R by {};", action[0]);
@@ -303,12 +308,14 @@ impl Setting<'_> {
             let _ = writeln!(out, "    advected {letter} in R^{n} by [{}];", action.join(", "));
             let _ = writeln!(out, "    initial {letter} = [{}];", start.join(", "));
         }
-        let mut terms = vec![self.at_section(section, module.rest)];
-        for (a, v) in symbols.iter().zip(&module.basis) {
-            let value = self.at_section(section, *v);
-            terms.push(self.graph.mul(*a, value));
+        for (r, k) in pieces.moved.iter().enumerate() {
+            let mut terms = vec![module.rest[r]];
+            for (a, v) in symbols.iter().zip(&module.basis) {
+                terms.push(self.graph.mul(*a, v[r]));
+            }
+            all[*k] = self.graph.sum(&terms);
         }
-        self.graph.sum(&terms)
+        (all.into_iter().map(|e| self.at_section(section, e)).collect(), own)
     }
 
     fn write_velocities(&mut self, out: &mut String, group: &SymmetryGroup, section: &Section) {
@@ -356,6 +363,15 @@ impl Setting<'_> {
             }
         }
         let _ = writeln!(out, "    velocity {} in {name};", list.join(", "));
+    }
+
+    /// The velocities of the configuration that a configuration turns with.
+    fn frame_of(&self, k: usize, group: &SymmetryGroup, section: &Section) -> Option<String> {
+        let at = self.position(Generator::Left(k, 0))?;
+        let first = group.fields.iter().position(|f| !f.coefficients[at].is_zero())?;
+        let n = self.model.configurations[k].velocities.len();
+        let names = &section.names[first..first + n];
+        Some(shortened(names, &[n]).join(", "))
     }
 
     fn write_coordinate(&mut self, out: &mut String, i: usize) {

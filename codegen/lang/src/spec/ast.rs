@@ -368,6 +368,8 @@ pub(super) enum ItemKind {
         names: Vec<Name>,
         group: AlgebraExpr,
         by: MovedBy,
+        /// `relative Omega`: the velocities that move it from the other side.
+        relative: Vec<Name>,
     },
     Reconstruct {
         names: Vec<Name>,

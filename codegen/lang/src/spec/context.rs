@@ -155,6 +155,7 @@ fn of_item(statement: &[&str]) -> Context {
         "representation" if last == "of" || has("on") => Context::Algebra,
         "advected" if has("by") => Context::Action,
         "advected" if has("in") => Context::Algebra,
+        "configuration" if has("relative") => Context::Velocity,
         "configuration" if has("velocity") => Context::Anything,
         "configuration" if has("from") => Context::Velocity,
         "configuration" if has("in") => Context::Group,

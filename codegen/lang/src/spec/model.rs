@@ -202,6 +202,8 @@ pub struct Configuration {
     pub group: Box<MatrixGroup>,
     /// The elements of [`Model::algebra`] that are those of the group's, in its order.
     pub velocities: Vec<usize>,
+    /// Those of the frame that it is told in, `g' = g xi - eta g` (left); none for space.
+    pub relative: Vec<usize>,
 }
 
 /// A connection that the generator can derive.

@@ -218,8 +218,14 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::Coordinate { by: Some((left, right)), .. } => mentions([left, right]),
         ItemKind::Momentum { velocity, .. } => vec![velocity.text.clone()],
         ItemKind::Carry(list) | ItemKind::Scene { carries: list, .. } => levels(list),
-        ItemKind::Configuration { by: MovedBy::Declared(from), .. }
-        | ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {
+        ItemKind::Configuration { by, relative, .. } => {
+            let from: &[Name] = match by {
+                MovedBy::Declared(from) => from,
+                MovedBy::Own(_) => &[],
+            };
+            owned(from.iter().chain(relative).map(|name| name.text.as_str()))
+        }
+        ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {
             owned(from.iter().map(|name| name.text.as_str()))
         }
         ItemKind::View { arguments, around, at, attitude, .. } => {
@@ -242,7 +248,6 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Action(_)
         | ItemKind::Coordinate { by: None, .. }
         | ItemKind::Advected { .. }
-        | ItemKind::Configuration { by: MovedBy::Own(_), .. }
         | ItemKind::State { .. }
         | ItemKind::Independent(_)
         | ItemKind::Multipliers => Vec::new(),

@@ -15,10 +15,10 @@ use crate::spec::view::Views;
 use hamel_expr::Graph;
 
 fn configuration(draft: ConfigurationDraft, advected: &[Advected]) -> Configuration {
-    let ConfigurationDraft { group, advected: k, velocities, values: _ } = draft;
+    let ConfigurationDraft { group, advected: k, velocities, relative, values: _ } = draft;
     let name = advected[k].name.clone();
     let (names, symbols) = advected[k].components.iter().cloned().unzip();
-    Configuration { name, advected: k, names, symbols, group, velocities }
+    Configuration { name, advected: k, names, symbols, group, velocities, relative }
 }
 
 impl ModelBuilder {

@@ -13,6 +13,7 @@ use crate::spec::model::*;
 use crate::spec::rates::Rates;
 use crate::spec::value::Value;
 use hamel_expr::{ExprId, Rational, SymbolId};
+use num_traits::One;
 
 /// An initial matrix that its group form misses by more is none of the group: digits were written, and no error was
 /// made, below it.
@@ -50,14 +51,31 @@ impl ModelBuilder {
         let here = self.here;
         let names: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, here)).collect();
         let by = by.iter().map(|n| ((*n).to_owned(), here)).collect();
-        self.located_configuration(&names, group, by, doc)
+        self.located_configuration(&names, group, (by, Vec::new()), doc)
+    }
+
+    /// As [`ModelBuilder::configuration`], beside velocities that move the frame that it is told in: `g' = g xi - eta g`
+    /// for a left action, with `eta` the velocities `relative` of a copy of the group's algebra; `g' = xi g - g eta` for a
+    /// right one. Such is the attitude of one body in the frame of another, by the angular velocities of both.
+    pub fn relative_configuration(
+        &mut self,
+        names: &[&str],
+        group: &MatrixGroup,
+        (by, relative): (&[&str], &[&str]),
+        doc: &str,
+    ) -> Vec<Value> {
+        let here = self.here;
+        let names: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, here)).collect();
+        let [by, relative] =
+            [by, relative].map(|list| list.iter().map(|n| ((*n).to_owned(), here)).collect());
+        self.located_configuration(&names, group, (by, relative), doc)
     }
 
     pub(in crate::spec) fn located_configuration(
         &mut self,
         names: &[(&str, Option<Span>)],
         group: &MatrixGroup,
-        by: Vec<Located>,
+        (by, relative): (Vec<Located>, Vec<Located>),
         doc: &str,
     ) -> Vec<Value> {
         let span = self.here;
@@ -73,6 +91,22 @@ impl ModelBuilder {
         let Some(velocities) = self.group_indices(&of_group, &by, span) else {
             self.broken.insert("configuration");
             return Vec::new();
+        };
+        let relative = match relative.is_empty() {
+            true => Vec::new(),
+            false => match self.group_indices(&of_group, &relative, span) {
+                Some(found) if found.iter().all(|a| !velocities.contains(a)) => found,
+                Some(_) => {
+                    let message = "a configuration relative to the velocities that move it";
+                    self.problem(span, message, "name the velocities of another factor of the algebra");
+                    self.broken.insert("configuration");
+                    return Vec::new();
+                }
+                None => {
+                    self.broken.insert("configuration");
+                    return Vec::new();
+                }
+            },
         };
         let (mut components, mut values, mut all) = (Vec::new(), Vec::new(), Vec::new());
         for block in &blocks {
@@ -111,7 +145,7 @@ impl ModelBuilder {
         });
         let advected = self.advected.len() - 1;
         let group = Box::new(group.clone());
-        self.configurations.push(ConfigurationDraft { group, advected, velocities, values: values.clone() });
+        self.configurations.push(ConfigurationDraft { group, advected, velocities, relative, values: values.clone() });
         values
     }
 
@@ -120,21 +154,38 @@ impl ModelBuilder {
         self.action.as_ref().map_or(Side::Left, |(side, _)| *side)
     }
 
+    /// The rates of a configuration by the velocities of the algebra.
+    fn rates_of_configuration(
+        &mut self,
+        draft: &ConfigurationDraft,
+        velocity: impl Fn(&mut ModelBuilder, usize) -> ExprId,
+    ) -> Vec<ExprId> {
+        let [xi, eta] = [&draft.velocities, &draft.relative]
+            .map(|list| list.iter().map(|a| velocity(self, *a)).collect::<Vec<ExprId>>());
+        let symbols: Vec<_> = self.advected[draft.advected].components.iter().map(|(_, s)| *s).collect();
+        let coordinates: Vec<ExprId> = symbols.iter().map(|s| self.graph.sym(*s)).collect();
+        let side = self.side();
+        let rates = group_rates(&mut self.graph, &draft.group, &coordinates, &xi, side);
+        if eta.is_empty() {
+            return rates;
+        }
+        let other = if side == Side::Left { Side::Right } else { Side::Left };
+        let back = group_rates(&mut self.graph, &draft.group, &coordinates, &eta, other);
+        rates.into_iter().zip(back).map(|(rate, back)| self.graph.sub(rate, back)).collect()
+    }
+
     /// Rates of the coordinates of configurations, by the velocities of the model.
     pub(super) fn add_configuration_rates(&mut self, rates: &mut Rates) {
         for draft in self.configurations.clone() {
-            let xi: Vec<ExprId> =
-                draft.velocities.iter().map(|a| self.velocity_value(self.n_shape() + a)).collect();
-            let symbols: Vec<_> = self.advected[draft.advected].components.iter().map(|(_, s)| *s).collect();
-            let coordinates: Vec<ExprId> = symbols.iter().map(|s| self.graph.sym(*s)).collect();
-            let side = self.side();
-            let values = group_rates(&mut self.graph, &draft.group, &coordinates, &xi, side);
-            rates.extend(symbols.into_iter().zip(values));
+            let values =
+                self.rates_of_configuration(&draft, |b, a| b.velocity_value(b.n_shape() + a));
+            let symbols = self.advected[draft.advected].components.iter().map(|(_, s)| *s);
+            rates.extend(symbols.zip(values));
         }
     }
 
-    /// Attitudes with their angular velocities in the turned frame: `Omega` for a left action, `R^T omega` for a right
-    /// one.
+    /// Attitudes with their angular velocities in the turned frame: `Omega`, less `R^T` times that of the frame they are told
+    /// in, for a left action; `R^T omega`, less that one, for a right one.
     pub(in crate::spec) fn configuration_spins(&mut self) -> Vec<(Vec<ExprId>, Vec<ExprId>)> {
         let mut list = Vec::new();
         for draft in self.configurations.clone() {
@@ -143,13 +194,31 @@ impl ModelBuilder {
             let is_rotation =
                 draft.group.is_of_rotations() && matches!((n, n_turning), (2, 1) | (3, 3));
             let Some(matrix) = draft.values.first().filter(|_| is_rotation).cloned() else { continue };
-            let xi = draft.velocities[..n_turning].to_vec();
-            let mut spin: Vec<ExprId> =
-                xi.into_iter().map(|a| self.velocity_value(self.n_shape() + a)).collect();
-            if self.side() == Side::Right && n == 3 {
-                let turned = matrix.transpose().and_then(|back| back.mul(&mut self.graph, &Value::Vector(spin)));
-                let Ok(turned) = turned else { continue };
-                spin = turned.into_entries();
+            let values = |b: &mut ModelBuilder, list: &[usize]| -> Vec<ExprId> {
+                list.iter().take(n_turning).map(|a| b.velocity_value(b.n_shape() + a)).collect()
+            };
+            let (of_body, of_space) = match self.side() {
+                Side::Left => (values(self, &draft.velocities), values(self, &draft.relative)),
+                Side::Right => (values(self, &draft.relative), values(self, &draft.velocities)),
+            };
+            // `w = w_body + R^T w_space`, each where it is there, what the frame has counted negative.
+            let sign = if self.side() == Side::Left { -Rational::one() } else { Rational::one() };
+            let turned = match (of_space.is_empty(), n) {
+                (true, _) => vec![self.graph.zero(); n_turning],
+                (false, 2) => of_space,
+                (false, _) => {
+                    let back = matrix.transpose();
+                    let Ok(turned) = back.and_then(|b| b.mul(&mut self.graph, &Value::Vector(of_space))) else {
+                        continue;
+                    };
+                    turned.into_entries()
+                }
+            };
+            let mut spin = Vec::with_capacity(n_turning);
+            for (k, turned) in turned.into_iter().enumerate() {
+                let own = of_body.get(k).copied().unwrap_or_else(|| self.graph.zero());
+                let terms = [(own, -&sign), (turned, sign.clone())];
+                spin.push(self.graph.linear_combination(&terms));
             }
             list.push((matrix.into_entries(), spin));
         }
@@ -167,13 +236,9 @@ impl ModelBuilder {
         }
         let original = self.original_symbols();
         for draft in self.configurations.clone() {
-            let n_shape = self.n_shape();
-            let xi: Vec<ExprId> =
-                draft.velocities.iter().map(|a| self.graph.sym(original[n_shape + a])).collect();
-            let coordinates: Vec<ExprId> =
-                self.advected[draft.advected].components.iter().map(|(_, s)| self.graph.sym(*s)).collect();
+            let mut rates =
+                self.rates_of_configuration(&draft, |b, a| b.graph.sym(original[b.n_shape() + a]));
             let side = self.side();
-            let mut rates = group_rates(&mut self.graph, &draft.group, &coordinates, &xi, side);
             if side == Side::Left {
                 rates = rates.into_iter().map(|e| self.graph.neg(e)).collect();
             }

@@ -132,6 +132,8 @@ pub(super) struct ConfigurationDraft {
     pub(super) advected: usize,
     /// The elements of the algebra of the model that are those of the group's, in its order.
     pub(super) velocities: Vec<usize>,
+    /// Those that move the frame it is told in; none for space.
+    pub(super) relative: Vec<usize>,
     /// The matrices and vectors.
     pub(super) values: Vec<Value>,
 }

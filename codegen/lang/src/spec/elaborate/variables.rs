@@ -290,7 +290,7 @@ impl Elaboration<'_> {
     /// Coordinates in groups, when the velocities that move them are declared.
     fn declare_configurations(&mut self, items: &[Item]) {
         for item in items {
-            let ItemKind::Configuration { names, group, by } = &item.kind else { continue };
+            let ItemKind::Configuration { names, group, by, relative } = &item.kind else { continue };
             let (by, is_own) = match by {
                 MovedBy::Own(list) => (list, true),
                 MovedBy::Declared(list) => (list, false),
@@ -298,14 +298,16 @@ impl Elaboration<'_> {
             let before = self.builder.problems.len();
             // What its own velocities are in has been looked at.
             let group = if is_own { matrices_of(group) } else { self.group_of_configuration(group) };
-            if let Some(group) = group.filter(|_| by.iter().all(|name| !self.poisoned.contains(&name.text))) {
+            let is_known = by.iter().chain(relative).all(|name| !self.poisoned.contains(&name.text));
+            if let Some(group) = group.filter(|_| is_known) {
                 let located: Vec<(&str, Option<Span>)> =
                     names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
-                let by = by.iter().map(|n| (n.text.clone(), Some(n.span))).collect();
+                let [by, relative] =
+                    [by, relative].map(|list| list.iter().map(|n| (n.text.clone(), Some(n.span))).collect());
                 let span =
                     names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
                 let doc = item.doc.join("\n");
-                let values = self.builder.at(Some(span)).located_configuration(&located, &group, by, &doc);
+                let values = self.builder.at(Some(span)).located_configuration(&located, &group, (by, relative), &doc);
                 if !values.is_empty() && self.builder.problems.len() == before {
                     continue;
                 }

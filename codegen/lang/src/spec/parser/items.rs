@@ -499,12 +499,16 @@ impl<'a> Parser<'a> {
             MovedBy::Own(self.comma_separated(|p| p.declared("the name of a velocity"))?)
         } else if self.word("from").is_some() {
             MovedBy::Declared(self.comma_separated(|p| p.named("the name of a velocity"))?)
-        } else if self.peek_punct(';') {
+        } else if self.peek_punct(';') || self.peek_ident().is_some_and(|word| word == "relative") {
             MovedBy::Declared(Vec::new())
         } else {
             return self.expected("`velocity` and names for the velocities that move it, `from` and their names, or `;`");
         };
-        Ok(ItemKind::Configuration { names, group, by })
+        let relative = match self.word("relative") {
+            Some(_) => self.comma_separated(|p| p.named("the name of a velocity"))?,
+            None => Vec::new(),
+        };
+        Ok(ItemKind::Configuration { names, group, by, relative })
     }
 
     /// `as w_*`: what precedes the names of basis elements in those of components, one for each of `n` vectors; or

@@ -1,0 +1,340 @@
+//! Holds a reduced model to the model that it was made from: rates of both at random points, by their own programs.
+//!
+//! At the cross-section energies are equal. A motion of the model is `g(t) w(t)` with a motion `w` of the reduced model,
+//! so that each velocity of the model has the rate `sum_a xi^a X_a y + d/dt y(w)`; and of each function that advects,
+//! `sum_k a_k' v_k = sum_a xi^a X_a f`.
+//!
+//! Does not know: how the group was found, how the text was written.
+
+use std::collections::BTreeMap;
+
+use hamel_expr::{ExprId, SymbolId, rational_to_f64, uniform};
+use hamel_lang::spec::{self, Domain, Model};
+
+use super::group::SymmetryGroup;
+use super::setting::Setting;
+use super::write::{Section, Written};
+use crate::scene;
+
+type Values = BTreeMap<SymbolId, f64>;
+
+/// Points at which both are compared, and those that are drawn until they are found.
+const N_POINTS: usize = 3;
+const MAX_DRAWS: usize = 40;
+
+/// The largest difference beside the size of what is added up: rates are computed in doubles from random states of size
+/// one, through eliminations that lose a few digits.
+const MAX_DIFFERENCE: f64 = 1e-7;
+
+/// A scene at the defaults of the parameters.
+struct Running {
+    scene: scene::BuiltScene,
+    params: Vec<f64>,
+}
+
+impl Running {
+    fn new(model: &Model) -> Result<Running, String> {
+        let names = scene::names(model);
+        let name = names.first().ok_or("there is no scene")?;
+        let scene = scene::build(model, name).map_err(|e| e.to_string())?;
+        let defaults: BTreeMap<&str, f64> =
+            model.params.iter().map(|p| (p.name.as_str(), rational_to_f64(&p.default))).collect();
+        let params =
+            scene.params().iter().map(|p| defaults.get(p.name.as_str()).copied().unwrap_or(f64::NAN)).collect();
+        Ok(Running { scene, params })
+    }
+
+    /// Rates by the names of the state, and the energy; none where there are no rates.
+    fn rates(&self, t: f64, of: impl Fn(&str) -> Option<f64>) -> Option<(BTreeMap<String, f64>, Option<f64>)> {
+        let names = self.scene.state_names();
+        let state: Vec<f64> = names.iter().map(|name| of(name)).collect::<Option<_>>()?;
+        let interpreter = self.scene.prepare(&self.params).ok()?;
+        let mut rates = vec![0.0; state.len()];
+        interpreter.rhs(t, &state, &mut rates);
+        let energy = interpreter.energy(t, &state);
+        rates.iter().all(|r| r.is_finite()).then(|| (names.into_iter().zip(rates).collect(), energy))
+    }
+}
+
+impl Setting<'_> {
+    /// Compares the reduced model of the text with the model.
+    ///
+    /// # Errors
+    /// What differs, or why nothing could be compared.
+    pub(super) fn compared(
+        &mut self,
+        (group, section): (&SymmetryGroup, &Section),
+        written: &Written<'_>,
+        text: &str,
+    ) -> Result<(), String> {
+        let reduced = spec::parse("reduced", text).map_err(|problems| problems.to_string())?;
+        let (own, other) = (Running::new(self.model)?, Running::new(&reduced)?);
+        let mut random = 1;
+        let mut n_points = 0;
+        for _ in 0..MAX_DRAWS {
+            let Some(differs) = self.difference((group, section), written, (&own, &other), &mut random) else {
+                continue;
+            };
+            if let Some(what) = differs {
+                return Err(what);
+            }
+            n_points += 1;
+            if n_points == N_POINTS {
+                return Ok(());
+            }
+        }
+        Err("at no point both have rates".to_owned())
+    }
+
+    /// What differs at a random point, if anything does; none where the point is no good.
+    fn difference(
+        &mut self,
+        (group, section): (&SymmetryGroup, &Section),
+        written: &Written<'_>,
+        (own, other): (&Running, &Running),
+        random: &mut u64,
+    ) -> Option<Option<String>> {
+        let t = 0.3 + 0.2 * uniform(random);
+        let (mut small, mut variables) = self.drawn(section, written, t, random)?;
+        self.onto_constraints(section, written, &mut small)?;
+        let large = self.at_values(section, &small);
+        let by_name = |g: &hamel_expr::Graph, values: &Values| -> BTreeMap<String, f64> {
+            values.iter().map(|(s, x)| (g.name(*s).to_owned(), *x)).collect()
+        };
+        let named = by_name(&self.graph, &small);
+        let (slow, energy) = other.rates(t, |name| named.get(name).copied())?;
+        let named = by_name(&self.graph, &large);
+        let (fast, of_model) = own.rates(t, |name| named.get(name).copied())?;
+        if let (Some(energy), Some(of_model)) = (energy, of_model)
+            && !((energy - of_model).abs() <= MAX_DIFFERENCE * (1.0 + energy.abs() + of_model.abs()))
+        {
+            return Some(Some(format!("the energy is {of_model}, and {energy} by the reduced model")));
+        }
+        // Rates of the variables of the reduced model: those of its state, and of velocities that constraints give.
+        let shape: Vec<SymbolId> = section.shape.iter().map(|i| self.model.base[*i].symbol).collect();
+        variables.extend(shape.iter().copied());
+        let rate_symbols: BTreeMap<SymbolId, SymbolId> =
+            variables.iter().map(|s| (*s, self.graph.symbol(&format!("'rate{}", s.index())))).collect();
+        let rates: BTreeMap<SymbolId, ExprId> =
+            rate_symbols.iter().map(|(s, r)| (*s, self.graph.sym(*r))).collect();
+        let mut with_rates = small.clone();
+        let mut unknown = Vec::new();
+        for (symbol, rate) in &rate_symbols {
+            match slow.get(self.graph.name(*symbol)) {
+                Some(value) => _ = with_rates.insert(*rate, *value),
+                None => {
+                    with_rates.insert(*rate, 0.0);
+                    unknown.push((*symbol, *rate));
+                }
+            }
+        }
+        let of_time = BTreeMap::from([(self.model.time, self.graph.one())]);
+        let mut rows = Vec::new();
+        for residual in &written.constraints {
+            let along = self.graph.derivative_along(*residual, &rates);
+            let by_time = self.graph.derivative_along(*residual, &of_time);
+            let mut row: Vec<f64> = Vec::new();
+            for (symbol, _) in &unknown {
+                let slope = self.graph.diff(*residual, *symbol);
+                row.push(self.graph.eval_f64(slope, &small)?);
+            }
+            let offset = self.graph.eval_f64(along, &with_rates)? + self.graph.eval_f64(by_time, &small)?;
+            row.push(-offset);
+            rows.push(row);
+        }
+        let solution = least_squares(&rows, unknown.len())?;
+        for ((_, rate), value) in unknown.iter().zip(solution) {
+            with_rates.insert(*rate, value);
+        }
+        let xi: Vec<f64> = section.symbols.iter().map(|s| small[s]).collect();
+        for k in 0..self.velocities.len() {
+            let symbol = self.velocities[k];
+            let name = self.graph.name(symbol).to_owned();
+            let Some(found) = fast.get(&name) else { continue };
+            let value = section.at[&symbol];
+            let along = self.graph.derivative_along(value, &rates);
+            let mut sum = self.graph.eval_f64(along, &with_rates)?;
+            let mut size = 1.0 + found.abs() + sum.abs();
+            for (field, xi) in group.fields.iter().zip(&xi) {
+                let Some(image) = field.images.get(&symbol) else { continue };
+                let term = xi * self.graph.eval_f64(*image, &large)?;
+                sum += term;
+                size += term.abs();
+            }
+            if !((sum - found).abs() <= MAX_DIFFERENCE * size) {
+                return Some(Some(format!("the rate of `{name}` is {found}, and {sum} by the reduced model")));
+            }
+        }
+        if let Some((functions, module, symbols)) = &written.module {
+            for (r, function) in functions.iter().enumerate() {
+                let of_function = (*function, module.basis.iter().map(|v| v[r]).collect::<Vec<_>>());
+                let differs = self.module_difference(group, (of_function, symbols), (&xi, &slow), &large)?;
+                if differs.is_some() {
+                    return Some(differs);
+                }
+            }
+        }
+        Some(None)
+    }
+
+    /// `sum_k a_k' v_k = sum_a xi^a X_a f` at the start of the module.
+    fn module_difference(
+        &mut self,
+        group: &SymmetryGroup,
+        ((function, basis), symbols): ((ExprId, Vec<ExprId>), &[SymbolId]),
+        (xi, slow): (&[f64], &BTreeMap<String, f64>),
+        large: &Values,
+    ) -> Option<Option<String>> {
+        let (mut left, mut right, mut size) = (0.0, 0.0, 1.0);
+        for (symbol, v) in symbols.iter().zip(&basis) {
+            let term = slow.get(self.graph.name(*symbol))? * self.graph.eval_f64(*v, large)?;
+            left += term;
+            size += term.abs();
+        }
+        for (field, xi) in group.fields.iter().zip(xi) {
+            let slope = self.graph.derivative_along(function, &field.images);
+            right += xi * self.graph.eval_f64(slope, large)?;
+        }
+        let is_equal = (left - right).abs() <= MAX_DIFFERENCE * size;
+        let name = symbols.first().map_or("", |s| self.graph.name(*s));
+        Some((!is_equal).then(|| format!("what `{name}` advects changes by {left}, in the model by {right}")))
+    }
+
+    /// Values of parameters, inputs, time and variables of the reduced model, with the symbols that have rates.
+    fn drawn(
+        &mut self,
+        section: &Section,
+        written: &Written<'_>,
+        t: f64,
+        random: &mut u64,
+    ) -> Option<(Values, Vec<SymbolId>)> {
+        let model = self.model;
+        let mut values: Values = model
+            .params
+            .iter()
+            .chain(&model.inputs)
+            .map(|p| (p.symbol, rational_to_f64(&p.default)))
+            .collect();
+        values.insert(model.time, t);
+        let mut variables = Vec::new();
+        for i in &section.shape {
+            let coordinate = &model.base[*i];
+            let x = uniform(random);
+            let value = match coordinate.domain {
+                Domain::Interval(low, high) => {
+                    let [low, high] = [low, high].map(|e| self.graph.eval_f64(e, &values));
+                    let (low, high) = (low?, high?);
+                    let high = if high.is_finite() { high } else { low + 2.0 };
+                    low + (0.3 + 0.4 * x) * (high - low)
+                }
+                _ => 2.0 * x - 1.0,
+            };
+            values.insert(coordinate.symbol, value);
+        }
+        for (k, _) in &section.kept {
+            let configuration = &model.configurations[*k];
+            let elements: Vec<ExprId> =
+                configuration.symbols.iter().map(|s| self.element(*s)).collect::<Option<_>>()?;
+            let mut free = Values::new();
+            for e in &elements {
+                for s in self.graph.free_symbols(*e) {
+                    free.entry(s).or_insert_with(|| 2.0 * uniform(random) - 1.0);
+                }
+            }
+            for (symbol, e) in configuration.symbols.iter().zip(&elements) {
+                values.insert(*symbol, self.graph.eval_f64(*e, &free)?);
+            }
+            variables.extend(configuration.symbols.iter().copied());
+        }
+        for symbol in section.velocities() {
+            values.insert(*symbol, 2.0 * uniform(random) - 1.0);
+            variables.push(*symbol);
+        }
+        if let Some((_, module, symbols)) = &written.module {
+            for (symbol, start) in symbols.iter().zip(&module.start) {
+                values.insert(*symbol, rational_to_f64(start));
+                variables.push(*symbol);
+            }
+        }
+        Some((values, variables))
+    }
+
+    /// Moves the velocities of the reduced model onto its constraints, by the least change.
+    fn onto_constraints(&mut self, section: &Section, written: &Written<'_>, values: &mut Values) -> Option<()> {
+        let velocities = section.velocities().to_vec();
+        let mut rows: Vec<Vec<f64>> = Vec::new();
+        for residual in &written.constraints {
+            let mut row = Vec::new();
+            for v in &velocities {
+                let slope = self.graph.diff(*residual, *v);
+                row.push(self.graph.eval_f64(slope, values)?);
+            }
+            row.push(-self.graph.eval_f64(*residual, values)?);
+            rows.push(row);
+        }
+        for (v, change) in velocities.iter().zip(least_norm(&rows, velocities.len())?) {
+            *values.get_mut(v)? += change;
+        }
+        Some(())
+    }
+
+    /// Values of the coordinates and velocities of the model at the section.
+    fn at_values(&mut self, section: &Section, small: &Values) -> Values {
+        let mut large = small.clone();
+        for (symbol, e) in &section.at {
+            if let Some(value) = self.graph.eval_f64(*e, small) {
+                large.insert(*symbol, value);
+            }
+        }
+        large
+    }
+}
+
+/// The solution of `A x = b` of least squares, `A` with independent columns, rows `[A | b]`: by normal equations.
+fn least_squares(rows: &[Vec<f64>], n: usize) -> Option<Vec<f64>> {
+    let entry = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
+    let normal = (0..n).map(|i| (0..=n).map(|j| entry(i, j)).collect()).collect();
+    solved(normal, false)
+}
+
+/// The least solution of `A x = b`, rows `[A | b]` that may depend on each other.
+fn least_norm(rows: &[Vec<f64>], n: usize) -> Option<Vec<f64>> {
+    let entry = |p: &Vec<f64>, q: &Vec<f64>| p[..n].iter().zip(q).map(|(x, y)| x * y).sum::<f64>();
+    let normal =
+        rows.iter().map(|p| rows.iter().map(|q| entry(p, q)).chain([p[n]]).collect()).collect();
+    let lambda = solved(normal, true)?;
+    Some((0..n).map(|j| rows.iter().zip(&lambda).map(|(row, l)| row[j] * l).sum()).collect())
+}
+
+/// Gauss with pivots for `[A | b]`; unknowns without a pivot are zero, or there is no solution.
+fn solved(mut rows: Vec<Vec<f64>>, may_be_singular: bool) -> Option<Vec<f64>> {
+    let n = rows.len();
+    let size = rows.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let mut pivots = Vec::new();
+    let mut top = 0;
+    for column in 0..n {
+        let best = (top..n).max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()))?;
+        if !(rows[best][column].abs() > 1e-9 * size) {
+            if may_be_singular {
+                continue;
+            }
+            return None;
+        }
+        rows.swap(top, best);
+        for r in 0..n {
+            if r != top {
+                let factor = rows[r][column] / rows[top][column];
+                for k in column..=n {
+                    rows[r][k] -= factor * rows[top][k];
+                }
+            }
+        }
+        pivots.push(column);
+        top += 1;
+    }
+    let mut x = vec![0.0; n];
+    for (r, column) in pivots.into_iter().enumerate() {
+        x[column] = rows[r][n] / rows[r][column];
+    }
+    Some(x)
+}
