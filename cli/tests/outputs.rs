@@ -20,7 +20,7 @@ const MOTION: &str = r#"{"initial": {"Omega1": 1, "Omega2": 0.2, "Omega3": 0.1},
 const MODEL: &str = "model m { coordinate x in real; lagrangian = 1/2*x_dot^2; }";
 
 /// Every command that prints, with what it reads.
-const PRINTED: [(&[&str], &str); 16] = [
+const PRINTED: [(&[&str], &str); 17] = [
     (&["--version"], ""),
     (&["--help"], ""),
     (&["simulate", "--help"], ""),
@@ -32,6 +32,7 @@ const PRINTED: [(&[&str], &str); 16] = [
     (&["simulate", "free_rigid_body", "--t-final", "1"], ""),
     (&["linearize", "free_rigid_body"], ""),
     (&["trim", "free_rigid_body"], ""),
+    (&["reduce", "docs/book/top_in_space.hamel"], ""),
     (&["fmt", "-"], MODEL),
     (&["check", "free_rigid_body"], ""),
     (&["check", "--json", "free_rigid_body"], ""),

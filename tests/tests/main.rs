@@ -51,5 +51,6 @@ mod sphere;
 mod squares;
 mod stage_equations;
 mod stage_frames;
+mod unreduced;
 mod wants;
 mod wasm;

@@ -16,14 +16,14 @@ use hamel_run::session::Session;
 /// The model is a Lagrangian in coordinates and configurations (`configuration R in SO(3) velocity Omega;`), with
 /// forces and linear constraints. Symmetries are looked for among translations, linear fields and translations of
 /// groups, and proved. The reduced model has the algebra, the reduced Lagrangian, advected parameters for what forces
-/// and constraints break, and the reconstruction of what is left out. Without a file it is printed.
+/// and constraints break, and the reconstruction of coordinates that leave. Without a file it is printed.
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,
     after_help = "\
 Examples:
   hamel reduce top.hamel                        the reduced model
-  hamel reduce top.hamel -o top_reduced.hamel   into a file, and what was found"
+  hamel reduce top.hamel -o top_reduced.hamel   into a file, with a report"
 )]
 pub struct Arguments {
     /// Path to a .hamel file, or name of a shipped model
@@ -33,7 +33,7 @@ pub struct Arguments {
     pub output: Option<PathBuf>,
 }
 
-/// The reduced model, or what was found where it goes to a file.
+/// The reduced model, or the report where the model goes to a file.
 ///
 /// # Errors
 /// Problems of the model, what cannot be looked into, and files that cannot be written.
@@ -45,6 +45,10 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let Some(path) = &arguments.output else { return Ok(text.trim_end().to_owned()) };
     write_atomically(path, text.as_bytes()).map_err(|e| Error::io(session.shown(path), e))?;
     let mut lines = reduced.report.clone();
-    lines.push(format!("{} has the model reduced by a group of dimension {}", session.shown(path), reduced.dim));
+    lines.push(format!(
+        "{} has the model reduced by a group of dimension {}",
+        session.shown(path),
+        reduced.dim
+    ));
     Ok(lines.join("\n"))
 }

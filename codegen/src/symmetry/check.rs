@@ -1,8 +1,8 @@
 //! Holds a reduced model to the model that it was made from: rates of both at random points, by their own programs.
 //!
-//! At the cross-section energies are equal. A motion of the model is `g(t) w(t)` with a motion `w` of the reduced model,
-//! so that each velocity of the model has the rate `sum_a xi^a X_a y + d/dt y(w)`; and of each function that advects,
-//! `sum_k a_k' v_k = sum_a xi^a X_a f`.
+//! At the cross-section energies are equal. A motion of the model is `g(t) w(t)` with a motion `w` of the reduced
+//! model, so that each velocity of the model has the rate `sum_a xi^a X_a y + d/dt y(w)`; and of each function that
+//! advects, `sum_k a_k' v_k = sum_a xi^a X_a f`.
 //!
 //! Does not know: how the group was found, how the text was written.
 
@@ -12,17 +12,18 @@ use hamel_expr::{ExprId, SymbolId, rational_to_f64, uniform};
 use hamel_lang::spec::{self, Domain, Model};
 
 use super::group::SymmetryGroup;
+use super::section::Section;
 use super::setting::Setting;
-use super::write::{Section, Written};
+use super::write::Written;
 use crate::scene;
 
 type Values = BTreeMap<SymbolId, f64>;
 
-/// Points at which both are compared, and those that are drawn until they are found.
+/// Points at which both are compared, and the most draws for them.
 const N_POINTS: usize = 3;
 const MAX_DRAWS: usize = 40;
 
-/// The largest difference beside the size of what is added up: rates are computed in doubles from random states of size
+/// The largest difference beside the size of the terms: rates are computed in doubles from random states of size
 /// one, through eliminations that lose a few digits.
 const MAX_DIFFERENCE: f64 = 1e-7;
 
@@ -39,13 +40,20 @@ impl Running {
         let scene = scene::build(model, name).map_err(|e| e.to_string())?;
         let defaults: BTreeMap<&str, f64> =
             model.params.iter().map(|p| (p.name.as_str(), rational_to_f64(&p.default))).collect();
-        let params =
-            scene.params().iter().map(|p| defaults.get(p.name.as_str()).copied().unwrap_or(f64::NAN)).collect();
+        let params = scene
+            .params()
+            .iter()
+            .map(|p| defaults.get(p.name.as_str()).copied().unwrap_or(f64::NAN))
+            .collect();
         Ok(Running { scene, params })
     }
 
-    /// Rates by the names of the state, and the energy; none where there are no rates.
-    fn rates(&self, t: f64, of: impl Fn(&str) -> Option<f64>) -> Option<(BTreeMap<String, f64>, Option<f64>)> {
+    /// Rates by the names of the state, and the energy, where there are rates.
+    fn rates(
+        &self,
+        t: f64,
+        of: impl Fn(&str) -> Option<f64>,
+    ) -> Option<(BTreeMap<String, f64>, Option<f64>)> {
         let names = self.scene.state_names();
         let state: Vec<f64> = names.iter().map(|name| of(name)).collect::<Option<_>>()?;
         let interpreter = self.scene.prepare(&self.params).ok()?;
@@ -72,7 +80,8 @@ impl Setting<'_> {
         let mut random = 1;
         let mut n_points = 0;
         for _ in 0..MAX_DRAWS {
-            let Some(differs) = self.difference((group, section), written, (&own, &other), &mut random) else {
+            let Some(differs) = self.difference((group, section), written, (&own, &other), &mut random)
+            else {
                 continue;
             };
             if let Some(what) = differs {
@@ -86,7 +95,7 @@ impl Setting<'_> {
         Err("at no point both have rates".to_owned())
     }
 
-    /// What differs at a random point, if anything does; none where the point is no good.
+    /// The difference at a random point, if there is one; `None` where nothing can be compared at the point.
     fn difference(
         &mut self,
         (group, section): (&SymmetryGroup, &Section),
@@ -110,7 +119,7 @@ impl Setting<'_> {
         {
             return Some(Some(format!("the energy is {of_model}, and {energy} by the reduced model")));
         }
-        // Rates of the variables of the reduced model: those of its state, and of velocities that constraints give.
+        // Rates of the variables of the reduced model: by its program, and by constraints.
         let shape: Vec<SymbolId> = section.shape.iter().map(|i| self.model.base[*i].symbol).collect();
         variables.extend(shape.iter().copied());
         let rate_symbols: BTreeMap<SymbolId, SymbolId> =
@@ -162,7 +171,9 @@ impl Setting<'_> {
                 size += term.abs();
             }
             if !((sum - found).abs() <= MAX_DIFFERENCE * size) {
-                return Some(Some(format!("the rate of `{name}` is {found}, and {sum} by the reduced model")));
+                return Some(Some(format!(
+                    "the rate of `{name}` is {found}, and {sum} by the reduced model"
+                )));
             }
         }
         if let Some((functions, module, symbols)) = &written.module {
@@ -260,7 +271,12 @@ impl Setting<'_> {
     }
 
     /// Moves the velocities of the reduced model onto its constraints, by the least change.
-    fn onto_constraints(&mut self, section: &Section, written: &Written<'_>, values: &mut Values) -> Option<()> {
+    fn onto_constraints(
+        &mut self,
+        section: &Section,
+        written: &Written<'_>,
+        values: &mut Values,
+    ) -> Option<()> {
         let velocities = section.velocities().to_vec();
         let mut rows: Vec<Vec<f64>> = Vec::new();
         for residual in &written.constraints {
@@ -300,8 +316,7 @@ fn least_squares(rows: &[Vec<f64>], n: usize) -> Option<Vec<f64>> {
 /// The least solution of `A x = b`, rows `[A | b]` that may depend on each other.
 fn least_norm(rows: &[Vec<f64>], n: usize) -> Option<Vec<f64>> {
     let entry = |p: &Vec<f64>, q: &Vec<f64>| p[..n].iter().zip(q).map(|(x, y)| x * y).sum::<f64>();
-    let normal =
-        rows.iter().map(|p| rows.iter().map(|q| entry(p, q)).chain([p[n]]).collect()).collect();
+    let normal = rows.iter().map(|p| rows.iter().map(|q| entry(p, q)).chain([p[n]]).collect()).collect();
     let lambda = solved(normal, true)?;
     Some((0..n).map(|j| rows.iter().zip(&lambda).map(|(row, l)| row[j] * l).sum()).collect())
 }

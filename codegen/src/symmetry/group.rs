@@ -2,10 +2,10 @@
 //! moves, so that the group acts freely and one value of these coordinates is a cross-section.
 //!
 //! A configuration comes with all translations from its side where one of them keeps everything: the others are broken
-//! by forces or constraints, which then move as advected parameters. Angles and coordinates of a line come where nothing
-//! breaks them, or where the bracket of others needs them.
+//! by forces or constraints, which then move as advected parameters. Angles and coordinates of a line come where
+//! nothing breaks them, or where the bracket of others needs them.
 //!
-//! Does not know: what is broken, how a model is written.
+//! Does not know: which functions are broken, how a model is written.
 
 use hamel_expr::{ExprId, Rational};
 use num_traits::{One, Zero};
@@ -79,7 +79,11 @@ impl Setting<'_> {
 
     /// Translations of a configuration from its side, with what turns with it: where they keep the kinetic energy, and
     /// one of them at least keeps everything.
-    fn fields_of_configuration(&mut self, k: usize, everything: &Kept) -> Option<(Vec<GroupField>, Vec<Turned>)> {
+    fn fields_of_configuration(
+        &mut self,
+        k: usize,
+        everything: &Kept,
+    ) -> Option<(Vec<GroupField>, Vec<Turned>)> {
         let kinetic = Kept { functions: vec![self.kinetic], equations: Vec::new() };
         let factors = self.turned_by(k);
         let mut best: Option<(usize, Vec<GroupField>, Vec<Turned>)> = None;
@@ -125,7 +129,7 @@ impl Setting<'_> {
         vectors.chain(others.map(Turned::Configuration)).take(MAX_FACTORS).collect()
     }
 
-    /// The fields `Left(k, a)`, those of rotations with what turns.
+    /// The fields `Left(k, a)`; rotations take along what turns.
     fn turning_fields(&mut self, k: usize, turned: &[Turned]) -> Vec<GroupField> {
         let configuration = &self.model.configurations[k];
         let matrices = configuration.group.matrices().to_vec();
@@ -180,8 +184,8 @@ impl Setting<'_> {
         self.closed(fields)
     }
 
-    /// Fields whose brackets are among them: what is missing is added where it keeps the kinetic energy, and what leads
-    /// out is left.
+    /// Fields whose brackets are among them: a missing one is added where it keeps the kinetic energy, and a field that
+    /// leads out is left.
     fn closed(&mut self, mut fields: Vec<GroupField>) -> SymmetryGroup {
         let kinetic = Kept { functions: vec![self.kinetic], equations: Vec::new() };
         'again: loop {
@@ -205,10 +209,10 @@ impl Setting<'_> {
                 }
             }
             // What commutes with everything comes last, so that the algebra is a product that has a name.
-            let is_central = |a: usize| {
-                brackets.iter().all(|(x, y, c)| ![*x, *y].contains(&a) && c[a].is_zero())
-            };
-            let (mut order, central): (Vec<usize>, Vec<usize>) = (0..fields.len()).partition(|a| !is_central(*a));
+            let is_central =
+                |a: usize| brackets.iter().all(|(x, y, c)| ![*x, *y].contains(&a) && c[a].is_zero());
+            let (mut order, central): (Vec<usize>, Vec<usize>) =
+                (0..fields.len()).partition(|a| !is_central(*a));
             order.extend(central);
             let place = |a: usize| order.iter().position(|o| *o == a).unwrap_or_default();
             let brackets = brackets
@@ -221,12 +225,7 @@ impl Setting<'_> {
     }
 
     /// The field of these images, less its parts along others, where it moves a coordinate of its own.
-    fn completed(
-        &mut self,
-        fields: &[GroupField],
-        value: &[ExprId],
-        kinetic: &Kept,
-    ) -> Option<GroupField> {
+    fn completed(&mut self, fields: &[GroupField], value: &[ExprId], kinetic: &Kept) -> Option<GroupField> {
         let ansatz: Vec<_> =
             (0..self.generators.len()).map(|j| self.on_coordinates(&self.generator(j).clone())).collect();
         let mut coefficients = self.combination_of_rows(&ansatz, value)?;

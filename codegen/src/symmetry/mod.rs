@@ -14,6 +14,7 @@ mod check;
 mod group;
 mod modules;
 mod search;
+mod section;
 mod setting;
 #[cfg(test)]
 mod tests;
@@ -24,8 +25,8 @@ use hamel_lang::spec::{Diagnostic, Diagnostics, Model};
 use num_traits::Zero;
 
 use group::SymmetryGroup;
-use setting::{Generator, Refusal, Setting};
 use modules::Module;
+use setting::{Generator, Refusal, Setting};
 use write::Pieces;
 
 /// A model that was reduced.
@@ -33,7 +34,7 @@ use write::Pieces;
 pub struct Reduced {
     /// The reduced model in the model language.
     pub text: String,
-    /// Lines about what was found, for people.
+    /// The report for people.
     pub report: Vec<String>,
     /// The dimension of the group.
     pub dim: usize,
@@ -51,8 +52,8 @@ pub struct Reduced {
 /// ```
 ///
 /// # Errors
-/// What a model has that is not looked into; a model without a group to reduce it by; a reduced model that disagrees with
-/// the model, which is a fault of the generator.
+/// What a model has that is not looked into; a model without a group to reduce it by; a reduced model that disagrees
+/// with the model, which is a fault of the generator.
 pub fn reduce(model: &Model) -> Result<Reduced, Diagnostics> {
     reduce_altered(model, |text| text)
 }
@@ -83,7 +84,9 @@ fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Red
         report.push(format!("Symmetry: {}.", setting.described(field)));
     }
     if known.is_empty() {
-        report.push("No symmetry was found among translations, linear fields and translations of groups.".into());
+        report.push(
+            "No symmetry was found among translations, linear fields and translations of groups.".into(),
+        );
     }
     for field in &group.fields {
         if !setting.keeps(&field.images, &everything) {
@@ -95,7 +98,9 @@ fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Red
     if dim == 0 {
         let mut found = report.join(" ");
         if !known.is_empty() && left.is_empty() {
-            found.push_str(" None of them moves a coordinate of its own by which the motion could be reduced.");
+            found.push_str(
+                " None of them moves a coordinate of its own by which the motion could be reduced.",
+            );
         }
         let message = format!("`{}` is not reduced: there is no group to reduce it by", model.name);
         let problem = Diagnostic::new(model.places.lagrangian, message).with_help(found);
@@ -117,11 +122,12 @@ fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Red
 }
 
 impl Setting<'_> {
-    /// Potential energy and constraints that the group moves, by their places in [`Setting::brought`], with their module; or
-    /// a field that makes too much of them, and why.
+    /// Potential energy and constraints that the group moves, by their places in [`Setting::brought`], with their
+    /// module; or a field that makes too much of them, and why.
     fn moved(&mut self, group: &SymmetryGroup) -> Result<(Vec<usize>, Option<Module>), (usize, String)> {
         let power = search::Kept { functions: vec![self.power], equations: Vec::new() };
-        if let Some(a) = (0..group.fields.len()).rev().find(|a| !self.keeps(&group.fields[*a].images, &power)) {
+        if let Some(a) = (0..group.fields.len()).rev().find(|a| !self.keeps(&group.fields[*a].images, &power))
+        {
             return Err((a, "which the forces do not keep".to_owned()));
         }
         let functions = search::Kept { functions: vec![self.potential], equations: Vec::new() };
@@ -157,10 +163,13 @@ impl Setting<'_> {
                 Generator::Translation(i) => format!("d/d{}", model.base[i].name),
                 Generator::Linear(i, j) => format!("{} d/d{}", model.base[i].name, model.base[j].name),
                 Generator::Left(k, a) => format!("{} of {} in space", along(a), model.configurations[k].name),
-                Generator::Right(k, a) => format!("{} of {} in the body", along(a), model.configurations[k].name),
+                Generator::Right(k, a) => {
+                    format!("{} of {} in the body", along(a), model.configurations[k].name)
+                }
             };
             let one = hamel_expr::Rational::from_integer(1.into());
-            let (sign, size) = if *q < hamel_expr::Rational::zero() { (" - ", -q.clone()) } else { (" + ", q.clone()) };
+            let (sign, size) =
+                if *q < hamel_expr::Rational::zero() { (" - ", -q.clone()) } else { (" + ", q.clone()) };
             let factor = if size == one { String::new() } else { format!("{size} ") };
             let sign = if text.is_empty() { sign.trim_start_matches([' ', '+']) } else { sign };
             text.push_str(&format!("{sign}{factor}{what}"));

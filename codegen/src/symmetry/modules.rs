@@ -1,5 +1,5 @@
-//! Functions that the group moves, as combinations of finitely many: the matrices are a representation, its dual is what
-//! advects.
+//! Functions that the group moves, as combinations of finitely many: the matrices are a representation, its dual is
+//! what advects.
 //!
 //! With `X_a v_i = sum_j D_a,ij v_j` and `f = sum_i c_i v_i + f_0`, `f_0` invariant, at `g sigma` the function is
 //! `sum_i a_i v_i(sigma) + f_0(sigma)` with `a(e) = c` and `a_k' = sum_a xi^a sum_j D_a,jk a_j`.
@@ -12,8 +12,8 @@ use num_traits::{One, Signed, Zero};
 use super::group::SymmetryGroup;
 use super::setting::{Images, Setting};
 
-/// Functions that the group moves together: one representation for all of them, which is never larger than theirs one by
-/// one.
+/// Functions that the group moves together: one representation for all of them, which is never larger than theirs one
+/// by one.
 pub(super) struct Module {
     /// `v_i`, an entry for each function.
     pub(super) basis: Vec<Vec<ExprId>>,
@@ -32,7 +32,7 @@ pub(super) const MAX_DIM: usize = 16;
 type Span = (Vec<Vec<ExprId>>, Vec<Vec<Vec<Rational>>>);
 
 impl Setting<'_> {
-    /// The module of functions; none where it is larger than is looked at.
+    /// The module of functions, unless it is larger than [`MAX_DIM`].
     pub(super) fn module(&mut self, group: &SymmetryGroup, functions: &[ExprId]) -> Option<Module> {
         let slopes = self.slopes(group, functions);
         let (basis, matrices) = self.span(group, slopes.clone())?;
@@ -41,7 +41,8 @@ impl Setting<'_> {
         if let Some(start) = self.combination_of_rows(&columns, &slopes.concat()) {
             // One sign for all, so that the first that is there at the start is positive.
             let first = start.iter().find(|c| !c.is_zero());
-            let sign = if first.is_some_and(Signed::is_negative) { -Rational::one() } else { Rational::one() };
+            let sign =
+                if first.is_some_and(Signed::is_negative) { -Rational::one() } else { Rational::one() };
             let basis: Vec<Vec<ExprId>> = (basis.into_iter())
                 .map(|v| v.into_iter().map(|e| self.graph.scale(e, &sign)).collect())
                 .collect();

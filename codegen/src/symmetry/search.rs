@@ -23,8 +23,8 @@ impl Setting<'_> {
         Kept { functions, equations: self.constraints.clone() }
     }
 
-    /// A basis of the fields of the ansatz that keep these, each with a last coefficient one that is zero in the others:
-    /// `X f = 0`, and `X phi_c = sum_d lambda_cd phi_d` with numbers `lambda`.
+    /// A basis of the fields of the ansatz that keep these, each with a last coefficient one that is zero in the
+    /// others: `X f = 0`, and `X phi_c = sum_d lambda_cd phi_d` with numbers `lambda`.
     pub(super) fn symmetries(&mut self, kept: &Kept) -> Vec<Coefficients> {
         let n_rows = kept.functions.len() + kept.equations.len();
         let zero = self.graph.zero();
@@ -83,8 +83,13 @@ impl Setting<'_> {
     }
 
     /// As [`Setting::combination`] in several rows at once.
-    pub(super) fn combination_of_rows(&mut self, basis: &[Vec<ExprId>], f: &[ExprId]) -> Option<Vec<Rational>> {
-        let all: Vec<Vec<ExprId>> = basis.iter().map(Vec::as_slice).chain([f]).map(<[ExprId]>::to_vec).collect();
+    pub(super) fn combination_of_rows(
+        &mut self,
+        basis: &[Vec<ExprId>],
+        f: &[ExprId],
+    ) -> Option<Vec<Rational>> {
+        let all: Vec<Vec<ExprId>> =
+            basis.iter().map(Vec::as_slice).chain([f]).map(<[ExprId]>::to_vec).collect();
         let columns: Vec<Vec<ExprId>> =
             all.iter().map(|column| column.iter().map(|e| self.on_groups(*e)).collect()).collect();
         let relation = rational_relations(&mut self.graph, &columns).pop()?;

@@ -30,7 +30,7 @@ pub(super) type Images = BTreeMap<SymbolId, ExprId>;
 pub(super) struct Setting<'a> {
     pub(super) model: &'a Model,
     pub(super) graph: Graph,
-    /// Velocities: those of the base coordinates, then those of the algebra.
+    /// Velocities of the base coordinates, then of the algebra.
     pub(super) velocities: Vec<SymbolId>,
     /// Displacements along them, which forces are paired with.
     pub(super) displacements: Vec<SymbolId>,
@@ -59,7 +59,10 @@ fn refused(model: &Model) -> Option<Refusal> {
     let velocities_of_groups: usize = model.configurations.iter().map(|c| c.velocities.len()).sum();
     let has = |what: &str, help: &str| Some(Refusal(what.to_owned(), help.to_owned()));
     if model.action == Side::Right {
-        return has("an action from the right", "write the configuration with velocities of the body: leave `action right` out");
+        return has(
+            "an action from the right",
+            "write the configuration with velocities of the body: leave `action right` out",
+        );
     }
     if velocities_of_groups != model.velocities.len() || model.algebroid.is_some() {
         let help = "write the Lagrangian by coordinates and `configuration` items alone";
@@ -102,7 +105,12 @@ impl Setting<'_> {
         let displacements: Vec<SymbolId> =
             (0..velocities.len()).map(|k| graph.symbol(&format!("'delta{k}"))).collect();
         let rest: Images = velocities.iter().map(|y| (*y, graph.zero())).collect();
-        let no_value = |_| Refusal("a Lagrangian without a value at rest".into(), "write it without quotients of velocities".into());
+        let no_value = |_| {
+            Refusal(
+                "a Lagrangian without a value at rest".into(),
+                "write it without quotients of velocities".into(),
+            )
+        };
         let at_rest = graph.subs(model.lagrangian, &rest).map_err(no_value)?;
         let kinetic = graph.sub(model.lagrangian, at_rest);
         let potential = graph.neg(at_rest);
@@ -246,7 +254,7 @@ impl Setting<'_> {
         self.elements.get(&symbol).copied()
     }
 
-    /// What is brought to the cross-section: the potential energy, and residuals of constraints.
+    /// Functions that are brought to the cross-section: the potential energy, and residuals of constraints.
     pub(super) fn brought(&self) -> Vec<ExprId> {
         [vec![self.potential], self.constraints.clone()].concat()
     }

@@ -64,14 +64,26 @@ fn planted_faults_are_found() {
 #[test]
 fn what_is_not_there_is_told() {
     let refusals = [
-        ("model m { coordinate x in real; lagrangian = x_dot^2 - x^4; }", "there is no group to reduce it by"),
-        ("model m { velocity w in so(3); lagrangian = dot(w, w); }", "velocities of an algebra that no configuration has"),
-        ("model m { coordinate x, y in real; lagrangian = x_dot^2 + y_dot^2; constraint x_dot^2 = y_dot^2 + 1; }", "not linear"),
+        (
+            "model m { coordinate x in real; lagrangian = x_dot^2 - x^4; }",
+            "there is no group to reduce it by",
+        ),
+        (
+            "model m { velocity w in so(3); lagrangian = dot(w, w); }",
+            "velocities of an algebra that no configuration has",
+        ),
+        (
+            "model m { coordinate x, y in real; lagrangian = x_dot^2 + y_dot^2; constraint x_dot^2 = y_dot^2 + 1; }",
+            "not linear",
+        ),
         (
             "model m { configuration R in SO(3) velocity w; action right; lagrangian = dot(w, w) - R11; }",
             "an action from the right",
         ),
-        ("model m { configuration R in SO(4) velocity w; lagrangian = dot(w, w); }", "a configuration in SO(4)"),
+        (
+            "model m { configuration R in SO(4) velocity w; lagrangian = dot(w, w); }",
+            "a configuration in SO(4)",
+        ),
     ];
     for (text, wanted) in refusals {
         let model = spec::parse("model", text).unwrap();

@@ -12,6 +12,7 @@ use num_traits::{One, Signed, Zero};
 
 use super::group::SymmetryGroup;
 use super::modules::Module;
+use super::section::Section;
 use super::setting::{Generator, Images, Setting};
 
 /// What a text is made of.
@@ -21,36 +22,8 @@ pub(super) struct Pieces {
     pub(super) moved: Vec<usize>,
     /// What it makes of them.
     pub(super) module: Option<Module>,
-    /// Lines about what was found.
+    /// The report.
     pub(super) report: Vec<String>,
-}
-
-/// Names and values at the cross-section.
-pub(super) struct Section {
-    /// Coordinates, velocities and displacements of the model.
-    pub(super) at: Images,
-    /// Names of the velocities of the group.
-    names: Vec<String>,
-    pub(super) symbols: Vec<SymbolId>,
-    /// Base coordinates that stay.
-    pub(super) shape: Vec<usize>,
-    /// Configurations that stay, with the names of their velocities.
-    pub(super) kept: Vec<(usize, Vec<String>)>,
-    /// The symbols of all reduced velocities.
-    all: Vec<SymbolId>,
-    /// `X_a` at the section by the velocities of the model.
-    tangents: Vec<Vec<ExprId>>,
-    /// Displacements of the reduced velocities, in the order of `reduced`.
-    pairs: Vec<SymbolId>,
-    /// Names of all reduced velocities: of the group, of the shape, of configurations that stay.
-    reduced: Vec<String>,
-}
-
-impl Section {
-    /// Symbols of the velocities of the reduced model.
-    pub(super) fn velocities(&self) -> &[SymbolId] {
-        &self.all
-    }
 }
 
 /// What was written, by expressions at the section.
@@ -63,128 +36,6 @@ pub(super) struct Written<'a> {
 }
 
 impl Setting<'_> {
-    pub(super) fn section(&mut self, group: &SymmetryGroup) -> Section {
-        let model = self.model;
-        let is_pivot = |s: &Setting<'_>, generator| group.fields.iter().any(|f| s.generators[f.pivot] == generator);
-        let mut at = Images::new();
-        let (zero, one) = (self.graph.zero(), self.graph.one());
-        let mut shape = Vec::new();
-        for (i, coordinate) in model.base.iter().enumerate() {
-            match is_pivot(self, Generator::Translation(i)) {
-                true => _ = at.insert(coordinate.symbol, zero),
-                false => shape.push(i),
-            }
-        }
-        let mut kept = Vec::new();
-        for (k, configuration) in model.configurations.iter().enumerate() {
-            if is_pivot(self, Generator::Left(k, 0)) {
-                let n = configuration.group.n();
-                let unit = |e: usize| if e < n * n && e / n == e % n { one } else { zero };
-                at.extend(configuration.symbols.iter().enumerate().map(|(e, s)| (*s, unit(e))));
-            } else {
-                kept.push(k);
-            }
-        }
-        let tangents: Vec<Vec<ExprId>> = group
-            .fields
-            .iter()
-            .map(|field| self.tangent(&field.coefficients, &field.images, &at))
-            .collect();
-        let mut taken: BTreeSet<String> = model.places.declared.keys().cloned().collect();
-        let (mut names, mut symbols) = (Vec::new(), Vec::new());
-        for field in &group.fields {
-            let (name, symbol) = match self.generators[field.pivot] {
-                Generator::Left(k, a) => {
-                    let velocity = &model.velocities[model.configurations[k].velocities[a]];
-                    (velocity.name.clone(), velocity.symbol)
-                }
-                Generator::Translation(i) | Generator::Linear(i, _) | Generator::Right(i, _) => {
-                    let mut name = format!("v_{}", model.base[i].name);
-                    while !taken.insert(name.clone()) {
-                        name.push('_');
-                    }
-                    let symbol = self.graph.symbol(&name);
-                    (name, symbol)
-                }
-            };
-            names.push(name);
-            symbols.push(symbol);
-        }
-        let n_base = model.base.len();
-        // Velocities and displacements of the model by those of the reduced one.
-        let mut reduced = names.clone();
-        let mut own: BTreeMap<usize, SymbolId> = BTreeMap::new();
-        for i in &shape {
-            reduced.push(model.base[*i].velocity_name.clone());
-            own.insert(*i, self.velocities[*i]);
-        }
-        let mut kept_names = Vec::new();
-        for k in kept {
-            let mut of_group = Vec::new();
-            for b in &model.configurations[k].velocities {
-                let velocity = &model.velocities[*b];
-                own.insert(n_base + b, velocity.symbol);
-                reduced.push(velocity.name.clone());
-                of_group.push(velocity.name.clone());
-            }
-            kept_names.push((k, of_group));
-        }
-        let pairs: Vec<SymbolId> =
-            (0..reduced.len()).map(|k| self.graph.symbol(&format!("'pair{k}"))).collect();
-        let order: Vec<usize> = own.keys().copied().collect();
-        for k in 0..self.velocities.len() {
-            let mut along = Vec::new();
-            let mut paired = Vec::new();
-            for (a, tangent) in tangents.iter().enumerate() {
-                let [xi, pair] = [symbols[a], pairs[a]].map(|s| self.graph.sym(s));
-                along.push(self.graph.mul(xi, tangent[k]));
-                paired.push(self.graph.mul(pair, tangent[k]));
-            }
-            if let Some(symbol) = own.get(&k) {
-                along.push(self.graph.sym(*symbol));
-                // `reduced` lists the shape and then configurations, each in ascending order.
-                let place = group.fields.len() + order.iter().position(|o| o == &k).unwrap_or_default();
-                paired.push(self.graph.sym(pairs[place]));
-            }
-            let (along, paired) = (self.graph.sum(&along), self.graph.sum(&paired));
-            at.insert(self.velocities[k], along);
-            at.insert(self.displacements[k], paired);
-        }
-        let all = [symbols.clone(), own.values().copied().collect()].concat();
-        Section { at, names, symbols, shape, kept: kept_names, all, tangents, pairs, reduced }
-    }
-
-    /// `X` at the section by the velocities of the model.
-    fn tangent(&mut self, coefficients: &[Rational], images: &Images, at: &Images) -> Vec<ExprId> {
-        let (model, zero) = (self.model, self.graph.zero());
-        let mut tangent = Vec::with_capacity(self.velocities.len());
-        for coordinate in &model.base {
-            let image = images.get(&coordinate.symbol).copied().unwrap_or(zero);
-            tangent.push(self.graph.subs(image, at).unwrap_or(image));
-        }
-        let mut of_groups = vec![Vec::new(); model.velocities.len()];
-        for (generator, q) in self.generators.clone().into_iter().zip(coefficients).filter(|(_, q)| !q.is_zero()) {
-            let (Generator::Left(k, a) | Generator::Right(k, a)) = generator else { continue };
-            let configuration = &model.configurations[k];
-            let is_at_identity = configuration.symbols.iter().all(|s| at.contains_key(s));
-            if matches!(generator, Generator::Right(..)) || is_at_identity {
-                of_groups[configuration.velocities[a]].push((self.graph.one(), q.clone()));
-                continue;
-            }
-            // An attitude that stays is told in the frame of the one that leaves, by its own angular velocity: the
-            // field moves it without one.
-        }
-        for terms in of_groups {
-            tangent.push(self.graph.linear_combination(&terms));
-        }
-        tangent
-    }
-
-    fn at_section(&mut self, section: &Section, e: ExprId) -> ExprId {
-        let value = self.graph.subs(e, &section.at).unwrap_or(e);
-        self.graph.cancel_zero(value)
-    }
-
     fn spelled(&self, e: ExprId) -> String {
         self.graph.display(e, Style::Plain)
     }
@@ -357,7 +208,8 @@ impl Setting<'_> {
             }
         };
         if let [doc] = docs.into_iter().collect::<Vec<_>>().as_slice() {
-            let is_all_of_groups = group.fields.iter().all(|f| matches!(self.generators[f.pivot], Generator::Left(..)));
+            let is_all_of_groups =
+                group.fields.iter().all(|f| matches!(self.generators[f.pivot], Generator::Left(..)));
             if is_all_of_groups {
                 document(out, doc);
             }
@@ -411,22 +263,26 @@ impl Setting<'_> {
                 })
                 .collect();
             document(out, doc);
-            let value = if let [only] = texts.as_slice() { only.clone() } else { format!("[{}]", texts.join(", ")) };
+            let value =
+                if let [only] = texts.as_slice() { only.clone() } else { format!("[{}]", texts.join(", ")) };
             let _ = writeln!(out, "    {word} {name} = {value};");
         }
         for (what, count) in [("event", model.events.len()), ("view", model.views.list.len())] {
             if count > 0 {
-                let _ = writeln!(out, "    // Left out: {count} {what}{}.", if count == 1 { "" } else { "s" });
+                let _ =
+                    writeln!(out, "    // Left out: {count} {what}{}.", if count == 1 { "" } else { "s" });
             }
         }
     }
 
-    /// The coordinates of the group from its velocity, where the group is one of those that a model can name.
+    /// The coordinates of the group from its velocity, where the model can name the group.
     fn write_reconstruction(&mut self, out: &mut String, group: &SymmetryGroup, section: &Section) {
         let model = self.model;
         for (k, configuration) in model.configurations.iter().enumerate() {
             let own: Vec<usize> = (0..group.fields.len())
-                .filter(|a| matches!(self.generators[group.fields[*a].pivot], Generator::Left(of, _) if of == k))
+                .filter(
+                    |a| matches!(self.generators[group.fields[*a].pivot], Generator::Left(of, _) if of == k),
+                )
                 .collect();
             if own.is_empty() {
                 continue;
@@ -434,7 +290,8 @@ impl Setting<'_> {
             let list = [vec![configuration.name.clone()], vectors_of(configuration)].concat().join(", ");
             let from: Vec<&str> = own.iter().map(|a| section.names[*a].as_str()).collect();
             document(out, &model.advected[configuration.advected].doc);
-            let _ = writeln!(out, "    reconstruct {list} in {} from {};", configuration.group, from.join(", "));
+            let _ =
+                writeln!(out, "    reconstruct {list} in {} from {};", configuration.group, from.join(", "));
         }
         let mut done: BTreeSet<usize> = BTreeSet::new();
         // Angles come before what they turn.
@@ -447,9 +304,10 @@ impl Setting<'_> {
             let turning: Vec<usize> = (0..group.fields.len())
                 .filter(|a| {
                     let c = &group.fields[*a].coefficients;
-                    self.generators.iter().zip(c).any(|(g, q)| {
-                        matches!(g, Generator::Linear(_, j) if *j == i) && !q.is_zero()
-                    })
+                    self.generators
+                        .iter()
+                        .zip(c)
+                        .any(|(g, q)| matches!(g, Generator::Linear(_, j) if *j == i) && !q.is_zero())
                 })
                 .collect();
             let along = |s: &mut Setting<'_>, i: usize| -> String {
@@ -467,7 +325,9 @@ impl Setting<'_> {
                     document(out, &model.base[i].doc);
                     let _ = writeln!(out, "    reconstruct {} by {rate};", name(i));
                 }
-                [a] if i + 1 < model.base.len() && self.is_quarter_turn(&group.fields[*a].coefficients, i) => {
+                [a] if i + 1 < model.base.len()
+                    && self.is_quarter_turn(&group.fields[*a].coefficients, i) =>
+                {
                     let (x, y) = (along(self, i), along(self, i + 1));
                     if let Generator::Translation(angle) = self.generators[group.fields[*a].pivot] {
                         done.insert(i + 1);
@@ -483,7 +343,9 @@ impl Setting<'_> {
                 }
                 [a, _] | [a, _, _] => {
                     let of_space = match self.generators[group.fields[*a].pivot] {
-                        Generator::Left(k, _) if i + 2 < model.base.len() => Some(&model.configurations[k].name),
+                        Generator::Left(k, _) if i + 2 < model.base.len() => {
+                            Some(&model.configurations[k].name)
+                        }
                         _ => None,
                     };
                     if let Some(matrix) = of_space {
@@ -503,7 +365,8 @@ impl Setting<'_> {
     /// Whether a field turns `q_i`, `q_i+1` counter-clockwise and moves no other coordinate linearly along them.
     fn is_quarter_turn(&self, coefficients: &[Rational], i: usize) -> bool {
         let of = |from: usize, to: usize| {
-            self.position(Generator::Linear(from, to)).map_or_else(Rational::zero, |at| coefficients[at].clone())
+            self.position(Generator::Linear(from, to))
+                .map_or_else(Rational::zero, |at| coefficients[at].clone())
         };
         of(i, i + 1).is_one() && (-of(i + 1, i)).is_one() && of(i, i).is_zero() && of(i + 1, i + 1).is_zero()
     }
@@ -514,7 +377,10 @@ impl Setting<'_> {
         let given: BTreeMap<&str, ExprId> = model.initial.iter().map(|(n, e)| (n.as_str(), *e)).collect();
         let zero = self.graph.zero();
         let symbols = model.base.iter().map(|c| (c.name.as_str(), c.symbol));
-        let of_groups = model.configurations.iter().flat_map(|c| c.names.iter().map(String::as_str).zip(c.symbols.iter().copied()));
+        let of_groups = model
+            .configurations
+            .iter()
+            .flat_map(|c| c.names.iter().map(String::as_str).zip(c.symbols.iter().copied()));
         let starts_there = symbols.chain(of_groups).all(|(name, symbol)| {
             let wanted = section.at.get(&symbol);
             let is_alone = group.fields.iter().all(|f| {
@@ -539,7 +405,7 @@ impl Setting<'_> {
             return;
         }
         if !starts_there {
-            out.push_str("    // Initial values are left out: those of the model are not at the identity of the group.\n");
+            out.push_str("    // Initial values are left out: the model starts elsewhere than at the identity of the group.\n");
             return;
         }
         let speed = |k: usize| {
@@ -560,7 +426,10 @@ impl Setting<'_> {
             .iter()
             .map(|c| (c.symbol, given.get(c.name.as_str()).copied().unwrap_or(zero)))
             .chain(model.configurations.iter().flat_map(|c| {
-                c.names.iter().zip(&c.symbols).map(|(n, s)| (*s, given.get(n.as_str()).copied().unwrap_or(zero)))
+                c.names
+                    .iter()
+                    .zip(&c.symbols)
+                    .map(|(n, s)| (*s, given.get(n.as_str()).copied().unwrap_or(zero)))
             }))
             .collect();
         let mut rest: Vec<(usize, String)> =
@@ -680,7 +549,7 @@ fn decimal(q: &Rational) -> String {
     format!("{}/{}", q.numer(), q.denom())
 }
 
-/// The algebra by its name, with the sizes of its blocks, where its constants are those of the group.
+/// The algebra by its name, with the sizes of its blocks, where its constants are the group's.
 fn known_algebra(group: &SymmetryGroup) -> Option<(String, Vec<usize>)> {
     let n = group.fields.len();
     let own = |a: usize, b: usize| -> Vec<Rational> {
@@ -714,6 +583,10 @@ fn known_algebra(group: &SymmetryGroup) -> Option<(String, Vec<usize>)> {
             })
     };
     let found = candidates.iter().find(fits)?;
-    let name = if n > 0 && found.name() == format!("R^{n}") && n == 1 { "R".to_owned() } else { found.name().to_owned() };
+    let name = if n > 0 && found.name() == format!("R^{n}") && n == 1 {
+        "R".to_owned()
+    } else {
+        found.name().to_owned()
+    };
     Some((name, found.blocks().iter().map(|b| b.dim).collect()))
 }

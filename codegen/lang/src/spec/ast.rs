@@ -416,7 +416,7 @@ pub(super) enum Carry {
 pub(super) enum MovedBy {
     /// The item declares them.
     Own(Vec<Name>),
-    /// Those of that name; no names for all velocities of the algebra.
+    /// Declared ones; an empty list stands for all velocities of the algebra.
     Declared(Vec<Name>),
 }
 

@@ -174,8 +174,8 @@ fn of_item(statement: &[&str]) -> Context {
         "carry" | "routh" => Context::Carried,
         "view" if last == "=" => Context::Solid,
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
-        | "configuration" | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene" | "source"
-        | "topic" | "multipliers" => Context::Anything,
+        | "configuration" | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene"
+        | "source" | "topic" | "multipliers" => Context::Anything,
         "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
             Context::Anything
         }

@@ -128,10 +128,10 @@ fn applied(g: &mut Graph, m: &Rows, v: &[ExprId]) -> Vec<ExprId> {
     m.iter().map(|row| g.dot(row, v)).collect()
 }
 
-
-/// An element of the group by as many free symbols as it has dimensions, rational functions that reach a neighbourhood of
-/// the identity: what vanishes for it vanishes on the group (its component, which is an irreducible variety). None where
-/// the group has no such form here: rotations of two and three dimensions, `SU(2)` and their semidirect products have.
+/// An element of the group by as many free symbols as it has dimensions, rational functions that reach a neighbourhood
+/// of the identity: what vanishes for it vanishes on the group (its component, which is an irreducible variety). None
+/// where the group has no such form here: rotations of two and three dimensions, `SU(2)` and their semidirect products
+/// have.
 ///
 /// Rotations of space by Cayley's formula, `q = 1 + (a, b, c)` as a quaternion; `SU(2)` by stereographic projection.
 pub fn rational_element(g: &mut Graph, group: &MatrixGroup, symbols: &[ExprId]) -> Option<Vec<ExprId>> {

@@ -11,6 +11,7 @@
 
 mod ast;
 mod builder;
+mod configuration;
 mod constraint_parts;
 mod context;
 mod diagnostic;
@@ -51,6 +52,7 @@ mod written;
 
 pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
+pub use configuration::Configuration;
 pub use constraint_parts::{CarriedAcceleration, PositionEquation, VirtualConstraint};
 pub use context::Context;
 pub use diagnostic::{Diagnostic, Diagnostics, Help, Origin, Replacement, Severity, Span};
@@ -65,7 +67,7 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use model::{
-    Advected, Carried, CarriedBy, Condition, Configuration, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
+    Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
     FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
     OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
     Velocity, VelocitySection, circle_names, diagnose,

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+pub(super) use super::configuration::Configuration;
 pub(super) use super::constraint_parts::{CarriedAcceleration, PositionEquation, VirtualConstraint};
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
@@ -184,26 +185,6 @@ pub struct Advected {
     pub doc: String,
     /// Where it stands.
     pub span: Option<Span>,
-}
-
-/// Coordinates in a group of matrices that everything may depend on: the trivial algebroid `G x g`, `g' = g xi` (left)
-/// or `g' = xi g` (right). They are an advected parameter of the model as well, with that action.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Configuration {
-    /// Name of the matrix.
-    pub name: String,
-    /// Its place in [`Model::advected`].
-    pub advected: usize,
-    /// Names of the coordinates: the matrix row by row, and the vectors of a semidirect product.
-    pub names: Vec<String>,
-    /// Their symbols.
-    pub symbols: Vec<SymbolId>,
-    /// The group.
-    pub group: Box<MatrixGroup>,
-    /// The elements of [`Model::algebra`] that are those of the group's, in its order.
-    pub velocities: Vec<usize>,
-    /// Those of the frame that it is told in, `g' = g xi - eta g` (left); none for space.
-    pub relative: Vec<usize>,
 }
 
 /// A connection that the generator can derive.

@@ -127,18 +127,17 @@ pub(super) fn group_equations(g: &mut Graph, item: &Reconstruction, side: Side) 
 }
 
 /// Functions of the coordinates of a configuration that a motion keeps because it stays in the group.
-pub(super) fn configuration_equations(g: &mut Graph, item: &Configuration, side: Side) -> Vec<(String, ExprId)> {
+pub(super) fn configuration_equations(
+    g: &mut Graph,
+    item: &Configuration,
+    side: Side,
+) -> Vec<(String, ExprId)> {
     let coordinates: Vec<ExprId> = item.symbols.iter().map(|s| g.sym(*s)).collect();
     let mut kept = matrix_group::equations(g, &item.group, (&item.name, &coordinates), side);
     if !item.relative.is_empty() {
-        // Of `g M g^T` the frame that it is told in turns everything but the trace.
+        // The frame that it is told in turns `g M g^T`.
         let form = format!("{}_form_", item.name);
         kept.retain(|(name, _)| !name.starts_with(&form));
-        if item.group.is_of_rotations() {
-            let n = item.group.n();
-            let squares = g.dot(&coordinates[..n * n], &coordinates[..n * n]);
-            kept.push((format!("{}_squares", item.name), squares));
-        }
     }
     kept
 }

@@ -25,7 +25,8 @@ impl ModelBuilder {
     /// (`g_re`, `g_im`), and one name for each space of a semidirect product. They start at the identity unless
     /// [`ModelBuilder::initial`] says otherwise.
     ///
-    /// `by`: the velocities that move them, vectors or components, in the order of the group's algebra; none for all.
+    /// `by`: the velocities that move them, vectors or components, in the order of the group's algebra; an empty list
+    /// stands for all.
     ///
     /// ```
     /// use hamel_lang::spec::{LieAlgebra, MatrixFamily, MatrixGroup, ModelBuilder};
@@ -54,9 +55,10 @@ impl ModelBuilder {
         self.located_configuration(&names, group, (by, Vec::new()), doc)
     }
 
-    /// As [`ModelBuilder::configuration`], beside velocities that move the frame that it is told in: `g' = g xi - eta g`
-    /// for a left action, with `eta` the velocities `relative` of a copy of the group's algebra; `g' = xi g - g eta` for a
-    /// right one. Such is the attitude of one body in the frame of another, by the angular velocities of both.
+    /// As [`ModelBuilder::configuration`], beside velocities that move the frame that it is told in:
+    /// `g' = g xi - eta g` for a left action, with `eta` the velocities `relative` of a copy of the group's algebra;
+    /// `g' = xi g - g eta` for a right one. Such is the attitude of one body in the frame of another, by the angular
+    /// velocities of both.
     pub fn relative_configuration(
         &mut self,
         names: &[&str],
@@ -145,7 +147,13 @@ impl ModelBuilder {
         });
         let advected = self.advected.len() - 1;
         let group = Box::new(group.clone());
-        self.configurations.push(ConfigurationDraft { group, advected, velocities, relative, values: values.clone() });
+        self.configurations.push(ConfigurationDraft {
+            group,
+            advected,
+            velocities,
+            relative,
+            values: values.clone(),
+        });
         values
     }
 
@@ -177,22 +185,20 @@ impl ModelBuilder {
     /// Rates of the coordinates of configurations, by the velocities of the model.
     pub(super) fn add_configuration_rates(&mut self, rates: &mut Rates) {
         for draft in self.configurations.clone() {
-            let values =
-                self.rates_of_configuration(&draft, |b, a| b.velocity_value(b.n_shape() + a));
+            let values = self.rates_of_configuration(&draft, |b, a| b.velocity_value(b.n_shape() + a));
             let symbols = self.advected[draft.advected].components.iter().map(|(_, s)| *s);
             rates.extend(symbols.zip(values));
         }
     }
 
-    /// Attitudes with their angular velocities in the turned frame: `Omega`, less `R^T` times that of the frame they are told
-    /// in, for a left action; `R^T omega`, less that one, for a right one.
+    /// Attitudes with their angular velocities in the turned frame: `Omega`, less `R^T` times that of the frame they
+    /// are told in, for a left action; `R^T omega`, less that one, for a right one.
     pub(in crate::spec) fn configuration_spins(&mut self) -> Vec<(Vec<ExprId>, Vec<ExprId>)> {
         let mut list = Vec::new();
         for draft in self.configurations.clone() {
             let n = draft.group.n();
             let n_turning = draft.group.matrices().len();
-            let is_rotation =
-                draft.group.is_of_rotations() && matches!((n, n_turning), (2, 1) | (3, 3));
+            let is_rotation = draft.group.is_of_rotations() && matches!((n, n_turning), (2, 1) | (3, 3));
             let Some(matrix) = draft.values.first().filter(|_| is_rotation).cloned() else { continue };
             let values = |b: &mut ModelBuilder, list: &[usize]| -> Vec<ExprId> {
                 list.iter().take(n_turning).map(|a| b.velocity_value(b.n_shape() + a)).collect()
@@ -208,7 +214,8 @@ impl ModelBuilder {
                 (false, 2) => of_space,
                 (false, _) => {
                     let back = matrix.transpose();
-                    let Ok(turned) = back.and_then(|b| b.mul(&mut self.graph, &Value::Vector(of_space))) else {
+                    let Ok(turned) = back.and_then(|b| b.mul(&mut self.graph, &Value::Vector(of_space)))
+                    else {
                         continue;
                     };
                     turned.into_entries()
@@ -227,7 +234,9 @@ impl ModelBuilder {
 
     /// Gives the coordinates their infinitesimal action, `xi . g = -g xi` (left) or `xi g` (right).
     pub(super) fn move_configurations(&mut self) {
-        if let (false, Some((name, _, span))) = (self.configurations.is_empty(), self.connection.first().cloned()) {
+        if let (false, Some((name, _, span))) =
+            (self.configurations.is_empty(), self.connection.first().cloned())
+        {
             let message = format!("a connection on `{name}` beside a configuration");
             let help = "the configuration moves with the group velocity: write the Lagrangian by that velocity, and \
                         let `connection mechanical;` find a connection";
@@ -327,8 +336,8 @@ impl ModelBuilder {
         value
     }
 
-    /// Adds the identity where a configuration has no initial value, and checks that an element of the group is where it
-    /// has one.
+    /// Adds the identity where a configuration has no initial value, and checks that an element of the group is where
+    /// it has one.
     pub(super) fn start_configurations(&mut self, initial: &mut Vec<(String, ExprId)>) {
         let defaults = self.default_values();
         for draft in self.configurations.clone() {
@@ -356,9 +365,12 @@ impl ModelBuilder {
                 let starts_with = |given: &str| {
                     given == block || components.iter().any(|(name, s)| name == given && *s == symbol)
                 };
-                let span = self.initial.iter().find(|(given, _, _)| starts_with(given)).and_then(|(_, _, s)| *s);
+                let span =
+                    self.initial.iter().find(|(given, _, _)| starts_with(given)).and_then(|(_, _, s)| *s);
                 let message = format!("initial value of `{block}` is no element of {}", draft.group);
-                let help = format!("its entries miss what the group keeps by {miss:.1e}; `rot(axis, angle)` makes a rotation");
+                let help = format!(
+                    "its entries miss what the group keeps by {miss:.1e}; `rot(axis, angle)` makes a rotation"
+                );
                 self.problem(span, message, help);
             }
         }

@@ -130,9 +130,9 @@ pub(super) struct ConfigurationDraft {
     pub(super) group: Box<MatrixGroup>,
     /// The advected parameter that its coordinates are.
     pub(super) advected: usize,
-    /// The elements of the algebra of the model that are those of the group's, in its order.
+    /// The elements of the algebra of the model for each element of the group's.
     pub(super) velocities: Vec<usize>,
-    /// Those that move the frame it is told in; none for space.
+    /// Elements that move the frame it is told in; empty for space.
     pub(super) relative: Vec<usize>,
     /// The matrices and vectors.
     pub(super) values: Vec<Value>,

@@ -233,7 +233,12 @@ impl ModelBuilder {
 
     /// The basis elements whose velocities move the group. They have its brackets, and no bracket with another element
     /// has a component along them, so that `gdot = g xi` closes.
-    pub(super) fn group_indices(&mut self, group: &Group, from: &[Located], span: Option<Span>) -> Option<Vec<usize>> {
+    pub(super) fn group_indices(
+        &mut self,
+        group: &Group,
+        from: &[Located],
+        span: Option<Span>,
+    ) -> Option<Vec<usize>> {
         let expected = group.algebra()?;
         if self.broken.contains("velocity") {
             return None;

@@ -82,7 +82,7 @@ impl Elaboration<'_> {
         items.iter().filter_map(definition).collect()
     }
 
-    /// Forgets the angular velocities of rotations but those of configurations.
+    /// Forgets the angular velocities of rotations, and notes the ones of configurations.
     fn note_configurations(&mut self) {
         self.spins = self.builder.configuration_spins().into_iter().collect();
     }
@@ -113,7 +113,7 @@ impl Elaboration<'_> {
         let (first, rest) = lets.needed_first(&frames::expressions(&file.items));
         self.define_lets(&lets, &first);
         self.define_frames(&file.items);
-        // Those that are known are in the velocities before the frame.
+        // The known ones are in the velocities before the frame.
         self.note_configurations();
         self.declare_momenta(&file.items);
         self.define_lets(&lets, &rest);

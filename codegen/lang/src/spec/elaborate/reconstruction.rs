@@ -68,7 +68,7 @@ impl Elaboration<'_> {
         self.problem(group.span, format!("unknown group `{written}`"), help);
     }
 
-    /// The group of a configuration; what is none is a problem.
+    /// The group of a configuration; anything else is a problem.
     pub(super) fn group_of_configuration(&mut self, group: &AlgebraExpr) -> Option<MatrixGroup> {
         let found = matrices_of(group);
         if found.is_none() {
@@ -88,7 +88,7 @@ impl Elaboration<'_> {
     }
 }
 
-/// The group of matrices of that expression, its rotations by a matrix; none where it is no group of matrices.
+/// The group of matrices of that expression, its rotations by a matrix, if it is one.
 pub(super) fn matrices_of(expr: &AlgebraExpr) -> Option<MatrixGroup> {
     let AlgebraNode::Call(name, arguments) = &expr.node else { return None };
     let group = match (name.text.as_str(), arguments.as_slice()) {

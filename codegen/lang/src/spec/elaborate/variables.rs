@@ -7,7 +7,9 @@ use num_traits::Zero;
 use super::reconstruction::matrices_of;
 use super::values::Elaboration;
 use crate::algebra::LieAlgebra;
-use crate::spec::ast::{self, AlgebraExpr, AlgebraNode, DomainExpr, Expr, Item, ItemKind, MovedBy, Name, Node};
+use crate::spec::ast::{
+    self, AlgebraExpr, AlgebraNode, DomainExpr, Expr, Item, ItemKind, MovedBy, Name, Node,
+};
 use crate::spec::diagnostic::Span;
 use crate::spec::layout::{Layout, component_help};
 use crate::spec::model::{Domain, Side};
@@ -214,7 +216,7 @@ impl Elaboration<'_> {
         }
     }
 
-    /// Velocities of items `velocity`, then those that configurations declare: one algebra, the product of theirs.
+    /// Velocities of items `velocity`, then velocities that configurations declare: one algebra, the product of theirs.
     fn declare_all_velocities(&mut self, items: &[Item]) {
         let mut all: Vec<OfItem<'_>> = Vec::new();
         for item in items {
@@ -240,7 +242,7 @@ impl Elaboration<'_> {
             all.iter().for_each(|of| self.declare_velocities(of));
             return;
         }
-        // Each item names what is its own: blocks or elements of its factor.
+        // Each item names its own: blocks or elements of its factor.
         let before = self.builder.problems.len();
         let mut sizes = Vec::new();
         for OfItem { item, names, algebra, .. } in &all {
@@ -250,7 +252,8 @@ impl Elaboration<'_> {
             all.iter().flat_map(|of| of.names.iter().map(|n| (n.text.as_str(), Some(n.span)))).collect();
         if self.builder.problems.len() == before {
             let factors: Vec<LieAlgebra<Number>> = all.iter().map(|of| of.algebra.clone()).collect();
-            let labels: Vec<&str> = all.iter().flat_map(|of| of.labels.iter().map(|l| l.text.as_str())).collect();
+            let labels: Vec<&str> =
+                all.iter().flat_map(|of| of.labels.iter().map(|l| l.text.as_str())).collect();
             let span = all[0].item.span;
             let product = LieAlgebra::product(&factors);
             self.builder.at(Some(span)).sized_velocities(product, &located, &sizes, &labels, "");
@@ -304,10 +307,13 @@ impl Elaboration<'_> {
                     names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
                 let [by, relative] =
                     [by, relative].map(|list| list.iter().map(|n| (n.text.clone(), Some(n.span))).collect());
-                let span =
-                    names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
+                let span = names
+                    .first()
+                    .map_or(item.span, |n| n.span)
+                    .to(names.last().map_or(item.span, |n| n.span));
                 let doc = item.doc.join("\n");
-                let values = self.builder.at(Some(span)).located_configuration(&located, &group, (by, relative), &doc);
+                let values =
+                    self.builder.at(Some(span)).located_configuration(&located, &group, (by, relative), &doc);
                 if !values.is_empty() && self.builder.problems.len() == before {
                     continue;
                 }

@@ -63,4 +63,27 @@ impl Parser<'_> {
         self.equals()?;
         Ok((name, self.expr()?))
     }
+
+    /// `configuration R in SO(3) velocity Omega relative eta;`
+    pub(super) fn configuration(&mut self) -> Parsed<ItemKind> {
+        let names = self.comma_separated(|p| p.declared("the name of a configuration"))?;
+        self.require_word("in")?;
+        let group = self.algebra_expr()?;
+        let by = if self.word("velocity").is_some() {
+            MovedBy::Own(self.comma_separated(|p| p.declared("the name of a velocity"))?)
+        } else if self.word("from").is_some() {
+            MovedBy::Declared(self.comma_separated(|p| p.named("the name of a velocity"))?)
+        } else if self.peek_punct(';') || self.peek_ident().is_some_and(|word| word == "relative") {
+            MovedBy::Declared(Vec::new())
+        } else {
+            return self.expected(
+                "`velocity` and names for the velocities that move it, `from` and their names, or `;`",
+            );
+        };
+        let relative = match self.word("relative") {
+            Some(_) => self.comma_separated(|p| p.named("the name of a velocity"))?,
+            None => Vec::new(),
+        };
+        Ok(ItemKind::Configuration { names, group, by, relative })
+    }
 }

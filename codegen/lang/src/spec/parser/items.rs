@@ -337,7 +337,7 @@ impl<'a> Parser<'a> {
         self.size_of_power().map(Some)
     }
 
-    fn algebra_expr(&mut self) -> Parsed<AlgebraExpr> {
+    pub(super) fn algebra_expr(&mut self) -> Parsed<AlgebraExpr> {
         if self.depth >= MAX_DEPTH {
             return Err(too_deep(self.here()));
         }
@@ -489,26 +489,6 @@ impl<'a> Parser<'a> {
             return Err(Box::new(problem.with_help("for example `by cross(Omega, Gamma)`")));
         }
         Ok(ItemKind::Advected { name, space, labels, action: self.expr()? })
-    }
-
-    fn configuration(&mut self) -> Parsed<ItemKind> {
-        let names = self.comma_separated(|p| p.declared("the name of a configuration"))?;
-        self.require_word("in")?;
-        let group = self.algebra_expr()?;
-        let by = if self.word("velocity").is_some() {
-            MovedBy::Own(self.comma_separated(|p| p.declared("the name of a velocity"))?)
-        } else if self.word("from").is_some() {
-            MovedBy::Declared(self.comma_separated(|p| p.named("the name of a velocity"))?)
-        } else if self.peek_punct(';') || self.peek_ident().is_some_and(|word| word == "relative") {
-            MovedBy::Declared(Vec::new())
-        } else {
-            return self.expected("`velocity` and names for the velocities that move it, `from` and their names, or `;`");
-        };
-        let relative = match self.word("relative") {
-            Some(_) => self.comma_separated(|p| p.named("the name of a velocity"))?,
-            None => Vec::new(),
-        };
-        Ok(ItemKind::Configuration { names, group, by, relative })
     }
 
     /// `as w_*`: what precedes the names of basis elements in those of components, one for each of `n` vectors; or
