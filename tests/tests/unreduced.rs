@@ -174,7 +174,7 @@ fn groups_of_complex_matrices_move_by_their_algebra() {
     assert_eq!(spin.initial.len(), 8);
 }
 
-/// What the twin of each model in `models/unreduced` is reduced to: the algebra, the dimension of what is advected, and
+/// The twin of each model in `models/unreduced` is reduced to this: the algebra, the dimension of what is advected, and
 /// whether the shipped model of that name is met: at most 1.05 times its operations.
 const TWINS: [(&str, &str, usize, bool); 15] = [
     ("chaplygin_sleigh", "se(2)", 0, true),

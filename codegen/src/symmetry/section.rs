@@ -1,5 +1,5 @@
-//! The cross-section of a group: the identity of what leaves, with coordinates and velocities of the model by those of
-//! the reduced one.
+//! The cross-section of a group: the identity of coordinates that leave, with coordinates and velocities of the model by
+//! the reduced ones.
 //!
 //! Does not know: how a model is written.
 
@@ -87,7 +87,7 @@ impl Setting<'_> {
             symbols.push(symbol);
         }
         let n_base = model.base.len();
-        // Velocities and displacements of the model by those of the reduced one.
+        // Velocities and displacements of the model by the reduced ones.
         let mut reduced = names.clone();
         let mut own: BTreeMap<usize, SymbolId> = BTreeMap::new();
         for i in &shape {

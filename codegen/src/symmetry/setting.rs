@@ -145,7 +145,7 @@ impl Setting<'_> {
                 })
                 .collect();
             let Some(entries) = rational_element(&mut self.graph, &configuration.group, &free) else {
-                let what = format!("a configuration in {}", configuration.group);
+                let what = format!("a configuration in {}", configuration.group.of_configuration());
                 return Err(Refusal(what, "SO(3), SE(2), SE(3) and SU(2) are looked into".into()));
             };
             self.elements.extend(configuration.symbols.iter().copied().zip(entries));

@@ -26,7 +26,7 @@ pub(super) struct Pieces {
     pub(super) report: Vec<String>,
 }
 
-/// What was written, by expressions at the section.
+/// The text, and its functions as expressions at the section.
 pub(super) struct Written<'a> {
     pub(super) text: String,
     /// Residuals of constraints.
@@ -73,9 +73,7 @@ impl Setting<'_> {
             let matrix = &configuration.name;
             let others: Vec<String> = vectors_of(configuration);
             let list = [vec![matrix.clone()], others].concat().join(", ");
-            let group = configuration.group.to_string();
-            // A configuration has the entries of a matrix by itself.
-            let group = group.strip_prefix("matrices(").and_then(|g| g.strip_suffix(')')).unwrap_or(&group);
+            let group = configuration.group.of_configuration();
             let blocks: Vec<usize> = configuration.group.algebra().blocks().iter().map(|b| b.dim).collect();
             let names = shortened(names, &blocks).join(", ");
             let relative = self.frame_of(*k, &pieces.group, section);

@@ -19,8 +19,8 @@ pub struct Configuration {
     pub symbols: Vec<SymbolId>,
     /// The group.
     pub group: Box<MatrixGroup>,
-    /// The elements of [`Model::algebra`](super::Model::algebra) that are those of the group's, in its order.
+    /// The elements of [`Model::algebra`](super::Model::algebra) for each element of the group's.
     pub velocities: Vec<usize>,
-    /// Those of the frame that it is told in, `g' = g xi - eta g` (left); none for space.
+    /// The elements that move the frame that it is told in, `g' = g xi - eta g` (left); empty for space.
     pub relative: Vec<usize>,
 }

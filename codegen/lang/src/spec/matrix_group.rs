@@ -114,7 +114,10 @@ impl MatrixGroup {
                 MatrixSpace::Trivial(dim) => Representation::trivial(&base, dim),
             })
             .collect();
-        let algebra = LieAlgebra::semidirect(&base, &representations)?;
+        let algebra = match representations.is_empty() {
+            true => base.clone(),
+            false => LieAlgebra::semidirect(&base, &representations)?,
+        };
         let matrices = (0..base.dim()).map(|a| standard.matrix(a).clone()).collect();
         Ok(MatrixGroup { family, n, spaces: spaces.to_vec(), algebra, matrices })
     }
@@ -132,6 +135,13 @@ impl MatrixGroup {
     /// How many blocks of coordinates are matrices: one, or those of real and imaginary parts.
     pub fn n_blocks(&self) -> usize {
         if self.family.is_complex() { 2 } else { 1 }
+    }
+
+    /// As a configuration has it: `SO(3)`, where `reconstruct` says `matrices(SO(3))`.
+    pub fn of_configuration(&self) -> String {
+        let written = self.to_string();
+        let inner = written.strip_prefix("matrices(").and_then(|inner| inner.strip_suffix(')'));
+        inner.unwrap_or(&written).to_owned()
     }
 
     /// Whether its matrices are rotations.

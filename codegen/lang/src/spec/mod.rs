@@ -90,8 +90,8 @@ pub use hamel_expr::{Budget, DivisionByZero, ExprId, Func, Graph, Rational, Rela
 /// The words that begin items and their parts, for those who show the text of a model.
 pub fn keywords() -> Vec<&'static str> {
     let parts = [
-        "model", "in", "by", "of", "on", "where", "from", "around", "at", "attitude", "fix", "want", "drop",
-        "circle", "basis", "as",
+        "model", "in", "by", "of", "on", "where", "from", "relative", "around", "at", "attitude", "fix",
+        "want", "drop", "circle", "basis", "as",
     ];
     names::ITEMS.iter().map(|(item, _)| *item).chain(parts).collect()
 }

@@ -130,8 +130,8 @@ const OF_ITEMS: &[(&str, &str)] = &[
     ),
     (
         "configuration",
-        "Coordinates in a group that everything may depend on: `R' = R hat(Omega)` for a left action, \
-         `R' = hat(omega) R` for a right one.",
+        "Coordinates in a group of matrices that everything may contain: the entries of the matrix, \
+         `R11, R12, ..`, and vectors of a semidirect product.",
     ),
     (
         "state",
@@ -260,6 +260,7 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("by", "", "The infinitesimal action or the rate follows."),
     ("as", "as a_*", "What precedes the names of basis elements in those of components."),
     ("from", "", "The velocities that move the group follow."),
+    ("relative", "relative Omega", "The velocities that move the frame of a configuration follow."),
     ("where", "where m > 0", "Conditions on the parameter, checked where parameters are given."),
     ("along", "force along u: F;", "The velocity that the force is paired with follows."),
     ("mass", "mass m;", "The mass of the body."),

@@ -5,6 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::draft::{AdvectedDraft, ConfigurationDraft, DeclaredAs, Located, ModelBuilder};
+use super::reconstruct::counted;
 use crate::spec::diagnostic::Span;
 use crate::spec::group::Group;
 use crate::spec::group_motion::{group_rates, rational_element};
@@ -83,7 +84,8 @@ impl ModelBuilder {
         let span = self.here;
         let plain: Vec<&str> = names.iter().map(|(n, _)| *n).collect();
         let Some(blocks) = group.coordinates(&plain) else {
-            let message = format!("{} names for a configuration in {group}", names.len());
+            let counted = counted(names.len(), "name", "names");
+            let message = format!("{counted} for a configuration in {}", group.of_configuration());
             let help = format!("one for the matrix and {} for vectors", group.spaces().len());
             self.problem(span, message, help);
             self.broken.insert("configuration");
@@ -367,7 +369,8 @@ impl ModelBuilder {
                 };
                 let span =
                     self.initial.iter().find(|(given, _, _)| starts_with(given)).and_then(|(_, _, s)| *s);
-                let message = format!("initial value of `{block}` is no element of {}", draft.group);
+                let message =
+                    format!("initial value of `{block}` is no element of {}", draft.group.of_configuration());
                 let help = format!(
                     "its entries miss what the group keeps by {miss:.1e}; `rot(axis, angle)` makes a rotation"
                 );

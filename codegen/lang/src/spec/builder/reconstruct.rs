@@ -426,6 +426,6 @@ impl ModelBuilder {
     }
 }
 
-fn counted(n: usize, singular: &str, plural: &str) -> String {
+pub(super) fn counted(n: usize, singular: &str, plural: &str) -> String {
     format!("{n} {}", if n == 1 { singular } else { plural })
 }

@@ -24,6 +24,16 @@ struct OfItem<'a> {
     algebra: LieAlgebra<Number>,
 }
 
+impl OfItem<'_> {
+    /// The documentation of the velocities; that of a configuration is about its coordinates.
+    fn doc(&self) -> String {
+        match self.item.kind {
+            ItemKind::Configuration { .. } => String::new(),
+            _ => self.item.doc.join("\n"),
+        }
+    }
+}
+
 impl Elaboration<'_> {
     pub(super) fn declare_sources_and_params(&mut self, items: &[Item]) {
         for item in items {
@@ -257,8 +267,8 @@ impl Elaboration<'_> {
             let span = all[0].item.span;
             let product = LieAlgebra::product(&factors);
             self.builder.at(Some(span)).sized_velocities(product, &located, &sizes, &labels, "");
-            for OfItem { item, names, .. } in &all {
-                let doc = item.doc.join("\n");
+            for of @ OfItem { names, .. } in &all {
+                let doc = of.doc();
                 names.iter().for_each(|name| self.builder.document_velocity(&name.text, &doc));
             }
         }
@@ -282,7 +292,7 @@ impl Elaboration<'_> {
         let span = names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
         let before = self.builder.problems.len();
         let labels: Vec<&str> = labels.iter().map(|l| l.text.as_str()).collect();
-        let doc = item.doc.join("\n");
+        let doc = of.doc();
         self.builder.at(Some(span)).located_velocities(algebra.clone(), &located, &labels, &doc);
         if self.builder.problems.len() > before {
             // The wrong number of names: their components are unknown.
