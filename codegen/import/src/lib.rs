@@ -90,6 +90,12 @@ pub fn import(file: &str, text: &str, options: &Options) -> Result<Imported, Dia
         return Err(Diagnostics::new(origin(), problems.errors));
     };
     lock(&mut robot, options, &mut problems);
+    // Names go into comments, which a line ends.
+    for name in
+        robot.links.iter_mut().map(|l| &mut l.name).chain(robot.joints.iter_mut().map(|j| &mut j.name))
+    {
+        *name = shown(name);
+    }
     tree::order(&mut robot, &mut problems);
     if !problems.errors.is_empty() {
         return Err(Diagnostics::new(origin(), problems.errors));
@@ -135,10 +141,13 @@ fn lock(robot: &mut robot::Robot, options: &Options, problems: &mut problems::Pr
     }
 }
 
+/// A text without characters that end a comment, or hide it.
+fn shown(text: &str) -> String {
+    text.replace(|c: char| c.is_control(), " ")
+}
+
 fn write_model(name: &str, robot: &str, file: &str, items: &str, notes: &Diagnostics) -> String {
     let file = file.rsplit(['/', '\\']).next().unwrap_or(file);
-    // Control characters end a comment, or hide it.
-    let shown = |text: &str| text.replace(|c: char| c.is_control(), " ");
     let mut head = String::new();
     for note in notes.iter() {
         head.push_str(&format!("// {}\n", shown(&note.message)));
@@ -149,8 +158,8 @@ fn write_model(name: &str, robot: &str, file: &str, items: &str, notes: &Diagnos
     format!(
         "/// {}\n\
          ///\n\
-         /// From {}, in SI units. For each link, all in its frame: `w_` is its angular velocity, `v_` the velocity of its\n\
-         /// origin, `up_` the vertical, `h_` the height of the origin, `E_` the rotation from the frame that carries it,\n\
+         /// From {}, in SI units. For each link, all in its frame: `w_` is its angular velocity, `v_` the velocity of\n\
+         /// its origin, `up_` the vertical, `h_` the height of the origin, `E_` the rotation from the frame before,\n\
          /// `m_`, `c_`, `I_` mass, mass centre and moments of inertia about it, `u_` the velocity of the mass centre, `T_`\n\
          /// and `U_` kinetic energy and potential energy by g; `r_` and `Q_` are place and rotation of a link in the frame\n\
          /// that carries it.\n\

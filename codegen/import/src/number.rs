@@ -9,15 +9,17 @@ pub(crate) struct Number {
     pub(crate) text: String,
     /// For decisions; it never reaches a model.
     pub(crate) value: f64,
+    /// An angle of quarter turns, whose text is a multiple of pi.
+    pub(crate) is_quarter: bool,
 }
 
 impl Number {
     pub(crate) fn zero() -> Number {
-        Number { text: "0".into(), value: 0.0 }
+        Number { text: "0".into(), value: 0.0, is_quarter: false }
     }
 
     pub(crate) fn one() -> Number {
-        Number { text: "1".into(), value: 1.0 }
+        Number { text: "1".into(), value: 1.0, is_quarter: false }
     }
 
     /// A decimal number: sign, digits, point, exponent. Nothing for other texts, and for numbers beyond doubles.
@@ -42,7 +44,7 @@ impl Number {
         let whole = if whole.is_empty() { "0" } else { whole };
         let point = if part.is_empty() { String::new() } else { format!(".{part}") };
         let exponent = exponent.map(|e| format!("e{e}")).unwrap_or_default();
-        Some(Number { text: format!("{sign}{whole}{point}{exponent}"), value })
+        Some(Number { text: format!("{sign}{whole}{point}{exponent}"), value, is_quarter: false })
     }
 
     pub(crate) fn is_zero(&self) -> bool {

@@ -16,7 +16,7 @@ pub(crate) struct Pose {
 
 impl Pose {
     pub(crate) fn identity() -> Pose {
-        Pose { place: std::array::from_fn(|_| Number::zero()), turn: Turn::default() }
+        Pose { place: std::array::from_fn(|_| Number::zero()), turn: Turn::none() }
     }
 }
 

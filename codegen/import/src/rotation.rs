@@ -1,4 +1,4 @@
-//! Constant rotations: quarter turns exactly, other angles by the nearest rotation.
+//! Constant rotations: quarter turns, and angles as written.
 //!
 //! Deliberately does not know: XML, robots.
 
@@ -11,13 +11,29 @@ const MIN_DECIMALS: i32 = 4;
 /// A change that doubles do not have is not told.
 const TOLD: f64 = 1e-14;
 
-/// A rotation matrix as an expression, and by how much an angle moved to be a quarter turn.
-#[derive(Clone, Debug, Default)]
+/// Rotation about the axes of the frame before by the angles roll, pitch and yaw.
+#[derive(Clone, Debug)]
 pub(crate) struct Turn {
-    /// Nothing is the unit matrix.
-    pub(crate) text: Option<String>,
-    /// Angles in radians: as written, and the quarter turn in its place.
+    /// In radians: zeros, quarter turns as multiples of pi, others as written.
+    pub(crate) angles: [Number; 3],
+    /// Angles as written, and the quarter turns in their place.
     pub(crate) moved: Vec<(String, String)>,
+}
+
+impl Turn {
+    pub(crate) fn none() -> Turn {
+        Turn { angles: std::array::from_fn(|_| Number::zero()), moved: Vec::new() }
+    }
+
+    /// `rot(e3, yaw)*rot(e2, pitch)*rot(e1, roll)` without rotations by zero; nothing where all are.
+    pub(crate) fn text(&self) -> Option<String> {
+        let factors: Vec<String> = (0..3)
+            .rev()
+            .filter(|k| !self.angles[*k].is_zero())
+            .map(|k| format!("rot(e{}, {})", k + 1, self.angles[k].text))
+            .collect();
+        (!factors.is_empty()).then(|| factors.join("*"))
+    }
 }
 
 /// The number of quarter turns that an angle stands for.
@@ -45,64 +61,19 @@ fn quarter_text(turns: i64) -> String {
     }
 }
 
-/// Cosine and sine.
-fn circle(angle: &Number) -> (f64, f64) {
-    match quarters(angle).map(|n| n.rem_euclid(4)) {
-        Some(0) => (1.0, 0.0),
-        Some(1) => (0.0, 1.0),
-        Some(2) => (-1.0, 0.0),
-        Some(_) => (0.0, -1.0),
-        None => (libm::cos(angle.value), libm::sin(angle.value)),
-    }
-}
-
-/// Rotation about the axes of the frame before by the angles roll, pitch and yaw:
-/// `rot(e3, yaw)*rot(e2, pitch)*rot(e1, roll)`.
+/// The rotation by angles as they are written, with quarter turns where digits are rounded ones.
 pub(crate) fn roll_pitch_yaw(angles: &[Number; 3]) -> Turn {
-    let [roll, pitch, yaw] = angles;
-    let mut moved = Vec::new();
-    for angle in angles {
-        if let Some(turns) = quarters(angle)
-            && (angle.value - turns as f64 * FRAC_PI_2).abs() > TOLD
-        {
-            moved.push((angle.text.clone(), quarter_text(turns)));
+    let mut turn = Turn { angles: angles.clone(), moved: Vec::new() };
+    for angle in &mut turn.angles {
+        let Some(turns) = quarters(angle).filter(|turns| *turns != 0) else { continue };
+        let text = quarter_text(turns);
+        if (angle.value - turns as f64 * FRAC_PI_2).abs() > TOLD {
+            turn.moved.push((angle.text.clone(), text.clone()));
         }
+        angle.text = text;
+        angle.is_quarter = true;
     }
-    let of_quarters = |angle: &Number, axis: &str| {
-        let turns = quarters(angle)?;
-        Some((turns != 0).then(|| format!("rot({axis}, {})", quarter_text(turns))))
-    };
-    let factors: Option<Vec<_>> = [(yaw, "e3"), (pitch, "e2"), (roll, "e1")]
-        .iter()
-        .map(|(angle, axis)| of_quarters(angle, axis))
-        .collect();
-    if let Some(factors) = factors {
-        let factors: Vec<String> = factors.into_iter().flatten().collect();
-        return Turn { text: (!factors.is_empty()).then(|| factors.join("*")), moved };
-    }
-    let [(cr, sr), (cp, sp), (cy, sy)] = [roll, pitch, yaw].map(circle);
-    let rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ];
-    Turn { text: Some(nearest(&rows)), moved }
-}
-
-/// The rotation that is nearest to a matrix of doubles.
-fn nearest(rows: &[[f64; 3]; 3]) -> String {
-    let entry = |x: &f64| if *x == 0.0 { "0".to_owned() } else { short(*x) };
-    let rows: Vec<String> = rows
-        .iter()
-        .map(|row| format!("[{}]", row.iter().map(entry).collect::<Vec<_>>().join(", ")))
-        .collect();
-    format!("orthonormal([{}])", rows.join(", "))
-}
-
-/// The fewest digits that have the value.
-fn short(x: f64) -> String {
-    let text = format!("{x:?}");
-    text.strip_suffix(".0").map(str::to_owned).unwrap_or(text)
+    turn
 }
 
 /// An axis: its direction as an expression of length one.
@@ -158,13 +129,13 @@ mod tests {
     #[test]
     fn quarter_turns_are_found_by_the_digits_that_are_written() {
         let exact = turn(["1.5707963267948966", "0", "-3.141592653589793"]);
-        assert_eq!(exact.text.unwrap(), "rot(e3, -pi)*rot(e1, pi/2)");
+        assert_eq!(exact.text().unwrap(), "rot(e3, -pi)*rot(e1, pi/2)");
         assert!(exact.moved.is_empty());
         let rounded = turn(["0", "-1.5708", "0"]);
-        assert_eq!(rounded.text.unwrap(), "rot(e2, -pi/2)");
+        assert_eq!(rounded.text().unwrap(), "rot(e2, -pi/2)");
         assert_eq!(rounded.moved, [("-1.5708".to_owned(), "-pi/2".to_owned())]);
-        assert!(turn(["0", "1.57", "0"]).text.unwrap().starts_with("orthonormal("));
-        assert!(turn(["0", "1.5709", "0"]).text.unwrap().starts_with("orthonormal("));
-        assert!(turn(["0", "0.0", "-0"]).text.is_none());
+        assert_eq!(turn(["0", "1.57", "0"]).text().unwrap(), "rot(e2, 1.57)");
+        assert_eq!(turn(["0", "1.5709", "0"]).text().unwrap(), "rot(e2, 1.5709)");
+        assert!(turn(["0", "0.0", "-0"]).text().is_none());
     }
 }

@@ -51,8 +51,11 @@ const RESERVED: [&str; 30] = [
     "unit",
 ];
 /// Everything that is named after a link.
-const OF_LINK: [&str; 13] =
-    ["E_*", "w_*", "v_*", "up_*", "h_*", "r_*", "Q_*", "m_*", "c_*", "I_*", "u_*", "T_*", "U_*"];
+const OF_LINK: [&str; 32] = [
+    "E_*", "w_*", "v_*", "up_*", "h_*", "r_*", "Q_*", "m_*", "c_*", "I_*", "u_*", "T_*", "U_*", "mass_*",
+    "cx_*", "cy_*", "cz_*", "Ixx_*", "Iyy_*", "Izz_*", "Ixy_*", "Ixz_*", "Iyz_*", "dx_*", "dy_*", "dz_*",
+    "roll_*", "pitch_*", "yaw_*", "Iroll_*", "Ipitch_*", "Iyaw_*",
+];
 
 /// A link in the frame of its carrier, the moving link that fixed joints join it to.
 #[derive(Clone, Debug)]
@@ -77,9 +80,9 @@ impl Carried {
     }
 
     fn turn_of(&self, pose: &Pose) -> Option<String> {
-        match (&self.turn, &pose.turn.text) {
+        match (&self.turn, pose.turn.text()) {
             (Some(a), Some(b)) => Some(format!("{a}*{b}")),
-            (a, b) => a.clone().or_else(|| b.clone()),
+            (a, b) => a.clone().or(b),
         }
     }
 }
@@ -88,7 +91,11 @@ impl Carried {
 const ZERO: &str = "[0, 0, 0]";
 
 struct Writer<'a> {
+    /// With names of parameters in the place of lengths, masses and moments of inertia.
     robot: &'a Robot,
+    /// Items that declare these: by link its own, and by joint the place of the joint.
+    of_link: Vec<String>,
+    of_joint: Vec<String>,
     options: &'a Options,
     /// Names of links and joints.
     links: Vec<String>,
@@ -114,8 +121,12 @@ pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -
         }
     }
     let carried = vec![None; robot.links.len()];
+    let mut robot = robot.clone();
+    let (of_link, of_joint) = parameters(&mut robot, &links);
     let mut writer = Writer {
-        robot,
+        robot: &robot,
+        of_link,
+        of_joint,
         options,
         links,
         joints,
@@ -132,6 +143,64 @@ pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -
     writer.end()
 }
 
+/// Puts names of parameters in the place of numbers; the items that declare them, by link and by joint.
+fn parameters(robot: &mut Robot, names: &[String]) -> (Vec<String>, Vec<String>) {
+    let declare = |number: &mut Number, prefix: &str, link: usize, doc: &str, is_positive: bool| {
+        if number.is_zero() || number.is_quarter {
+            return String::new();
+        }
+        let name = format!("{prefix}_{}", names[link]);
+        let condition = match is_positive && number.value > 0.0 {
+            true => format!(" where {name} > 0"),
+            false => String::new(),
+        };
+        let item = format!("/// {doc}\nparam {name} = {}{condition};\n", number.text);
+        number.text = name;
+        item
+    };
+    let mut of_link = Vec::new();
+    for (k, link) in robot.links.iter_mut().enumerate() {
+        let mut items = String::new();
+        if let Some(inertia) = &mut link.inertia {
+            items += &declare(&mut inertia.mass, "mass", k, &format!("Mass of {}, in kg.", link.name), true);
+            let doc = format!("Mass centre of {}, in m.", link.name);
+            for (number, prefix) in inertia.pose.place.iter_mut().zip(["cx", "cy", "cz"]) {
+                if inertia.mass.is_zero() {
+                    *number = Number::zero();
+                }
+                items += &declare(number, prefix, k, &doc, false);
+            }
+            let doc = format!("Moments and products of inertia of {}, in kg m^2.", link.name);
+            let angles = format!("Angle of the frame of these of {}, in rad.", link.name);
+            let has_frame = !inertia.moments.iter().all(Number::is_zero);
+            for (number, prefix) in inertia.pose.turn.angles.iter_mut().zip(["Iroll", "Ipitch", "Iyaw"]) {
+                if has_frame {
+                    items += &declare(number, prefix, k, &angles, false);
+                }
+            }
+            let prefixes = ["Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"];
+            for (n, (number, prefix)) in inertia.moments.iter_mut().zip(prefixes).enumerate() {
+                items += &declare(number, prefix, k, &doc, n < 3);
+            }
+        }
+        of_link.push(items);
+    }
+    let mut of_joint = Vec::new();
+    for joint in &mut robot.joints {
+        let doc = format!("Place of the joint {}, in m.", joint.name);
+        let angle = format!("Angle of the joint {}, in rad.", joint.name);
+        let mut items = String::new();
+        for (number, prefix) in joint.pose.place.iter_mut().zip(["dx", "dy", "dz"]) {
+            items += &declare(number, prefix, joint.child, &doc, false);
+        }
+        for (number, prefix) in joint.pose.turn.angles.iter_mut().zip(["roll", "pitch", "yaw"]) {
+            items += &declare(number, prefix, joint.child, &angle, false);
+        }
+        of_joint.push(items);
+    }
+    (of_link, of_joint)
+}
+
 impl Writer<'_> {
     fn line(&mut self, line: &str) {
         _ = writeln!(self.out, "{line}");
@@ -144,6 +213,14 @@ impl Writer<'_> {
                 let goes_on = !rigidly || matches!(joint.kind, JointKind::Fixed);
                 joint.parent == link && goes_on && self.has_inertia(joint.child, rigidly)
             })
+    }
+
+    /// Whether a joint behind a link moves a body.
+    fn has_motion(&self, link: usize) -> bool {
+        self.robot.joints.iter().filter(|joint| joint.parent == link).any(|joint| match joint.kind {
+            JointKind::Fixed => self.has_motion(joint.child),
+            _ => self.has_inertia(joint.child, false),
+        })
     }
 
     fn root(&mut self, problems: &mut Problems) {
@@ -164,9 +241,8 @@ impl Writer<'_> {
             self.line(&format!("let {prefix}_{name} = {value};"));
         }
         self.carried[root] = Some(Carried { carrier: root, place: None, turn: None });
-        if self.robot.links[root].inertia.is_some() {
-            let message =
-                format!("mass and inertia of `{}` are left out: it is at rest", self.robot.links[root].name);
+        if self.has_inertia(root, true) {
+            let message = format!("masses at rest with `{}` are left out", self.robot.links[root].name);
             problems.note_with_help(&self.robot.links[root].span, message, "with `--floating` it moves");
         }
     }
@@ -202,13 +278,16 @@ impl Writer<'_> {
         let behind = self.has_inertia(link, false);
         match &joint.kind {
             JointKind::Fixed => {
-                if !behind {
+                // Masses at rest say nothing.
+                let rests = parent.carrier == self.robot.root && !self.options.floating;
+                if !behind || (rests && !self.has_motion(link)) {
                     return;
                 }
                 self.line(&format!(
                     "\n// {}, fixed to {}.",
                     self.robot.links[link].name, self.robot.links[joint.parent].name
                 ));
+                self.out.push_str(&self.of_joint[k].clone());
                 let (place, turn) = (parent.place_of(&joint.pose.place), parent.turn_of(&joint.pose));
                 let is_there = place == ZERO;
                 if !is_there {
@@ -256,6 +335,7 @@ impl Writer<'_> {
         }
         let coordinates =
             self.motion.declare(&mut self.out, self.robot, &self.joints, k, self.options.limits);
+        self.out.push_str(&self.of_joint[k].clone());
         let carrier = self.links[parent.carrier].clone();
         let turn = parent.turn_of(&joint.pose);
         let mut place = parent.place_of(&joint.pose.place);
@@ -310,20 +390,21 @@ impl Writer<'_> {
         }
         let name = self.links[link].clone();
         let (mut masses, mut moments) = (Vec::new(), Vec::new());
-        let mut all = Vec::new();
+        let (mut all, mut declared) = (Vec::new(), String::new());
         for part in self.rigid(link) {
             let Some(inertia) = &self.robot.links[part].inertia else { continue };
             let frame = match part == link {
                 true => Carried { carrier: link, place: None, turn: None },
                 false => self.frame_of(part, link),
             };
+            declared.push_str(&self.of_link[part]);
             all.push((inertia, frame.place_of(&inertia.pose.place), frame.turn_of(&inertia.pose)));
         }
+        self.out.push_str(&declared);
         let has_mass = all.iter().any(|(inertia, ..)| !inertia.mass.is_zero());
         for (inertia, place, turn) in &all {
             if !inertia.mass.is_zero() {
-                let at = if place.contains(" + ") { format!("({place})") } else { place.clone() };
-                masses.push((inertia.mass.text.clone(), at));
+                masses.push((inertia.mass.text.clone(), place.clone()));
             }
             if let Some(matrix) = matrix(inertia) {
                 moments.push(match turn {
@@ -333,12 +414,16 @@ impl Writer<'_> {
             }
         }
         if let [(mass, place)] = &masses[..] {
-            let place = place.trim_start_matches('(').trim_end_matches(')');
-            let (mass, place) = (mass.clone(), place.to_owned());
+            let (mass, place) = (mass.clone(), place.clone());
             self.line(&format!("let m_{name} = {mass};"));
             self.line(&format!("let c_{name} = {place};"));
         } else if has_mass {
             let sum = |terms: Vec<String>| terms.join(" + ");
+            for (_, place) in &mut masses {
+                if place.contains(" + ") {
+                    *place = format!("({place})");
+                }
+            }
             let total = sum(masses.iter().map(|(mass, _)| mass.clone()).collect());
             let moment = sum(masses.iter().map(|(mass, place)| format!("{mass}*{place}")).collect());
             self.line(&format!("let m_{name} = {total};"));
