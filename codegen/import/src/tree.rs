@@ -5,7 +5,8 @@
 use crate::problems::Problems;
 use crate::robot::{Joint, JointKind, Robot};
 
-/// Finds the root, puts each joint behind the joint of its parent, and checks followers. Nothing is done after a problem.
+/// Finds the root, puts each joint behind the joint of its parent, and checks followers. After a problem nothing is
+/// done.
 pub(crate) fn order(robot: &mut Robot, problems: &mut Problems) {
     let n = robot.links.len();
     let mut joint_of: Vec<Option<usize>> = vec![None; n];

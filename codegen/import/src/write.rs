@@ -1,7 +1,8 @@
 //! A robot as the text of a model: one joint, and the link that it moves, after the other.
 //!
-//! Everything about a link is in its own frame, by the link `P` before: angular velocity `w = E w_P + s q'`, velocity of
-//! the origin `v = E (v_P + w_P x r)`, direction and height of the vertical. Links that fixed joints join are one body.
+//! Everything about a link is in its own frame, by the link `P` before: angular velocity `w = E w_P + s q'`, velocity
+//! of the origin `v = E (v_P + w_P x r)`, direction and height of the vertical. Links that fixed joints join are one
+//! body.
 //!
 //! # Source
 //! Featherstone 2008, Rigid Body Dynamics Algorithms, sections 4.4 and 5.3, in the signs of the velocities.
@@ -73,7 +74,8 @@ impl Carried {
         let own = vector(place);
         let turned = self.turn.as_ref().map_or(own.clone(), |turn| format!("{turn}*{own}"));
         match (&self.place, is_zero) {
-            (None, _) => turned,
+            (None, true) => ZERO.to_owned(),
+            (None, false) => turned,
             (Some(at), true) => at.clone(),
             (Some(at), false) => format!("{at} + {turned}"),
         }
@@ -223,6 +225,15 @@ impl Writer<'_> {
         })
     }
 
+    /// Whether anything of a link depends on its rotation: more than a point in its origin, or a joint.
+    fn is_turned(&self, link: usize) -> bool {
+        let of_body = self.robot.links[link].inertia.as_ref().is_some_and(|inertia| {
+            inertia.moments.iter().chain(&inertia.pose.place).any(|number| !number.is_zero())
+        });
+        let mut joints = self.robot.joints.iter().filter(|joint| joint.parent == link);
+        of_body || joints.any(|joint| self.has_inertia(joint.child, false))
+    }
+
     fn root(&mut self, problems: &mut Problems) {
         let root = self.robot.root;
         let name = self.links[root].clone();
@@ -293,7 +304,7 @@ impl Writer<'_> {
                 if !is_there {
                     self.line(&format!("let r_{name} = {place};"));
                 }
-                if let Some(turn) = &turn {
+                if let Some(turn) = turn.as_ref().filter(|_| self.is_turned(link)) {
                     self.line(&format!("let Q_{name} = {turn};"));
                 }
                 self.carried[link] = Some(Carried {
