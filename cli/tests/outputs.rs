@@ -19,6 +19,9 @@ const STATE: &str = r#"{"states": [{"Omega1": 1, "Omega2": 0.2, "Omega3": 0.1}]}
 const MOTION: &str = r#"{"initial": {"Omega1": 1, "Omega2": 0.2, "Omega3": 0.1}, "t_final": 1}"#;
 const MODEL: &str = "model m { coordinate x in real; lagrangian = 1/2*x_dot^2; }";
 
+/// A robot of which nothing is left out.
+const FLYER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../codegen/tests/robots/flyer.urdf");
+
 /// Every command that prints, with what it reads.
 const PRINTED: [(&[&str], &str); 17] = [
     (&["--version"], ""),
@@ -34,6 +37,7 @@ const PRINTED: [(&[&str], &str); 17] = [
     (&["trim", "free_rigid_body"], ""),
     (&["reduce", "docs/book/top_in_space.hamel"], ""),
     (&["fmt", "-"], MODEL),
+    (&["import", FLYER, "--floating"], ""),
     (&["check", "free_rigid_body"], ""),
     (&["check", "--json", "free_rigid_body"], ""),
     (&["completions", "bash"], ""),

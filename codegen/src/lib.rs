@@ -30,8 +30,9 @@
 //!
 //! # What is promised
 //!
-//! [`compile`], [`Config`], [`read`](config::read), [`spec`], [`scene`] and [`error`]. [`certify`], [`explain`] and the
-//! crates below (`hamel-expr`, `hamel-lang`, `hamel-mechanics`, `hamel-program`) serve hamel's own programs: they
+//! [`compile`], [`Config`], [`read`](config::read), [`import()`](config::import), [`spec`], [`scene`] and [`error`].
+//! [`certify`], [`explain`] and the crates below (`hamel-expr`, `hamel-lang`, `hamel-import`, `hamel-mechanics`,
+//! `hamel-program`) serve hamel's own programs: they
 //! change without notice, and every version asks for exactly its own.
 
 pub mod certify;
@@ -42,6 +43,7 @@ pub mod symmetry;
 
 pub use config::{Config, compile};
 pub use hamel_expr::error;
+pub use hamel_import as import;
 pub use hamel_lang::spec;
 
 #[cfg(doctest)]

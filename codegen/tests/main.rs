@@ -29,6 +29,7 @@ mod loops;
 mod malformed;
 mod random_models;
 mod reserved;
+mod robots;
 mod sizes;
 mod splitting;
 mod starts;

@@ -10,6 +10,7 @@ pub mod explain;
 pub mod fit;
 pub mod fmt;
 pub mod generate;
+pub mod import;
 pub mod linearize;
 pub mod list;
 #[cfg(feature = "lsp")]
@@ -44,6 +45,8 @@ pub struct Program {
 pub enum Command {
     #[allow(missing_docs, reason = "help is that of the arguments")]
     New(new::Arguments),
+    #[allow(missing_docs, reason = "help is that of the arguments")]
+    Import(import::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
     List(list::Arguments),
     #[allow(missing_docs, reason = "help is that of the arguments")]
@@ -85,6 +88,7 @@ impl Command {
     pub fn run(&self, session: &Session, program: &Program) -> Result<String, Error> {
         match self {
             Command::New(arguments) => new::run(session, program, arguments),
+            Command::Import(arguments) => import::run(session, arguments),
             Command::List(arguments) => list::run(session, arguments),
             Command::Explain(arguments) => explain::run(session, arguments),
             Command::Eval(arguments) => eval::run(session, arguments),

@@ -58,6 +58,34 @@ pub fn read(path: impl AsRef<Path>) -> Result<Model, Problem> {
     read_within(Budget::default(), path.as_ref())
 }
 
+/// The checked model of a robot's description, and what the model lacks of the file.
+///
+/// ```no_run
+/// // build.rs
+/// use hamel_codegen::{Config, config, import::Options};
+/// fn main() -> Result<(), Box<dyn std::error::Error>> {
+///     println!("cargo:rerun-if-changed=arm.urdf");
+///     let (model, notes) = config::import("arm.urdf", &Options::default())?;
+///     for note in notes.lines() {
+///         println!("cargo:warning={note}");
+///     }
+///     Ok(Config::new().compile_models(&[model])?)
+/// }
+/// ```
+///
+/// # Errors
+/// As [`read`]; [`Problem::Model`] with everything that keeps the file from being a model.
+pub fn import(
+    path: impl AsRef<Path>,
+    options: &hamel_import::Options,
+) -> Result<(Model, spec::Diagnostics), Problem> {
+    let path = path.as_ref();
+    let imported = hamel_import::import(&path.display().to_string(), &text_of(path)?, options);
+    let imported = imported.map_err(Problem::Model)?;
+    let model = parsed(Budget::default(), &path.with_extension("hamel"), &imported.text)?;
+    Ok((model, imported.notes))
+}
+
 fn read_within(budget: Budget, path: &Path) -> Result<Model, Problem> {
     parsed(budget, path, &text_of(path)?)
 }

@@ -1,0 +1,81 @@
+//! `import`: the model of a robot from its description.
+//!
+//! Does not know: formats, what becomes of them.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use hamel_codegen::config::write_atomically;
+use hamel_codegen::import;
+
+use hamel_run::error::Error;
+use hamel_run::model;
+use hamel_run::session::Session;
+
+/// Write the model of a robot from its description in URDF
+///
+/// One joint and the link that it moves stand after the other, with the names and the numbers of the file. What the
+/// file has beside is listed on standard error and at the head of the model.
+#[derive(Clone, Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  hamel import arm.urdf -o arm.hamel
+  hamel import quadruped.urdf --floating -o quadruped.hamel
+  hamel import hand.urdf --lock finger_joint_3 --limits spring     to standard output"
+)]
+pub struct Arguments {
+    /// The description, a file in URDF
+    pub file: PathBuf,
+    /// The model to write, in the place of standard output; a file that is there is replaced
+    #[arg(short, long, value_name = "FILE.hamel")]
+    pub output: Option<PathBuf>,
+    /// The root moves freely; it is at rest otherwise
+    #[arg(long)]
+    pub floating: bool,
+    /// What becomes of the limits of joints
+    #[arg(long, value_enum, default_value_t)]
+    pub limits: Limits,
+    /// A joint that is fixed where its coordinate is zero; may be repeated
+    #[arg(long, value_name = "JOINT")]
+    pub lock: Vec<String>,
+}
+
+/// What becomes of the limits of joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Limits {
+    /// A motion that leaves them ends
+    #[default]
+    Interval,
+    /// Smooth springs behind them
+    Spring,
+    /// They are left out
+    None,
+}
+
+/// Writes the model; it is checked before.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Models`] with everything that keeps the file from being a model.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let shown = session.shown(&arguments.file);
+    let text = std::fs::read_to_string(&arguments.file).map_err(|e| Error::io(shown.clone(), e))?;
+    let mut options = import::Options::default();
+    options.floating = arguments.floating;
+    options.limits = match arguments.limits {
+        Limits::Interval => import::Limits::Interval,
+        Limits::Spring => import::Limits::Spring,
+        Limits::None => import::Limits::None,
+    };
+    options.locked = arguments.lock.clone();
+    let imported = import::import(&shown, &text, &options)?;
+    let target = arguments.output.as_ref().map(|path| session.shown(path));
+    let name = target.clone().unwrap_or_else(|| format!("{}.hamel", imported.name));
+    let checked = session.parse(&name, &imported.text)?;
+    model::show_warnings(&imported.notes);
+    model::show_warnings(&checked.warnings);
+    let Some((path, target)) = arguments.output.as_ref().zip(target) else { return Ok(imported.text) };
+    write_atomically(path, imported.text.as_bytes()).map_err(|e| Error::io(target.clone(), e))?;
+    Ok(format!("{target}: the model {}", imported.name))
+}

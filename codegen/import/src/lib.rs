@@ -1,0 +1,171 @@
+//! Descriptions of robots as models: a text that anybody can read, and that the one parser of models reads.
+//!
+//! [`import`] reads the Unified Robot Description Format (URDF). Links and joints keep their names, and numbers their
+//! digits. What a file has beside its mechanics is listed, in [`Imported::notes`] and at the head of the text.
+//!
+//! ```
+//! let text = r#"<robot name="pendulum">
+//!   <link name="wall"/>
+//!   <link name="rod"><inertial><origin xyz="0 0 -0.5"/><mass value="1.2"/></inertial></link>
+//!   <joint name="hinge" type="continuous">
+//!     <parent link="wall"/><child link="rod"/><axis xyz="0 1 0"/>
+//!   </joint>
+//! </robot>"#;
+//! let imported = hamel_import::import("pendulum.urdf", text, &hamel_import::Options::default())?;
+//! assert!(imported.text.contains("coordinate hinge in angle;"));
+//! # Ok::<(), hamel_lang::spec::Diagnostics>(())
+//! ```
+//!
+//! Deliberately does not know: equations of motion.
+
+mod joints;
+mod names;
+mod number;
+mod options;
+mod problems;
+mod robot;
+mod rotation;
+mod tree;
+mod urdf;
+mod write;
+mod xml;
+
+pub use options::{Limits, Options};
+
+use hamel_lang::spec::{Diagnostic, Diagnostics, Origin, Span};
+
+/// A model made from a file.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Imported {
+    /// The name of the model.
+    pub name: String,
+    /// The text of the model.
+    pub text: String,
+    /// Contents of the file that the model lacks, or has otherwise.
+    pub notes: Diagnostics,
+}
+
+/// Writes the model of a robot. `file` is the name of the file, for messages.
+///
+/// # Errors
+/// Every problem of the file, with its place: XML that does not parse, a format that is not known, links that are no
+/// tree, joints that move nothing.
+pub fn import(file: &str, text: &str, options: &Options) -> Result<Imported, Diagnostics> {
+    let origin = || Some(Origin { file: file.to_owned(), text: text.to_owned() });
+    let refused = |place: Option<Span>, message: String, help: &str| {
+        Diagnostics::new(origin(), vec![Diagnostic::new(place, message).with_help(help)])
+    };
+    let document = roxmltree::Document::parse(text).map_err(|e| {
+        let place = offset(text, e.pos().row, e.pos().col);
+        refused(
+            Some(Span::new(place, place)),
+            format!("the file is no XML: {e}"),
+            "correct it, or export it anew",
+        )
+    })?;
+    let root = document.root_element();
+    let place = |element| {
+        let range = xml::head(element);
+        Some(Span::new(range.start, range.end))
+    };
+    let is_macro = |node: roxmltree::Node<'_, '_>| {
+        node.tag_name().namespace().is_some_and(|n| n.contains("xacro"))
+            || node.tag_name().name().starts_with("xacro:")
+    };
+    if let Some(node) = document.descendants().find(|node| is_macro(*node)) {
+        let help = format!("expand them: `xacro {file} > robot.urdf`");
+        return Err(refused(place(node), "the file has macros of xacro".to_owned(), &help));
+    }
+    if root.tag_name().name() != "robot" {
+        let message = format!("`{}` is not the root of a description that is known", root.tag_name().name());
+        return Err(refused(place(root), message, "a robot is described in URDF, whose root is `robot`"));
+    }
+    let stem = file.rsplit(['/', '\\']).next().unwrap_or(file);
+    let stem = stem.split('.').next().unwrap_or(stem);
+    let reader = xml::Reader::new();
+    let robot = urdf::read(&reader, root, stem);
+    let mut problems = reader.finish(&document);
+    let Some(mut robot) = robot.filter(|_| problems.errors.is_empty()) else {
+        return Err(Diagnostics::new(origin(), problems.errors));
+    };
+    lock(&mut robot, options, &mut problems);
+    // Names go into comments, which a line ends.
+    for name in
+        robot.links.iter_mut().map(|l| &mut l.name).chain(robot.joints.iter_mut().map(|j| &mut j.name))
+    {
+        *name = shown(name);
+    }
+    tree::order(&mut robot, &mut problems);
+    if !problems.errors.is_empty() {
+        return Err(Diagnostics::new(origin(), problems.errors));
+    }
+    if !options.floating && robot.joints.iter().all(|joint| matches!(joint.kind, robot::JointKind::Fixed)) {
+        let span = &robot.links[robot.root].span;
+        problems.error(
+            span,
+            "nothing moves: all joints are fixed, and the root is at rest",
+            "let it move freely: `--floating`",
+        );
+        return Err(Diagnostics::new(origin(), problems.errors));
+    }
+    let items = write::items(&robot, options, &mut problems);
+    if !problems.errors.is_empty() {
+        return Err(Diagnostics::new(origin(), problems.errors));
+    }
+    let name = names::Names::new(&[]).take(&robot.name, &["*"]);
+    let notes = Diagnostics::new(origin(), problems.take_notes());
+    let text = write_model(&name, &robot.name, file, &items, &notes);
+    let text = hamel_lang::spec::format(&format!("{name}.hamel"), &text)?;
+    Ok(Imported { name, text, notes })
+}
+
+/// The byte at a row and a column, both from one.
+fn offset(text: &str, row: u32, column: u32) -> usize {
+    let before: usize = text.split_inclusive('\n').take(row.saturating_sub(1) as usize).map(str::len).sum();
+    let line = text.get(before..).unwrap_or_default();
+    before + line.chars().take(column.saturating_sub(1) as usize).map(char::len_utf8).sum::<usize>()
+}
+
+fn lock(robot: &mut robot::Robot, options: &Options, problems: &mut problems::Problems) {
+    for name in &options.locked {
+        let Some(joint) = robot.joints.iter_mut().find(|joint| joint.name == *name) else {
+            let list: Vec<&str> = robot.joints.iter().map(|joint| joint.name.as_str()).collect();
+            let help = format!("joints are {}", list.join(", "));
+            problems.error(&(0..0), format!("there is no joint `{name}` to lock"), &help);
+            continue;
+        };
+        joint.kind = robot::JointKind::Fixed;
+        joint.mimic = None;
+        problems.note(&joint.span, format!("joint `{name}` is locked at zero"));
+    }
+}
+
+/// A text without characters that end a comment, or hide it.
+fn shown(text: &str) -> String {
+    text.replace(|c: char| c.is_control(), " ")
+}
+
+fn write_model(name: &str, robot: &str, file: &str, items: &str, notes: &Diagnostics) -> String {
+    let file = file.rsplit(['/', '\\']).next().unwrap_or(file);
+    let mut head = String::new();
+    for note in notes.iter() {
+        head.push_str(&format!("// {}\n", shown(&note.message)));
+    }
+    if !head.is_empty() {
+        head = format!("// Other than in the file:\n{head}\n");
+    }
+    format!(
+        "/// {}\n\
+         ///\n\
+         /// From {}, in SI units. For each link, all in its frame: `w_` is its angular velocity, `v_` the velocity of\n\
+         /// its origin, `up_` the vertical, `h_` the height of the origin, `E_` the rotation from the frame before,\n\
+         /// `m_`, `c_`, `I_` mass, mass centre and moments of inertia about it, `u_` the velocity of the mass centre, `T_`\n\
+         /// and `U_` kinetic energy and potential energy by g; `r_` and `Q_` are place and rotation of a link in the frame\n\
+         /// that carries it.\n\
+         model {name} {{\n\
+         {head}{items}}}\n",
+        shown(robot),
+        shown(file),
+    )
+}

@@ -1,0 +1,28 @@
+//! Choices that a file leaves open.
+//!
+//! Deliberately does not know: formats, the model language.
+
+/// What becomes of the limits of joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Limits {
+    /// The interval of the coordinate: a motion that leaves it ends.
+    #[default]
+    Interval,
+    /// Smooth springs of one stiffness behind each limit.
+    Spring,
+    /// Nothing.
+    None,
+}
+
+/// What the file does not say.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Options {
+    /// The root moves freely, and does not rest.
+    pub floating: bool,
+    /// What becomes of the limits of joints.
+    pub limits: Limits,
+    /// Joints that are taken as fixed where their coordinates are zero.
+    pub locked: Vec<String>,
+}

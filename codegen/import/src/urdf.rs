@@ -1,0 +1,208 @@
+//! The Unified Robot Description Format.
+//!
+//! # Source
+//! wiki.ros.org/urdf/XML; its quantities are in SI units, angles in radians.
+//!
+//! Deliberately does not know: the model language.
+
+use std::collections::BTreeMap;
+
+use crate::number::Number;
+use crate::robot::{Inertia, Joint, JointKind, Link, Mimic, Pose, Robot};
+use crate::rotation::{Axis, roll_pitch_yaw};
+use crate::xml::{Element, Reader, head, place};
+
+/// Reads the element `robot`. Nothing after a problem.
+pub(crate) fn read<'a>(reader: &Reader<'a>, robot: Element<'a>, file_stem: &str) -> Option<Robot> {
+    let name = reader.attribute(robot, "name").map(str::to_owned).unwrap_or_else(|| {
+        reader.note(&head(robot), "the robot has no name, and the model that of the file");
+        file_stem.to_owned()
+    });
+    reader.attribute(robot, "version");
+    let mut links = Vec::new();
+    let mut by_name = BTreeMap::new();
+    for element in reader.children(robot, "link") {
+        let Some(name) = reader.required(element, "name") else { continue };
+        if by_name.insert(name, links.len()).is_some() {
+            let help = "give each link a name of its own";
+            reader.error(&place(element, "name"), format!("link `{name}` is declared twice"), help);
+        }
+        links.push(Link {
+            name: name.to_owned(),
+            inertia: inertia(reader, element),
+            span: place(element, "name"),
+        });
+    }
+    let mut joints = Vec::new();
+    let mut followers = Vec::new();
+    let mut joint_by_name = BTreeMap::new();
+    for element in reader.children(robot, "joint") {
+        let Some(name) = reader.required(element, "name") else { continue };
+        if joint_by_name.insert(name, joints.len()).is_some() {
+            let help = "give each joint a name of its own";
+            reader.error(&place(element, "name"), format!("joint `{name}` is declared twice"), help);
+        }
+        let Some(joint) = joint(reader, element, name, &by_name) else { continue };
+        if let Some(mimic) = reader.child(element, "mimic") {
+            followers.push((joints.len(), mimic));
+        }
+        joints.push(joint);
+    }
+    for (follower, element) in followers {
+        let Some(leader) = reader.required(element, "joint") else { continue };
+        let Some(&leader) = joint_by_name.get(leader) else {
+            let help = "name a joint of this file";
+            reader.error(&place(element, "joint"), format!("there is no joint `{leader}`"), help);
+            continue;
+        };
+        let factor = reader.number(element, "multiplier").unwrap_or_else(Number::one);
+        let offset = reader.number(element, "offset").unwrap_or_else(Number::zero);
+        joints[follower].mimic = Some(Mimic { joint: leader, factor, offset });
+    }
+    if links.is_empty() {
+        reader.error(&head(robot), "the robot has no links", "a description has `link` and `joint` elements");
+    }
+    Some(Robot { name, links, joints, root: 0 })
+}
+
+fn pose<'a>(reader: &Reader<'a>, of: Element<'a>) -> Pose {
+    let mut pose = Pose::identity();
+    if let Some(origin) = reader.child(of, "origin") {
+        if let Some(xyz) = reader.numbers(origin, "xyz") {
+            pose.place = xyz;
+        }
+        if let Some(rpy) = reader.numbers(origin, "rpy") {
+            pose.turn = roll_pitch_yaw(&rpy);
+            for (written, taken) in &pose.turn.moved {
+                let message = format!("the angle {written} is taken as {taken}");
+                reader.note_with_help(&place(origin, "rpy"), message, "give more digits of another angle");
+            }
+        }
+    }
+    pose
+}
+
+fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>) -> Option<Inertia> {
+    let element = reader.child(link, "inertial")?;
+    let pose = pose(reader, element);
+    let Some(mass_element) = reader.child(element, "mass") else {
+        reader.error(&head(element), "`inertial` has no `mass`", "write `<mass value=\"..\"/>` in kg");
+        return None;
+    };
+    reader.required(mass_element, "value")?;
+    let mass = reader.number(mass_element, "value")?;
+    if mass.value < 0.0 {
+        reader.error(&place(mass_element, "value"), "the mass is negative", "write a mass in kg");
+    }
+    let mut moments = std::array::from_fn(|_| Number::zero());
+    if let Some(matrix) = reader.child(element, "inertia") {
+        for (moment, name) in moments.iter_mut().zip(["ixx", "iyy", "izz", "ixy", "ixz", "iyz"]) {
+            if let Some(number) = reader.number(matrix, name) {
+                *moment = number;
+            }
+        }
+    }
+    let is_empty = mass.is_zero() && moments.iter().all(Number::is_zero);
+    (!is_empty).then_some(Inertia { mass, pose, moments })
+}
+
+fn joint<'a>(
+    reader: &Reader<'a>,
+    element: Element<'a>,
+    name: &str,
+    links: &BTreeMap<&str, usize>,
+) -> Option<Joint> {
+    let end = |role: &str| {
+        let Some(end) = reader.child(element, role) else {
+            let help = format!("write `<{role} link=\"..\"/>`");
+            reader.error(&head(element), format!("joint `{name}` has no `{role}`"), &help);
+            return None;
+        };
+        let link = reader.required(end, "link")?;
+        let found = links.get(link).copied();
+        if found.is_none() {
+            let help = "name a link of this file";
+            reader.error(&place(end, "link"), format!("there is no link `{link}`"), help);
+        }
+        found
+    };
+    let (parent, child) = (end("parent"), end("child"));
+    let kind = reader.required(element, "type")?;
+    let axis = || {
+        let direction = reader.child(element, "axis");
+        let entries = direction.and_then(|direction| reader.numbers(direction, "xyz"));
+        let entries = entries.unwrap_or_else(|| [Number::one(), Number::zero(), Number::zero()]);
+        let axis = Axis::new(&entries);
+        if axis.is_none() {
+            let place = direction.map_or_else(|| head(element), |direction| place(direction, "xyz"));
+            reader.error(
+                &place,
+                format!("the axis of joint `{name}` is zero"),
+                "write a direction such as `0 0 1`",
+            );
+        }
+        axis
+    };
+    let limit = reader.child(element, "limit");
+    let kind = match kind {
+        "fixed" => JointKind::Fixed,
+        "floating" => JointKind::Floating,
+        "revolute" | "continuous" => JointKind::Revolute(axis()?),
+        "prismatic" => JointKind::Prismatic(axis()?),
+        "planar" => {
+            let axis = axis()?;
+            if axis.along.is_none() {
+                let message = format!("the plane of joint `{name}` is across no coordinate axis");
+                reader.error(&head(element), message, "turn its `origin`, so that the axis is `0 0 1`");
+            }
+            JointKind::Planar(axis)
+        }
+        other => {
+            let help = "a joint is revolute, continuous, prismatic, fixed, planar or floating";
+            let message = format!("joint `{name}` has the type `{other}`");
+            reader.error(&place(element, "type"), message, help);
+            return None;
+        }
+    };
+    if matches!(kind, JointKind::Fixed | JointKind::Floating) {
+        // Neither moves along an axis.
+        if let Some(axis) = reader.child(element, "axis") {
+            reader.attribute(axis, "xyz");
+        }
+    }
+    let mut limits = None;
+    if let Some(limit) = limit
+        && matches!(kind, JointKind::Revolute(_) | JointKind::Prismatic(_))
+        && reader.attribute(element, "type") != Some("continuous")
+    {
+        let end = |name: &str| reader.number(limit, name).unwrap_or_else(Number::zero);
+        let (lower, upper) = (end("lower"), end("upper"));
+        match lower.value < upper.value {
+            true => limits = Some([lower, upper]),
+            false => {
+                let message =
+                    format!("joint `{name}` has no interval between its limits, and none in the model");
+                reader.note(&head(limit), message);
+            }
+        }
+    }
+    let dynamics = reader.child(element, "dynamics");
+    let number = |name: &str| dynamics.and_then(|e| reader.number(e, name)).unwrap_or_else(Number::zero);
+    let is_moving = !matches!(kind, JointKind::Fixed | JointKind::Floating | JointKind::Planar(_));
+    let (damping, friction) = match is_moving {
+        true => (number("damping"), number("friction")),
+        false => (Number::zero(), Number::zero()),
+    };
+    Some(Joint {
+        name: name.to_owned(),
+        kind,
+        parent: parent?,
+        child: child?,
+        pose: pose(reader, element),
+        limits,
+        damping,
+        friction,
+        mimic: None,
+        span: place(element, "name"),
+    })
+}

@@ -1,0 +1,532 @@
+//! A robot as the text of a model: one joint, and the link that it moves, after the other.
+//!
+//! Everything about a link is in its own frame, by the link `P` before: angular velocity `w = E w_P + s q'`, velocity
+//! of the origin `v = E (v_P + w_P x r)`, direction and height of the vertical. Links that fixed joints join are one
+//! body.
+//!
+//! # Source
+//! Featherstone 2008, Rigid Body Dynamics Algorithms, sections 4.4 and 5.3, in the signs of the velocities.
+//!
+//! Deliberately does not know: XML, how equations are derived.
+
+use std::fmt::Write as _;
+
+use crate::joints::{self, Motion};
+use crate::names::Names;
+use crate::number::{Number, vector};
+use crate::options::{Limits, Options};
+use crate::problems::Problems;
+use crate::robot::{Inertia, JointKind, Pose, Robot};
+
+/// Names with a meaning in every model of a robot.
+const RESERVED: [&str; 30] = [
+    "e1",
+    "e2",
+    "e3",
+    "g",
+    "Omega",
+    "Omega1",
+    "Omega2",
+    "Omega3",
+    "V",
+    "V1",
+    "V2",
+    "V3",
+    "up",
+    "up1",
+    "up2",
+    "up3",
+    "height",
+    "attitude",
+    "attitudew",
+    "attitudex",
+    "attitudey",
+    "attitudez",
+    "position",
+    "position1",
+    "position2",
+    "position3",
+    "friction_speed",
+    "limit_stiffness",
+    "limit_width",
+    "unit",
+];
+/// Everything that is named after a link.
+const OF_LINK: [&str; 32] = [
+    "E_*", "w_*", "v_*", "up_*", "h_*", "r_*", "Q_*", "m_*", "c_*", "I_*", "u_*", "T_*", "U_*", "mass_*",
+    "cx_*", "cy_*", "cz_*", "Ixx_*", "Iyy_*", "Izz_*", "Ixy_*", "Ixz_*", "Iyz_*", "dx_*", "dy_*", "dz_*",
+    "roll_*", "pitch_*", "yaw_*", "Iroll_*", "Ipitch_*", "Iyaw_*",
+];
+
+/// A link in the frame of its carrier, the moving link that fixed joints join it to.
+#[derive(Clone, Debug)]
+struct Carried {
+    carrier: usize,
+    /// The definitions `r_` and `Q_` of a link, where they are not zero and one.
+    place: Option<String>,
+    turn: Option<String>,
+}
+
+impl Carried {
+    /// A place in the frame of the carrier.
+    fn place_of(&self, place: &[Number; 3]) -> String {
+        let is_zero = place.iter().all(Number::is_zero);
+        let own = vector(place);
+        let turned = self.turn.as_ref().map_or(own.clone(), |turn| format!("{turn}*{own}"));
+        match (&self.place, is_zero) {
+            (None, true) => ZERO.to_owned(),
+            (None, false) => turned,
+            (Some(at), true) => at.clone(),
+            (Some(at), false) => format!("{at} + {turned}"),
+        }
+    }
+
+    fn turn_of(&self, pose: &Pose) -> Option<String> {
+        match (&self.turn, pose.turn.text()) {
+            (Some(a), Some(b)) => Some(format!("{a}*{b}")),
+            (a, b) => a.clone().or(b),
+        }
+    }
+}
+
+/// Zero as a vector is written.
+const ZERO: &str = "[0, 0, 0]";
+
+struct Writer<'a> {
+    /// With names of parameters in the place of lengths, masses and moments of inertia.
+    robot: &'a Robot,
+    /// Items that declare these: by link its own, and by joint the place of the joint.
+    of_link: Vec<String>,
+    of_joint: Vec<String>,
+    options: &'a Options,
+    /// Names of links and joints.
+    links: Vec<String>,
+    joints: Vec<String>,
+    carried: Vec<Option<Carried>>,
+    out: String,
+    kinetic: Vec<String>,
+    potential: Vec<String>,
+    motion: Motion,
+}
+
+/// The items of the model; its documentation comes before.
+pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -> String {
+    let mut names = Names::new(&RESERVED);
+    // Joints have their names first: they are what users write.
+    let joints: Vec<String> =
+        robot.joints.iter().map(|joint| names.take(&joint.name, joints::around(joint))).collect();
+    let links: Vec<String> = robot.links.iter().map(|link| names.take(&link.name, &OF_LINK)).collect();
+    for (joint, name) in robot.joints.iter().zip(&joints) {
+        let is_named = !matches!(joint.kind, JointKind::Fixed | JointKind::Floating);
+        if is_named && *name != joint.name {
+            problems.note(&joint.span, format!("joint `{}` is named `{name}`", joint.name));
+        }
+    }
+    let carried = vec![None; robot.links.len()];
+    let mut robot = robot.clone();
+    let (of_link, of_joint) = parameters(&mut robot, &links);
+    let mut writer = Writer {
+        robot: &robot,
+        of_link,
+        of_joint,
+        options,
+        links,
+        joints,
+        carried,
+        out: String::new(),
+        kinetic: Vec::new(),
+        potential: Vec::new(),
+        motion: Motion::default(),
+    };
+    writer.root(problems);
+    for k in 0..robot.joints.len() {
+        writer.joint(k, problems);
+    }
+    writer.end()
+}
+
+/// Puts names of parameters in the place of numbers; the items that declare them, by link and by joint.
+fn parameters(robot: &mut Robot, names: &[String]) -> (Vec<String>, Vec<String>) {
+    let declare = |number: &mut Number, prefix: &str, link: usize, doc: &str, is_positive: bool| {
+        if number.is_zero() || number.is_quarter {
+            return String::new();
+        }
+        let name = format!("{prefix}_{}", names[link]);
+        let condition = match is_positive && number.value > 0.0 {
+            true => format!(" where {name} > 0"),
+            false => String::new(),
+        };
+        let item = format!("/// {doc}\nparam {name} = {}{condition};\n", number.text);
+        number.text = name;
+        item
+    };
+    let mut of_link = Vec::new();
+    for (k, link) in robot.links.iter_mut().enumerate() {
+        let mut items = String::new();
+        if let Some(inertia) = &mut link.inertia {
+            items += &declare(&mut inertia.mass, "mass", k, &format!("Mass of {}, in kg.", link.name), true);
+            let doc = format!("Mass centre of {}, in m.", link.name);
+            for (number, prefix) in inertia.pose.place.iter_mut().zip(["cx", "cy", "cz"]) {
+                if inertia.mass.is_zero() {
+                    *number = Number::zero();
+                }
+                items += &declare(number, prefix, k, &doc, false);
+            }
+            let doc = format!("Moments and products of inertia of {}, in kg m^2.", link.name);
+            let angles = format!("Angle of the frame of these of {}, in rad.", link.name);
+            let has_frame = !inertia.moments.iter().all(Number::is_zero);
+            for (number, prefix) in inertia.pose.turn.angles.iter_mut().zip(["Iroll", "Ipitch", "Iyaw"]) {
+                if has_frame {
+                    items += &declare(number, prefix, k, &angles, false);
+                }
+            }
+            let prefixes = ["Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"];
+            for (n, (number, prefix)) in inertia.moments.iter_mut().zip(prefixes).enumerate() {
+                items += &declare(number, prefix, k, &doc, n < 3);
+            }
+        }
+        of_link.push(items);
+    }
+    let mut of_joint = Vec::new();
+    for joint in &mut robot.joints {
+        let doc = format!("Place of the joint {}, in m.", joint.name);
+        let angle = format!("Angle of the joint {}, in rad.", joint.name);
+        let mut items = String::new();
+        for (number, prefix) in joint.pose.place.iter_mut().zip(["dx", "dy", "dz"]) {
+            items += &declare(number, prefix, joint.child, &doc, false);
+        }
+        for (number, prefix) in joint.pose.turn.angles.iter_mut().zip(["roll", "pitch", "yaw"]) {
+            items += &declare(number, prefix, joint.child, &angle, false);
+        }
+        of_joint.push(items);
+    }
+    (of_link, of_joint)
+}
+
+impl Writer<'_> {
+    fn line(&mut self, line: &str) {
+        _ = writeln!(self.out, "{line}");
+    }
+
+    /// Whether a body with mass or inertia is this link, or behind it; by fixed joints alone, if asked for.
+    fn has_inertia(&self, link: usize, rigidly: bool) -> bool {
+        self.robot.links[link].inertia.is_some()
+            || self.robot.joints.iter().any(|joint| {
+                let goes_on = !rigidly || matches!(joint.kind, JointKind::Fixed);
+                joint.parent == link && goes_on && self.has_inertia(joint.child, rigidly)
+            })
+    }
+
+    /// Whether a joint behind a link moves a body.
+    fn has_motion(&self, link: usize) -> bool {
+        self.robot.joints.iter().filter(|joint| joint.parent == link).any(|joint| match joint.kind {
+            JointKind::Fixed => self.has_motion(joint.child),
+            _ => self.has_inertia(joint.child, false),
+        })
+    }
+
+    /// Whether anything of a link depends on its rotation: more than a point in its origin, or a joint.
+    fn is_turned(&self, link: usize) -> bool {
+        let of_body = self.robot.links[link].inertia.as_ref().is_some_and(|inertia| {
+            inertia.moments.iter().chain(&inertia.pose.place).any(|number| !number.is_zero())
+        });
+        let mut joints = self.robot.joints.iter().filter(|joint| joint.parent == link);
+        of_body || joints.any(|joint| self.has_inertia(joint.child, false))
+    }
+
+    fn root(&mut self, problems: &mut Problems) {
+        let root = self.robot.root;
+        let name = self.links[root].clone();
+        let n_floating = self.robot.joints.iter().filter(|j| matches!(j.kind, JointKind::Floating)).count();
+        if self.options.floating {
+            if n_floating > 0 {
+                let message = "the base floats, and a joint is floating";
+                let help = "leave out `--floating`: the floating joint is the free motion";
+                problems.error(&self.robot.links[root].span, message, help);
+            }
+            self.floating(root);
+            return;
+        }
+        self.line(&format!("// {}, at rest.", self.robot.links[root].name));
+        for (prefix, value) in [("w", ZERO), ("v", ZERO), ("up", "[0, 0, 1]"), ("h", "0")] {
+            self.line(&format!("let {prefix}_{name} = {value};"));
+        }
+        self.carried[root] = Some(Carried { carrier: root, place: None, turn: None });
+        if self.has_inertia(root, true) {
+            let message = format!("masses at rest with `{}` are left out", self.robot.links[root].name);
+            problems.note_with_help(&self.robot.links[root].span, message, "with `--floating` it moves");
+        }
+    }
+
+    /// A link that moves freely: its velocities in its frame, the vertical and its height.
+    fn floating(&mut self, link: usize) {
+        let name = self.links[link].clone();
+        let file_name = self.robot.links[link].name.clone();
+        self.out.push_str(&format!(
+            "// {file_name}, which moves freely.\n\
+             /// Angular velocity of {file_name} in rad/s and velocity of its origin in m/s, in its frame.\n\
+             velocity Omega, V in se(3);\n\
+             /// The vertical, upwards, in the frame of {file_name}.\n\
+             advected up in R^3 by cross(Omega, up);\n\
+             /// Height of the origin of {file_name} in m.\n\
+             advected height in R by -dot(V, up);\n\
+             initial up = [0, 0, 1];\n\
+             /// Attitude and place of {file_name}.\n\
+             reconstruct attitude, position in SE(3);\n\
+             let w_{name} = Omega;\n\
+             let v_{name} = V;\n\
+             let up_{name} = up;\n\
+             let h_{name} = height;\n"
+        ));
+        self.carried[link] = Some(Carried { carrier: link, place: None, turn: None });
+        self.body(link);
+    }
+
+    fn joint(&mut self, k: usize, problems: &mut Problems) {
+        let joint = &self.robot.joints[k];
+        let Some(parent) = self.carried[joint.parent].clone() else { return };
+        let (link, name) = (joint.child, self.links[joint.child].clone());
+        let behind = self.has_inertia(link, false);
+        match &joint.kind {
+            JointKind::Fixed => {
+                // Masses at rest say nothing.
+                let rests = parent.carrier == self.robot.root && !self.options.floating;
+                if !behind || (rests && !self.has_motion(link)) {
+                    return;
+                }
+                self.line(&format!(
+                    "\n// {}, fixed to {}.",
+                    self.robot.links[link].name, self.robot.links[joint.parent].name
+                ));
+                self.out.push_str(&self.of_joint[k].clone());
+                let (place, turn) = (parent.place_of(&joint.pose.place), parent.turn_of(&joint.pose));
+                let is_there = place == ZERO;
+                if !is_there {
+                    self.line(&format!("let r_{name} = {place};"));
+                }
+                if let Some(turn) = turn.as_ref().filter(|_| self.is_turned(link)) {
+                    self.line(&format!("let Q_{name} = {turn};"));
+                }
+                self.carried[link] = Some(Carried {
+                    carrier: parent.carrier,
+                    place: (!is_there).then(|| format!("r_{name}")),
+                    turn: turn.map(|_| format!("Q_{name}")),
+                });
+                return;
+            }
+            JointKind::Floating => {
+                if parent.carrier != self.robot.root || self.options.floating {
+                    let message = format!("joint `{}` is floating, and its parent moves", joint.name);
+                    problems.error(
+                        &joint.span,
+                        message,
+                        "join it to the link at rest, or make it another joint",
+                    );
+                    return;
+                }
+                self.out.push('\n');
+                self.floating(link);
+                return;
+            }
+            _ => {}
+        }
+        if !behind {
+            let message = format!("joint `{}` moves links without mass and inertia", joint.name);
+            match joint.mimic {
+                Some(_) => problems.note(&joint.span, format!("{message}: it is left out")),
+                None => {
+                    let help = format!(
+                        "give them an `inertial`, make the joint fixed, or write `--lock {}`",
+                        joint.name
+                    );
+                    problems.error(&joint.span, message, &help);
+                }
+            }
+            return;
+        }
+        let coordinates =
+            self.motion.declare(&mut self.out, self.robot, &self.joints, k, self.options.limits);
+        self.out.push_str(&self.of_joint[k].clone());
+        let carrier = self.links[parent.carrier].clone();
+        let turn = parent.turn_of(&joint.pose);
+        let mut place = parent.place_of(&joint.pose.place);
+        if let Some(shift) = &coordinates.shift {
+            let shift = turn.as_ref().map_or(shift.clone(), |turn| format!("{turn}*({shift})"));
+            place = if place == ZERO { shift } else { format!("{place} + {shift}") };
+            self.line(&format!("let r_{name} = {place};"));
+            place = format!("r_{name}");
+        }
+        let factors: Vec<String> = turn.into_iter().chain(coordinates.rotation).collect();
+        let back = match factors.is_empty() {
+            true => String::new(),
+            false => {
+                self.line(&format!("let E_{name} = transpose({});", factors.join("*")));
+                format!("E_{name}*")
+            }
+        };
+        let plus = |rate: &Option<String>| rate.as_ref().map(|rate| format!(" + {rate}")).unwrap_or_default();
+        let (w, v) = (plus(&coordinates.spin), plus(&coordinates.slide));
+        let moved = match place == ZERO {
+            true => format!("v_{carrier}"),
+            false if back.is_empty() => format!("v_{carrier} + cross(w_{carrier}, {place})"),
+            false => format!("(v_{carrier} + cross(w_{carrier}, {place}))"),
+        };
+        let raised = if place == ZERO { String::new() } else { format!(" + dot(up_{carrier}, {place})") };
+        self.line(&format!("let w_{name} = {back}w_{carrier}{w};"));
+        self.line(&format!("let v_{name} = {back}{moved}{v};"));
+        self.line(&format!("let up_{name} = {back}up_{carrier};"));
+        self.line(&format!("let h_{name} = h_{carrier}{raised};"));
+        self.carried[link] = Some(Carried { carrier: link, place: None, turn: None });
+        self.body(link);
+    }
+
+    /// Links that fixed joints join to this one, each with its frame.
+    fn rigid(&self, link: usize) -> Vec<usize> {
+        let mut all = vec![link];
+        let mut next = 0;
+        while next < all.len() {
+            let parent = all[next];
+            let fixed =
+                self.robot.joints.iter().filter(|j| j.parent == parent && matches!(j.kind, JointKind::Fixed));
+            all.extend(fixed.map(|j| j.child));
+            next += 1;
+        }
+        all
+    }
+
+    /// Kinetic and potential energy of everything that moves with a link.
+    fn body(&mut self, link: usize) {
+        if !self.has_inertia(link, true) {
+            return;
+        }
+        let name = self.links[link].clone();
+        let (mut masses, mut moments) = (Vec::new(), Vec::new());
+        let (mut all, mut declared) = (Vec::new(), String::new());
+        for part in self.rigid(link) {
+            let Some(inertia) = &self.robot.links[part].inertia else { continue };
+            let frame = match part == link {
+                true => Carried { carrier: link, place: None, turn: None },
+                false => self.frame_of(part, link),
+            };
+            declared.push_str(&self.of_link[part]);
+            all.push((inertia, frame.place_of(&inertia.pose.place), frame.turn_of(&inertia.pose)));
+        }
+        self.out.push_str(&declared);
+        let has_mass = all.iter().any(|(inertia, ..)| !inertia.mass.is_zero());
+        for (inertia, place, turn) in &all {
+            if !inertia.mass.is_zero() {
+                masses.push((inertia.mass.text.clone(), place.clone()));
+            }
+            if let Some(matrix) = matrix(inertia) {
+                moments.push(match turn {
+                    Some(turn) => format!("{turn}*{matrix}*transpose({turn})"),
+                    None => matrix,
+                });
+            }
+        }
+        if let [(mass, place)] = &masses[..] {
+            let (mass, place) = (mass.clone(), place.clone());
+            self.line(&format!("let m_{name} = {mass};"));
+            self.line(&format!("let c_{name} = {place};"));
+        } else if has_mass {
+            let sum = |terms: Vec<String>| terms.join(" + ");
+            for (_, place) in &mut masses {
+                if place.contains(" + ") {
+                    *place = format!("({place})");
+                }
+            }
+            let total = sum(masses.iter().map(|(mass, _)| mass.clone()).collect());
+            let moment = sum(masses.iter().map(|(mass, place)| format!("{mass}*{place}")).collect());
+            self.line(&format!("let m_{name} = {total};"));
+            self.line(&format!("let c_{name} = ({moment})/m_{name};"));
+            for (mass, place) in &masses {
+                // The parallel-axis theorem: `m (|a|^2 - a a^T) = -m hat(a)^2`.
+                moments.push(format!("{mass}*hat({place} - c_{name})*hat(c_{name} - {place})"));
+            }
+        }
+        if !moments.is_empty() {
+            self.line(&format!("let I_{name} = {};", moments.join("\n    + ")));
+        }
+        let mut energies = Vec::new();
+        if has_mass {
+            self.line(&format!("let u_{name} = v_{name} + cross(w_{name}, c_{name});"));
+            energies.push(format!("m_{name}/2*dot(u_{name}, u_{name})"));
+            self.line(&format!("let U_{name} = m_{name}*(h_{name} + dot(up_{name}, c_{name}));"));
+            self.potential.push(format!("U_{name}"));
+        }
+        if !moments.is_empty() {
+            energies.push(format!("dot(w_{name}, I_{name}*w_{name})/2"));
+        }
+        self.line(&format!("let T_{name} = {};", energies.join(" + ")));
+        self.kinetic.push(format!("T_{name}"));
+    }
+
+    /// The frame of a link in that of the link that carries it, by the names that its own lines define.
+    fn frame_of(&self, part: usize, link: usize) -> Carried {
+        let mut chain = Vec::new();
+        let mut at = part;
+        while at != link {
+            let Some(joint) = self.robot.joints.iter().find(|joint| joint.child == at) else { break };
+            chain.push(joint);
+            at = joint.parent;
+        }
+        let mut frame = Carried { carrier: link, place: None, turn: None };
+        for joint in chain.iter().rev() {
+            let name = &self.links[joint.child];
+            let has_place = frame.place_of(&joint.pose.place) != ZERO;
+            let has_turn = frame.turn_of(&joint.pose).is_some();
+            frame.place = has_place.then(|| format!("r_{name}"));
+            frame.turn = has_turn.then(|| format!("Q_{name}"));
+        }
+        frame
+    }
+
+    fn end(mut self) -> String {
+        let kinetic = self.kinetic.iter().chain(&self.motion.kinetic).cloned().collect::<Vec<_>>();
+        let mut lagrangian = kinetic.join("\n    + ");
+        if !self.potential.is_empty() {
+            _ = write!(lagrangian, "\n    - g*({})", self.potential.join(" + "));
+        }
+        self.line(&format!("\nlagrangian = {lagrangian};"));
+        let forces = std::mem::take(&mut self.motion.forces);
+        if !forces.is_empty() {
+            self.out.push('\n');
+            self.out.push_str(&forces);
+        }
+        let mut head = String::new();
+        if !self.potential.is_empty() {
+            head.push_str("/// Acceleration of gravity in m/s^2.\nparam g = 9.81;\n");
+        }
+        if self.motion.has_friction {
+            head.push_str(
+                "/// Speed within which dry friction changes its sign, in rad/s or m/s.\n\
+                 param friction_speed = 0.01 where friction_speed > 0;\n",
+            );
+        }
+        if self.options.limits == Limits::Spring && self.motion.has_limits {
+            head.push_str(
+                "/// Stiffness of the springs at the limits of joints, in N m/rad or N/m.\n\
+                 param limit_stiffness = 1000 where limit_stiffness >= 0;\n\
+                 /// Length over which these springs begin, in rad or m.\n\
+                 param limit_width = 0.001 where limit_width > 0;\n",
+            );
+        }
+        format!("{head}\n{}", self.out)
+    }
+}
+
+/// The matrix of moments of inertia in its frame; nothing for zero.
+fn matrix(inertia: &Inertia) -> Option<String> {
+    let [xx, yy, zz, xy, xz, yz] = &inertia.moments;
+    if inertia.moments.iter().all(Number::is_zero) {
+        return None;
+    }
+    Some(match [xy, xz, yz].iter().all(|n| n.is_zero()) {
+        true => format!("diag({})", vector(&[xx.clone(), yy.clone(), zz.clone()])),
+        false => {
+            let rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+            let rows = rows.map(|row| vector(&row.map(Number::clone)));
+            format!("[{}]", rows.join(", "))
+        }
+    })
+}

@@ -1,0 +1,220 @@
+//! Imported robots against rates by Pinocchio, which shares nothing with hamel (`robots/reference.py`), and messages
+//! about files that are wrong.
+
+use hamel_codegen::import::{Limits, Options, import};
+use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::spec;
+use hamel_expr::rational_to_f64;
+
+const ARM: &str = include_str!("robots/arm.urdf");
+const FLYER: &str = include_str!("robots/flyer.urdf");
+const CART: &str = include_str!("robots/cart.urdf");
+const REFERENCE: &str = include_str!("robots/reference.txt");
+
+fn built(text: &str, options: &Options) -> BuiltScene {
+    let imported = import("robot.urdf", text, options).unwrap_or_else(|e| panic!("{e}"));
+    let body = imported.text.trim_end().strip_suffix('}').expect("a model");
+    let text = format!("{body}    scene bare {{ want rhs; }}\n}}\n");
+    let model = spec::parse("robot.hamel", &text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+    assert!(model.warnings.is_empty(), "{}", model.warnings.render(false));
+    scene::build(&model, "bare").unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn values(text: &str) -> Vec<(&str, f64)> {
+    text.split_whitespace()
+        .map(|pair| {
+            let (name, value) = pair.split_once('=').expect("a name and its value");
+            (name, value.parse().expect("a number"))
+        })
+        .collect()
+}
+
+/// The largest difference of a rate from that of Pinocchio, by the largest rate of its state; of all states.
+fn difference(built: &BuiltScene, robot: &str) -> f64 {
+    let params: Vec<f64> = built.params().iter().map(|p| rational_to_f64(&p.default)).collect();
+    let prepared = built.prepare(&params).unwrap_or_else(|e| panic!("{e}"));
+    let mut largest = 0.0f64;
+    let mut n_states = 0;
+    for line in REFERENCE.lines() {
+        let [name, state, expected] = line.split(" | ").collect::<Vec<_>>()[..] else { panic!("{line}") };
+        if name != robot {
+            continue;
+        }
+        let (state, expected) = (values(state), values(expected));
+        let of =
+            |own: &String| state.iter().find(|(name, _)| name == own).unwrap_or_else(|| panic!("no {own}")).1;
+        let y: Vec<f64> = built.state_names().iter().map(of).collect();
+        assert_eq!(y.len(), state.len(), "{robot}");
+        let mut dy = vec![0.0; y.len()];
+        prepared.rhs(0.0, &y, &mut dy);
+        let scale = expected.iter().map(|(_, rate)| rate.abs()).fold(0.0, f64::max);
+        for (name, rate) in expected {
+            let at =
+                built.state_names().iter().position(|own| own == name).unwrap_or_else(|| panic!("no {name}"));
+            largest = largest.max((dy[at] - rate).abs() / scale);
+        }
+        n_states += 1;
+    }
+    assert_eq!(n_states, 4, "{robot}");
+    largest
+}
+
+fn floating() -> Options {
+    let mut options = Options::default();
+    options.floating = true;
+    options
+}
+
+/// Both are rounded, at mass matrices of condition 1e4 at most.
+const TOLERANCE: f64 = 1e-12;
+
+#[test]
+fn rates_are_those_of_pinocchio() {
+    for (robot, text, options) in
+        [("arm", ARM, Options::default()), ("flyer", FLYER, floating()), ("cart", CART, Options::default())]
+    {
+        let found = difference(&built(text, &options), robot);
+        assert!(found < TOLERANCE, "{robot}: {found:e}");
+    }
+}
+
+/// Whatever a file says in one place is seen in the rates.
+#[test]
+fn planted_faults_are_found() {
+    let faults = [
+        ("a mass behind two fixed joints", r#"<mass value="0.4"/>"#, r#"<mass value="0.401"/>"#),
+        ("the angle of a fixed joint", r#"rpy="0 0.7 0""#, r#"rpy="0 0.71 0""#),
+        ("the offset of a follower", r#"offset="0.25""#, r#"offset="0.26""#),
+    ];
+    for (what, right, wrong) in faults {
+        assert_eq!(ARM.matches(right).count(), 1, "{what}");
+        let found = difference(&built(&ARM.replace(right, wrong), &Options::default()), "arm");
+        assert!(found > 1e6 * TOLERANCE, "{what}: {found:e}");
+    }
+}
+
+#[test]
+fn a_model_keeps_names_and_digits_and_tells_the_rest() {
+    let imported = import("robots/arm.urdf", ARM, &Options::default()).unwrap();
+    assert_eq!(imported.name, "arm");
+    let text = &imported.text;
+    for line in [
+        "coordinate shoulder in (-2, 2.5);",
+        "param mass_forearm = 1.5e0 where mass_forearm > 0;",
+        "param cz_forearm = -0.05;",
+        "let thumb = -5*slide + 0.25;",
+        "initial slide = (0.01 + 0.08)/2;",
+        "let E_upper_arm = transpose(rot(e1, pi/2)*rot(unit([0, 0.7, -0.4]), shoulder));",
+        "// `effort` of `limit` is not taken, 3 times",
+    ] {
+        assert!(text.lines().any(|own| own.trim() == line), "{line}\n{text}");
+    }
+    assert_eq!(spec::format("arm.hamel", text).unwrap(), *text);
+    let notes: Vec<String> = imported.notes.lines().collect();
+    assert_eq!(notes.len(), 2, "{notes:?}");
+    assert!(notes[0].starts_with("robots/arm.urdf:"), "{notes:?}");
+}
+
+#[test]
+fn limits_are_intervals_springs_or_nothing() {
+    let with = |limits| {
+        let mut options = Options::default();
+        options.limits = limits;
+        import("arm.urdf", ARM, &options).unwrap().text
+    };
+    let spring = with(Limits::Spring);
+    assert!(spring.contains("coordinate shoulder in angle;") && spring.contains("param limit_stiffness"));
+    assert!(spec::parse("arm.hamel", &spring).unwrap().warnings.is_empty());
+    let none = with(Limits::None);
+    assert!(none.contains("coordinate slide in real;") && !none.contains("limit_stiffness"));
+}
+
+#[test]
+fn a_locked_joint_has_no_coordinate() {
+    let mut options = Options::default();
+    options.locked = vec!["thumb".to_owned()];
+    let imported = import("arm.urdf", ARM, &options).unwrap();
+    assert!(!imported.text.contains("let thumb ="));
+    assert!(imported.notes.iter().any(|note| note.message == "joint `thumb` is locked at zero"));
+    options.locked = vec!["toe".to_owned()];
+    let refused = import("arm.urdf", ARM, &options).unwrap_err().to_string();
+    assert!(refused.contains("there is no joint `toe` to lock"), "{refused}");
+}
+
+/// A link with mass on a link without, by the joint that `joint` says.
+fn two(joint: &str) -> String {
+    format!(
+        "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" \
+         iyy=\"1\" izz=\"1\"/></inertial></link>{joint}</robot>"
+    )
+}
+
+/// `<joint ..>` from `a` to `b`.
+fn joint(attributes: &str, items: &str) -> String {
+    two(&format!("<joint {attributes}><parent link=\"a\"/><child link=\"b\"/>{items}</joint>"))
+}
+
+#[test]
+fn wrong_files_are_refused_with_the_reason_and_the_fix() {
+    let hinge = "name=\"q\" type=\"continuous\"";
+    let massless = "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><joint name=\"q\" type=\"continuous\">\
+         <parent link=\"a\"/><child link=\"b\"/></joint></robot>";
+    let cases = [
+        ("<robot".to_owned(), "the file is no XML", "correct it"),
+        ("<model/>".to_owned(), "`model` is not the root", "URDF"),
+        (
+            "<robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\"><xacro:include filename=\"a\"/></robot>"
+                .to_owned(),
+            "the file has macros of xacro",
+            "xacro robot.urdf > ",
+        ),
+        ("<robot name=\"r\"/>".to_owned(), "the robot has no links", "`link`"),
+        (massless.to_owned(), "joint `q` moves links without mass and inertia", "--lock q"),
+        (joint(hinge, "<axis xyz=\"0 0\"/>"), "`xyz` is \"0 0\", not 3 numbers", "decimal"),
+        (joint(hinge, "<axis xyz=\"0 0 nan\"/>"), "`xyz` is \"0 0 nan\", not 3 numbers", "decimal"),
+        (joint(hinge, "<axis xyz=\"0 0 0\"/>"), "the axis of joint `q` is zero", "direction"),
+        (joint("name=\"q\" type=\"ball\"", ""), "joint `q` has the type `ball`", "revolute"),
+        (joint("name=\"q\" type=\"planar\"", "<axis xyz=\"0 1 1\"/>"), "the plane of joint `q`", "`0 0 1`"),
+        (joint("name=\"q\" type=\"fixed\"", ""), "nothing moves", "--floating"),
+        (joint("name=\"q\"", ""), "`joint` has no `type`", "type=\"..\""),
+        (joint(hinge, "<mimic joint=\"p\"/>"), "there is no joint `p`", "name a joint"),
+        (joint(hinge, "<mimic joint=\"q\"/>"), "joint `q` follows joints in a circle", "follows none"),
+        (two(""), "links `a` and `b` are joined to no parent", "fixed joint"),
+        (
+            two("<joint name=\"q\" type=\"continuous\"><parent link=\"a\"/><child link=\"c\"/></joint>"),
+            "there is no link `c`",
+            "name a link",
+        ),
+        (
+            two("<joint name=\"q\" type=\"continuous\"><parent link=\"b\"/><child link=\"b\"/></joint>"),
+            "joint `q` is in a circle of links",
+            "join all links",
+        ),
+        (
+            joint(hinge, "").replace(
+                "</robot>",
+                "<joint name=\"p\" type=\"fixed\"><parent link=\"a\"/><child link=\"b\"/></joint></robot>",
+            ),
+            "link `b` is the child of two joints",
+            "cut it",
+        ),
+        (joint(hinge, "").replace("\"b\"><in", "\"a\"><in"), "link `a` is declared twice", "of its own"),
+        (joint(hinge, "").replace("mass value=\"1\"", "mass value=\"-1\""), "the mass is negative", "kg"),
+    ];
+    for (text, message, help) in cases {
+        let refused = import("robot.urdf", &text, &Options::default()).expect_err(message);
+        let shown = refused.render(false);
+        assert!(shown.contains(message) && shown.contains(help), "{message}, {help}:\n{shown}");
+        assert!(refused.iter().all(|problem| problem.span.is_some()), "{shown}");
+    }
+}
+
+/// What XML allows as a name reaches neither the language nor the end of a comment.
+#[test]
+fn names_and_comments_stay_in_their_place() {
+    let text = joint("name=\"q&#10;} model\" type=\"continuous\"", "").replace("\"r\"", "\"pi&#10;*/ 1\"");
+    let imported = import("ro\nbot.urdf", &text, &Options::default()).unwrap();
+    assert_eq!(imported.name, "pi____1");
+    let model = spec::parse("r.hamel", &imported.text).unwrap_or_else(|e| panic!("{e}\n{}", imported.text));
+    assert!(model.warnings.is_empty());
+}
