@@ -174,8 +174,8 @@ fn groups_of_complex_matrices_move_by_their_algebra() {
     assert_eq!(spin.initial.len(), 8);
 }
 
-/// The twin of each model in `models/unreduced` is reduced to this: the algebra, the dimension of what is advected, and
-/// whether the shipped model of that name is met: at most 1.05 times its operations.
+/// The twin of each model in `models/unreduced` is reduced to this: the algebra, the dimension of the advected
+/// parameter, and whether the shipped model of that name is met: at most 1.05 times its operations.
 const TWINS: [(&str, &str, usize, bool); 15] = [
     ("chaplygin_sleigh", "se(2)", 0, true),
     ("double_spherical_pendulum", "R^1", 0, true),

@@ -1,5 +1,5 @@
-//! The cross-section of a group: the identity of coordinates that leave, with coordinates and velocities of the model by
-//! the reduced ones.
+//! The cross-section of a group: the identity of coordinates that leave, with coordinates and velocities of the model
+//! by the reduced ones.
 //!
 //! Does not know: how a model is written.
 

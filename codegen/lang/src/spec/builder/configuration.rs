@@ -243,6 +243,7 @@ impl ModelBuilder {
             let help = "the configuration moves with the group velocity: write the Lagrangian by that velocity, and \
                         let `connection mechanical;` find a connection";
             self.problem(span, message, help);
+            self.broken.insert("advected");
             return;
         }
         let original = self.original_symbols();
