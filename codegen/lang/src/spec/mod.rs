@@ -32,6 +32,7 @@ mod layout;
 mod limits;
 mod matrix_group;
 mod model;
+mod motions;
 mod names;
 mod outline;
 mod parser;

@@ -21,6 +21,7 @@ use crate::spec::ast::{File, Item, ItemKind};
 use crate::spec::builder::ModelBuilder;
 use crate::spec::diagnostic::{Diagnostics, Origin};
 use crate::spec::model::Model;
+use crate::spec::motions::Motions;
 use crate::spec::names;
 use crate::spec::parser::Outcome;
 use crate::spec::units::{self, DefinitionUnits};
@@ -39,7 +40,7 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
         has_families: !file.families.is_empty(),
         loops: file.indices.iter().map(|(_, scope)| *scope).collect(),
         withheld: BTreeSet::new(),
-        spins: BTreeMap::new(),
+        motions: Motions::default(),
         warnings: Vec::new(),
         algebras: BTreeMap::new(),
         representations: BTreeMap::new(),
@@ -108,7 +109,7 @@ impl Elaboration<'_> {
         self.define_lets(&lets, &first);
         self.define_frames(&file.items);
         // They are in the velocities before the frame.
-        self.spins.clear();
+        self.motions.clear();
         self.declare_momenta(&file.items);
         self.define_lets(&lets, &rest);
         for item in &file.items {
@@ -131,7 +132,7 @@ impl Elaboration<'_> {
         if !pictured.is_empty() {
             self.builder.begin_views();
             // Their entries are expressions of the other graph.
-            self.spins.clear();
+            self.motions.clear();
             for item in pictured {
                 match &item.kind {
                     ItemKind::Body(body) => self.picture(body, &item.doc.join("\n")),
