@@ -47,7 +47,7 @@ pub(super) struct Evaluator<'a> {
     pub(super) algebras: &'a BTreeMap<String, LieAlgebra<Number>>,
     /// Rates along a motion, where they are known.
     pub(super) rates: Option<&'a Rates>,
-    /// What is known of rotations and places that have been made.
+    /// Rotations and places that have been made, as they are known.
     pub(super) motions: &'a mut Motions,
     /// What is to be told beside a value.
     pub(super) warnings: &'a mut Vec<Diagnostic>,

@@ -204,8 +204,8 @@ impl Evaluator<'_> {
         }
     }
 
-    /// The velocity of a place of space in the frame with an attitude, where both are written so that it follows from
-    /// those before; none where they are not, or where it is not seen to be `R^T p'`.
+    /// The velocity of a place of space in the frame with an attitude, where both are written so that the velocity
+    /// follows from the places before. Nothing where they are not, or where the result is not seen to be `R^T p'`.
     pub(super) fn velocity_in_frame(
         &mut self,
         place: &Value,

@@ -44,7 +44,7 @@ pub(super) enum Place {
 /// A velocity in a frame.
 #[derive(Clone, Debug)]
 struct Velocity {
-    /// The attitude of the frame; none for that of space.
+    /// The attitude of the frame, or nothing for the frame of space.
     frame: Option<Vec<ExprId>>,
     components: Vec<ExprId>,
 }
@@ -65,8 +65,8 @@ impl Motions {
         *self = Motions::default();
     }
 
-    /// The components of the velocity of a place in a frame, by those of the places before it; none where the place is
-    /// not written that way, or where they are not seen to be `R^T p'` of the velocity `p'` in space.
+    /// The components of the velocity of a place in a frame, by the velocities of the places before it. Nothing where
+    /// the place is not written that way, or where they are not seen to be `R^T p'` of the velocity `p'` in space.
     ///
     /// # Shapes
     /// place, velocity: \[3\], frame: \[9\] by rows -> \[3\].
@@ -217,7 +217,7 @@ mod tests {
         about_both[0] = g.add(about_both[0], w2);
         motions.spins = Spins::from([(first.clone(), about_third), (second.clone(), about_both)]);
         motions.factors.insert(second.clone(), [first.clone(), turn]);
-        let offset = vec![zero, c, c];
+        let offset = vec![c, c, c];
         let (a, b) = (times(g, &first, &offset), times(g, &second, &offset));
         let sum: Vec<ExprId> = a.iter().zip(&b).map(|(a, b)| g.add(*a, *b)).collect();
         motions.places.insert(a.clone(), Place::Turned(first.clone(), offset.clone()));
@@ -239,10 +239,10 @@ mod tests {
         let mut g = Graph::new();
         let mut chain = chain(&mut g);
         let found = asked(&mut g, &mut chain).expect("a velocity in the frame of the second link");
-        // In the frame that the first link has, the velocity of its end is `w_1 x c`, of one component.
+        // In the frame that the first link has, the velocity of its end is `w_1 x c`, of two components.
         let first = chain.motions.velocity(&mut g, &chain.rates, &chain.places[0]).expect("a velocity");
         assert_eq!(first.frame.as_ref(), Some(&chain.attitudes[0]));
-        assert_eq!(first.components.iter().filter(|e| **e != g.zero()).count(), 1);
+        assert_eq!(first.components.iter().filter(|e| **e != g.zero()).count(), 2);
         assert!(found.iter().all(|e| g.reachable(&[*e]).len() < 30));
     }
 
@@ -255,7 +255,7 @@ mod tests {
             match fault {
                 0 => motions.spins.get_mut(&attitudes[1]).expect("noted").swap(0, 2),
                 1 => match motions.places.get_mut(&places[0]).expect("noted") {
-                    Place::Turned(_, offset) => offset.swap(0, 1),
+                    Place::Turned(_, offset) => offset[0] = g.zero(),
                     Place::Sum(_) => unreachable!("the first place is turned"),
                 },
                 _ => motions.factors.get_mut(&attitudes[1]).expect("noted")[1].swap(4, 5),

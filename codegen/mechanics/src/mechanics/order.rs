@@ -50,7 +50,7 @@ pub(super) fn order_of_pivots(
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
     Zero,
-    /// Parameters alone: what is made of them is prepared once.
+    /// Parameters alone, prepared once.
     Constant,
     Varying,
 }
@@ -127,7 +127,7 @@ mod tests {
         };
         let tree: Vec<Vec<ExprId>> = (0..5).map(|i| (0..5).map(|j| entry(i, j)).collect()).collect();
         let order = order_of_pivots(&g, &writer, &tree, &[]);
-        // What is left is full after one limb: every order takes the same then.
+        // After one limb the matrix of the others is full: every order takes the same then.
         let at = order.iter().position(|i| *i == 0);
         assert!(at >= Some(2), "{order:?}");
         // Rows that are to be first stay first.

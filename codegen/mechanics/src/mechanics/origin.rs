@@ -3,9 +3,9 @@
 //!
 //! A constraint or a Lagrangian written in a space frame mentions coordinates (the azimuth of a disk, the heading of a
 //! robot) on which, by symmetry, the rates do not depend. The dependence is tested, not guessed: a result is replaced
-//! by its value there when the two are equal as functions. A coordinate that other rates need stays in all of them where
-//! the value there shares fewer operations: accelerations of a floating base depend on the vertical by one component
-//! each, and come out of one substitution.
+//! by its value there when the two are equal as functions. A coordinate that other rates need stays in all of them
+//! where the value there shares fewer operations: accelerations of a floating base depend on the vertical by one
+//! component each, and come out of one substitution.
 
 use std::collections::{BTreeMap, BTreeSet};
 

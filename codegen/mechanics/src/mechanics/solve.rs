@@ -152,9 +152,10 @@ impl Factorisation {
     /// The unknowns `leading` are eliminated first, so that [`Factorisation::solve_leading`] can solve their block
     /// alone.
     ///
-    /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity. A diagonal that vanishes, or is not proved not to, or a matrix that is not
-    /// symmetric, gets general elimination with the best-ranked non-zero pivot. A pivot that `signs` of parameters show
-    /// to be definite once everything in it has cancelled is written that way.
+    /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity. A diagonal that
+    /// vanishes, or is not proved not to, or a matrix that is not symmetric, gets general elimination with the
+    /// best-ranked non-zero pivot. A pivot that `signs` of parameters show to be definite once everything in it has
+    /// cancelled is written that way.
     ///
     /// # Errors
     /// [`Error::SingularMassMatrix`] with a null direction spelled in `names`.

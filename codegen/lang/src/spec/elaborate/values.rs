@@ -27,7 +27,7 @@ pub(super) struct Elaboration<'a> {
     pub(super) has_families: bool,
     /// Names of reconstructed coordinates; they have values only when everything else is done.
     pub(super) withheld: BTreeSet<String>,
-    /// What is known of rotations and places that have been made.
+    /// Rotations and places that have been made, as they are known.
     pub(super) motions: Motions,
     /// What is to be told beside values.
     pub(super) warnings: Vec<Diagnostic>,
