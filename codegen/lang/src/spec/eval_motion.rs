@@ -184,14 +184,10 @@ impl Evaluator<'_> {
         if !is_rotation(left) {
             return;
         }
-        let (rotation, made) = (left.entries().to_vec(), product.entries().to_vec());
+        let (rotation, made) = (left.entries(), product.entries());
         match right {
-            Value::Vector(c) => {
-                self.motions.places.insert(made, Place::Turned(rotation, c.clone()));
-            }
-            _ if is_rotation(right) => {
-                self.motions.factors.insert(made, [rotation, right.entries().to_vec()]);
-            }
+            Value::Vector(c) => self.motions.note(made, Place::Turned(rotation.to_vec(), c.clone())),
+            _ if is_rotation(right) => self.motions.note_factors(made, [rotation, right.entries()]),
             _ => {}
         }
     }
@@ -200,7 +196,7 @@ impl Evaluator<'_> {
     pub(super) fn note_sum(&mut self, operands: &[(bool, &Value)], sum: &Value) {
         if operands.iter().any(|(_, value)| self.motions.places.contains_key(value.entries())) {
             let list = operands.iter().map(|(negative, value)| (*negative, value.entries().to_vec()));
-            self.motions.places.insert(sum.entries().to_vec(), Place::Sum(list.collect()));
+            self.motions.note(sum.entries(), Place::Sum(list.collect()));
         }
     }
 

@@ -25,8 +25,8 @@ use hamel_expr::{ExprId, Graph};
 pub(super) struct Motions {
     /// Angular velocities of rotation matrices.
     pub(super) spins: Spins,
-    /// Rotations of space that are products of two others, left and right.
-    pub(super) factors: BTreeMap<Vec<ExprId>, [Vec<ExprId>; 2]>,
+    /// Rotations of space with the two that they are products of, left and right.
+    factors: BTreeMap<Vec<ExprId>, Option<[Vec<ExprId>; 2]>>,
     pub(super) places: BTreeMap<Vec<ExprId>, Place>,
     /// Velocities that were asked for.
     velocities: BTreeMap<Vec<ExprId>, Velocity>,
@@ -37,6 +37,8 @@ pub(super) struct Motions {
 pub(super) enum Place {
     /// `R c`: the entries of `R`, and `c`.
     Turned(Vec<ExprId>, Vec<ExprId>),
+    /// Other components.
+    Whole,
     /// Vectors, with whether each is subtracted.
     Sum(Vec<(bool, Vec<ExprId>)>),
 }
@@ -65,6 +67,23 @@ impl Motions {
         *self = Motions::default();
     }
 
+    /// Notes how a vector is written. Everything that it is written by is known before, and what is known stays, so
+    /// that no vector is written by itself.
+    pub(super) fn note(&mut self, vector: &[ExprId], place: Place) {
+        if let Place::Sum(list) = &place {
+            for (_, operand) in list {
+                self.places.entry(operand.clone()).or_insert(Place::Whole);
+            }
+        }
+        self.places.entry(vector.to_vec()).or_insert(place);
+    }
+
+    /// Notes the factors of a rotation, by the same rule.
+    pub(super) fn note_factors(&mut self, rotation: &[ExprId], [left, right]: [&[ExprId]; 2]) {
+        self.factors.entry(left.to_vec()).or_insert(None);
+        self.factors.entry(rotation.to_vec()).or_insert_with(|| Some([left.to_vec(), right.to_vec()]));
+    }
+
     /// The components of the velocity of a place in a frame, by the velocities of the places before it. Nothing where
     /// the place is not written that way, or where they are not seen to be `R^T p'` of the velocity `p'` in space.
     ///
@@ -79,6 +98,8 @@ impl Motions {
     ) -> Option<Vec<ExprId>> {
         self.places.get(place)?;
         let found = self.velocity(g, rates, place)?;
+        // A place that is written in space alone has its velocity there.
+        found.frame.as_ref()?;
         let components = self.carried(g, &found, frame)?;
         let in_space = turned_back(g, frame, velocity);
         let is_proved = components.iter().zip(in_space).all(|(own, e)| g.fingerprints_agree(*own, e));
@@ -92,7 +113,7 @@ impl Motions {
         }
         let rate = |g: &mut Graph, e: &ExprId| rate_of(g, *e, rates).ok();
         let found = match self.places.get(place).cloned() {
-            None => {
+            None | Some(Place::Whole) => {
                 let components = place.iter().map(|e| rate(g, e)).collect::<Option<_>>()?;
                 Velocity { frame: None, components }
             }
@@ -158,15 +179,15 @@ impl Motions {
         let mut at = frame;
         while velocity.frame.as_deref() != Some(at) {
             match self.factors.get(at) {
-                Some([left, right]) => {
+                Some(Some([left, right])) => {
                     turns.push(right.as_slice());
                     at = left;
                 }
-                None if velocity.frame.is_none() => {
+                _ if velocity.frame.is_none() => {
                     turns.push(at);
                     break;
                 }
-                None => return None,
+                _ => return None,
             }
         }
         let turned = |v: Vec<ExprId>, turn: &&[ExprId]| turned_back(g, turn, &v);
@@ -216,13 +237,17 @@ mod tests {
         let mut about_both = turned_back(g, &turn, &about_third);
         about_both[0] = g.add(about_both[0], w2);
         motions.spins = Spins::from([(first.clone(), about_third), (second.clone(), about_both)]);
-        motions.factors.insert(second.clone(), [first.clone(), turn]);
+        motions.note_factors(&second, [&first, &turn]);
         let offset = vec![c, c, c];
         let (a, b) = (times(g, &first, &offset), times(g, &second, &offset));
         let sum: Vec<ExprId> = a.iter().zip(&b).map(|(a, b)| g.add(*a, *b)).collect();
-        motions.places.insert(a.clone(), Place::Turned(first.clone(), offset.clone()));
-        motions.places.insert(b.clone(), Place::Turned(second.clone(), offset));
-        motions.places.insert(sum.clone(), Place::Sum(vec![(false, a.clone()), (false, b)]));
+        motions.note(&a, Place::Turned(first.clone(), offset.clone()));
+        motions.note(&b, Place::Turned(second.clone(), offset));
+        motions.note(&sum, Place::Sum(vec![(false, a.clone()), (false, b.clone())]));
+        // A vector that is itself and nothing, or another one less the rest, is known already.
+        motions.note(&sum, Place::Sum(vec![(false, sum.clone()), (false, vec![zero; 3])]));
+        motions.note(&a, Place::Sum(vec![(false, sum.clone()), (true, b)]));
+        motions.note_factors(&first, [&second, &turn]);
         Chain { motions, rates, attitudes: [first, second], places: [a, sum] }
     }
 
@@ -256,9 +281,10 @@ mod tests {
                 0 => motions.spins.get_mut(&attitudes[1]).expect("noted").swap(0, 2),
                 1 => match motions.places.get_mut(&places[0]).expect("noted") {
                     Place::Turned(_, offset) => offset[0] = g.zero(),
-                    Place::Sum(_) => unreachable!("the first place is turned"),
+                    Place::Sum(_) | Place::Whole => unreachable!("the first place is turned"),
                 },
-                _ => motions.factors.get_mut(&attitudes[1]).expect("noted")[1].swap(4, 5),
+                _ => motions.factors.get_mut(&attitudes[1]).expect("noted").as_mut().expect("a product")[1]
+                    .swap(4, 5),
             }
             assert_eq!(asked(&mut g, &mut chain), None, "fault {fault}");
         }
