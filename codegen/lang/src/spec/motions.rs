@@ -67,7 +67,7 @@ impl Motions {
         *self = Motions::default();
     }
 
-    /// Notes how a vector is written. Everything that it is written by is known before, and what is known stays, so
+    /// Notes how a vector is written. Everything that it is written by is known before, and known ones stay, so
     /// that no vector is written by itself.
     pub(super) fn note(&mut self, vector: &[ExprId], place: Place) {
         if let Place::Sum(list) = &place {
