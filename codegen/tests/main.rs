@@ -20,6 +20,7 @@ mod events;
 mod explain;
 mod first_order;
 mod fluids;
+mod frames;
 mod fuzz;
 mod groups;
 mod inputs;

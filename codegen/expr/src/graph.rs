@@ -339,7 +339,18 @@ impl Graph {
 
     /// Whether `e` depends on any of `symbols`.
     pub fn depends_on(&self, e: ExprId, symbols: &BTreeSet<SymbolId>) -> bool {
-        self.free_symbols(e).iter().any(|s| symbols.contains(s))
+        let (mut seen, mut pending) = (HashSet::from([e]), vec![e]);
+        while let Some(e) = pending.pop() {
+            match self.node(e) {
+                Node::Symbol(s) if symbols.contains(s) => return true,
+                node => node.for_each_operand(|operand| {
+                    if seen.insert(operand) {
+                        pending.push(operand);
+                    }
+                }),
+            }
+        }
+        false
     }
 
     /// Plain floating-point value, for defaults and messages; `None` for a symbol without a value.

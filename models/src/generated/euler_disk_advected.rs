@@ -158,8 +158,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = dot_Gamma3 * t1;
         let t3 = t2 * (self.c0 * Omega3);
         let t4 = self.c1 * Omega3;
-        let t5 = Omega2 * Gamma2;
-        let t6 = Omega1 * Gamma1;
+        let t5 = Omega1 * Gamma1;
+        let t6 = Omega2 * Gamma2;
         let t7 = fma(t1, fma(R::from_f64(0.5), fma(t6, t6, t5 * t5), t5 * t6) * t0, self.c2) * (self.c3 * Gamma3);
         let dot_Omega1 = fma(-t7, Gamma2 * t0, fma(Gamma1, t3, Omega2 * t4));
         let dot_Omega2 = fma(t7, Gamma1 * t0, fma(Gamma2, t3, -(Omega1 * t4)));
@@ -218,8 +218,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = Omega3 * Gamma3;
         let t1 = fma(-Omega1, Gamma2, Omega2 * Gamma1);
-        let t2 = Omega2 * Gamma2;
-        let t3 = Omega1 * Gamma1;
+        let t2 = Omega1 * Gamma1;
+        let t3 = Omega2 * Gamma2;
         let t4 = t2 + t3;
         let t5 = Gamma1 * Gamma1;
         let t6 = Gamma2 * Gamma2;
@@ -227,7 +227,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t8 = t7 * t7;
         let t9 = fma(t4, self.c10, t0) * t8;
         let t10 = Gamma3 * t8;
-        let t11 = fma(self.c14, fma(Omega2 * Omega2, fma(-t5, t10, Gamma3), Omega1 * Omega1 * fma(-t10, fma(t5, self.c12, t6), Gamma3)), fma(t10, t2 * fma(t3, self.c11, t2), t4 * (self.c13 * Omega3)));
+        let t11 = fma(self.c14, fma(Omega2 * Omega2, fma(-t5, t10, Gamma3), Omega1 * Omega1 * fma(-t10, fma(t5, self.c12, t6), Gamma3)), fma(t10, t3 * fma(t2, self.c11, t3), t4 * (self.c13 * Omega3)));
         [
             fma(-t1, fma(Gamma2, t9, Omega2), -(Omega1 * t0)) * (self.c9 * t7),
             fma(t1, fma(Gamma1, t9, Omega1), -(Omega2 * t0)) * (self.c9 * t7),
@@ -259,7 +259,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum_equation(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        let t0 = fma(Omega1, Gamma1, Omega2 * Gamma2);
+        let t0 = fma(Omega2, Gamma2, Omega1 * Gamma1);
         let t1 = fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt().recip();
         let t2 = t1 * t1;
         let t3 = t2 * (self.c5 * fma(-Omega1, Gamma2, Omega2 * Gamma1));

@@ -140,8 +140,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = dot_Gamma3 * t1;
         let t3 = t2 * (self.c0 * Omega3);
         let t4 = self.c1 * Omega3;
-        let t5 = Omega2 * Gamma2;
-        let t6 = Omega1 * Gamma1;
+        let t5 = Omega1 * Gamma1;
+        let t6 = Omega2 * Gamma2;
         let t7 = fma(t1, fma(R::from_f64(0.5), fma(t6, t6, t5 * t5), t5 * t6) * t0, self.c2) * (self.c3 * Gamma3);
         let dot_Omega1 = fma(-t7, Gamma2 * t0, fma(Gamma1, t3, Omega2 * t4));
         let dot_Omega2 = fma(t7, Gamma1 * t0, fma(Gamma2, t3, -(Omega1 * t4)));

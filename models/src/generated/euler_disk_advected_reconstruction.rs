@@ -171,8 +171,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = t2 * t2;
         let t4 = dot_Gamma3 * t3;
         let t5 = self.c1 * t4;
-        let t6 = Omega2 * Gamma2;
-        let t7 = Omega1 * Gamma1;
+        let t6 = Omega1 * Gamma1;
+        let t7 = Omega2 * Gamma2;
         let t8 = fma(t3, fma(R::from_f64(0.5), fma(t7, t7, t6 * t6), t6 * t7) * t2, self.c2) * (self.c3 * Gamma3);
         let dot_Omega1 = fma(-t8, Gamma2 * t2, fma(t1, t5, Omega2 * t0));
         let t9 = Omega3 * Gamma2;
@@ -248,8 +248,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = Omega3 * Gamma3;
         let t1 = fma(-Omega1, Gamma2, Omega2 * Gamma1);
-        let t2 = Omega2 * Gamma2;
-        let t3 = Omega1 * Gamma1;
+        let t2 = Omega1 * Gamma1;
+        let t3 = Omega2 * Gamma2;
         let t4 = t2 + t3;
         let t5 = Gamma1 * Gamma1;
         let t6 = Gamma2 * Gamma2;
@@ -257,7 +257,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t8 = t7 * t7;
         let t9 = fma(t4, self.c11, t0) * t8;
         let t10 = Gamma3 * t8;
-        let t11 = fma(self.c15, fma(Omega2 * Omega2, fma(-t5, t10, Gamma3), Omega1 * Omega1 * fma(-t10, fma(t5, self.c13, t6), Gamma3)), fma(t10, t2 * fma(t3, self.c12, t2), t4 * (self.c14 * Omega3)));
+        let t11 = fma(self.c15, fma(Omega2 * Omega2, fma(-t5, t10, Gamma3), Omega1 * Omega1 * fma(-t10, fma(t5, self.c13, t6), Gamma3)), fma(t10, t3 * fma(t2, self.c12, t3), t4 * (self.c14 * Omega3)));
         [
             fma(-t1, fma(Gamma2, t9, Omega2), -(Omega1 * t0)) * (self.c10 * t7),
             fma(t1, fma(Gamma1, t9, Omega1), -(Omega2 * t0)) * (self.c10 * t7),
@@ -289,7 +289,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum_equation(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = fma(Omega1, Gamma1, Omega2 * Gamma2);
+        let t0 = fma(Omega2, Gamma2, Omega1 * Gamma1);
         let t1 = fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt().recip();
         let t2 = t1 * t1;
         let t3 = t2 * (self.c6 * fma(-Omega1, Gamma2, Omega2 * Gamma1));

@@ -7,8 +7,9 @@ use num_traits::{One, Signed, ToPrimitive};
 use super::ast::{BodyPart, Expr, Node};
 use super::diagnostic::{Diagnostic, Help, Span};
 use super::limits::MAX_DIM;
+use super::motions::Motions;
 use super::names::{self, ALGEBRA_FUNCTIONS, FUNCTIONS, OPERATORS};
-use super::rates::{Rates, Spins};
+use super::rates::Rates;
 use super::shape::{Operation, Shape, ValueError};
 use super::value::Value;
 use crate::algebra::LieAlgebra;
@@ -46,8 +47,8 @@ pub(super) struct Evaluator<'a> {
     pub(super) algebras: &'a BTreeMap<String, LieAlgebra<Number>>,
     /// Rates along a motion, where they are known.
     pub(super) rates: Option<&'a Rates>,
-    /// Angular velocities of rotations that have been made.
-    pub(super) spins: &'a mut Spins,
+    /// Rotations and places that have been made, as they are known.
+    pub(super) motions: &'a mut Motions,
     /// What is to be told beside a value.
     pub(super) warnings: &'a mut Vec<Diagnostic>,
     /// The algebra of the velocities.
@@ -202,7 +203,10 @@ impl Evaluator<'_> {
             list.iter().zip(&values).map(|((n, _), (v, _))| (*n, v)).collect();
         self.charge(operands.len() * first_len, first_expr.span)?;
         match Value::sum_of(self.graph, &operands) {
-            Ok(value) => Some((value, bits)),
+            Ok(value) => {
+                self.note_sum(&operands, &value);
+                Some((value, bits))
+            }
             Err(error) => self.error(first_expr.span, &error, &[]),
         }
     }
@@ -244,6 +248,7 @@ impl Evaluator<'_> {
                         Ok(Value::Scalar(e)) => numbers.push((e, Rational::one())),
                         Ok(product) => {
                             self.note_product(&left, &value, &product);
+                            self.note_turned(&left, &value, &product);
                             rest = Some((product, span.to(operand.span)));
                         }
                         Err(error) => {

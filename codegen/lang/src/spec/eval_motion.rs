@@ -4,11 +4,14 @@
 //! product
 //! `A B`, so that chains of bodies keep the form in which each is written by the one before.
 //!
+//! What rotations and places are made of is noted as they are made, for velocities in frames that turn.
+//!
 //! Deliberately does not know: items, forces, which velocities a model has.
 
 use super::ast::Expr;
 use super::diagnostic::Span;
 use super::eval::{Evaluator, Weighed};
+use super::motions::Place;
 use super::rates::rate_of;
 use super::shape::Shape;
 use super::value::Value;
@@ -72,7 +75,7 @@ impl Evaluator<'_> {
             [only] => Value::Scalar(*only),
             _ => Value::Vector(w),
         };
-        if let Some(w) = self.spins.get(value.entries()) {
+        if let Some(w) = self.motions.spins.get(value.entries()) {
             return Some(shaped(w.clone()));
         }
         let back = value.transpose().ok()?;
@@ -107,7 +110,7 @@ impl Evaluator<'_> {
             }
             Some(_) => return,
         };
-        self.spins.insert(matrix.entries().to_vec(), w);
+        self.motions.spins.insert(matrix.entries().to_vec(), w);
     }
 
     /// Notes the angular velocity of the rotation by a vector `v` with the square `v.v`, where it is known:
@@ -138,15 +141,15 @@ impl Evaluator<'_> {
             let rest = g.sub(turned, bent);
             g.add(rate[k], rest)
         };
-        self.spins.insert(matrix.entries().to_vec(), (0..3).map(component).collect());
+        self.motions.spins.insert(matrix.entries().to_vec(), (0..3).map(component).collect());
     }
 
     /// Notes the angular velocity of a product of rotations: `B^T w_A + w_B`.
     pub(super) fn note_product(&mut self, left: &Value, right: &Value, product: &Value) {
-        if self.spins.is_empty() {
+        if self.motions.spins.is_empty() {
             return;
         }
-        let known = |value: &Value| self.spins.get(value.entries()).cloned();
+        let known = |value: &Value| self.motions.spins.get(value.entries()).cloned();
         let (Some(a), Some(b)) = (known(left), known(right)) else { return };
         let turned = match a.as_slice() {
             [_] => a,
@@ -157,12 +160,12 @@ impl Evaluator<'_> {
             }
         };
         let w = turned.iter().zip(&b).map(|(a, b)| self.graph.add(*a, *b)).collect();
-        self.spins.insert(product.entries().to_vec(), w);
+        self.motions.spins.insert(product.entries().to_vec(), w);
     }
 
     /// Notes the angular velocity of the inverse of a rotation: `-R w`.
     pub(super) fn note_inverse(&mut self, matrix: &Value, inverse: &Value) {
-        let Some(w) = self.spins.get(matrix.entries()).cloned() else { return };
+        let Some(w) = self.motions.spins.get(matrix.entries()).cloned() else { return };
         let turned = match w.as_slice() {
             [_] => w,
             _ => match matrix.mul(self.graph, &Value::Vector(w)) {
@@ -171,6 +174,45 @@ impl Evaluator<'_> {
             },
         };
         let w = turned.iter().map(|e| self.graph.neg(*e)).collect();
-        self.spins.insert(inverse.entries().to_vec(), w);
+        self.motions.spins.insert(inverse.entries().to_vec(), w);
+    }
+
+    /// Notes that a rotation of space is a product of two, or that a vector of space is turned by one.
+    pub(super) fn note_turned(&mut self, left: &Value, right: &Value, product: &Value) {
+        let is_rotation =
+            |value: &Value| value.entries().len() == 9 && self.motions.spins.contains_key(value.entries());
+        if !is_rotation(left) {
+            return;
+        }
+        let (rotation, made) = (left.entries(), product.entries());
+        match right {
+            Value::Vector(c) => self.motions.note(made, Place::Turned(rotation.to_vec(), c.clone())),
+            _ if is_rotation(right) => self.motions.note_factors(made, [rotation, right.entries()]),
+            _ => {}
+        }
+    }
+
+    /// Notes the places that a place is a sum of.
+    pub(super) fn note_sum(&mut self, operands: &[(bool, &Value)], sum: &Value) {
+        if operands.iter().any(|(_, value)| self.motions.places.contains_key(value.entries())) {
+            let list = operands.iter().map(|(negative, value)| (*negative, value.entries().to_vec()));
+            self.motions.note(sum.entries(), Place::Sum(list.collect()));
+        }
+    }
+
+    /// The velocity of a place of space in the frame with an attitude, where both are written so that the velocity
+    /// follows from the places before. Nothing where they are not, or where the result is not seen to be `R^T p'`.
+    pub(super) fn velocity_in_frame(
+        &mut self,
+        place: &Value,
+        velocity: &Value,
+        attitude: &Value,
+    ) -> Option<Value> {
+        let rates = self.rates?;
+        if place.entries().len() != 3 || attitude.entries().len() != 9 {
+            return None;
+        }
+        let known = (place.entries(), velocity.entries());
+        self.motions.in_frame(self.graph, rates, known, attitude.entries()).map(Value::Vector)
     }
 }

@@ -34,6 +34,7 @@ mod layout;
 mod limits;
 mod matrix_group;
 mod model;
+mod motions;
 mod names;
 mod outline;
 mod parser;

@@ -33,6 +33,7 @@ mod linked;
 mod measure;
 mod momenta;
 mod multipliers;
+mod order;
 mod origin;
 mod pairings;
 mod phases;

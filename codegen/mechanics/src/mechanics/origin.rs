@@ -3,13 +3,16 @@
 //!
 //! A constraint or a Lagrangian written in a space frame mentions coordinates (the azimuth of a disk, the heading of a
 //! robot) on which, by symmetry, the rates do not depend. The dependence is tested, not guessed: a result is replaced
-//! by its value there when the two are equal as functions.
+//! by its value there when the two are equal as functions. A coordinate that other rates need stays in all of them
+//! where the value there shares fewer operations: accelerations of a floating base depend on the vertical by one
+//! component each, and come out of one substitution.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::{Definition, ExprId, Graph, Section, SymbolId, needed_sections};
 
 use super::equations::Equations;
+use super::written::n_operations;
 
 /// Sets every base coordinate to such a value in the results that do not depend on it, and drops definitions that
 /// nothing needs.
@@ -34,7 +37,8 @@ pub(super) fn evaluate_at_origin(equations: &mut Equations) {
         if is_changed {
             mentions = Mentions::of(equations);
         }
-        if !equations.state.iter().map(|s| s.derivative).eq(before) && !moves(equations, x) {
+        let is_moved = !equations.state.iter().map(|s| s.derivative).eq(before);
+        if is_moved && !moves(&equations.system.graph, &equations.sections, &rates(equations), &[x]) {
             equations.facts.taken_at_origin.push(equations.system.graph.name(x).to_owned());
         }
     }
@@ -42,16 +46,19 @@ pub(super) fn evaluate_at_origin(equations: &mut Equations) {
     equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
 }
 
-/// Whether a rate mentions a coordinate, also by definitions.
-fn moves(equations: &Equations, x: SymbolId) -> bool {
-    let g = &equations.system.graph;
-    let mut concerned = BTreeSet::from([x]);
-    for definition in equations.sections.iter().flat_map(|s| &s.definitions) {
+fn rates(equations: &Equations) -> Vec<ExprId> {
+    equations.state.iter().map(|s| s.derivative).collect()
+}
+
+/// Whether an expression mentions some coordinates, also by definitions.
+fn moves(g: &Graph, sections: &[Section], roots: &[ExprId], coordinates: &[SymbolId]) -> bool {
+    let mut concerned: BTreeSet<SymbolId> = coordinates.iter().copied().collect();
+    for definition in sections.iter().flat_map(|s| &s.definitions) {
         if g.depends_on(definition.expr, &concerned) {
             concerned.insert(definition.symbol);
         }
     }
-    equations.state.iter().any(|s| g.depends_on(s.derivative, &concerned))
+    roots.iter().any(|e| g.depends_on(*e, &concerned))
 }
 
 /// The symbols in every definition, in order, and in every root.
@@ -73,14 +80,15 @@ impl Mentions {
 }
 
 /// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then; whether
-/// any was replaced.
+/// any was replaced. None is where some rate needs the coordinate all the same, and the rates take more operations.
 fn set_to(
     equations: &mut Equations,
     mentions: &Mentions,
     values: BTreeMap<SymbolId, ExprId>,
     place: &str,
 ) -> bool {
-    let mut concerned: BTreeSet<SymbolId> = values.keys().copied().collect();
+    let coordinates: Vec<SymbolId> = values.keys().copied().collect();
+    let mut concerned: BTreeSet<SymbolId> = coordinates.iter().copied().collect();
     let definitions = equations.sections.iter().flat_map(|s| &s.definitions);
     for (definition, symbols) in definitions.zip(&mentions.definitions) {
         if !symbols.is_disjoint(&concerned) {
@@ -142,8 +150,19 @@ fn set_to(
         equations.system.graph.take_over(&g);
         return false;
     }
-    equations.sections = needed_sections(&g, &sections, &after);
-    equations.varying.extend(varying);
+    let mut all_varying = equations.varying.clone();
+    all_varying.extend(varying);
+    // The rates are the first results.
+    let n = equations.state.len();
+    let needed = needed_sections(&g, &sections, &after);
+    if moves(&g, &needed, &after[..n], &coordinates)
+        && n_operations(&g, &needed, &all_varying, &after[..n]) > equations.n_operations()
+    {
+        equations.system.graph.take_over(&g);
+        return false;
+    }
+    equations.sections = needed;
+    equations.varying = all_varying;
     equations.taken_at.extend(taken_at);
     equations.results_mut().into_iter().zip(after).for_each(|(root, value)| *root = value);
     equations.system.graph = g;

@@ -12,6 +12,8 @@ use hamel_expr::{
 };
 use hamel_lang::algebra::tableau::{Grade, Judge, Known};
 
+use super::order::order_of_pivots;
+
 /// Something that is divided by.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pivot {
@@ -150,10 +152,10 @@ impl Factorisation {
     /// The unknowns `leading` are eliminated first, so that [`Factorisation::solve_leading`] can solve their block
     /// alone.
     ///
-    /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity so that
-    /// parameter-only pivots come first. A diagonal that vanishes, or is not proved not to, or a matrix that is not
-    /// symmetric, gets general elimination with the best-ranked non-zero pivot. A pivot that `signs` of parameters show
-    /// to be definite once everything in it has cancelled is written that way.
+    /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity. A diagonal that
+    /// vanishes, or is not proved not to, or a matrix that is not symmetric, gets general elimination with the
+    /// best-ranked non-zero pivot. A pivot that `signs` of parameters show to be definite once everything in it has
+    /// cancelled is written that way.
     ///
     /// # Errors
     /// [`Error::SingularMassMatrix`] with a null direction spelled in `names`.
@@ -170,8 +172,7 @@ impl Factorisation {
         let mut symmetric = is_symmetric(g, a);
         let mut order: Vec<usize> = (0..n).collect();
         if symmetric {
-            let degree = |i: usize| a[i].iter().filter(|e| **e != g.zero()).count();
-            order.sort_by_key(|&i| (!leading.contains(&i), writer.varies(g, a[i][i]), degree(i)));
+            order = order_of_pivots(g, writer, a, leading);
         } else {
             order.sort_by_key(|i| !leading.contains(i));
         }

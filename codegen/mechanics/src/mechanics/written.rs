@@ -16,7 +16,12 @@ use super::derive::Derivation;
 use super::equations::Equations;
 
 /// Operations behind `roots` on what is `varying`.
-fn n_operations(g: &Graph, sections: &[Section], varying: &BTreeSet<SymbolId>, roots: &[ExprId]) -> u64 {
+pub(super) fn n_operations(
+    g: &Graph,
+    sections: &[Section],
+    varying: &BTreeSet<SymbolId>,
+    roots: &[ExprId],
+) -> u64 {
     let needed = needed_sections(g, sections, roots);
     let mut all: Vec<ExprId> = needed.iter().flat_map(|s| &s.definitions).map(|d| d.expr).collect();
     all.extend(roots);

@@ -12,6 +12,7 @@ use crate::spec::ast::{self, AlgebraExpr, AlgebraNode, Expr, Item, ItemKind, Nam
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::eval::Evaluator;
 use crate::spec::limits::{MAX_BASIS, MAX_REPRESENTATION, MAX_REPRESENTATION_WORK};
+use crate::spec::motions::Motions;
 use crate::spec::names;
 use crate::spec::value::Value;
 use hamel_expr::error::Error;
@@ -118,7 +119,7 @@ impl Elaboration<'_> {
             withheld: &BTreeSet::new(),
             algebras: &self.algebras,
             rates: None,
-            spins: &mut BTreeMap::new(),
+            motions: &mut Motions::default(),
             warnings: &mut self.warnings,
             own_algebra: None,
         };

@@ -13,7 +13,8 @@ use hamel_expr::{ExprId, Func, Graph, Rational};
 
 impl Elaboration<'_> {
     /// A part of a body: `p'`, the angular velocity `w` with `hat(w) = R^T R'`, `m p'`, `I w`, and the kinetic energy
-    /// `m/2 p'.p' + 1/2 w.I w`. Nothing after a problem.
+    /// `m/2 p'.p' + 1/2 w.I w`, with `p'` in the frame of the body where its place is written in frames that turn.
+    /// Nothing after a problem.
     pub(super) fn part(&mut self, body: &BodyItem, part: BodyPart) -> Option<Weighed> {
         let (translation, rotation) =
             (body.mass.as_ref().zip(body.place.as_ref()), body.inertia.as_ref().zip(body.attitude.as_ref()));
@@ -25,8 +26,14 @@ impl Elaboration<'_> {
             BodyPart::Energy => {
                 let mut terms = Vec::new();
                 if let Some((mass, place)) = translation {
-                    let (v, p) = (self.velocity(place)?, self.momentum((mass, place))?);
-                    terms.push(self.half(v, p, place.span)?);
+                    let in_frame = rotation.and_then(|(_, attitude)| self.velocity_in_frame(place, attitude));
+                    terms.push(match in_frame {
+                        Some(v) => self.in_own_frame(mass, v)?,
+                        None => {
+                            let (v, p) = (self.velocity(place)?, self.momentum((mass, place))?);
+                            self.half(v, p, place.span)?
+                        }
+                    });
                 }
                 if let Some((inertia, attitude)) = rotation {
                     let (w, l) = (self.spin(attitude)?, self.angular_momentum((inertia, attitude))?);
@@ -98,6 +105,30 @@ impl Elaboration<'_> {
         Some((evaluator.rate_of_value(&value, place.span)?, bits + 16))
     }
 
+    /// The velocity of a place in the frame of a body, where it follows from velocities in the frames before.
+    fn velocity_in_frame(&mut self, place: &Expr, attitude: &Expr) -> Option<Weighed> {
+        let n_problems = self.builder.problems.len();
+        let values = [self.velocity(place), self.weighed(place), self.weighed(attitude)];
+        let [Some((velocity, bits)), Some((place, _)), Some((attitude, turned))] = values else {
+            // Whoever takes the velocity in space finds them again.
+            self.builder.problems.truncate(n_problems);
+            return None;
+        };
+        let rates = self.builder.rates();
+        let mut evaluator = self.evaluator(&[], None);
+        evaluator.rates = Some(&rates);
+        Some((evaluator.velocity_in_frame(&place, &velocity, &attitude)?, bits + turned))
+    }
+
+    /// `m/2 v.v`.
+    fn in_own_frame(&mut self, mass: &Expr, (v, bits): Weighed) -> Option<Weighed> {
+        let (m, mass_bits) = self.mass(mass)?;
+        let g = &mut self.builder.graph;
+        let square = v.dot(g, &v).ok()?.scalar("dot").ok()?;
+        let half = g.rational(Rational::new(1.into(), 2.into()));
+        Some((Value::Scalar(g.product(&[half, m, square])), 2 * bits + mass_bits + 8))
+    }
+
     fn spin(&mut self, attitude: &Expr) -> Option<Weighed> {
         let (value, bits) = self.weighed(attitude)?;
         let rates = self.builder.rates();
@@ -113,17 +144,19 @@ impl Elaboration<'_> {
         evaluator.eval(expr)
     }
 
-    fn momentum(&mut self, (mass, place): (&Expr, &Expr)) -> Option<Weighed> {
-        let (v, bits) = self.velocity(place)?;
-        let (m, mass_bits) = self.weighed(mass)?;
+    fn mass(&mut self, mass: &Expr) -> Option<(ExprId, u64)> {
+        let (m, bits) = self.weighed(mass)?;
         let Value::Scalar(m) = m else {
-            self.problem(
-                mass.span,
-                format!("a mass is a number, found {}", m.shape()),
-                "one number for a body",
-            );
+            let message = format!("a mass is a number, found {}", m.shape());
+            self.problem(mass.span, message, "one number for a body");
             return None;
         };
+        Some((m, bits))
+    }
+
+    fn momentum(&mut self, (mass, place): (&Expr, &Expr)) -> Option<Weighed> {
+        let (v, bits) = self.velocity(place)?;
+        let (m, mass_bits) = self.mass(mass)?;
         Some((v.scale(&mut self.builder.graph, m), bits + mass_bits))
     }
 

@@ -21,6 +21,7 @@ use crate::spec::ast::{File, Item, ItemKind};
 use crate::spec::builder::ModelBuilder;
 use crate::spec::diagnostic::{Diagnostics, Origin};
 use crate::spec::model::Model;
+use crate::spec::motions::Motions;
 use crate::spec::names;
 use crate::spec::parser::Outcome;
 use crate::spec::units::{self, DefinitionUnits};
@@ -39,7 +40,7 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
         has_families: !file.families.is_empty(),
         loops: file.indices.iter().map(|(_, scope)| *scope).collect(),
         withheld: BTreeSet::new(),
-        spins: BTreeMap::new(),
+        motions: Motions::default(),
         warnings: Vec::new(),
         algebras: BTreeMap::new(),
         representations: BTreeMap::new(),
@@ -82,9 +83,10 @@ impl Elaboration<'_> {
         items.iter().filter_map(definition).collect()
     }
 
-    /// Forgets the angular velocities of rotations, and notes the ones of configurations.
+    /// Forgets motions, and notes the angular velocities of configurations.
     fn note_configurations(&mut self) {
-        self.spins = self.builder.configuration_spins().into_iter().collect();
+        self.motions.clear();
+        self.motions.spins = self.builder.configuration_spins().into_iter().collect();
     }
 
     fn run(&mut self, file: &File) {
@@ -137,7 +139,7 @@ impl Elaboration<'_> {
         if !pictured.is_empty() {
             self.builder.begin_views();
             // Their entries are expressions of the other graph.
-            self.spins.clear();
+            self.motions.clear();
             for item in pictured {
                 match &item.kind {
                     ItemKind::Body(body) => self.picture(body, &item.doc.join("\n")),

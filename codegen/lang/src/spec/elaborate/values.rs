@@ -9,7 +9,8 @@ use crate::spec::ast::Expr;
 use crate::spec::builder::ModelBuilder;
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::eval::Evaluator;
-use crate::spec::rates::{Rates, Spins};
+use crate::spec::motions::Motions;
+use crate::spec::rates::Rates;
 use crate::spec::shape::Shape;
 use crate::spec::value::Value;
 use hamel_expr::{ExprId, Graph, Number, Rational};
@@ -26,8 +27,8 @@ pub(super) struct Elaboration<'a> {
     pub(super) has_families: bool,
     /// Names of reconstructed coordinates; they have values only when everything else is done.
     pub(super) withheld: BTreeSet<String>,
-    /// Angular velocities of rotations that have been made.
-    pub(super) spins: Spins,
+    /// Rotations and places that have been made, as they are known.
+    pub(super) motions: Motions,
     /// What is to be told beside values.
     pub(super) warnings: Vec<Diagnostic>,
     pub(super) algebras: BTreeMap<String, LieAlgebra<Number>>,
@@ -133,7 +134,7 @@ impl Elaboration<'_> {
             withheld: &self.withheld,
             algebras: &self.algebras,
             rates: None,
-            spins: &mut self.spins,
+            motions: &mut self.motions,
             warnings: &mut self.warnings,
             own_algebra: self.builder.algebra.as_ref().filter(|_| !is_own).map(|(algebra, _)| algebra),
         }
@@ -169,7 +170,7 @@ impl Elaboration<'_> {
             withheld: &BTreeSet::new(),
             algebras: &self.algebras,
             rates: None,
-            spins: &mut BTreeMap::new(),
+            motions: &mut Motions::default(),
             warnings: &mut self.warnings,
             own_algebra: None,
         };
