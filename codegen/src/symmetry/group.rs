@@ -74,7 +74,8 @@ impl Setting<'_> {
             let images = self.field(&coefficients);
             fields.push(GroupField { coefficients, images, pivot });
         }
-        self.closed(fields)
+        let most = self.generators.len();
+        self.closed(fields, most)
     }
 
     /// Translations of a configuration from its side, with what turns with it: where they keep the kinetic energy, and
@@ -181,12 +182,14 @@ impl Setting<'_> {
             }
             _ => _ = fields.remove(a),
         }
-        self.closed(fields)
+        self.closed(fields, 0)
     }
 
     /// Fields whose brackets are among them: a missing one is added where it keeps the kinetic energy, and a field that
     /// leads out is left.
-    fn closed(&mut self, mut fields: Vec<GroupField>) -> SymmetryGroup {
+    ///
+    /// `may_add`: how many may be added, zero where one has just been taken out.
+    fn closed(&mut self, mut fields: Vec<GroupField>, mut may_add: usize) -> SymmetryGroup {
         let kinetic = Kept { functions: vec![self.kinetic], equations: Vec::new() };
         'again: loop {
             let mut brackets = Vec::new();
@@ -200,10 +203,21 @@ impl Setting<'_> {
                         }
                         continue;
                     }
-                    match self.completed(&fields, &value, &kinetic) {
+                    let missing = match may_add {
+                        0 => None,
+                        _ => self.completed(&fields, &value, &kinetic),
+                    };
+                    may_add = may_add.saturating_sub(1);
+                    match missing {
                         Some(field) => fields.push(field),
-                        // Translations stand behind configurations.
-                        None => _ = fields.remove(b),
+                        // Translations stand behind configurations, which stay or go as a whole.
+                        None => match self.generators[fields[b].pivot] {
+                            Generator::Left(k, _) => {
+                                let generators = self.generators.clone();
+                                fields.retain(|f| !matches!(generators[f.pivot], Generator::Left(of, _) if of == k));
+                            }
+                            _ => _ = fields.remove(b),
+                        },
                     }
                     continue 'again;
                 }

@@ -149,7 +149,10 @@ impl Setting<'_> {
             None => {
                 let what = if moved.contains(&0) { "potential energy or constraints" } else { "constraints" };
                 let why = format!("of which more than {} functions are made from {what}", modules::MAX_DIM);
-                Err((group.fields.len() - 1, why))
+                // A field that keeps everything has no part in it.
+                let everything = self.everything();
+                let a = (0..group.fields.len()).rev().find(|a| !self.keeps(&group.fields[*a].images, &everything));
+                Err((a.unwrap_or(group.fields.len() - 1), why))
             }
         }
     }

@@ -62,6 +62,16 @@ fn planted_faults_are_found() {
 }
 
 #[test]
+fn a_field_that_makes_too_much_is_left_out() {
+    // Powers of the height are more and more functions for translations, and turns mix them: turns alone have few.
+    let text = "model m { configuration R in SO(3) velocity w; coordinate r: vector(3) in real; \
+                lagrangian = dot(w, w) + dot(r_dot, r_dot) + dot(r_dot, R*w) - r3^3 - R33; }";
+    let reduced = reduce(&spec::parse("model", text).unwrap()).unwrap();
+    assert!(reduced.report.iter().any(|line| line.starts_with("Left: ")), "{:?}", reduced.report);
+    assert!(reduced.dim >= 2, "{}", reduced.text);
+}
+
+#[test]
 fn what_is_not_there_is_told() {
     let refusals = [
         (
