@@ -23,7 +23,7 @@ const MODEL: &str = "model m { coordinate x in real; lagrangian = 1/2*x_dot^2; }
 const FLYER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../codegen/tests/robots/flyer.urdf");
 
 /// Every command that prints, with what it reads.
-const PRINTED: [(&[&str], &str); 17] = [
+const PRINTED: [(&[&str], &str); 18] = [
     (&["--version"], ""),
     (&["--help"], ""),
     (&["simulate", "--help"], ""),

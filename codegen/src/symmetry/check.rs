@@ -115,7 +115,7 @@ impl Setting<'_> {
         let named = by_name(&self.graph, &large);
         let (fast, of_model) = own.rates(t, |name| named.get(name).copied())?;
         if let (Some(energy), Some(of_model)) = (energy, of_model)
-            && !((energy - of_model).abs() <= MAX_DIFFERENCE * (1.0 + energy.abs() + of_model.abs()))
+            && !is_near(energy, of_model, 1.0 + energy.abs() + of_model.abs())
         {
             return Some(Some(format!("the energy is {of_model}, and {energy} by the reduced model")));
         }
@@ -170,7 +170,7 @@ impl Setting<'_> {
                 sum += term;
                 size += term.abs();
             }
-            if !((sum - found).abs() <= MAX_DIFFERENCE * size) {
+            if !is_near(sum, *found, size) {
                 return Some(Some(format!(
                     "the rate of `{name}` is {found}, and {sum} by the reduced model"
                 )));
@@ -206,7 +206,7 @@ impl Setting<'_> {
             let slope = self.graph.derivative_along(function, &field.images);
             right += xi * self.graph.eval_f64(slope, large)?;
         }
-        let is_equal = (left - right).abs() <= MAX_DIFFERENCE * size;
+        let is_equal = is_near(left, right, size);
         let name = symbols.first().map_or("", |s| self.graph.name(*s));
         Some((!is_equal).then(|| format!("what `{name}` advects changes by {left}, in the model by {right}")))
     }
@@ -306,6 +306,11 @@ impl Setting<'_> {
     }
 }
 
+/// Whether two sums of terms of this size are equal up to rounding; no number is near another one that has no value.
+fn is_near(a: f64, b: f64, size: f64) -> bool {
+    (a - b).abs() <= MAX_DIFFERENCE * size
+}
+
 /// The solution of `A x = b` of least squares, `A` with independent columns, rows `[A | b]`: by normal equations.
 fn least_squares(rows: &[Vec<f64>], n: usize) -> Option<Vec<f64>> {
     let entry = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
@@ -329,7 +334,8 @@ fn solved(mut rows: Vec<Vec<f64>>, may_be_singular: bool) -> Option<Vec<f64>> {
     let mut top = 0;
     for column in 0..n {
         let best = (top..n).max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()))?;
-        if !(rows[best][column].abs() > 1e-9 * size) {
+        // What is below is rounding.
+        if rows[best][column].abs() <= 1e-9 * size {
             if may_be_singular {
                 continue;
             }

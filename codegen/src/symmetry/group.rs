@@ -214,7 +214,9 @@ impl Setting<'_> {
                         None => match self.generators[fields[b].pivot] {
                             Generator::Left(k, _) => {
                                 let generators = self.generators.clone();
-                                fields.retain(|f| !matches!(generators[f.pivot], Generator::Left(of, _) if of == k));
+                                fields.retain(
+                                    |f| !matches!(generators[f.pivot], Generator::Left(of, _) if of == k),
+                                );
                             }
                             _ => _ = fields.remove(b),
                         },

@@ -151,7 +151,9 @@ impl Setting<'_> {
                 let why = format!("of which more than {} functions are made from {what}", modules::MAX_DIM);
                 // A field that keeps everything has no part in it.
                 let everything = self.everything();
-                let a = (0..group.fields.len()).rev().find(|a| !self.keeps(&group.fields[*a].images, &everything));
+                let a = (0..group.fields.len())
+                    .rev()
+                    .find(|a| !self.keeps(&group.fields[*a].images, &everything));
                 Err((a.unwrap_or(group.fields.len() - 1), why))
             }
         }
