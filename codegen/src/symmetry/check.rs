@@ -115,6 +115,8 @@ impl Setting<'_> {
         let named = by_name(&self.graph, &large);
         let (fast, of_model) = own.rates(t, |name| named.get(name).copied())?;
         if let (Some(energy), Some(of_model)) = (energy, of_model)
+            && energy.is_finite()
+            && of_model.is_finite()
             && !is_near(energy, of_model, 1.0 + energy.abs() + of_model.abs())
         {
             return Some(Some(format!("the energy is {of_model}, and {energy} by the reduced model")));
@@ -170,6 +172,10 @@ impl Setting<'_> {
                 sum += term;
                 size += term.abs();
             }
+            // A point at a singularity says nothing.
+            if !size.is_finite() {
+                return None;
+            }
             if !is_near(sum, *found, size) {
                 return Some(Some(format!(
                     "the rate of `{name}` is {found}, and {sum} by the reduced model"
@@ -205,6 +211,9 @@ impl Setting<'_> {
         for (field, xi) in group.fields.iter().zip(xi) {
             let slope = self.graph.derivative_along(function, &field.images);
             right += xi * self.graph.eval_f64(slope, large)?;
+        }
+        if !(size + right.abs()).is_finite() {
+            return None;
         }
         let is_equal = is_near(left, right, size);
         let name = symbols.first().map_or("", |s| self.graph.name(*s));
@@ -306,7 +315,7 @@ impl Setting<'_> {
     }
 }
 
-/// Whether two sums of terms of this size are equal up to rounding; no number is near another one that has no value.
+/// Whether two sums of terms of this size are equal up to rounding.
 fn is_near(a: f64, b: f64, size: f64) -> bool {
     (a - b).abs() <= MAX_DIFFERENCE * size
 }
