@@ -21,6 +21,7 @@ const MODEL: &str = "model m { coordinate x in real; lagrangian = 1/2*x_dot^2; }
 
 /// A robot of which nothing is left out.
 const FLYER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../codegen/tests/robots/flyer.urdf");
+const TOP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/book/top_in_space.hamel");
 
 /// Every command that prints, with what it reads.
 const PRINTED: [(&[&str], &str); 18] = [
@@ -35,7 +36,7 @@ const PRINTED: [(&[&str], &str); 18] = [
     (&["simulate", "free_rigid_body", "--t-final", "1"], ""),
     (&["linearize", "free_rigid_body"], ""),
     (&["trim", "free_rigid_body"], ""),
-    (&["reduce", "docs/book/top_in_space.hamel"], ""),
+    (&["reduce", TOP], ""),
     (&["fmt", "-"], MODEL),
     (&["import", FLYER, "--floating"], ""),
     (&["check", "free_rigid_body"], ""),

@@ -191,9 +191,20 @@ impl Elaboration<'_> {
     }
 
     fn declare_velocities_and_coordinates(&mut self, items: &[Item]) {
-        self.declare_all_velocities(items);
+        let is_own = |item: &Item| matches!(item.kind, ItemKind::Configuration { by: MovedBy::Own(_), .. });
+        // Beside configurations all velocities are in one algebra, from the first item on.
+        let are_joint = items.iter().any(is_own);
+        let mut are_declared = false;
         for item in items {
             match &item.kind {
+                ItemKind::Velocity { .. } if !are_joint => {
+                    self.declare_all_velocities(std::slice::from_ref(item));
+                }
+                ItemKind::Velocity { .. } | ItemKind::Configuration { by: MovedBy::Own(_), .. } => {
+                    if !std::mem::replace(&mut are_declared, true) {
+                        self.declare_all_velocities(items);
+                    }
+                }
                 ItemKind::Algebroid(block) => self.declare_algebroid(item, block),
                 ItemKind::QuasiVelocity(names) => {
                     for name in names {
