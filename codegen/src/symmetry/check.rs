@@ -343,7 +343,7 @@ fn solved(mut rows: Vec<Vec<f64>>, may_be_singular: bool) -> Option<Vec<f64>> {
     let mut top = 0;
     for column in 0..n {
         let best = (top..n).max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()))?;
-        // What is below is rounding.
+        // Smaller ones are rounding.
         if rows[best][column].abs() <= 1e-9 * size {
             if may_be_singular {
                 continue;

@@ -200,10 +200,10 @@ impl Elaboration<'_> {
                 ItemKind::Velocity { .. } if !are_joint => {
                     self.declare_all_velocities(std::slice::from_ref(item));
                 }
-                ItemKind::Velocity { .. } | ItemKind::Configuration { by: MovedBy::Own(_), .. } => {
-                    if !std::mem::replace(&mut are_declared, true) {
-                        self.declare_all_velocities(items);
-                    }
+                ItemKind::Velocity { .. } | ItemKind::Configuration { by: MovedBy::Own(_), .. }
+                    if !std::mem::replace(&mut are_declared, true) =>
+                {
+                    self.declare_all_velocities(items);
                 }
                 ItemKind::Algebroid(block) => self.declare_algebroid(item, block),
                 ItemKind::QuasiVelocity(names) => {
