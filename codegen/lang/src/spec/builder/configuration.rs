@@ -30,7 +30,7 @@ impl ModelBuilder {
     /// stands for all.
     ///
     /// ```
-    /// use hamel_lang::spec::{LieAlgebra, MatrixFamily, MatrixGroup, ModelBuilder};
+    /// use hamel_lang::spec::{LieAlgebra, MatrixFamily, MatrixGroup, ModelBuilder, Value};
     ///
     /// let mut b = ModelBuilder::new("tilted");
     /// let omega = b.velocities(LieAlgebra::so(3).unwrap(), &["Omega"]).remove(0);
@@ -38,7 +38,7 @@ impl ModelBuilder {
     /// let attitude = b.configuration(&["R"], &rotations, &["Omega"], "attitude, body to space").remove(0);
     /// let g = b.graph();
     /// let energy = omega.dot(g, &omega).unwrap();
-    /// let height = attitude.index(&[3, 3]).unwrap();
+    /// let height = Value::Scalar(attitude.entries()[8]);
     /// let lagrangian = energy.sub(g, &height).unwrap();
     /// b.lagrangian(&lagrangian);
     /// assert_eq!(b.build().unwrap().configurations[0].names.len(), 9);
