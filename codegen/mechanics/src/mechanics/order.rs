@@ -43,7 +43,8 @@ pub(super) fn order_of_pivots(
         left.retain(|i| i != next);
         by_rank.eliminate(*next, &left);
     }
-    if work < work_by_rank { greedy } else { fixed }
+    // Another order loses other digits: it is taken where it saves a quarter of the work, as on trees.
+    if 4 * work <= 3 * work_by_rank { greedy } else { fixed }
 }
 
 /// What an entry of a matrix is made of.
