@@ -165,13 +165,61 @@ fn groups_of_complex_matrices_move_by_their_algebra() {
         "model spin { configuration g in SU(2) velocity w; lagrangian = dot(w, w) - g_re11*g_im12; \
          scene s { want rhs, invariants; } }",
     );
-    // An element of SU(2), and rates by finite differences of its exponential: first order in the step is enough to
-    // tell a sign, and the invariants tell the rest.
+    // What a motion keeps tells that the rates are tangent to the group; at the identity they are `hat(w)`, a traceless
+    // matrix that is the negative of its conjugate transpose.
     let scene = scene::build(&spin, "s").unwrap();
     let invariants = scene.invariant_names().unwrap();
     assert!(invariants.iter().filter(|name| name.starts_with("g_form")).count() >= 3, "{invariants:?}");
     assert_eq!(spin.configurations[0].names.len(), 8);
+    let identity = ["re11", "re22"];
+    let entries = ["re11", "re12", "re21", "re22", "im11", "im12", "im21", "im22"];
+    let mut values: Vec<(String, f64)> =
+        entries.iter().map(|e| (format!("g_{e}"), f64::from(u8::from(identity.contains(e))))).collect();
+    values.extend([("w1", 0.3), ("w2", -0.7), ("w3", 1.1)].map(|(name, x)| (name.to_owned(), x)));
+    let values: Vec<(&str, f64)> = values.iter().map(|(n, x)| (n.as_str(), *x)).collect();
+    let found = rates(&spin, &values);
+    let rate = |entry: &str| found[&format!("g_{entry}")];
+    close(rate("re11"), 0.0, "re11");
+    close(rate("re22"), 0.0, "re22");
+    close(rate("im11") + rate("im22"), 0.0, "trace");
+    close(rate("re12") + rate("re21"), 0.0, "real part");
+    close(rate("im12") - rate("im21"), 0.0, "imaginary part");
+    // `det hat(w) = |w|^2/4` or `|w|^2`, by the size of the basis; each component has the same.
+    let det = rate("im11").powi(2) + rate("re12").powi(2) + rate("im12").powi(2);
+    let square = 0.3_f64.powi(2) + 0.7_f64.powi(2) + 1.1_f64.powi(2);
+    assert!((det - square).abs() < 1e-12 || (det - square / 4.0).abs() < 1e-12, "{det} beside {square}");
     assert_eq!(spin.initial.len(), 8);
+}
+
+#[test]
+fn a_pose_is_an_attitude_and_a_place() {
+    let parts = "param I: diagonal(3) = [1.3, 1.7, 0.6]; param s: vector(3) = [0.1, 0.6, 0.8]; let p = r + R*s; \
+                 lagrangian = dot(Omega, I*Omega)/2 + dot(rate(p), rate(p)) - dot(p, p)/2 - r1^3";
+    let pose = model(&format!("model pose {{ configuration R, r in SE(3) velocity Omega, V; {parts}; }}"));
+    let place = model(&format!(
+        "model place {{ configuration R in SO(3) velocity Omega; coordinate r: vector(3) in real; {parts}; }}"
+    ));
+    let (omega, v, r) = ([0.3, -0.7, 1.1], [0.5, 0.2, -0.9], [0.4, -0.6, 0.7]);
+    let rate = apply(R, v);
+    let vector = |name: &str, dot: &str, v: [f64; 3]| {
+        (0..3).map(|k| (format!("{name}{}{dot}", k + 1), v[k])).collect::<Vec<_>>()
+    };
+    let shared = [named("R", R), vector("Omega", "", omega), vector("r", "", r)].concat();
+    let run = |m: &Model, all: &[(String, f64)]| {
+        rates(m, &all.iter().map(|(n, x)| (n.as_str(), *x)).collect::<Vec<_>>())
+    };
+    let of_pose = run(&pose, &[shared.clone(), vector("V", "", v)].concat());
+    let of_place = run(&place, &[shared, vector("r", "_dot", rate)].concat());
+    // `r' = R V`, so that `r'' = R (V' + Omega x V)`.
+    let turned = cross(omega, v);
+    let inner = [0, 1, 2].map(|k| of_pose[&format!("V{}", k + 1)] + turned[k]);
+    let wanted = apply(R, inner);
+    for k in 0..3 {
+        close(of_pose[&format!("r{}", k + 1)], rate[k], "r'");
+        close(of_place[&format!("r{}_dot", k + 1)], wanted[k], "r''");
+        let name = format!("Omega{}", k + 1);
+        close(of_pose[&name], of_place[&name], &name);
+    }
 }
 
 /// The twin of each model in `models/unreduced` is reduced to this: the algebra, the dimension of the advected

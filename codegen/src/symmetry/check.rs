@@ -27,6 +27,14 @@ const MAX_DRAWS: usize = 40;
 /// one, through eliminations that lose a few digits.
 const MAX_DIFFERENCE: f64 = 1e-7;
 
+/// Time and steps of the motions that are compared: the group leaves the identity, and the error of a step is far below
+/// [`MAX_DIFFERENCE`] for rates of size one.
+const TIME: f64 = 0.1;
+const N_STEPS: u32 = 16;
+
+/// A motion whose steps are less accurate says nothing.
+const MAX_STEP_ERROR: f64 = 1e-5;
+
 /// A scene at the defaults of the parameters.
 struct Running {
     scene: scene::BuiltScene,
@@ -34,9 +42,10 @@ struct Running {
 }
 
 impl Running {
-    fn new(model: &Model) -> Result<Running, String> {
+    /// The scene that is wanted, if the model has it, or the first one.
+    fn new(model: &Model, wanted: &str) -> Result<Running, String> {
         let names = scene::names(model);
-        let name = names.first().ok_or("there is no scene")?;
+        let name = names.iter().find(|name| *name == wanted).or(names.first()).ok_or("there is no scene")?;
         let scene = scene::build(model, name).map_err(|e| e.to_string())?;
         let defaults: BTreeMap<&str, f64> =
             model.params.iter().map(|p| (p.name.as_str(), rational_to_f64(&p.default))).collect();
@@ -46,6 +55,38 @@ impl Running {
             .map(|p| defaults.get(p.name.as_str()).copied().unwrap_or(f64::NAN))
             .collect();
         Ok(Running { scene, params })
+    }
+
+    /// The state after [`TIME`], by the names of it, in steps of Runge and Kutta's method; and how far half as many
+    /// steps lead elsewhere.
+    fn carried(&self, t: f64, of: impl Fn(&str) -> Option<f64>) -> Option<BTreeMap<String, (f64, f64)>> {
+        let names = self.scene.state_names();
+        let start: Vec<f64> = names.iter().map(|name| of(name)).collect::<Option<_>>()?;
+        let interpreter = self.scene.prepare(&self.params).ok()?;
+        let rate = |t: f64, y: &[f64], by: f64, k: &[f64]| {
+            let moved: Vec<f64> = y.iter().zip(k).map(|(y, k)| y + by * k).collect();
+            let mut rates = vec![0.0; y.len()];
+            interpreter.rhs(t + by, &moved, &mut rates);
+            rates
+        };
+        let end = |n: u32| {
+            let h = TIME / f64::from(n);
+            let (mut t, mut y) = (t, start.clone());
+            for _ in 0..n {
+                let a = rate(t, &y, 0.0, &y);
+                let b = rate(t, &y, h / 2.0, &a);
+                let c = rate(t, &y, h / 2.0, &b);
+                let d = rate(t, &y, h, &c);
+                for k in 0..y.len() {
+                    y[k] += h / 6.0 * (a[k] + 2.0 * (b[k] + c[k]) + d[k]);
+                }
+                t += h;
+            }
+            y
+        };
+        let (fine, coarse) = (end(N_STEPS), end(N_STEPS / 2));
+        let pairs = fine.into_iter().zip(coarse).map(|(x, other)| (x, (x - other).abs()));
+        Some(names.into_iter().zip(pairs).collect())
     }
 
     /// Rates by the names of the state, and the energy, where there are rates.
@@ -76,7 +117,8 @@ impl Setting<'_> {
         text: &str,
     ) -> Result<(), String> {
         let reduced = spec::parse("reduced", text).map_err(|problems| problems.to_string())?;
-        let (own, other) = (Running::new(self.model)?, Running::new(&reduced)?);
+        let (own, other) =
+            (Running::new(self.model, scene::DEFAULT)?, Running::new(&reduced, scene::RECONSTRUCTION)?);
         let mut random = 1;
         let mut n_points = 0;
         for _ in 0..MAX_DRAWS {
@@ -110,7 +152,12 @@ impl Setting<'_> {
         let by_name = |g: &hamel_expr::Graph, values: &Values| -> BTreeMap<String, f64> {
             values.iter().map(|(s, x)| (g.name(*s).to_owned(), *x)).collect()
         };
-        let named = by_name(&self.graph, &small);
+        let mut named = by_name(&self.graph, &small);
+        // Coordinates that leave are reconstructed from the identity.
+        for symbol in self.leaving(section) {
+            named.insert(self.graph.name(symbol).to_owned(), *large.get(&symbol)?);
+        }
+        let reduced = named.clone();
         let (slow, energy) = other.rates(t, |name| named.get(name).copied())?;
         let named = by_name(&self.graph, &large);
         let (fast, of_model) = own.rates(t, |name| named.get(name).copied())?;
@@ -191,7 +238,31 @@ impl Setting<'_> {
                 }
             }
         }
+        let leaving: Vec<String> =
+            self.leaving(section).into_iter().map(|s| self.graph.name(s).to_owned()).collect();
+        let end = own.carried(t, |name| named.get(name).copied())?;
+        let end_of_reduced = other.carried(t, |name| reduced.get(name).copied())?;
+        for name in leaving {
+            let (Some((x, e)), Some((y, f))) = (end.get(&name), end_of_reduced.get(&name)) else { continue };
+            let error = e + f;
+            // Also where it is no number.
+            if !error.is_finite() || error > MAX_STEP_ERROR {
+                return None;
+            }
+            if !is_near(*x, *y, 1.0 + x.abs() + error / MAX_DIFFERENCE) {
+                let what =
+                    format!("`{name}` is {x} after {TIME}, and {y} as the reduced model reconstructs it");
+                return Some(Some(what));
+            }
+        }
         Some(None)
+    }
+
+    /// Coordinates of the model that the group takes away.
+    fn leaving(&self, section: &Section) -> Vec<SymbolId> {
+        let base = self.model.base.iter().map(|c| c.symbol);
+        let groups = self.model.configurations.iter().flat_map(|c| c.symbols.iter().copied());
+        base.chain(groups).filter(|s| section.at.contains_key(s)).collect()
     }
 
     /// `sum_k a_k' v_k = sum_a xi^a X_a f` at the start of the module.

@@ -52,6 +52,13 @@ fn planted_faults_are_found() {
         (BODY, "1/2*I2", "1/2*I1"),
         (SLEIGH, "a*v_theta", "2*a*v_theta"),
         (SLEIGH, "v_y = 0", "v_y - v_x/10 = 0"),
+        (BODY, "by R*[v_r1, v_r2", "by R*[v_r2, v_r1"),
+        (
+            BODY,
+            "reconstruct R in matrices(SO(3)) from Omega1, Omega2, Omega3",
+            "reconstruct R in matrices(SO(3)) from Omega2, Omega3, Omega1",
+        ),
+        (SLEIGH, "[sin(theta), cos(theta)]", "[-sin(theta), cos(theta)]"),
         (VESELOVA, "chi3*a", "chi2*a"),
         (VESELOVA, "Omega3*a", "Omega2*a"),
     ];

@@ -265,10 +265,20 @@ impl Setting<'_> {
                 if let [only] = texts.as_slice() { only.clone() } else { format!("[{}]", texts.join(", ")) };
             let _ = writeln!(out, "    {word} {name} = {value};");
         }
-        for (what, count) in [("event", model.events.len()), ("view", model.views.list.len())] {
+        let left = [
+            ("event", model.events.len()),
+            ("view", model.views.list.len()),
+            ("scene", model.scenes.len()),
+            ("section", model.sections.len()),
+            ("name of momenta", model.momenta.len()),
+            ("chain of stages", usize::from(model.stages.is_some())),
+            ("velocity that the state does not carry itself", model.carries.len()),
+            ("choice of independent velocities", model.independent.iter().len()),
+            ("kind of connection", usize::from(model.derived_connection.is_some())),
+        ];
+        for (what, count) in left {
             if count > 0 {
-                let _ =
-                    writeln!(out, "    // Left out: {count} {what}{}.", if count == 1 { "" } else { "s" });
+                let _ = writeln!(out, "    // Left out, with its number: {what}, {count}.");
             }
         }
     }
@@ -317,45 +327,39 @@ impl Setting<'_> {
                 s.spelled(sum)
             };
             let name = |i: usize| model.base[i].name.clone();
-            match turning.as_slice() {
-                [] => {
-                    let rate = along(self, i);
-                    document(out, &model.base[i].doc);
-                    let _ = writeln!(out, "    reconstruct {} by {rate};", name(i));
+            let of_space = match turning.first().map(|a| self.generators[group.fields[*a].pivot]) {
+                Some(Generator::Left(k, _)) if i + 2 < model.base.len() => {
+                    Some(&model.configurations[k].name)
                 }
+                _ => None,
+            };
+            let angle = match turning.as_slice() {
                 [a] if i + 1 < model.base.len()
                     && self.is_quarter_turn(&group.fields[*a].coefficients, i) =>
                 {
-                    let (x, y) = (along(self, i), along(self, i + 1));
-                    if let Generator::Translation(angle) = self.generators[group.fields[*a].pivot] {
-                        done.insert(i + 1);
-                        let theta = name(angle);
-                        let _ = writeln!(
-                            out,
-                            "    reconstruct {}, {} by [cos({theta})*{x} - sin({theta})*{y}, sin({theta})*{x} + \
-                             cos({theta})*{y}];",
-                            name(i),
-                            name(i + 1)
-                        );
-                    }
-                }
-                [a, _] | [a, _, _] => {
-                    let of_space = match self.generators[group.fields[*a].pivot] {
-                        Generator::Left(k, _) if i + 2 < model.base.len() => {
-                            Some(&model.configurations[k].name)
-                        }
+                    match self.generators[group.fields[*a].pivot] {
+                        Generator::Translation(angle) => Some(name(angle)),
                         _ => None,
-                    };
-                    if let Some(matrix) = of_space {
-                        let rates = [0, 1, 2].map(|d| along(self, i + d)).join(", ");
-                        done.extend([i + 1, i + 2]);
-                        let names = [0, 1, 2].map(|d| name(i + d)).join(", ");
-                        let _ = writeln!(out, "    reconstruct {names} by {matrix}*[{rates}];");
                     }
                 }
-                _ => {
-                    let _ = writeln!(out, "    // Not reconstructed: `{}`.", name(i));
-                }
+                _ => None,
+            };
+            if turning.is_empty() {
+                let rate = along(self, i);
+                document(out, &model.base[i].doc);
+                let _ = writeln!(out, "    reconstruct {} by {rate};", name(i));
+            } else if let Some(theta) = angle {
+                done.insert(i + 1);
+                let (x, y) = (along(self, i), along(self, i + 1));
+                let turn = format!("[[cos({theta}), -sin({theta})], [sin({theta}), cos({theta})]]");
+                let _ = writeln!(out, "    reconstruct {}, {} by {turn}*[{x}, {y}];", name(i), name(i + 1));
+            } else if let Some(matrix) = of_space {
+                done.extend([i + 1, i + 2]);
+                let rates = [0, 1, 2].map(|d| along(self, i + d)).join(", ");
+                let names = [0, 1, 2].map(|d| name(i + d)).join(", ");
+                let _ = writeln!(out, "    reconstruct {names} by {matrix}*[{rates}];");
+            } else {
+                let _ = writeln!(out, "    // Not reconstructed: `{}`.", name(i));
             }
         }
     }
@@ -444,6 +448,14 @@ impl Setting<'_> {
             }
             let value = self.graph.linear_combination(&terms);
             let _ = writeln!(out, "    initial {name} = {};", self.spelled(value));
+        }
+        // Coordinates that leave are known where they are reconstructed, and there alone.
+        for (i, coordinate) in model.base.iter().enumerate().filter(|(i, _)| !section.shape.contains(i)) {
+            let start = given.get(coordinate.name.as_str()).filter(|e| **e != zero);
+            if let Some(e) = start.filter(|_| out.contains(&format!("reconstruct {} by", model.base[i].name)))
+            {
+                let _ = writeln!(out, "    initial {} = {};", coordinate.name, self.spelled(*e));
+            }
         }
         for i in &section.shape {
             if let Some(e) = given.get(model.base[*i].name.as_str()) {
