@@ -97,6 +97,38 @@ impl Graph {
         }
     }
 
+    /// Whether an expression is `sum +-a b` over some `(is_negative, a, b)`, as [`Graph::is_equal`]; the sum is made
+    /// only where values at the first points do not decide.
+    pub fn is_sum_of_products(&mut self, e: ExprId, products: &[(bool, ExprId, ExprId)]) -> bool {
+        let parts = || products.iter().flat_map(|(_, a, b)| [*a, *b]).chain([e]);
+        let doubts = parts().fold(Doubts::default(), |all, part| all.and(self.arena.doubts(part)));
+        let values = (0..POINTS).filter_map(|point| {
+            let at = |e: ExprId| self.arena.fingerprint(e)[point];
+            products.iter().try_fold(at(e)?, |rest, (is_negative, a, b)| {
+                let product = field::mul(at(*a)?, at(*b)?);
+                Some(field::add(rest, if *is_negative { product } else { field::negate(product) }))
+            })
+        });
+        let (mut n_valid, mut differs) = (0, false);
+        for rest in values {
+            n_valid += 1;
+            differs |= rest != 0;
+        }
+        if differs && doubts == Doubts::default() {
+            return false;
+        }
+        if !differs && n_valid >= ENOUGH {
+            return true;
+        }
+        let mut terms = Vec::with_capacity(products.len());
+        for (is_negative, a, b) in products {
+            let product = self.mul(*a, *b);
+            terms.push(if *is_negative { self.neg(product) } else { product });
+        }
+        let sum = self.sum(&terms);
+        self.is_equal(e, sum)
+    }
+
     /// As [`Graph::is_equal`], from values alone without multiplying out: false where these say nothing. Two valid
     /// points are enough here, with a chance of error below `1e-18`; where signs are unknown, the difference is looked
     /// into for all of them.

@@ -15,7 +15,9 @@ use hamel_mechanics::mechanics::{
     operations_of_motion, phases,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
-use hamel_program::lower::{self, Inputs, ParamCondition, Request, Sampling, VariableKind};
+use hamel_program::lower::{
+    self, Inputs, KnownRates, Lowered, ParamCondition, Request, Sampling, SearchBudget, VariableKind,
+};
 use hamel_program::program::Role;
 
 use super::built::{BuiltScene, legendre_role};
@@ -32,7 +34,20 @@ pub(super) struct Derivations<'m> {
     pub(super) model: &'m Model,
     /// The same, for scenes that outlive the borrow.
     shared: Arc<Model>,
-    done: Vec<(Formulation, Result<Arc<Equations>, Diagnostics>)>,
+    done: Vec<(Formulation, Result<Derived, Diagnostics>)>,
+}
+
+/// Equations, with their rates in a form that was searched before, by the graph of the equations.
+#[derive(Clone, Debug)]
+pub(super) struct Derived {
+    pub(super) equations: Arc<Equations>,
+    rates: Option<Arc<KnownRates>>,
+}
+
+impl From<Arc<Equations>> for Derived {
+    fn from(equations: Arc<Equations>) -> Derived {
+        Derived { equations, rates: None }
+    }
 }
 
 impl<'m> Derivations<'m> {
@@ -55,13 +70,17 @@ impl<'m> Derivations<'m> {
 
     /// The equations in a formulation.
     pub(super) fn equations(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
+        self.derivation(formulation).map(|derived| derived.equations)
+    }
+
+    fn derivation(&self, formulation: &Formulation) -> Result<Derived, Diagnostics> {
         match self.done.iter().find(|(other, _)| other == formulation) {
             Some((_, known)) => known.clone(),
             None => self.derived(formulation),
         }
     }
 
-    fn derived(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
+    fn derived(&self, formulation: &Formulation) -> Result<Derived, Diagnostics> {
         let model = self.model;
         let system = reduce(model, formulation)?;
         let is_open = formulation.squares && formulation.recursive.is_none();
@@ -70,18 +89,22 @@ impl<'m> Derivations<'m> {
         if let Some(found) = found {
             return Ok(found);
         }
-        derive(&system).map(Arc::new).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
+        let derived = derive(&system).map(|equations| Derived::from(Arc::new(equations)));
+        derived.map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
     }
 }
 
 /// The equations by recursion or multiplied out, whichever right-hand side costs less; none where those by recursion
 /// cannot be derived.
-fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Arc<Equations>> {
-    let cost = |equations: &Arc<Equations>, formulation: &Formulation| {
+fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Derived> {
+    // The scene's graph goes on from the one in which the search for the rates ended.
+    let lowered = |mut equations: Equations, formulation: &Formulation| {
         let plan = Plan::bare(DEFAULT.to_owned(), formulation.clone());
-        let built = build_derived(model, Arc::clone(equations), &plan).ok()?;
-        let rate = built.program.function(&Role::Rate)?;
-        Some((rate.counts().cost(), built.spent))
+        let (built, rates, graph) =
+            lower_derived(model, Derived::from(Arc::new(equations.clone())), &plan).ok()?;
+        let cost = built.program.function(&Role::Rate)?.counts().cost();
+        equations.system.graph = graph;
+        Some((cost, built.spent, Derived { equations: Arc::new(equations), rates: rates.map(Arc::new) }))
     };
     let in_form = |recursive: bool| {
         let formulation = Formulation { recursive: Some(recursive), ..system.formulation.clone() };
@@ -89,11 +112,11 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Arc<Equ
     };
     let own = system.graph.budget();
     let by_recursion = in_form(true);
-    let equations = Arc::new(derive(&by_recursion).ok()?);
+    let equations = derive(&by_recursion).ok()?;
     let n_by_recursion = equations.n_operations();
-    let (cost_by_recursion, spent) = cost(&equations, &by_recursion.formulation)?;
+    let (cost, spent, by_recursion) = lowered(equations, &by_recursion.formulation)?;
     let mut trials = Trials::new(&());
-    trials.attempt(&mut (), 0, |()| Some((cost_by_recursion, equations)));
+    trials.attempt(&mut (), 0, |()| Some((cost, by_recursion)));
     // What takes more than recursion took does not cost less; searches stop at half of the work.
     let least = |own: u64, spent: u64| own.min(spent.saturating_mul(2));
     let mut expanded = in_form(false);
@@ -106,10 +129,9 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Arc<Equ
         if operations_of_motion(&expanded).ok()? > EXPANDED * n_by_recursion {
             return None;
         }
-        let mut equations = derive(&expanded).ok()?;
-        let (cost, _) = cost(&Arc::new(equations.clone()), &expanded.formulation)?;
-        equations.system.graph.set_budget(own);
-        Some((cost, Arc::new(equations)))
+        let (cost, _, mut derived) = lowered(derive(&expanded).ok()?, &expanded.formulation)?;
+        Arc::get_mut(&mut derived.equations)?.system.graph.set_budget(own);
+        Some((cost, derived))
     });
     trials.finish(&mut ())
 }
@@ -149,7 +171,7 @@ fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, 
         let message = format!("{} has nothing to reconstruct in this formulation", model.name);
         return Err(fail_at(place_of(Want::Reconstruction.name()), message, help));
     }
-    let equations = derivations.equations(&plan.formulation).map_err(|problems| {
+    let derived = derivations.derivation(&plan.formulation).map_err(|problems| {
         let on_lines = Formulation { circles: Vec::new(), ..plan.formulation.clone() };
         if plan.formulation.circles.is_empty() || reduce(model, &on_lines).is_err() {
             return problems;
@@ -162,15 +184,25 @@ fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, 
         });
         model.diagnostics(located.collect())
     })?;
-    build_derived(model, equations, &plan)
+    build_derived(model, derived, &plan)
 }
 
 /// Selects what a scene wants of its equations, and lowers them.
 pub(super) fn build_derived(
     model: &Model,
-    equations: Arc<Equations>,
+    derived: impl Into<Derived>,
     plan: &Plan,
 ) -> Result<BuiltScene, Diagnostics> {
+    lower_derived(model, derived.into(), plan).map(|(built, ..)| built)
+}
+
+/// As [`build_derived`], with the form of the rates and the graph in which they are written.
+fn lower_derived(
+    model: &Model,
+    derived: Derived,
+    plan: &Plan,
+) -> Result<(BuiltScene, Option<KnownRates>, Graph), Diagnostics> {
+    let equations = Arc::clone(&derived.equations);
     let scene = plan.name.as_str();
     let own = model.scenes.iter().find(|s| s.name == scene);
     let place_of = |name: &str| own.and_then(|s| s.places.get(name).copied());
@@ -246,7 +278,7 @@ pub(super) fn build_derived(
         state.extend(equations.reconstruction.iter().cloned());
     }
     let sampling = plan.digits.then(|| sampling(model, &plan.name, &equations, &state));
-    lower_scene(equations, plan, state, (outputs, sampling)).map_err(|e| {
+    lower_scene(derived, plan, state, (outputs, sampling)).map_err(|e| {
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
@@ -340,11 +372,11 @@ fn sampling(model: &Model, scene: &str, equations: &Equations, state: &[StateEqu
 
 /// Lowers what a scene asks for of its equations.
 pub(super) fn lower_scene(
-    equations: Arc<Equations>,
+    Derived { equations, rates: known }: Derived,
     plan: &Plan,
     state: Vec<StateEquation>,
     (mut outputs, sampling): (Vec<Output>, Option<Sampling>),
-) -> Result<BuiltScene, Error> {
+) -> Result<(BuiltScene, Option<KnownRates>, Graph), Error> {
     let system = &equations.system;
     let mut graph = system.graph.clone();
     graph.enter(Stage::Derivatives);
@@ -493,12 +525,15 @@ pub(super) fn lower_scene(
     sections.extend(own_sections);
     let sections = needed_sections(&graph, &sections, &roots);
     let events = events::of_scene(&equations, &plan.name, &state, &outputs)?;
-    let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, &plan.search)?;
+    let known = known.as_deref().filter(|_| plan.search == SearchBudget::default());
+    let lowered =
+        lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, (&plan.search, known))?;
+    let Lowered { program, rates } = lowered;
     let products = derivatives.products;
     let spent = graph.spent();
     let (name, wants_taylor, doc) = (plan.name.clone(), plan.taylor, plan.doc.clone());
     let chosen = plan.chosen.clone();
-    Ok(BuiltScene {
+    let built = BuiltScene {
         name,
         equations,
         program,
@@ -517,7 +552,8 @@ pub(super) fn lower_scene(
         is_in_hamiltonian_time: plan.hamiltonian_time,
         model: None,
         certificate: Certificate::default(),
-    })
+    };
+    Ok((built, rates, graph))
 }
 
 impl BuiltScene {

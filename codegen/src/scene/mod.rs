@@ -215,6 +215,13 @@ pub fn names(model: &Model) -> Vec<String> {
     Scenes::new(model).names()
 }
 
+/// Whether a model has a scene, or could have it: see [`Scenes::names`], and [`DERIVATIVES`]. Derives the model only
+/// where the answer takes that, for [`MINIMAL`].
+pub fn has_scene(model: &Model, name: &str) -> bool {
+    let has_minimal = || name == MINIMAL && Scenes::new(model).has_ignorable_coordinates();
+    name == DERIVATIVES || names_of(model, has_minimal).iter().any(|known| known == name)
+}
+
 /// Names of the coordinates that the scene [`RECONSTRUCTION`] adds to the state, in its order: those of the group, and
 /// cyclic ones whose momenta are parameters. Empty where nothing is reconstructed.
 pub fn reconstructed(model: &Model) -> Vec<String> {
@@ -495,7 +502,7 @@ impl BuiltScene {
 
     /// Another scene in the same state, held to the same model.
     fn beside(&self, plan: &Plan, outputs: Vec<Output>) -> Result<BuiltScene, Error> {
-        let built = lower_scene(self.equations.clone(), plan, self.state.clone(), (outputs, None))?;
+        let (built, ..) = lower_scene(self.equations.clone().into(), plan, self.state.clone(), (outputs, None))?;
         match &self.model {
             Some(model) => built.certified(Arc::clone(model)),
             None => Ok(built),

@@ -78,11 +78,11 @@ impl Checked {
     /// # Errors
     /// [`Error::UnknownScene`].
     pub fn known_scene(&self, scene: &str) -> Result<(), Error> {
-        let mut known = self.scene_names();
-        if !known.iter().any(|k| k == scene::DERIVATIVES) {
-            known.push(scene::DERIVATIVES.to_owned());
-        }
-        if !known.iter().any(|k| k == scene) {
+        if !scene::has_scene(&self.model, scene) {
+            let mut known = self.scene_names();
+            if !known.iter().any(|k| k == scene::DERIVATIVES) {
+                known.push(scene::DERIVATIVES.to_owned());
+            }
             return Err(Error::UnknownScene { model: self.model.name.clone(), name: scene.into(), known });
         }
         Ok(())

@@ -390,22 +390,28 @@ fn turned_with(
     let choices = spins.iter().rev().flat_map(|omega| ORDERS.map(|order| order.map(|i| &omega[i])));
     for omega in choices {
         for signs in 0..8_u8 {
-            let signed = |g: &mut Graph, i: usize, e: ExprId| if signs >> i & 1 == 0 { e } else { g.neg(e) };
-            let slopes: Vec<[ExprId; 3]> =
-                (0..n).map(|beta| [0, 1, 2].map(|i| signed(g, i, omega[i].slopes[beta]))).collect();
-            let of = |alpha: usize| [0, 1, 2].map(|i| v[i].slopes[alpha]);
+            let sign = |i: usize| signs >> i & 1 == 1;
             let fits = (0..n).all(|beta| {
                 (0..beta).all(|alpha| {
-                    let forward = cross(g, of(alpha), slopes[beta]);
-                    let backward = cross(g, of(beta), slopes[alpha]);
                     (0..3).all(|i| {
-                        let expected = g.sub(forward[i], backward[i]);
-                        g.is_equal(v[i].torsion[beta][alpha], expected)
+                        // (v_alpha x K_beta - v_beta x K_alpha)_i
+                        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                        let product = |is_negative: bool, (a, p): (usize, usize), (b, q): (usize, usize)| {
+                            (is_negative ^ sign(q), v[p].slopes[a], omega[q].slopes[b])
+                        };
+                        let products = [
+                            product(false, (alpha, j), (beta, k)),
+                            product(true, (alpha, k), (beta, j)),
+                            product(true, (beta, j), (alpha, k)),
+                            product(false, (beta, k), (alpha, j)),
+                        ];
+                        g.is_sum_of_products(v[i].torsion[beta][alpha], &products)
                     })
                 })
             });
             if fits {
-                let turning = Turning::With([0, 1, 2].map(|i| signed(g, i, omega[i].value)));
+                let signed = |i: usize| if sign(i) { g.neg(omega[i].value) } else { omega[i].value };
+                let turning = Turning::With([0, 1, 2].map(signed));
                 return Some(Square {
                     masses: (0..3).map(|i| (i, i, weight)).collect(),
                     components,
@@ -431,10 +437,9 @@ fn spin(g: &mut Graph, singles: &[Single], first: usize) -> Option<[usize; 3]> {
             (0..beta).all(|alpha| {
                 (0..3).all(|i| {
                     let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                    let forward = g.mul(omega[j].slopes[alpha], omega[k].slopes[beta]);
-                    let backward = g.mul(omega[k].slopes[alpha], omega[j].slopes[beta]);
-                    let expected = g.sub(forward, backward);
-                    g.is_equal(omega[i].torsion[beta][alpha], expected)
+                    let forward = (false, omega[j].slopes[alpha], omega[k].slopes[beta]);
+                    let backward = (true, omega[k].slopes[alpha], omega[j].slopes[beta]);
+                    g.is_sum_of_products(omega[i].torsion[beta][alpha], &[forward, backward])
                 })
             })
         });

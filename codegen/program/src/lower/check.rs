@@ -4,6 +4,7 @@
 
 use super::Inputs;
 use super::form::Form;
+use super::passes::PASSES;
 use super::pivots::Conditions;
 use super::source::Source;
 use crate::program::{Program, verify_rules};
@@ -34,6 +35,23 @@ impl<'a> Check<'a> {
         let results = functions.iter().flat_map(Form::results).map(|(_, e)| *e);
         let sides = conditions.conditions.iter().flat_map(|c| [c.greater, c.less]);
         Check { inputs: source.inputs, graph, results: results.chain(sides).collect() }
+    }
+
+    /// Whether anything is compared.
+    pub(super) fn compares(&self) -> bool {
+        self.graph.is_some()
+    }
+
+    /// Runs the passes on a program once more, and looks at it after each: which of them it was.
+    ///
+    /// # Errors
+    /// As [`Check::after`].
+    pub(super) fn of_passes(&mut self, mut program: Program) -> Result<(), Error> {
+        for (name, pass) in PASSES {
+            pass(&mut program);
+            self.after(name, &program)?;
+        }
+        Ok(())
     }
 
     /// Looks at the program after a pass.

@@ -98,7 +98,47 @@ pub struct ParamCondition {
     pub is_rounded: bool,
 }
 
-/// Lowers sections of definitions and the requested functions to one program.
+/// The rates in the form that a search found, for further programs by the same graph.
+#[derive(Clone, Debug)]
+pub struct KnownRates {
+    asked: Request,
+    form: Form,
+    search: Search,
+}
+
+impl KnownRates {
+    /// The form with its definitions in the sections of a source, if the source asks for these rates; sections have
+    /// their order, and some more may stand between them.
+    fn in_sections_of(&self, source: &Source<'_>, request: &Request) -> Option<Form> {
+        if *request != self.asked {
+            return None;
+        }
+        let nothing = |section: &Section| Section { title: section.title.clone(), definitions: Vec::new() };
+        let mut sections: Vec<Section> = source.sections.iter().map(nothing).collect();
+        // The last one comes after all of the source.
+        let (last, known) = self.form.sections.split_last()?;
+        let mut from = 0;
+        for section in known.iter().filter(|section| !section.definitions.is_empty()) {
+            let place = from + sections[from..].iter().position(|there| there.title == section.title)?;
+            sections[place].definitions.clone_from(&section.definitions);
+            from = place + 1;
+        }
+        sections.push(last.clone());
+        Some(Form { sections, ..self.form.clone() })
+    }
+}
+
+/// A program, and the rates in it for further ones.
+#[derive(Clone, Debug)]
+pub struct Lowered {
+    /// The program.
+    pub program: Program,
+    /// The form of the rates, where they are requested.
+    pub rates: Option<KnownRates>,
+}
+
+/// Lowers sections of definitions and the requested functions to one program; rates that are `known`, by this graph or
+/// one that it is a continuation of, are not searched again.
 ///
 /// Pivots are computed as the rates compute them where these are requested first, otherwise in a form of their own.
 ///
@@ -111,24 +151,35 @@ pub fn lower(
     sections: &[Section],
     conditions: &[ParamCondition],
     requests: &[Request],
-    budget: &SearchBudget,
-) -> Result<Program, Error> {
-    let program = Source::new(graph, inputs, sections, conditions, requests)
-        .and_then(|source| program(graph, &source, budget));
+    (budget, known): (&SearchBudget, Option<&KnownRates>),
+) -> Result<Lowered, Error> {
+    let lowered = Source::new(graph, inputs, sections, conditions, requests)
+        .and_then(|source| lowered(graph, &source, budget, known));
     // Beside a graph that is past its budget, whatever else seems wrong says nothing.
     graph.within_budget()?;
-    program
+    lowered
 }
 
 /// The way from expressions to a program.
-fn program(graph: &mut Graph, source: &Source<'_>, budget: &SearchBudget) -> Result<Program, Error> {
+fn lowered(
+    graph: &mut Graph,
+    source: &Source<'_>,
+    budget: &SearchBudget,
+    known: Option<&KnownRates>,
+) -> Result<Lowered, Error> {
     let mut digits = Digits::new(graph, source);
-    let (functions, report) = functions(graph, source, &mut digits, budget)?;
+    let (functions, report) = functions(graph, source, &mut digits, (budget, known))?;
+    let rates = source.requests.iter().find(|request| request.role == Role::Rate).and_then(|asked| {
+        let form = functions.iter().find(|form| form.request.role == Role::Rate)?.clone();
+        let (_, search) = report.searches.iter().find(|(role, _)| *role == Role::Rate)?;
+        Some(KnownRates { asked: asked.clone(), form, search: search.clone() })
+    });
     let conditions = pivots::conditions(graph, source, &mut digits);
     let mut program = values::program(graph, source.inputs, &functions, &conditions, source.requests)?;
     program.report = report;
     let mut check = Check::new(graph, source, &functions, &conditions);
     check.after("numbering", &program)?;
+    let numbered = check.compares().then(|| program.clone());
     for (name, pass) in PASSES {
         let since = trace::start(Topic::Lower);
         pass(&mut program);
@@ -137,14 +188,18 @@ fn program(graph: &mut Graph, source: &Source<'_>, budget: &SearchBudget) -> Res
             program.functions.iter().for_each(|function| counts += function.counts());
             trace::tell(since, name, counts);
         }
-        check.after(name, &program)?;
+    }
+    if let Some(numbered) = numbered
+        && let Err(error) = check.after("all passes", &program)
+    {
+        return Err(check.of_passes(numbered).err().unwrap_or(error));
     }
     if let Some(sampling) = &source.inputs.sampling {
         compensate(&mut program, sampling);
         check.after("compensation", &program)?;
     }
     verify(&program)?;
-    Ok(program)
+    Ok(Lowered { program, rates })
 }
 
 /// Names of the passes over a program, in order.
@@ -171,7 +226,7 @@ fn functions(
     graph: &mut Graph,
     source: &Source<'_>,
     digits: &mut Digits,
-    budget: &SearchBudget,
+    (budget, known): (&SearchBudget, Option<&KnownRates>),
 ) -> Result<(Vec<Form>, Report), Error> {
     let (mut functions, mut report) = (Vec::<Form>::new(), Report::default());
     for request in source.requests {
@@ -182,6 +237,11 @@ fn functions(
             let (own, search) = pivots::functions(graph, source, digits, budget, request, rate)?;
             functions.extend(own);
             search
+        } else if let Some((known, form)) =
+            known.and_then(|known| Some((known, known.in_sections_of(source, request)?)))
+        {
+            functions.push(form);
+            known.search.clone()
         } else {
             let (form, search) = written(graph, source, digits, budget, request)?;
             functions.push(form);

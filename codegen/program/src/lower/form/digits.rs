@@ -123,7 +123,7 @@ impl Digits {
         let mut atoms: HashMap<u32, Vec<Measured>> = HashMap::new();
         for k in order {
             let mut sum: Option<Vec<Measured>> = None;
-            for (m, c) in &entries[k].value {
+            for (m, c) in entries[k].value.iter() {
                 let number = system.numbers.expr(graph, *c);
                 let number = self.best(graph, number);
                 let number = graph.subs(number, &self.values).ok()?;

@@ -8,6 +8,7 @@
 
 mod site;
 
+use std::cell::RefMut;
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -15,7 +16,7 @@ use num_traits::{Signed, Zero};
 use rustc_hash::FxHashMap;
 
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, common, quotient, times};
+use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, Terms, common, power, quotient, times};
 use crate::program::cost::thirds::{CALL, DIVISION, FLOP, INSTRUCTION, ROOT};
 use hamel_expr::{Func, Graph};
 
@@ -33,7 +34,7 @@ struct Shape {
 }
 
 impl Shape {
-    fn of(value: &Polynomial) -> Shape {
+    fn of(value: &[(Monomial, Coefficient)]) -> Shape {
         let mut shape = Shape::default();
         for (m, c) in value {
             shape.add(n_mul(m, *c), 1);
@@ -111,28 +112,43 @@ pub(super) fn cost(system: &System, entries: &[Entry], roots: &[usize]) -> i64 {
     let mut total = 0;
     let mut costly: BTreeSet<Costly> = BTreeSet::new();
     for k in needed(system, entries, roots) {
-        total += Shape::of(&entries[k].value).cost();
-        for (m, _) in &entries[k].value {
-            for (atom, q) in m {
-                if q.is_negative() {
-                    costly.insert(Costly::Division(*atom));
-                }
-                if !q.is_integer() {
-                    costly.insert(Costly::Root(*atom));
-                }
-                match system.atom(*atom) {
-                    Atom::Function(f, argument) => {
-                        // Sine and cosine of one angle are computed together.
-                        let kind = if f == Func::Sin { Func::Cos } else { f };
-                        costly.insert(Costly::Function(kind, argument));
-                    }
-                    Atom::Atan2(y, x) => _ = costly.insert(Costly::Atan2(y, x)),
-                    Atom::Input(_) | Atom::Poly(_) => {}
-                }
-            }
-        }
+        let price = entries[k].value.price(|| Price::of(system, &entries[k].value));
+        total += price.sum;
+        costly.extend(price.costly.iter().copied());
     }
     total + costly.iter().map(Costly::cost).sum::<i64>()
+}
+
+/// What one polynomial costs.
+#[derive(Clone, Debug)]
+pub(super) struct Price {
+    /// Multiplications and additions.
+    sum: i64,
+    costly: Box<[Costly]>,
+}
+
+impl Price {
+    fn of(system: &System, value: &Polynomial) -> Price {
+        let mut costly: BTreeSet<Costly> = BTreeSet::new();
+        for (atom, q) in value.iter().flat_map(|(m, _)| m) {
+            if q.is_negative() {
+                costly.insert(Costly::Division(*atom));
+            }
+            if !q.is_integer() {
+                costly.insert(Costly::Root(*atom));
+            }
+            match system.atom(*atom) {
+                Atom::Function(f, argument) => {
+                    // Sine and cosine of one angle are computed together.
+                    let kind = if f == Func::Sin { Func::Cos } else { f };
+                    costly.insert(Costly::Function(kind, argument));
+                }
+                Atom::Atan2(y, x) => _ = costly.insert(Costly::Atan2(y, x)),
+                Atom::Input(_) | Atom::Poly(_) => {}
+            }
+        }
+        Price { sum: Shape::of(value).cost(), costly: costly.into_iter().collect() }
+    }
 }
 
 /// The polynomials behind the roots, each after those that it needs.
@@ -149,9 +165,8 @@ pub(super) fn needed(system: &System, entries: &[Entry], roots: &[usize]) -> Vec
             continue;
         }
         pending.push((k, true));
-        let atoms = entries[k].value.iter().flat_map(|(m, _)| m).map(|(atom, _)| *atom);
-        let operands: Vec<usize> = atoms.flat_map(|atom| system.needs(atom)).collect();
-        pending.extend(operands.into_iter().rev().filter(|k| !seen[*k]).map(|k| (k, false)));
+        let operands = entries[k].value.needs(system).iter().rev().filter(|k| system.is_in_view(**k));
+        pending.extend(operands.map(|k| (*k as usize, false)).filter(|(k, _)| !seen[*k]));
     }
     order
 }
@@ -213,6 +228,16 @@ struct Pair {
     scale: Coefficient,
     /// As [`Occurrence::n_left`].
     n_left: u32,
+}
+
+/// What an extractor knows about a polynomial.
+#[derive(Clone, Debug)]
+pub(super) struct Facts {
+    /// Of the extractor's tables.
+    generation: usize,
+    candidates: Option<Rc<Candidates>>,
+    /// The divisor that the polynomial is, if it is one.
+    divisor: Option<Option<(u32, Coefficient)>>,
 }
 
 /// Extracts divisors; remembers those of terms, pairs of terms and polynomials met before, as one search meets the same
@@ -376,10 +401,32 @@ impl Pass<'_> {
     }
 
     fn enter(&mut self, entries: &[Entry], k: usize) {
-        let candidates = self.candidates_of(&entries[k].value);
+        let value = &entries[k].value;
+        let known = self.facts(value).candidates.clone();
+        let candidates = match known {
+            Some(known) => {
+                self.system.effort.divisors += known.savings.len();
+                known
+            }
+            None => {
+                let found = self.candidates_of(value);
+                self.facts(value).candidates = Some(found.clone());
+                found
+            }
+        };
         self.candidates[k] = Some(candidates);
         self.remember(entries, k);
         self.count(k, 1);
+    }
+
+    /// What this extractor knows about a polynomial.
+    fn facts<'p>(&self, value: &'p Polynomial) -> RefMut<'p, Facts> {
+        let generation = self.extractor.generation;
+        let mut facts = value.facts().borrow_mut();
+        if facts.as_ref().is_none_or(|facts| facts.generation != generation) {
+            *facts = Some(Facts { generation, candidates: None, divisor: None });
+        }
+        RefMut::map(facts, |facts| facts.as_mut().expect("just put there"))
     }
 
     /// Puts a divisor in the place of all its occurrences.
@@ -426,7 +473,7 @@ impl Pass<'_> {
         let own_cost = match &divisor {
             Divisor::Sum(..) if self.is_one(&divisor) => 0,
             Divisor::Sum([a, b], numbers) => {
-                Shape::of(&vec![(a.clone(), numbers[0]), (b.clone(), numbers[1])]).cost()
+                Shape::of(&[(a.clone(), numbers[0]), (b.clone(), numbers[1])]).cost()
             }
             Divisor::Product(..) => INSTRUCTION + FLOP,
         };
@@ -449,33 +496,43 @@ impl Pass<'_> {
 
     /// Polynomials that are a divisor as they stand need not be computed again.
     fn remember(&mut self, entries: &[Entry], k: usize) {
-        let (divisor, scale) = match entries[k].value.as_slice() {
-            [(a, p), (b, q)] => self.sum_divisor((a.clone(), *p), (b.clone(), *q)),
-            [(m, c)] => {
-                let literals = literals(m, *c);
-                let [(a, n), rest @ ..] = literals.as_slice() else { return };
-                let pair = match rest {
-                    [] if *n == 2 => (*a, *a),
-                    [(b, 1)] if *n == 1 => (*a, *b),
-                    _ => return,
-                };
-                if m.iter().any(|(_, q)| !q.is_integer()) {
-                    return;
-                }
-                (Divisor::Product(pair.0, pair.1), Coefficient::ONE.signed_by(c.negative))
-            }
-            _ => return,
-        };
-        // What is computed there is used in place of the divisor: `divisor = value / scale`.
-        if self.system.numbers.div(self.graph, Coefficient::ONE, scale).is_none() {
-            return;
-        }
-        let id = self.id(divisor);
+        let value = &entries[k].value;
+        let known = self.facts(value).divisor;
+        let divisor = known.unwrap_or_else(|| {
+            let found = self.divisor_of(value);
+            self.facts(value).divisor = Some(found);
+            found
+        });
+        let Some((id, scale)) = divisor else { return };
         if self.extractor.known[id as usize].is_none() {
             self.extractor.known[id as usize] = Some(Known::Entry { k, scale });
             self.touched.push(id);
             self.queue(id);
         }
+    }
+
+    /// The divisor that a polynomial is: `value = scale * divisor`.
+    fn divisor_of(&mut self, value: &Polynomial) -> Option<(u32, Coefficient)> {
+        let (divisor, scale) = match &**value {
+            [(a, p), (b, q)] => self.sum_divisor((a.clone(), *p), (b.clone(), *q)),
+            [(m, c)] => {
+                let literals = literals(m, *c);
+                let [(a, n), rest @ ..] = literals.as_slice() else { return None };
+                let pair = match rest {
+                    [] if *n == 2 => (*a, *a),
+                    [(b, 1)] if *n == 1 => (*a, *b),
+                    _ => return None,
+                };
+                if m.iter().any(|(_, q)| !q.is_integer()) {
+                    return None;
+                }
+                (Divisor::Product(pair.0, pair.1), Coefficient::ONE.signed_by(c.negative))
+            }
+            _ => return None,
+        };
+        // What is computed there is used in place of the divisor: `divisor = value / scale`.
+        self.system.numbers.div(self.graph, Coefficient::ONE, scale)?;
+        Some((self.id(divisor), scale))
     }
 
     /// `p a + q b = scale * divisor`, the common factor of `a` and `b` left in both.
@@ -616,7 +673,7 @@ impl Pass<'_> {
     }
 
     fn value_of(&self, id: u32) -> Polynomial {
-        match &self.extractor.divisors[id as usize] {
+        let terms = match &self.extractor.divisors[id as usize] {
             Divisor::Sum([a, b], [p, q]) => vec![(a.clone(), *p), (b.clone(), *q)],
             Divisor::Product(a, b) => {
                 let mut c = Coefficient::ONE;
@@ -629,12 +686,13 @@ impl Pass<'_> {
                 }
                 vec![(m, c)]
             }
-        }
+        };
+        terms.into()
     }
 
     fn replaced(&mut self, value: &Polynomial, hits: &[Occurrence], id: u32, known: Known) -> Polynomial {
         let mut gone = vec![false; value.len()];
-        let mut terms = Vec::with_capacity(value.len());
+        let mut terms = Terms::with_capacity(value.len());
         let divisor = self.extractor.divisors[id as usize].clone();
         let hits = &hits[hits.partition_point(|o| o.divisor < id)..];
         let hits = hits.iter().take_while(|o| o.divisor == id);
@@ -676,7 +734,7 @@ impl Pass<'_> {
 }
 
 fn unit(atom: u32, positive: bool) -> Monomial {
-    vec![(atom, Exponent::from_integer(if positive { 1 } else { -1 }))]
+    power(atom, Exponent::from_integer(if positive { 1 } else { -1 }))
 }
 
 /// Literals of a term and how often each occurs.

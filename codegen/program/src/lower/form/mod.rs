@@ -33,7 +33,7 @@ use search::Search;
 use write::Writer;
 
 /// A function in the form in which it is computed.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Form {
     /// Definitions, in the sections of the source and one more.
     pub(super) sections: Vec<Section>,

@@ -4,12 +4,17 @@
 //! functions, other polynomials) with rational exponents. Does not know: which rearrangement is cheap, what a value is
 //! for, how expressions are read.
 
+use std::cell::{OnceCell, RefCell};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::ops::Deref;
+use std::rc::Rc;
 
 use num_rational::Ratio;
 use num_traits::{Signed, Zero};
+use smallvec::SmallVec;
 
 use super::effort::Effort;
+use super::extract::{Facts, Price};
 use super::numbers::{Coefficient, Numbers};
 use crate::lower::SearchBudget;
 use hamel_expr::{ExprId, Func, Graph, Sign, SymbolId};
@@ -31,10 +36,80 @@ pub(super) enum Atom {
 }
 
 /// Atoms, by position, with their exponents: sorted, none zero.
-pub(super) type Monomial = Vec<(u32, Exponent)>;
+pub(super) type Monomial = SmallVec<[(u32, Exponent); 4]>;
 
-/// Monomials, sorted and distinct, with their coefficients.
-pub(super) type Polynomial = Vec<(Monomial, Coefficient)>;
+/// Monomials with their coefficients.
+pub(super) type Terms = Vec<(Monomial, Coefficient)>;
+
+/// Monomials, sorted and distinct, with their coefficients, and what was found about them. A copy shares all of it: a
+/// search makes thousands of lists of polynomials that differ in one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Polynomial(Rc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    terms: Terms,
+    /// Polynomials that it is made of, in the order in which they are met.
+    needs: OnceCell<Box<[u32]>>,
+    price: OnceCell<Price>,
+    /// Of the extractor that asked last.
+    facts: RefCell<Option<Facts>>,
+}
+
+impl Deref for Polynomial {
+    type Target = [(Monomial, Coefficient)];
+
+    fn deref(&self) -> &Self::Target {
+        &self.0.terms
+    }
+}
+
+impl From<Terms> for Polynomial {
+    fn from(terms: Terms) -> Polynomial {
+        Polynomial(Rc::new(Shared { terms, ..Shared::default() }))
+    }
+}
+
+impl FromIterator<(Monomial, Coefficient)> for Polynomial {
+    fn from_iter<I: IntoIterator<Item = (Monomial, Coefficient)>>(terms: I) -> Polynomial {
+        Polynomial::from(terms.into_iter().collect::<Terms>())
+    }
+}
+
+impl PartialEq for Polynomial {
+    fn eq(&self, other: &Polynomial) -> bool {
+        Rc::ptr_eq(&self.0, &other.0) || self.0.terms == other.0.terms
+    }
+}
+
+impl Polynomial {
+    /// The polynomials that this one is made of, in view or not, in the order in which they are met.
+    pub(super) fn needs(&self, system: &System) -> &[u32] {
+        self.0.needs.get_or_init(|| {
+            let mut found: Vec<u32> = Vec::new();
+            let mut seen = BTreeSet::new();
+            for (atom, _) in self.0.terms.iter().flat_map(|(m, _)| m) {
+                found.extend(system.operands(*atom).filter(|k| seen.insert(*k)));
+            }
+            found.into()
+        })
+    }
+
+    /// What the polynomial costs, found once.
+    pub(super) fn price(&self, find: impl FnOnce() -> Price) -> &Price {
+        self.0.price.get_or_init(find)
+    }
+
+    /// Facts that an extractor left here.
+    pub(super) fn facts(&self) -> &RefCell<Option<Facts>> {
+        &self.0.facts
+    }
+}
+
+/// A power of an atom as a monomial.
+pub(super) fn power(atom: u32, q: Exponent) -> Monomial {
+    SmallVec::from_slice(&[(atom, q)])
+}
 
 /// A polynomial and where it comes from.
 #[derive(Clone, Debug)]
@@ -47,8 +122,8 @@ pub(super) struct Entry {
 }
 
 /// Product of two monomials.
-pub(super) fn times(a: &Monomial, b: &Monomial) -> Monomial {
-    let mut product = Vec::with_capacity(a.len() + b.len());
+pub(super) fn times(a: &[(u32, Exponent)], b: &[(u32, Exponent)]) -> Monomial {
+    let mut product = Monomial::with_capacity(a.len() + b.len());
     let (mut i, mut j) = (0, 0);
     while i < a.len() || j < b.len() {
         match (a.get(i), b.get(j)) {
@@ -175,14 +250,19 @@ impl System {
         self.circles.push(pair);
     }
 
-    /// The polynomials in view that an atom needs.
-    pub(super) fn needs(&self, atom: u32) -> impl Iterator<Item = usize> + use<'_> {
-        let needed = match self.atom(atom) {
+    /// The polynomials that an atom is made of.
+    fn operands(&self, atom: u32) -> impl Iterator<Item = u32> + use<> {
+        let operands = match self.atom(atom) {
             Atom::Input(_) => [None, None],
             Atom::Poly(k) | Atom::Function(_, k) => [Some(k), None],
             Atom::Atan2(y, x) => [Some(y), Some(x)],
         };
-        needed.into_iter().flatten().filter(|k| self.is_in_view(*k)).map(|k| k as usize)
+        operands.into_iter().flatten()
+    }
+
+    /// The polynomials in view that an atom needs.
+    pub(super) fn needs(&self, atom: u32) -> impl Iterator<Item = usize> + use<'_> {
+        self.operands(atom).filter(|k| self.is_in_view(*k)).map(|k| k as usize)
     }
 
     /// Whether `sin^2 a` and `cos^2 a` are the two monomials.
@@ -212,11 +292,11 @@ impl System {
             loop {
                 let without = |m: &Monomial, atom: u32| -> Option<Monomial> {
                     let (_, q) = m.iter().find(|(a, _)| *a == atom)?;
-                    (*q >= two && q.is_integer()).then(|| times(m, &vec![(atom, -two)]))
+                    (*q >= two && q.is_integer()).then(|| times(m, &power(atom, -two)))
                 };
                 let found = sum.iter().find_map(|(m, coefficient)| {
                     let rest = without(m, s)?;
-                    let partner = times(&rest, &vec![(c, two)]);
+                    let partner = times(&rest, &power(c, two));
                     (sum.get(&partner) == Some(coefficient)).then(|| (m.clone(), partner, rest, *coefficient))
                 });
                 let Some((m, partner, rest, coefficient)) = found else { break };
@@ -265,15 +345,15 @@ impl System {
         if self.numbers_are_too_long() {
             return None;
         }
-        let mut terms: Polynomial = Vec::new();
-        for (m, c) in target {
+        let mut terms = Terms::new();
+        for (m, c) in target.iter() {
             let Some(position) = m.iter().position(|(a, _)| *a == atom) else {
                 terms.push((m.clone(), *c));
                 continue;
             };
             let mut rest = m.clone();
             let (_, q) = rest.remove(position);
-            match value.as_slice() {
+            match &**value {
                 [] if q.is_positive() => {}
                 [] => return None,
                 [(inner, number)] if q.is_integer() => {
@@ -380,8 +460,8 @@ impl System {
         let exponent =
             |m: &Monomial| m.iter().find(|(a, _)| *a == atom).map_or(Exponent::zero(), |(_, q)| *q);
         let lowest = target.iter().map(|(m, _)| exponent(m)).min()?;
-        let mut terms: Polynomial = Vec::new();
-        for (m, c) in target {
+        let mut terms = Terms::new();
+        for (m, c) in target.iter() {
             let q = exponent(m);
             let n = q - lowest;
             if !n.is_integer() || n > Exponent::from_integer(MAX_POWER) {
@@ -408,9 +488,9 @@ impl System {
         if sum.len() >= n_monomials {
             return None;
         }
-        let over = sum.into_iter().map(|(m, c)| (times(&m, &vec![(atom, lowest)]), c));
-        let mut over: Polynomial = over.collect();
+        let over = sum.iter().map(|(m, c)| (times(m, &power(atom, lowest)), *c));
+        let mut over: Terms = over.collect();
         over.sort();
-        Some(over)
+        Some(over.into())
     }
 }

@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 use num_traits::{One, ToPrimitive, Zero};
 
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, times};
+use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, power, times};
 use crate::lower::SearchBudget;
 use crate::lower::classes::{Class, Classes, post_order};
 use crate::lower::source::Source;
@@ -106,14 +106,14 @@ impl<'a> Reader<'a> {
             }
         }
         let constant = graph.rational(constant);
-        list.extend(self.system.numbers.of(graph, constant).map(|c| (Vec::new(), c)));
+        list.extend(self.system.numbers.of(graph, constant).map(|c| (Monomial::new(), c)));
         Ok(self.system.collect(graph, list))
     }
 
     /// A term as a monomial times a parameter-only expression.
     fn monomial(&mut self, graph: &mut Graph, e: ExprId) -> Result<(Monomial, ExprId), Error> {
         if !self.changes(e) {
-            return Ok((Vec::new(), e));
+            return Ok((Monomial::new(), e));
         }
         let (coefficient, factors) = match graph.node(e).clone() {
             Node::Product { coefficient, factors } => (coefficient, factors.to_vec()),
@@ -139,7 +139,7 @@ impl<'a> Reader<'a> {
                 _ => Atom::Poly(self.inner[&base] as u32),
             };
             let atom = self.system.atom_of(atom);
-            m = times(&m, &vec![(atom, exponent)]);
+            m = times(&m, &power(atom, exponent));
         }
         let number = graph.power_product(&numbers);
         let number = number.map_err(|_| Error::DivisionByZero { place: "a coefficient".into() })?;

@@ -13,7 +13,7 @@ use num_traits::{One, Signed, Zero};
 use super::digits::Digits;
 use super::extract::{Extractor, Site, cost, needed};
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, times};
+use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, power, times};
 use super::units;
 use hamel_expr::Graph;
 
@@ -375,7 +375,7 @@ impl Search<'_> {
         let value = self.system.collect(self.graph, terms);
         let numerator = self.system.atom_of(Atom::Poly(entries.len() as u32));
         entries.push(Entry { value, definition: None, unit: Coefficient::ONE });
-        entries[k].value = vec![(times(&shared, &vec![(numerator, Exponent::one())]), Coefficient::ONE)];
+        entries[k].value = vec![(times(&shared, &power(numerator, Exponent::one())), Coefficient::ONE)].into();
         entries
     }
 
@@ -467,11 +467,13 @@ impl Search<'_> {
         if self.roots.contains(&k) {
             return None;
         }
-        let users = needed(self.system, entries, self.roots);
         let atom = self.system.atom_of(Atom::Poly(k as u32));
+        let uses = |user: &usize| *user != k && entries[*user].value.needs(self.system).contains(&(k as u32));
+        let users: Vec<usize> =
+            needed(self.system, entries, self.roots).into_iter().filter(uses).collect();
         let mut scales: BTreeSet<Coefficient> = entries[k].value.iter().map(|(_, c)| *c).collect();
         for user in &users {
-            for (m, c) in &entries[*user].value {
+            for (m, c) in entries[*user].value.iter() {
                 scales.extend(m.iter().any(|(a, _)| *a == atom).then_some(*c));
                 // The name of what a function is applied to stays.
                 let is_argument = |(a, _): &(u32, Exponent)| match self.system.atom(*a) {
@@ -486,8 +488,11 @@ impl Search<'_> {
         let n_numbers = |value: &Polynomial| value.iter().filter(|(_, c)| !c.is_unit()).count();
         let mut best: Option<(usize, Vec<Entry>)> = None;
         for scale in scales.into_iter().filter(|c| !c.is_unit() && !c.negative) {
-            let in_unit = units::in_unit(self.graph, self.system, entries, self.roots, k, scale);
-            let Some(candidate) = in_unit else { continue };
+            let mut candidate = entries.to_vec();
+            let made = units::in_unit(self.graph, self.system, &mut candidate, &users, (k, scale));
+            if made.is_none() {
+                continue;
+            }
             let n = |entries: &[Entry]| -> usize {
                 users.iter().chain([&k]).map(|user| n_numbers(&entries[*user].value)).sum()
             };
@@ -515,7 +520,8 @@ impl Search<'_> {
         let (mut before, mut after) = (entries[k].value.len(), 0);
         for user in needed(self.system, entries, self.roots) {
             let uses = |(atom, _): &(u32, Exponent)| self.system.atom(*atom) == Atom::Poly(k as u32);
-            if !entries[user].value.iter().any(|(m, _)| m.iter().any(uses)) {
+            let is_user = entries[user].value.needs(self.system).contains(&(k as u32));
+            if !is_user || !entries[user].value.iter().any(|(m, _)| m.iter().any(uses)) {
                 continue;
             }
             let value = self.system.substitute(self.graph, &entries[user].value, k, &entries[k].value)?;

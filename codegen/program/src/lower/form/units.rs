@@ -75,7 +75,7 @@ pub(super) fn in_other_units(
 fn equations(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<Equation> {
     let alive = needed(system, entries, roots);
     let mut fixed: BTreeSet<usize> = roots.iter().copied().collect();
-    let factors = || alive.iter().flat_map(|k| &entries[*k].value).flat_map(|(m, _)| m);
+    let factors = || alive.iter().flat_map(|k| entries[*k].value.iter()).flat_map(|(m, _)| m);
     for (atom, q) in factors() {
         match system.atom(*atom) {
             Atom::Function(..) | Atom::Atan2(..) => fixed.extend(system.needs(*atom)),
@@ -200,13 +200,16 @@ impl Units {
     ) -> Option<Vec<Entry>> {
         let mut scaled = entries.to_vec();
         let mut changed = false;
+        let users = users(system, entries, roots);
         for (k, (_, unit)) in &self.solved {
             if !unit.is_unit() {
-                system.effort.units += scaled.iter().map(|entry| 1 + entry.value.len()).sum::<usize>();
+                let is_used_by = users.get(k).map_or(&[][..], Vec::as_slice);
+                let touched = is_used_by.iter().chain([k]).map(|k| 1 + scaled[*k].value.len());
+                system.effort.units += touched.sum::<usize>();
                 if system.effort.has_measured_enough_units() {
                     return None;
                 }
-                scaled = in_unit(graph, system, &scaled, roots, *k, *unit)?;
+                in_unit(graph, system, &mut scaled, is_used_by, (*k, *unit))?;
                 changed = true;
             }
         }
@@ -215,7 +218,7 @@ impl Units {
         }
         // What is another value by now is replaced by it.
         for k in needed(system, &scaled, roots) {
-            let [(m, c)] = scaled[k].value.as_slice() else { continue };
+            let [(m, c)] = &*scaled[k].value else { continue };
             let is_other = c.is_unit() && matches!(m.as_slice(), [(_, q)] if q.is_one());
             if roots.contains(&k) || !is_other {
                 continue;
@@ -231,21 +234,31 @@ impl Units {
     }
 }
 
-/// The entries with polynomial `k` in a unit, which everything that uses it makes up for.
+/// The polynomials that use each, in the order in which the roots need them.
+pub(super) fn users(system: &System, entries: &[Entry], roots: &[usize]) -> BTreeMap<usize, Vec<usize>> {
+    let mut users: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for user in needed(system, entries, roots) {
+        for k in entries[user].value.needs(system) {
+            users.entry(*k as usize).or_default().push(user);
+        }
+    }
+    users
+}
+
+/// Measures polynomial `k` in a unit, which `users`, everything that uses it, make up for; none, with some of the entries
+/// changed, where a division would not be safe.
 pub(super) fn in_unit(
     graph: &mut Graph,
     system: &mut System,
-    entries: &[Entry],
-    roots: &[usize],
-    k: usize,
-    unit: Coefficient,
-) -> Option<Vec<Entry>> {
-    let mut scaled = entries.to_vec();
-    scaled[k].value = system.over_number(graph, &entries[k].value, unit)?;
-    scaled[k].unit = system.numbers.mul(graph, entries[k].unit, unit);
+    entries: &mut [Entry],
+    users: &[usize],
+    (k, unit): (usize, Coefficient),
+) -> Option<()> {
+    entries[k].value = system.over_number(graph, &entries[k].value, unit)?;
+    entries[k].unit = system.numbers.mul(graph, entries[k].unit, unit);
     let atom = system.atom_of(Atom::Poly(k as u32));
-    for user in needed(system, entries, roots).into_iter().filter(|user| *user != k) {
-        scaled[user].value = system.times_number(graph, &entries[user].value, atom, unit)?;
+    for user in users {
+        entries[*user].value = system.times_number(graph, &entries[*user].value, atom, unit)?;
     }
-    Some(scaled)
+    Some(())
 }

@@ -93,7 +93,7 @@ impl Writer<'_> {
 
     fn expression(&mut self, k: usize) -> Result<ExprId, Error> {
         let mut terms = Vec::with_capacity(self.entries[k].value.len());
-        for (m, c) in &self.entries[k].value {
+        for (m, c) in self.entries[k].value.iter() {
             let number = self.system.numbers.expr(self.graph, *c);
             let number = self.digits.best(self.graph, number);
             let mut factors = vec![(number, Rational::from_integer(1.into()))];
