@@ -502,7 +502,8 @@ impl BuiltScene {
 
     /// Another scene in the same state, held to the same model.
     fn beside(&self, plan: &Plan, outputs: Vec<Output>) -> Result<BuiltScene, Error> {
-        let (built, ..) = lower_scene(self.equations.clone().into(), plan, self.state.clone(), (outputs, None))?;
+        let (built, ..) =
+            lower_scene(self.equations.clone().into(), plan, self.state.clone(), (outputs, None))?;
         match &self.model {
             Some(model) => built.certified(Arc::clone(model)),
             None => Ok(built),

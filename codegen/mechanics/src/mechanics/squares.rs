@@ -143,6 +143,17 @@ pub(super) fn cross(g: &mut Graph, a: [ExprId; 3], b: [ExprId; 3]) -> [ExprId; 3
 struct Single {
     weight: ExprId,
     component: Component,
+    /// The product of velocities that it was distributed from.
+    origin: Option<usize>,
+}
+
+/// A part of the Lagrangian that belongs to no square.
+#[derive(Clone, Debug)]
+struct Other {
+    term: ExprId,
+    factor: Rational,
+    /// As that of a [`Single`].
+    origin: Option<usize>,
 }
 
 /// Takes the squares of velocities out of the Lagrangian: these, and the rest; those of angular velocities as well, and
@@ -155,12 +166,14 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
     let varying: BTreeSet<SymbolId> =
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
     let mut squares = Vec::new();
-    let mut rest = Vec::new();
+    let mut rest: Vec<Other> = Vec::new();
+    let (summands, products) = summands(g, system, &velocities, &varying);
     // A vector with a number for its mass is part of the Lagrangian's own sum, and several of one mass may be one sum.
     let mut singles: Vec<Single> = Vec::new();
-    let mut vectors: Vec<(ExprId, Vec<Component>, (ExprId, Rational))> = Vec::new();
-    for (term, q) in g.summands(system.lagrangian) {
-        let found = squared(g, term, &q, &varying);
+    let mut vectors: Vec<(ExprId, Vec<Component>, Other)> = Vec::new();
+    for summand in summands {
+        let Other { term, factor: ref q, origin } = summand;
+        let found = squared(g, term, q, &varying);
         let found = found.filter(|(_, v)| v.iter().any(|v| g.depends_on(*v, &velocities)));
         let found = found.and_then(|(weight, v)| {
             let components = v.into_iter().map(|v| Component::new(g, system, v)).collect::<Option<Vec<_>>>();
@@ -170,14 +183,15 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
             Some((weight, components)) if (2..=MAX_DIMENSION).contains(&components.len()) => {
                 match square(g, weight, &components) {
                     Some(square) => squares.push(square),
-                    None if with_spins => vectors.push((weight, components, (term, q))),
-                    None => rest.push((term, q)),
+                    None if with_spins => vectors.push((weight, components, summand)),
+                    None => rest.push(summand),
                 }
             }
             Some((weight, components)) => {
-                singles.extend(components.into_iter().map(|component| Single { weight, component }));
+                let of_components = components.into_iter();
+                singles.extend(of_components.map(|component| Single { weight, component, origin }));
             }
-            None => rest.push((term, q)),
+            None => rest.push(summand),
         }
     }
     let half = Rational::new(1.into(), 2.into());
@@ -210,13 +224,88 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
         let taken: Vec<Single> = taken.into_iter().rev().map(|k| singles.remove(k)).collect();
         match square {
             Some(square) => squares.push(square),
-            None => rest.extend(taken.into_iter().map(|Single { weight, component }| {
-                (g.product(&[weight, component.value, component.value]), half.clone())
+            None => rest.extend(taken.into_iter().map(|Single { weight, component, origin }| {
+                let term = g.product(&[weight, component.value, component.value]);
+                Other { term, factor: half.clone(), origin }
             })),
         }
     }
+    // A product of which no term is in a square stays as it was written.
+    let mut n_left = vec![0; products.len()];
+    rest.iter().filter_map(|other| other.origin).for_each(|origin| n_left[origin] += 1);
+    let is_whole = |origin: usize| n_left[origin] == products[origin].2;
+    rest.retain(|other| !other.origin.is_some_and(is_whole));
+    let whole = products.iter().enumerate().filter(|(origin, _)| is_whole(*origin));
+    let whole = whole.map(|(_, (term, q, _))| (*term, q.clone()));
+    let rest: Vec<(ExprId, Rational)> =
+        rest.iter().map(|o| (o.term, o.factor.clone())).chain(whole).collect();
     let rest = g.linear_combination(&rest);
     (squares, rest)
+}
+
+/// The terms of the Lagrangian, and its products `v_i (J_i1 v_1 + J_i2 v_2 + ..)`, as `v . J v` has them, with the number
+/// of terms that each makes.
+fn summands(
+    g: &mut Graph,
+    system: &ReducedSystem,
+    velocities: &BTreeSet<SymbolId>,
+    varying: &BTreeSet<SymbolId>,
+) -> (Vec<Other>, Vec<(ExprId, Rational, usize)>) {
+    let (mut summands, mut products) = (Vec::new(), Vec::new());
+    for (term, factor) in g.summands(system.lagrangian) {
+        let Some(terms) = distributed(g, term, velocities, varying) else {
+            summands.push(Other { term, factor, origin: None });
+            continue;
+        };
+        let origin = Some(products.len());
+        products.push((term, factor.clone(), terms.len()));
+        summands.extend(terms.into_iter().map(|term| Other { term, factor: factor.clone(), origin }));
+    }
+    (summands, products)
+}
+
+/// The terms of a product of a velocity and a sum of multiples of velocities, the velocities as they are written.
+fn distributed(
+    g: &mut Graph,
+    term: ExprId,
+    velocities: &BTreeSet<SymbolId>,
+    varying: &BTreeSet<SymbolId>,
+) -> Option<Vec<ExprId>> {
+    let Node::Product { coefficient, factors } = g.node(term).clone() else { return None };
+    let (moving, fixed): (Vec<_>, Vec<_>) =
+        factors.iter().cloned().partition(|(b, _)| g.depends_on(*b, varying));
+    let [(a, one), (b, other)] = moving.as_slice() else { return None };
+    if !one.is_one() || !other.is_one() {
+        return None;
+    }
+    let (velocity, multiples) = [(*a, *b), (*b, *a)].into_iter().find_map(|(velocity, sum)| {
+        let Node::Sum { constant, terms } = g.node(sum) else { return None };
+        if *constant != Rational::from_integer(0.into()) || !g.depends_on(velocity, velocities) {
+            return None;
+        }
+        // Multiples by parameters: a sum of plain velocities is a velocity itself.
+        let is_multiple = |e: ExprId| match g.node(e) {
+            Node::Product { factors, .. } => {
+                let (moving, fixed): (Vec<_>, Vec<_>) =
+                    factors.iter().partition(|(b, _)| g.depends_on(*b, varying));
+                !fixed.is_empty()
+                    && matches!(moving.as_slice(), [(v, q)] if q.is_one() && g.depends_on(*v, velocities))
+            }
+            _ => false,
+        };
+        terms.iter().all(|(e, _)| is_multiple(*e)).then(|| (velocity, terms.to_vec()))
+    })?;
+    let weight = g.power_product(&fixed).ok()?;
+    let weight = g.scale(weight, &coefficient);
+    Some(
+        multiples
+            .into_iter()
+            .map(|(e, q)| {
+                let product = g.product(&[weight, velocity, e]);
+                g.scale(product, &q)
+            })
+            .collect(),
+    )
 }
 
 /// The velocities whose squares the Lagrangian is written in, whatever frames they belong to.
@@ -225,8 +314,8 @@ pub(super) fn squared_velocities(g: &mut Graph, system: &ReducedSystem) -> Vec<E
     let varying: BTreeSet<SymbolId> =
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
     let mut found = Vec::new();
-    for (term, q) in g.summands(system.lagrangian) {
-        let components = squared(g, term, &q, &varying).map(|(_, v)| v);
+    for Other { term, factor, .. } in summands(g, system, &velocities, &varying).0 {
+        let components = squared(g, term, &factor, &varying).map(|(_, v)| v);
         found.extend(components.into_iter().flatten().filter(|v| g.depends_on(*v, &velocities)));
     }
     found
@@ -457,27 +546,36 @@ fn spinning(
     components: &[Component; 3],
     weights: [ExprId; 3],
     varying: &BTreeSet<SymbolId>,
-    rest: &mut Vec<(ExprId, Rational)>,
+    rest: &mut Vec<Other>,
 ) -> Square {
     let mut masses: Vec<(usize, usize, ExprId)> =
         weights.into_iter().enumerate().map(|(i, weight)| (i, i, weight)).collect();
-    rest.retain(|(term, q)| {
+    let mut products: [Vec<ExprId>; 3] = Default::default();
+    rest.retain(|Other { term, factor, .. }| {
         let Node::Product { coefficient, factors } = g.node(*term).clone() else { return true };
         let place = |i: usize| factors.iter().position(|(e, q)| *e == components[i].value && q.is_one());
-        let pair = [(0, 1), (0, 2), (1, 2)].into_iter().find_map(|(i, j)| Some((i, j, place(i)?, place(j)?)));
-        let Some((i, j, a, b)) = pair else { return true };
+        let pair = PAIRS.iter().enumerate().find_map(|(pair, [i, j])| Some((pair, place(*i)?, place(*j)?)));
+        let Some((pair, a, b)) = pair else { return true };
         let fixed: Vec<_> =
             factors.iter().enumerate().filter(|(k, _)| *k != a && *k != b).map(|(_, f)| f.clone()).collect();
         let Ok(weight) = g.power_product(&fixed) else { return true };
         if g.depends_on(weight, varying) {
             return true;
         }
-        let weight = g.scale(weight, &(coefficient * q));
-        masses.extend([(i, j, weight), (j, i, weight)]);
+        products[pair].push(g.scale(weight, &(coefficient * factor)));
         false
     });
+    for ([i, j], weights) in PAIRS.into_iter().zip(products) {
+        if !weights.is_empty() {
+            let weight = g.sum(&weights);
+            masses.extend([(i, j, weight), (j, i, weight)]);
+        }
+    }
     Square { masses, components: components.to_vec(), turning: Turning::Own }
 }
+
+/// Pairs of three components.
+const PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
 
 /// The `K_beta`, if there are any: tried one velocity after the other, each against those before it.
 fn turning(g: &mut Graph, components: &[Component]) -> Option<Vec<Turn>> {

@@ -16,7 +16,9 @@ use num_traits::{Signed, Zero};
 use rustc_hash::FxHashMap;
 
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, Terms, common, power, quotient, times};
+use super::polynomial::{
+    Atom, Entry, Exponent, Monomial, Polynomial, System, Terms, common, power, quotient, times,
+};
 use crate::program::cost::thirds::{CALL, DIVISION, FLOP, INSTRUCTION, ROOT};
 use hamel_expr::{Func, Graph};
 

@@ -375,7 +375,8 @@ impl Search<'_> {
         let value = self.system.collect(self.graph, terms);
         let numerator = self.system.atom_of(Atom::Poly(entries.len() as u32));
         entries.push(Entry { value, definition: None, unit: Coefficient::ONE });
-        entries[k].value = vec![(times(&shared, &power(numerator, Exponent::one())), Coefficient::ONE)].into();
+        entries[k].value =
+            vec![(times(&shared, &power(numerator, Exponent::one())), Coefficient::ONE)].into();
         entries
     }
 
@@ -469,8 +470,7 @@ impl Search<'_> {
         }
         let atom = self.system.atom_of(Atom::Poly(k as u32));
         let uses = |user: &usize| *user != k && entries[*user].value.needs(self.system).contains(&(k as u32));
-        let users: Vec<usize> =
-            needed(self.system, entries, self.roots).into_iter().filter(uses).collect();
+        let users: Vec<usize> = needed(self.system, entries, self.roots).into_iter().filter(uses).collect();
         let mut scales: BTreeSet<Coefficient> = entries[k].value.iter().map(|(_, c)| *c).collect();
         for user in &users {
             for (m, c) in entries[*user].value.iter() {
