@@ -1,8 +1,10 @@
 //! Equations as ordered, named definitions.
 
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use num_traits::Signed;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::graph::Graph;
 use super::node::{ExprId, Node, SymbolId};
@@ -33,6 +35,10 @@ pub struct SectionWriter {
     varying: BTreeSet<SymbolId>,
     /// Values of what varies at one point: zero, unless the inputs have none there.
     at_origin: BTreeMap<SymbolId, ExprId>,
+    /// Expressions that were found not to vary, with their values at the first of the random points: what varies is
+    /// named before anything mentions it, so that they never will. A trial that was given up leaves ids that mean
+    /// something else by now, which these values tell.
+    constant: RefCell<FxHashMap<ExprId, Option<u64>>>,
 }
 
 impl SectionWriter {
@@ -41,12 +47,35 @@ impl SectionWriter {
     pub fn new(g: &Graph, varying: BTreeSet<SymbolId>, units: &[SymbolId]) -> SectionWriter {
         let mut at_origin: BTreeMap<SymbolId, ExprId> = varying.iter().map(|s| (*s, g.zero())).collect();
         at_origin.extend(units.iter().map(|s| (*s, g.one())));
-        SectionWriter { sections: Vec::new(), named: HashMap::new(), varying, at_origin }
+        SectionWriter {
+            sections: Vec::new(),
+            named: HashMap::new(),
+            varying,
+            at_origin,
+            constant: RefCell::default(),
+        }
     }
 
     /// Whether an expression changes from call to call, also through definitions.
     pub fn varies(&self, g: &Graph, e: ExprId) -> bool {
-        g.depends_on(e, &self.varying)
+        let mut constant = self.constant.borrow_mut();
+        let value = |e: ExprId| g.fingerprint(e)[0];
+        let (mut seen, mut pending) = (FxHashSet::from_iter([e]), vec![e]);
+        while let Some(e) = pending.pop() {
+            if constant.get(&e).is_some_and(|known| *known == value(e)) {
+                continue;
+            }
+            match g.node(e) {
+                Node::Symbol(s) if self.varying.contains(s) => return true,
+                node => node.for_each_operand(|operand| {
+                    if seen.insert(operand) {
+                        pending.push(operand);
+                    }
+                }),
+            }
+        }
+        constant.extend(seen.into_iter().map(|e| (e, value(e))));
+        false
     }
 
     /// Starts a section; a section without definitions disappears.
