@@ -60,7 +60,7 @@ fn main() -> ExitCode {
         None => Session::of_shipped(shipped::SHIPPED),
     };
     let session = session.with_budget(budget).with_sizes(size);
-    let session = session.with_cache(if no_cache { Cache::none() } else { Cache::of_user() });
+    let session = if no_cache { session.anew() } else { session.with_cache(Cache::of_user()) };
     let program = Program { name: "hamel", completed: "hamel", arguments: Cli::command };
     hamel::finish(match task {
         Task::Shared(command) => command.run(&session, &program),

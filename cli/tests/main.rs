@@ -14,6 +14,7 @@ mod events;
 mod fit;
 mod forms;
 mod inputs;
+mod listed;
 mod matrices;
 mod outputs;
 mod outside;

@@ -25,6 +25,8 @@ pub struct Session {
     /// Sizes that models take in the place of their own.
     sizes: Vec<(String, i64)>,
     cache: Cache,
+    /// Whether nothing that was derived before is taken.
+    is_anew: bool,
 }
 
 /// The models that have a name.
@@ -46,7 +48,7 @@ impl Session {
     }
 
     fn of(models: Models) -> Session {
-        Session { models, budget: 1, sizes: Vec::new(), cache: Cache::none() }
+        Session { models, budget: 1, sizes: Vec::new(), cache: Cache::none(), is_anew: false }
     }
 
     /// With so many times the default budget for every model.
@@ -70,6 +72,18 @@ impl Session {
     #[must_use]
     pub fn with_cache(self, cache: Cache) -> Session {
         Session { cache, ..self }
+    }
+
+    /// Which takes nothing that was derived before, and keeps nothing.
+    #[must_use]
+    pub fn anew(self) -> Session {
+        Session { cache: Cache::none(), is_anew: true, ..self }
+    }
+
+    /// Whether a program may tell by heart what follows from the text of a model alone: not where everything is to be
+    /// derived anew, or where sizes are other ones than in the text.
+    pub fn may_know_by_heart(&self) -> bool {
+        !self.is_anew && self.sizes.is_empty()
     }
 
     /// The repository whose models these are.

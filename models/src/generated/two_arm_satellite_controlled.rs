@@ -94,30 +94,29 @@ pub struct Prepared<R = f64> {
     c16: R, // (3/5) / la
     c17: R, // I3 + (9/25) * ma + 0.25 * mb
     c18: R, // -((9/25) * ma)
-    c19: R, // 2 * lb
-    c20: R, // 5 * lb
+    c19: R, // (1/5) / lb
+    c20: R, // 0.5 / lb
     c21: R, // 0.5 * I1
     c22: R, // 0.5 * I2
     c23: R, // 0.5 * I3
     c24: R, // 0.5 * ka
     c25: R, // 0.5 * kb
-    c26: R, // 0.125 * mb
-    c27: R, // 0.5 * ma * (la * la)
-    c28: R, // (1/50) * mb
-    c29: R, // 10 * mb * (lb * lb)
-    c30: R, // 12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))
-    c31: R, // 6 * ma * la
-    c32: R, // 1 / lb
-    c33: R, // 44 * mb * (lb * lb)
-    c34: R, // 11 * I2
-    c35: R, // 10 * mb * lb
-    c36: R, // 14 * mb * (lb * lb)
-    c37: R, // 14 * I3 + (126/25) * ma + 3.5 * mb
-    c38: R, // (126/25) * ma
-    c39: R, // 2 * mb * (lb * lb)
-    c40: R, // mb * (lb * lb)
-    c41: R, // 1 / (mb * (lb * lb))
-    c42: R, // 1 / (ma * (la * la))
+    c26: R, // 0.5 * ma * (la * la)
+    c27: R, // 0.5 * mb * (lb * lb)
+    c28: R, // 10 * mb * (lb * lb)
+    c29: R, // 12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))
+    c30: R, // 6 * ma * la
+    c31: R, // 1 / lb
+    c32: R, // 44 * mb * (lb * lb)
+    c33: R, // 11 * I2
+    c34: R, // 10 * mb * lb
+    c35: R, // 14 * mb * (lb * lb)
+    c36: R, // 14 * I3 + (126/25) * ma + 3.5 * mb
+    c37: R, // (126/25) * ma
+    c38: R, // 2 * mb * (lb * lb)
+    c39: R, // mb * (lb * lb)
+    c40: R, // 1 / (mb * (lb * lb))
+    c41: R, // 1 / (ma * (la * la))
     /// Values that the inputs are held at.
     ///
     /// ```text
@@ -130,7 +129,7 @@ pub struct Prepared<R = f64> {
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 10 additions, 47 multiplications, 6 divisions, 1 sign change.
+    /// Operations: 10 additions, 45 multiplications, 8 divisions, 1 sign change.
     ///
     /// # Errors
     ///
@@ -167,19 +166,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c15: R::from_f64(4.0) * mb * t2,
             c16: R::ratio(3.0, 5.0) / la,
             c17: I3 + t7 + R::from_f64(0.25) * mb,
-            c18: -t7, c19: R::from_f64(2.0) * lb, c20: R::from_f64(5.0) * lb, c21: R::from_f64(0.5) * I1,
+            c18: -t7, c19: R::ratio(1.0, 5.0) / lb, c20: R::from_f64(0.5) / lb, c21: R::from_f64(0.5) * I1,
             c22: R::from_f64(0.5) * I2, c23: R::from_f64(0.5) * I3, c24: R::from_f64(0.5) * ka,
-            c25: R::from_f64(0.5) * kb, c26: R::from_f64(0.125) * mb,
-            c27: R::from_f64(0.5) * ma * t0,
-            c28: R::ratio(1.0, 50.0) * mb, c29: t9 * t2,
-            c30: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t6,
-            c31: R::from_f64(6.0) * ma * la,
-            c32: lb.recip(),
-            c33: R::from_f64(44.0) * mb * t2,
-            c34: R::from_f64(11.0) * I2, c35: t9 * lb,
-            c36: R::from_f64(14.0) * mb * t2,
-            c37: R::from_f64(14.0) * I3 + t10 + R::from_f64(3.5) * mb,
-            c38: t10, c39: t3, c40: t4, c41: t8, c42: t5, inputs: [R::ZERO, R::ZERO],
+            c25: R::from_f64(0.5) * kb,
+            c26: R::from_f64(0.5) * ma * t0,
+            c27: R::from_f64(0.5) * mb * t2,
+            c28: t9 * t2,
+            c29: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t6,
+            c30: R::from_f64(6.0) * ma * la,
+            c31: lb.recip(),
+            c32: R::from_f64(44.0) * mb * t2,
+            c33: R::from_f64(11.0) * I2, c34: t9 * lb,
+            c35: R::from_f64(14.0) * mb * t2,
+            c36: R::from_f64(14.0) * I3 + t10 + R::from_f64(3.5) * mb,
+            c37: t10, c38: t3, c39: t4, c40: t8, c41: t5, inputs: [R::ZERO, R::ZERO],
         })
     }
 
@@ -234,7 +234,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t17 = t1 * a1_1_scaled;
         let r_alpha_dot = fma(-t2, a1_2_scaled, fma(-alpha, self.ka, tau1)) - t17;
         let r_beta_dot = fma(-self.c8, fma(t3, a2_2_over_10_lb, t4 * a2_3_over_10_lb), fma(-beta, self.kb, tau2));
-        let t18 = self.c39 * t9;
+        let t18 = self.c38 * t9;
         let t19 = R::from_f64(0.5) * t10;
         let r_Omega1 = fma(-a2_2_over_10_lb, t18, fma(-a2_3_over_10_lb, t19, fma(-t1, a1_3_scaled, self.c9 * Omega3 * Omega2)));
         let t20 = self.c0 * t8;
@@ -249,7 +249,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t23 = t10 * t9;
         // factors of A
         let A_l5_1 = fma(t2, self.c16, R::ONE);
-        let A_s1_5_5 = fma(self.c18, t2 * t2, fma(self.c40, t4 * t4, fma(t4, self.c6, self.c17)));
+        let A_s1_5_5 = fma(self.c18, t2 * t2, fma(self.c39, t4 * t4, fma(t4, self.c6, self.c17)));
         let A_l3_2 = self.c1 * A_beta_dot_Omega1;
         let A_s2_3_3 = fma(-A_beta_dot_Omega1, A_l3_2, A_Omega1_Omega1);
         let t24 = A_s2_3_3.recip();
@@ -265,8 +265,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_Omega3 = z_Omega3 / A_s4_5_5;
         let dot_Omega2 = fma(t27, dot_Omega3, z_Omega2 * t26);
         let dot_Omega1 = fma(t25, dot_Omega2, z_Omega1 * t24);
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c41 * r_beta_dot);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c42 * r_alpha_dot);
+        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c40 * r_beta_dot);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c41 * r_alpha_dot);
         *dy = [alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3];
     }
 
@@ -315,7 +315,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t13 = sin_alpha * a1_1_scaled;
         let r_alpha_dot = fma(-cos_alpha, a1_2_scaled, fma(-alpha, self.ka, tau1)) - t13;
         let r_beta_dot = fma(-self.c8, fma(sin_beta, a2_2_over_10_lb, cos_beta * a2_3_over_10_lb), fma(-beta, self.kb, tau2));
-        let t14 = self.c39 * t5;
+        let t14 = self.c38 * t5;
         let t15 = R::from_f64(0.5) * t6;
         let r_Omega1 = fma(-a2_2_over_10_lb, t14, fma(-a2_3_over_10_lb, t15, fma(-sin_alpha, a1_3_scaled, self.c9 * Omega3 * Omega2)));
         let t16 = self.c0 * t4;
@@ -330,7 +330,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t19 = t6 * t5;
         // factors of A
         let A_l5_1 = fma(cos_alpha, self.c16, R::ONE);
-        let A_s1_5_5 = fma(self.c18, cos_alpha * cos_alpha, fma(self.c40, cos_beta * cos_beta, fma(cos_beta, self.c6, self.c17)));
+        let A_s1_5_5 = fma(self.c18, cos_alpha * cos_alpha, fma(self.c39, cos_beta * cos_beta, fma(cos_beta, self.c6, self.c17)));
         let A_l3_2 = self.c1 * A_beta_dot_Omega1;
         let A_s2_3_3 = fma(-A_beta_dot_Omega1, A_l3_2, A_Omega1_Omega1);
         let t20 = A_s2_3_3.recip();
@@ -346,8 +346,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_Omega3 = z_Omega3 / A_s4_5_5;
         let dot_Omega2 = fma(t23, dot_Omega3, z_Omega2 * t22);
         let dot_Omega1 = fma(t21, dot_Omega2, z_Omega1 * t20);
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c41 * r_beta_dot);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c42 * r_alpha_dot);
+        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c40 * r_beta_dot);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c41 * r_alpha_dot);
         let dot_cos_alpha = -(sin_alpha * alpha_dot);
         let dot_sin_alpha = cos_alpha * alpha_dot;
         let dot_cos_beta = -(sin_beta * beta_dot);
@@ -377,25 +377,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// Energy. `E = p.y - L`.
     ///
-    /// Operations: 20 additions, 31 multiplications (16 fused), 2 elementary functions.
+    /// Operations: 19 additions, 29 multiplications (15 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 7]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        let t0 = beta_dot + Omega1;
-        let ([t1, t3], [t2, t4]) = beta.sin_cos_of_two(alpha);
-        let t5 = self.c19 * t2;
-        let t6 = fma(t0, t5, Omega1);
-        let t7 = t3 * (alpha_dot + Omega3);
-        let t8 = self.c16 + t4;
-        let t9 = fma(Omega3, t8, alpha_dot * t4);
-        let t10 = fma(-Omega2, t8, Omega1 * t3);
-        let t11 = self.c20 * t1;
-        let t12 = fma(-(R::ONE + t5), R::from_f64(2.5) * Omega3, fma(Omega2, t11, Omega2));
-        let t13 = fma(t0, t11, Omega1);
-        let t14 = fma(self.c26, t6 * t6, fma(self.c25, beta * beta, fma(self.c24, alpha * alpha, fma(self.c23, Omega3 * Omega3, fma(self.c22, Omega2 * Omega2, self.c21 * (Omega1 * Omega1))))));
-        fma(self.c28, fma(t12, t12, t13 * t13), fma(self.c27, fma(t10, t10, fma(t9, t9, t7 * t7)), t14))
+        let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+        let t4 = t0 * (alpha_dot + Omega3);
+        let t5 = self.c16 + t1;
+        let t6 = fma(Omega3, t5, alpha_dot * t1);
+        let t7 = fma(-Omega2, t5, Omega1 * t0);
+        let t8 = self.c19 + t2;
+        let t9 = self.c20 + t3;
+        let t10 = fma(-Omega3, t9, Omega2 * t8);
+        let t11 = fma(Omega1, t8, beta_dot * t2);
+        let t12 = fma(Omega1, t9, beta_dot * t3);
+        let t13 = fma(self.c26, fma(t7, t7, fma(t6, t6, t4 * t4)), fma(self.c25, beta * beta, fma(self.c24, alpha * alpha, fma(self.c23, Omega3 * Omega3, fma(self.c22, Omega2 * Omega2, self.c21 * (Omega1 * Omega1))))));
+        fma(self.c27, fma(t10, t10, fma(t12, t12, t11 * t11)), t13)
     }
 
     /// Rate of energy dE/dt along the motion.
@@ -452,24 +451,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t25 = t0.abs();
         let t26 = fma(R::from_f64(25.0), t1.abs(), R::from_f64(10.0) * t25);
         let t27 = (self.c6 * t4).abs();
-        let t28 = fma(t27, R::from_f64(2.0), fma(t26, self.c12, self.c29));
+        let t28 = fma(t27, R::from_f64(2.0), fma(t26, self.c12, self.c28));
         let t29 = A_l3_2.abs();
-        let t30 = fma(R::from_f64(2.0), A_Omega1_Omega1.abs(), fma(t27, R::ratio(24.0, 5.0), fma(t26, self.c13, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(12.0), self.c30)))));
+        let t30 = fma(R::from_f64(2.0), A_Omega1_Omega1.abs(), fma(t27, R::ratio(24.0, 5.0), fma(t26, self.c13, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(12.0), self.c29)))));
         let t31 = fma(fma(t28, self.c1, R::from_f64(8.0) * t29), A_beta_dot_Omega1.abs(), fma(t28, t29, t30));
-        let t32 = fma(R::from_f64(10.0), t6.abs(), self.c31);
+        let t32 = fma(R::from_f64(10.0), t6.abs(), self.c30);
         let t33 = t9.abs();
-        let t34 = fma(t25, R::from_f64(5.0), self.c32);
+        let t34 = fma(t25, R::from_f64(5.0), self.c31);
         let t35 = fma(R::from_f64(8.0), t8.abs(), t32 * t2.abs());
         let A_l4_3 = -t20;
         let t36 = A_l4_3.abs();
         let A_Omega1_Omega2 = -t8;
-        let t37 = fma(R::from_f64(8.0) * t34, (self.c8 * t11).abs(), fma(t32, t33, fma(A_Omega2_Omega2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, self.c33, self.c34)))));
+        let t37 = fma(R::from_f64(8.0) * t34, (self.c8 * t11).abs(), fma(t32, t33, fma(A_Omega2_Omega2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, self.c32, self.c33)))));
         let t38 = fma(fma(t31, (-(t8 * (t19 * t19))).abs(), fma(t36, R::from_f64(8.0), t35 * t19.abs())), A_Omega1_Omega2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t35, t36, fma(fma(t33, R::from_f64(8.0), self.c0 * t32), t7.abs(), t37))));
-        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(fma(R::from_f64(20.0), (self.c8 * t1).abs(), self.c35), t11.abs(), t34 * t13.abs()));
+        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(fma(R::from_f64(20.0), (self.c8 * t1).abs(), self.c34), t11.abs(), t34 * t13.abs()));
         let A_l5_4 = -t23;
         let t40 = A_l5_4.abs();
         let A_Omega2_Omega3 = -t14;
-        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5.abs(), fma(R::from_f64(14.0), t15.abs(), fma(t17, self.c38, fma(t16, self.c36, self.c37))))));
+        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5.abs(), fma(R::from_f64(14.0), t15.abs(), fma(t17, self.c37, fma(t16, self.c35, self.c36))))));
         [
             ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3, t31),
             ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4, t38),
@@ -493,7 +492,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::over_scalar!(Prepared[7] {
     I2, ka, kb, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20,
     c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38, c39, c40, c41,
-    c42,
 } array inputs);
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
@@ -640,7 +638,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
             let t20 = t1 * a1_1_scaled;
             let r_alpha_dot = fma(-t2, a1_2_scaled, fma(-alpha, self.ka, tau1)) - t20;
             let r_beta_dot = fma(-self.c8, fma(t3, a2_2_over_10_lb, t4 * a2_3_over_10_lb), fma(-beta, self.kb, tau2));
-            let t21 = self.c39 * t9;
+            let t21 = self.c38 * t9;
             let t22 = R::from_f64(0.5) * t10;
             let t23 = self.c9 * Omega3;
             let r_Omega1 = fma(-a2_2_over_10_lb, t21, fma(-a2_3_over_10_lb, t22, fma(-t1, a1_3_scaled, t23 * Omega2)));
@@ -658,7 +656,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
             let t29 = t10 * t9;
             // factors of A
             let A_l5_1 = fma(t2, self.c16, R::ONE);
-            let A_s1_5_5 = fma(self.c18, t2 * t2, fma(self.c40, t4 * t4, fma(t4, self.c6, self.c17)));
+            let A_s1_5_5 = fma(self.c18, t2 * t2, fma(self.c39, t4 * t4, fma(t4, self.c6, self.c17)));
             let A_l3_2 = self.c1 * A_beta_dot_Omega1;
             let A_s2_3_3 = fma(-A_beta_dot_Omega1, A_l3_2, A_Omega1_Omega1);
             let t30 = A_s2_3_3.recip();
@@ -676,8 +674,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
             let dot_Omega2 = fma(t33, dot_Omega3, t34);
             let t35 = z_Omega1 * t30;
             let dot_Omega1 = fma(t31, dot_Omega2, t35);
-            let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c41 * r_beta_dot);
-            let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c42 * r_alpha_dot);
+            let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c40 * r_beta_dot);
+            let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c41 * r_alpha_dot);
             ([alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3], [
                 t1, t2, t3, t4, t0, t5, t6, Omega3, t8, Omega1, Omega2, t9, t12, t11, beta_dot, t7, v1_2_scaled,
                 v1_3_scaled, t14, v1_1_scaled, t15, t16, t18, t19, t13, v2_1_over_10_lb, t17, a1_1_scaled, a1_2_scaled,
@@ -751,7 +749,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
             let t30 = fma(kept0, t18, fma(kept27, t1, sum32));
             let t31 = fma(-self.ka, alpha, tau1) - fma(kept1, t20, fma(kept28, t2, sum33)) - t30;
             let t32 = fma(-self.c8, fma(kept2, t28, fma(kept30, t3, sum35)) + fma(kept3, t29, fma(kept29, t4, sum34)), fma(-self.kb, beta, tau2));
-            let t33 = self.c39 * t12;
+            let t33 = self.c38 * t12;
             let t34 = R::from_f64(0.5) * t13;
             let t35 = self.c9 * Omega3;
             let t36 = fma(kept31, Omega2, fma(kept10, t35, sum36)) - fma(kept0, t23, fma(kept32, t1, sum37)) - fma(kept29, t34, fma(kept33, t29, sum38)) - fma(kept30, t33, fma(kept34, t28, sum39));
@@ -770,7 +768,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
             let t47 = kept45 * fma(-kept46, t46, t42 - sum54);
             let t48 = fma(self.c15, fma(kept39, t12, sum48), fma(kept8, t37, fma(kept36, t9, sum49))) - fma(kept47, t47, fma(kept46, t42, sum55));
             let t49 = kept48 * fma(-kept49, t48, t43 - sum56);
-            let t50 = fma(self.c18, fma(kept42, t2, sum52), fma(self.c6, t4, self.c40 * fma(kept41, t4, sum51))) - fma(kept50, t49, fma(kept49, t43, sum57));
+            let t50 = fma(self.c18, fma(kept42, t2, sum52), fma(self.c6, t4, self.c39 * fma(kept41, t4, sum51))) - fma(kept50, t49, fma(kept49, t43, sum57));
             // substitution through the factors of A
             let t51 = t36 - fma(kept51, t45, fma(kept44, t32, sum58));
             let t52 = fma(kept46, t51, fma(kept52, t47, sum59)) + (fma(kept32, t37, fma(kept36, t23, sum41)) + fma(kept35, Omega1, fma(kept9, t38, sum40)) - fma(kept37, t33, fma(kept34, t27, sum42)));
@@ -808,8 +806,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                fma(self.c42, t31, -fma(kept54, t54, fma(kept56, t44, sum68))),
-                fma(self.c41, t32, -fma(kept44, t58, fma(kept61, t45, sum67))),
+                fma(self.c41, t31, -fma(kept54, t54, fma(kept56, t44, sum68))),
+                fma(self.c40, t32, -fma(kept44, t58, fma(kept61, t45, sum67))),
                 t58,
                 t56,
                 t54,

@@ -122,45 +122,41 @@ pub struct Prepared<R = f64> {
     c14: R, // 1 / lb
     c15: R, // (1/100) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
     c16: R, // -((9/25) * ma / (mb * (lb * lb)))
-    c17: R, // 2 * lb
-    c18: R, // 5 * lb
-    c19: R, // 0.5 * I1
-    c20: R, // 0.5 * I2
-    c21: R, // 0.5 * I3
-    c22: R, // 0.5 * ka
-    c23: R, // 0.5 * kb
-    c24: R, // 0.125 * mb
-    c25: R, // 0.5 * ma * (la * la)
-    c26: R, // (1/50) * mb
-    c27: R, // (11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))
-    c28: R, // 6 * ma * la / (mb * (lb * lb))
-    c29: R, // 2 / lb
-    c30: R, // 11 * I2 / (mb * (lb * lb))
-    c31: R, // 5 / lb
-    c32: R, // (3/25) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
-    c33: R, // (108/25) * ma / (mb * (lb * lb))
-    c34: R, // ma * (la * la)
-    c35: R, // mb * (lb * lb)
-    c36: R, // 0.5 * mb * (lb * lb)
-    c37: R, // (1/5) * mb * lb
-    c38: R, // (5/3) * la
-    c39: R, // (3/5) * ma * la
-    c40: R, // (2/5) * mb * lb
-    c41: R, // I1 + (1/100) * mb * (29 + 100 * (lb * lb))
-    c42: R, // 0.5 * mb * lb
-    c43: R, // 1 / (mb * (lb * lb))
-    c44: R, // (9/25) * ma
-    c45: R, // mb * lb
-    c46: R, // (6/5) * ma * la
-    c47: R, // I3 + 0.25 * mb + (1/25) * ma * (9 + 25 * (la * la))
-    c48: R, // mb * (lb * lb) / (ma * (la * la))
+    c17: R, // 0.5 * I1
+    c18: R, // 0.5 * I2
+    c19: R, // 0.5 * I3
+    c20: R, // 0.5 * ka
+    c21: R, // 0.5 * kb
+    c22: R, // 0.5 * ma * (la * la)
+    c23: R, // 0.5 * mb * (lb * lb)
+    c24: R, // (11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))
+    c25: R, // 6 * ma * la / (mb * (lb * lb))
+    c26: R, // 2 / lb
+    c27: R, // 11 * I2 / (mb * (lb * lb))
+    c28: R, // 5 / lb
+    c29: R, // (3/25) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
+    c30: R, // (108/25) * ma / (mb * (lb * lb))
+    c31: R, // ma * (la * la)
+    c32: R, // mb * (lb * lb)
+    c33: R, // (1/5) * mb * lb
+    c34: R, // (5/3) * la
+    c35: R, // (3/5) * ma * la
+    c36: R, // (2/5) * mb * lb
+    c37: R, // I1 + (1/100) * mb * (29 + 100 * (lb * lb))
+    c38: R, // 0.5 * mb * lb
+    c39: R, // 1 / (mb * (lb * lb))
+    c40: R, // (9/25) * ma
+    c41: R, // -(mb * lb)
+    c42: R, // (6/5) * ma * la
+    c43: R, // I3 + (1/25) * ma * (9 + 25 * (la * la))
+    c44: R, // mb * (lb * lb) / (ma * (la * la))
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 11 additions, 49 multiplications, 25 divisions, 3 sign changes.
+    /// Operations: 10 additions, 44 multiplications, 25 divisions, 4 sign changes.
     ///
     /// # Errors
     ///
@@ -193,27 +189,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c11: R::ratio(1.0, 100.0) * t7 / t3,
             c12: I2 / t3, c13: R::ratio(3.0, 5.0) / la, c14: lb.recip(),
             c15: R::ratio(1.0, 100.0) * t9 / t3,
-            c16: -(t8 / t3), c17: R::from_f64(2.0) * lb, c18: R::from_f64(5.0) * lb, c19: R::from_f64(0.5) * I1,
-            c20: R::from_f64(0.5) * I2, c21: R::from_f64(0.5) * I3, c22: R::from_f64(0.5) * ka,
-            c23: R::from_f64(0.5) * kb, c24: R::from_f64(0.125) * mb,
-            c25: R::from_f64(0.5) * ma * t0,
-            c26: R::ratio(1.0, 50.0) * mb,
-            c27: R::ratio(11.0, 100.0) * t7 / t3,
-            c28: R::from_f64(6.0) * ma * la / t3,
-            c29: R::from_f64(2.0) / lb,
-            c30: R::from_f64(11.0) * I2 / t3,
-            c31: R::from_f64(5.0) / lb,
-            c32: R::ratio(3.0, 25.0) * t9 / t3,
-            c33: R::ratio(108.0, 25.0) * ma / t3,
-            c34: t1, c35: t3, c36: t10 * t2,
-            c37: R::ratio(1.0, 5.0) * mb * lb,
-            c38: R::ratio(5.0, 3.0) * la, c39: t4,
-            c40: R::ratio(2.0, 5.0) * mb * lb,
-            c41: I1 + R::ratio(1.0, 100.0) * mb * t6,
-            c42: t10 * lb, c43: t3.recip(), c44: t8, c45: mb * lb,
-            c46: R::ratio(6.0, 5.0) * ma * la,
-            c47: I3 + R::from_f64(0.25) * mb + R::ratio(1.0, 25.0) * ma * (R::from_f64(9.0) + R::from_f64(25.0) * t0),
-            c48: t5,
+            c16: -(t8 / t3), c17: R::from_f64(0.5) * I1, c18: R::from_f64(0.5) * I2, c19: R::from_f64(0.5) * I3,
+            c20: R::from_f64(0.5) * ka, c21: R::from_f64(0.5) * kb,
+            c22: R::from_f64(0.5) * ma * t0,
+            c23: t10 * t2,
+            c24: R::ratio(11.0, 100.0) * t7 / t3,
+            c25: R::from_f64(6.0) * ma * la / t3,
+            c26: R::from_f64(2.0) / lb,
+            c27: R::from_f64(11.0) * I2 / t3,
+            c28: R::from_f64(5.0) / lb,
+            c29: R::ratio(3.0, 25.0) * t9 / t3,
+            c30: R::ratio(108.0, 25.0) * ma / t3,
+            c31: t1, c32: t3,
+            c33: R::ratio(1.0, 5.0) * mb * lb,
+            c34: R::ratio(5.0, 3.0) * la, c35: t4,
+            c36: R::ratio(2.0, 5.0) * mb * lb,
+            c37: I1 + R::ratio(1.0, 100.0) * mb * t6,
+            c38: t10 * lb, c39: t3.recip(), c40: t8, c41: -(mb * lb),
+            c42: R::ratio(6.0, 5.0) * ma * la,
+            c43: I3 + R::ratio(1.0, 25.0) * ma * (R::from_f64(9.0) + R::from_f64(25.0) * t0),
+            c44: t5,
         })
     }
 
@@ -289,7 +284,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_Omega2 = fma(t23, dot_Omega3, z_Omega2_over_mb_lb2 * t22);
         let dot_Omega1 = fma(t21, dot_Omega2, z_Omega1_over_mb_lb2 * t20);
         let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c48 * r_alpha_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c44 * r_alpha_dot_over_mb_lb2);
         let t24 = R::from_f64(0.5) * Omega1;
         let t25 = R::from_f64(0.5) * Omega2;
         let t26 = R::from_f64(0.5) * Omega3;
@@ -378,7 +373,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_Omega2 = fma(t19, dot_Omega3, z_Omega2_over_mb_lb2 * t18);
         let dot_Omega1 = fma(t17, dot_Omega2, z_Omega1_over_mb_lb2 * t16);
         let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c48 * r_alpha_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c44 * r_alpha_dot_over_mb_lb2);
         let t20 = R::from_f64(0.5) * Omega1;
         let t21 = R::from_f64(0.5) * Omega2;
         let t22 = R::from_f64(0.5) * Omega3;
@@ -415,25 +410,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// Energy. `E = p.y - L`.
     ///
-    /// Operations: 20 additions, 31 multiplications (16 fused), 2 elementary functions.
+    /// Operations: 19 additions, 29 multiplications (15 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 11]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, _, _, _, _] = *y;
         let _ = t;
-        let t0 = beta_dot + Omega1;
-        let ([t1, t3], [t2, t4]) = beta.sin_cos_of_two(alpha);
-        let t5 = self.c17 * t2;
-        let t6 = fma(t0, t5, Omega1);
-        let t7 = t3 * (alpha_dot + Omega3);
-        let t8 = self.c13 + t4;
-        let t9 = fma(Omega3, t8, alpha_dot * t4);
-        let t10 = fma(-Omega2, t8, Omega1 * t3);
-        let t11 = self.c18 * t1;
-        let t12 = fma(-(R::ONE + t5), R::from_f64(2.5) * Omega3, fma(Omega2, t11, Omega2));
-        let t13 = fma(t0, t11, Omega1);
-        let t14 = fma(self.c24, t6 * t6, fma(self.c23, beta * beta, fma(self.c22, alpha * alpha, fma(self.c21, Omega3 * Omega3, fma(self.c20, Omega2 * Omega2, self.c19 * (Omega1 * Omega1))))));
-        fma(self.c26, fma(t12, t12, t13 * t13), fma(self.c25, fma(t10, t10, fma(t9, t9, t7 * t7)), t14))
+        let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+        let t4 = t0 * (alpha_dot + Omega3);
+        let t5 = self.c13 + t1;
+        let t6 = fma(Omega3, t5, alpha_dot * t1);
+        let t7 = fma(-Omega2, t5, Omega1 * t0);
+        let t8 = self.c2 + t2;
+        let t9 = self.c3 + t3;
+        let t10 = fma(-Omega3, t9, Omega2 * t8);
+        let t11 = fma(Omega1, t8, beta_dot * t2);
+        let t12 = fma(Omega1, t9, beta_dot * t3);
+        let t13 = fma(self.c22, fma(t7, t7, fma(t6, t6, t4 * t4)), fma(self.c21, beta * beta, fma(self.c20, alpha * alpha, fma(self.c19, Omega3 * Omega3, fma(self.c18, Omega2 * Omega2, self.c17 * (Omega1 * Omega1))))));
+        fma(self.c23, fma(t10, t10, fma(t12, t12, t11 * t11)), t13)
     }
 
     /// Functions of time and state that are constant along every motion.
@@ -450,27 +444,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
         let t4 = self.c13 + t1;
         let t5 = fma(-Omega2, t4, Omega1 * t0);
-        let t6 = self.c34 * t5;
+        let t6 = self.c31 * t5;
         let t7 = self.c2 + t2;
         let t8 = fma(Omega1, t7, beta_dot * t2);
         let t9 = self.c3 + t3;
         let t10 = fma(Omega1, t9, beta_dot * t3);
-        let p_Omega1 = fma(self.c35, fma(t9, t10, t7 * t8), fma(t0, t6, self.I1 * Omega1));
+        let p_Omega1 = fma(self.c32, fma(t9, t10, t7 * t8), fma(t0, t6, self.I1 * Omega1));
         let t11 = fma(-Omega3, t9, Omega2 * t7);
-        let t12 = self.c35 * t11;
+        let t12 = self.c32 * t11;
         let p_Omega2 = fma(t7, t12, fma(-t4, t6, self.I2 * Omega2));
         let t13 = t0 * (alpha_dot + Omega3);
         let t14 = fma(Omega3, t4, alpha_dot * t1);
-        let p_Omega3 = fma(-t9, t12, fma(self.c34, fma(t4, t14, t0 * t13), self.I3 * Omega3));
+        let p_Omega3 = fma(-t9, t12, fma(self.c31, fma(t4, t14, t0 * t13), self.I3 * Omega3));
         let t15 = qw * qw;
         let t16 = qx * qx;
-        let t17 = fma(self.c25, fma(t14, t14, fma(t5, t5, t13 * t13)), fma(self.c23, beta * beta, fma(self.c22, alpha * alpha, fma(self.c21, Omega3 * Omega3, fma(self.c20, Omega2 * Omega2, self.c19 * (Omega1 * Omega1))))));
+        let t17 = fma(self.c22, fma(t14, t14, fma(t5, t5, t13 * t13)), fma(self.c21, beta * beta, fma(self.c20, alpha * alpha, fma(self.c19, Omega3 * Omega3, fma(self.c18, Omega2 * Omega2, self.c17 * (Omega1 * Omega1))))));
         let t18 = qw * qz;
         let t19 = fma(-qy, qy, t16);
         let t20 = fma(-qz, qz, t15);
         [
             fma(qz, qz, fma(qy, qy, t15)) + t16,
-            fma(self.c36, fma(t11, t11, fma(t10, t10, t8 * t8)), t17),
+            fma(self.c23, fma(t11, t11, fma(t10, t10, t8 * t8)), t17),
             fma(p_Omega3, p_Omega3, fma(p_Omega2, p_Omega2, p_Omega1 * p_Omega1)),
             fma(R::from_f64(2.0), fma(p_Omega3, fma(qw, qy, qx * qz), p_Omega2 * fma(qx, qy, -t18)), p_Omega1 * (t19 + t20)),
             fma(R::from_f64(2.0), fma(p_Omega3, fma(-qw, qx, qy * qz), p_Omega1 * fma(qx, qy, t18)), p_Omega2 * (t20 - t19)),
@@ -498,7 +492,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      d_space_p_Omega2_d_qz]
     /// ```
     ///
-    /// Operations: 81 additions, 148 multiplications (74 fused), 2 sign changes, 2 elementary functions.
+    /// Operations: 80 additions, 147 multiplications (74 fused), 2 sign changes, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn invariant_gradients_nonzeros(&self, t: R, y: &[R; 11]) -> [R; 40] {
@@ -507,103 +501,102 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // momenta p = dL/dy
         let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
         let t4 = fma(t1, R::from_f64(2.5), t0);
-        let d_p_Omega1_d_beta_dot = fma(t4, self.c37, self.c35);
-        let t5 = fma(-self.c38, fma(-Omega1, t2, Omega2 * t3), -Omega2);
-        let t6 = self.c39 * t5;
+        let d_p_Omega1_d_beta_dot = fma(t4, self.c33, self.c32);
+        let t5 = fma(-self.c34, fma(-Omega1, t2, Omega2 * t3), -Omega2);
+        let t6 = self.c35 * t5;
         let t7 = t2 * t6;
-        let t8 = fma(t4, self.c40, self.c41);
+        let t8 = fma(t4, self.c36, self.c37);
         let p_Omega1 = fma(beta_dot, d_p_Omega1_d_beta_dot, fma(Omega1, t8, t7));
-        let t9 = fma(t0, self.c35, self.c37);
-        let t10 = self.c35 * t1;
-        let t11 = self.c42 + t10;
-        let t12 = fma(-Omega3, t11, Omega2 * t9);
-        let t13 = self.c43 * t9;
-        let t14 = self.c38 * t3;
-        let t15 = R::ONE + t14;
-        let t16 = self.c44 * t15;
-        let p_Omega2 = fma(-t5, t16, fma(t12, t13, self.I2 * Omega2));
-        let t17 = self.c34 * t2;
-        let t18 = t2 * (alpha_dot + Omega3);
-        let t19 = t17 * t18;
-        let t20 = fma(Omega3, t15, alpha_dot * t14);
-        let t21 = self.c43 * t11;
-        let p_Omega3 = fma(-t12, t21, fma(t16, t20, fma(Omega3, self.I3, t19)));
+        let t9 = fma(t0, self.c32, self.c33);
+        let t10 = fma(t1, self.c32, self.c38);
+        let t11 = fma(-Omega3, t10, Omega2 * t9);
+        let t12 = self.c39 * t9;
+        let t13 = self.c34 * t3;
+        let t14 = R::ONE + t13;
+        let t15 = self.c40 * t14;
+        let p_Omega2 = fma(-t5, t15, fma(t11, t12, self.I2 * Omega2));
+        let t16 = self.c31 * t2;
+        let t17 = t2 * (alpha_dot + Omega3);
+        let t18 = t16 * t17;
+        let t19 = fma(Omega3, t14, alpha_dot * t13);
+        let t20 = self.c39 * t10;
+        let p_Omega3 = fma(-t11, t20, fma(t15, t19, fma(Omega3, self.I3, t18)));
         // derivatives of: momenta p = dL/dy
-        let t22 = fma(Omega2, t2, Omega1 * t3);
-        let d_p_Omega1_d_alpha = fma(t3, t6, t17 * t22);
-        let t23 = fma(-t1, R::ratio(2.0, 5.0), t0);
-        let t24 = self.c42 * t23;
-        let d_p_Omega1_d_beta = fma(-beta_dot, t24, -(t23 * (self.c45 * Omega1)));
-        let d_p_Omega1_d_Omega1 = fma(t2, t17, t8);
-        let t25 = self.c39 * t15;
-        let t26 = t2 * t25;
-        let d_p_Omega2_d_alpha = fma(-t22, t25, t7);
-        let t27 = fma(Omega2, t1, Omega3 * t0);
-        let d_p_Omega2_d_beta = fma(t1, t12, t9 * t27);
-        let d_p_Omega2_d_Omega2 = fma(t15, t16, fma(t9, t13, self.I2));
-        let t28 = t9 * t21;
-        let t29 = t2 * (self.c46 * fma(alpha_dot, R::from_f64(0.5), Omega3));
-        let d_p_Omega3_d_beta = fma(t0, t12, -(t11 * t27));
-        let t30 = self.c39 * t3;
-        let d_p_Omega3_d_alpha_dot = self.c34 + t30;
-        let d_p_Omega3_d_Omega3 = fma(t1, t10, fma(t1, self.c45, fma(t3, self.c46, self.c47)));
-        let t31 = R::from_f64(2.0) * p_Omega1;
-        let t32 = R::from_f64(2.0) * p_Omega2;
-        let t33 = R::from_f64(2.0) * p_Omega3;
-        let t34 = fma(-qy, qy, qx * qx);
-        let t35 = fma(-qz, qz, qw * qw);
-        let t36 = t34 + t35;
-        let t37 = qw * qz;
-        let t38 = R::from_f64(2.0) * fma(qx, qy, -t37);
-        let t39 = R::from_f64(2.0) * fma(qw, qy, qx * qz);
-        let t40 = fma(qw, t31, fma(-qz, t32, qy * t33));
-        let t41 = fma(qx, t31, fma(qz, t33, qy * t32));
-        let t42 = fma(-qy, t31, fma(qw, t33, qx * t32));
-        let t43 = fma(-qz, t31, fma(-qw, t32, qx * t33));
-        let t44 = R::from_f64(2.0) * fma(qx, qy, t37);
-        let t45 = t35 - t34;
-        let t46 = R::from_f64(2.0) * fma(-qw, qx, qy * qz);
+        let t21 = fma(Omega2, t2, Omega1 * t3);
+        let d_p_Omega1_d_alpha = fma(t3, t6, t16 * t21);
+        let t22 = fma(-t1, R::ratio(2.0, 5.0), t0);
+        let t23 = self.c38 * t22;
+        let d_p_Omega1_d_beta = fma(-beta_dot, t23, t22 * (self.c41 * Omega1));
+        let d_p_Omega1_d_Omega1 = fma(t2, t16, t8);
+        let t24 = self.c35 * t14;
+        let t25 = t2 * t24;
+        let d_p_Omega2_d_alpha = fma(-t21, t24, t7);
+        let t26 = fma(Omega2, t1, Omega3 * t0);
+        let d_p_Omega2_d_beta = fma(t1, t11, t9 * t26);
+        let d_p_Omega2_d_Omega2 = fma(t14, t15, fma(t9, t12, self.I2));
+        let t27 = t9 * t20;
+        let t28 = t2 * (self.c42 * fma(alpha_dot, R::from_f64(0.5), Omega3));
+        let d_p_Omega3_d_beta = fma(t0, t11, -(t10 * t26));
+        let t29 = self.c35 * t3;
+        let d_p_Omega3_d_alpha_dot = self.c31 + t29;
+        let d_p_Omega3_d_Omega3 = fma(t10, t20, fma(t3, self.c42, self.c43));
+        let t30 = R::from_f64(2.0) * p_Omega1;
+        let t31 = R::from_f64(2.0) * p_Omega2;
+        let t32 = R::from_f64(2.0) * p_Omega3;
+        let t33 = fma(-qy, qy, qx * qx);
+        let t34 = fma(-qz, qz, qw * qw);
+        let t35 = t33 + t34;
+        let t36 = qw * qz;
+        let t37 = R::from_f64(2.0) * fma(qx, qy, -t36);
+        let t38 = R::from_f64(2.0) * fma(qw, qy, qx * qz);
+        let t39 = fma(qw, t30, fma(-qz, t31, qy * t32));
+        let t40 = fma(qx, t30, fma(qz, t32, qy * t31));
+        let t41 = fma(-qy, t30, fma(qw, t32, qx * t31));
+        let t42 = fma(-qz, t30, fma(-qw, t31, qx * t32));
+        let t43 = R::from_f64(2.0) * fma(qx, qy, t36);
+        let t44 = t34 - t33;
+        let t45 = R::from_f64(2.0) * fma(-qw, qx, qy * qz);
         [
             R::from_f64(2.0) * qw,
             R::from_f64(2.0) * qx,
             R::from_f64(2.0) * qy,
             R::from_f64(2.0) * qz,
-            fma(t6, t22, fma(-t18, self.c39 * Omega3, self.ka * alpha)),
-            fma(-t24, Omega1 * (beta_dot + Omega1), fma(t12, t27, self.kb * beta)),
-            fma(t20, t30, t19),
-            fma(Omega1, d_p_Omega1_d_beta_dot, self.c35 * beta_dot),
+            fma(t6, t21, fma(-t17, self.c35 * Omega3, self.ka * alpha)),
+            fma(-t23, Omega1 * (beta_dot + Omega1), fma(t11, t26, self.kb * beta)),
+            fma(t19, t29, t18),
+            fma(Omega1, d_p_Omega1_d_beta_dot, self.c32 * beta_dot),
             p_Omega1,
             p_Omega2,
             p_Omega3,
-            fma(d_p_Omega1_d_alpha, t31, fma(-t29, t33, d_p_Omega2_d_alpha * t32)),
-            fma(d_p_Omega1_d_beta, t31, fma(d_p_Omega3_d_beta, t33, d_p_Omega2_d_beta * t32)),
-            d_p_Omega3_d_alpha_dot * t33,
-            d_p_Omega1_d_beta_dot * t31,
-            fma(d_p_Omega1_d_Omega1, t31, -(t26 * t32)),
-            fma(-t26, t31, fma(-t28, t33, d_p_Omega2_d_Omega2 * t32)),
-            fma(d_p_Omega3_d_Omega3, t33, -(t28 * t32)),
-            fma(d_p_Omega2_d_alpha, t38, fma(d_p_Omega1_d_alpha, t36, -(t29 * t39))),
-            fma(d_p_Omega3_d_beta, t39, fma(d_p_Omega2_d_beta, t38, d_p_Omega1_d_beta * t36)),
-            d_p_Omega3_d_alpha_dot * t39,
-            d_p_Omega1_d_beta_dot * t36,
-            fma(-t26, t38, d_p_Omega1_d_Omega1 * t36),
-            fma(-t28, t39, fma(d_p_Omega2_d_Omega2, t38, -(t26 * t36))),
-            fma(-t28, t38, d_p_Omega3_d_Omega3 * t39),
+            fma(d_p_Omega1_d_alpha, t30, fma(-t28, t32, d_p_Omega2_d_alpha * t31)),
+            fma(d_p_Omega1_d_beta, t30, fma(d_p_Omega3_d_beta, t32, d_p_Omega2_d_beta * t31)),
+            d_p_Omega3_d_alpha_dot * t32,
+            d_p_Omega1_d_beta_dot * t30,
+            fma(d_p_Omega1_d_Omega1, t30, -(t25 * t31)),
+            fma(-t25, t30, fma(-t27, t32, d_p_Omega2_d_Omega2 * t31)),
+            fma(d_p_Omega3_d_Omega3, t32, -(t27 * t31)),
+            fma(d_p_Omega2_d_alpha, t37, fma(d_p_Omega1_d_alpha, t35, -(t28 * t38))),
+            fma(d_p_Omega3_d_beta, t38, fma(d_p_Omega2_d_beta, t37, d_p_Omega1_d_beta * t35)),
+            d_p_Omega3_d_alpha_dot * t38,
+            d_p_Omega1_d_beta_dot * t35,
+            fma(-t25, t37, d_p_Omega1_d_Omega1 * t35),
+            fma(d_p_Omega2_d_Omega2, t37, fma(-t25, t35, -(t27 * t38))),
+            fma(d_p_Omega3_d_Omega3, t38, -(t27 * t37)),
+            t39,
             t40,
             t41,
             t42,
-            t43,
-            fma(d_p_Omega2_d_alpha, t45, fma(d_p_Omega1_d_alpha, t44, -(t29 * t46))),
-            fma(d_p_Omega3_d_beta, t46, fma(d_p_Omega2_d_beta, t45, d_p_Omega1_d_beta * t44)),
-            d_p_Omega3_d_alpha_dot * t46,
-            d_p_Omega1_d_beta_dot * t44,
-            fma(-t26, t45, d_p_Omega1_d_Omega1 * t44),
-            fma(-t28, t46, fma(d_p_Omega2_d_Omega2, t45, -(t26 * t44))),
-            fma(-t28, t45, d_p_Omega3_d_Omega3 * t46),
-            -t43,
+            fma(d_p_Omega2_d_alpha, t44, fma(d_p_Omega1_d_alpha, t43, -(t28 * t45))),
+            fma(d_p_Omega3_d_beta, t45, fma(d_p_Omega2_d_beta, t44, d_p_Omega1_d_beta * t43)),
+            d_p_Omega3_d_alpha_dot * t45,
+            d_p_Omega1_d_beta_dot * t43,
+            fma(-t25, t44, d_p_Omega1_d_Omega1 * t43),
+            fma(d_p_Omega2_d_Omega2, t44, fma(-t25, t43, -(t27 * t45))),
+            fma(d_p_Omega3_d_Omega3, t45, -(t27 * t44)),
             -t42,
-            t41,
+            -t41,
             t40,
+            t39,
         ]
     }
 
@@ -668,23 +661,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t26 = R::from_f64(10.0) * t0.abs();
         let t27 = fma(t25, R::from_f64(25.0), t26);
         let t28 = (self.c14 * t4).abs();
-        let t29 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_mb_lb2.abs(), fma(t28, R::ratio(22.0, 5.0), fma(t27, self.c10, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c27)))));
+        let t29 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_mb_lb2.abs(), fma(t28, R::ratio(22.0, 5.0), fma(t27, self.c10, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c24)))));
         let t30 = fma(fma(t28, R::from_f64(2.0), fma(t27, self.c2, R::from_f64(10.0))), R::from_f64(2.0) * A_beta_dot_Omega1_over_mb_lb2.abs(), t29);
-        let t31 = fma(R::from_f64(10.0), t6.abs(), self.c28);
+        let t31 = fma(R::from_f64(10.0), t6.abs(), self.c25);
         let t32 = t9.abs();
-        let t33 = self.c29 + t26;
+        let t33 = self.c26 + t26;
         let t34 = t11.abs();
         let t35 = fma(R::from_f64(8.0), t8.abs(), t31 * t2.abs());
         let A_l4_3 = -t20;
         let t36 = A_l4_3.abs();
         let A_Omega1_Omega2_over_mb_lb2 = -t8;
-        let t37 = fma(t33, R::from_f64(2.0) * t34, fma(t31, t32, fma(A_Omega2_Omega2_over_mb_lb2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, R::from_f64(11.0), self.c30)))));
+        let t37 = fma(t33, R::from_f64(2.0) * t34, fma(t31, t32, fma(A_Omega2_Omega2_over_mb_lb2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, R::from_f64(11.0), self.c27)))));
         let t38 = fma(fma(t30, (-(t8 * (t19 * t19))).abs(), fma(t36, R::from_f64(8.0), t35 * t19.abs())), A_Omega1_Omega2_over_mb_lb2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t35, t36, fma(fma(t32, R::from_f64(8.0), self.c7 * t31), t7.abs(), t37))));
-        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c31) * t34));
+        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c28) * t34));
         let A_l5_4 = -t23;
         let t40 = A_l5_4.abs();
         let A_Omega2_Omega3_over_mb_lb2 = -t14;
-        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5_over_mb_lb2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c33, fma(t16, R::from_f64(12.0), self.c32))))));
+        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5_over_mb_lb2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c30, fma(t16, R::from_f64(12.0), self.c29))))));
         [
             ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3_over_mb_lb2, t30),
             ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4_over_mb_lb2, t38),
@@ -708,7 +701,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::over_scalar!(Prepared[11] {
     I1, I2, I3, ka, kb, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18,
     c19, c20, c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38, c39,
-    c40, c41, c42, c43, c44, c45, c46, c47, c48,
+    c40, c41, c42, c43, c44,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -88,31 +88,28 @@ pub struct Prepared<R = f64> {
     c14: R, // 1 / lb
     c15: R, // (1/100) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
     c16: R, // (-9/25) * ma / (mb * (lb * lb))
-    c17: R, // 2 * lb
-    c18: R, // 5 * lb
-    c19: R, // 0.5 * I1
-    c20: R, // 0.5 * I2
-    c21: R, // 0.5 * I3
-    c22: R, // 0.5 * ka
-    c23: R, // 0.5 * kb
-    c24: R, // 0.125 * mb
-    c25: R, // 0.5 * ma * (la * la)
-    c26: R, // (1/50) * mb
-    c27: R, // (11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))
-    c28: R, // 6 * ma * la / (mb * (lb * lb))
-    c29: R, // 2 / lb
-    c30: R, // 11 * I2 / (mb * (lb * lb))
-    c31: R, // 5 / lb
-    c32: R, // (3/25) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
-    c33: R, // (108/25) * ma / (mb * (lb * lb))
-    c34: R, // mb * (lb * lb) / (ma * (la * la))
+    c17: R, // 0.5 * I1
+    c18: R, // 0.5 * I2
+    c19: R, // 0.5 * I3
+    c20: R, // 0.5 * ka
+    c21: R, // 0.5 * kb
+    c22: R, // 0.5 * ma * (la * la)
+    c23: R, // 0.5 * mb * (lb * lb)
+    c24: R, // (11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))
+    c25: R, // 6 * ma * la / (mb * (lb * lb))
+    c26: R, // 2 / lb
+    c27: R, // 11 * I2 / (mb * (lb * lb))
+    c28: R, // 5 / lb
+    c29: R, // (3/25) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
+    c30: R, // (108/25) * ma / (mb * (lb * lb))
+    c31: R, // mb * (lb * lb) / (ma * (la * la))
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 7 additions, 32 multiplications, 24 divisions, 2 sign changes.
+    /// Operations: 7 additions, 30 multiplications, 24 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -143,19 +140,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c12: I2 / t3, c13: R::ratio(3.0, 5.0) / la, c14: lb.recip(),
             c15: R::ratio(1.0, 100.0) * t6 / t3,
             c16: R::ratio(-9.0, 25.0) * ma / t3,
-            c17: R::from_f64(2.0) * lb, c18: R::from_f64(5.0) * lb, c19: R::from_f64(0.5) * I1,
-            c20: R::from_f64(0.5) * I2, c21: R::from_f64(0.5) * I3, c22: R::from_f64(0.5) * ka,
-            c23: R::from_f64(0.5) * kb, c24: R::from_f64(0.125) * mb,
-            c25: R::from_f64(0.5) * ma * t0,
-            c26: R::ratio(1.0, 50.0) * mb,
-            c27: R::ratio(11.0, 100.0) * t5 / t3,
-            c28: R::from_f64(6.0) * ma * la / t3,
-            c29: R::from_f64(2.0) / lb,
-            c30: R::from_f64(11.0) * I2 / t3,
-            c31: R::from_f64(5.0) / lb,
-            c32: R::ratio(3.0, 25.0) * t6 / t3,
-            c33: R::ratio(108.0, 25.0) * ma / t3,
-            c34: t4,
+            c17: R::from_f64(0.5) * I1, c18: R::from_f64(0.5) * I2, c19: R::from_f64(0.5) * I3,
+            c20: R::from_f64(0.5) * ka, c21: R::from_f64(0.5) * kb,
+            c22: R::from_f64(0.5) * ma * t0,
+            c23: R::from_f64(0.5) * mb * t2,
+            c24: R::ratio(11.0, 100.0) * t5 / t3,
+            c25: R::from_f64(6.0) * ma * la / t3,
+            c26: R::from_f64(2.0) / lb,
+            c27: R::from_f64(11.0) * I2 / t3,
+            c28: R::from_f64(5.0) / lb,
+            c29: R::ratio(3.0, 25.0) * t6 / t3,
+            c30: R::ratio(108.0, 25.0) * ma / t3,
+            c31: t4,
         })
     }
 
@@ -231,7 +227,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_Omega2 = fma(t23, dot_Omega3, z_Omega2_over_mb_lb2 * t22);
         let dot_Omega1 = fma(t21, dot_Omega2, z_Omega1_over_mb_lb2 * t20);
         let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c34 * r_alpha_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c31 * r_alpha_dot_over_mb_lb2);
         *dy = [alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3];
     }
 
@@ -307,7 +303,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_Omega2 = fma(t19, dot_Omega3, z_Omega2_over_mb_lb2 * t18);
         let dot_Omega1 = fma(t17, dot_Omega2, z_Omega1_over_mb_lb2 * t16);
         let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c34 * r_alpha_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c31 * r_alpha_dot_over_mb_lb2);
         let dot_cos_alpha = -(sin_alpha * alpha_dot);
         let dot_sin_alpha = cos_alpha * alpha_dot;
         let dot_cos_beta = -(sin_beta * beta_dot);
@@ -337,25 +333,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// Energy. `E = p.y - L`.
     ///
-    /// Operations: 20 additions, 31 multiplications (16 fused), 2 elementary functions.
+    /// Operations: 19 additions, 29 multiplications (15 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 7]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        let t0 = beta_dot + Omega1;
-        let ([t1, t3], [t2, t4]) = beta.sin_cos_of_two(alpha);
-        let t5 = self.c17 * t2;
-        let t6 = fma(t0, t5, Omega1);
-        let t7 = t3 * (alpha_dot + Omega3);
-        let t8 = self.c13 + t4;
-        let t9 = fma(Omega3, t8, alpha_dot * t4);
-        let t10 = fma(-Omega2, t8, Omega1 * t3);
-        let t11 = self.c18 * t1;
-        let t12 = fma(-(R::ONE + t5), R::from_f64(2.5) * Omega3, fma(Omega2, t11, Omega2));
-        let t13 = fma(t0, t11, Omega1);
-        let t14 = fma(self.c24, t6 * t6, fma(self.c23, beta * beta, fma(self.c22, alpha * alpha, fma(self.c21, Omega3 * Omega3, fma(self.c20, Omega2 * Omega2, self.c19 * (Omega1 * Omega1))))));
-        fma(self.c26, fma(t12, t12, t13 * t13), fma(self.c25, fma(t10, t10, fma(t9, t9, t7 * t7)), t14))
+        let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+        let t4 = t0 * (alpha_dot + Omega3);
+        let t5 = self.c13 + t1;
+        let t6 = fma(Omega3, t5, alpha_dot * t1);
+        let t7 = fma(-Omega2, t5, Omega1 * t0);
+        let t8 = self.c2 + t2;
+        let t9 = self.c3 + t3;
+        let t10 = fma(-Omega3, t9, Omega2 * t8);
+        let t11 = fma(Omega1, t8, beta_dot * t2);
+        let t12 = fma(Omega1, t9, beta_dot * t3);
+        let t13 = fma(self.c22, fma(t7, t7, fma(t6, t6, t4 * t4)), fma(self.c21, beta * beta, fma(self.c20, alpha * alpha, fma(self.c19, Omega3 * Omega3, fma(self.c18, Omega2 * Omega2, self.c17 * (Omega1 * Omega1))))));
+        fma(self.c23, fma(t10, t10, fma(t12, t12, t11 * t11)), t13)
     }
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
@@ -400,23 +395,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t26 = R::from_f64(10.0) * t0.abs();
         let t27 = fma(t25, R::from_f64(25.0), t26);
         let t28 = (self.c14 * t4).abs();
-        let t29 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_mb_lb2.abs(), fma(t28, R::ratio(22.0, 5.0), fma(t27, self.c10, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c27)))));
+        let t29 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_mb_lb2.abs(), fma(t28, R::ratio(22.0, 5.0), fma(t27, self.c10, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c24)))));
         let t30 = fma(fma(t28, R::from_f64(2.0), fma(t27, self.c2, R::from_f64(10.0))), R::from_f64(2.0) * A_beta_dot_Omega1_over_mb_lb2.abs(), t29);
-        let t31 = fma(R::from_f64(10.0), t6.abs(), self.c28);
+        let t31 = fma(R::from_f64(10.0), t6.abs(), self.c25);
         let t32 = t9.abs();
-        let t33 = self.c29 + t26;
+        let t33 = self.c26 + t26;
         let t34 = t11.abs();
         let t35 = fma(R::from_f64(8.0), t8.abs(), t31 * t2.abs());
         let A_l4_3 = -t20;
         let t36 = A_l4_3.abs();
         let A_Omega1_Omega2_over_mb_lb2 = -t8;
-        let t37 = fma(t33, R::from_f64(2.0) * t34, fma(t31, t32, fma(A_Omega2_Omega2_over_mb_lb2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, R::from_f64(11.0), self.c30)))));
+        let t37 = fma(t33, R::from_f64(2.0) * t34, fma(t31, t32, fma(A_Omega2_Omega2_over_mb_lb2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, R::from_f64(11.0), self.c27)))));
         let t38 = fma(fma(t30, (-(t8 * (t19 * t19))).abs(), fma(t36, R::from_f64(8.0), t35 * t19.abs())), A_Omega1_Omega2_over_mb_lb2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t35, t36, fma(fma(t32, R::from_f64(8.0), self.c7 * t31), t7.abs(), t37))));
-        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c31) * t34));
+        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c28) * t34));
         let A_l5_4 = -t23;
         let t40 = A_l5_4.abs();
         let A_Omega2_Omega3_over_mb_lb2 = -t14;
-        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5_over_mb_lb2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c33, fma(t16, R::from_f64(12.0), self.c32))))));
+        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5_over_mb_lb2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c30, fma(t16, R::from_f64(12.0), self.c29))))));
         [
             ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3_over_mb_lb2, t30),
             ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4_over_mb_lb2, t38),
@@ -439,7 +434,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[7] {
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21, c22,
-    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34,
+    c23, c24, c25, c26, c27, c28, c29, c30, c31,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
@@ -564,7 +559,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let t32 = z_Omega1_over_mb_lb2 * t27;
             let dot_Omega1 = fma(t28, dot_Omega2, t32);
             let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
-            let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c34 * r_alpha_dot_over_mb_lb2);
+            let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c31 * r_alpha_dot_over_mb_lb2);
             ([alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3], [
                 t1,
                 t2,
@@ -747,7 +742,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                fma(self.c34, t30, -fma(kept53, t51, fma(kept55, t42, sum66))),
+                fma(self.c31, t30, -fma(kept53, t51, fma(kept55, t42, sum66))),
                 t33 - fma(kept50, t55, fma(kept60, t39, sum65)),
                 t55,
                 t53,

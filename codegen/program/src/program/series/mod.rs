@@ -47,6 +47,8 @@ mod rules;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use rustc_hash::FxHashMap;
+
 use crate::program::edit::drop_dead;
 use crate::program::ir::{Constant, Function, Instruction, Op, Operand, Program, Signs};
 use crate::program::role::Role;
@@ -423,14 +425,14 @@ impl<'p> Builder<'p> {
             }
         }
         let (n_state, n_lanes, n_kept) = (self.program.state.len(), live_sums.len(), live_kept.len());
-        let position = |set: &BTreeSet<u32>, i: u32| set.range(..i).count();
+        let places = |set: &BTreeSet<u32>, first: usize| -> FxHashMap<u32, Operand> {
+            set.iter().copied().zip((first..).map(|k| Operand::State(k as u32))).collect()
+        };
+        let (sums, kept) = (places(&live_sums, n_state), places(&live_kept, n_state + n_lanes));
+        // An input that nothing live reads stays where no input is, which the rules of programs find.
         let place = |operand: Operand| match operand {
-            Operand::State(i) if i >= SUMS => {
-                Operand::State((n_state + position(&live_sums, i - SUMS)) as u32)
-            }
-            Operand::State(i) if i >= KEPT => {
-                Operand::State((n_state + n_lanes + position(&live_kept, i - KEPT)) as u32)
-            }
+            Operand::State(i) if i >= SUMS => sums.get(&(i - SUMS)).copied().unwrap_or(operand),
+            Operand::State(i) if i >= KEPT => kept.get(&(i - KEPT)).copied().unwrap_or(operand),
             ORDER => Operand::State((n_state + n_lanes + n_kept) as u32),
             INVERSE => Operand::State((n_state + n_lanes + n_kept + 1) as u32),
             other => other,

@@ -2,12 +2,15 @@
 //!
 //! Does not know: how a scene is evaluated.
 
+pub mod by_heart;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use clap::Args;
 use hamel_codegen::spec::Kind;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::output::terminal::{bold, width};
@@ -43,7 +46,38 @@ struct Listed {
     title: String,
     topic: Option<String>,
     sources: Vec<String>,
-    scenes: Vec<(String, Info)>,
+    scenes: Vec<Scene>,
+}
+
+/// What is shown of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Scene {
+    scene: String,
+    state: Vec<String>,
+    params: Values,
+    inputs: Values,
+    outputs: Map<String, Value>,
+    has_energy: bool,
+}
+
+/// Names and defaults, in order.
+type Values = Map<String, Value>;
+
+impl Scene {
+    fn of(scene: &str, info: &Info) -> Scene {
+        let values = |entries: &[ParamEntry]| -> Values {
+            entries.iter().map(|p| (p.name.clone(), number(p.default))).collect()
+        };
+        let outputs = info.outputs.iter().map(|group| (group.name.clone(), group.components.clone().into()));
+        Scene {
+            scene: scene.to_owned(),
+            state: info.state.clone(),
+            params: values(&info.params),
+            inputs: values(&info.inputs),
+            outputs: outputs.collect(),
+            has_energy: info.has_energy,
+        }
+    }
 }
 
 /// All models, or those named, for people or as JSON.
@@ -57,8 +91,8 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let files = session.find_all(&arguments.models)?;
     let mut listed = Vec::new();
     let mut errors = Vec::new();
-    // Every scene is derived and lowered, which takes a second for the largest models.
-    let described: Vec<_> = files.par_iter().map(describe).collect();
+    // Scenes that are not known by heart are derived and lowered.
+    let described: Vec<_> = files.par_iter().map(|file| describe(session, file)).collect();
     for outcome in described {
         match outcome {
             Ok(entry) => listed.push(entry),
@@ -110,48 +144,34 @@ fn by_topic(files: &[ModelFile<'_>]) -> Result<String, Error> {
     Ok(text)
 }
 
-fn describe(file: &ModelFile<'_>) -> Result<Listed, Error> {
+fn describe(session: &Session, file: &ModelFile<'_>) -> Result<Listed, Error> {
     let model = file.model()?;
-    let mut scenes = Vec::new();
-    for name in model.scene_names() {
-        let built = interpreted::build(model, &name)?;
-        scenes.push((name, built.info().clone()));
-    }
+    let known = if session.may_know_by_heart() { by_heart::scenes(file.name(), &file.text()?) } else { None };
+    let derived = || {
+        let scenes = model.scene_names().into_iter().map(|name| {
+            let built = interpreted::build(model, &name)?;
+            Ok(Scene::of(&name, built.info()))
+        });
+        scenes.collect::<Result<Vec<Scene>, Error>>()
+    };
     Ok(Listed {
         name: model.name.clone(),
         kind: model.kind(),
         title: model::title(model),
         topic: model.topic.clone(),
         sources: model.sources.clone(),
-        scenes,
+        scenes: known.map_or_else(derived, Ok)?,
     })
 }
 
 impl Listed {
     fn to_json(&self) -> Value {
-        let scene = |(name, info): &(String, Info)| {
-            let mut outputs = Map::new();
-            for group in &info.outputs {
-                outputs.insert(group.name.clone(), group.components.clone().into());
-            }
-            let values = |entries: &[ParamEntry]| -> Value {
-                entries.iter().map(|p| (p.name.clone(), number(p.default))).collect()
-            };
-            let mut entry = Map::new();
-            entry.insert("scene".into(), name.clone().into());
-            entry.insert("state".into(), info.state.clone().into());
-            entry.insert("params".into(), values(&info.params));
-            entry.insert("inputs".into(), values(&info.inputs));
-            entry.insert("outputs".into(), outputs.into());
-            entry.insert("has_energy".into(), info.has_energy.into());
-            Value::from(entry)
-        };
         let mut entry = Map::new();
         entry.insert("model".into(), self.name.clone().into());
         entry.insert("title".into(), self.title.clone().into());
         entry.insert("topic".into(), self.topic.clone().into());
         entry.insert("sources".into(), self.sources.clone().into());
-        entry.insert("scenes".into(), self.scenes.iter().map(scene).collect());
+        entry.insert("scenes".into(), self.scenes.iter().map(|scene| serde_json::json!(scene)).collect());
         entry.into()
     }
 
@@ -166,19 +186,21 @@ impl Listed {
                 let _ = writeln!(text, "  {:8}  {line}", if k == 0 { label } else { "" });
             }
         };
-        let values = |entries: &[ParamEntry]| {
-            entries.iter().map(|p| format!("{} = {}", p.name, p.default)).collect::<Vec<String>>()
+        let values = |entries: &Values| {
+            let value = |v: &Value| v.as_f64().map_or_else(|| v.to_string(), |x| x.to_string());
+            entries.iter().map(|(name, v)| format!("{name} = {}", value(v))).collect::<Vec<String>>()
         };
-        for (k, (name, info)) in self.scenes.iter().enumerate() {
+        for (k, info) in self.scenes.iter().enumerate() {
+            let name = &info.scene;
             if k == 0 {
                 row("state", info.state.clone(), " ");
                 row("params", values(&info.params), ", ");
                 row("inputs", values(&info.inputs), ", ");
                 continue;
             }
-            let default = &self.scenes[0].1;
-            let fixed = default.params.iter().filter(|p| info.params.iter().all(|q| q.name != p.name));
-            let fixed: Vec<String> = fixed.map(|p| p.name.clone()).collect();
+            let default = &self.scenes[0];
+            let fixed = default.params.keys().filter(|name| !info.params.contains_key(*name));
+            let fixed: Vec<String> = fixed.cloned().collect();
             let mut parts = Vec::new();
             if !fixed.is_empty() {
                 parts.push(format!("fixes {}", fixed.join(", ")));
@@ -187,7 +209,7 @@ impl Listed {
                 parts.push(format!("state {}", info.state.join(" ")));
             }
             if !info.inputs.is_empty() {
-                let names: Vec<&str> = info.inputs.iter().map(|input| input.name.as_str()).collect();
+                let names: Vec<&str> = info.inputs.keys().map(String::as_str).collect();
                 parts.push(format!("inputs {}", names.join(" ")));
             }
             let colon = if parts.is_empty() { "" } else { ": " };
