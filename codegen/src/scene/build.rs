@@ -527,7 +527,7 @@ pub(super) fn lower_scene(
     let events = events::of_scene(&equations, &plan.name, &state, &outputs)?;
     let known = known.as_deref().filter(|_| plan.search == SearchBudget::default());
     let lowered =
-        lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, (&plan.search, known))?;
+        lower::lower_with(&mut graph, &inputs, &sections, &conditions, &requests, (&plan.search, known))?;
     let Lowered { program, rates } = lowered;
     let products = derivatives.products;
     let spent = graph.spent();

@@ -137,8 +137,7 @@ pub struct Lowered {
     pub rates: Option<KnownRates>,
 }
 
-/// Lowers sections of definitions and the requested functions to one program; rates that are `known`, by this graph or
-/// one that it is a continuation of, are not searched again.
+/// Lowers sections of definitions and the requested functions to one program.
 ///
 /// Pivots are computed as the rates compute them where these are requested first, otherwise in a form of their own.
 ///
@@ -146,6 +145,22 @@ pub struct Lowered {
 /// [`Error::Program`] when a symbol is used before its definition, or a condition depends on more than parameters;
 /// [`Error::OutOfRange`] when a constant does not fit an `f64`; [`Error::OverBudget`].
 pub fn lower(
+    graph: &mut Graph,
+    inputs: &Inputs,
+    sections: &[Section],
+    conditions: &[ParamCondition],
+    requests: &[Request],
+    budget: &SearchBudget,
+) -> Result<Program, Error> {
+    lower_with(graph, inputs, sections, conditions, requests, (budget, None)).map(|lowered| lowered.program)
+}
+
+/// As [`lower`], with rates that are `known`, by this graph or one that it is a continuation of: these are not searched
+/// again.
+///
+/// # Errors
+/// As [`lower`].
+pub fn lower_with(
     graph: &mut Graph,
     inputs: &Inputs,
     sections: &[Section],
