@@ -111,6 +111,41 @@ fn products_of_inertia_are_part_of_a_spin() {
     assert!(operations <= least + 60, "{operations} operations, {least} without products");
 }
 
+/// `w . J w` is written as three products of a component and a sum, `wx*(D*wx + P*wy)`: that is the same spin.
+#[test]
+fn moments_of_inertia_by_a_matrix_are_those_by_their_terms() {
+    let with = |of_body: &dyn Fn(usize) -> String| {
+        let mut text = spatial_arm(3);
+        for k in 1..=3 {
+            let params =
+                format!("{{\n    param D{k} = 0.02;\n    param P{k} = 0.004;\n    param R{k} = -0.003;\n");
+            text = text.replacen("{\n", &params, 1);
+        }
+        let energies: String = (1..=3).map(of_body).collect();
+        built(
+            &parsed(&text.replacen("    lagrangian = ", &format!("    lagrangian = 0{energies} + "), 1)),
+            Some(true),
+        )
+    };
+    let by_terms = with(&|k| {
+        format!(" + D{k}/2*w{k}x^2 + D{k}/2*w{k}y^2 + D{k}/2*w{k}z^2 + P{k}*w{k}x*w{k}y + R{k}*w{k}y*w{k}z")
+    });
+    let by_matrix = with(&|k| {
+        let w = format!("[w{k}x, w{k}y, w{k}z]");
+        format!(" + dot({w}, [[D{k}, P{k}, 0], [P{k}, D{k}, R{k}], [0, R{k}, D{k}]]*{w})/2")
+    });
+    for seed in 1..=5 {
+        let state = numbers(by_terms.state().len(), seed);
+        let (a, b) = (rates(&by_terms, &state), rates(&by_matrix, &state));
+        let size = b.iter().fold(0.0_f64, |size, rate| size.max(rate.abs()));
+        for (a, b) in a.iter().zip(&b) {
+            assert!((a - b).abs() <= TOLERANCE * size, "{a} and {b}");
+        }
+    }
+    let [(by_terms, _), (by_matrix, _)] = [&by_terms, &by_matrix].map(counted);
+    assert!(by_matrix.abs_diff(by_terms) * 20 <= by_terms, "{by_matrix} operations, {by_terms} by terms");
+}
+
 /// Forty rates, more than the systems have whose squares are looked for where they are multiplied out.
 #[test]
 fn twenty_pendulums_in_space_are_linked_bodies() {

@@ -227,3 +227,19 @@ fn text_reads_like_a_paper() {
     assert_eq!(dots, ["θ\u{307}", "p_ψ\u{307}", "ψ\u{308}"]);
     assert_eq!(print::identifier("p_Omega1", Style::Latex), "p_{\\Omega_{1}}");
 }
+
+#[test]
+fn what_was_found_constant_in_a_trial_that_was_given_up_is_asked_again() {
+    let Fixture { mut g, x, sx, .. } = fixture();
+    let a = g.symbol("a");
+    let a = g.sym(a);
+    let writer = SectionWriter::new(&g, [sx].into(), &[]);
+    let before = g.clone();
+    let constant = g.powi(a, 5);
+    assert!(!writer.varies(&g, constant));
+    // The same number stands for another expression now.
+    let mut g = before;
+    let varying = g.powi(x, 5);
+    assert_eq!(varying, constant);
+    assert!(writer.varies(&g, varying));
+}

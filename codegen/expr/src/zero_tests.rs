@@ -445,3 +445,26 @@ fn different_functions_are_never_taken_for_one() {
         assert!(!(differs && verdict == Vanishing::Zero), "seed {seed}: {left} and {right}");
     }
 }
+
+#[test]
+fn a_sum_of_products_is_told_without_making_it() {
+    let mut fixture = Text::new(&["x", "y", "a", "b"]);
+    let [sum, same, other] =
+        ["sin(x + y)", "sin(x)*cos(y) + sin(y)*cos(x) + 0*a", "sin(x)*cos(y) + cos(x)*cos(y)"]
+            .map(|text| fixture.read(text));
+    let [sx, cx, sy, cy] = ["sin(x)", "cos(x)", "sin(y)", "cos(y)"].map(|text| fixture.read(text));
+    let n_nodes = fixture.g.n_nodes();
+    for e in [sum, same] {
+        assert!(fixture.g.is_sum_of_products(e, &[(false, sx, cy), (false, cx, sy)]));
+        assert!(!fixture.g.is_sum_of_products(e, &[(false, sx, cy), (true, cx, sy)]), "a sign");
+        assert!(!fixture.g.is_sum_of_products(e, &[(false, sx, cy)]), "a term too few");
+        assert!(!fixture.g.is_sum_of_products(e, &[(false, sx, cy), (false, cx, sx)]), "another factor");
+    }
+    assert!(!fixture.g.is_sum_of_products(other, &[(false, sx, cy), (false, cx, sy)]));
+    assert_eq!(fixture.g.n_nodes(), n_nodes, "values decide");
+    // Of an arctangent a value that differs proves nothing, and one that agrees is enough.
+    let [arc, b] = ["atan(a)", "b"].map(|text| fixture.read(text));
+    let product = fixture.g.mul(arc, b);
+    assert!(fixture.g.is_sum_of_products(product, &[(false, arc, b)]));
+    assert!(!fixture.g.is_sum_of_products(product, &[(true, arc, b)]));
+}

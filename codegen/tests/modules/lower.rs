@@ -1031,3 +1031,48 @@ fn programs_of_scenes_are_read_back_from_their_text() {
         assert_eq!((&read.functions.len(), &read.sections), (&program.functions.len(), &program.sections));
     }
 }
+
+/// Rates that one program has searched are those of another one by the same graph, whatever else that has.
+#[test]
+fn rates_that_are_known_are_not_searched_again() {
+    let Fixture { mut g, inputs, p: [a, b, _], x: [x, y, z], .. } = fixture();
+    let shared = {
+        let (ax, by) = (g.mul(a, x), g.mul(b, y));
+        g.add(ax, by)
+    };
+    let symbol = g.define("shared", shared);
+    let named = g.sym(symbol);
+    let sections =
+        [Section { title: "first".into(), definitions: vec![Definition { symbol, expr: shared }] }];
+    let rates = {
+        let (square, other) = (g.powi(named, 2), g.mul(named, z));
+        [("x".to_owned(), square), ("y".to_owned(), other)].to_vec()
+    };
+    let rate = Request { role: Role::Rate, results: rates.clone() };
+    let budget = SearchBudget::default();
+    let found =
+        lower_with(&mut g, &inputs, &sections, &[], std::slice::from_ref(&rate), (&budget, None)).unwrap();
+    let known = found.rates.unwrap();
+    // Another scene: one more section before that of the rates, one after it, and one more function.
+    let product = g.mul(x, z);
+    let further = g.define("further", product);
+    let section = |title: &str, definitions| Section { title: title.into(), definitions };
+    let own = section("own", vec![Definition { symbol: further, expr: product }]);
+    let sections = [section("before", Vec::new()), sections[0].clone(), own];
+    let more = g.sym(further);
+    let requests = [rate, request("f", &[more, named])];
+    let mut anew = g.clone();
+    let anew = lower(&mut anew, &inputs, &sections, &[], &requests, &budget).unwrap();
+    let before = g.spent();
+    let again =
+        lower_with(&mut g.clone(), &inputs, &sections, &[], &requests, (&budget, Some(&known))).unwrap();
+    assert_eq!(again.program, anew);
+    assert_eq!(g.spent(), before);
+    // Other rates are searched.
+    let others = Request { role: Role::Rate, results: rates.into_iter().rev().collect() };
+    let others = [others];
+    let program =
+        lower_with(&mut g.clone(), &inputs, &sections, &[], &others, (&budget, Some(&known))).unwrap();
+    assert_eq!(program.program, lower(&mut g, &inputs, &sections, &[], &others, &budget).unwrap());
+    assert_ne!(program.program.functions[0].results, anew.functions[0].results);
+}
