@@ -12,7 +12,7 @@ use hamel_run::error::Error;
 use hamel_run::model;
 use hamel_run::session::Session;
 
-/// Write the model of a robot from its description in URDF
+/// Write the model of a robot from its description in URDF or MJCF
 ///
 /// One joint and the link that it moves stand after the other, with the names and the numbers of the file. What the
 /// file has beside is listed on standard error and at the head of the model.
@@ -23,10 +23,11 @@ use hamel_run::session::Session;
 Examples:
   hamel import arm.urdf -o arm.hamel
   hamel import quadruped.urdf --floating -o quadruped.hamel
+  hamel import walker.xml -o walker.hamel
   hamel import hand.urdf --lock finger_joint_3 --limits spring     to standard output"
 )]
 pub struct Arguments {
-    /// The description, a file in URDF
+    /// The description, a file in URDF or MJCF (MuJoCo)
     pub file: PathBuf,
     /// The model to write, in the place of standard output; a file that is there is replaced
     #[arg(short, long, value_name = "FILE.hamel")]
@@ -69,7 +70,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         Limits::None => import::Limits::None,
     };
     options.locked = arguments.lock.clone();
-    let imported = import::import(&shown, &text, &options)?;
+    let imported = import::import_with(&shown, &text, &options, &import::beside(&arguments.file))?;
     let target = arguments.output.as_ref().map(|path| session.shown(path));
     let name = target.clone().unwrap_or_else(|| format!("{}.hamel", imported.name));
     let checked = session.parse(&name, &imported.text)?;

@@ -73,6 +73,9 @@ pub(crate) fn order(robot: &mut Robot, problems: &mut Problems) {
     }
     robot.root = root;
     robot.joints = joints;
+    for motor in robot.motors.iter_mut().flatten() {
+        motor.joint = place[motor.joint];
+    }
     followers(robot, problems);
 }
 

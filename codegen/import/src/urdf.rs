@@ -7,8 +7,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::number::Number;
-use crate::robot::{Inertia, Joint, JointKind, Link, Mimic, Pose, Robot};
+use crate::number::{Number, zeros};
+use crate::robot::{Inertia, Joint, JointKind, Link, Mass, Mimic, Moments, Pose, Robot};
 use crate::rotation::{Axis, roll_pitch_yaw};
 use crate::xml::{Element, Reader, head, place};
 
@@ -29,7 +29,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, robot: Element<'a>, file_stem: &str)
         }
         links.push(Link {
             name: name.to_owned(),
-            inertia: inertia(reader, element),
+            inertias: inertia(reader, element, name).into_iter().collect(),
             span: place(element, "name"),
         });
     }
@@ -57,12 +57,21 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, robot: Element<'a>, file_stem: &str)
         };
         let factor = reader.number(element, "multiplier").unwrap_or_else(Number::one);
         let offset = reader.number(element, "offset").unwrap_or_else(Number::zero);
-        joints[follower].mimic = Some(Mimic { joint: leader, factor, offset });
+        joints[follower].mimic = Some(Mimic { joint: leader, coefficients: vec![offset, factor] });
     }
     if links.is_empty() {
         reader.error(&head(robot), "the robot has no links", "a description has `link` and `joint` elements");
     }
-    Some(Robot { name, links, joints, root: 0 })
+    Some(Robot {
+        name,
+        links,
+        joints,
+        root: 0,
+        has_ground: false,
+        motors: None,
+        gravity: Robot::earth(),
+        total_mass: None,
+    })
 }
 
 fn pose<'a>(reader: &Reader<'a>, of: Element<'a>) -> Pose {
@@ -82,7 +91,7 @@ fn pose<'a>(reader: &Reader<'a>, of: Element<'a>) -> Pose {
     pose
 }
 
-fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>) -> Option<Inertia> {
+fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>, name: &str) -> Option<Inertia> {
     let element = reader.child(link, "inertial")?;
     let pose = pose(reader, element);
     let Some(mass_element) = reader.child(element, "mass") else {
@@ -94,7 +103,7 @@ fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>) -> Option<Inertia> {
     if mass.value < 0.0 {
         reader.error(&place(mass_element, "value"), "the mass is negative", "write a mass in kg");
     }
-    let mut moments = std::array::from_fn(|_| Number::zero());
+    let mut moments = zeros();
     if let Some(matrix) = reader.child(element, "inertia") {
         for (moment, name) in moments.iter_mut().zip(["ixx", "iyy", "izz", "ixy", "ixz", "iyz"]) {
             if let Some(number) = reader.number(matrix, name) {
@@ -103,7 +112,12 @@ fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>) -> Option<Inertia> {
         }
     }
     let is_empty = mass.is_zero() && moments.iter().all(Number::is_zero);
-    (!is_empty).then_some(Inertia { mass, pose, moments })
+    (!is_empty).then_some(Inertia {
+        name: name.to_owned(),
+        mass: Mass::Given(mass),
+        pose,
+        moments: Moments::Given(moments),
+    })
 }
 
 fn joint<'a>(
@@ -193,16 +207,7 @@ fn joint<'a>(
         true => (number("damping"), number("friction")),
         false => (Number::zero(), Number::zero()),
     };
-    Some(Joint {
-        name: name.to_owned(),
-        kind,
-        parent: parent?,
-        child: child?,
-        pose: pose(reader, element),
-        limits,
-        damping,
-        friction,
-        mimic: None,
-        span: place(element, "name"),
-    })
+    let pose = pose(reader, element);
+    let joint = Joint::new(name.to_owned(), kind, (parent?, child?), place(element, "name"));
+    Some(Joint { pose, limits, damping, friction, ..joint })
 }
