@@ -32,7 +32,7 @@ pub(crate) struct Floats {
     is_declared: bool,
 }
 
-const AROUND: [&str; 22] = [
+const AROUND: [&str; 26] = [
     "Omega*",
     "Omega*1",
     "Omega*2",
@@ -45,6 +45,10 @@ const AROUND: [&str; 22] = [
     "up*1",
     "up*2",
     "up*3",
+    "vertical*",
+    "vertical*1",
+    "vertical*2",
+    "vertical*3",
     "height*",
     "attitude*",
     "attitude*w",
@@ -64,7 +68,8 @@ impl Free {
         Free {
             spin: named("Omega"),
             velocity: named("V"),
-            up: named("up"),
+            // `up_` and a name is that of a link.
+            up: named(if ending.is_empty() { "up" } else { "vertical" }),
             height: named("height"),
             attitude: named("attitude"),
             place: named("position"),
@@ -93,7 +98,8 @@ impl Floats {
             return;
         }
         for (link, free) in &mut self.links {
-            let patterns = AROUND.map(|pattern| pattern.replace('*', "_*"));
+            let own = AROUND.iter().filter(|pattern| !pattern.starts_with("up"));
+            let patterns: Vec<String> = own.map(|pattern| pattern.replace('*', "_*")).collect();
             let patterns: Vec<&str> = patterns.iter().map(String::as_str).collect();
             *free = Free::new(&format!("_{}", names.take(&links[*link], &patterns)));
         }

@@ -179,6 +179,29 @@ impl Motion {
         }
     }
 
+    /// Forces of a joint with all motions, on the angular velocity and the velocity of a link.
+    pub(crate) fn free(
+        &mut self,
+        out: &mut String,
+        joint: &Joint,
+        link: &str,
+        (spin, velocity): (&str, &str),
+    ) {
+        if !joint.damping.is_zero() {
+            let doc = format!("Damping, in N m s/rad and N s/m, of {}.", joint.name);
+            parameter(out, &format!("drag_{link}"), &doc, &joint.damping);
+            for rate in [spin, velocity] {
+                _ = writeln!(self.forces, "force {rate} = -drag_{link}*{rate};");
+            }
+        }
+        if !joint.armature.is_zero() {
+            let doc = format!("Inertia and mass of the drive, in kg m^2 and kg, of {}.", joint.name);
+            parameter(out, &format!("added_{link}"), &doc, &joint.armature);
+            let squares = format!("(dot({spin}, {spin}) + dot({velocity}, {velocity}))");
+            self.kinetic.push(format!("added_{link}/2*{squares}"));
+        }
+    }
+
     /// A joint with all rotations.
     fn ball(&mut self, out: &mut String, robot: &Robot, k: usize, name: &str) {
         let joint = &robot.joints[k];
@@ -261,7 +284,11 @@ impl Motion {
             let doc = format!("Stiffness, in {force_unit}/{unit}, of {of}.");
             parameter(out, &format!("stiffness_{name}"), &doc, &spring.stiffness);
             let from_rest = minus(name, &spring.rest.in_radians());
-            self.springs.push(format!("stiffness_{name}/2*({from_rest})^2"));
+            let square = match spring.rest.is_zero() {
+                true => format!("{name}^2"),
+                false => format!("({from_rest})^2"),
+            };
+            self.springs.push(format!("stiffness_{name}/2*{square}"));
         }
         let inertia = if *is_angle { "kg m^2" } else { "kg" };
         self.armature(out, joint, name, inertia, &format!("{rate}^2"));

@@ -25,8 +25,10 @@ use crate::vertical::Vertical;
 const RESERVED: [&str; 9] =
     ["e1", "e2", "e3", "g", "friction_speed", "limit_stiffness", "limit_width", "mass_scale", "total_mass"];
 /// Everything that is named after a link, beside its places.
-const OF_LINK: [&str; 13] =
-    ["E_*", "w_*", "v_*", "up_*", "h_*", "r_*", "Q_*", "m_*", "c_*", "I_*", "u_*", "T_*", "U_*"];
+const OF_LINK: [&str; 15] = [
+    "E_*", "w_*", "v_*", "up_*", "h_*", "r_*", "Q_*", "m_*", "c_*", "I_*", "u_*", "T_*", "U_*", "drag_*",
+    "added_*",
+];
 
 /// A link in the frame of its carrier, the moving link that fixed joints join it to.
 #[derive(Clone, Debug)]
@@ -262,6 +264,8 @@ impl Writer<'_> {
                 self.out.push('\n');
                 let pose = joint.pose.clone();
                 self.out.push_str(&self.parameters.of_joint[k].clone());
+                let free = self.floats.of(link);
+                self.motion.free(&mut self.out, joint, &name, (&free.spin, &free.velocity));
                 self.floating(link, &pose);
                 return;
             }
