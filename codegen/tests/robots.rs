@@ -11,6 +11,7 @@ use hamel_expr::rational_to_f64;
 const ARM: &str = include_str!("robots/arm.urdf");
 const FLYER: &str = include_str!("robots/flyer.urdf");
 const CART: &str = include_str!("robots/cart.urdf");
+const ARM_SDF: &str = include_str!("robots/arm.sdf");
 const REFERENCE: &str = include_str!("robots/reference.txt");
 const CRANE: &str = include_str!("robots/crane.xml");
 const CRANE_DEFAULTS: &str = include_str!("robots/crane_defaults.xml");
@@ -109,6 +110,98 @@ fn rates_are_those_of_pinocchio() {
     }
 }
 
+/// The arm in SDF, by other frames, has the rates of the arm in URDF.
+#[test]
+fn rates_of_sdf_are_those_of_pinocchio() {
+    let found = difference(ARM_SDF, &Options::default(), REFERENCE, "arm");
+    assert!(found < TOLERANCE, "{found:e}");
+    let right = "<pose relative_to=\"elbow\">0.01 0.02 0.03 0 0 0</pose>";
+    assert_eq!(ARM_SDF.matches(right).count(), 1);
+    let wrong = ARM_SDF.replace(right, "<pose relative_to=\"elbow\">0.01 0.02 0.04 0 0 0</pose>");
+    let found = difference(&wrong, &Options::default(), REFERENCE, "arm");
+    assert!(found > 1e6 * TOLERANCE, "{found:e}");
+}
+
+/// A model in SDF of a link that a joint holds in the world.
+fn sdf(joint: &str, link: &str) -> String {
+    format!(
+        "<sdf version=\"1.9\"><model name=\"m\"><link name=\"a\"/>{link}<joint name=\"q\" {joint}</joint></model></sdf>"
+    )
+}
+
+#[test]
+fn wrong_sdf_models_are_refused_with_the_reason_and_the_fix() {
+    let ends = "<parent>world</parent><child>a</child>";
+    let axis = "<axis><xyz>0 1 0</xyz></axis>";
+    let hinge = format!("type=\"revolute\">{ends}{axis}");
+    let other = |kind: &str, items: &str| sdf(&format!("type=\"{kind}\">{ends}{items}"), "");
+    let cases = [
+        ("<sdf/>".to_owned(), "the file has 0 models", "one model"),
+        ("<sdf><model name=\"m\"/></sdf>".to_owned(), "the model has no links", "`link`"),
+        (sdf(&hinge, "<model name=\"n\"/>"), "another one within, by `model` `n`", "into this model"),
+        (
+            sdf(&hinge, "<include><uri>n</uri></include>"),
+            "another one within, by `include`",
+            "into this model",
+        ),
+        (sdf(&hinge, "<pose>0 0 0 1 0 0</pose>"), "the model is turned in the world", "links"),
+        (
+            sdf(&hinge, "<link name=\"b\"><pose relative_to=\"c\">0 0 0 0 0 0</pose></link>"),
+            "joined to no parent",
+            "fixed joint",
+        ),
+        (other("screw", axis), "joint `q` has the type `screw`", "universal"),
+        (other("revolute", ""), "joint `q` has no `axis`", "xyz"),
+        (other("revolute", "<axis><xyz>0 0 0</xyz></axis>"), "the axis of joint `q` is zero", "direction"),
+        (
+            other("revolute", "<axis><xyz expressed_in=\"a\">0 1 0</xyz></axis>"),
+            "by another frame",
+            "turn the `pose`",
+        ),
+        (
+            other("revolute", &format!("{axis}<pose>0 0</pose>")),
+            "`pose` is \"0 0\", not 6 numbers",
+            "decimal",
+        ),
+        (
+            other("revolute", &format!("{axis}<pose relative_to=\"b\">0 0 0 0 0 0</pose>")),
+            "there is no frame `b`",
+            "name a link",
+        ),
+        (
+            other("revolute", &format!("{axis}<pose relative_to=\"q\">0 0 0 0 0 0</pose>")),
+            "relative to itself",
+            "to the model",
+        ),
+        (
+            sdf("type=\"fixed\"><parent>b</parent><child>a</child>", ""),
+            "`b`, which is no link",
+            "name a link",
+        ),
+        (sdf("type=\"fixed\"><child>a</child>", ""), "joint `q` has no `parent`", "<parent>"),
+        (
+            other("revolute", "<axis><xyz>0 1 0</xyz><mimic joint=\"p\"/></axis>"),
+            "there is no joint `p`",
+            "name a joint",
+        ),
+    ];
+    for (text, message, help) in cases {
+        let refused = import("robot.sdf", &text, &Options::default()).expect_err(message);
+        let shown = refused.render(false);
+        assert!(shown.contains(message) && shown.contains(help), "{message}, {help}:\n{shown}");
+        assert!(refused.iter().all(|problem| problem.span.is_some()), "{shown}");
+    }
+    // A universal joint has two angles, a ball joint a rotation; a link without inertia has that of the format.
+    let universal = format!("type=\"universal\">{ends}{axis}<axis2><xyz>1 0 0</xyz></axis2>");
+    let text = import("robot.sdf", &sdf(&universal, ""), &Options::default()).unwrap().text;
+    assert!(text.contains("coordinate q_1 in angle;") && text.contains("coordinate q_2 in angle;"), "{text}");
+    assert!(text.contains("param mass_a = 1 where mass_a > 0;"), "{text}");
+    let ball = import("robot.sdf", &other("ball", ""), &Options::default()).unwrap().text;
+    assert!(
+        ball.contains("configuration q in SO(3) velocity q_rate;") && ball.contains("input tau_q: vector(3)")
+    );
+}
+
 fn without_limits() -> Options {
     let mut options = Options::default();
     options.limits = Limits::None;
@@ -126,9 +219,13 @@ fn rates_are_those_of_mujoco() {
 #[test]
 fn planted_faults_of_mujoco_models_are_found() {
     let faults = [
-        ("the point that a joint holds", r#"pos="0.1 0 0"/>
-      <geom type="box""#, r#"pos="0.11 0 0"/>
-      <geom type="box""#),
+        (
+            "the point that a joint holds",
+            r#"pos="0.1 0 0"/>
+      <geom type="box""#,
+            r#"pos="0.11 0 0"/>
+      <geom type="box""#,
+        ),
         ("the sum of the masses", r#"settotalmass="7.5""#, r#"settotalmass="7.51""#),
         ("the mass of a geom", r#"mass="2""#, r#"mass="2.1""#),
         ("the radius of a geom", r#"size="0.1 0.05""#, r#"size="0.11 0.05""#),
@@ -185,21 +282,41 @@ fn wrong_mujoco_models_are_refused_with_the_reason_and_the_fix() {
         (mujoco("", "<joint limited=\"true\"/>"), "joint `b_joint` is limited, and has no interval", "range"),
         (mujoco("", &format!("{hinge}{hinge}")), "joint `q` is declared twice", "of its own"),
         (mujoco("", "<freejoint/><joint/>"), "joint `b_joint` is free, and not the one joint", "worldbody"),
-        (mujoco("", "<joint/><geom type=\"mesh\" mesh=\"m\"/>"), "the geom `b_geom1` has the mass of a mesh", "inertial"),
-        (mujoco("", "<joint/><geom type=\"box\" size=\"1 2\"/>"), "the box `b_geom1` has no 3 sizes", "`size`"),
+        (
+            mujoco("", "<joint/><geom type=\"mesh\" mesh=\"m\"/>"),
+            "the geom `b_geom1` has the mass of a mesh",
+            "inertial",
+        ),
+        (
+            mujoco("", "<joint/><geom type=\"box\" size=\"1 2\"/>"),
+            "the box `b_geom1` has no 3 sizes",
+            "`size`",
+        ),
         (mujoco("", "<joint/><composite/>"), "`composite` makes elements", "mj_saveLastXML"),
         (mujoco("", "<joint springdamper=\"1 1\"/>"), "those of an oscillator", "damping"),
         (mujoco("<compiler coordinate=\"global\"/>", hinge), "coordinates are global", "2.3.3"),
         (mujoco("<compiler eulerseq=\"xy\"/>", hinge), "`eulerseq` is \"xy\"", "xyz"),
         (mujoco("<compiler angle=\"turns\"/>", hinge), "`angle` is \"turns\"", "degree or radian"),
         (mujoco("<option><flag passive=\"disable\"/></option>", hinge), "the flag `passive`", "remove"),
-        (mujoco("<include file=\"none.xml\"/>", hinge), "`none.xml`, which is included, cannot be read", "relative"),
+        (
+            mujoco("<include file=\"none.xml\"/>", hinge),
+            "`none.xml`, which is included, cannot be read",
+            "relative",
+        ),
         (mujoco("<include file=\"itself.xml\"/>", hinge), "`itself.xml` is included twice", "once"),
         (mujoco("<include file=\"wrong.xml\"/>", hinge), "wrong.xml:2: `gravity` is \"0 0\"", "decimal"),
         (mujoco("<actuator><motor joint=\"p\"/></actuator>", hinge), "there is no joint `p`", "name a joint"),
-        (mujoco("<equality><joint joint1=\"p\"/></equality>", hinge), "there is no joint `p`", "name a joint"),
+        (
+            mujoco("<equality><joint joint1=\"p\"/></equality>", hinge),
+            "there is no joint `p`",
+            "name a joint",
+        ),
         (mujoco("", "<joint/><frame><joint/></frame>"), "`joint` stands in a `frame`", "into the body"),
-        (mujoco("", "<joint/><body euler=\"1 2 3\" quat=\"1 0 0 0\"/>"), "a rotation is said by", "leave one"),
+        (
+            mujoco("", "<joint/><body euler=\"1 2 3\" quat=\"1 0 0 0\"/>"),
+            "a rotation is said by",
+            "leave one",
+        ),
         (mujoco("", "<joint/><body quat=\"0 0 0 0\"/>"), "`quat` has no direction", "direction"),
     ];
     for (text, message, help) in cases {

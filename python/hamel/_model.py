@@ -69,18 +69,18 @@ def import_robot(
     limits: str = "interval",
     lock: Sequence[str] = (),
 ) -> str:
-    """The text of the model of a robot, for :func:`load`, from its description in URDF or MJCF.
+    """The text of the model of a robot, for :func:`load`, from its description in URDF, MJCF or SDF.
 
     ``floating`` has the root move freely, which is at rest otherwise. ``limits`` says what becomes of the limits of
     joints: ``"interval"``, a motion that leaves them ends; ``"spring"``, smooth springs behind them; ``"none"``.
     ``lock`` names joints that are fixed where their coordinates are zero. ``docs/book/robots.md`` says what is taken.
 
     Raises :class:`ModelError` with every problem of the file and its place, :class:`InputError` for other limits,
-    :class:`FileError`. Warns of each kind of contents that the model lacks, as :class:`ModelWarning`.
+    :class:`FileError`. Warns of contents that the model lacks, each kind once, as :class:`ModelWarning`.
     """
     text, notes = _hamel.import_robot(os.fspath(path), floating, limits, list(lock))
-    for note in notes:
-        warnings.warn(note, ModelWarning, stacklevel=2)
+    if notes:
+        warnings.warn(notes, ModelWarning, stacklevel=2)
     return text
 
 

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use crate::errors::OrRaise as _;
 use crate::shipped::SHIPPED;
 
-/// The text of the model of a robot, and one line for each warning.
+/// The text of the model of a robot, and the lines of its warnings.
 #[pyfunction]
 pub(crate) fn import_robot(
     py: Python<'_>,
@@ -20,8 +20,8 @@ pub(crate) fn import_robot(
     floating: bool,
     limits: &str,
     lock: Vec<String>,
-) -> PyResult<(String, Vec<String>)> {
-    let import = || -> Result<(String, Vec<String>), Error> {
+) -> PyResult<(String, String)> {
+    let import = || -> Result<(String, String), Error> {
         let limits = match limits {
             "interval" => Limits::Interval,
             "spring" => Limits::Spring,
@@ -33,7 +33,8 @@ pub(crate) fn import_robot(
         };
         let session = Session::of_shipped(SHIPPED);
         let (imported, warnings) = read(&session, &path, Choices { floating, limits, lock })?;
-        Ok((imported.text, imported.notes.lines().chain(warnings.lines()).collect()))
+        let lines: Vec<String> = imported.notes.lines().chain(warnings.lines()).collect();
+        Ok((imported.text, lines.join("\n")))
     };
     py.detach(import).or_raise(py)
 }

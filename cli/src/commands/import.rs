@@ -13,7 +13,7 @@ use hamel_run::error::Error;
 use hamel_run::model;
 use hamel_run::session::Session;
 
-/// Write the model of a robot from its description in URDF or MJCF
+/// Write the model of a robot from its description in URDF, MJCF or SDF
 ///
 /// One joint and the link that it moves stand after the other, with the names and the numbers of the file. What the
 /// file has beside is listed on standard error and at the head of the model.
@@ -28,7 +28,7 @@ Examples:
   hamel import hand.urdf --lock finger_joint_3 --limits spring     to standard output"
 )]
 pub struct Arguments {
-    /// The description, a file in URDF or MJCF (MuJoCo)
+    /// The description, a file in URDF, MJCF (MuJoCo) or SDF (Gazebo)
     pub file: PathBuf,
     /// The model to write, in the place of standard output; a file that is there is replaced
     #[arg(short, long, value_name = "FILE.hamel")]

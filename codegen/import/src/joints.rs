@@ -34,22 +34,31 @@ pub(crate) struct Motion {
 }
 
 /// Everything that is named after a coordinate.
-const OF_COORDINATE: &[&str] = &[
-    "*",
-    "*_dot",
-    "tau_*",
-    "damping_*",
-    "friction_*",
-    "stiffness_*",
-    "rest_*",
-    "armature_*",
-    "ref_*",
-];
+const OF_COORDINATE: &[&str] =
+    &["*", "*_dot", "tau_*", "damping_*", "friction_*", "stiffness_*", "rest_*", "armature_*", "ref_*"];
 const OF_PLANE: &[&str] =
     &["*_x", "*_y", "*_angle", "*_x_dot", "*_y_dot", "*_angle_dot", "tau_*_x", "tau_*_y", "tau_*_angle"];
 const OF_BALL: &[&str] = &[
-    "*", "*11", "*12", "*13", "*21", "*22", "*23", "*31", "*32", "*33", "*_rate", "*_rate1", "*_rate2",
-    "*_rate3", "tau_*", "tau_*1", "tau_*2", "tau_*3", "damping_*", "armature_*",
+    "*",
+    "*11",
+    "*12",
+    "*13",
+    "*21",
+    "*22",
+    "*23",
+    "*31",
+    "*32",
+    "*33",
+    "*_rate",
+    "*_rate1",
+    "*_rate2",
+    "*_rate3",
+    "tau_*",
+    "tau_*1",
+    "tau_*2",
+    "tau_*3",
+    "damping_*",
+    "armature_*",
 ];
 /// Everything that is named after a motor.
 const OF_MOTOR: &[&str] =
@@ -102,7 +111,10 @@ impl Motion {
     /// Takes the names of the motors.
     pub(crate) fn new(robot: &Robot, names: &mut Names) -> Motion {
         let motors = robot.motors.iter().flatten();
-        Motion { motors: motors.map(|motor| names.take(&motor.name, OF_MOTOR)).collect(), ..Motion::default() }
+        Motion {
+            motors: motors.map(|motor| names.take(&motor.name, OF_MOTOR)).collect(),
+            ..Motion::default()
+        }
     }
 
     /// Writes the items that declare a joint.

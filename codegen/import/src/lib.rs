@@ -1,7 +1,7 @@
 //! Descriptions of robots as models: a text that anybody can read, and that the one parser of models reads.
 //!
-//! [`import`] reads the Unified Robot Description Format (URDF). Links and joints keep their names, and numbers their
-//! digits. What a file has beside its mechanics is listed, in [`Imported::notes`] and at the head of the text.
+//! [`import`] reads the Unified Robot Description Format (URDF), and the formats of MuJoCo (MJCF) and Gazebo (SDF). Links
+//! and joints keep their names, and numbers their digits. What a file has beside its mechanics is listed, in [`Imported::notes`] and at the head of the text.
 //!
 //! ```
 //! let text = r#"<robot name="pendulum">
@@ -28,6 +28,7 @@ mod parameters;
 mod problems;
 mod robot;
 mod rotation;
+mod sdf;
 mod solid;
 mod tree;
 mod urdf;
@@ -163,9 +164,10 @@ fn robot<'a>(
     match root.tag_name().name() {
         "robot" => Ok(urdf::read(reader, root, stem)),
         "mujoco" => Ok(mjcf::read(reader, root, stem)),
+        "sdf" => Ok(sdf::read(reader, root, stem)),
         other => {
             let message = format!("`{other}` is not the root of a description that is known");
-            let help = "the root of URDF is `robot`, that of MJCF `mujoco`";
+            let help = "the root of URDF is `robot`, that of MJCF `mujoco`, that of SDF `sdf`";
             Err(refused(source, xml::head(root), message, help))
         }
     }

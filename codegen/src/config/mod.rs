@@ -82,8 +82,7 @@ pub fn import(
 ) -> Result<(Model, spec::Diagnostics), Problem> {
     let path = path.as_ref();
     let files = hamel_import::beside(path);
-    let imported =
-        hamel_import::import_with(&path.display().to_string(), &text_of(path)?, options, &files);
+    let imported = hamel_import::import_with(&path.display().to_string(), &text_of(path)?, options, &files);
     let imported = imported.map_err(Problem::Model)?;
     let model = parsed(Budget::default(), &path.with_extension("hamel"), &imported.text)?;
     Ok((model, imported.notes))

@@ -12,30 +12,11 @@ use crate::number::{Number, zeros};
 use crate::robot::{Joint, JointKind, Motor};
 use crate::xml::{Element, Reader, place};
 
-pub(super) const TAGS: &[&str] = &[
-    "general",
-    "motor",
-    "position",
-    "velocity",
-    "intvelocity",
-    "damper",
-    "cylinder",
-    "muscle",
-    "adhesion",
-];
+pub(super) const TAGS: &[&str] =
+    &["general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion"];
 /// Attributes that have an effect here, or are refused by name.
-pub(super) const ATTRIBUTES: &[&str] = &[
-    "gear",
-    "gaintype",
-    "gainprm",
-    "biastype",
-    "biasprm",
-    "dyntype",
-    "kp",
-    "kv",
-    "dampratio",
-    "timeconst",
-];
+pub(super) const ATTRIBUTES: &[&str] =
+    &["gear", "gaintype", "gainprm", "biastype", "biasprm", "dyntype", "kp", "kv", "dampratio", "timeconst"];
 
 /// An actuator while its defaults and itself are read, one after the other.
 #[derive(Clone)]
@@ -132,7 +113,8 @@ pub(super) fn motors<'a>(
             let help = "write an `input` and a `force` into the model";
             reader.note_with_help(&place(element, at), format!("{shown} is not taken: {why}"), help);
         };
-        let Some(joint) = reader.attribute(element, "joint").or(reader.attribute(element, "jointinparent")) else {
+        let Some(joint) = reader.attribute(element, "joint").or(reader.attribute(element, "jointinparent"))
+        else {
             leave("name", "it acts on no joint");
             continue;
         };

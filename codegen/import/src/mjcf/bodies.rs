@@ -140,7 +140,8 @@ impl<'a, 'r> Bodies<'a, 'r> {
                 reader.error(&head(child), message, help);
             }
         }
-        let name = reader.attribute(element, "name").map_or_else(|| format!("{}_frame", inside.body), str::to_owned);
+        let name =
+            reader.attribute(element, "name").map_or_else(|| format!("{}_frame", inside.body), str::to_owned);
         let link = self.link(&name, head(element));
         let mut joint = Joint::new(name.clone(), JointKind::Fixed, (inside.link, link), head(element));
         joint.pose = pose;
@@ -200,10 +201,13 @@ impl<'a, 'r> Bodies<'a, 'r> {
             let link_name = if is_last { name.clone() } else { format!("{name}_{joint_name}") };
             let link = self.link(&link_name, span.clone());
             let of = settings.defaulted(*child, childclass);
-            let Some((mut joint, held)) = joints::joint(settings, &of, &joint_name, (at, link)) else { return };
+            let Some((mut joint, held)) = joints::joint(settings, &of, &joint_name, (at, link)) else {
+                return;
+            };
             let is_free = matches!(joint.kind, JointKind::Floating);
             if is_free && (!inside.is_world || inside.link != 0 || joints.len() > 1) {
-                let message = format!("joint `{joint_name}` is free, and not the one joint of a body of the world");
+                let message =
+                    format!("joint `{joint_name}` is free, and not the one joint of a body of the world");
                 reader.error(&joint.span, message, "put the body into `worldbody`, with no other joint");
             }
             let held = held.unwrap_or_else(|| offset.clone());
@@ -224,7 +228,10 @@ impl<'a, 'r> Bodies<'a, 'r> {
             self.joints.push(joint);
         }
         if reader.attribute(element, "mocap") == Some("true") {
-            reader.note(&place(element, "mocap"), format!("body `{name}` is moved from outside, and rests here"));
+            reader.note(
+                &place(element, "mocap"),
+                format!("body `{name}` is moved from outside, and rests here"),
+            );
         }
         self.own_inertia(element, &name, at, &offset);
         let is_world = false;
@@ -235,7 +242,8 @@ impl<'a, 'r> Bodies<'a, 'r> {
     fn joint_name(&mut self, element: Element<'a>, body: &str, n: usize) -> String {
         let reader = self.settings.reader;
         let given = reader.attribute(element, "name");
-        let counted = |k: usize| if k == 0 { format!("{body}_joint") } else { format!("{body}_joint{}", k + 1) };
+        let counted =
+            |k: usize| if k == 0 { format!("{body}_joint") } else { format!("{body}_joint{}", k + 1) };
         let name = given.map_or_else(|| counted(n), str::to_owned);
         if self.joint_by_name.contains_key(&name) {
             let help = "give each joint a name of its own";

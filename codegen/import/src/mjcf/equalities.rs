@@ -21,7 +21,8 @@ pub(super) fn equalities<'a>(
     for element in sections.into_iter().flat_map(|section| reader.all(section)) {
         let tag = element.tag_name().name();
         let given = reader.attribute(element, "name");
-        let shown = given.map_or_else(|| format!("the equation `{tag}`"), |n| format!("the equation `{n}`, a {tag},"));
+        let shown = given
+            .map_or_else(|| format!("the equation `{tag}`"), |n| format!("the equation `{n}`, a {tag},"));
         reader.take(element);
         let of = settings.defaulted(element, None);
         if of.attribute(reader, "active") == Some("false") {

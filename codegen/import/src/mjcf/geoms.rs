@@ -91,9 +91,7 @@ pub(super) fn inertia<'a>(settings: &Settings<'a, '_>, geom: &Defaulted<'a>, nam
     let mass = match (geom.number(reader, "mass"), geom.number(reader, "density")) {
         (Some(mass), _) => Mass::Given(mass),
         (None, Some(density)) => Mass::Density(density),
-        (None, None) => {
-            Mass::Density(Number { text: "1000".to_owned(), value: 1000.0, ..Number::zero() })
-        }
+        (None, None) => Mass::Density(Number { text: "1000".to_owned(), value: 1000.0, ..Number::zero() }),
     };
     let (Mass::Given(factor) | Mass::Density(factor)) = &mass;
     if factor.value < 0.0 {
@@ -115,7 +113,11 @@ fn half_length(ends: &[Number; 3]) -> Option<Number> {
 }
 
 /// The inertia that an element `inertial` says.
-pub(super) fn inertial<'a>(settings: &Settings<'a, '_>, of: crate::xml::Element<'a>, name: &str) -> Option<Inertia> {
+pub(super) fn inertial<'a>(
+    settings: &Settings<'a, '_>,
+    of: crate::xml::Element<'a>,
+    name: &str,
+) -> Option<Inertia> {
     let reader = settings.reader;
     let own = settings.defaulted(of, None);
     reader.required(of, "pos");

@@ -56,7 +56,9 @@ impl Source {
             let file = &self.files[segment.file];
             let move_by = |at: usize| (at - segment.whole.start + segment.start).min(file.text.len());
             match &file.included_at {
-                None => problem.span = Some(Span::new(move_by(span.start), move_by(span.end.max(span.start)))),
+                None => {
+                    problem.span = Some(Span::new(move_by(span.start), move_by(span.end.max(span.start))))
+                }
                 Some(element) => {
                     let line = file.text[..move_by(span.start)].matches('\n').count() + 1;
                     problem.message = format!("{}:{line}: {}", file.name, problem.message);

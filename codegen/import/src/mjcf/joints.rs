@@ -76,7 +76,11 @@ pub(super) fn joint<'a>(
         let is_limited = of.attribute(reader, "limited") != Some("false");
         if has_range && is_limited && !is_free {
             let help = "write an `event` into the model";
-            reader.note_with_help(&of.place("range"), format!("the limit of joint `{name}` is not taken"), help);
+            reader.note_with_help(
+                &of.place("range"),
+                format!("the limit of joint `{name}` is not taken"),
+                help,
+            );
         }
     }
     if of.list(reader, "springdamper", 2).iter().any(|n| n.value > 0.0) {
@@ -98,7 +102,11 @@ fn limits<'a>(settings: &Settings<'a, '_>, of: &Defaulted<'a>, name: &str) -> Op
         "auto" => {
             if range.is_some() && !settings.autolimits {
                 let help = "write `limited`, or leave `autolimits` out";
-                reader.error(&of.place("range"), format!("joint `{name}` has a range, and no `limited`"), help);
+                reader.error(
+                    &of.place("range"),
+                    format!("joint `{name}` has a range, and no `limited`"),
+                    help,
+                );
             }
             range.is_some()
         }
