@@ -10,7 +10,6 @@ use hamel_run::session::Session;
 use pyo3::prelude::*;
 
 use crate::errors::OrRaise as _;
-use crate::shipped::SHIPPED;
 
 /// The text of the model of a robot, and the lines of its warnings.
 #[pyfunction]
@@ -31,7 +30,7 @@ pub(crate) fn import_robot(
                 return Err(Error::unusable("limits".to_owned(), expected));
             }
         };
-        let session = Session::of_shipped(SHIPPED);
+        let session = Session::of_shipped(&[]);
         let (imported, warnings) = read(&session, &path, Choices { floating, limits, lock })?;
         let lines: Vec<String> = imported.notes.lines().chain(warnings.lines()).collect();
         Ok((imported.text, lines.join("\n")))

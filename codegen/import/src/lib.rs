@@ -1,7 +1,8 @@
 //! Descriptions of robots as models: a text that anybody can read, and that the one parser of models reads.
 //!
-//! [`import`] reads the Unified Robot Description Format (URDF), and the formats of MuJoCo (MJCF) and Gazebo (SDF). Links
-//! and joints keep their names, and numbers their digits. What a file has beside its mechanics is listed, in [`Imported::notes`] and at the head of the text.
+//! [`import`] reads the Unified Robot Description Format (URDF), and the formats of MuJoCo (MJCF) and Gazebo (SDF).
+//! Links and joints keep their names, and numbers their digits. What a file has beside its mechanics is listed, in
+//! [`Imported::notes`] and at the head of the text.
 //!
 //! ```
 //! let text = r#"<robot name="pendulum">

@@ -59,7 +59,7 @@ impl Rotation {
 /// A rotation that takes components in a frame to those in the frame before.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Turn {
-    /// From left to right; none of them is one.
+    /// From left to right, each other than one.
     pub(crate) factors: Vec<Rotation>,
     /// Numbers as written, and the quarter turns in their place.
     pub(crate) moved: Vec<(String, String)>,

@@ -21,7 +21,7 @@ use crate::problems::Problems;
 use crate::robot::{JointKind, Pose, Robot};
 use crate::vertical::Vertical;
 
-/// Names with a meaning in every model of a robot; those of a free motion come with it.
+/// Names with a meaning in every model of a robot. A free motion has its own.
 const RESERVED: [&str; 9] =
     ["e1", "e2", "e3", "g", "friction_speed", "limit_stiffness", "limit_width", "mass_scale", "total_mass"];
 /// Everything that is named after a link, beside its places.

@@ -7,16 +7,10 @@
 
 use std::collections::BTreeMap;
 
-use super::settings::Settings;
+use super::settings::{ACTUATORS, Settings};
 use crate::number::{Number, zeros};
 use crate::robot::{Joint, JointKind, Motor};
 use crate::xml::{Element, Reader, place};
-
-pub(super) const TAGS: &[&str] =
-    &["general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion"];
-/// Attributes that have an effect here, or are refused by name.
-pub(super) const ATTRIBUTES: &[&str] =
-    &["gear", "gaintype", "gainprm", "biastype", "biasprm", "dyntype", "kp", "kv", "dampratio", "timeconst"];
 
 /// An actuator while its defaults and itself are read, one after the other.
 #[derive(Clone)]
@@ -103,7 +97,7 @@ pub(super) fn motors<'a>(
     let sections = reader.children(root, "actuator");
     for element in sections.into_iter().flat_map(|section| reader.all(section)) {
         let tag = element.tag_name().name();
-        if !TAGS.contains(&tag) {
+        if !ACTUATORS.contains(&tag) {
             continue;
         }
         reader.take(element);
@@ -126,7 +120,7 @@ pub(super) fn motors<'a>(
         let one = [Number::one(), Number::zero(), Number::zero()];
         let mut actuator =
             Actuator { gear: vec![Number::one()], gain: one, bias: zeros(), has_bias: false, refused: None };
-        for default in settings.defaults(element, None, TAGS) {
+        for default in settings.defaults(element, None, ACTUATORS) {
             actuator.apply(reader, default);
         }
         actuator.apply(reader, element);

@@ -44,7 +44,7 @@ impl Source {
         Source { text: text.to_owned(), files: vec![file], segments }
     }
 
-    /// Problems of the whole text at their places in the first file. Those of an included file are at the element
+    /// Problems of the whole text at their places in the first file. Problems of an included file are at the element
     /// that includes it, and say where they are.
     pub(crate) fn diagnostics(&self, list: Vec<Diagnostic>) -> Diagnostics {
         let first = &self.files[0];

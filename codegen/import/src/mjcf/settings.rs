@@ -19,7 +19,7 @@ pub(crate) struct Settings<'a, 'r> {
     pub(crate) is_degrees: bool,
     euler: Vec<(usize, bool)>,
     pub(crate) autolimits: bool,
-    /// Whether masses are those of geoms: always, never, or where there is no `inertial`.
+    /// Whether geoms say the masses: always, never, or where there is no `inertial`.
     pub(crate) inertia_from_geom: Option<bool>,
     pub(crate) inertia_groups: [f64; 2],
     pub(crate) total_mass: Option<Number>,
@@ -76,6 +76,13 @@ const FROM_DEFAULTS: [(&str, &[&str]); 2] = [
         ],
     ),
 ];
+
+/// Elements of actuators, which share their defaults.
+pub(super) const ACTUATORS: &[&str] =
+    &["general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion"];
+/// Attributes of actuators that have an effect here, or are refused by name.
+const OF_ACTUATORS: &[&str] =
+    &["gear", "gaintype", "gainprm", "biastype", "biasprm", "dyntype", "kp", "kv", "dampratio", "timeconst"];
 
 /// An element with the defaults of its class behind it.
 #[derive(Clone)]
@@ -196,7 +203,7 @@ impl<'a, 'r> Settings<'a, 'r> {
             }
             let attributes = match FROM_DEFAULTS.iter().find(|(own, _)| *own == tag) {
                 Some((_, attributes)) => *attributes,
-                None if super::actuators::TAGS.contains(&tag) => super::actuators::ATTRIBUTES,
+                None if ACTUATORS.contains(&tag) => OF_ACTUATORS,
                 None => continue,
             };
             reader.take(child);

@@ -1,7 +1,7 @@
 //! The element `sdf` with one model: its links and joints.
 //!
-//! A joint moves the child about the origin of the joint's frame. Links here have their origin in the joint: each is the
-//! frame of its link, moved by an offset, which is taken off everything in the link.
+//! A joint moves the child about the origin of the joint's frame. Links here have their origin in the joint: each is
+//! the frame of its link, moved by an offset, which is taken off everything in the link.
 //!
 //! Deliberately does not know: the model language.
 
