@@ -259,8 +259,46 @@ fn a_mujoco_model_keeps_names_and_digits_and_tells_the_rest() {
     ] {
         assert!(imported.text.lines().any(|own| own.trim() == line), "{line}\n{}", imported.text);
     }
+    let flock = import("flock.xml", FLOCK, &Options::default()).unwrap().text;
+    for line in ["initial attitude_kite = unit([0.6, 0, 0.8, 0]);", "initial position_kite = [0.5, 0, 1];"] {
+        assert!(flock.lines().any(|own| own.trim() == line), "{line}\n{flock}");
+    }
     let rover = import_with("rover.xml", ROVER, &Options::default(), &files).unwrap().text;
     assert!(rover.contains("coordinate reach in real;"), "{rover}");
+}
+
+/// A transmission is a motor behind gears; the joint has no input beside.
+#[test]
+fn transmissions_are_motors_behind_gears() {
+    let transmission = |kind: &str, joint: &str, ratio: &str| {
+        let end = format!(
+            "<transmission name=\"t\"><type>transmission_interface/{kind}</type><joint name=\"{joint}\"/>\
+             <actuator name=\"drive\"><mechanicalReduction>{ratio}</mechanicalReduction></actuator>\
+             </transmission></robot>"
+        );
+        import("arm.urdf", &ARM.replace("</robot>", &end), &Options::default())
+    };
+    let text = transmission("SimpleTransmission", "elbow", "-50").unwrap().text;
+    for line in [
+        "param gear_drive = -50;",
+        "force elbow_dot = gear_drive*ctrl_drive - damping_elbow*elbow_dot;",
+        "input tau_shoulder = 0;",
+    ] {
+        assert!(text.lines().any(|own| own.trim() == line), "{line}\n{text}");
+    }
+    assert!(!text.contains("tau_elbow"), "{text}");
+    assert!(spec::parse("arm.hamel", &text).unwrap().warnings.is_empty());
+    let told = transmission("DifferentialTransmission", "elbow", "2").unwrap();
+    let message = "the transmission `t` is not taken: it is no SimpleTransmission";
+    assert!(told.notes.iter().any(|note| note.message == message), "{:?}", told.notes);
+    assert!(told.text.contains("input tau_elbow = 0;"));
+    for (joint, ratio, message) in [
+        ("toe", "2", "there is no joint `toe`"),
+        ("elbow", "0", "the reduction is \"0\", not a number other than zero"),
+    ] {
+        let refused = transmission("SimpleTransmission", joint, ratio).unwrap_err().to_string();
+        assert!(refused.contains(message), "{refused}");
+    }
 }
 
 /// `joint` in a body of a model.

@@ -110,11 +110,8 @@ fn minus(text: &str, number: &str) -> String {
 impl Motion {
     /// Takes the names of the motors.
     pub(crate) fn new(robot: &Robot, names: &mut Names) -> Motion {
-        let motors = robot.motors.iter().flatten();
-        Motion {
-            motors: motors.map(|motor| names.take(&motor.name, OF_MOTOR)).collect(),
-            ..Motion::default()
-        }
+        let motors = robot.motors.iter().map(|motor| names.take(&motor.name, OF_MOTOR)).collect();
+        Motion { motors, ..Motion::default() }
     }
 
     /// Writes the items that declare a joint.
@@ -224,7 +221,7 @@ impl Motion {
              configuration {name} in SO(3) velocity {name}_rate;"
         );
         let mut force = Vec::new();
-        if robot.motors.is_none() {
+        if robot.drives_all {
             _ = writeln!(out, "/// Torque on {of}, in N m.\ninput tau_{name}: vector(3) = [0, 0, 0];");
             force.push(format!("tau_{name}"));
         }
@@ -270,14 +267,14 @@ impl Motion {
             }
             None => {
                 self.domain(out, coordinate, joint, limits);
-                if robot.motors.is_none() {
+                if robot.drives_all && robot.motors.iter().all(|motor| motor.joint != k) {
                     _ = writeln!(out, "/// {kind} on {of}, in {force_unit}.\ninput tau_{name} = 0;");
                     force.push(format!("tau_{name}"));
                 }
                 format!("{name}_dot")
             }
         };
-        let motors = robot.motors.iter().flatten().enumerate().filter(|(_, motor)| motor.joint == k);
+        let motors = robot.motors.iter().enumerate().filter(|(_, motor)| motor.joint == k);
         for (n, motor) in motors {
             force.push(motor_force(out, &self.motors[n], motor, (name, &rate)));
         }

@@ -101,7 +101,7 @@ pub fn import_with(
     {
         *name = shown(name);
     }
-    for motor in robot.motors.iter_mut().flatten() {
+    for motor in &mut robot.motors {
         motor.name = shown(&motor.name);
     }
     for inertia in robot.links.iter_mut().flat_map(|link| &mut link.inertias) {

@@ -148,8 +148,9 @@ pub(crate) struct Robot {
     pub(crate) root: usize,
     /// Whether the root is the ground, and not a body that may move.
     pub(crate) has_ground: bool,
-    /// Absent where the file says nothing about motors: every coordinate has an input then.
-    pub(crate) motors: Option<Vec<Motor>>,
+    pub(crate) motors: Vec<Motor>,
+    /// Whether every coordinate without a motor has an input as well: the file does not say which are driven.
+    pub(crate) drives_all: bool,
     pub(crate) gravity: [Number; 3],
     /// All masses and moments of inertia have one factor, such that this is the sum of the masses.
     pub(crate) total_mass: Option<Number>,

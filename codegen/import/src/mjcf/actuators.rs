@@ -38,6 +38,10 @@ impl Actuator {
             }
         }
         let tag = element.tag_name().name();
+        // A shortcut says everything that `general` could.
+        if tag != "general" {
+            self.refused = None;
+        }
         match tag {
             "general" => {
                 overlay(&mut self.gain, "gainprm");

@@ -274,7 +274,8 @@ impl<'a, 'r> Bodies<'a, 'r> {
             joints: self.joints,
             root: 0,
             has_ground: true,
-            motors: Some(Vec::new()),
+            motors: Vec::new(),
+            drives_all: false,
             gravity: self.settings.gravity.clone(),
             total_mass: self.settings.total_mass.clone(),
         }

@@ -31,6 +31,6 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
         reader.skip(element);
     }
     let mut robot = bodies.finish(name);
-    robot.motors = Some(motors);
+    robot.motors = motors;
     Some(robot)
 }

@@ -63,7 +63,8 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
         links: builder.links,
         joints: builder.joints,
         root: 0,
-        motors: None,
+        motors: Vec::new(),
+        drives_all: true,
         gravity,
         total_mass: None,
     })
