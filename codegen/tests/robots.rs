@@ -267,6 +267,16 @@ fn a_mujoco_model_keeps_names_and_digits_and_tells_the_rest() {
     assert!(rover.contains("coordinate reach in real;"), "{rover}");
 }
 
+/// A free body and a ball joint share one group: each is reconstructed from its own velocities.
+#[test]
+fn a_free_body_has_a_ball_joint() {
+    let body = "<body name=\"c\"><joint type=\"ball\"/><geom size=\"0.1\" pos=\"0 0 1\"/></body>";
+    let imported = imported(&mujoco("", &format!("<freejoint/>{body}")), &Options::default());
+    let model = spec::parse("b.hamel", &imported.text).unwrap_or_else(|e| panic!("{e}\n{}", imported.text));
+    assert!(model.warnings.is_empty(), "{}", model.warnings.render(false));
+    assert!(imported.text.contains("reconstruct attitude, position in SE(3) from Omega, V;"));
+}
+
 /// A transmission is a motor behind gears; the joint has no input beside.
 #[test]
 fn transmissions_are_motors_behind_gears() {

@@ -30,6 +30,8 @@ pub(crate) struct Floats {
     /// Links that move freely, and their names.
     links: Vec<(usize, Free)>,
     is_declared: bool,
+    /// Whether the velocities of these motions are all that the group has.
+    are_all: bool,
 }
 
 const AROUND: [&str; 26] = [
@@ -88,8 +90,10 @@ impl Floats {
         if options.floating {
             links.insert(0, robot.root);
         }
-        let links = links.into_iter().map(|link| (link, Free::new(""))).collect();
-        Floats { joints, links, is_declared: false }
+        let links: Vec<_> = links.into_iter().map(|link| (link, Free::new(""))).collect();
+        let has_balls = robot.joints.iter().any(|joint| matches!(joint.kind, JointKind::Ball));
+        let are_all = links.len() < 2 && !has_balls;
+        Floats { joints, links, is_declared: false, are_all }
     }
 
     /// Several free motions have the names of their links.
@@ -167,7 +171,7 @@ impl Floats {
             out,
             "/// Attitude and place of {file_name}.\n\
              reconstruct {attitude}, {place} in SE(3){};",
-            if self.links.len() > 1 { format!(" from {spin}, {velocity}") } else { String::new() }
+            if self.are_all { String::new() } else { format!(" from {spin}, {velocity}") }
         );
         if let Some(quaternion) = quaternion(start) {
             _ = writeln!(out, "initial {attitude} = {quaternion};");
