@@ -30,6 +30,8 @@ struct Inside<'a> {
     /// The name of the body.
     body: String,
     is_world: bool,
+    /// Whether the masses of geoms are those of the body.
+    counts_geoms: bool,
     depth: usize,
 }
 
@@ -62,6 +64,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
                 childclass: settings.reader.attribute(element, "childclass"),
                 body: "world".to_owned(),
                 is_world: true,
+                counts_geoms: false,
                 depth: 0,
             };
             bodies.contents(element, &inside);
@@ -84,9 +87,9 @@ impl<'a, 'r> Bodies<'a, 'r> {
                     reader.take(child);
                     self.frame(child, inside);
                 }
-                "geom" if !inside.is_world => {
+                "geom" if inside.counts_geoms => {
                     let geom = self.settings.defaulted(child, inside.childclass);
-                    if self.has_own_inertia(element) == Some(true) || !geoms::has_mass(self.settings, &geom) {
+                    if !geoms::has_mass(self.settings, &geom) {
                         continue;
                     }
                     reader.take(child);
@@ -107,12 +110,10 @@ impl<'a, 'r> Bodies<'a, 'r> {
         }
     }
 
-    /// Whether the element `inertial` says the inertia of a body; not known where there is no body.
-    fn has_own_inertia(&self, body: Element<'a>) -> Option<bool> {
-        match self.settings.inertia_from_geom {
-            Some(is_from_geom) => Some(!is_from_geom),
-            None => Some(body.children().any(|child| child.tag_name().name() == "inertial")),
-        }
+    /// Whether the inertia of a body is that of its geoms, and not of its element `inertial`.
+    fn counts_geoms(&self, body: Element<'a>) -> bool {
+        let is_said = body.children().any(|child| child.tag_name().name() == "inertial");
+        self.settings.inertia_from_geom.unwrap_or(!is_said)
     }
 
     fn geom_name(&mut self, geom: Element<'a>, body: &str) -> String {
@@ -234,9 +235,16 @@ impl<'a, 'r> Bodies<'a, 'r> {
             );
         }
         self.own_inertia(element, &name, at, &offset);
-        let is_world = false;
-        let depth = inside.depth + 1;
-        self.contents(element, &Inside { link: at, offset, childclass, body: name, is_world, depth });
+        let within = Inside {
+            link: at,
+            offset,
+            childclass,
+            body: name,
+            is_world: false,
+            counts_geoms: self.counts_geoms(element),
+            depth: inside.depth + 1,
+        };
+        self.contents(element, &within);
     }
 
     fn joint_name(&mut self, element: Element<'a>, body: &str, n: usize) -> String {
@@ -254,7 +262,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
 
     /// The inertia that an element of the body says, unless geoms do.
     fn own_inertia(&mut self, element: Element<'a>, name: &str, link: usize, offset: &[Number; 3]) {
-        if self.has_own_inertia(element) != Some(true) {
+        if self.counts_geoms(element) {
             return;
         }
         let reader = self.settings.reader;
