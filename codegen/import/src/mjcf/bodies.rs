@@ -30,7 +30,7 @@ struct Inside<'a> {
     /// The name of the body.
     body: String,
     is_world: bool,
-    /// Whether the masses of geoms are those of the body.
+    /// Whether the masses of geoms make that of the body.
     counts_geoms: bool,
     depth: usize,
 }
