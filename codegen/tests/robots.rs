@@ -431,7 +431,11 @@ fn a_model_keeps_names_and_digits_and_tells_the_rest() {
     }
     assert_eq!(spec::format("arm.hamel", text).unwrap(), *text);
     let notes: Vec<String> = imported.notes.lines().collect();
-    assert_eq!(notes.len(), 2, "{notes:?}");
+    assert_eq!(notes.len(), 3, "{notes:?}");
+    assert!(
+        notes[0].contains("the limits of joint `thumb`, which follows another one, are not taken"),
+        "{notes:?}"
+    );
     assert!(notes[0].starts_with("robots/arm.urdf:"), "{notes:?}");
 }
 

@@ -120,6 +120,13 @@ pub fn import_with(
         problems.error(span, "nothing moves: all joints are fixed, and the root is at rest", help);
         return Err(source.diagnostics(problems.errors));
     }
+    if options.limits == Limits::Interval {
+        for joint in robot.joints.iter().filter(|joint| joint.mimic.is_some() && joint.limits.is_some()) {
+            let message =
+                format!("the limits of joint `{}`, which follows another one, are not taken", joint.name);
+            problems.note_with_help(&joint.span, message, "`--limits spring` has springs behind them");
+        }
+    }
     let items = write::items(&robot, options, &mut problems);
     if !problems.errors.is_empty() {
         return Err(source.diagnostics(problems.errors));
