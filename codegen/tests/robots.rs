@@ -1,7 +1,9 @@
-//! Imported robots against rates by Pinocchio, which shares nothing with hamel (`robots/reference.py`), and messages
-//! about files that are wrong.
+//! Imported robots against rates by Pinocchio and MuJoCo, which share nothing with hamel (`robots/reference.py`,
+//! `robots/reference_mujoco.py`), and messages about files that are wrong.
 
-use hamel_codegen::import::{Limits, Options, import};
+use std::io;
+
+use hamel_codegen::import::{Imported, Limits, Options, import, import_with};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 use hamel_expr::rational_to_f64;
@@ -9,11 +11,39 @@ use hamel_expr::rational_to_f64;
 const ARM: &str = include_str!("robots/arm.urdf");
 const FLYER: &str = include_str!("robots/flyer.urdf");
 const CART: &str = include_str!("robots/cart.urdf");
+const ARM_SDF: &str = include_str!("robots/arm.sdf");
 const REFERENCE: &str = include_str!("robots/reference.txt");
+const CRANE: &str = include_str!("robots/crane.xml");
+const CRANE_DEFAULTS: &str = include_str!("robots/crane_defaults.xml");
+const FLOCK: &str = include_str!("robots/flock.xml");
+const ROVER: &str = include_str!("robots/rover.xml");
+const REFERENCE_MUJOCO: &str = include_str!("robots/reference_mujoco.txt");
 
-fn built(text: &str, options: &Options) -> BuiltScene {
-    let imported = import("robot.urdf", text, options).unwrap_or_else(|e| panic!("{e}"));
-    let body = imported.text.trim_end().strip_suffix('}').expect("a model");
+fn files(name: &str) -> io::Result<String> {
+    match name {
+        "crane_defaults.xml" => Ok(CRANE_DEFAULTS.to_owned()),
+        "itself.xml" => Ok("<mujoco><option/><include file=\"itself.xml\"/></mujoco>".to_owned()),
+        "wrong.xml" => Ok("<mujoco>\n<option gravity=\"0 0\"/></mujoco>".to_owned()),
+        _ => Err(io::Error::from(io::ErrorKind::NotFound)),
+    }
+}
+
+fn imported(text: &str, options: &Options) -> Imported {
+    import_with("robot.xml", text, options, &files).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The rates of an imported robot, with values of its controls.
+fn built(text: &str, options: &Options, reference: &str, robot: &str) -> BuiltScene {
+    let mut text = imported(text, options).text;
+    let first = reference.lines().find(|line| line.starts_with(robot)).expect("a robot of the reference");
+    for (name, value) in values(first.split(" | ").nth(1).expect("a state")) {
+        if name.starts_with("ctrl_") {
+            let held = format!("input {name} = 0;");
+            assert_eq!(text.matches(&held).count(), 1, "{name}");
+            text = text.replace(&held, &format!("input {name} = {value:?};"));
+        }
+    }
+    let body = text.trim_end().strip_suffix('}').expect("a model");
     let text = format!("{body}    scene bare {{ want rhs; }}\n}}\n");
     let model = spec::parse("robot.hamel", &text).unwrap_or_else(|e| panic!("{e}\n{text}"));
     assert!(model.warnings.is_empty(), "{}", model.warnings.render(false));
@@ -29,18 +59,20 @@ fn values(text: &str) -> Vec<(&str, f64)> {
         .collect()
 }
 
-/// The largest difference of a rate from that of Pinocchio, by the largest rate of its state; of all states.
-fn difference(built: &BuiltScene, robot: &str) -> f64 {
+/// The largest difference of a rate from that of the reference, by the largest rate of its state; of all states.
+fn difference(text: &str, options: &Options, reference: &str, robot: &str) -> f64 {
+    let built = built(text, options, reference, robot);
     let params: Vec<f64> = built.params().iter().map(|p| rational_to_f64(&p.default)).collect();
     let prepared = built.prepare(&params).unwrap_or_else(|e| panic!("{e}"));
     let mut largest = 0.0f64;
     let mut n_states = 0;
-    for line in REFERENCE.lines() {
+    for line in reference.lines() {
         let [name, state, expected] = line.split(" | ").collect::<Vec<_>>()[..] else { panic!("{line}") };
         if name != robot {
             continue;
         }
-        let (state, expected) = (values(state), values(expected));
+        let (mut state, expected) = (values(state), values(expected));
+        state.retain(|(name, _)| !name.starts_with("ctrl_"));
         let of =
             |own: &String| state.iter().find(|(name, _)| name == own).unwrap_or_else(|| panic!("no {own}")).1;
         let y: Vec<f64> = built.state_names().iter().map(of).collect();
@@ -73,8 +105,296 @@ fn rates_are_those_of_pinocchio() {
     for (robot, text, options) in
         [("arm", ARM, Options::default()), ("flyer", FLYER, floating()), ("cart", CART, Options::default())]
     {
-        let found = difference(&built(text, &options), robot);
+        let found = difference(text, &options, REFERENCE, robot);
         assert!(found < TOLERANCE, "{robot}: {found:e}");
+    }
+}
+
+/// The arm in SDF, by other frames, has the rates of the arm in URDF.
+#[test]
+fn rates_of_sdf_are_those_of_pinocchio() {
+    let found = difference(ARM_SDF, &Options::default(), REFERENCE, "arm");
+    assert!(found < TOLERANCE, "{found:e}");
+    let right = "<pose relative_to=\"elbow\">0.01 0.02 0.03 0 0 0</pose>";
+    assert_eq!(ARM_SDF.matches(right).count(), 1);
+    let wrong = ARM_SDF.replace(right, "<pose relative_to=\"elbow\">0.01 0.02 0.04 0 0 0</pose>");
+    let found = difference(&wrong, &Options::default(), REFERENCE, "arm");
+    assert!(found > 1e6 * TOLERANCE, "{found:e}");
+}
+
+/// A model in SDF of a link that a joint holds in the world.
+fn sdf(joint: &str, link: &str) -> String {
+    format!(
+        "<sdf version=\"1.9\"><model name=\"m\"><link name=\"a\"/>{link}<joint name=\"q\" {joint}</joint></model></sdf>"
+    )
+}
+
+#[test]
+fn wrong_sdf_models_are_refused_with_the_reason_and_the_fix() {
+    let ends = "<parent>world</parent><child>a</child>";
+    let axis = "<axis><xyz>0 1 0</xyz></axis>";
+    let hinge = format!("type=\"revolute\">{ends}{axis}");
+    let other = |kind: &str, items: &str| sdf(&format!("type=\"{kind}\">{ends}{items}"), "");
+    let cases = [
+        ("<sdf/>".to_owned(), "the file has 0 models", "one model"),
+        ("<sdf><model name=\"m\"/></sdf>".to_owned(), "the model has no links", "`link`"),
+        (sdf(&hinge, "<model name=\"n\"/>"), "another one within, by `model` `n`", "into this model"),
+        (
+            sdf(&hinge, "<include><uri>n</uri></include>"),
+            "another one within, by `include`",
+            "into this model",
+        ),
+        (sdf(&hinge, "<pose>0 0 0 1 0 0</pose>"), "the model is turned in the world", "links"),
+        (
+            sdf(&hinge, "<link name=\"b\"><pose relative_to=\"c\">0 0 0 0 0 0</pose></link>"),
+            "joined to no parent",
+            "fixed joint",
+        ),
+        (other("screw", axis), "joint `q` has the type `screw`", "universal"),
+        (other("revolute", ""), "joint `q` has no `axis`", "xyz"),
+        (other("revolute", "<axis><xyz>0 0 0</xyz></axis>"), "the axis of joint `q` is zero", "direction"),
+        (
+            other("revolute", "<axis><xyz expressed_in=\"a\">0 1 0</xyz></axis>"),
+            "by another frame",
+            "turn the `pose`",
+        ),
+        (
+            other("revolute", &format!("{axis}<pose>0 0</pose>")),
+            "`pose` is \"0 0\", not 6 numbers",
+            "decimal",
+        ),
+        (
+            other("revolute", &format!("{axis}<pose relative_to=\"b\">0 0 0 0 0 0</pose>")),
+            "there is no frame `b`",
+            "name a link",
+        ),
+        (
+            other("revolute", &format!("{axis}<pose relative_to=\"q\">0 0 0 0 0 0</pose>")),
+            "relative to itself",
+            "to the model",
+        ),
+        (
+            sdf("type=\"fixed\"><parent>b</parent><child>a</child>", ""),
+            "`b`, which is no link",
+            "name a link",
+        ),
+        (sdf("type=\"fixed\"><child>a</child>", ""), "joint `q` has no `parent`", "<parent>"),
+        (
+            other("revolute", "<axis><xyz>0 1 0</xyz><mimic joint=\"p\"/></axis>"),
+            "there is no joint `p`",
+            "name a joint",
+        ),
+    ];
+    for (text, message, help) in cases {
+        let refused = import("robot.sdf", &text, &Options::default()).expect_err(message);
+        let shown = refused.render(false);
+        assert!(shown.contains(message) && shown.contains(help), "{message}, {help}:\n{shown}");
+        assert!(refused.iter().all(|problem| problem.span.is_some()), "{shown}");
+    }
+    // A universal joint has two angles, a ball joint a rotation; a link without inertia has that of the format.
+    let universal = format!("type=\"universal\">{ends}{axis}<axis2><xyz>1 0 0</xyz></axis2>");
+    let text = import("robot.sdf", &sdf(&universal, ""), &Options::default()).unwrap().text;
+    assert!(text.contains("coordinate q_1 in angle;") && text.contains("coordinate q_2 in angle;"), "{text}");
+    assert!(text.contains("param mass_a = 1 where mass_a > 0;"), "{text}");
+    let ball = import("robot.sdf", &other("ball", ""), &Options::default()).unwrap().text;
+    assert!(
+        ball.contains("configuration q in SO(3) velocity q_rate;") && ball.contains("input tau_q: vector(3)")
+    );
+}
+
+fn without_limits() -> Options {
+    let mut options = Options::default();
+    options.limits = Limits::None;
+    options
+}
+
+#[test]
+fn rates_are_those_of_mujoco() {
+    for (robot, text) in [("crane", CRANE), ("flock", FLOCK), ("rover", ROVER)] {
+        let found = difference(text, &without_limits(), REFERENCE_MUJOCO, robot);
+        assert!(found < TOLERANCE, "{robot}: {found:e}");
+    }
+}
+
+#[test]
+fn planted_faults_of_mujoco_models_are_found() {
+    let faults = [
+        (
+            "the point that a joint holds",
+            r#"pos="0.1 0 0"/>
+      <geom type="box""#,
+            r#"pos="0.11 0 0"/>
+      <geom type="box""#,
+        ),
+        ("the sum of the masses", r#"settotalmass="7.5""#, r#"settotalmass="7.51""#),
+        ("the mass of a geom", r#"mass="2""#, r#"mass="2.1""#),
+        ("the radius of a geom", r#"size="0.1 0.05""#, r#"size="0.11 0.05""#),
+        ("the angle of a body", r#"axisangle="0 1 0 -60""#, r#"axisangle="0 1 0 -61""#),
+        ("the class of a joint", r#" class="rail""#, r#" type="slide""#),
+        ("the gears of a motor", r#"gear="2""#, r#"gear="2.1""#),
+    ];
+    for (what, right, wrong) in faults {
+        assert_eq!(ROVER.matches(right).count(), 1, "{what}");
+        let found = difference(&ROVER.replace(right, wrong), &without_limits(), REFERENCE_MUJOCO, "rover");
+        assert!(found > 1e6 * TOLERANCE, "{what}: {found:e}");
+    }
+}
+
+#[test]
+fn a_mujoco_model_keeps_names_and_digits_and_tells_the_rest() {
+    let imported = imported(CRANE, &Options::default());
+    for line in [
+        "initial tilt = 15*pi/180;",
+        "let E_mast = transpose(rot(e1, (tilt - 15*pi/180)));",
+        "let drum = 0.3*(tilt - 15*pi/180)^4 + 0.4*(tilt - 15*pi/180)^2 - 1.5*(tilt - 15*pi/180) + 0.2;",
+        "param qw_boom = 0.5;",
+        "param density_tube = 400 where density_tube > 0;",
+        "let half_tube = norm([0.3, -0.2, 0.6])/2;",
+        "let g = norm([-0.4, 0.3, 9.7]);",
+        "param kp_tilt_servo = 30;",
+        "// the equation `joint` is not active, and not taken",
+        "// `timestep` of `option` is not taken",
+        "// `geom` of `worldbody` is not taken",
+        "// `geom` of `body` is not taken",
+    ] {
+        assert!(imported.text.lines().any(|own| own.trim() == line), "{line}\n{}", imported.text);
+    }
+    let flock = import("flock.xml", FLOCK, &Options::default()).unwrap().text;
+    for line in ["initial attitude_kite = unit([0.6, 0, 0.8, 0]);", "initial position_kite = [0.5, 0, 1];"] {
+        assert!(flock.lines().any(|own| own.trim() == line), "{line}\n{flock}");
+    }
+    let rover = import_with("rover.xml", ROVER, &Options::default(), &files).unwrap().text;
+    assert!(rover.contains("coordinate reach in real;"), "{rover}");
+}
+
+/// A free body and a ball joint share one group: each is reconstructed from its own velocities.
+#[test]
+fn a_free_body_has_a_ball_joint() {
+    let body = "<body name=\"c\"><joint type=\"ball\"/><geom size=\"0.1\" pos=\"0 0 1\"/></body>";
+    let imported = imported(&mujoco("", &format!("<freejoint/>{body}")), &Options::default());
+    let model = spec::parse("b.hamel", &imported.text).unwrap_or_else(|e| panic!("{e}\n{}", imported.text));
+    assert!(model.warnings.is_empty(), "{}", model.warnings.render(false));
+    assert!(imported.text.contains("reconstruct attitude, position in SE(3) from Omega, V;"));
+}
+
+/// A transmission is a motor behind gears; the joint has no input beside.
+#[test]
+fn transmissions_are_motors_behind_gears() {
+    let transmission = |kind: &str, joint: &str, ratio: &str| {
+        let end = format!(
+            "<transmission name=\"t\"><type>transmission_interface/{kind}</type><joint name=\"{joint}\"/>\
+             <actuator name=\"drive\"><mechanicalReduction>{ratio}</mechanicalReduction></actuator>\
+             </transmission></robot>"
+        );
+        import("arm.urdf", &ARM.replace("</robot>", &end), &Options::default())
+    };
+    let text = transmission("SimpleTransmission", "elbow", "-50").unwrap().text;
+    for line in [
+        "param gear_drive = -50;",
+        "force elbow_dot = gear_drive*ctrl_drive - damping_elbow*elbow_dot;",
+        "input tau_shoulder = 0;",
+    ] {
+        assert!(text.lines().any(|own| own.trim() == line), "{line}\n{text}");
+    }
+    assert!(!text.contains("tau_elbow"), "{text}");
+    assert!(spec::parse("arm.hamel", &text).unwrap().warnings.is_empty());
+    let told = transmission("DifferentialTransmission", "elbow", "2").unwrap();
+    let message = "the transmission `t` is not taken: it is no SimpleTransmission";
+    assert!(told.notes.iter().any(|note| note.message == message), "{:?}", told.notes);
+    assert!(told.text.contains("input tau_elbow = 0;"));
+    for (joint, ratio, message) in [
+        ("toe", "2", "there is no joint `toe`"),
+        ("elbow", "0", "the reduction is \"0\", not a number other than zero"),
+    ] {
+        let refused = transmission("SimpleTransmission", joint, ratio).unwrap_err().to_string();
+        assert!(refused.contains(message), "{refused}");
+    }
+}
+
+/// `joint` in a body of a model.
+fn mujoco(head: &str, body: &str) -> String {
+    format!(
+        "<mujoco>{head}<worldbody><body name=\"b\">{body}<geom name=\"s\" size=\"0.1\"/></body></worldbody></mujoco>"
+    )
+}
+
+#[test]
+fn wrong_mujoco_models_are_refused_with_the_reason_and_the_fix() {
+    let hinge = "<joint name=\"q\"/>";
+    let cases = [
+        ("<mujoco/>".to_owned(), "the model has no bodies", "`worldbody`"),
+        (mujoco("", ""), "nothing moves", "a joint"),
+        (mujoco("", "<joint type=\"helix\"/>"), "joint `b_joint` has the type `helix`", "hinge"),
+        (mujoco("", "<joint class=\"c\"/>"), "there is no class `c`", "default"),
+        (mujoco("", "<joint axis=\"0 0 0\"/>"), "the axis of joint `b_joint` is zero", "direction"),
+        (mujoco("", "<joint limited=\"true\"/>"), "joint `b_joint` is limited, and has no interval", "range"),
+        (mujoco("", &format!("{hinge}{hinge}")), "joint `q` is declared twice", "of its own"),
+        (mujoco("", "<freejoint/><joint/>"), "joint `b_joint` is free, and not the one joint", "worldbody"),
+        (
+            mujoco("", "<joint/><geom type=\"mesh\" mesh=\"m\"/>"),
+            "the geom `b_geom1` has the mass of a mesh",
+            "inertial",
+        ),
+        (
+            mujoco("", "<joint/><geom type=\"box\" size=\"1 2\"/>"),
+            "the box `b_geom1` has no 3 sizes",
+            "`size`",
+        ),
+        (mujoco("", "<joint/><composite/>"), "`composite` makes elements", "mj_saveLastXML"),
+        (mujoco("", "<joint springdamper=\"1 1\"/>"), "those of an oscillator", "damping"),
+        (mujoco("<compiler coordinate=\"global\"/>", hinge), "coordinates are global", "2.3.3"),
+        (mujoco("<compiler eulerseq=\"xy\"/>", hinge), "`eulerseq` is \"xy\"", "xyz"),
+        (mujoco("<compiler angle=\"turns\"/>", hinge), "`angle` is \"turns\"", "degree or radian"),
+        (mujoco("<option><flag passive=\"disable\"/></option>", hinge), "the flag `passive`", "remove"),
+        (
+            mujoco("<include file=\"none.xml\"/>", hinge),
+            "`none.xml`, which is included, cannot be read",
+            "relative",
+        ),
+        (mujoco("<include file=\"itself.xml\"/>", hinge), "`itself.xml` is included twice", "once"),
+        (mujoco("<include file=\"wrong.xml\"/>", hinge), "wrong.xml:2: `gravity` is \"0 0\"", "decimal"),
+        (mujoco("<actuator><motor joint=\"p\"/></actuator>", hinge), "there is no joint `p`", "name a joint"),
+        (
+            mujoco("<equality><joint joint1=\"p\"/></equality>", hinge),
+            "there is no joint `p`",
+            "name a joint",
+        ),
+        (mujoco("", "<joint/><frame><joint/></frame>"), "`joint` stands in a `frame`", "into the body"),
+        (
+            mujoco("", "<joint/><body euler=\"1 2 3\" quat=\"1 0 0 0\"/>"),
+            "a rotation is said by",
+            "leave one",
+        ),
+        (mujoco("", "<joint/><body quat=\"0 0 0 0\"/>"), "`quat` has no direction", "direction"),
+    ];
+    for (text, message, help) in cases {
+        let refused = import_with("robot.xml", &text, &Options::default(), &files).expect_err(message);
+        let shown = refused.render(false);
+        assert!(shown.contains(message) && shown.contains(help), "{message}, {help}:\n{shown}");
+        assert!(refused.iter().all(|problem| problem.span.is_some()), "{shown}");
+    }
+    let refused = import("robot.xml", FLOCK, &floating()).expect_err("floating").to_string();
+    assert!(refused.contains("the root is the ground"), "{refused}");
+}
+
+/// What a model of MuJoCo has and hamel has not is told with the fix, by name.
+#[test]
+fn forces_and_equations_that_are_not_taken_are_told_by_name() {
+    let text = mujoco(
+        "<tendon><fixed name=\"cord\"><joint joint=\"q\" coef=\"1\"/></fixed></tendon>\
+         <equality><weld name=\"glue\" body1=\"b\" body2=\"world\"/></equality>\
+         <actuator><muscle name=\"flexor\" joint=\"q\"/><motor name=\"puller\" tendon=\"cord\"/></actuator>",
+        "<joint name=\"q\"/>",
+    );
+    let notes = imported(&text, &Options::default()).notes;
+    for told in [
+        "the tendon `cord` is not taken",
+        "the equation `glue`, a weld, is not taken; it joins b and world",
+        "the muscle `flexor` is not taken: it is a `muscle`",
+        "the motor `puller` is not taken: it acts on no joint",
+    ] {
+        let found = notes.iter().find(|note| note.message == told);
+        assert!(found.is_some_and(|note| note.help.is_some() && note.span.is_some()), "{told}: {notes:?}");
     }
 }
 
@@ -88,7 +408,7 @@ fn planted_faults_are_found() {
     ];
     for (what, right, wrong) in faults {
         assert_eq!(ARM.matches(right).count(), 1, "{what}");
-        let found = difference(&built(&ARM.replace(right, wrong), &Options::default()), "arm");
+        let found = difference(&ARM.replace(right, wrong), &Options::default(), REFERENCE, "arm");
         assert!(found > 1e6 * TOLERANCE, "{what}: {found:e}");
     }
 }
@@ -111,7 +431,11 @@ fn a_model_keeps_names_and_digits_and_tells_the_rest() {
     }
     assert_eq!(spec::format("arm.hamel", text).unwrap(), *text);
     let notes: Vec<String> = imported.notes.lines().collect();
-    assert_eq!(notes.len(), 2, "{notes:?}");
+    assert_eq!(notes.len(), 3, "{notes:?}");
+    assert!(
+        notes[0].contains("the limits of joint `thumb`, which follows another one, are not taken"),
+        "{notes:?}"
+    );
     assert!(notes[0].starts_with("robots/arm.urdf:"), "{notes:?}");
 }
 
@@ -161,7 +485,7 @@ fn wrong_files_are_refused_with_the_reason_and_the_fix() {
          <parent link=\"a\"/><child link=\"b\"/></joint></robot>";
     let cases = [
         ("<robot".to_owned(), "the file is no XML", "correct it"),
-        ("<model/>".to_owned(), "`model` is not the root", "URDF"),
+        ("<model/>".to_owned(), "`model` is not the root", "MJCF"),
         (
             "<robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\"><xacro:include filename=\"a\"/></robot>"
                 .to_owned(),

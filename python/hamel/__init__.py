@@ -16,7 +16,7 @@ in memory, and kept in the user's cache.
 from ._equilibria import Change, Equilibrium, Family
 from ._errors import Diagnostic, Error, FileError, InputError, IntegrationError, ModelError, ModelWarning
 from ._hamel import __version__
-from ._model import Model, Params, load, methods, models
+from ._model import Model, Params, import_robot, load, methods, models
 from ._results import Ensemble, Event, Motion, Outputs
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "Outputs",
     "Params",
     "__version__",
+    "import_robot",
     "load",
     "methods",
     "models",

@@ -5,11 +5,22 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
-__all__ = ["Motion", "Scene", "__version__", "ensemble", "methods", "shipped", "simulate", "write_ensemble"]
+__all__ = [
+    "Motion",
+    "Scene",
+    "__version__",
+    "ensemble",
+    "import_robot",
+    "methods",
+    "shipped",
+    "simulate",
+    "write_ensemble",
+]
 __version__: str
 
 def shipped() -> list[str]: ...
 def methods() -> list[str]: ...
+def import_robot(path: str, floating: bool, limits: str, lock: list[str]) -> tuple[str, str]: ...
 def simulate(
     scene: Scene,
     y0: list[tuple[str, float]],

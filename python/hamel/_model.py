@@ -19,7 +19,7 @@ from ._errors import InputError, ModelWarning
 from ._inputs import by_component
 from ._results import Ensemble, Motion, Outputs
 
-__all__ = ["Model", "Params", "load", "methods", "models"]
+__all__ = ["Model", "Params", "import_robot", "load", "methods", "models"]
 
 Array = NDArray[np.float64]
 #: A state, complete and in order, or components by name.
@@ -60,6 +60,28 @@ def load(
     if isinstance(model, str) and ("{" in model or "\n" in model):
         name, text = "<text>", model
     return _loaded(name, text, scene, params or {}, budget, cache, sizes=sizes or {}, warn=True)
+
+
+def import_robot(
+    path: str | os.PathLike[str],
+    *,
+    floating: bool = False,
+    limits: str = "interval",
+    lock: Sequence[str] = (),
+) -> str:
+    """The text of the model of a robot, for :func:`load`, from its description in URDF, MJCF or SDF.
+
+    ``floating`` has the root move freely, which is at rest otherwise. ``limits`` says what becomes of the limits of
+    joints: ``"interval"``, a motion that leaves them ends; ``"spring"``, smooth springs behind them; ``"none"``.
+    ``lock`` names joints that are fixed where their coordinates are zero. ``docs/book/robots.md`` says what is taken.
+
+    Raises :class:`ModelError` with every problem of the file and its place, :class:`InputError` for other limits,
+    :class:`FileError`. Warns of contents that the model lacks, each kind once, as :class:`ModelWarning`.
+    """
+    text, notes = _hamel.import_robot(os.fspath(path), floating, limits, list(lock))
+    if notes:
+        warnings.warn(notes, ModelWarning, stacklevel=2)
+    return text
 
 
 def _loaded(

@@ -11,6 +11,7 @@ mod errors;
 mod interrupts;
 mod motion;
 mod pool;
+mod robot;
 mod scene;
 // The models that the program comes with are those of the package.
 #[path = "../../cli/src/shipped.rs"]
@@ -23,6 +24,8 @@ use pyo3::prelude::*;
 mod _hamel {
     #[pymodule_export]
     use crate::motion::{Motion, ensemble, simulate, write_ensemble};
+    #[pymodule_export]
+    use crate::robot::import_robot;
     #[pymodule_export]
     use crate::scene::Scene;
 

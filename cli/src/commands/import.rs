@@ -2,17 +2,18 @@
 //!
 //! Does not know: formats, what becomes of them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use hamel_codegen::config::write_atomically;
 use hamel_codegen::import;
+use hamel_codegen::spec::Diagnostics;
 
 use hamel_run::error::Error;
 use hamel_run::model;
 use hamel_run::session::Session;
 
-/// Write the model of a robot from its description in URDF
+/// Write the model of a robot from its description in URDF, MJCF or SDF
 ///
 /// One joint and the link that it moves stand after the other, with the names and the numbers of the file. What the
 /// file has beside is listed on standard error and at the head of the model.
@@ -23,10 +24,11 @@ use hamel_run::session::Session;
 Examples:
   hamel import arm.urdf -o arm.hamel
   hamel import quadruped.urdf --floating -o quadruped.hamel
+  hamel import walker.xml -o walker.hamel
   hamel import hand.urdf --lock finger_joint_3 --limits spring     to standard output"
 )]
 pub struct Arguments {
-    /// The description, a file in URDF
+    /// The description, a file in URDF, MJCF (MuJoCo) or SDF (Gazebo)
     pub file: PathBuf,
     /// The model to write, in the place of standard output; a file that is there is replaced
     #[arg(short, long, value_name = "FILE.hamel")]
@@ -54,28 +56,53 @@ pub enum Limits {
     None,
 }
 
-/// Writes the model; it is checked before.
+/// What a file does not say.
+#[derive(Clone, Debug)]
+pub struct Choices {
+    /// The root moves freely.
+    pub floating: bool,
+    /// What becomes of the limits of joints.
+    pub limits: Limits,
+    /// Joints that are fixed.
+    pub lock: Vec<String>,
+}
+
+/// The checked model of a robot's description, with the notes on what the model lacks and the warnings about it.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Models`] with everything that keeps the file from being a model.
-pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let shown = session.shown(&arguments.file);
-    let text = std::fs::read_to_string(&arguments.file).map_err(|e| Error::io(shown.clone(), e))?;
+pub fn read(
+    session: &Session,
+    file: &Path,
+    choices: Choices,
+) -> Result<(import::Imported, Diagnostics), Error> {
+    let shown = session.shown(file);
+    let text = std::fs::read_to_string(file).map_err(|e| Error::io(shown.clone(), e))?;
     let mut options = import::Options::default();
-    options.floating = arguments.floating;
-    options.limits = match arguments.limits {
+    options.floating = choices.floating;
+    options.limits = match choices.limits {
         Limits::Interval => import::Limits::Interval,
         Limits::Spring => import::Limits::Spring,
         Limits::None => import::Limits::None,
     };
-    options.locked = arguments.lock.clone();
-    let imported = import::import(&shown, &text, &options)?;
-    let target = arguments.output.as_ref().map(|path| session.shown(path));
-    let name = target.clone().unwrap_or_else(|| format!("{}.hamel", imported.name));
-    let checked = session.parse(&name, &imported.text)?;
+    options.locked = choices.lock;
+    let imported = import::import_with(&shown, &text, &options, &import::beside(file))?;
+    let checked = session.parse(&format!("{}.hamel", imported.name), &imported.text)?;
+    Ok((imported, checked.warnings))
+}
+
+/// Writes the model; it is checked before.
+///
+/// # Errors
+/// As [`read`]; [`Error::Io`] where the model cannot be written.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let Arguments { file, output, floating, limits, lock } = arguments;
+    let choices = Choices { floating: *floating, limits: *limits, lock: lock.clone() };
+    let (imported, warnings) = read(session, file, choices)?;
     model::show_warnings(&imported.notes);
-    model::show_warnings(&checked.warnings);
-    let Some((path, target)) = arguments.output.as_ref().zip(target) else { return Ok(imported.text) };
+    model::show_warnings(&warnings);
+    let Some(path) = output else { return Ok(imported.text) };
+    let target = session.shown(path);
     write_atomically(path, imported.text.as_bytes()).map_err(|e| Error::io(target.clone(), e))?;
     Ok(format!("{target}: the model {}", imported.name))
 }

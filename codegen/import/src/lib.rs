@@ -1,7 +1,8 @@
 //! Descriptions of robots as models: a text that anybody can read, and that the one parser of models reads.
 //!
-//! [`import`] reads the Unified Robot Description Format (URDF). Links and joints keep their names, and numbers their
-//! digits. What a file has beside its mechanics is listed, in [`Imported::notes`] and at the head of the text.
+//! [`import`] reads the Unified Robot Description Format (URDF), and the formats of MuJoCo (MJCF) and Gazebo (SDF).
+//! Links and joints keep their names, and numbers their digits. What a file has beside its mechanics is listed, in
+//! [`Imported::notes`] and at the head of the text.
 //!
 //! ```
 //! let text = r#"<robot name="pendulum">
@@ -18,21 +19,32 @@
 //!
 //! Deliberately does not know: equations of motion.
 
+mod floats;
 mod joints;
+mod mjcf;
 mod names;
 mod number;
 mod options;
+mod parameters;
 mod problems;
 mod robot;
 mod rotation;
+mod sdf;
+mod solid;
 mod tree;
 mod urdf;
+mod vertical;
 mod write;
 mod xml;
 
 pub use options::{Limits, Options};
 
-use hamel_lang::spec::{Diagnostic, Diagnostics, Origin, Span};
+use std::io;
+use std::path::Path;
+
+use hamel_lang::spec::{Diagnostic, Diagnostics, Span};
+
+use crate::mjcf::{Source, splice};
 
 /// A model made from a file.
 #[derive(Clone, Debug)]
@@ -46,48 +58,41 @@ pub struct Imported {
     pub notes: Diagnostics,
 }
 
-/// Writes the model of a robot. `file` is the name of the file, for messages.
+/// Writes the model of a robot. `file` is the name of the file, for messages; it includes no others.
 ///
 /// # Errors
 /// Every problem of the file, with its place: XML that does not parse, a format that is not known, links that are no
 /// tree, joints that move nothing.
 pub fn import(file: &str, text: &str, options: &Options) -> Result<Imported, Diagnostics> {
-    let origin = || Some(Origin { file: file.to_owned(), text: text.to_owned() });
-    let refused = |place: Option<Span>, message: String, help: &str| {
-        Diagnostics::new(origin(), vec![Diagnostic::new(place, message).with_help(help)])
-    };
-    let document = roxmltree::Document::parse(text).map_err(|e| {
-        let place = offset(text, e.pos().row, e.pos().col);
-        refused(
-            Some(Span::new(place, place)),
-            format!("the file is no XML: {e}"),
-            "correct it, or export it anew",
-        )
-    })?;
-    let root = document.root_element();
-    let place = |element| {
-        let range = xml::head(element);
-        Some(Span::new(range.start, range.end))
-    };
-    let is_macro = |node: roxmltree::Node<'_, '_>| {
-        node.tag_name().namespace().is_some_and(|n| n.contains("xacro"))
-            || node.tag_name().name().starts_with("xacro:")
-    };
-    if let Some(node) = document.descendants().find(|node| is_macro(*node)) {
-        let help = format!("expand them: `xacro {file} > robot.urdf`");
-        return Err(refused(place(node), "the file has macros of xacro".to_owned(), &help));
-    }
-    if root.tag_name().name() != "robot" {
-        let message = format!("`{}` is not the root of a description that is known", root.tag_name().name());
-        return Err(refused(place(root), message, "a robot is described in URDF, whose root is `robot`"));
-    }
-    let stem = file.rsplit(['/', '\\']).next().unwrap_or(file);
-    let stem = stem.split('.').next().unwrap_or(stem);
+    import_with(file, text, options, &|_| Err(io::Error::from(io::ErrorKind::NotFound)))
+}
+
+/// The text of a file that another one includes, whose names are relative to the folder of that. For [`import_with`].
+pub fn beside(path: &Path) -> impl Fn(&str) -> io::Result<String> + use<> {
+    let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+    move |name| std::fs::read_to_string(folder.join(name))
+}
+
+/// As [`import`], with the texts of the files that the file includes.
+///
+/// # Errors
+/// As [`import`]; a file that cannot be read, or is included twice.
+pub fn import_with(
+    file: &str,
+    text: &str,
+    options: &Options,
+    files: &dyn Fn(&str) -> io::Result<String>,
+) -> Result<Imported, Diagnostics> {
+    let single = Source::of(file, text);
+    let is_mujoco = parsed(&single)?.root_element().tag_name().name() == "mujoco";
+    let source = if is_mujoco { splice(file, text, files)? } else { single };
+    let document = parsed(&source)?;
     let reader = xml::Reader::new();
-    let robot = urdf::read(&reader, root, stem);
+    let robot = robot(&reader, &document, &source, file);
+    let robot = robot?;
     let mut problems = reader.finish(&document);
     let Some(mut robot) = robot.filter(|_| problems.errors.is_empty()) else {
-        return Err(Diagnostics::new(origin(), problems.errors));
+        return Err(source.diagnostics(problems.errors));
     };
     lock(&mut robot, options, &mut problems);
     // Names go into comments, which a line ends.
@@ -96,28 +101,84 @@ pub fn import(file: &str, text: &str, options: &Options) -> Result<Imported, Dia
     {
         *name = shown(name);
     }
+    for motor in &mut robot.motors {
+        motor.name = shown(&motor.name);
+    }
+    for inertia in robot.links.iter_mut().flat_map(|link| &mut link.inertias) {
+        inertia.name = shown(&inertia.name);
+    }
     tree::order(&mut robot, &mut problems);
     if !problems.errors.is_empty() {
-        return Err(Diagnostics::new(origin(), problems.errors));
+        return Err(source.diagnostics(problems.errors));
     }
     if !options.floating && robot.joints.iter().all(|joint| matches!(joint.kind, robot::JointKind::Fixed)) {
         let span = &robot.links[robot.root].span;
-        problems.error(
-            span,
-            "nothing moves: all joints are fixed, and the root is at rest",
-            "let it move freely: `--floating`",
-        );
-        return Err(Diagnostics::new(origin(), problems.errors));
+        let help = match robot.has_ground {
+            true => "give a body a joint",
+            false => "let it move freely: `--floating`",
+        };
+        problems.error(span, "nothing moves: all joints are fixed, and the root is at rest", help);
+        return Err(source.diagnostics(problems.errors));
+    }
+    if options.limits == Limits::Interval {
+        for joint in robot.joints.iter().filter(|joint| joint.mimic.is_some() && joint.limits.is_some()) {
+            let message =
+                format!("the limits of joint `{}`, which follows another one, are not taken", joint.name);
+            problems.note_with_help(&joint.span, message, "`--limits spring` has springs behind them");
+        }
     }
     let items = write::items(&robot, options, &mut problems);
     if !problems.errors.is_empty() {
-        return Err(Diagnostics::new(origin(), problems.errors));
+        return Err(source.diagnostics(problems.errors));
     }
     let name = names::Names::new(&[]).take(&robot.name, &["*"]);
-    let notes = Diagnostics::new(origin(), problems.take_notes());
+    let notes = source.diagnostics(problems.take_notes());
     let text = write_model(&name, &robot.name, file, &items, &notes);
     let text = hamel_lang::spec::format(&format!("{name}.hamel"), &text)?;
     Ok(Imported { name, text, notes })
+}
+
+fn parsed(source: &Source) -> Result<roxmltree::Document<'_>, Diagnostics> {
+    roxmltree::Document::parse(&source.text).map_err(|e| {
+        let place = offset(&source.text, e.pos().row, e.pos().col);
+        let message = format!("the file is no XML: {e}");
+        refused(source, place..place, message, "correct it, or export it anew")
+    })
+}
+
+fn refused(source: &Source, place: std::ops::Range<usize>, message: String, help: &str) -> Diagnostics {
+    let span = Some(Span::new(place.start, place.end));
+    source.diagnostics(vec![Diagnostic::new(span, message).with_help(help)])
+}
+
+/// The robot by the format of its root.
+fn robot<'a>(
+    reader: &xml::Reader<'a>,
+    document: &'a roxmltree::Document<'a>,
+    source: &Source,
+    file: &str,
+) -> Result<Option<robot::Robot>, Diagnostics> {
+    let root = document.root_element();
+    let is_macro = |node: &roxmltree::Node<'_, '_>| {
+        node.tag_name().namespace().is_some_and(|n| n.contains("xacro"))
+            || node.tag_name().name().starts_with("xacro:")
+    };
+    if let Some(node) = document.descendants().find(is_macro) {
+        let help = format!("expand them: `xacro {file} > robot.urdf`");
+        return Err(refused(source, xml::head(node), "the file has macros of xacro".to_owned(), &help));
+    }
+    let stem = file.rsplit(['/', '\\']).next().unwrap_or(file);
+    let stem = stem.split('.').next().unwrap_or(stem);
+    match root.tag_name().name() {
+        "robot" => Ok(urdf::read(reader, root, stem)),
+        "mujoco" => Ok(mjcf::read(reader, root, stem)),
+        "sdf" => Ok(sdf::read(reader, root, stem)),
+        other => {
+            let message = format!("`{other}` is not the root of a description that is known");
+            let help = "the root of URDF is `robot`, that of MJCF `mujoco`, that of SDF `sdf`";
+            Err(refused(source, xml::head(root), message, help))
+        }
+    }
 }
 
 /// The byte at a row and a column, both from one.
@@ -137,7 +198,11 @@ fn lock(robot: &mut robot::Robot, options: &Options, problems: &mut problems::Pr
         };
         joint.kind = robot::JointKind::Fixed;
         joint.mimic = None;
-        problems.note(&joint.span, format!("joint `{name}` is locked at zero"));
+        let at = match joint.reference.is_zero() {
+            true => "zero".to_owned(),
+            false => joint.reference.in_radians(),
+        };
+        problems.note(&joint.span, format!("joint `{name}` is locked at {at}"));
     }
 }
 

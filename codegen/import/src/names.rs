@@ -17,6 +17,11 @@ impl Names {
         Names { taken: reserved.iter().map(|name| (*name).to_owned()).collect() }
     }
 
+    /// Takes names as they are.
+    pub(crate) fn reserve(&mut self, names: impl IntoIterator<Item = String>) {
+        self.taken.extend(names);
+    }
+
     /// The name nearest to a given one such that all names around it are free, which are taken then. `around` are
     /// patterns with `*` for the name.
     pub(crate) fn take(&mut self, given: &str, around: &[&str]) -> String {

@@ -4,58 +4,84 @@
 
 use std::ops::Range;
 
-use crate::number::Number;
+use crate::number::{Number, zeros};
 use crate::rotation::{Axis, Turn};
+use crate::solid::Solid;
 
 /// A frame in another one: the place of its origin, and the rotation that takes its components to the other's.
 #[derive(Clone, Debug)]
 pub(crate) struct Pose {
     pub(crate) place: [Number; 3],
     pub(crate) turn: Turn,
+    /// How far the origin is moved after the rotation, in the turned frame.
+    pub(crate) anchor: [Number; 3],
 }
 
 impl Pose {
     pub(crate) fn identity() -> Pose {
-        Pose { place: std::array::from_fn(|_| Number::zero()), turn: Turn::none() }
+        Pose { place: zeros(), turn: Turn::none(), anchor: zeros() }
     }
+}
+
+#[derive(Clone, Debug)]
+pub(crate) enum Mass {
+    Given(Number),
+    /// That of a solid, by its density.
+    Density(Number),
+}
+
+#[derive(Clone, Debug)]
+pub(crate) enum Moments {
+    /// `xx, yy, zz, xy, xz, yz`.
+    Given([Number; 6]),
+    Solid(Solid),
 }
 
 /// Mass, mass centre and moments of inertia about it.
 #[derive(Clone, Debug)]
 pub(crate) struct Inertia {
-    pub(crate) mass: Number,
+    pub(crate) name: String,
+    pub(crate) mass: Mass,
     /// The frame of the moments of inertia, whose origin is the mass centre, in that of the link.
     pub(crate) pose: Pose,
-    /// `xx, yy, zz, xy, xz, yz`.
-    pub(crate) moments: [Number; 6],
+    pub(crate) moments: Moments,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct Link {
     pub(crate) name: String,
-    pub(crate) inertia: Option<Inertia>,
+    pub(crate) inertias: Vec<Inertia>,
     pub(crate) span: Range<usize>,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) enum JointKind {
     Fixed,
-    /// A turn about an axis; `is_full` where the angle has no limits.
+    /// A turn about an axis.
     Revolute(Axis),
     Prismatic(Axis),
     /// Two translations and a turn about the axis across.
     Planar(Axis),
-    /// Any motion.
+    /// Any rotation.
+    Ball,
+    /// Any motion; the pose of the joint is where it starts.
     Floating,
 }
 
-/// A coordinate that follows another one: `factor q + offset`.
+/// A coordinate that follows another one: a polynomial of it, both by their references.
 #[derive(Clone, Debug)]
 pub(crate) struct Mimic {
     /// The place of the other joint among the joints.
     pub(crate) joint: usize,
-    pub(crate) factor: Number,
-    pub(crate) offset: Number,
+    /// From the constant on.
+    pub(crate) coefficients: Vec<Number>,
+}
+
+/// A spring: its stiffness, and the coordinate where it is at rest.
+#[derive(Clone, Debug)]
+pub(crate) struct Spring {
+    pub(crate) stiffness: Number,
+    pub(crate) rest: Number,
 }
 
 #[derive(Clone, Debug)]
@@ -70,8 +96,46 @@ pub(crate) struct Joint {
     pub(crate) limits: Option<[Number; 2]>,
     pub(crate) damping: Number,
     pub(crate) friction: Number,
+    pub(crate) spring: Option<Spring>,
+    /// Inertia along the coordinate alone, as of a rotor behind gears.
+    pub(crate) armature: Number,
+    /// The value of the coordinate where child and joint have one frame.
+    pub(crate) reference: Number,
     pub(crate) mimic: Option<Mimic>,
     pub(crate) span: Range<usize>,
+}
+
+impl Joint {
+    /// A joint without forces.
+    pub(crate) fn new(name: String, kind: JointKind, ends: (usize, usize), span: Range<usize>) -> Joint {
+        Joint {
+            name,
+            kind,
+            parent: ends.0,
+            child: ends.1,
+            pose: Pose::identity(),
+            limits: None,
+            damping: Number::zero(),
+            friction: Number::zero(),
+            spring: None,
+            armature: Number::zero(),
+            reference: Number::zero(),
+            mimic: None,
+            span,
+        }
+    }
+}
+
+/// A motor: the force along the coordinate of a joint is `gear (gain u + bias_0 + bias_1 gear q + bias_2 gear q')`
+/// with its input `u`.
+#[derive(Clone, Debug)]
+pub(crate) struct Motor {
+    pub(crate) name: String,
+    /// The place of the joint among the joints.
+    pub(crate) joint: usize,
+    pub(crate) gear: Number,
+    pub(crate) gain: Number,
+    pub(crate) bias: [Number; 3],
 }
 
 /// A tree of links: each but the first is the child of one joint, and each joint stands behind the joint of its parent.
@@ -82,4 +146,20 @@ pub(crate) struct Robot {
     pub(crate) joints: Vec<Joint>,
     /// The link that is no child.
     pub(crate) root: usize,
+    /// Whether the root is the ground, and not a body that may move.
+    pub(crate) has_ground: bool,
+    pub(crate) motors: Vec<Motor>,
+    /// Whether every coordinate without a motor has an input as well: the file does not say which are driven.
+    pub(crate) drives_all: bool,
+    pub(crate) gravity: [Number; 3],
+    /// All masses and moments of inertia have one factor, such that this is the sum of the masses.
+    pub(crate) total_mass: Option<Number>,
+}
+
+impl Robot {
+    /// Gravity of the Earth along the third axis.
+    pub(crate) fn earth() -> [Number; 3] {
+        let g = Number { text: "-9.81".to_owned(), value: -9.81, ..Number::zero() };
+        [Number::zero(), Number::zero(), g]
+    }
 }

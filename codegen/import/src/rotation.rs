@@ -1,51 +1,146 @@
-//! Constant rotations: quarter turns, and angles as written.
+//! Rotations as products of factors, quarter turns by rounded digits, and axes.
 //!
 //! Deliberately does not know: XML, robots.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2};
 
-use crate::number::Number;
+use crate::number::{Form, Number, vector};
 
 /// Digits behind the point from which on an angle is a rounded quarter turn: 1.57 may be an angle of its own.
 const MIN_DECIMALS: i32 = 4;
 /// A change that doubles do not have is not told.
 const TOLD: f64 = 1e-14;
 
-/// Rotation about the axes of the frame before by the angles roll, pitch and yaw.
+/// A rotation by the numbers of a file.
 #[derive(Clone, Debug)]
+pub(crate) enum Rotation {
+    /// By an angle about an axis, the first argument of `rot`.
+    About(String, Number),
+    /// By a quaternion `w, x, y, z` of any length.
+    Quaternion([Number; 4]),
+    /// The first axis along a vector, the second in its plane with another one.
+    Axes([Number; 3], [Number; 3]),
+    /// The shortest rotation that puts the third axis along a vector.
+    Onto([Number; 3]),
+}
+
+impl Rotation {
+    fn text(&self) -> String {
+        match self {
+            Rotation::About(axis, angle) => format!("rot({axis}, {})", angle.in_radians()),
+            // R = 1 + 2 (w hat(v) + hat(v)^2)/(w^2 + v.v)
+            Rotation::Quaternion([w, rest @ ..]) => {
+                let v = vector(rest);
+                let turned = match w.is_zero() {
+                    true => format!("hat({v})*hat({v})"),
+                    false => format!("({}*hat({v}) + hat({v})*hat({v}))", w.factor()),
+                };
+                let square = match w.is_zero() {
+                    true => format!("dot({v}, {v})"),
+                    false => format!("({}^2 + dot({v}, {v}))", w.factor()),
+                };
+                format!("(identity(3) + 2/{square}*{turned})")
+            }
+            Rotation::Axes(x, y) => {
+                let (x, y) = (vector(x), vector(y));
+                let z = format!("unit(cross({x}, {y}))");
+                format!("transpose([unit({x}), cross({z}, unit({x})), {z}])")
+            }
+            // R = 1 + hat(a) + hat(a)^2/(1 + c) with a = e3 x u, c = e3.u
+            Rotation::Onto(z) => {
+                let z = vector(z);
+                let a = format!("cross([0, 0, 1], unit({z}))");
+                format!("(identity(3) + hat({a}) + hat({a})*hat({a})/(1 + dot([0, 0, 1], unit({z}))))")
+            }
+        }
+    }
+}
+
+/// A rotation that takes components in a frame to those in the frame before.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Turn {
-    /// In radians: zeros, quarter turns as multiples of pi, others as written.
-    pub(crate) angles: [Number; 3],
-    /// Angles as written, and the quarter turns in their place.
+    /// From left to right, each other than one.
+    pub(crate) factors: Vec<Rotation>,
+    /// Numbers as written, and the quarter turns in their place.
     pub(crate) moved: Vec<(String, String)>,
 }
 
 impl Turn {
     pub(crate) fn none() -> Turn {
-        Turn { angles: std::array::from_fn(|_| Number::zero()), moved: Vec::new() }
+        Turn::default()
     }
 
-    /// `rot(e3, yaw)*rot(e2, pitch)*rot(e1, roll)` without rotations by zero; nothing where all are.
+    /// The product; nothing where that has no factors.
     pub(crate) fn text(&self) -> Option<String> {
-        let factors: Vec<String> = (0..3)
-            .rev()
-            .filter(|k| !self.angles[*k].is_zero())
-            .map(|k| format!("rot(e{}, {})", k + 1, self.angles[k].text))
-            .collect();
+        let factors: Vec<String> = self.factors.iter().map(Rotation::text).collect();
         (!factors.is_empty()).then(|| factors.join("*"))
+    }
+
+    pub(crate) fn is_none(&self) -> bool {
+        self.factors.is_empty()
+    }
+
+    /// Turns by an angle about an axis after the factors before.
+    pub(crate) fn push(&mut self, axis: String, mut angle: Number) {
+        if angle.is_zero() {
+            return;
+        }
+        if let Some(turns) = quarters(&angle) {
+            let text = quarter_text(turns);
+            let is_told = (angle.value - turns as f64 * FRAC_PI_2).abs() > TOLD;
+            if is_told && angle.form == Form::Decimal {
+                self.moved.push((angle.text.clone(), text.clone()));
+            }
+            angle = Number::expression(text, angle.value);
+        }
+        self.factors.push(Rotation::About(axis, angle));
+    }
+
+    /// The first axis along a direction and the second near another one. Nothing where they have no plane.
+    pub(crate) fn axes(x: [Number; 3], y: [Number; 3]) -> Option<Turn> {
+        let [a, b] = [&x, &y].map(|v| [v[0].value, v[1].value, v[2].value]);
+        let square = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
+        let across = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        if square(across) <= 1e-20 * square(a) * square(b) {
+            return None;
+        }
+        Some(Turn { factors: vec![Rotation::Axes(x, y)], moved: Vec::new() })
+    }
+
+    /// The shortest rotation that puts the third axis along a direction. Nothing for zero.
+    pub(crate) fn onto(z: [Number; 3]) -> Option<Turn> {
+        let mut turn = Turn::none();
+        let quarter = |sign: &str| Number::expression(format!("{sign}pi/2"), 0.0);
+        match Axis::new(&z)?.along {
+            Some((2, false)) => {}
+            Some((2, true)) => {
+                turn.factors.push(Rotation::About("e1".into(), Number::expression("pi", 0.0)));
+            }
+            Some((k, is_against)) => {
+                let axis = if k == 0 { "e2" } else { "e1" };
+                let sign = if is_against == (k == 0) { "-" } else { "" };
+                turn.factors.push(Rotation::About(axis.into(), quarter(sign)));
+            }
+            None => turn.factors.push(Rotation::Onto(z)),
+        }
+        Some(turn)
     }
 }
 
 /// The number of quarter turns that an angle stands for.
 fn quarters(angle: &Number) -> Option<i64> {
-    if angle.is_zero() {
-        return Some(0);
-    }
     let turns = (angle.value / FRAC_PI_2).round();
-    let tolerance = 10f64.powi(-angle.n_decimals().min(300)).max(4.0 * f64::EPSILON);
-    let is_near = (angle.value - turns * FRAC_PI_2).abs() <= tolerance;
-    (turns != 0.0 && turns.abs() <= 8.0 && is_near && angle.n_decimals() >= MIN_DECIMALS)
-        .then_some(turns as i64)
+    let difference = (angle.value - turns * FRAC_PI_2).abs();
+    let is_near = match angle.form {
+        Form::Expression => false,
+        Form::Degrees => Number::decimal(&(90.0 * turns).to_string())
+            .is_some_and(|quarters| quarters.equals(&Number { form: Form::Decimal, ..angle.clone() })),
+        Form::Decimal => {
+            let tolerance = 10f64.powi(-angle.n_decimals().min(300)).max(4.0 * f64::EPSILON);
+            difference <= tolerance && angle.n_decimals() >= MIN_DECIMALS
+        }
+    };
+    (turns != 0.0 && turns.abs() <= 8.0 && is_near).then_some(turns as i64)
 }
 
 fn quarter_text(turns: i64) -> String {
@@ -61,19 +156,47 @@ fn quarter_text(turns: i64) -> String {
     }
 }
 
-/// The rotation by angles as they are written, with quarter turns where digits are rounded ones.
+/// Rotation about the axes of the frame before by the angles roll, pitch and yaw, with quarter turns where digits are
+/// rounded ones.
 pub(crate) fn roll_pitch_yaw(angles: &[Number; 3]) -> Turn {
-    let mut turn = Turn { angles: angles.clone(), moved: Vec::new() };
-    for angle in &mut turn.angles {
-        let Some(turns) = quarters(angle).filter(|turns| *turns != 0) else { continue };
-        let text = quarter_text(turns);
-        if (angle.value - turns as f64 * FRAC_PI_2).abs() > TOLD {
-            turn.moved.push((angle.text.clone(), text.clone()));
-        }
-        angle.text = text;
-        angle.is_quarter = true;
+    let mut turn = Turn::none();
+    for k in (0..3).rev() {
+        turn.push(format!("e{}", k + 1), angles[k].clone());
     }
+    turn.moved.reverse();
     turn
+}
+
+/// Rotation by a quaternion of any length; nothing for zero.
+pub(crate) fn quaternion(entries: &[Number; 4]) -> Option<Turn> {
+    let others: Vec<usize> = (0..4).filter(|k| !entries[*k].is_zero()).collect();
+    let mut turn = Turn::none();
+    let about = |k: usize, text: &str| Rotation::About(format!("e{k}"), Number::expression(text, 0.0));
+    match others[..] {
+        [] => return None,
+        [0] => {}
+        [k] => turn.factors.push(about(k, "pi")),
+        [0, k] if is_quarter(&entries[0], &entries[k]) => {
+            let is_negative = (entries[0].value < 0.0) != (entries[k].value < 0.0);
+            let text = if is_negative { "-pi/2" } else { "pi/2" };
+            turn.factors.push(about(k, text));
+            if (entries[0].value.abs() - entries[k].value.abs()).abs() > TOLD {
+                let written = [&entries[0], &entries[k]].map(|n| n.text.clone()).join(", ");
+                turn.moved.push((written, text.to_owned()));
+            }
+        }
+        _ => turn.factors.push(Rotation::Quaternion(entries.clone())),
+    }
+    Some(turn)
+}
+
+/// Whether both entries of a quaternion are equal, or rounded roots of one half.
+fn is_quarter(a: &Number, b: &Number) -> bool {
+    let is_rounded = |n: &Number| {
+        let tolerance = 10f64.powi(-n.n_decimals().min(300)).max(4.0 * f64::EPSILON);
+        n.n_decimals() >= MIN_DECIMALS && (n.value.abs() - FRAC_1_SQRT_2).abs() <= tolerance
+    };
+    a.equals(b) || a.equals(&b.negative()) || (is_rounded(a) && is_rounded(b))
 }
 
 /// An axis: its direction as an expression of length one.
@@ -104,7 +227,7 @@ impl Axis {
                 })
             }
             _ => {
-                let vector = format!("unit({})", crate::number::vector(entries));
+                let vector = format!("unit({})", vector(entries));
                 Some(Axis { vector: vector.clone(), of_rotation: (vector, false), along: None })
             }
         }
@@ -120,7 +243,7 @@ impl Axis {
 
 #[cfg(test)]
 mod tests {
-    use super::{Number, roll_pitch_yaw};
+    use super::{Number, quaternion, roll_pitch_yaw};
 
     fn turn(written: [&str; 3]) -> super::Turn {
         roll_pitch_yaw(&written.map(|w| Number::decimal(w).unwrap()))
@@ -137,5 +260,21 @@ mod tests {
         assert_eq!(turn(["0", "1.57", "0"]).text().unwrap(), "rot(e2, 1.57)");
         assert_eq!(turn(["0", "1.5709", "0"]).text().unwrap(), "rot(e2, 1.5709)");
         assert!(turn(["0", "0.0", "-0"]).text().is_none());
+        let degrees = roll_pitch_yaw(&["-90", "30", "0"].map(|w| Number::decimal(w).unwrap().in_degrees()));
+        assert_eq!(degrees.text().unwrap(), "rot(e2, 30*pi/180)*rot(e1, -pi/2)");
+    }
+
+    #[test]
+    fn quaternions_of_quarter_turns_are_found() {
+        let of = |written: [&str; 4]| quaternion(&written.map(|w| Number::decimal(w).unwrap()));
+        assert!(of(["0", "0", "0", "0"]).is_none());
+        assert!(of(["-2", "0", "0", "0"]).unwrap().is_none());
+        assert_eq!(of(["0", "0", "-1", "0"]).unwrap().text().unwrap(), "rot(e2, pi)");
+        assert_eq!(of([".7", "0", "0", "-0.70"]).unwrap().text().unwrap(), "rot(e3, -pi/2)");
+        let rounded = of(["0.7071", "0.70711", "0", "0"]).unwrap();
+        assert_eq!(rounded.text().unwrap(), "rot(e1, pi/2)");
+        assert_eq!(rounded.moved.len(), 1);
+        let other = of(["1", "0", "2", "0"]).unwrap().text().unwrap();
+        assert!(other.starts_with("(identity(3) + 2/(1^2 + dot([0, 2, 0], [0, 2, 0]))*"), "{other}");
     }
 }

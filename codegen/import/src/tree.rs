@@ -5,10 +5,18 @@
 use crate::problems::Problems;
 use crate::robot::{Joint, JointKind, Robot};
 
+/// More links are more than equations can be derived for, and more than calls can go deep.
+const MAX_LINKS: usize = 1000;
+
 /// Finds the root, puts each joint behind the joint of its parent, and checks followers. After a problem nothing is
 /// done.
 pub(crate) fn order(robot: &mut Robot, problems: &mut Problems) {
     let n = robot.links.len();
+    if n > MAX_LINKS {
+        let message = format!("the robot has {n} links");
+        problems.error(&robot.links[MAX_LINKS].span, message, &format!("write {MAX_LINKS} links at most"));
+        return;
+    }
     let mut joint_of: Vec<Option<usize>> = vec![None; n];
     for (k, joint) in robot.joints.iter().enumerate() {
         if joint_of[joint.child].replace(k).is_some() {
@@ -73,6 +81,9 @@ pub(crate) fn order(robot: &mut Robot, problems: &mut Problems) {
     }
     robot.root = root;
     robot.joints = joints;
+    for motor in &mut robot.motors {
+        motor.joint = place[motor.joint];
+    }
     followers(robot, problems);
 }
 

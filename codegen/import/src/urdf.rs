@@ -7,8 +7,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::number::Number;
-use crate::robot::{Inertia, Joint, JointKind, Link, Mimic, Pose, Robot};
+use crate::number::{Number, zeros};
+use crate::robot::{Inertia, Joint, JointKind, Link, Mass, Mimic, Moments, Motor, Pose, Robot};
 use crate::rotation::{Axis, roll_pitch_yaw};
 use crate::xml::{Element, Reader, head, place};
 
@@ -29,7 +29,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, robot: Element<'a>, file_stem: &str)
         }
         links.push(Link {
             name: name.to_owned(),
-            inertia: inertia(reader, element),
+            inertias: inertia(reader, element, name).into_iter().collect(),
             span: place(element, "name"),
         });
     }
@@ -57,12 +57,84 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, robot: Element<'a>, file_stem: &str)
         };
         let factor = reader.number(element, "multiplier").unwrap_or_else(Number::one);
         let offset = reader.number(element, "offset").unwrap_or_else(Number::zero);
-        joints[follower].mimic = Some(Mimic { joint: leader, factor, offset });
+        joints[follower].mimic = Some(Mimic { joint: leader, coefficients: vec![offset, factor] });
     }
+    let motors = motors(reader, robot, &joint_by_name, &joints);
     if links.is_empty() {
         reader.error(&head(robot), "the robot has no links", "a description has `link` and `joint` elements");
     }
-    Some(Robot { name, links, joints, root: 0 })
+    Some(Robot {
+        name,
+        links,
+        joints,
+        root: 0,
+        has_ground: false,
+        motors,
+        drives_all: true,
+        gravity: Robot::earth(),
+        total_mass: None,
+    })
+}
+
+/// Transmissions between one actuator and one joint.
+fn motors<'a>(
+    reader: &Reader<'a>,
+    robot: Element<'a>,
+    joint_by_name: &BTreeMap<&str, usize>,
+    joints: &[Joint],
+) -> Vec<Motor> {
+    let mut motors: Vec<Motor> = Vec::new();
+    for element in reader.children(robot, "transmission") {
+        let (joint, actuator) = (reader.children(element, "joint"), reader.children(element, "actuator"));
+        let shown = reader.attribute(element, "name").unwrap_or("without a name");
+        let leave = |why: &str| {
+            reader.skip(element);
+            let help = "write an `input` and a `force` into the model";
+            let message = format!("the transmission `{shown}` is not taken: {why}");
+            reader.note_with_help(&place(element, "name"), message, help);
+        };
+        let ([joint], [actuator]) = (&joint[..], &actuator[..]) else {
+            leave("it has not one joint and one actuator");
+            continue;
+        };
+        let kind = reader.child(element, "type").and_then(|kind| kind.text()).unwrap_or_default();
+        if !kind.trim().ends_with("SimpleTransmission") {
+            leave("it is no SimpleTransmission");
+            continue;
+        }
+        let Some(name) = reader.required(*joint, "name") else { continue };
+        let Some(&k) = joint_by_name.get(name) else {
+            reader.error(
+                &place(*joint, "name"),
+                format!("there is no joint `{name}`"),
+                "name a joint of this file",
+            );
+            continue;
+        };
+        if !matches!(joints[k].kind, JointKind::Revolute(_) | JointKind::Prismatic(_)) {
+            leave("its joint has not one coordinate");
+            continue;
+        }
+        let reductions = [*actuator, *joint].map(|of| reader.child(of, "mechanicalReduction"));
+        let mut gear = Number::one();
+        if let Some(reduction) = reductions.into_iter().flatten().next() {
+            let text = reduction.text().unwrap_or_default().trim();
+            match Number::decimal(text).filter(|ratio| !ratio.is_zero()) {
+                Some(ratio) => gear = ratio,
+                None => {
+                    let message = format!("the reduction is \"{text}\", not a number other than zero");
+                    reader.error(
+                        &head(reduction),
+                        message,
+                        "write the turns of the motor by a turn of the joint",
+                    );
+                }
+            }
+        }
+        let name = reader.attribute(*actuator, "name").unwrap_or(name).to_owned();
+        motors.push(Motor { name, joint: k, gear, gain: Number::one(), bias: zeros() });
+    }
+    motors
 }
 
 fn pose<'a>(reader: &Reader<'a>, of: Element<'a>) -> Pose {
@@ -82,7 +154,7 @@ fn pose<'a>(reader: &Reader<'a>, of: Element<'a>) -> Pose {
     pose
 }
 
-fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>) -> Option<Inertia> {
+fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>, name: &str) -> Option<Inertia> {
     let element = reader.child(link, "inertial")?;
     let pose = pose(reader, element);
     let Some(mass_element) = reader.child(element, "mass") else {
@@ -94,7 +166,7 @@ fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>) -> Option<Inertia> {
     if mass.value < 0.0 {
         reader.error(&place(mass_element, "value"), "the mass is negative", "write a mass in kg");
     }
-    let mut moments = std::array::from_fn(|_| Number::zero());
+    let mut moments = zeros();
     if let Some(matrix) = reader.child(element, "inertia") {
         for (moment, name) in moments.iter_mut().zip(["ixx", "iyy", "izz", "ixy", "ixz", "iyz"]) {
             if let Some(number) = reader.number(matrix, name) {
@@ -103,7 +175,12 @@ fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>) -> Option<Inertia> {
         }
     }
     let is_empty = mass.is_zero() && moments.iter().all(Number::is_zero);
-    (!is_empty).then_some(Inertia { mass, pose, moments })
+    (!is_empty).then_some(Inertia {
+        name: name.to_owned(),
+        mass: Mass::Given(mass),
+        pose,
+        moments: Moments::Given(moments),
+    })
 }
 
 fn joint<'a>(
@@ -193,16 +270,7 @@ fn joint<'a>(
         true => (number("damping"), number("friction")),
         false => (Number::zero(), Number::zero()),
     };
-    Some(Joint {
-        name: name.to_owned(),
-        kind,
-        parent: parent?,
-        child: child?,
-        pose: pose(reader, element),
-        limits,
-        damping,
-        friction,
-        mimic: None,
-        span: place(element, "name"),
-    })
+    let pose = pose(reader, element);
+    let joint = Joint::new(name.to_owned(), kind, (parent?, child?), place(element, "name"));
+    Some(Joint { pose, limits, damping, friction, ..joint })
 }

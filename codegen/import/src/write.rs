@@ -11,51 +11,23 @@
 
 use std::fmt::Write as _;
 
+use crate::floats::Floats;
 use crate::joints::{self, Motion};
 use crate::names::Names;
 use crate::number::{Number, vector};
 use crate::options::{Limits, Options};
+use crate::parameters::{OF_PLACE, Parameters, parameters};
 use crate::problems::Problems;
-use crate::robot::{Inertia, JointKind, Pose, Robot};
+use crate::robot::{JointKind, Pose, Robot};
+use crate::vertical::Vertical;
 
-/// Names with a meaning in every model of a robot.
-const RESERVED: [&str; 30] = [
-    "e1",
-    "e2",
-    "e3",
-    "g",
-    "Omega",
-    "Omega1",
-    "Omega2",
-    "Omega3",
-    "V",
-    "V1",
-    "V2",
-    "V3",
-    "up",
-    "up1",
-    "up2",
-    "up3",
-    "height",
-    "attitude",
-    "attitudew",
-    "attitudex",
-    "attitudey",
-    "attitudez",
-    "position",
-    "position1",
-    "position2",
-    "position3",
-    "friction_speed",
-    "limit_stiffness",
-    "limit_width",
-    "unit",
-];
-/// Everything that is named after a link.
-const OF_LINK: [&str; 32] = [
-    "E_*", "w_*", "v_*", "up_*", "h_*", "r_*", "Q_*", "m_*", "c_*", "I_*", "u_*", "T_*", "U_*", "mass_*",
-    "cx_*", "cy_*", "cz_*", "Ixx_*", "Iyy_*", "Izz_*", "Ixy_*", "Ixz_*", "Iyz_*", "dx_*", "dy_*", "dz_*",
-    "roll_*", "pitch_*", "yaw_*", "Iroll_*", "Ipitch_*", "Iyaw_*",
+/// Names with a meaning in every model of a robot. A free motion has its own.
+const RESERVED: [&str; 9] =
+    ["e1", "e2", "e3", "g", "friction_speed", "limit_stiffness", "limit_width", "mass_scale", "total_mass"];
+/// Everything that is named after a link, beside its places.
+const OF_LINK: [&str; 15] = [
+    "E_*", "w_*", "v_*", "up_*", "h_*", "r_*", "Q_*", "m_*", "c_*", "I_*", "u_*", "T_*", "U_*", "drag_*",
+    "added_*",
 ];
 
 /// A link in the frame of its carrier, the moving link that fixed joints join it to.
@@ -68,10 +40,17 @@ struct Carried {
 }
 
 impl Carried {
-    /// A place in the frame of the carrier.
-    fn place_of(&self, place: &[Number; 3]) -> String {
-        let is_zero = place.iter().all(Number::is_zero);
-        let own = vector(place);
+    /// The origin of a frame in the frame of the carrier.
+    fn place_of(&self, pose: &Pose) -> String {
+        let is_zero = pose.place.iter().chain(&pose.anchor).all(Number::is_zero);
+        let mut own = vector(&pose.place);
+        if !pose.anchor.iter().all(Number::is_zero) {
+            let anchor = vector(&pose.anchor);
+            let anchor = pose.turn.text().map_or(anchor.clone(), |turn| format!("{turn}*{anchor}"));
+            let is_sum = own != ZERO && self.turn.is_some();
+            own = if own == ZERO { anchor } else { format!("{own} + {anchor}") };
+            own = if is_sum { format!("({own})") } else { own };
+        }
         let turned = self.turn.as_ref().map_or(own.clone(), |turn| format!("{turn}*{own}"));
         match (&self.place, is_zero) {
             (None, true) => ZERO.to_owned(),
@@ -93,12 +72,13 @@ impl Carried {
 const ZERO: &str = "[0, 0, 0]";
 
 struct Writer<'a> {
-    /// With names of parameters in the place of lengths, masses and moments of inertia.
+    /// With names of parameters in the place of lengths and angles.
     robot: &'a Robot,
-    /// Items that declare these: by link its own, and by joint the place of the joint.
-    of_link: Vec<String>,
-    of_joint: Vec<String>,
+    parameters: Parameters,
     options: &'a Options,
+    /// The vertical upwards and the acceleration of gravity; nothing without gravity.
+    vertical: Option<Vertical>,
+    floats: Floats,
     /// Names of links and joints.
     links: Vec<String>,
     joints: Vec<String>,
@@ -112,95 +92,43 @@ struct Writer<'a> {
 /// The items of the model; its documentation comes before.
 pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -> String {
     let mut names = Names::new(&RESERVED);
+    let mut floats = Floats::reserve(robot, options, &mut names);
     // Joints have their names first: they are what users write.
     let joints: Vec<String> =
         robot.joints.iter().map(|joint| names.take(&joint.name, joints::around(joint))).collect();
-    let links: Vec<String> = robot.links.iter().map(|link| names.take(&link.name, &OF_LINK)).collect();
+    let of_link: Vec<&str> = OF_LINK.iter().chain(OF_PLACE).copied().collect();
+    let links: Vec<String> = robot.links.iter().map(|link| names.take(&link.name, &of_link)).collect();
     for (joint, name) in robot.joints.iter().zip(&joints) {
         let is_named = !matches!(joint.kind, JointKind::Fixed | JointKind::Floating);
         if is_named && *name != joint.name {
             problems.note(&joint.span, format!("joint `{}` is named `{name}`", joint.name));
         }
     }
+    let motion = Motion::new(robot, &mut names);
+    floats.name(&links, &mut names);
     let carried = vec![None; robot.links.len()];
+    let vertical = Vertical::new(&robot.gravity);
     let mut robot = robot.clone();
-    let (of_link, of_joint) = parameters(&mut robot, &links);
+    let parameters = parameters(&mut robot, &links, &mut names);
     let mut writer = Writer {
         robot: &robot,
-        of_link,
-        of_joint,
+        parameters,
         options,
+        vertical,
+        floats,
         links,
         joints,
         carried,
         out: String::new(),
         kinetic: Vec::new(),
         potential: Vec::new(),
-        motion: Motion::default(),
+        motion,
     };
     writer.root(problems);
     for k in 0..robot.joints.len() {
         writer.joint(k, problems);
     }
     writer.end()
-}
-
-/// Puts names of parameters in the place of numbers; the items that declare them, by link and by joint.
-fn parameters(robot: &mut Robot, names: &[String]) -> (Vec<String>, Vec<String>) {
-    let declare = |number: &mut Number, prefix: &str, link: usize, doc: &str, is_positive: bool| {
-        if number.is_zero() || number.is_quarter {
-            return String::new();
-        }
-        let name = format!("{prefix}_{}", names[link]);
-        let condition = match is_positive && number.value > 0.0 {
-            true => format!(" where {name} > 0"),
-            false => String::new(),
-        };
-        let item = format!("/// {doc}\nparam {name} = {}{condition};\n", number.text);
-        number.text = name;
-        item
-    };
-    let mut of_link = Vec::new();
-    for (k, link) in robot.links.iter_mut().enumerate() {
-        let mut items = String::new();
-        if let Some(inertia) = &mut link.inertia {
-            items += &declare(&mut inertia.mass, "mass", k, &format!("Mass of {}, in kg.", link.name), true);
-            let doc = format!("Mass centre of {}, in m.", link.name);
-            for (number, prefix) in inertia.pose.place.iter_mut().zip(["cx", "cy", "cz"]) {
-                if inertia.mass.is_zero() {
-                    *number = Number::zero();
-                }
-                items += &declare(number, prefix, k, &doc, false);
-            }
-            let doc = format!("Moments and products of inertia of {}, in kg m^2.", link.name);
-            let angles = format!("Angle of the frame of these of {}, in rad.", link.name);
-            let has_frame = !inertia.moments.iter().all(Number::is_zero);
-            for (number, prefix) in inertia.pose.turn.angles.iter_mut().zip(["Iroll", "Ipitch", "Iyaw"]) {
-                if has_frame {
-                    items += &declare(number, prefix, k, &angles, false);
-                }
-            }
-            let prefixes = ["Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"];
-            for (n, (number, prefix)) in inertia.moments.iter_mut().zip(prefixes).enumerate() {
-                items += &declare(number, prefix, k, &doc, n < 3);
-            }
-        }
-        of_link.push(items);
-    }
-    let mut of_joint = Vec::new();
-    for joint in &mut robot.joints {
-        let doc = format!("Place of the joint {}, in m.", joint.name);
-        let angle = format!("Angle of the joint {}, in rad.", joint.name);
-        let mut items = String::new();
-        for (number, prefix) in joint.pose.place.iter_mut().zip(["dx", "dy", "dz"]) {
-            items += &declare(number, prefix, joint.child, &doc, false);
-        }
-        for (number, prefix) in joint.pose.turn.angles.iter_mut().zip(["roll", "pitch", "yaw"]) {
-            items += &declare(number, prefix, joint.child, &angle, false);
-        }
-        of_joint.push(items);
-    }
-    (of_link, of_joint)
 }
 
 impl Writer<'_> {
@@ -210,26 +138,27 @@ impl Writer<'_> {
 
     /// Whether a body with mass or inertia is this link, or behind it; by fixed joints alone, if asked for.
     fn has_inertia(&self, link: usize, rigidly: bool) -> bool {
-        self.robot.links[link].inertia.is_some()
+        !self.robot.links[link].inertias.is_empty()
             || self.robot.joints.iter().any(|joint| {
                 let goes_on = !rigidly || matches!(joint.kind, JointKind::Fixed);
                 joint.parent == link && goes_on && self.has_inertia(joint.child, rigidly)
             })
     }
 
-    /// Whether a joint behind a link moves a body.
+    /// Whether a joint behind a link moves a body by the velocities of the link.
     fn has_motion(&self, link: usize) -> bool {
         self.robot.joints.iter().filter(|joint| joint.parent == link).any(|joint| match joint.kind {
             JointKind::Fixed => self.has_motion(joint.child),
+            JointKind::Floating => false,
             _ => self.has_inertia(joint.child, false),
         })
     }
 
     /// Whether anything of a link depends on its rotation: more than a point in its origin, or a joint.
     fn is_turned(&self, link: usize) -> bool {
-        let of_body = self.robot.links[link].inertia.as_ref().is_some_and(|inertia| {
-            inertia.moments.iter().chain(&inertia.pose.place).any(|number| !number.is_zero())
-        });
+        let of_body = self.parameters.parts[link]
+            .iter()
+            .any(|part| part.matrix.is_some() || part.pose.place.iter().any(|number| !number.is_zero()));
         let mut joints = self.robot.joints.iter().filter(|joint| joint.parent == link);
         of_body || joints.any(|joint| self.has_inertia(joint.child, false))
     }
@@ -237,47 +166,49 @@ impl Writer<'_> {
     fn root(&mut self, problems: &mut Problems) {
         let root = self.robot.root;
         let name = self.links[root].clone();
-        let n_floating = self.robot.joints.iter().filter(|j| matches!(j.kind, JointKind::Floating)).count();
+        let span = &self.robot.links[root].span;
         if self.options.floating {
-            if n_floating > 0 {
-                let message = "the base floats, and a joint is floating";
-                let help = "leave out `--floating`: the floating joint is the free motion";
-                problems.error(&self.robot.links[root].span, message, help);
+            let help = "leave out `--floating`: the floating joint is the free motion";
+            if self.robot.has_ground {
+                problems.error(span, "the root is the ground, which does not float", help);
+            } else if !self.floats.joints.is_empty() {
+                problems.error(span, "the base floats, and a joint is floating", help);
             }
-            self.floating(root);
+            self.floating(root, &Pose::identity());
             return;
         }
-        self.line(&format!("// {}, at rest.", self.robot.links[root].name));
-        for (prefix, value) in [("w", ZERO), ("v", ZERO), ("up", "[0, 0, 1]"), ("h", "0")] {
+        let is_named = self.has_motion(root);
+        if is_named {
+            self.line(&format!("// {}, at rest.", self.robot.links[root].name));
+        }
+        for (prefix, value) in [("w", ZERO), ("v", ZERO)].into_iter().filter(|_| is_named) {
             self.line(&format!("let {prefix}_{name} = {value};"));
+        }
+        let vertical = self.vertical.as_ref().filter(|_| is_named);
+        if let Some(up) = vertical.map(|vertical| vertical.up.clone()) {
+            self.line(&format!("let up_{name} = {up};"));
+            self.line(&format!("let h_{name} = 0;"));
         }
         self.carried[root] = Some(Carried { carrier: root, place: None, turn: None });
         if self.has_inertia(root, true) {
             let message = format!("masses at rest with `{}` are left out", self.robot.links[root].name);
-            problems.note_with_help(&self.robot.links[root].span, message, "with `--floating` it moves");
+            match self.robot.has_ground {
+                true => problems.note(span, message),
+                false => problems.note_with_help(span, message, "with `--floating` it moves"),
+            }
         }
     }
 
     /// A link that moves freely: its velocities in its frame, the vertical and its height.
-    fn floating(&mut self, link: usize) {
+    fn floating(&mut self, link: usize, start: &Pose) {
         let name = self.links[link].clone();
-        let file_name = self.robot.links[link].name.clone();
-        self.out.push_str(&format!(
-            "// {file_name}, which moves freely.\n\
-             /// Angular velocity of {file_name} in rad/s and velocity of its origin in m/s, in its frame.\n\
-             velocity Omega, V in se(3);\n\
-             /// The vertical, upwards, in the frame of {file_name}.\n\
-             advected up in R^3 by cross(Omega, up);\n\
-             /// Height of the origin of {file_name} in m.\n\
-             advected height in R by -dot(V, up);\n\
-             initial up = [0, 0, 1];\n\
-             /// Attitude and place of {file_name}.\n\
-             reconstruct attitude, position in SE(3);\n\
-             let w_{name} = Omega;\n\
-             let v_{name} = V;\n\
-             let up_{name} = up;\n\
-             let h_{name} = height;\n"
-        ));
+        let items = self.floats.items(link, &self.robot.links[link].name, self.vertical.as_ref(), start);
+        self.out.push_str(&items);
+        let own = self.floats.of(link);
+        self.out.push_str(&format!("let w_{name} = {};\nlet v_{name} = {};\n", own.spin, own.velocity));
+        if self.vertical.is_some() {
+            self.out.push_str(&format!("let up_{name} = {};\nlet h_{name} = {};\n", own.up, own.height));
+        }
         self.carried[link] = Some(Carried { carrier: link, place: None, turn: None });
         self.body(link);
     }
@@ -298,8 +229,8 @@ impl Writer<'_> {
                     "\n// {}, fixed to {}.",
                     self.robot.links[link].name, self.robot.links[joint.parent].name
                 ));
-                self.out.push_str(&self.of_joint[k].clone());
-                let (place, turn) = (parent.place_of(&joint.pose.place), parent.turn_of(&joint.pose));
+                self.out.push_str(&self.parameters.of_joint[k].clone());
+                let (place, turn) = (parent.place_of(&joint.pose), parent.turn_of(&joint.pose));
                 let is_there = place == ZERO;
                 if !is_there {
                     self.line(&format!("let r_{name} = {place};"));
@@ -324,8 +255,18 @@ impl Writer<'_> {
                     );
                     return;
                 }
+                if !behind {
+                    let help = "give it an `inertial`, or make the joint fixed";
+                    let message = format!("joint `{}` moves links without mass and inertia", joint.name);
+                    problems.error(&joint.span, message, help);
+                    return;
+                }
                 self.out.push('\n');
-                self.floating(link);
+                let pose = joint.pose.clone();
+                self.out.push_str(&self.parameters.of_joint[k].clone());
+                let free = self.floats.of(link);
+                self.motion.free(&mut self.out, joint, &name, (&free.spin, &free.velocity));
+                self.floating(link, &pose);
                 return;
             }
             _ => {}
@@ -346,10 +287,10 @@ impl Writer<'_> {
         }
         let coordinates =
             self.motion.declare(&mut self.out, self.robot, &self.joints, k, self.options.limits);
-        self.out.push_str(&self.of_joint[k].clone());
+        self.out.push_str(&self.parameters.of_joint[k].clone());
         let carrier = self.links[parent.carrier].clone();
         let turn = parent.turn_of(&joint.pose);
-        let mut place = parent.place_of(&joint.pose.place);
+        let mut place = parent.place_of(&joint.pose);
         if let Some(shift) = &coordinates.shift {
             let shift = turn.as_ref().map_or(shift.clone(), |turn| format!("{turn}*({shift})"));
             place = if place == ZERO { shift } else { format!("{place} + {shift}") };
@@ -374,8 +315,10 @@ impl Writer<'_> {
         let raised = if place == ZERO { String::new() } else { format!(" + dot(up_{carrier}, {place})") };
         self.line(&format!("let w_{name} = {back}w_{carrier}{w};"));
         self.line(&format!("let v_{name} = {back}{moved}{v};"));
-        self.line(&format!("let up_{name} = {back}up_{carrier};"));
-        self.line(&format!("let h_{name} = h_{carrier}{raised};"));
+        if self.vertical.is_some() {
+            self.line(&format!("let up_{name} = {back}up_{carrier};"));
+            self.line(&format!("let h_{name} = h_{carrier}{raised};"));
+        }
         self.carried[link] = Some(Carried { carrier: link, place: None, turn: None });
         self.body(link);
     }
@@ -403,27 +346,28 @@ impl Writer<'_> {
         let (mut masses, mut moments) = (Vec::new(), Vec::new());
         let (mut all, mut declared) = (Vec::new(), String::new());
         for part in self.rigid(link) {
-            let Some(inertia) = &self.robot.links[part].inertia else { continue };
             let frame = match part == link {
                 true => Carried { carrier: link, place: None, turn: None },
                 false => self.frame_of(part, link),
             };
-            declared.push_str(&self.of_link[part]);
-            all.push((inertia, frame.place_of(&inertia.pose.place), frame.turn_of(&inertia.pose)));
-        }
-        self.out.push_str(&declared);
-        let has_mass = all.iter().any(|(inertia, ..)| !inertia.mass.is_zero());
-        for (inertia, place, turn) in &all {
-            if !inertia.mass.is_zero() {
-                masses.push((inertia.mass.text.clone(), place.clone()));
+            for part in &self.parameters.parts[part] {
+                declared.push_str(&part.items);
+                all.push((part, frame.place_of(&part.pose), frame.turn_of(&part.pose)));
             }
-            if let Some(matrix) = matrix(inertia) {
+        }
+        let has_mass = all.iter().any(|(part, ..)| part.mass.is_some());
+        for (part, place, turn) in &all {
+            if let Some(mass) = &part.mass {
+                masses.push((mass.clone(), place.clone()));
+            }
+            if let Some(matrix) = part.matrix.clone() {
                 moments.push(match turn {
                     Some(turn) => format!("{turn}*{matrix}*transpose({turn})"),
                     None => matrix,
                 });
             }
         }
+        self.out.push_str(&declared);
         if let [(mass, place)] = &masses[..] {
             let (mass, place) = (mass.clone(), place.clone());
             self.line(&format!("let m_{name} = {mass};"));
@@ -451,8 +395,10 @@ impl Writer<'_> {
         if has_mass {
             self.line(&format!("let u_{name} = v_{name} + cross(w_{name}, c_{name});"));
             energies.push(format!("m_{name}/2*dot(u_{name}, u_{name})"));
-            self.line(&format!("let U_{name} = m_{name}*(h_{name} + dot(up_{name}, c_{name}));"));
-            self.potential.push(format!("U_{name}"));
+            if self.vertical.is_some() {
+                self.line(&format!("let U_{name} = m_{name}*(h_{name} + dot(up_{name}, c_{name}));"));
+                self.potential.push(format!("U_{name}"));
+            }
         }
         if !moments.is_empty() {
             energies.push(format!("dot(w_{name}, I_{name}*w_{name})/2"));
@@ -473,7 +419,7 @@ impl Writer<'_> {
         let mut frame = Carried { carrier: link, place: None, turn: None };
         for joint in chain.iter().rev() {
             let name = &self.links[joint.child];
-            let has_place = frame.place_of(&joint.pose.place) != ZERO;
+            let has_place = frame.place_of(&joint.pose) != ZERO;
             let has_turn = frame.turn_of(&joint.pose).is_some();
             frame.place = has_place.then(|| format!("r_{name}"));
             frame.turn = has_turn.then(|| format!("Q_{name}"));
@@ -487,15 +433,18 @@ impl Writer<'_> {
         if !self.potential.is_empty() {
             _ = write!(lagrangian, "\n    - g*({})", self.potential.join(" + "));
         }
+        for spring in &self.motion.springs {
+            _ = write!(lagrangian, "\n    - {spring}");
+        }
         self.line(&format!("\nlagrangian = {lagrangian};"));
         let forces = std::mem::take(&mut self.motion.forces);
         if !forces.is_empty() {
             self.out.push('\n');
             self.out.push_str(&forces);
         }
-        let mut head = String::new();
-        if !self.potential.is_empty() {
-            head.push_str("/// Acceleration of gravity in m/s^2.\nparam g = 9.81;\n");
+        let mut head = std::mem::take(&mut self.parameters.head);
+        if let Some(vertical) = self.vertical.as_ref().filter(|_| !self.potential.is_empty()) {
+            head.push_str(&vertical.gravity);
         }
         if self.motion.has_friction {
             head.push_str(
@@ -513,20 +462,4 @@ impl Writer<'_> {
         }
         format!("{head}\n{}", self.out)
     }
-}
-
-/// The matrix of moments of inertia in its frame; nothing for zero.
-fn matrix(inertia: &Inertia) -> Option<String> {
-    let [xx, yy, zz, xy, xz, yz] = &inertia.moments;
-    if inertia.moments.iter().all(Number::is_zero) {
-        return None;
-    }
-    Some(match [xy, xz, yz].iter().all(|n| n.is_zero()) {
-        true => format!("diag({})", vector(&[xx.clone(), yy.clone(), zz.clone()])),
-        false => {
-            let rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-            let rows = rows.map(|row| vector(&row.map(Number::clone)));
-            format!("[{}]", rows.join(", "))
-        }
-    })
 }

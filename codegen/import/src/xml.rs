@@ -15,6 +15,8 @@ use crate::problems::Problems;
 pub(crate) struct Reader<'a> {
     /// Elements and attributes that somebody read.
     elements: RefCell<BTreeSet<usize>>,
+    /// Elements of which nothing more is told.
+    skipped: RefCell<BTreeSet<usize>>,
     attributes: RefCell<BTreeSet<(usize, &'a str)>>,
     problems: RefCell<Problems>,
 }
@@ -24,7 +26,12 @@ pub(crate) type Element<'a> = Node<'a, 'a>;
 
 impl<'a> Reader<'a> {
     pub(crate) fn new() -> Reader<'a> {
-        Reader { elements: RefCell::default(), attributes: RefCell::default(), problems: RefCell::default() }
+        Reader {
+            elements: RefCell::default(),
+            skipped: RefCell::default(),
+            attributes: RefCell::default(),
+            problems: RefCell::default(),
+        }
     }
 
     pub(crate) fn error(&self, place: &Range<usize>, message: impl Into<String>, help: &str) {
@@ -53,6 +60,21 @@ impl<'a> Reader<'a> {
             self.error(&head(second), format!("`{name}` is given twice"), "remove one of them");
         }
         all.first().copied()
+    }
+
+    /// All elements within another one, which nobody has read by that.
+    pub(crate) fn all(&self, of: Element<'a>) -> Vec<Element<'a>> {
+        of.children().filter(Node::is_element).collect()
+    }
+
+    /// Says that an element is read.
+    pub(crate) fn take(&self, element: Element<'a>) {
+        self.elements.borrow_mut().insert(element.id().get_usize());
+    }
+
+    /// Says that an element was told as a whole.
+    pub(crate) fn skip(&self, element: Element<'a>) {
+        self.skipped.borrow_mut().insert(element.id().get_usize());
     }
 
     pub(crate) fn attribute(&self, of: Element<'a>, name: &str) -> Option<&'a str> {
@@ -84,6 +106,18 @@ impl<'a> Reader<'a> {
         numbers
     }
 
+    /// As many numbers as are written, one at least and `most` at most.
+    pub(crate) fn list(&self, of: Element<'a>, name: &str, most: usize) -> Option<Vec<Number>> {
+        let text = self.attribute(of, name)?;
+        let numbers: Option<Vec<Number>> = text.split_whitespace().map(Number::decimal).collect();
+        let numbers = numbers.filter(|numbers| (1..=most).contains(&numbers.len()));
+        if numbers.is_none() {
+            let message = format!("`{name}` is \"{text}\", not 1 to {most} numbers");
+            self.error(&place(of, name), message, "write decimal numbers, separated by blanks");
+        }
+        numbers
+    }
+
     pub(crate) fn number(&self, of: Element<'a>, name: &str) -> Option<Number> {
         self.numbers::<1>(of, name).map(|[number]| number)
     }
@@ -94,8 +128,12 @@ impl<'a> Reader<'a> {
         let mut note =
             |what: String, place: Range<usize>| problems.note(&place, format!("{what} is not taken"));
         let (elements, attributes) = (self.elements.into_inner(), self.attributes.into_inner());
+        let skipped = self.skipped.into_inner();
         let mut open = vec![document.root_element()];
         while let Some(element) = open.pop() {
+            if skipped.contains(&element.id().get_usize()) {
+                continue;
+            }
             let name = element.tag_name().name();
             for attribute in element.attributes() {
                 if !attributes.contains(&(element.id().get_usize(), attribute.name())) {

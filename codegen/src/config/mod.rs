@@ -58,7 +58,8 @@ pub fn read(path: impl AsRef<Path>) -> Result<Model, Problem> {
     read_within(Budget::default(), path.as_ref())
 }
 
-/// The checked model of a robot's description, and what the model lacks of the file.
+/// The checked model of a robot's description, and what the model lacks of the file. Files that it includes are read
+/// beside it.
 ///
 /// ```no_run
 /// // build.rs
@@ -80,7 +81,8 @@ pub fn import(
     options: &hamel_import::Options,
 ) -> Result<(Model, spec::Diagnostics), Problem> {
     let path = path.as_ref();
-    let imported = hamel_import::import(&path.display().to_string(), &text_of(path)?, options);
+    let files = hamel_import::beside(path);
+    let imported = hamel_import::import_with(&path.display().to_string(), &text_of(path)?, options, &files);
     let imported = imported.map_err(Problem::Model)?;
     let model = parsed(Budget::default(), &path.with_extension("hamel"), &imported.text)?;
     Ok((model, imported.notes))

@@ -1,0 +1,206 @@
+//! Free motions: velocities, the vertical and the height of links that no joint holds.
+//!
+//! Deliberately does not know: XML, joints with coordinates, energies.
+
+use std::fmt::Write as _;
+
+use crate::names::Names;
+use crate::number::Number;
+use crate::options::Options;
+use crate::robot::{JointKind, Pose, Robot};
+use crate::rotation::Rotation;
+use crate::vertical::Vertical;
+
+/// Names of one free motion.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Free {
+    pub(crate) spin: String,
+    pub(crate) velocity: String,
+    pub(crate) up: String,
+    pub(crate) height: String,
+    attitude: String,
+    place: String,
+}
+
+/// All free motions of a robot.
+#[derive(Clone, Debug)]
+pub(crate) struct Floats {
+    /// Places of floating joints among the joints.
+    pub(crate) joints: Vec<usize>,
+    /// Links that move freely, and their names.
+    links: Vec<(usize, Free)>,
+    is_declared: bool,
+    /// Whether the velocities of these motions are all that the group has.
+    are_all: bool,
+}
+
+const AROUND: [&str; 26] = [
+    "Omega*",
+    "Omega*1",
+    "Omega*2",
+    "Omega*3",
+    "V*",
+    "V*1",
+    "V*2",
+    "V*3",
+    "up*",
+    "up*1",
+    "up*2",
+    "up*3",
+    "vertical*",
+    "vertical*1",
+    "vertical*2",
+    "vertical*3",
+    "height*",
+    "attitude*",
+    "attitude*w",
+    "attitude*x",
+    "attitude*y",
+    "attitude*z",
+    "position*",
+    "position*1",
+    "position*2",
+    "position*3",
+];
+
+impl Free {
+    /// Names with an ending.
+    fn new(ending: &str) -> Free {
+        let named = |name: &str| format!("{name}{ending}");
+        Free {
+            spin: named("Omega"),
+            velocity: named("V"),
+            // `up_` and a name is that of a link.
+            up: named(if ending.is_empty() { "up" } else { "vertical" }),
+            height: named("height"),
+            attitude: named("attitude"),
+            place: named("position"),
+        }
+    }
+}
+
+impl Floats {
+    /// Finds the links that move freely. The names without an ending are taken in any case: they are said in the book.
+    pub(crate) fn reserve(robot: &Robot, options: &Options, names: &mut Names) -> Floats {
+        names.reserve(AROUND.iter().map(|pattern| pattern.replace('*', "")));
+        let joints: Vec<usize> = (0..robot.joints.len())
+            .filter(|k| matches!(robot.joints[*k].kind, JointKind::Floating))
+            .collect();
+        let mut links: Vec<usize> = joints.iter().map(|k| robot.joints[*k].child).collect();
+        if options.floating {
+            links.insert(0, robot.root);
+        }
+        let links: Vec<_> = links.into_iter().map(|link| (link, Free::new(""))).collect();
+        let has_balls = robot.joints.iter().any(|joint| matches!(joint.kind, JointKind::Ball));
+        let are_all = links.len() < 2 && !has_balls;
+        Floats { joints, links, is_declared: false, are_all }
+    }
+
+    /// Several free motions have the names of their links.
+    pub(crate) fn name(&mut self, links: &[String], names: &mut Names) {
+        if self.links.len() < 2 {
+            return;
+        }
+        for (link, free) in &mut self.links {
+            let own = AROUND.iter().filter(|pattern| !pattern.starts_with("up"));
+            let patterns: Vec<String> = own.map(|pattern| pattern.replace('*', "_*")).collect();
+            let patterns: Vec<&str> = patterns.iter().map(String::as_str).collect();
+            *free = Free::new(&format!("_{}", names.take(&links[*link], &patterns)));
+        }
+    }
+
+    /// The names of a link that moves freely.
+    pub(crate) fn of(&self, link: usize) -> Free {
+        let found = self.links.iter().find(|(own, _)| *own == link);
+        found.map_or_else(|| Free::new(""), |(_, free)| free.clone())
+    }
+
+    /// The items that declare the motion of a link.
+    pub(crate) fn items(
+        &mut self,
+        link: usize,
+        file_name: &str,
+        vertical: Option<&Vertical>,
+        start: &Pose,
+    ) -> String {
+        let Free { spin, velocity, up, height, attitude, place } = self.of(link);
+        let mut out = format!("// {file_name}, which moves freely.\n");
+        match self.links.len() {
+            0 | 1 => {
+                _ = writeln!(
+                    out,
+                    "/// Angular velocity of {file_name} in rad/s and velocity of its origin in m/s, in its frame.\n\
+                     velocity {spin}, {velocity} in se(3);"
+                );
+            }
+            _ if !self.is_declared => {
+                let pairs: Vec<String> =
+                    self.links.iter().map(|(_, free)| format!("{}, {}", free.spin, free.velocity)).collect();
+                let factors = vec!["se(3)"; pairs.len()].join(", ");
+                _ = writeln!(
+                    out,
+                    "/// Angular velocities in rad/s and velocities of origins in m/s, each in its own frame.\n\
+                     velocity {} in product({factors});",
+                    pairs.join(", ")
+                );
+            }
+            _ => {}
+        }
+        self.is_declared = true;
+        let turn = start.turn.text();
+        let is_moved = !start.place.iter().all(Number::is_zero);
+        if let Some(vertical) = vertical {
+            let initial = match &turn {
+                Some(turn) => format!("transpose({turn})*{}", vertical.up),
+                None => vertical.up.clone(),
+            };
+            _ = writeln!(
+                out,
+                "/// The vertical, upwards, in the frame of {file_name}.\n\
+                 advected {up} in R^3 by cross({spin}, {up});\n\
+                 /// Height of the origin of {file_name} in m.\n\
+                 advected {height} in R by -dot({velocity}, {up});\n\
+                 initial {up} = {initial};"
+            );
+            if is_moved {
+                let at = crate::number::vector(&start.place);
+                _ = writeln!(out, "initial {height} = dot({}, {at});", vertical.up);
+            }
+        }
+        _ = writeln!(
+            out,
+            "/// Attitude and place of {file_name}.\n\
+             reconstruct {attitude}, {place} in SE(3){};",
+            if self.are_all { String::new() } else { format!(" from {spin}, {velocity}") }
+        );
+        if let Some(quaternion) = quaternion(start) {
+            _ = writeln!(out, "initial {attitude} = {quaternion};");
+        }
+        if is_moved {
+            _ = writeln!(out, "initial {place} = {};", crate::number::vector(&start.place));
+        }
+        out
+    }
+}
+
+/// The attitude of a start by a quaternion; nothing where that is one.
+fn quaternion(start: &Pose) -> Option<String> {
+    let about = |axis: &str, angle: &str| {
+        let half = format!("({angle})/2");
+        let vector = match axis {
+            "e1" => format!("sin({half}), 0, 0"),
+            "e2" => format!("0, sin({half}), 0"),
+            "e3" => format!("0, 0, sin({half})"),
+            _ => {
+                let entry = |k: usize| format!("sin({half})*{axis}[{k}]");
+                format!("{}, {}, {}", entry(1), entry(2), entry(3))
+            }
+        };
+        format!("[cos({half}), {vector}]")
+    };
+    match &start.turn.factors[..] {
+        [Rotation::About(axis, angle)] => Some(about(axis, &angle.in_radians())),
+        [Rotation::Quaternion(entries)] => Some(format!("unit({})", crate::number::vector(entries))),
+        _ => None,
+    }
+}

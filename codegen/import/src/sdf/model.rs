@@ -1,0 +1,298 @@
+//! The element `sdf` with one model: its links and joints.
+//!
+//! A joint moves the child about the origin of the joint's frame. Links here have their origin in the joint: each is
+//! the frame of its link, moved by an offset, which is taken off everything in the link.
+//!
+//! Deliberately does not know: the model language.
+
+use std::collections::BTreeMap;
+
+use super::frames::{Frames, MODEL, number, numbers, pose};
+use super::joints::joints;
+use crate::number::{Number, zeros};
+use crate::robot::{Inertia, Joint, JointKind, Link, Mass, Mimic, Moments, Pose, Robot};
+use crate::xml::{Element, Reader, head, place};
+
+/// Reads the element `sdf`. Nothing after a problem.
+pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) -> Option<Robot> {
+    reader.attribute(root, "version");
+    let mut models = reader.children(root, "model");
+    let mut gravity = Robot::earth();
+    for world in reader.children(root, "world") {
+        models.extend(reader.children(world, "model"));
+        if let Some(own) = reader.child(world, "gravity").and_then(|element| numbers(reader, element)) {
+            gravity = own;
+        }
+    }
+    let [model] = models[..] else {
+        let at = models.get(1).map_or_else(|| head(root), |second| head(*second));
+        let message = format!("the file has {} models", models.len());
+        reader.error(&at, message, "write one model a file");
+        return None;
+    };
+    let name = reader.attribute(model, "name").unwrap_or(file_stem).to_owned();
+    if !pose(reader, model).0.turn.is_none() {
+        reader.error(&head(model), "the model is turned in the world", "turn the poses of its links");
+    }
+    for tag in ["model", "include"] {
+        for nested in reader.children(model, tag) {
+            let shown = nested.attribute("name").map(|name| format!(" `{name}`")).unwrap_or_default();
+            let message = format!("the model has another one within, by `{tag}`{shown}");
+            reader.error(&head(nested), message, "write its links and joints into this model");
+        }
+    }
+    let mut builder = Builder {
+        reader,
+        frames: Frames::default(),
+        links: Vec::new(),
+        by_name: BTreeMap::new(),
+        joints: Vec::new(),
+        offsets: Vec::new(),
+        mimics: Vec::new(),
+    };
+    builder.links(model);
+    builder.joints(model);
+    builder.followers();
+    if builder.links.is_empty() {
+        reader.error(&head(model), "the model has no links", "a model has `link` and `joint` elements");
+        return None;
+    }
+    Some(Robot {
+        name,
+        has_ground: builder.by_name.contains_key("world"),
+        links: builder.links,
+        joints: builder.joints,
+        root: 0,
+        motors: Vec::new(),
+        drives_all: true,
+        gravity,
+        total_mass: None,
+    })
+}
+
+struct Builder<'a, 'r> {
+    reader: &'r Reader<'a>,
+    frames: Frames,
+    links: Vec<Link>,
+    by_name: BTreeMap<String, usize>,
+    joints: Vec<Joint>,
+    /// Origins of links in the frames of the file.
+    offsets: Vec<[Number; 3]>,
+    /// Axes with an element `mimic`, by the places of their joints.
+    mimics: Vec<(usize, Element<'a>)>,
+}
+
+/// A joint of the file with the ends that it names.
+struct Ends<'a> {
+    element: Element<'a>,
+    name: &'a str,
+    parent: &'a str,
+    child: &'a str,
+}
+
+impl<'a> Builder<'a, '_> {
+    fn links(&mut self, model: Element<'a>) {
+        let reader = self.reader;
+        for element in reader.children(model, "link") {
+            let Some(name) = reader.required(element, "name") else { continue };
+            self.frames.add(reader, element, name, MODEL);
+            let inertias = inertia(reader, element, name).into_iter().collect();
+            self.link(name, inertias, place(element, "name"));
+        }
+        for element in reader.children(model, "frame") {
+            let Some(name) = reader.required(element, "name") else { continue };
+            let attached = reader.attribute(element, "attached_to").unwrap_or(MODEL);
+            self.frames.add(reader, element, name, attached);
+        }
+    }
+
+    fn link(&mut self, name: &str, inertias: Vec<Inertia>, span: std::ops::Range<usize>) -> usize {
+        self.by_name.insert(name.to_owned(), self.links.len());
+        self.links.push(Link { name: name.to_owned(), inertias, span });
+        self.offsets.push(zeros());
+        self.links.len() - 1
+    }
+
+    fn joints(&mut self, model: Element<'a>) {
+        let reader = self.reader;
+        let mut all = Vec::new();
+        for element in reader.children(model, "joint") {
+            let Some(name) = reader.required(element, "name") else { continue };
+            let end = |role: &str| {
+                let found = reader.child(element, role).and_then(|end| end.text()).map(str::trim);
+                if found.is_none() {
+                    let help = format!("write `<{role}>..</{role}>`");
+                    reader.error(&head(element), format!("joint `{name}` has no `{role}`"), &help);
+                }
+                found
+            };
+            let (Some(parent), Some(child)) = (end("parent"), end("child")) else { continue };
+            self.frames.add(reader, element, name, child);
+            all.push(Ends { element, name, parent, child });
+        }
+        if all.iter().any(|joint| joint.parent == "world") {
+            self.link("world", Vec::new(), head(model));
+        }
+        // Offsets first: a child's place is by that of its parent.
+        let mut made = Vec::new();
+        for ends in &all {
+            let known = |end: &str| {
+                let found = self.by_name.get(end).copied();
+                if found.is_none() {
+                    let message = format!("joint `{}` names `{end}`, which is no link", ends.name);
+                    reader.error(&head(ends.element), message, "name a link of this model");
+                }
+                found
+            };
+            let (Some(parent), Some(child)) = (known(ends.parent), known(ends.child)) else { continue };
+            let Some(steps) = self.frames.between(reader, ends.child, ends.name) else { continue };
+            let (held, turned) = match &steps[..] {
+                [] => (zeros(), crate::rotation::Turn::none()),
+                [one] if one.anchor.iter().all(Number::is_zero) => (one.place.clone(), one.turn.clone()),
+                _ => {
+                    let message = format!("the frame of joint `{}` is not by its child", ends.name);
+                    reader.error(&head(ends.element), message, "write its `pose` relative to the child");
+                    continue;
+                }
+            };
+            let Some(own) = joints(reader, ends.element, ends.name, &turned) else { continue };
+            // Nothing turns about the place of a joint that slides or is fixed.
+            if own.iter().any(|joint| matches!(joint.kind, JointKind::Revolute(_) | JointKind::Ball)) {
+                self.offsets[child] = held;
+            }
+            made.push((ends, parent, child, own));
+        }
+        for (ends, parent, child, own) in made {
+            self.join(ends, (parent, child), own);
+        }
+        for (link, offset) in self.links.iter_mut().zip(&self.offsets) {
+            for inertia in &mut link.inertias {
+                subtract(&mut inertia.pose.place, offset);
+            }
+        }
+    }
+
+    /// Puts the joints of an element between two links, with links of their own where frames are turned on the way.
+    fn join(&mut self, ends: &Ends<'a>, (parent, child): (usize, usize), own: Vec<Joint>) {
+        let from = if ends.parent == "world" { MODEL } else { ends.parent };
+        let Some(mut steps) = self.frames.between(self.reader, from, ends.child) else { return };
+        let start = &self.offsets[parent];
+        if !start.iter().all(Number::is_zero) || steps.is_empty() {
+            let place = start.each_ref().map(Number::negative);
+            match steps.first_mut() {
+                Some(first) => first.place = std::array::from_fn(|k| first.place[k].plus(&place[k])),
+                None => steps.push(Pose { place, ..Pose::identity() }),
+            }
+        }
+        if let Some(last) = steps.last_mut() {
+            let end = &self.offsets[child];
+            let target = if last.turn.is_none() { &mut last.place } else { &mut last.anchor };
+            *target = std::array::from_fn(|k| target[k].plus(&end[k]));
+        }
+        let span = place(ends.element, "name");
+        let mut at = parent;
+        let n_before = steps.len() - 1;
+        for (n, step) in steps.drain(..n_before).enumerate() {
+            let name = format!("{}_frame{}", ends.name, n + 1);
+            let link = self.link(&name, Vec::new(), span.clone());
+            let mut joint = Joint::new(name, JointKind::Fixed, (at, link), span.clone());
+            joint.pose = step;
+            self.joints.push(joint);
+            at = link;
+        }
+        let n_own = own.len();
+        for (n, mut joint) in own.into_iter().enumerate() {
+            let link = match n + 1 == n_own {
+                true => child,
+                false => self.link(&format!("{}_cross", ends.name), Vec::new(), span.clone()),
+            };
+            (joint.parent, joint.child) = (at, link);
+            if let Some(step) = steps.pop() {
+                joint.pose = step;
+            }
+            let axis = if n == 0 { "axis" } else { "axis2" };
+            let axis = ends.element.children().find(|child| child.tag_name().name() == axis);
+            if let Some(mimic) = axis.and_then(|axis| self.reader.child(axis, "mimic")) {
+                self.mimics.push((self.joints.len(), mimic));
+            }
+            self.joints.push(joint);
+            at = link;
+        }
+    }
+}
+
+impl<'a> Builder<'a, '_> {
+    /// Has joints follow others.
+    fn followers(&mut self) {
+        let reader = self.reader;
+        for (follower, element) in std::mem::take(&mut self.mimics) {
+            let Some(name) = reader.required(element, "joint") else { continue };
+            let Some(leader) = self.joints.iter().position(|joint| joint.name == name) else {
+                let message = format!("there is no joint `{name}` with one axis");
+                reader.error(&place(element, "joint"), message, "name a joint of this model");
+                continue;
+            };
+            reader.attribute(element, "axis");
+            let value = |name: &str| number(reader, element, name);
+            let factor = value("multiplier").unwrap_or_else(Number::one);
+            let offset = value("offset").unwrap_or_else(Number::zero);
+            if value("reference").is_some_and(|reference| !reference.is_zero()) {
+                let help = "write it into the `offset`: offset - multiplier*reference";
+                reader.error(&head(element), "a joint follows another one from a reference", help);
+            }
+            self.joints[follower].mimic = Some(Mimic { joint: leader, coefficients: vec![offset, factor] });
+        }
+    }
+}
+
+fn subtract(place: &mut [Number; 3], offset: &[Number; 3]) {
+    for (own, offset) in place.iter_mut().zip(offset) {
+        *own = own.minus(offset);
+    }
+}
+
+fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>, name: &str) -> Option<Inertia> {
+    let default = |mass: Number| Inertia {
+        name: name.to_owned(),
+        mass: Mass::Given(mass),
+        pose: Pose::identity(),
+        moments: Moments::Given([
+            Number::one(),
+            Number::one(),
+            Number::one(),
+            Number::zero(),
+            Number::zero(),
+            Number::zero(),
+        ]),
+    };
+    let Some(element) = reader.child(link, "inertial") else {
+        reader.note(
+            &head(link),
+            "links without `inertial` have the mass 1 kg and moments of 1 kg m^2, as the format says",
+        );
+        return Some(default(Number::one()));
+    };
+    if reader.attribute(element, "auto") == Some("true") {
+        let help = "write the mass and the moments of inertia";
+        reader.error(&place(element, "auto"), format!("the inertia of link `{name}` is by its shapes"), help);
+    }
+    let mass = number(reader, element, "mass").unwrap_or_else(Number::one);
+    if mass.value < 0.0 {
+        reader.error(&head(element), "the mass is negative", "write a mass in kg");
+    }
+    let (pose, relative_to) = pose(reader, element);
+    if relative_to.is_some() {
+        let help = "write the pose in the frame of the link";
+        reader.error(&head(element), format!("the mass centre of link `{name}` is by another frame"), help);
+    }
+    let mut inertia = Inertia { pose, ..default(mass) };
+    if let (Some(matrix), Moments::Given(moments)) = (reader.child(element, "inertia"), &mut inertia.moments)
+    {
+        for (moment, name) in moments.iter_mut().zip(["ixx", "iyy", "izz", "ixy", "ixz", "iyz"]) {
+            if let Some(value) = number(reader, matrix, name) {
+                *moment = value;
+            }
+        }
+    }
+    Some(inertia)
+}

@@ -1,0 +1,53 @@
+"""Models of robots from their descriptions."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hamel
+
+ROBOTS = Path(__file__).parents[2] / "codegen" / "tests" / "robots"
+
+
+def reference(name, robot):
+    """States with their controls, and rates, by names."""
+    for line in (ROBOTS / name).read_text().splitlines():
+        own, *parts = line.split(" | ")
+        if own == robot:
+            pairs = ([pair.split("=") for pair in part.split()] for part in parts)
+            yield tuple({key: float(value) for key, value in each} for each in pairs)
+
+
+def test_rates_are_those_of_mujoco():
+    with pytest.warns(hamel.ModelWarning, match="`timestep` of `option` is not taken"):
+        text = hamel.import_robot(ROBOTS / "crane.xml", limits="none")
+    crane = hamel.load(text)
+    assert crane.name == "crane"
+    for state, expected in reference("reference_mujoco.txt", "crane"):
+        controls = {name: state.pop(name) for name in list(state) if name.startswith("ctrl_")}
+        driven = crane.with_inputs(**controls)
+        rates = dict(zip(driven.state, driven.rhs([state[name] for name in driven.state])))
+        scale = max(map(abs, expected.values()))
+        assert all(abs(rates[name] - rate) < 1e-12 * scale for name, rate in expected.items())
+
+
+def test_what_a_file_leaves_open_is_chosen():
+    with pytest.warns(hamel.ModelWarning, match="joint `thumb` is locked at zero"):
+        locked = hamel.import_robot(str(ROBOTS / "arm.urdf"), lock=["thumb"], limits="spring")
+    assert "limit_stiffness" in locked and "let thumb" not in locked
+    flyer = hamel.load(hamel.import_robot(ROBOTS / "flyer.urdf", floating=True))
+    assert {"Omega1", "V3", "height"} <= set(flyer.state)
+    assert np.all(np.isfinite(flyer.rhs(np.full(len(flyer.state), 0.1))))
+
+
+def test_problems_are_told_with_their_place(tmp_path):
+    wrong = tmp_path / "wrong.xml"
+    wrong.write_text("<mujoco>\n<worldbody><body><joint type='helix'/></body></worldbody></mujoco>")
+    with pytest.raises(hamel.ModelError, match="has the type `helix`") as raised:
+        hamel.import_robot(wrong)
+    assert raised.value.diagnostics[0].line == 2
+    with pytest.raises(hamel.InputError, match='give "interval", "spring" or "none"'):
+        hamel.import_robot(ROBOTS / "arm.urdf", limits="hard")
+    with pytest.raises(hamel.FileError):
+        hamel.import_robot(tmp_path / "none.urdf")
