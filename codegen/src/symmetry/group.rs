@@ -40,7 +40,7 @@ pub(super) struct SymmetryGroup {
 pub(super) struct Way {
     /// From which side it acts on configurations.
     pub(super) side: Side,
-    /// Whether configurations come of which no translation keeps everything.
+    /// Whether configurations and coordinates come of which no translation keeps everything.
     pub(super) is_broken: bool,
     /// Turns of a body in angles that come.
     pub(super) angles: Option<AngleGroup>,
@@ -110,7 +110,8 @@ impl Setting<'_> {
                 }
             }
         }
-        let known = self.symmetries(&everything);
+        let kinetic = Kept { functions: vec![self.kinetic], equations: Vec::new() };
+        let known = self.symmetries(if is_broken { &kinetic } else { &everything });
         let mut translations: Vec<Coefficients> = known
             .iter()
             .filter(|c| {

@@ -13,6 +13,8 @@
 mod along;
 mod angles;
 mod check;
+mod discrete;
+mod forms;
 mod group;
 mod modules;
 mod names;
@@ -61,11 +63,14 @@ pub struct Reduced {
 /// What a model has that is not looked into; a model without a group to reduce it by; a reduced model that disagrees
 /// with the model, which is a fault of the generator.
 pub fn reduce(model: &Model) -> Result<Reduced, Diagnostics> {
-    reduce_altered(model, |text| text)
+    reduce_held(model, |_, _| {})
 }
 
-/// As [`reduce`], with the text altered before it is compared with the model.
-fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Reduced, Diagnostics> {
+/// As [`reduce`]; what was written is shown, with the comparison that texts are held to.
+fn reduce_held(
+    model: &Model,
+    show: impl FnOnce(&str, &mut dyn FnMut(&str) -> Result<(), String>),
+) -> Result<Reduced, Diagnostics> {
     let refuse = |Refusal(what, help): Refusal| {
         let message = format!("symmetries of a model with {what} are not looked for");
         model.diagnostics(vec![Diagnostic::new(model.places.lagrangian, message).with_help(help)])
@@ -73,6 +78,7 @@ fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Red
     let mut setting = Setting::new(model).map_err(refuse)?;
     let mut told = setting.told();
     setting.hold_to_motion(&mut told).map_err(|what| disagrees(model, &what))?;
+    let further = setting.discrete();
     let lines: Vec<String> = told.iter().map(|t| t.line(&setting)).collect();
     if told.iter().any(|t| !t.is_strict && t.unused.is_none()) {
         setting.make_gyroscopic();
@@ -80,8 +86,10 @@ fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Red
     let plain = Way { side: Side::Left, is_broken: false, angles: None };
     let mut candidates = vec![setting.candidate(&plain, &lines)];
     let mut others = Vec::new();
-    if !model.configurations.is_empty() {
+    if !lines.is_empty() {
         others.push(Way { is_broken: true, ..plain.clone() });
+    }
+    if !model.configurations.is_empty() {
         others.push(Way { side: Side::Right, ..plain.clone() });
     }
     if let Some(angles) = setting.angle_group() {
@@ -116,14 +124,15 @@ fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Red
         let problem = Diagnostic::new(model.places.lagrangian, message).with_help(found);
         return Err(model.diagnostics(vec![problem]));
     }
-    let text = alter(written.text.clone());
-    if let Err(differs) = setting.compared((&pieces.group, &section), &written, &text) {
+    show(&written.text, &mut |text| setting.compared((&pieces.group, &section), &written, text));
+    if let Err(differs) = setting.compared((&pieces.group, &section), &written, &written.text) {
         return Err(disagrees(model, &differs));
     }
     if let Err(exhausted) = setting.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
-    Ok(Reduced { text, report: pieces.report, dim })
+    let report = [pieces.report, further].concat();
+    Ok(Reduced { text: written.text, report, dim })
 }
 
 fn disagrees(model: &Model, what: &str) -> Diagnostics {

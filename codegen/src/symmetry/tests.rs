@@ -2,7 +2,7 @@
 
 use hamel_lang::spec;
 
-use super::{reduce, reduce_altered};
+use super::{reduce, reduce_held};
 
 const BODY: &str = "model body {
     param I: diagonal(3) = [1.3, 1.7, 0.6]; param m = 2; param g = 9.81; param s: vector(3) = [0.1, 0.2, 0.3];
@@ -71,17 +71,18 @@ const SUN: &str = "model sun {
     force Omega = k*cross(transpose(R)*[1, 0, 0], [0, 0, 1]);
 }";
 
-/// Replaces the first place of a text; a fault that is not there is no test.
-fn planted(model: &str, from: &str, to: &str) -> String {
+/// What is said of each fault: the first place of a text replaced. A fault that is not there is no test.
+fn planted(model: &str, faults: &[(&str, &str)]) -> Vec<Option<String>> {
     let model = spec::parse("model", model).unwrap();
-    let alter = |text: String| {
-        assert!(text.contains(from), "`{from}` is not in:\n{text}");
-        text.replacen(from, to, 1)
-    };
-    match reduce_altered(&model, alter) {
-        Ok(_) => panic!("`{from}` -> `{to}` was not found"),
-        Err(problems) => problems.to_string(),
-    }
+    let said = std::cell::RefCell::new(Vec::new());
+    let held = reduce_held(&model, |text, compared| {
+        for (from, to) in faults {
+            assert!(text.contains(from), "`{from}` is not in:\n{text}");
+            said.borrow_mut().push(compared(&text.replacen(from, to, 1)).err());
+        }
+    });
+    held.unwrap();
+    said.into_inner()
 }
 
 #[test]
@@ -112,12 +113,19 @@ fn planted_faults_are_found() {
         (SNAKEBOARD, "v_y = 0", "v_y - s/10 = 0"),
         (CHARGED, "force v_x = b*", "force v_x = -b*"),
         (CHARGED, "force v_y = -b*v_x", "force v_y = -b*v_y"),
+        (ANGLES, "v_phi*a2", "v_phi*a1"),
+        (ANGLES, "by [cos(psi)*v_theta", "by [sin(psi)*v_theta"),
+        (ANGLES, "1/2*I2*v_phi^2", "1/2*I3*v_phi^2"),
         (SUN, "force Omega1 = ", "force Omega1 = 1 + "),
         (SUN, "Omega1*a1 + Omega3", "Omega1*a1 - Omega3"),
     ];
-    for (model, from, to) in faults {
-        let found = planted(model, from, to);
-        assert!(found.contains("internal: the reduced model disagrees"), "{from}: {found}");
+    let models: std::collections::BTreeSet<&str> = faults.iter().map(|(model, ..)| *model).collect();
+    for model in models {
+        let own: Vec<(&str, &str)> =
+            faults.iter().filter(|(of, ..)| *of == model).map(|(_, from, to)| (*from, *to)).collect();
+        for ((from, to), said) in own.iter().zip(planted(model, &own)) {
+            assert!(said.is_some(), "`{from}` -> `{to}` was not found");
+        }
     }
 }
 
@@ -230,4 +238,28 @@ fn turns_of_a_body_in_angles_are_a_group() {
     let model = spec::parse("model", &other).unwrap();
     let Ok(mut setting) = super::Setting::new(&model) else { panic!("the model is looked into") };
     assert!(setting.angle_group().is_none());
+}
+
+#[test]
+fn reversal_reflections_and_scalings_are_told() {
+    let report = |text: &str| reduce(&spec::parse("model", text).unwrap()).unwrap().report;
+    let kepler = "model kepler { param k = 2; coordinate x, y, z in real; \
+                  lagrangian = (x_dot^2 + y_dot^2 + z_dot^2)/2 + k/sqrt(x^2 + y^2); }";
+    let lines = report(kepler);
+    for line in [
+        "Symmetry: reversal of time.",
+        "Symmetry: the sign of x.",
+        "Symmetry: the sign of y.",
+        "Symmetry: the sign of z.",
+        // The third law: squares of periods are as cubes of distances.
+        "Scaling: x by c^2, y by c^2, z by c^2, t by c^3; it multiplies the Lagrangian by c^-2.",
+    ] {
+        assert!(lines.iter().any(|l| l == line), "{line}: {lines:?}");
+    }
+    let other = kepler.replace("k/sqrt(x^2 + y^2)", "k*x/(x^2 + y^2) + x*y_dot");
+    let lines = report(&other);
+    assert!(!lines.iter().any(|l| l.contains("reversal") || l.contains("sign of x")), "{lines:?}");
+    let damped = kepler.replace("y^2); }", "y^2); force z_dot = -z_dot; }");
+    let lines = report(&damped);
+    assert!(!lines.iter().any(|l| l.contains("reversal") || l.contains("Scaling")), "{lines:?}");
 }

@@ -91,6 +91,9 @@ impl Setting<'_> {
         let mut named: Vec<(String, ExprId)> =
             model.constraints.iter().map(|c| c.name.clone()).zip(constraints.iter().copied()).collect();
         named.retain(|(_, residual)| *residual != self.graph.zero());
+        for (_, residual) in &mut named {
+            *residual = self.shortened_residual(*residual, section);
+        }
         let along = self.along_solutions(&mut named, section);
         for symbol in &along {
             let _ = writeln!(out, "    /// Along what the constraints leave.");
