@@ -114,7 +114,7 @@ fn planted_faults_are_found() {
         (CHARGED, "force v_x = b*", "force v_x = -b*"),
         (CHARGED, "force v_y = -b*v_x", "force v_y = -b*v_y"),
         (ANGLES, "v_phi*a2", "v_phi*a1"),
-        (ANGLES, "by [cos(psi)*v_theta", "by [sin(psi)*v_theta"),
+        (ANGLES, "by [cos(psi)*v_phi", "by [sin(psi)*v_phi"),
         (ANGLES, "1/2*I2*v_phi^2", "1/2*I3*v_phi^2"),
         (SUN, "force Omega1 = ", "force Omega1 = 1 + "),
         (SUN, "Omega1*a1 + Omega3", "Omega1*a1 - Omega3"),
