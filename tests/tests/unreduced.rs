@@ -239,8 +239,7 @@ const TWINS: [(&str, &str, usize, bool); 33] = [
     ("chaplygin_gyro", "se(3)", 3, true),
     ("chaplygin_sleigh", "se(2)", 0, true),
     ("double_spherical_pendulum", "R^1", 0, true),
-    // The kinetic energy depends on the vertical: the attitude stays.
-    ("ellipsoid_on_plane", "R^2", 0, false),
+    ("ellipsoid_on_plane", "product(so(3), R^2)", 3, true),
     ("euler_disk", "product(se(2), R^1)", 0, true),
     ("extended_pose", "g", 0, true),
     ("free_body_in_angles", "so(3)", 0, false),

@@ -309,6 +309,19 @@ impl Setting<'_> {
                 }
             }
         }
+        if let Some(marked) = self.marked.clone() {
+            // A row of the attitude.
+            let row = &self.model.configurations[marked.configuration].symbols[3 * marked.axis..];
+            for (entry, symbol) in row.iter().zip(marked.advected) {
+                let [found, wanted] = [(&slow, symbol), (&fast, *entry)]
+                    .map(|(rates, s)| rates.get(self.graph.name(s)).copied());
+                let (found, wanted) = (found?, wanted?);
+                if !is_near(found, wanted, 1.0 + wanted.abs()) {
+                    let name = self.graph.name(symbol);
+                    return Some(Some(format!("the rate of `{name}` is {found}, in the model {wanted}")));
+                }
+            }
+        }
         let leaving: Vec<String> =
             self.leaving(section).into_iter().map(|s| self.graph.name(s).to_owned()).collect();
         let end = own.carried(t, |name| named.get(name).copied())?;
@@ -411,6 +424,12 @@ impl Setting<'_> {
         for symbol in section.velocities() {
             values.insert(*symbol, 2.0 * uniform(random) - 1.0);
             variables.push(*symbol);
+        }
+        if let Some(marked) = self.marked.as_ref().filter(|_| written.is_some()) {
+            for (l, symbol) in marked.advected.iter().enumerate() {
+                values.insert(*symbol, if l == marked.axis { 1.0 } else { 0.0 });
+                variables.push(*symbol);
+            }
         }
         // Displacements are any: forces are compared by their power.
         for pair in &section.pairs {

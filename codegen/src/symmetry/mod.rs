@@ -16,6 +16,7 @@ mod check;
 mod discrete;
 mod forms;
 mod group;
+mod marked;
 mod modules;
 mod names;
 mod reconstruct;
@@ -80,7 +81,8 @@ fn reduce_held(
     setting.hold_to_motion(&mut told).map_err(|what| disagrees(model, &what))?;
     let further = setting.discrete();
     let lines: Vec<String> = told.iter().map(|t| t.line(&setting)).collect();
-    if told.iter().any(|t| !t.is_strict && t.unused.is_none()) {
+    let is_gyroscopic = told.iter().any(|t| !t.is_strict && t.unused.is_none());
+    if is_gyroscopic {
         setting.make_gyroscopic();
     }
     let plain = Way { side: Side::Left, is_broken: false, angles: None };
@@ -102,8 +104,32 @@ fn reduce_held(
             candidates.push(other);
         }
     }
-    if let Err(exhausted) = setting.graph.within_budget() {
-        return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
+    // Rows of attitudes that stay otherwise, each in a setting of its own.
+    let mut settings = vec![setting];
+    for (k, axis) in settings[0].rows() {
+        let takes = |c: &Candidate| {
+            c.pieces
+                .group
+                .fields
+                .iter()
+                .any(|f| settings[0].configuration_of(f).is_some_and(|(of, _)| of == k))
+        };
+        if candidates.iter().any(takes) {
+            continue;
+        }
+        let mut other = Setting::new(model).map_err(refuse)?;
+        if is_gyroscopic {
+            other.make_gyroscopic();
+        }
+        let Some(way) = other.mark((k, axis)) else { continue };
+        let candidate = Candidate { setting: settings.len(), ..other.candidate(&way, &lines) };
+        candidates.push(candidate);
+        settings.push(other);
+    }
+    for setting in &settings {
+        if let Err(exhausted) = setting.graph.within_budget() {
+            return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
+        }
     }
     candidates.sort_by_key(|c| !c.has_group());
     candidates.truncate(candidates.iter().filter(|c| c.has_group()).count().max(1));
@@ -111,7 +137,8 @@ fn reduce_held(
         // Of several groups the one that leaves less to compute; the first of equals.
         candidates.sort_by_cached_key(|c| check::cost(&c.written.text).unwrap_or(u64::MAX));
     }
-    let Candidate { pieces, section, written, .. } = candidates.swap_remove(0);
+    let Candidate { pieces, section, written, setting } = candidates.swap_remove(0);
+    let mut setting = settings.swap_remove(setting);
     let dim = pieces.group.fields.len();
     if dim == 0 {
         let mut found = pieces.report.join(" ");
@@ -143,6 +170,8 @@ fn disagrees(model: &Model, what: &str) -> Diagnostics {
 
 /// A group that the model can be reduced by, with what it makes of the model.
 struct Candidate {
+    /// The setting that it is of.
+    setting: usize,
     pieces: Pieces,
     section: Section,
     written: Written,
@@ -186,7 +215,7 @@ impl Setting<'_> {
         let pieces = Pieces { group, moved, module, report, only_told };
         let section = self.section(&pieces.group);
         let written = self.written(&pieces, &section);
-        Candidate { pieces, section, written }
+        Candidate { setting: 0, pieces, section, written }
     }
 }
 

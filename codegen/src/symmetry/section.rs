@@ -71,6 +71,9 @@ impl Setting<'_> {
                 kept.push(k);
             }
         }
+        if let Some(marked) = &self.marked {
+            at.extend(marked.normal.iter().zip(marked.advected).map(|(n, a)| (*n, self.graph.sym(a))));
+        }
         let tangents: Vec<Vec<ExprId>> =
             group.fields.iter().map(|field| self.tangent(&field.coefficients, &field.images, &at)).collect();
         let mut taken: BTreeSet<String> = model.places.declared.keys().cloned().collect();

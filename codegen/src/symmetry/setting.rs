@@ -11,6 +11,7 @@ use hamel_lang::spec::{ConstraintKind, Domain, Model, Side};
 use num_traits::Zero;
 
 use super::angles::TurnedField;
+use super::marked::Marked;
 
 /// A field of the ansatz, with rational coefficients in front.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +52,8 @@ pub(super) struct Setting<'a> {
     pub(super) power: ExprId,
     /// Residuals of constraints.
     pub(super) constraints: Vec<ExprId>,
+    /// The row of an attitude that advects.
+    pub(super) marked: Option<Marked>,
 }
 
 /// Why a model cannot be reduced here: what it has, and what to do.
@@ -136,6 +139,7 @@ impl Setting<'_> {
             potential,
             power,
             constraints,
+            marked: None,
         };
         setting.add_elements()?;
         setting.add_generators();
@@ -241,6 +245,11 @@ impl Setting<'_> {
             }
         }
         sums.into_iter().map(|(symbol, terms)| (symbol, self.graph.linear_combination(&terms))).collect()
+    }
+
+    /// One more image under a generator.
+    pub(super) fn add_image(&mut self, j: usize, symbol: SymbolId, image: ExprId) {
+        self.images[j].insert(symbol, image);
     }
 
     /// The images under a generator.

@@ -71,6 +71,14 @@ const SUN: &str = "model sun {
     force Omega = k*cross(transpose(R)*[1, 0, 0], [0, 0, 1]);
 }";
 
+/// The kinetic energy depends on the vertical.
+const ELLIPSOID: &str = "model ellipsoid {
+    param I: diagonal(3) = [1.3, 1.7, 0.6]; param m = 1.2; param g = 9.81;
+    configuration R in SO(3) velocity Omega;
+    let h = sqrt(2*R31^2 + 3*R32^2 + R33^2);
+    lagrangian = dot(Omega, I*Omega)/2 + m/2*rate(h)^2 - m*g*h;
+}";
+
 /// What is said of each fault: the first place of a text replaced. A fault that is not there is no test.
 fn planted(model: &str, faults: &[(&str, &str)]) -> Vec<Option<String>> {
     let model = spec::parse("model", model).unwrap();
@@ -116,6 +124,8 @@ fn planted_faults_are_found() {
         (ANGLES, "v_phi*a2", "v_phi*a1"),
         (ANGLES, "by [cos(psi)*v_phi", "by [sin(psi)*v_phi"),
         (ANGLES, "1/2*I2*v_phi^2", "1/2*I3*v_phi^2"),
+        (ELLIPSOID, "Omega2*Gamma3", "Omega1*Gamma3"),
+        (ELLIPSOID, "Gamma3*", "Gamma2*"),
         (SUN, "force Omega1 = ", "force Omega1 = 1 + "),
         (SUN, "Omega1*a1 + Omega3", "Omega1*a1 - Omega3"),
     ];

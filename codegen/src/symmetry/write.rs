@@ -84,6 +84,9 @@ impl Setting<'_> {
             let relative = relative.map_or_else(String::new, |frame| format!(" relative {frame}"));
             let _ = writeln!(out, "    configuration {list} in {group} velocity {names}{relative};");
         }
+        if let Some(item) = self.marked_item(&pieces.group, &section.symbols) {
+            out.push_str(&item);
+        }
         let (brought, advected) = self.write_advected(&mut out, pieces, section);
         let (potential, power, constraints) = (brought[0], brought[1], &brought[FIRST_CONSTRAINT..]);
         let kinetic = self.at_section(section, self.kinetic);
