@@ -576,7 +576,7 @@ impl Scene {
         Ok(explain::explain(&self.model, &derived, Style::Unicode))
     }
 
-    /// The text of the model reduced by the symmetries that are found, what is told of them, and the dimension of the
+    /// The text of the model reduced by the symmetries that are found, a line on each, and the dimension of the
     /// group.
     fn reduce(&self, py: Python<'_>) -> PyResult<(String, Vec<String>, usize)> {
         let reduced = || -> Result<_, Error> {

@@ -270,7 +270,7 @@ const TWINS: [(&str, &str, usize, bool); 33] = [
     ("veselova", "so(3)", 3, true),
 ];
 
-/// The row of a twin in the table of the book; it is held to what is expected of it.
+/// The row of a twin in the table of the book; it is held to the expected one.
 fn row(&(name, algebra, advected, is_met): &(&str, &str, usize, bool)) -> String {
     let text = std::fs::read_to_string(folder().join(format!("{name}.hamel"))).unwrap();
     let unreduced = model(&text);

@@ -16,8 +16,8 @@ const MAX_ROWS: usize = 3;
 
 impl Setting<'_> {
     /// Replaces `m` equations between `m + 1` velocities, `W y = 0`, whose minors share a factor that depends on the
-    /// state: with `n` the minors without it, `W n = 0`, and `y = n s` by a velocity `s`. Where `W` has rank `m` both say
-    /// the same.
+    /// state: with `n` the minors without it, `W n = 0`, and `y = n s` by a velocity `s`. Where `W` has rank `m` both
+    /// say the same.
     pub(super) fn along_solutions(
         &mut self,
         constraints: &mut Vec<(String, ExprId)>,

@@ -2,7 +2,8 @@
 //! Euler's and Cardan's angles have three that make `so(3)` with a cyclic angle `a`.
 //!
 //! They move three coordinates freely where the angles are regular. The cross-section is one regular point, and what
-//! commutes with them reconstructs the angles: `qdot = sum_c xi^c W_c(q)`, `[Z_a, W_c] = 0`, `W_c = Z_c` at the section.
+//! commutes with them reconstructs the angles: `qdot = sum_c xi^c W_c(q)`, `[Z_a, W_c] = 0`, `W_c = Z_c` at the
+//! section.
 //!
 //! Source: Marsden and Ratiu 1999, section 15.3.
 //!

@@ -107,7 +107,7 @@ impl Running {
     }
 }
 
-/// Operations of the right-hand side of a model; none where it cannot be derived.
+/// Operations of the right-hand side of a model, if it can be derived.
 pub(super) fn cost(text: &str) -> Option<u64> {
     let model = spec::parse("reduced", text).ok()?;
     let names = scene::names(&model);
@@ -152,7 +152,7 @@ impl Setting<'_> {
         Ok(())
     }
 
-    /// Whether `dJ/dt = 0` at a random point by the rates of the model; none where there are no rates.
+    /// Whether `dJ/dt = 0` at a random point by the rates of the model, where these have values.
     fn is_constant(
         &mut self,
         own: &Running,

@@ -1,8 +1,8 @@
 //! Reversal of time, reflections and scalings: told, not reduced by.
 //!
 //! A scaling `q_i -> c^a_i q_i`, `t -> c^b t` that multiplies the Lagrangian and the power by `c^d` maps motions to
-//! motions: `X L = d L` with `X = sum a_i q_i d/dq_i + sum (a_i - b) y_i d/dy_i + b t d/dt`, linear in the exponents. Only
-//! coordinates of a line are scaled. Source: Landau and Lifshitz 1976, section 10.
+//! motions: `X L = d L` with `X = sum a_i q_i d/dq_i + sum (a_i - b) y_i d/dy_i + b t d/dt`, linear in the exponents.
+//! Only coordinates of a line are scaled. Source: Landau and Lifshitz 1976, section 10.
 //!
 //! Does not know: how a model is reduced.
 

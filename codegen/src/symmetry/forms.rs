@@ -1,5 +1,6 @@
-//! Shorter forms of coefficients: multiplied out, with `sin^2 + cos^2 = 1`, with angles of sums apart, or with products of
-//! sines and cosines as those of sums, where the angles of links in space leave the angles between them; each proved.
+//! Shorter forms of coefficients: multiplied out, with `sin^2 + cos^2 = 1`, with angles of sums apart, or with products
+//! of sines and cosines as waves of sums, where the angles of links in space leave the angles between them; each
+//! proved.
 //!
 //! Does not know: symmetries.
 
@@ -125,7 +126,7 @@ impl Setting<'_> {
         result
     }
 
-    /// Sines and cosines of sums by those of the terms.
+    /// Sines and cosines of sums by the terms' own.
     fn angles_apart(&mut self, e: ExprId) -> ExprId {
         let apart = self.graph.rebuild(e, |g, f, argument| match f {
             Func::Sin | Func::Cos => {

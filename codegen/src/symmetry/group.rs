@@ -29,7 +29,8 @@ pub(super) struct SymmetryGroup {
     pub(super) fields: Vec<GroupField>,
     /// `[X_a, X_b] = sum_c F^c_ab X_c` for `a < b`.
     pub(super) brackets: Vec<(usize, usize, Vec<Rational>)>,
-    /// From which side it acts on configurations: left, with velocities of the body, or right, with velocities in space.
+    /// From which side it acts on configurations: left, with velocities of the body, or right, with velocities in
+    /// space.
     pub(super) side: Side,
     /// Its turns of a body in angles.
     pub(super) angles: Option<AngleGroup>,
@@ -53,7 +54,7 @@ impl SymmetryGroup {
         angles.coordinates.iter().position(|of| *of == i).map(|d| angles.values[d])
     }
 
-    /// That of nothing.
+    /// The group without fields.
     pub(super) fn none(side: Side) -> SymmetryGroup {
         SymmetryGroup { fields: Vec::new(), brackets: Vec::new(), side, angles: None }
     }

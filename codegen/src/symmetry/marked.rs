@@ -2,8 +2,8 @@
 //! space in the body: the row is `R^T n` with a vector `n` that turns with the group, so that turns about all axes keep
 //! everything, and `R^T n` advects.
 //!
-//! The kinetic energy may depend on the row in any way; what is polynomial in the potential energy alone needs none of
-//! this. Source: Cendra, Holm, Marsden and Ratiu 1998.
+//! The kinetic energy may depend on the row in any way; a polynomial in the potential energy alone has a module
+//! without it. Source: Cendra, Holm, Marsden and Ratiu 1998.
 //!
 //! Does not know: how a model is written.
 
@@ -47,7 +47,7 @@ impl Setting<'_> {
         list
     }
 
-    /// Marks a row, and the way to the group that keeps everything then; none where it does not.
+    /// Marks a row, and the way to the group that keeps everything then, if it does.
     pub(super) fn mark(&mut self, (k, axis): (usize, usize)) -> Option<Way> {
         let configuration = &self.model.configurations[k];
         let name =

@@ -67,7 +67,7 @@ pub fn reduce(model: &Model) -> Result<Reduced, Diagnostics> {
     reduce_held(model, |_, _| {})
 }
 
-/// As [`reduce`]; what was written is shown, with the comparison that texts are held to.
+/// As [`reduce`]; the text is shown, with the comparison that texts are held to.
 fn reduce_held(
     model: &Model,
     show: impl FnOnce(&str, &mut dyn FnMut(&str) -> Result<(), String>),
@@ -184,7 +184,7 @@ impl Candidate {
 }
 
 impl Setting<'_> {
-    /// The group of that kind, and the model reduced by it; with what is told of symmetries.
+    /// The group of that kind, and the model reduced by it; `told` are lines on symmetries.
     fn candidate(&mut self, way: &Way, told: &[String]) -> Candidate {
         let everything = self.everything();
         let mut group = self.group(way);

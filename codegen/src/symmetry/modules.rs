@@ -1,7 +1,7 @@
 //! Functions that the group moves, as combinations of finitely many: the matrices are a representation, its dual is
 //! what advects.
 //!
-//! Of constraints that the group mixes with numbers `lambda_a`, only what is left of `X_a phi - lambda_a phi` moves: at `g
+//! Of constraints that the group mixes with numbers `lambda_a`, only `X_a phi - lambda_a phi` moves: at `g
 //! sigma` they are a matrix times what advects, and the matrix is divided by. `X_a` below is `X_a - lambda_a` then.
 //!
 //! With `X_a v_i = sum_j D_a,ij v_j` and `f = sum_i c_i v_i + f_0`, `f_0` invariant, at `g sigma` the function is

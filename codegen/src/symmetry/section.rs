@@ -35,7 +35,7 @@ pub(super) struct Section {
 }
 
 impl Section {
-    /// That of no group, where everything stays.
+    /// The section of no group, where everything stays.
     pub(super) fn of_all(setting: &mut Setting<'_>) -> Section {
         setting.section(&SymmetryGroup::none(Side::Left))
     }

@@ -33,7 +33,7 @@ pub(super) struct Told {
     pub(super) momentum: Option<ExprId>,
 }
 
-/// A function that is affine in the velocities, `alpha . y + beta`, and what is left of it.
+/// A function that is affine in the velocities, `alpha . y + beta`, and the rest of it.
 struct Affine {
     alpha: Vec<ExprId>,
     beta: ExprId,
@@ -196,7 +196,8 @@ impl Setting<'_> {
         Affine { alpha, beta, rest }
     }
 
-    /// What vanishes where `X L` is the rate of a function: what is not affine, `d alpha`, and `d alpha/dt - grad beta`.
+    /// What vanishes where `X L` is the rate of a function: the part that is not affine, `d alpha`, and
+    /// `d alpha/dt - grad beta`.
     fn conditions(&mut self, lagrangian: ExprId, field: &Images, frames: &[Images]) -> Vec<ExprId> {
         let slope = self.graph.derivative_along(lagrangian, field);
         let parts = self.affine(slope);
@@ -232,7 +233,7 @@ impl Setting<'_> {
         self.graph.linear_combination(&terms)
     }
 
-    /// The velocities along a field; none for the turn in space of what has more than an attitude.
+    /// The velocities along a field; turns in space of more than an attitude have no formula here.
     fn along_field(&mut self, coefficients: &Coefficients, images: &Images) -> Option<Vec<ExprId>> {
         let (model, zero) = (self.model, self.graph.zero());
         let mut along: Vec<ExprId> =
