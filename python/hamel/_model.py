@@ -657,7 +657,7 @@ class Model:
         """The model reduced by the symmetries that are found, as ``hamel reduce`` writes it.
 
         The model is unreduced: coordinates and ``configuration`` items. ``hamel.load(model.reduce().text)`` is the reduced
-        model. What cannot be reduced is a :class:`ModelError`, which says what was found. Source: Marsden and Ratiu 1999,
+        model. What cannot be reduced is a :class:`ModelError`, which tells the symmetries. Source: Marsden and Ratiu 1999,
         chapters 9 and 13.
         """
         text, report, dim = self._native.reduce()

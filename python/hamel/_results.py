@@ -28,7 +28,7 @@ class Reduced(NamedTuple):
 
     #: The reduced model in the model language.
     text: str
-    #: Symmetries, with what they keep, and what was left out: a line each.
+    #: Symmetries, with what they keep, and fields that were left out: a line each.
     report: tuple[str, ...]
     #: The dimension of the group.
     dim: int

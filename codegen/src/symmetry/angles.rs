@@ -28,7 +28,7 @@ pub(super) struct TurnedField {
     pub(super) is_cosine: bool,
     /// `s`.
     pub(super) slope: Slope,
-    /// What is moved.
+    /// The coordinate that moves.
     pub(super) along: usize,
 }
 

@@ -16,7 +16,7 @@ use super::setting::{Images, Setting};
 const MAX_REFLECTED: usize = 6;
 
 impl Setting<'_> {
-    /// What is told of reversal, reflections and scalings, a line each.
+    /// Reversal, reflections and scalings, a line each.
     pub(super) fn discrete(&mut self) -> Vec<String> {
         let mut lines = Vec::new();
         if self.is_reversible() {

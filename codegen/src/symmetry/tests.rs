@@ -79,7 +79,7 @@ const ELLIPSOID: &str = "model ellipsoid {
     lagrangian = dot(Omega, I*Omega)/2 + m/2*rate(h)^2 - m*g*h;
 }";
 
-/// What is said of each fault: the first place of a text replaced. A fault that is not there is no test.
+/// The answer to each fault: the first place of a text replaced. A fault that is not there is no test.
 fn planted(model: &str, faults: &[(&str, &str)]) -> Vec<Option<String>> {
     let model = spec::parse("model", model).unwrap();
     let said = std::cell::RefCell::new(Vec::new());
