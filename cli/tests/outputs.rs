@@ -24,7 +24,7 @@ const FLYER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../codegen/tests/robot
 const TOP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/book/top_in_space.hamel");
 
 /// Every command that prints, with what it reads.
-const PRINTED: [(&[&str], &str); 18] = [
+const PRINTED: [(&[&str], &str); 19] = [
     (&["--version"], ""),
     (&["--help"], ""),
     (&["simulate", "--help"], ""),
@@ -37,6 +37,7 @@ const PRINTED: [(&[&str], &str); 18] = [
     (&["linearize", "free_rigid_body"], ""),
     (&["trim", "free_rigid_body"], ""),
     (&["reduce", TOP], ""),
+    (&["reduce", "--json", TOP], ""),
     (&["fmt", "-"], MODEL),
     (&["import", FLYER, "--floating"], ""),
     (&["check", "free_rigid_body"], ""),

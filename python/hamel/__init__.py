@@ -17,7 +17,7 @@ from ._equilibria import Change, Equilibrium, Family
 from ._errors import Diagnostic, Error, FileError, InputError, IntegrationError, ModelError, ModelWarning
 from ._hamel import __version__
 from ._model import Model, Params, import_robot, load, methods, models
-from ._results import Ensemble, Event, Motion, Outputs
+from ._results import Ensemble, Event, Motion, Outputs, Reduced
 
 __all__ = [
     "Change",
@@ -36,6 +36,7 @@ __all__ = [
     "Motion",
     "Outputs",
     "Params",
+    "Reduced",
     "__version__",
     "import_robot",
     "load",

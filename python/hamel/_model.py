@@ -17,7 +17,7 @@ from . import _equilibria, _hamel
 from ._equilibria import Equilibrium, Family
 from ._errors import InputError, ModelWarning
 from ._inputs import by_component
-from ._results import Ensemble, Motion, Outputs
+from ._results import Ensemble, Motion, Outputs, Reduced
 
 __all__ = ["Model", "Params", "import_robot", "load", "methods", "models"]
 
@@ -674,6 +674,16 @@ class Model:
     def explain(self) -> str:
         """Everything about the scene, as ``hamel explain`` prints it: algebra, equations, what was found, operations."""
         return self._native.explain()
+
+    def reduce(self) -> Reduced:
+        """The model reduced by the symmetries that are found, as ``hamel reduce`` writes it.
+
+        The model is unreduced: coordinates and ``configuration`` items. ``hamel.load(model.reduce().text)`` is the reduced
+        model. What cannot be reduced is a :class:`ModelError`, which tells the symmetries. Source: Marsden and Ratiu 1999,
+        chapters 9 and 13.
+        """
+        text, report, dim = self._native.reduce()
+        return Reduced(text, tuple(report), dim)
 
     def report(self) -> str:
         """The page that ``hamel report --no-run`` writes, as text."""

@@ -18,9 +18,20 @@ if TYPE_CHECKING:
 
     from ._model import Model
 
-__all__ = ["Ensemble", "Event", "Motion", "Outputs"]
+__all__ = ["Ensemble", "Event", "Motion", "Outputs", "Reduced"]
 
 Array = NDArray[np.float64]
+
+
+class Reduced(NamedTuple):
+    """A model that was reduced by its symmetries."""
+
+    #: The reduced model in the model language.
+    text: str
+    #: Symmetries, with what they keep, and fields that were left out: a line each.
+    report: tuple[str, ...]
+    #: The dimension of the group.
+    dim: int
 
 
 class Outputs(Mapping[str, Array]):

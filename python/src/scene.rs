@@ -576,6 +576,17 @@ impl Scene {
         Ok(explain::explain(&self.model, &derived, Style::Unicode))
     }
 
+    /// The text of the model reduced by the symmetries that are found, a line on each, and the dimension of the
+    /// group.
+    fn reduce(&self, py: Python<'_>) -> PyResult<(String, Vec<String>, usize)> {
+        let reduced = || -> Result<_, Error> {
+            let reduced = hamel_codegen::symmetry::reduce(&self.model)?;
+            let text = spec::format("reduced", &reduced.text)?;
+            Ok((text, reduced.report, reduced.dim))
+        };
+        py.detach(reduced).or_raise(py)
+    }
+
     /// A relative equilibrium near a guess, a family of them, or an orbit, as JSON. The times are the one that
     /// equations are frozen at, and the period of an orbit.
     #[pyo3(signature = (guess, keep, free, at_rest, times, along=None))]

@@ -156,3 +156,19 @@ def test_people_see_equations():
     assert "\\dot" in top._repr_latex_() and "<math" in top._repr_html_()
     assert "heavy_top" in top.explain() and "<!DOCTYPE html>" in top.report()
     assert "Omega1" in repr(top)
+
+
+def test_a_model_is_reduced_by_its_symmetries():
+    unreduced = hamel.load(ROOT / "models" / "unreduced" / "heavy_top.hamel")
+    reduced = unreduced.reduce()
+    assert reduced.dim == 3
+    assert any(line.startswith("Symmetry: turn 3 of R in space; it keeps `I1*Omega1*R31") for line in reduced.report)
+    top = hamel.load(reduced.text)
+    assert top.state == ("Omega1", "Omega2", "Omega3", "a1", "a2", "a3")
+    # Both start where the attitude is the identity, and move alike.
+    y0 = {"Omega1": 0.4, "Omega2": 0.2, "Omega3": 3.0}
+    ends = [dict(zip(m.state, m.simulate(1.0, y0).y[-1])) for m in (top, unreduced)]
+    for name in y0:
+        assert ends[0][name] == pytest.approx(ends[1][name], rel=1e-6)
+    with pytest.raises(hamel.ModelError, match="there is no group to reduce it by"):
+        hamel.load("model m { coordinate x in real; lagrangian = x_dot^2 - x^4; }").reduce()

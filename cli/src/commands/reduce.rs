@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use clap::Args;
 use hamel_codegen::config::write_atomically;
 use hamel_codegen::symmetry;
+use serde_json::json;
 
 use hamel_run::error::Error;
 use hamel_run::session::Session;
@@ -23,7 +24,8 @@ use hamel_run::session::Session;
     after_help = "\
 Examples:
   hamel reduce top.hamel                        the reduced model
-  hamel reduce top.hamel -o top_reduced.hamel   into a file, with a report"
+  hamel reduce top.hamel -o top_reduced.hamel   into a file, with a report
+  hamel reduce top.hamel --json                 text, report and dimension of the group as JSON"
 )]
 pub struct Arguments {
     /// Path to a .hamel file, or name of a shipped model
@@ -31,6 +33,9 @@ pub struct Arguments {
     /// File of the reduced model
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Print text, report and dimension of the group as JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// The reduced model, or the report where the model goes to a file.
@@ -42,8 +47,14 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let model = file.model()?;
     let reduced = symmetry::reduce(model)?;
     let text = hamel_codegen::spec::format("reduced", &reduced.text)?;
+    if let Some(path) = &arguments.output {
+        write_atomically(path, text.as_bytes()).map_err(|e| Error::io(session.shown(path), e))?;
+    }
+    if arguments.json {
+        let answer = json!({ "text": text, "report": reduced.report, "dim": reduced.dim });
+        return Ok(answer.to_string());
+    }
     let Some(path) = &arguments.output else { return Ok(text.trim_end().to_owned()) };
-    write_atomically(path, text.as_bytes()).map_err(|e| Error::io(session.shown(path), e))?;
     let mut lines = reduced.report.clone();
     lines.push(format!(
         "{} has the model reduced by a group of dimension {}",

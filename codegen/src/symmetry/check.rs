@@ -2,7 +2,7 @@
 //!
 //! At the cross-section energies are equal. A motion of the model is `g(t) w(t)` with a motion `w` of the reduced
 //! model, so that each velocity of the model has the rate `sum_a xi^a X_a y + d/dt y(w)`; and of each function that
-//! advects, `sum_k a_k' v_k = sum_a xi^a X_a f`.
+//! advects, `sum_k a_k' v_k = sum_a xi^a X_a f`, less what mixes constraints.
 //!
 //! Does not know: how the group was found, how the text was written.
 
@@ -12,8 +12,10 @@ use hamel_expr::{ExprId, SymbolId, rational_to_f64, uniform};
 use hamel_lang::spec::{self, Domain, Model};
 
 use super::group::SymmetryGroup;
+use super::modules::Module;
 use super::section::Section;
 use super::setting::Setting;
+use super::total::Told;
 use super::write::Written;
 use crate::scene;
 
@@ -105,7 +107,76 @@ impl Running {
     }
 }
 
+/// Operations of the right-hand side of a model, if it can be derived.
+pub(super) fn cost(text: &str) -> Option<u64> {
+    let model = spec::parse("reduced", text).ok()?;
+    let names = scene::names(&model);
+    let scene = scene::build(&model, names.first()?).ok()?;
+    let rows = scene.operation_counts();
+    rows.iter().find(|(name, _)| name == "rhs").map(|(_, counts)| counts.cost())
+}
+
 impl Setting<'_> {
+    /// Holds momenta to the rates of the model; without rates they are not told.
+    ///
+    /// # Errors
+    /// The momentum that is not constant.
+    pub(super) fn hold_to_motion(&mut self, told: &mut [Told]) -> Result<(), String> {
+        if told.iter().all(|t| t.momentum.is_none()) {
+            return Ok(());
+        }
+        let Ok(own) = Running::new(self.model, scene::DEFAULT) else {
+            told.iter_mut().for_each(|t| t.momentum = None);
+            return Ok(());
+        };
+        let (everything, mut random) = (Section::of_all(self), 1);
+        for one in told {
+            let Some(momentum) = one.momentum else { continue };
+            let mut n_points = 0;
+            for _ in 0..MAX_DRAWS {
+                let Some(is_constant) = self.is_constant(&own, &everything, momentum, &mut random) else {
+                    continue;
+                };
+                if !is_constant {
+                    return Err(format!("`{}` is not constant", self.spelled(momentum)));
+                }
+                n_points += 1;
+                if n_points == N_POINTS {
+                    break;
+                }
+            }
+            if n_points < N_POINTS {
+                one.momentum = None;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether `dJ/dt = 0` at a random point by the rates of the model, where these have values.
+    fn is_constant(
+        &mut self,
+        own: &Running,
+        everything: &Section,
+        momentum: ExprId,
+        random: &mut u64,
+    ) -> Option<bool> {
+        let t = 0.3 + 0.2 * uniform(random);
+        let (values, _) = self.drawn(everything, None, t, random)?;
+        let by_name: BTreeMap<&str, f64> = values.iter().map(|(s, x)| (self.graph.name(*s), *x)).collect();
+        let (rates, _) = own.rates(t, |name| by_name.get(name).copied())?;
+        let slope = self.graph.diff(momentum, self.model.time);
+        let mut sum = self.graph.eval_f64(slope, &values)?;
+        let mut size = 1.0 + sum.abs();
+        for symbol in self.graph.free_symbols(momentum) {
+            let Some(rate) = rates.get(self.graph.name(symbol)) else { continue };
+            let slope = self.graph.diff(momentum, symbol);
+            let term = rate * self.graph.eval_f64(slope, &values)?;
+            sum += term;
+            size += term.abs();
+        }
+        size.is_finite().then(|| is_near(sum, 0.0, size))
+    }
+
     /// Compares the reduced model of the text with the model.
     ///
     /// # Errors
@@ -113,7 +184,7 @@ impl Setting<'_> {
     pub(super) fn compared(
         &mut self,
         (group, section): (&SymmetryGroup, &Section),
-        written: &Written<'_>,
+        written: &Written,
         text: &str,
     ) -> Result<(), String> {
         let reduced = spec::parse("reduced", text).map_err(|problems| problems.to_string())?;
@@ -141,12 +212,12 @@ impl Setting<'_> {
     fn difference(
         &mut self,
         (group, section): (&SymmetryGroup, &Section),
-        written: &Written<'_>,
+        written: &Written,
         (own, other): (&Running, &Running),
         random: &mut u64,
     ) -> Option<Option<String>> {
         let t = 0.3 + 0.2 * uniform(random);
-        let (mut small, mut variables) = self.drawn(section, written, t, random)?;
+        let (mut small, mut variables) = self.drawn(section, Some(written), t, random)?;
         self.onto_constraints(section, written, &mut small)?;
         let large = self.at_values(section, &small);
         let by_name = |g: &hamel_expr::Graph, values: &Values| -> BTreeMap<String, f64> {
@@ -230,11 +301,24 @@ impl Setting<'_> {
             }
         }
         if let Some((functions, module, symbols)) = &written.module {
-            for (r, function) in functions.iter().enumerate() {
-                let of_function = (*function, module.basis.iter().map(|v| v[r]).collect::<Vec<_>>());
-                let differs = self.module_difference(group, (of_function, symbols), (&xi, &slow), &large)?;
+            for r in 0..functions.len() {
+                let differs =
+                    self.module_difference(group, (r, functions, module, symbols), (&xi, &slow), &large)?;
                 if differs.is_some() {
                     return Some(differs);
+                }
+            }
+        }
+        if let Some(marked) = self.marked.clone() {
+            // A row of the attitude.
+            let row = &self.model.configurations[marked.configuration].symbols[3 * marked.axis..];
+            for (entry, symbol) in row.iter().zip(marked.advected) {
+                let [found, wanted] = [(&slow, symbol), (&fast, *entry)]
+                    .map(|(rates, s)| rates.get(self.graph.name(s)).copied());
+                let (found, wanted) = (found?, wanted?);
+                if !is_near(found, wanted, 1.0 + wanted.abs()) {
+                    let name = self.graph.name(symbol);
+                    return Some(Some(format!("the rate of `{name}` is {found}, in the model {wanted}")));
                 }
             }
         }
@@ -265,22 +349,22 @@ impl Setting<'_> {
         base.chain(groups).filter(|s| section.at.contains_key(s)).collect()
     }
 
-    /// `sum_k a_k' v_k = sum_a xi^a X_a f` at the start of the module.
+    /// `sum_k a_k' v_k = sum_a xi^a (X_a f - lambda_a f)` at the start of the module, for one of its functions.
     fn module_difference(
         &mut self,
         group: &SymmetryGroup,
-        ((function, basis), symbols): ((ExprId, Vec<ExprId>), &[SymbolId]),
+        (r, functions, module, symbols): (usize, &[ExprId], &Module, &[SymbolId]),
         (xi, slow): (&[f64], &BTreeMap<String, f64>),
         large: &Values,
     ) -> Option<Option<String>> {
         let (mut left, mut right, mut size) = (0.0, 0.0, 1.0);
-        for (symbol, v) in symbols.iter().zip(&basis) {
-            let term = slow.get(self.graph.name(*symbol))? * self.graph.eval_f64(*v, large)?;
+        for (symbol, v) in symbols.iter().zip(&module.basis) {
+            let term = slow.get(self.graph.name(*symbol))? * self.graph.eval_f64(v[r], large)?;
             left += term;
             size += term.abs();
         }
-        for (field, xi) in group.fields.iter().zip(xi) {
-            let slope = self.graph.derivative_along(function, &field.images);
+        for ((field, twist), xi) in group.fields.iter().zip(&module.twist).zip(xi) {
+            let slope = self.twisted_slope(&field.images, functions[r], (functions, &twist[r]));
             right += xi * self.graph.eval_f64(slope, large)?;
         }
         if !(size + right.abs()).is_finite() {
@@ -295,7 +379,7 @@ impl Setting<'_> {
     fn drawn(
         &mut self,
         section: &Section,
-        written: &Written<'_>,
+        written: Option<&Written>,
         t: f64,
         random: &mut u64,
     ) -> Option<(Values, Vec<SymbolId>)> {
@@ -341,7 +425,21 @@ impl Setting<'_> {
             values.insert(*symbol, 2.0 * uniform(random) - 1.0);
             variables.push(*symbol);
         }
-        if let Some((_, module, symbols)) = &written.module {
+        if let Some(marked) = self.marked.as_ref().filter(|_| written.is_some()) {
+            for (l, symbol) in marked.advected.iter().enumerate() {
+                values.insert(*symbol, if l == marked.axis { 1.0 } else { 0.0 });
+                variables.push(*symbol);
+            }
+        }
+        // Displacements are any: forces are compared by their power.
+        for pair in &section.pairs {
+            values.insert(*pair, 2.0 * uniform(random) - 1.0);
+        }
+        for symbol in written.iter().flat_map(|written| &written.along) {
+            values.insert(*symbol, 2.0 * uniform(random) - 1.0);
+            variables.push(*symbol);
+        }
+        if let Some((_, module, symbols)) = written.and_then(|written| written.module.as_ref()) {
             for (symbol, start) in symbols.iter().zip(&module.start) {
                 values.insert(*symbol, rational_to_f64(start));
                 variables.push(*symbol);
@@ -351,12 +449,7 @@ impl Setting<'_> {
     }
 
     /// Moves the velocities of the reduced model onto its constraints, by the least change.
-    fn onto_constraints(
-        &mut self,
-        section: &Section,
-        written: &Written<'_>,
-        values: &mut Values,
-    ) -> Option<()> {
+    fn onto_constraints(&mut self, section: &Section, written: &Written, values: &mut Values) -> Option<()> {
         let velocities = section.velocities().to_vec();
         let mut rows: Vec<Vec<f64>> = Vec::new();
         for residual in &written.constraints {

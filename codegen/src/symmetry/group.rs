@@ -8,8 +8,10 @@
 //! Does not know: which functions are broken, how a model is written.
 
 use hamel_expr::{ExprId, Rational};
+use hamel_lang::spec::Side;
 use num_traits::{One, Zero};
 
+use super::angles::AngleGroup;
 use super::search::{Coefficients, Kept};
 use super::setting::{Generator, Images, Setting};
 
@@ -27,6 +29,48 @@ pub(super) struct SymmetryGroup {
     pub(super) fields: Vec<GroupField>,
     /// `[X_a, X_b] = sum_c F^c_ab X_c` for `a < b`.
     pub(super) brackets: Vec<(usize, usize, Vec<Rational>)>,
+    /// From which side it acts on configurations: left, with velocities of the body, or right, with velocities in
+    /// space.
+    pub(super) side: Side,
+    /// Its turns of a body in angles.
+    pub(super) angles: Option<AngleGroup>,
+}
+
+/// Which group is looked for.
+#[derive(Clone)]
+pub(super) struct Way {
+    /// From which side it acts on configurations.
+    pub(super) side: Side,
+    /// Whether configurations and coordinates come of which no translation keeps everything.
+    pub(super) is_broken: bool,
+    /// Turns of a body in angles that come.
+    pub(super) angles: Option<AngleGroup>,
+}
+
+impl SymmetryGroup {
+    /// The value of a coordinate of its angles at the section.
+    pub(super) fn value_of(&self, i: usize) -> Option<ExprId> {
+        let angles = self.angles.as_ref()?;
+        angles.coordinates.iter().position(|of| *of == i).map(|d| angles.values[d])
+    }
+
+    /// The group without fields.
+    pub(super) fn none(side: Side) -> SymmetryGroup {
+        SymmetryGroup { fields: Vec::new(), brackets: Vec::new(), side, angles: None }
+    }
+}
+
+impl SymmetryGroup {
+    /// The structure constant that the velocities of the group obey for a bracket of fields.
+    ///
+    /// Velocities of the body have the opposite of the fields', those in space what the action from the right makes of
+    /// it.
+    pub(super) fn constant(&self, of_fields: &Rational) -> Rational {
+        match self.side {
+            Side::Left => -of_fields.clone(),
+            Side::Right => of_fields.clone(),
+        }
+    }
 }
 
 /// Subsets of more factors are not tried.
@@ -42,16 +86,24 @@ enum Turned {
 }
 
 impl Setting<'_> {
-    /// The group; without fields where there is none.
-    pub(super) fn group(&mut self) -> SymmetryGroup {
+    /// The group of that kind; without fields where there is none.
+    ///
+    /// From the right it takes all configurations or none: one that stays has velocities of the body.
+    pub(super) fn group(&mut self, way: &Way) -> SymmetryGroup {
+        let (side, is_broken) = (way.side, way.is_broken);
         let everything = self.everything();
-        let mut fields: Vec<GroupField> = Vec::new();
+        let mut fields: Vec<GroupField> = way.angles.iter().flat_map(|g| g.fields.clone()).collect();
         let mut is_turned = vec![false; self.model.configurations.len()];
         for k in 0..self.model.configurations.len() {
             if is_turned[k] {
                 continue;
             }
-            let Some((own, turned)) = self.fields_of_configuration(k, &everything) else { continue };
+            let Some((own, turned)) = self.fields_of_configuration((k, side, is_broken), &everything) else {
+                if side == Side::Right {
+                    return SymmetryGroup::none(side);
+                }
+                continue;
+            };
             fields.extend(own);
             for t in turned {
                 if let Turned::Configuration(j) = t {
@@ -59,10 +111,23 @@ impl Setting<'_> {
                 }
             }
         }
-        let known = self.symmetries(&everything);
+        let kinetic = Kept { functions: vec![self.kinetic], equations: Vec::new() };
+        let known = self.symmetries(if is_broken { &kinetic } else { &everything });
         let mut translations: Vec<Coefficients> = known
-            .into_iter()
-            .filter(|c| matches!(last_of(c).map(|j| self.generators[j]), Some(Generator::Translation(_))))
+            .iter()
+            .filter(|c| {
+                let is_turned = self
+                    .generators
+                    .iter()
+                    .zip(*c)
+                    .any(|(g, q)| matches!(g, Generator::Turned(_)) && !q.is_zero());
+                let Some(Generator::Translation(i)) = last_of(c).map(|j| self.generators[j]) else {
+                    return false;
+                };
+                let is_taken = way.angles.as_ref().is_some_and(|g| g.coordinates.contains(&i));
+                !is_turned && !is_taken
+            })
+            .cloned()
             .collect();
         // Angles before lengths, as SE(2) has them.
         translations.sort_by_key(|c| {
@@ -75,30 +140,32 @@ impl Setting<'_> {
             fields.push(GroupField { coefficients, images, pivot });
         }
         let most = self.generators.len();
-        self.closed(fields, most)
+        self.closed((fields, side, way.angles.clone()), most)
     }
 
     /// Translations of a configuration from its side, with what turns with it: where they keep the kinetic energy, and
     /// one of them at least keeps everything.
     fn fields_of_configuration(
         &mut self,
-        k: usize,
+        (k, side, is_broken): (usize, Side, bool),
         everything: &Kept,
     ) -> Option<(Vec<GroupField>, Vec<Turned>)> {
         let kinetic = Kept { functions: vec![self.kinetic], equations: Vec::new() };
-        let factors = self.turned_by(k);
+        // Nothing turns in the body with what moves it there.
+        let factors = if side == Side::Left { self.turned_by(k) } else { Vec::new() };
         let mut best: Option<(usize, Vec<GroupField>, Vec<Turned>)> = None;
         let mut subsets: Vec<usize> = (0..1usize << factors.len()).collect();
         subsets.sort_by_key(|s| s.count_ones());
         for subset in subsets {
             let turned: Vec<Turned> =
                 (0..factors.len()).filter(|f| subset >> f & 1 == 1).map(|f| factors[f]).collect();
-            let mut fields = self.turning_fields(k, &turned);
+            let mut fields = self.turning_fields((k, side), &turned);
             if !fields.iter().all(|field| self.keeps(&field.images, &kinetic)) {
                 continue;
             }
             let n_kept = fields.iter_mut().filter(|field| self.keeps(&field.images, everything)).count();
-            if n_kept > best.as_ref().map_or(0, |(n, _, _)| *n) {
+            let is_better = best.as_ref().is_none_or(|(n, _, _)| n_kept > *n);
+            if is_better && (is_broken || n_kept > 0) {
                 best = Some((n_kept, fields, turned));
             }
         }
@@ -130,14 +197,15 @@ impl Setting<'_> {
         vectors.chain(others.map(Turned::Configuration)).take(MAX_FACTORS).collect()
     }
 
-    /// The fields `Left(k, a)`; rotations take along what turns.
-    fn turning_fields(&mut self, k: usize, turned: &[Turned]) -> Vec<GroupField> {
+    /// The translations of a configuration from its side; rotations take along what turns.
+    fn turning_fields(&mut self, (k, side): (usize, Side), turned: &[Turned]) -> Vec<GroupField> {
         let configuration = &self.model.configurations[k];
         let matrices = configuration.group.matrices().to_vec();
         let mut fields = Vec::new();
         for a in 0..configuration.velocities.len() {
             let mut coefficients = vec![Rational::zero(); self.generators.len()];
-            let Some(pivot) = self.position(Generator::Left(k, a)) else { return Vec::new() };
+            let own = if side == Side::Left { Generator::Left(k, a) } else { Generator::Right(k, a) };
+            let Some(pivot) = self.position(own) else { return Vec::new() };
             coefficients[pivot] = Rational::one();
             for t in turned.iter().filter(|_| a < matrices.len()) {
                 match t {
@@ -174,22 +242,44 @@ impl Setting<'_> {
     /// The group without a field, and without what its brackets then lack.
     pub(super) fn without(&mut self, group: SymmetryGroup, a: usize) -> SymmetryGroup {
         let mut fields = group.fields;
-        match self.generators[fields[a].pivot] {
-            // A configuration is one coordinate: it stays or goes as a whole.
-            Generator::Left(k, _) => {
-                let generators = self.generators.clone();
-                fields.retain(|f| !matches!(generators[f.pivot], Generator::Left(of, _) if of == k));
-            }
-            _ => _ = fields.remove(a),
+        let mut angles = group.angles;
+        self.remove((&mut fields, &mut angles), a);
+        self.closed((fields, group.side, angles), 0)
+    }
+
+    /// The configuration that a field of the group moves as its own coordinate, and along which element.
+    pub(super) fn configuration_of(&self, field: &GroupField) -> Option<(usize, usize)> {
+        match self.generators[field.pivot] {
+            Generator::Left(k, a) | Generator::Right(k, a) => Some((k, a)),
+            _ => None,
         }
-        self.closed(fields, 0)
+    }
+
+    /// Takes a field out; configurations, and turns of a body in angles, stay or go as a whole.
+    fn remove(&self, (fields, angles): (&mut Vec<GroupField>, &mut Option<AngleGroup>), a: usize) {
+        let of_angles = |g: &&mut AngleGroup| g.fields.iter().any(|f| f.pivot == fields[a].pivot);
+        if angles.as_mut().filter(of_angles).is_some() {
+            let gone = angles.take().map_or_else(Vec::new, |g| g.fields);
+            fields.retain(|f| gone.iter().all(|g| g.pivot != f.pivot));
+            return;
+        }
+        match self.configuration_of(&fields[a]) {
+            Some((k, _)) => {
+                fields.retain(|f| self.configuration_of(f).is_none_or(|(of, _)| of != k));
+            }
+            None => _ = fields.remove(a),
+        }
     }
 
     /// Fields whose brackets are among them: a missing one is added where it keeps the kinetic energy, and a field that
     /// leads out is left.
     ///
     /// `may_add`: how many may be added, zero where one has just been taken out.
-    fn closed(&mut self, mut fields: Vec<GroupField>, mut may_add: usize) -> SymmetryGroup {
+    fn closed(
+        &mut self,
+        (mut fields, side, mut angles): (Vec<GroupField>, Side, Option<AngleGroup>),
+        mut may_add: usize,
+    ) -> SymmetryGroup {
         let kinetic = Kept { functions: vec![self.kinetic], equations: Vec::new() };
         'again: loop {
             let mut brackets = Vec::new();
@@ -210,16 +300,8 @@ impl Setting<'_> {
                     may_add = may_add.saturating_sub(1);
                     match missing {
                         Some(field) => fields.push(field),
-                        // Translations stand behind configurations, which stay or go as a whole.
-                        None => match self.generators[fields[b].pivot] {
-                            Generator::Left(k, _) => {
-                                let generators = self.generators.clone();
-                                fields.retain(
-                                    |f| !matches!(generators[f.pivot], Generator::Left(of, _) if of == k),
-                                );
-                            }
-                            _ => _ = fields.remove(b),
-                        },
+                        // Translations stand behind configurations.
+                        None => self.remove((&mut fields, &mut angles), b),
                     }
                     continue 'again;
                 }
@@ -236,7 +318,7 @@ impl Setting<'_> {
                 .map(|(a, b, c)| (place(*a), place(*b), order.iter().map(|o| c[*o].clone()).collect()))
                 .collect();
             let fields = order.iter().map(|a| fields[*a].clone()).collect();
-            return SymmetryGroup { fields, brackets };
+            return SymmetryGroup { fields, brackets, side, angles };
         }
     }
 

@@ -10,24 +10,33 @@
 //!
 //! Does not know: equations of motion, scenes, how a model is run.
 
+mod along;
+mod angles;
 mod check;
+mod discrete;
+mod forms;
 mod group;
+mod marked;
 mod modules;
+mod names;
+mod reconstruct;
 mod search;
 mod section;
 mod setting;
 #[cfg(test)]
 mod tests;
+mod total;
 mod write;
 
-use hamel_expr::ExprId;
-use hamel_lang::spec::{Diagnostic, Diagnostics, Model};
-use num_traits::Zero;
+use hamel_expr::{ExprId, Rational};
+use hamel_lang::spec::{Diagnostic, Diagnostics, Model, Side};
+use num_traits::{One, Signed, Zero};
 
-use group::SymmetryGroup;
+use group::{SymmetryGroup, Way};
 use modules::Module;
-use setting::{Generator, Refusal, Setting};
-use write::Pieces;
+use section::Section;
+use setting::{FIRST_CONSTRAINT, Generator, Refusal, Setting};
+use write::{Pieces, Written};
 
 /// A model that was reduced.
 #[derive(Clone, Debug)]
@@ -55,49 +64,85 @@ pub struct Reduced {
 /// What a model has that is not looked into; a model without a group to reduce it by; a reduced model that disagrees
 /// with the model, which is a fault of the generator.
 pub fn reduce(model: &Model) -> Result<Reduced, Diagnostics> {
-    reduce_altered(model, |text| text)
+    reduce_held(model, |_, _| {})
 }
 
-/// As [`reduce`], with the text altered before it is compared with the model.
-fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Reduced, Diagnostics> {
+/// As [`reduce`]; the text is shown, with the comparison that texts are held to.
+fn reduce_held(
+    model: &Model,
+    show: impl FnOnce(&str, &mut dyn FnMut(&str) -> Result<(), String>),
+) -> Result<Reduced, Diagnostics> {
     let refuse = |Refusal(what, help): Refusal| {
         let message = format!("symmetries of a model with {what} are not looked for");
         model.diagnostics(vec![Diagnostic::new(model.places.lagrangian, message).with_help(help)])
     };
     let mut setting = Setting::new(model).map_err(refuse)?;
-    let everything = setting.everything();
-    let known = setting.symmetries(&everything);
-    let mut group = setting.group();
-    let mut left = Vec::new();
-    let (moved, module) = loop {
-        match setting.moved(&group) {
-            Ok(found) => break found,
-            // A field whose module has no end is no part of the group.
-            Err((a, why)) => {
-                left.push(format!("Left: {}, {why}.", setting.described(&group.fields[a].coefficients)));
-                group = setting.without(group, a);
-            }
+    let mut told = setting.told();
+    setting.hold_to_motion(&mut told).map_err(|what| disagrees(model, &what))?;
+    let further = setting.discrete();
+    let lines: Vec<String> = told.iter().map(|t| t.line(&setting)).collect();
+    let is_gyroscopic = told.iter().any(|t| !t.is_strict && t.unused.is_none());
+    if is_gyroscopic {
+        setting.make_gyroscopic();
+    }
+    let plain = Way { side: Side::Left, is_broken: false, angles: None };
+    let mut candidates = vec![setting.candidate(&plain, &lines)];
+    let mut others = Vec::new();
+    if !lines.is_empty() {
+        others.push(Way { is_broken: true, ..plain.clone() });
+    }
+    if !model.configurations.is_empty() {
+        others.push(Way { side: Side::Right, ..plain.clone() });
+    }
+    if let Some(angles) = setting.angle_group() {
+        others.push(Way { angles: Some(angles), ..plain });
+    }
+    for way in others {
+        let other = setting.candidate(&way, &lines);
+        let is_new = candidates.iter().all(|c| c.written.text != other.written.text);
+        if is_new && other.has_group() {
+            candidates.push(other);
         }
-    };
-    let mut report: Vec<String> = Vec::new();
-    for field in &known {
-        report.push(format!("Symmetry: {}.", setting.described(field)));
     }
-    if known.is_empty() {
-        report.push(
-            "No symmetry was found among translations, linear fields and translations of groups.".into(),
-        );
+    // Rows of attitudes that stay otherwise, each in a setting of its own.
+    let mut settings = vec![setting];
+    for (k, axis) in settings[0].rows() {
+        let takes = |c: &Candidate| {
+            c.pieces
+                .group
+                .fields
+                .iter()
+                .any(|f| settings[0].configuration_of(f).is_some_and(|(of, _)| of == k))
+        };
+        if candidates.iter().any(takes) {
+            continue;
+        }
+        let mut other = Setting::new(model).map_err(refuse)?;
+        if is_gyroscopic {
+            other.make_gyroscopic();
+        }
+        let Some(way) = other.mark((k, axis)) else { continue };
+        let candidate = Candidate { setting: settings.len(), ..other.candidate(&way, &lines) };
+        candidates.push(candidate);
+        settings.push(other);
     }
-    for field in &group.fields {
-        if !setting.keeps(&field.images, &everything) {
-            report.push(format!("Of the kinetic energy alone: {}.", setting.described(&field.coefficients)));
+    for setting in &settings {
+        if let Err(exhausted) = setting.graph.within_budget() {
+            return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
         }
     }
-    report.extend(left.iter().cloned());
-    let dim = group.fields.len();
+    candidates.sort_by_key(|c| !c.has_group());
+    candidates.truncate(candidates.iter().filter(|c| c.has_group()).count().max(1));
+    if candidates.len() > 1 {
+        // Of several groups the one that leaves less to compute; the first of equals.
+        candidates.sort_by_cached_key(|c| check::cost(&c.written.text).unwrap_or(u64::MAX));
+    }
+    let Candidate { pieces, section, written, setting } = candidates.swap_remove(0);
+    let mut setting = settings.swap_remove(setting);
+    let dim = pieces.group.fields.len();
     if dim == 0 {
-        let mut found = report.join(" ");
-        if !known.is_empty() && left.is_empty() {
+        let mut found = pieces.report.join(" ");
+        if pieces.only_told {
             found.push_str(
                 " None of them moves a coordinate of its own by which the motion could be reduced.",
             );
@@ -106,48 +151,98 @@ fn reduce_altered(model: &Model, alter: impl Fn(String) -> String) -> Result<Red
         let problem = Diagnostic::new(model.places.lagrangian, message).with_help(found);
         return Err(model.diagnostics(vec![problem]));
     }
-    let pieces = Pieces { group, moved, module, report };
-    let section = setting.section(&pieces.group);
-    let written = setting.written(&pieces, &section);
-    let text = alter(written.text.clone());
-    if let Err(differs) = setting.compared((&pieces.group, &section), &written, &text) {
-        let message = format!("internal: the reduced model disagrees with `{}`: {differs}", model.name);
-        let problem = Diagnostic::new(model.places.lagrangian, message).with_help("please report this model");
-        return Err(model.diagnostics(vec![problem]));
+    show(&written.text, &mut |text| setting.compared((&pieces.group, &section), &written, text));
+    if let Err(differs) = setting.compared((&pieces.group, &section), &written, &written.text) {
+        return Err(disagrees(model, &differs));
     }
     if let Err(exhausted) = setting.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
-    Ok(Reduced { text, report: pieces.report, dim })
+    let report = [pieces.report, further].concat();
+    Ok(Reduced { text: written.text, report, dim })
+}
+
+fn disagrees(model: &Model, what: &str) -> Diagnostics {
+    let message = format!("internal: the reduced model disagrees with `{}`: {what}", model.name);
+    let problem = Diagnostic::new(model.places.lagrangian, message).with_help("please report this model");
+    model.diagnostics(vec![problem])
+}
+
+/// A group that the model can be reduced by, with what it makes of the model.
+struct Candidate {
+    /// The setting that it is of.
+    setting: usize,
+    pieces: Pieces,
+    section: Section,
+    written: Written,
+}
+
+impl Candidate {
+    fn has_group(&self) -> bool {
+        !self.pieces.group.fields.is_empty()
+    }
 }
 
 impl Setting<'_> {
-    /// Potential energy and constraints that the group moves, by their places in [`Setting::brought`], with their
-    /// module; or a field that makes too much of them, and why.
-    fn moved(&mut self, group: &SymmetryGroup) -> Result<(Vec<usize>, Option<Module>), (usize, String)> {
-        let power = search::Kept { functions: vec![self.power], equations: Vec::new() };
-        if let Some(a) = (0..group.fields.len()).rev().find(|a| !self.keeps(&group.fields[*a].images, &power))
-        {
-            return Err((a, "which the forces do not keep".to_owned()));
+    /// The group of that kind, and the model reduced by it; `told` are lines on symmetries.
+    fn candidate(&mut self, way: &Way, told: &[String]) -> Candidate {
+        let everything = self.everything();
+        let mut group = self.group(way);
+        let mut left = Vec::new();
+        let (moved, module) = loop {
+            match self.moved(&group) {
+                Ok(found) => break found,
+                // A field whose module has no end is no part of the group.
+                Err((a, why)) => {
+                    left.push(format!("Left: {}, {why}.", self.described(&group.fields[a].coefficients)));
+                    group = self.without(group, a);
+                }
+            }
+        };
+        let mut report: Vec<String> = told.to_vec();
+        if told.is_empty() {
+            report.push(
+                "No symmetry was found among translations, linear fields and translations of groups.".into(),
+            );
         }
-        let functions = search::Kept { functions: vec![self.potential], equations: Vec::new() };
-        let equations = search::Kept { functions: Vec::new(), equations: self.constraints.clone() };
+        for field in &group.fields {
+            if !self.keeps(&field.images, &everything) {
+                report.push(format!("Of the kinetic energy alone: {}.", self.described(&field.coefficients)));
+            }
+        }
+        let only_told = !told.is_empty() && left.is_empty();
+        report.extend(left);
+        let pieces = Pieces { group, moved, module, report, only_told };
+        let section = self.section(&pieces.group);
+        let written = self.written(&pieces, &section);
+        Candidate { setting: 0, pieces, section, written }
+    }
+}
+
+impl Setting<'_> {
+    /// Potential energy, forces and constraints that the group moves, by their places in [`Setting::brought`], with
+    /// their module; or a field that makes too much of them, and why.
+    fn moved(&mut self, group: &SymmetryGroup) -> Result<(Vec<usize>, Option<Module>), (usize, String)> {
         let all = self.brought();
         let mut moved = Vec::new();
-        if !group.fields.iter().all(|f| self.keeps(&f.images, &functions)) {
-            moved.push(0);
+        for k in 0..FIRST_CONSTRAINT {
+            let own = search::Kept { functions: vec![all[k]], equations: Vec::new() };
+            if !group.fields.iter().all(|f| self.keeps(&f.images, &own)) {
+                moved.push(k);
+            }
         }
+        let equations = search::Kept { functions: Vec::new(), equations: self.constraints.clone() };
         if !group.fields.iter().all(|f| self.keeps(&f.images, &equations)) {
-            moved.extend(1..all.len());
+            moved.extend(FIRST_CONSTRAINT..all.len());
         }
         if moved.is_empty() {
             return Ok((moved, None));
         }
         let list: Vec<ExprId> = moved.iter().map(|k| all[*k]).collect();
-        match self.module(group, &list) {
+        match self.smallest_module(group, (&moved, &list)) {
             Some(module) => Ok((moved, Some(module))),
             None => {
-                let what = if moved.contains(&0) { "potential energy or constraints" } else { "constraints" };
+                let what = write::moved_in_words(&moved);
                 let why = format!("of which more than {} functions are made from {what}", modules::MAX_DIM);
                 // A field that keeps everything has no part in it.
                 let everything = self.everything();
@@ -159,28 +254,56 @@ impl Setting<'_> {
         }
     }
 
+    /// The module of functions, with what mixes constraints taken out where it is smaller then.
+    fn smallest_module(
+        &mut self,
+        group: &SymmetryGroup,
+        (moved, list): (&[usize], &[ExprId]),
+    ) -> Option<Module> {
+        let n = list.len();
+        let none = vec![vec![vec![Rational::zero(); n]; n]; group.fields.len()];
+        let plain = self.module(group, list, none.clone());
+        let first = moved.iter().filter(|k| **k < FIRST_CONSTRAINT).count();
+        let Some(twist) = self.twist(group, &list[first..]).filter(|_| first < n) else { return plain };
+        let mut whole = none;
+        for (lambda, own) in whole.iter_mut().zip(&twist) {
+            for (r, row) in own.iter().enumerate() {
+                lambda[first + r][first..].clone_from_slice(row);
+            }
+        }
+        let twisted = self.module(group, list, whole);
+        match (plain, twisted) {
+            (Some(plain), Some(twisted)) if plain.basis.len() <= twisted.basis.len() => Some(plain),
+            (plain, twisted) => twisted.or(plain),
+        }
+    }
+
     /// A field in words.
-    fn described(&self, coefficients: &[hamel_expr::Rational]) -> String {
+    fn described(&self, coefficients: &[Rational]) -> String {
         let model = self.model;
         let mut text = String::new();
         for (generator, q) in self.generators.iter().zip(coefficients).rev().filter(|(_, q)| !q.is_zero()) {
             let what = match *generator {
                 Generator::Translation(i) => format!("d/d{}", model.base[i].name),
+                Generator::Turned(field) => self.turned_in_words(&field),
                 Generator::Linear(i, j) => format!("{} d/d{}", model.base[i].name, model.base[j].name),
                 Generator::Left(k, a) => format!("{} of {} in space", along(a), model.configurations[k].name),
                 Generator::Right(k, a) => {
                     format!("{} of {} in the body", along(a), model.configurations[k].name)
                 }
             };
-            let one = hamel_expr::Rational::from_integer(1.into());
-            let (sign, size) =
-                if *q < hamel_expr::Rational::zero() { (" - ", -q.clone()) } else { (" + ", q.clone()) };
-            let factor = if size == one { String::new() } else { format!("{size} ") };
-            let sign = if text.is_empty() { sign.trim_start_matches([' ', '+']) } else { sign };
-            text.push_str(&format!("{sign}{factor}{what}"));
+            text = joined(text, q, &what);
         }
         text
     }
+}
+
+/// A sum in words with one more term.
+fn joined(text: String, q: &Rational, what: &str) -> String {
+    let (sign, size) = if q.is_negative() { (" - ", -q.clone()) } else { (" + ", q.clone()) };
+    let factor = if size.is_one() { String::new() } else { format!("{size} ") };
+    let sign = if text.is_empty() { sign.trim_start_matches([' ', '+']) } else { sign };
+    format!("{text}{sign}{factor}{what}")
 }
 
 fn along(a: usize) -> String {

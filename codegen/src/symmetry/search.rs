@@ -26,6 +26,12 @@ impl Setting<'_> {
     /// A basis of the fields of the ansatz that keep these, each with a last coefficient one that is zero in the
     /// others: `X f = 0`, and `X phi_c = sum_d lambda_cd phi_d` with numbers `lambda`.
     pub(super) fn symmetries(&mut self, kept: &Kept) -> Vec<Coefficients> {
+        let all: Vec<usize> = (0..self.generators.len()).collect();
+        self.symmetries_among(&all, kept)
+    }
+
+    /// As [`Setting::symmetries`], among some fields of the ansatz.
+    pub(super) fn symmetries_among(&mut self, among: &[usize], kept: &Kept) -> Vec<Coefficients> {
         let n_rows = kept.functions.len() + kept.equations.len();
         let zero = self.graph.zero();
         let mut columns = Vec::new();
@@ -37,7 +43,7 @@ impl Setting<'_> {
             }
         }
         let n_equations = columns.len();
-        for j in 0..self.generators.len() {
+        for j in among.iter().copied() {
             let images = self.generator(j).clone();
             let all: Vec<ExprId> = kept.functions.iter().chain(&kept.equations).copied().collect();
             let column = all.into_iter().map(|f| {
@@ -46,21 +52,30 @@ impl Setting<'_> {
             });
             columns.push(column.collect());
         }
-        let relations = rational_relations(&mut self.graph, &columns);
-        let mut found = Vec::new();
-        for relation in relations {
-            let holds = (0..n_rows).all(|r| {
+        let relations = self.null_space(&columns);
+        let fields = relations.into_iter().map(|relation| {
+            let mut field = vec![Rational::zero(); self.generators.len()];
+            for (j, q) in among.iter().zip(&relation[n_equations..]) {
+                field[*j] = q.clone();
+            }
+            field
+        });
+        fields.filter(|field| field.iter().any(|q| !q.is_zero())).collect()
+    }
+
+    /// Relations between columns, each with a last coefficient one that is zero in the others; proved.
+    pub(super) fn null_space(&mut self, columns: &[Vec<ExprId>]) -> Vec<Vec<Rational>> {
+        let n_rows = columns.first().map_or(0, Vec::len);
+        let mut relations = rational_relations(&mut self.graph, columns);
+        relations.retain(|relation| {
+            (0..n_rows).all(|r| {
                 let terms: Vec<(ExprId, Rational)> =
-                    columns.iter().zip(&relation).map(|(column, q)| (column[r], q.clone())).collect();
+                    columns.iter().zip(relation).map(|(column, q)| (column[r], q.clone())).collect();
                 let sum = self.graph.linear_combination(&terms);
                 self.graph.is_zero(sum)
-            });
-            let field = relation[n_equations..].to_vec();
-            if holds && field.iter().any(|q| !q.is_zero()) {
-                found.push(field);
-            }
-        }
-        found
+            })
+        });
+        relations
     }
 
     /// Whether a field keeps functions and equations; proved.

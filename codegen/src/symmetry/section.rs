@@ -6,8 +6,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::{ExprId, Rational, SymbolId};
+use hamel_lang::spec::Side;
 use num_traits::Zero;
 
+use super::angles::TurnedField;
 use super::group::SymmetryGroup;
 use super::setting::{Generator, Images, Setting};
 
@@ -33,6 +35,11 @@ pub(super) struct Section {
 }
 
 impl Section {
+    /// The section of no group, where everything stays.
+    pub(super) fn of_all(setting: &mut Setting<'_>) -> Section {
+        setting.section(&SymmetryGroup::none(Side::Left))
+    }
+
     /// Symbols of the velocities of the reduced model.
     pub(super) fn velocities(&self) -> &[SymbolId] {
         &self.all
@@ -49,14 +56,14 @@ impl Setting<'_> {
         let (zero, one) = (self.graph.zero(), self.graph.one());
         let mut shape = Vec::new();
         for (i, coordinate) in model.base.iter().enumerate() {
-            match is_pivot(self, Generator::Translation(i)) {
-                true => _ = at.insert(coordinate.symbol, zero),
+            match is_pivot(self, Generator::Translation(i)) || group.value_of(i).is_some() {
+                true => _ = at.insert(coordinate.symbol, group.value_of(i).unwrap_or(zero)),
                 false => shape.push(i),
             }
         }
         let mut kept = Vec::new();
         for (k, configuration) in model.configurations.iter().enumerate() {
-            if is_pivot(self, Generator::Left(k, 0)) {
+            if group.fields.iter().any(|f| self.configuration_of(f).is_some_and(|(of, _)| of == k)) {
                 let n = configuration.group.n();
                 let unit = |e: usize| if e < n * n && e / n == e % n { one } else { zero };
                 at.extend(configuration.symbols.iter().enumerate().map(|(e, s)| (*s, unit(e))));
@@ -64,17 +71,22 @@ impl Setting<'_> {
                 kept.push(k);
             }
         }
+        if let Some(marked) = &self.marked {
+            at.extend(marked.normal.iter().zip(marked.advected).map(|(n, a)| (*n, self.graph.sym(a))));
+        }
         let tangents: Vec<Vec<ExprId>> =
             group.fields.iter().map(|field| self.tangent(&field.coefficients, &field.images, &at)).collect();
         let mut taken: BTreeSet<String> = model.places.declared.keys().cloned().collect();
         let (mut names, mut symbols) = (Vec::new(), Vec::new());
         for field in &group.fields {
             let (name, symbol) = match self.generators[field.pivot] {
-                Generator::Left(k, a) => {
+                Generator::Left(k, a) | Generator::Right(k, a) => {
                     let velocity = &model.velocities[model.configurations[k].velocities[a]];
                     (velocity.name.clone(), velocity.symbol)
                 }
-                Generator::Translation(i) | Generator::Linear(i, _) | Generator::Right(i, _) => {
+                Generator::Translation(i)
+                | Generator::Linear(i, _)
+                | Generator::Turned(TurnedField { along: i, .. }) => {
                     let mut name = format!("v_{}", model.base[i].name);
                     while !taken.insert(name.clone()) {
                         name.push('_');

@@ -10,9 +10,14 @@ use hamel_lang::spec::group_motion::{group_rates, rational_element};
 use hamel_lang::spec::{ConstraintKind, Domain, Model, Side};
 use num_traits::Zero;
 
+use super::angles::TurnedField;
+use super::marked::Marked;
+
 /// A field of the ansatz, with rational coefficients in front.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Generator {
+    /// A field of angles.
+    Turned(TurnedField),
     /// `g' = g e_a` of a configuration.
     Right(usize, usize),
     /// `q_j' = q_i` of base coordinates `i`, `j`.
@@ -47,13 +52,18 @@ pub(super) struct Setting<'a> {
     pub(super) power: ExprId,
     /// Residuals of constraints.
     pub(super) constraints: Vec<ExprId>,
+    /// The row of an attitude that advects.
+    pub(super) marked: Option<Marked>,
 }
 
 /// Why a model cannot be reduced here: what it has, and what to do.
 pub(super) struct Refusal(pub(super) String, pub(super) String);
 
 /// More base coordinates have too many linear fields to be looked at.
-const MAX_LINEAR: usize = 7;
+pub(super) const MAX_LINEAR: usize = 7;
+
+/// The place of the first constraint in [`Setting::brought`].
+pub(super) const FIRST_CONSTRAINT: usize = 2;
 
 fn refused(model: &Model) -> Option<Refusal> {
     let velocities_of_groups: usize = model.configurations.iter().map(|c| c.velocities.len()).sum();
@@ -129,6 +139,7 @@ impl Setting<'_> {
             potential,
             power,
             constraints,
+            marked: None,
         };
         setting.add_elements()?;
         setting.add_generators();
@@ -154,7 +165,7 @@ impl Setting<'_> {
     }
 
     fn add_generators(&mut self) {
-        let mut list = Vec::new();
+        let mut list: Vec<Generator> = self.turned_fields().into_iter().map(Generator::Turned).collect();
         for (k, configuration) in self.model.configurations.iter().enumerate() {
             list.extend((0..configuration.velocities.len()).map(|a| Generator::Right(k, a)));
         }
@@ -176,8 +187,12 @@ impl Setting<'_> {
 
     fn images_of(&mut self, generator: Generator) -> Images {
         let (model, n_base) = (self.model, self.model.base.len());
+        if let Generator::Turned(field) = generator {
+            return self.images_of_turned(&field);
+        }
         let g = &mut self.graph;
         match generator {
+            Generator::Turned(_) => Images::new(),
             Generator::Translation(i) => Images::from([(model.base[i].symbol, g.one())]),
             Generator::Linear(i, j) => {
                 let pairs = [
@@ -232,6 +247,11 @@ impl Setting<'_> {
         sums.into_iter().map(|(symbol, terms)| (symbol, self.graph.linear_combination(&terms))).collect()
     }
 
+    /// One more image under a generator.
+    pub(super) fn add_image(&mut self, j: usize, symbol: SymbolId, image: ExprId) {
+        self.images[j].insert(symbol, image);
+    }
+
     /// The images under a generator.
     pub(super) fn generator(&self, j: usize) -> &Images {
         &self.images[j]
@@ -254,9 +274,10 @@ impl Setting<'_> {
         self.elements.get(&symbol).copied()
     }
 
-    /// Functions that are brought to the cross-section: the potential energy, and residuals of constraints.
+    /// Functions that are brought to the cross-section: the potential energy, the power of the forces, and from
+    /// [`FIRST_CONSTRAINT`] on residuals of constraints.
     pub(super) fn brought(&self) -> Vec<ExprId> {
-        [vec![self.potential], self.constraints.clone()].concat()
+        [vec![self.potential, self.power], self.constraints.clone()].concat()
     }
 
     /// Whether one base coordinate is an angle.

@@ -17,6 +17,16 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
         "the top has what all items of a module share",
     ),
     (
+        "codegen/src/symmetry",
+        &["angles", "group", "marked", "search", "setting"],
+        "parts of one `Setting`: its ansatz has fields that the other files define and search among",
+    ),
+    (
+        "codegen/src/symmetry",
+        &["check", "mod", "total"],
+        "momenta are told in the words of the top and held to the motion where rates are",
+    ),
+    (
         "codegen/program/src/lower",
         &["check", "classes", "form", "mod", "pivots", "roll", "source", "values"],
         "the top defines what is asked of a program, which every pass reads",

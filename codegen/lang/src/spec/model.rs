@@ -358,7 +358,8 @@ pub enum ReconstructionKind {
         /// The group velocity along them.
         xi: Vec<ExprId>,
     },
-    /// Coordinates with given rates, which may contain coordinates that are reconstructed before.
+    /// Coordinates with given rates, which may contain coordinates that are reconstructed before, and several of
+    /// them themselves.
     Rate {
         /// One per coordinate.
         rate: Vec<ExprId>,

@@ -280,7 +280,7 @@ pub(super) enum Way {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct ReconstructionDraft {
+pub(in crate::spec) struct ReconstructionDraft {
     pub(super) blocks: Vec<(String, usize)>,
     pub(super) names: Vec<String>,
     pub(super) symbols: Vec<SymbolId>,

@@ -99,10 +99,7 @@ impl ModelBuilder {
             (_, Shape::Vector(n)) if n == names.len() => names.iter().map(single).collect(),
             ([(name, _)], Shape::Vector(n)) => vec![Layout::Vector(n).names(name)],
             _ => {
-                let message =
-                    format!("{} for a rate that is {}", counted(names.len(), "name", "names"), rate.shape());
-                self.problem(span, message, "give one name, or one per entry of the vector");
-                self.broken.insert("reconstruct");
+                self.other_rate(names.len(), rate);
                 return Vec::new();
             }
         };
@@ -118,6 +115,42 @@ impl ModelBuilder {
         self.here = span;
         self.reconstructions.push(draft);
         values
+    }
+
+    fn other_rate(&mut self, n_names: usize, rate: &Value) {
+        let message = format!("{} for a rate that is {}", counted(n_names, "name", "names"), rate.shape());
+        self.problem(self.here, message, "give one name, or one per entry of the vector");
+        self.broken.insert("reconstruct");
+    }
+
+    /// Numbers that are reconstructed together, before their rates are known.
+    pub(in crate::spec) fn declared_rates(
+        &mut self,
+        names: &[(&str, Option<Span>)],
+        doc: &str,
+    ) -> Option<ReconstructionDraft> {
+        if !self.has_room(names.len()) {
+            return None;
+        }
+        let span = self.here;
+        let mut draft = self.new_reconstruction(Way::Rate(Vec::new()), doc);
+        for (of, (name, span)) in names.iter().enumerate() {
+            let (name, components) = ((*name).to_owned(), vec![(*name).to_owned()]);
+            let block = GroupBlock { of, name, components, n_columns: None };
+            self.declare_block(&block, *span, &mut draft);
+        }
+        self.here = span;
+        Some(draft)
+    }
+
+    /// Numbers that are reconstructed together, with their rates.
+    pub(in crate::spec) fn with_rates(&mut self, mut draft: ReconstructionDraft, rate: &Value) {
+        if rate.shape() != Shape::Vector(draft.symbols.len()) {
+            self.other_rate(draft.symbols.len(), rate);
+            return;
+        }
+        draft.way = Way::Rate(rate.entries().to_vec());
+        self.reconstructions.push(draft);
     }
 
     fn has_room(&mut self, n: usize) -> bool {

@@ -33,6 +33,13 @@ impl Elaboration<'_> {
         let doc = item.doc.join("\n");
         let before = self.builder.problems.len();
         match way {
+            // Several coordinates may be in the rates of all of them.
+            ReconstructWay::Rate(rate) if located.len() > 1 => {
+                let Some(draft) = self.builder.at(Some(span)).declared_rates(&located, &doc) else { return };
+                if let Some(rate) = self.eval(rate) {
+                    self.builder.at(Some(span)).with_rates(draft, &rate);
+                }
+            }
             ReconstructWay::Rate(rate) => {
                 if let Some(rate) = self.eval(rate) {
                     self.builder.at(Some(span)).located_rate(&located, &rate, &doc);
