@@ -542,3 +542,26 @@ fn names_and_comments_stay_in_their_place() {
     let model = spec::parse("r.hamel", &imported.text).unwrap_or_else(|e| panic!("{e}\n{}", imported.text));
     assert!(model.warnings.is_empty());
 }
+
+/// Programs that turn frames write what their sines leave of zero. It is told, and smaller than any direction that
+/// somebody means.
+#[test]
+fn what_rounding_left_of_zero_is_zero() {
+    let exact = import("arm.urdf", ARM, &Options::default()).unwrap();
+    let noisy = ARM.replacen("<axis xyz=\"0 0 -1\"/>", "<axis xyz=\"6.12323e-17 0 -1\"/>", 1);
+    let noisy = noisy.replacen("rpy=\"0 0 0.5\"", "rpy=\"-1.2e-16 0 0.5\"", 1);
+    assert_ne!(noisy, ARM);
+    let found = import("arm.urdf", &noisy, &Options::default()).unwrap();
+    let items = |text: &str| -> Vec<String> {
+        text.lines().filter(|line| !line.trim().starts_with("//")).map(str::to_owned).collect()
+    };
+    assert_eq!(items(&found.text), items(&exact.text));
+    let notes: Vec<String> = found.notes.lines().collect();
+    let has = |text: &str| notes.iter().any(|note| note.contains(text));
+    assert!(has("the axis [6.12323e-17, 0, -1] of joint") && has("is taken as [0, 0, -1]"), "{notes:?}");
+    assert!(has("the angle -1.2e-16 is taken as 0"), "{notes:?}");
+    // A small lean is one.
+    let leaning = noisy.replace("6.12323e-17", "1e-9");
+    let found = import("arm.urdf", &leaning, &Options::default()).unwrap();
+    assert!(found.text.contains("unit([1e-9, 0, -1])"), "{}", found.text);
+}

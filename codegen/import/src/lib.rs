@@ -19,6 +19,7 @@
 //!
 //! Deliberately does not know: equations of motion.
 
+mod axis;
 mod floats;
 mod joints;
 mod mjcf;

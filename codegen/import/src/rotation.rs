@@ -8,6 +8,9 @@ use crate::number::{Form, Number, vector};
 
 /// Digits behind the point from which on an angle is a rounded quarter turn: 1.57 may be an angle of its own.
 const MIN_DECIMALS: i32 = 4;
+/// A smaller part of one, of a radian or of a direction, is what rounding left of zero: programs that turn frames write
+/// `6.12323e-17`, the cosine of their `pi/2`.
+pub(crate) const NOISE: f64 = 1e-12;
 /// A change that doubles do not have is not told.
 const TOLD: f64 = 1e-14;
 
@@ -83,6 +86,10 @@ impl Turn {
     /// Turns by an angle about an axis after the factors before.
     pub(crate) fn push(&mut self, axis: String, mut angle: Number) {
         if angle.is_zero() {
+            return;
+        }
+        if angle.form == Form::Decimal && angle.value.abs() < NOISE {
+            self.moved.push((angle.text, "0".into()));
             return;
         }
         if let Some(turns) = quarters(&angle) {

@@ -7,9 +7,10 @@
 
 use std::collections::BTreeMap;
 
+use crate::axis::axis_of_joint;
 use crate::number::{Number, zeros};
 use crate::robot::{Inertia, Joint, JointKind, Link, Mass, Mimic, Moments, Motor, Pose, Robot};
-use crate::rotation::{Axis, roll_pitch_yaw};
+use crate::rotation::roll_pitch_yaw;
 use crate::xml::{Element, Reader, head, place};
 
 /// Reads the element `robot`. Nothing after a problem.
@@ -209,16 +210,8 @@ fn joint<'a>(
         let direction = reader.child(element, "axis");
         let entries = direction.and_then(|direction| reader.numbers(direction, "xyz"));
         let entries = entries.unwrap_or_else(|| [Number::one(), Number::zero(), Number::zero()]);
-        let axis = Axis::new(&entries);
-        if axis.is_none() {
-            let place = direction.map_or_else(|| head(element), |direction| place(direction, "xyz"));
-            reader.error(
-                &place,
-                format!("the axis of joint `{name}` is zero"),
-                "write a direction such as `0 0 1`",
-            );
-        }
-        axis
+        let place = direction.map_or_else(|| head(element), |direction| place(direction, "xyz"));
+        axis_of_joint(reader, &place, name, &entries)
     };
     let limit = reader.child(element, "limit");
     let kind = match kind {

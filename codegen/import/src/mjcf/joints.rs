@@ -3,9 +3,9 @@
 //! Deliberately does not know: bodies, where joints are.
 
 use super::settings::{Defaulted, Settings};
+use crate::axis::axis_of_joint;
 use crate::number::{Number, zeros};
 use crate::robot::{Joint, JointKind, Spring};
-use crate::rotation::Axis;
 
 /// A joint without its place, and the point of the body that it holds; nothing where every point is as good.
 pub(super) fn joint<'a>(
@@ -22,12 +22,8 @@ pub(super) fn joint<'a>(
     }
     let axis = || {
         let unit = || [Number::zero(), Number::zero(), Number::one()];
-        let axis = Axis::new(&of.numbers(reader, "axis").unwrap_or_else(unit));
-        if axis.is_none() {
-            let message = format!("the axis of joint `{name}` is zero");
-            reader.error(&of.place("axis"), message, "write a direction such as `0 0 1`");
-        }
-        axis
+        let entries = of.numbers(reader, "axis").unwrap_or_else(unit);
+        axis_of_joint(reader, &of.place("axis"), name, &entries)
     };
     let kind = match of.attribute(reader, "type").unwrap_or("hinge") {
         "hinge" => JointKind::Revolute(axis()?),

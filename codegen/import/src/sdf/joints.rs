@@ -3,6 +3,7 @@
 //! Deliberately does not know: links, frames of the model.
 
 use super::frames::{number, numbers};
+use crate::axis::axis_of_joint;
 use crate::number::Number;
 use crate::robot::{Joint, JointKind, Spring};
 use crate::rotation::{Axis, Turn};
@@ -68,12 +69,7 @@ fn direction<'a>(reader: &Reader<'a>, axis: Element<'a>, name: &str, turned: &Tu
         reader.error(&place(xyz, "expressed_in"), message, help);
         return None;
     }
-    let axis = Axis::new(&numbers(reader, xyz)?);
-    let Some(axis) = axis else {
-        let message = format!("the axis of joint `{name}` is zero");
-        reader.error(&head(xyz), message, "write a direction such as `0 0 1`");
-        return None;
-    };
+    let axis = axis_of_joint(reader, &head(xyz), name, &numbers(reader, xyz)?)?;
     let Some(turn) = turned.text() else { return Some(axis) };
     let vector = format!("({turn}*{})", axis.vector);
     Some(Axis { vector: vector.clone(), of_rotation: (vector, false), along: None })
