@@ -82,26 +82,29 @@ pub struct Prepared<R = f64> {
     c0: R, // 0.5 * m * (l * l)
     c1: R, // m * (l * l)
     c2: R, // 1 / (m * l)
-    c3: R, // c / (m * l)
+    c3: R, // -(c / (m * l))
     c4: R, // (100/981) / (m * l)
     c5: R, // 0.5 * l
     c6: R, // (-981/200) * m * (l * l)
     c7: R, // (981/100) * m * l
     c8: R, // 1 / l
     c9: R, // m * l
-    c10: R, // -(c / m)
-    c11: R, // 2 * l
-    c12: R, // -(2 / (m * (l * l)))
-    c13: R, // -2 / (m * l)
-    c14: R, // 0.25 * m * (l * l)
-    c15: R, // (-200/981) / (m * l)
-    c16: R, // (981/50) / l
+    c10: R, // -(l * c)
+    c11: R, // 2 * m * (l * l)
+    c12: R, // -(2 / l)
+    c13: R, // -(2 * m * l)
+    c14: R, // 2 * m * l
+    c15: R, // 0.25 * l
+    c16: R, // (981/50) * m
     c17: R, // 0.5 / m
     c18: R, // 0.5 * (l * l)
-    c19: R, // -0.5 * c / (m * l)
-    c20: R, // (981/100) / l
-    c21: R, // 2 / (m * (l * l))
-    c22: R, // (-981/25) / l
+    c19: R, // -0.5 / (m * l)
+    c20: R, // -(2 * (m * m) * (l * l * l))
+    c21: R, // 0.5 * c / (m * l)
+    c22: R, // (981/50) * (m * m) * (l * l)
+    c23: R, // -(2 / l)
+    c24: R, // 2 * (m * m) * (l * l)
+    c25: R, // -4 * m
     /// Values that the inputs are held at.
     ///
     /// ```text
@@ -114,7 +117,7 @@ pub struct Prepared<R = f64> {
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 15 multiplications, 13 divisions, 2 sign changes.
+    /// Operations: 26 multiplications, 8 divisions, 6 sign changes.
     ///
     /// # Errors
     ///
@@ -123,25 +126,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         INFO.require_finite(&params.to_array())?;
         let Params { m, l, c } = *params;
         let t0 = l * l;
-        let t1 = m * t0;
-        let t2 = m * l;
-        let t3 = R::from_f64(2.0) / t1;
+        let t1 = m * l;
+        let t2 = R::from_f64(2.0) * m;
+        let t3 = t2 * l;
+        let t4 = R::from_f64(2.0) / l;
+        let t5 = m * m;
+        let t6 = R::from_f64(2.0) * t5;
         ::hamel_runtime::ParamError::require(m.all_gt(R::ZERO), "m > 0", "")?;
         ::hamel_runtime::ParamError::require(l.all_gt(R::ZERO), "l > 0", "")?;
         Ok(Self {
-            l, c, c0: R::from_f64(0.5) * m * t0, c1: t1, c2: t2.recip(), c3: c / t2,
-            c4: R::ratio(100.0, 981.0) / t2,
+            l, c, c0: R::from_f64(0.5) * m * t0, c1: m * t0, c2: t1.recip(), c3: -(c / t1),
+            c4: R::ratio(100.0, 981.0) / t1,
             c5: R::from_f64(0.5) * l,
             c6: R::ratio(-981.0, 200.0) * m * t0,
             c7: R::ratio(981.0, 100.0) * m * l,
-            c8: l.recip(), c9: t2, c10: -(c / m), c11: R::from_f64(2.0) * l, c12: -t3, c13: R::from_f64(-2.0) / t2,
-            c14: R::from_f64(0.25) * m * t0,
-            c15: R::ratio(-200.0, 981.0) / t2,
-            c16: R::ratio(981.0, 50.0) / l, c17: R::from_f64(0.5) / m, c18: R::from_f64(0.5) * t0,
-            c19: R::from_f64(-0.5) * c / t2,
-            c20: R::ratio(981.0, 100.0) / l,
-            c21: t3,
-            c22: R::ratio(-981.0, 25.0) / l,
+            c8: l.recip(), c9: t1, c10: -(l * c), c11: t2 * t0, c12: -t4, c13: -t3, c14: t3,
+            c15: R::from_f64(0.25) * l, c16: R::ratio(981.0, 50.0) * m, c17: R::from_f64(0.5) / m,
+            c18: R::from_f64(0.5) * t0, c19: R::from_f64(-0.5) / t1, c20: -(t6 * (t0 * l)),
+            c21: R::from_f64(0.5) * c / t1,
+            c22: R::ratio(981.0, 50.0) * t5 * t0,
+            c23: -t4, c24: t6 * t0, c25: R::from_f64(-4.0) * m,
             inputs: [R::ZERO, R::from_f64(0.25)],
         })
     }
@@ -179,7 +183,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = self.c0 * t1;
         let A_s1_2_2 = fma(-t1, t2, self.c1);
-        let t3 = fma(t0, theta_dot * theta_dot, fma(-x_dot, self.c3, self.c2 * tau1));
+        let t3 = fma(t0, theta_dot * theta_dot, fma(x_dot, self.c3, self.c2 * tau1));
         let t4 = fma(self.c4, fma(-t2, t3, tau2 * x.cos()), t0) / A_s1_2_2;
         let dot_x_dot = fma(t4, self.c6 * t1, self.c5 * t3);
         let dot_theta_dot = self.c7 * t4;
@@ -200,7 +204,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // factors of A
         let t0 = self.c0 * cos_theta;
         let A_s1_2_2 = fma(-cos_theta, t0, self.c1);
-        let t1 = fma(sin_theta, theta_dot * theta_dot, fma(-x_dot, self.c3, self.c2 * tau1));
+        let t1 = fma(sin_theta, theta_dot * theta_dot, fma(x_dot, self.c3, self.c2 * tau1));
         let t2 = fma(self.c4, fma(-t0, t1, tau2 * cos_x), sin_theta) / A_s1_2_2;
         let dot_x_dot = fma(t2, self.c6 * cos_theta, self.c5 * t1);
         let dot_theta_dot = self.c7 * t2;
@@ -313,7 +317,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      d_dot_u_d_u]
     /// ```
     ///
-    /// Operations: 11 additions, 36 multiplications (11 fused), 1 division, 1 sign change, 2 elementary functions.
+    /// Operations: 11 additions, 35 multiplications (11 fused), 1 division, 1 sign change, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn jacobian_nonzeros(&self, t: R, y: &[R; 5]) -> [R; 11] {
@@ -322,29 +326,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         // factors of A
         let ([t0, t2], [t1, t3]) = theta.sin_cos_of_two(x);
-        let A_s1_2_2_scaled = fma(-t1, t1, R::from_f64(2.0));
+        let A_s1_2_2_scaled = fma(-self.c9, t1 * t1, self.c14);
         let t4 = A_s1_2_2_scaled.recip();
         let t5 = t1 * t4;
         let t6 = tau2 * t2;
         let t7 = t0 * t4;
-        let t8 = t0 * t7;
-        let t9 = fma(-t8, R::from_f64(2.0), R::ONE);
-        let t10 = t7 * (tau2 * t3);
+        let t8 = t7 * (tau2 * t3);
+        let t9 = t0 * t7;
+        let t10 = fma(-t9, self.c14, R::ONE);
         let t11 = t7 * fma(-x_dot, self.c, tau1);
-        let t12 = t1 * fma(t9, theta_dot * theta_dot, self.c13 * t11);
-        let t13 = t5 * fma(self.c15, fma(t12, self.c14, t10), t9);
+        let t12 = t1 * fma(t10, theta_dot * theta_dot, -(R::from_f64(2.0) * t11));
+        let t13 = t5 * fma(-R::ratio(200.0, 981.0), fma(t12, self.c15, t8), t10);
         let t14 = theta_dot * t7;
         [
             R::ONE,
             R::ONE,
-            t5 * (self.c2 * t6),
-            fma(R::ratio(981.0, 100.0), fma(-t1, t13, t8), fma(t12, self.c5, self.c2 * t10)),
+            t5 * t6,
+            fma(self.c7, fma(-t1, t13, t9), fma(t12, self.c5, t8)),
             self.c10 * t4,
             self.c11 * t14,
             t4 * (self.c12 * t6),
-            fma(t13, self.c16, fma(t14, theta_dot * t0, self.c2 * t11)),
-            self.c3 * t5,
-            t14 * (R::from_f64(-2.0) * t1),
+            fma(t13, self.c16, fma(t14, self.c9 * theta_dot * t0, t11)),
+            self.c * t5,
+            t14 * (self.c13 * t1),
             -(tau2 * tau2),
         ]
     }
@@ -475,7 +479,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// Product `J v` of the Jacobian `J_ij = df_i/dy_j` and a direction `v` of the state, the derivative along it.
     ///
-    /// Operations: 16 additions, 42 multiplications (16 fused), 1 division, 1 sign change, 2 elementary functions.
+    /// Operations: 16 additions, 41 multiplications (15 fused), 1 division, 1 sign change, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn jvp(&self, t: R, y: &[R; 5], v: &[R; 5]) -> [R; 5] {
@@ -485,23 +489,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         // factors of A
         let ([t0, t2], [t1, t3]) = theta.sin_cos_of_two(x);
-        let A_s1_2_2_scaled = fma(-t1, t1, R::from_f64(2.0));
-        let t4 = A_s1_2_2_scaled.recip();
-        let t5 = t0 * t4;
-        let t6 = t1 * t4;
-        let t7 = v_theta * t6;
-        let t8 = t1 * t7;
-        let t9 = t2 * v_x;
-        let t10 = theta_dot * t0;
-        let t11 = t5 * fma(theta_dot, t10, fma(-x_dot, self.c3, self.c2 * tau1));
-        let t12 = fma(-t11, R::from_f64(2.0), theta_dot * theta_dot);
-        let t13 = fma(v_theta_dot, t10, self.c19 * v_x_dot);
-        let t14 = t5 * fma(t3, self.c4 * tau2, t0);
+        let t4 = t1 * t1;
+        let A_s1_2_2_scaled = fma(-t4, self.c9, self.c14);
+        let t5 = A_s1_2_2_scaled.recip();
+        let t6 = t5 * (tau2 * v_x * t2);
+        let t7 = v_theta * t5;
+        let t8 = t0 * t5;
+        let t9 = t7 * t8;
+        let t10 = t0 * t9;
+        let t11 = fma(t7, self.c19, t10);
+        let t12 = theta_dot * theta_dot;
+        let t13 = R::from_f64(0.5) * t4;
+        let t14 = R::ONE + t13;
+        let t15 = t9 * (tau2 * t3);
+        let t16 = fma(-t7, t13 * t5, t10);
+        let t17 = t9 * fma(-x_dot, self.c, tau1);
+        let t18 = fma(t8, v_theta_dot * theta_dot, -(t5 * (self.c21 * v_x_dot)));
         [
             v_x_dot,
             v_theta_dot,
-            fma(fma(self.c20, fma(-t8, R::from_f64(0.5), v_theta * t14), t13), self.c11 * t4, fma(t12, self.l * t7, fma(t8, t3 * t5, t6 * t9) * (self.c2 * tau2))),
-            fma(t7, self.c22 * t14, fma(-t8, t12, fma(t7, self.c16, fma(-t6, R::from_f64(2.0) * t13, fma(v_theta, t11, -(t4 * (self.c21 * tau2 * t9))))))),
+            fma(t1, fma(t11, self.c20 * t12, t6), fma(-self.c11, fma(t1, t17, -t18), fma(t16, self.c22, t15 * (self.c14 * t14)))),
+            fma(fma(t11, self.c7, t15), self.c25 * t1, fma(t16, self.c24 * t12, fma(-self.c14, fma(-t14, t17, t1 * t18), self.c23 * t6))),
             -(tau2 * tau2 * v_u),
         ]
     }
@@ -549,7 +557,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[5] {
     l, c, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21,
-    c22,
+    c22, c23, c24, c25,
 } array inputs);
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
@@ -695,7 +703,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
             let t2 = self.c0 * t1;
             let A_s1_2_2 = fma(-t1, t2, self.c1);
             let t3 = theta_dot * theta_dot;
-            let t4 = fma(t0, t3, fma(-x_dot, self.c3, self.c2 * tau1));
+            let t4 = fma(t0, t3, fma(x_dot, self.c3, self.c2 * tau1));
             let t5 = x.cos();
             let t6 = fma(self.c4, fma(-t2, t4, tau2 * t5), t0) / A_s1_2_2;
             let t7 = self.c6 * t1;
@@ -720,7 +728,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
             let t2 = self.c0 * t1;
             let t3 = -fma(kept1, t2, fma(kept2, t1, sum2));
             let t4 = fma(kept3, theta_dot, sum3);
-            let t5 = fma(kept0, t4, fma(kept4, t0, sum4)) + fma(-self.c3, x_dot, self.c2 * tau1);
+            let t5 = fma(kept0, t4, fma(kept4, t0, sum4)) + fma(self.c2, tau1, self.c3 * x_dot);
             let t6 = -fma(kept5, x, inverse * sum6);
             let t7 = kept10 * fma(-kept9, t3, fma(self.c4, fma(kept7, t6, fma(kept6, tau2, sum7)) - fma(kept2, t5, fma(kept8, t2, sum8)), t0) - sum9);
             let t8 = self.c6 * t1;
