@@ -1032,7 +1032,7 @@ fn programs_of_scenes_are_read_back_from_their_text() {
     }
 }
 
-/// Rates that one program has searched are those of another one by the same graph, whatever else that has.
+/// A second program by the same graph takes the rates that a first one has searched, whatever else it asks for.
 #[test]
 fn rates_that_are_known_are_not_searched_again() {
     let Fixture { mut g, inputs, p: [a, b, _], x: [x, y, z], .. } = fixture();

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 
-use super::Scene;
+pub use super::scene::Scene;
 
 /// A model that is known by heart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

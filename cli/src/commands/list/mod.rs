@@ -3,6 +3,7 @@
 //! Does not know: how a scene is evaluated.
 
 pub mod by_heart;
+mod scene;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -10,17 +11,16 @@ use std::fmt::Write as _;
 use clap::Args;
 use hamel_codegen::spec::Kind;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
-use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::output::terminal::{bold, width};
 use hamel_run::dynamics::Factory as _;
 use hamel_run::error::Error;
-use hamel_run::info::{Info, ParamEntry};
 use hamel_run::interpreted;
 use hamel_run::model;
-use hamel_run::request::json::number;
 use hamel_run::session::{ModelFile, Session};
+
+use scene::{Scene, Values};
 
 /// Show all models by topic, or some with their scenes, state variables, parameters and sources
 #[derive(Clone, Debug, Args)]
@@ -47,37 +47,6 @@ struct Listed {
     topic: Option<String>,
     sources: Vec<String>,
     scenes: Vec<Scene>,
-}
-
-/// What is shown of a scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Scene {
-    scene: String,
-    state: Vec<String>,
-    params: Values,
-    inputs: Values,
-    outputs: Map<String, Value>,
-    has_energy: bool,
-}
-
-/// Names and defaults, in order.
-type Values = Map<String, Value>;
-
-impl Scene {
-    fn of(scene: &str, info: &Info) -> Scene {
-        let values = |entries: &[ParamEntry]| -> Values {
-            entries.iter().map(|p| (p.name.clone(), number(p.default))).collect()
-        };
-        let outputs = info.outputs.iter().map(|group| (group.name.clone(), group.components.clone().into()));
-        Scene {
-            scene: scene.to_owned(),
-            state: info.state.clone(),
-            params: values(&info.params),
-            inputs: values(&info.inputs),
-            outputs: outputs.collect(),
-            has_energy: info.has_energy,
-        }
-    }
 }
 
 /// All models, or those named, for people or as JSON.

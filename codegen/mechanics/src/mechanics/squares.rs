@@ -243,8 +243,8 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
     (squares, rest)
 }
 
-/// The terms of the Lagrangian, and its products `v_i (J_i1 v_1 + J_i2 v_2 + ..)`, as `v . J v` has them, with the number
-/// of terms that each makes.
+/// The terms of the Lagrangian, and its products `v_i (J_i1 v_1 + J_i2 v_2 + ..)`, as `v . J v` has them, with the
+/// number of terms that each makes.
 fn summands(
     g: &mut Graph,
     system: &ReducedSystem,

@@ -8,8 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 use hamel_runtime::DoubleDouble;
 use num_traits::ToPrimitive;
 
-use super::extract::needed;
-use super::polynomial::{Atom, Entry, System};
+use super::polynomial::{Atom, Entry, System, needed};
 use crate::lower::classes::Class;
 use crate::lower::source::Source;
 use crate::program::Relation;

@@ -9,169 +9,24 @@
 mod site;
 
 use std::cell::RefMut;
-use std::collections::BTreeSet;
 use std::rc::Rc;
 
-use num_traits::{Signed, Zero};
+use num_traits::Signed;
 use rustc_hash::FxHashMap;
 
+use super::facts::{Candidates, Facts, Occurrence};
 use super::numbers::Coefficient;
 use super::polynomial::{
-    Atom, Entry, Exponent, Monomial, Polynomial, System, Terms, common, power, quotient, times,
+    Atom, Entry, Exponent, Monomial, Polynomial, System, Terms, common, needed, power, quotient, times,
 };
-use crate::program::cost::thirds::{CALL, DIVISION, FLOP, INSTRUCTION, ROOT};
-use hamel_expr::{Func, Graph};
+use super::price::{Shape, n_literals, n_mul};
+use crate::program::cost::thirds::{FLOP, INSTRUCTION};
+use hamel_expr::Graph;
 
 pub(super) use site::Site;
 
 /// In longer polynomials only terms this close to one another are paired.
 const WINDOW: usize = 48;
-
-/// Multiplications, terms, and terms with multiplications.
-#[derive(Clone, Copy, Debug, Default)]
-struct Shape {
-    n_mul: i64,
-    n_terms: i64,
-    n_products: i64,
-}
-
-impl Shape {
-    fn of(value: &[(Monomial, Coefficient)]) -> Shape {
-        let mut shape = Shape::default();
-        for (m, c) in value {
-            shape.add(n_mul(m, *c), 1);
-        }
-        shape
-    }
-
-    fn add(&mut self, n_mul: i64, sign: i64) {
-        self.n_mul += sign * n_mul;
-        self.n_terms += sign;
-        self.n_products += sign * i64::from(n_mul > 0);
-    }
-
-    fn cost(&self) -> i64 {
-        let n_add = (self.n_terms - 1).max(0);
-        let fused = self.n_products.min(n_add);
-        INSTRUCTION * (self.n_mul + n_add - fused) + FLOP * (self.n_mul + n_add)
-    }
-}
-
-/// What it costs that the number of a term is other than one.
-pub(super) fn price_of_number(value: &Polynomial, position: usize) -> i64 {
-    let mut shape = Shape::default();
-    for (k, (m, c)) in value.iter().enumerate() {
-        if k != position {
-            shape.add(n_mul(m, *c), 1);
-        }
-    }
-    let with = |c: Coefficient| {
-        let mut shape = shape;
-        shape.add(n_mul(&value[position].0, c), 1);
-        shape.cost()
-    };
-    with(Coefficient { negative: false, number: u32::MAX }) - with(Coefficient::ONE)
-}
-
-/// Literals of a power: `x x x` for a cube, fewer for higher powers by squaring.
-fn n_literals(q: Exponent) -> i64 {
-    let whole = q.abs().to_integer();
-    let fraction = i64::from(!q.fract().is_zero());
-    let chain = if whole <= 3 { i64::from(whole) } else { 2 * i64::from(whole.ilog2()) };
-    chain + fraction
-}
-
-fn n_mul(m: &Monomial, c: Coefficient) -> i64 {
-    let literals: i64 = m.iter().map(|(_, q)| n_literals(*q)).sum();
-    (literals + i64::from(!c.is_unit()) - 1).max(0)
-}
-
-/// An operation that costs more than a multiplication; equal ones are computed once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Costly {
-    /// By an atom.
-    Division(u32),
-    /// Of an atom.
-    Root(u32),
-    /// Of a polynomial.
-    Function(Func, u32),
-    /// Of two polynomials.
-    Atan2(u32, u32),
-}
-
-impl Costly {
-    fn cost(&self) -> i64 {
-        match self {
-            Costly::Division(_) => DIVISION,
-            Costly::Root(_) => ROOT,
-            Costly::Function(..) | Costly::Atan2(..) => CALL,
-        }
-    }
-}
-
-/// What a call costs: all polynomials that the roots need, with their divisions and functions.
-pub(super) fn cost(system: &System, entries: &[Entry], roots: &[usize]) -> i64 {
-    let mut total = 0;
-    let mut costly: BTreeSet<Costly> = BTreeSet::new();
-    for k in needed(system, entries, roots) {
-        let price = entries[k].value.price(|| Price::of(system, &entries[k].value));
-        total += price.sum;
-        costly.extend(price.costly.iter().copied());
-    }
-    total + costly.iter().map(Costly::cost).sum::<i64>()
-}
-
-/// What one polynomial costs.
-#[derive(Clone, Debug)]
-pub(super) struct Price {
-    /// Multiplications and additions.
-    sum: i64,
-    costly: Box<[Costly]>,
-}
-
-impl Price {
-    fn of(system: &System, value: &Polynomial) -> Price {
-        let mut costly: BTreeSet<Costly> = BTreeSet::new();
-        for (atom, q) in value.iter().flat_map(|(m, _)| m) {
-            if q.is_negative() {
-                costly.insert(Costly::Division(*atom));
-            }
-            if !q.is_integer() {
-                costly.insert(Costly::Root(*atom));
-            }
-            match system.atom(*atom) {
-                Atom::Function(f, argument) => {
-                    // Sine and cosine of one angle are computed together.
-                    let kind = if f == Func::Sin { Func::Cos } else { f };
-                    costly.insert(Costly::Function(kind, argument));
-                }
-                Atom::Atan2(y, x) => _ = costly.insert(Costly::Atan2(y, x)),
-                Atom::Input(_) | Atom::Poly(_) => {}
-            }
-        }
-        Price { sum: Shape::of(value).cost(), costly: costly.into_iter().collect() }
-    }
-}
-
-/// The polynomials behind the roots, each after those that it needs.
-pub(super) fn needed(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<usize> {
-    let mut order = Vec::new();
-    let mut seen = vec![false; entries.len()];
-    let mut pending: Vec<(usize, bool)> = roots.iter().rev().map(|k| (*k, false)).collect();
-    while let Some((k, ready)) = pending.pop() {
-        if ready {
-            order.push(k);
-            continue;
-        }
-        if std::mem::replace(&mut seen[k], true) {
-            continue;
-        }
-        pending.push((k, true));
-        let operands = entries[k].value.needs(system).iter().rev().filter(|k| system.is_in_view(**k));
-        pending.extend(operands.map(|k| (*k as usize, false)).filter(|(k, _)| !seen[*k]));
-    }
-    order
-}
 
 /// A factor of a monomial: a number, or an atom or its reciprocal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -194,27 +49,6 @@ enum Known {
     Entry { k: usize, scale: Coefficient },
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Occurrence {
-    divisor: u32,
-    first: u32,
-    /// The other term of a sum; the same term for a product.
-    second: u32,
-    /// What a sum is multiplied by, besides the common powers of its terms.
-    scale: Coefficient,
-    /// Factors that stand beside a sum in the term that takes the place of the two; none for a product.
-    n_left: u32,
-}
-
-/// Where divisors occur in one polynomial and what replacing all occurrences of each would save.
-#[derive(Debug)]
-struct Candidates {
-    /// Sorted by divisor, then by place.
-    occurrences: Vec<Occurrence>,
-    /// Sorted by divisor.
-    savings: Vec<(u32, i64)>,
-}
-
 /// What is known of one term, whichever polynomials it stands in.
 #[derive(Debug)]
 struct Term {
@@ -230,16 +64,6 @@ struct Pair {
     scale: Coefficient,
     /// As [`Occurrence::n_left`].
     n_left: u32,
-}
-
-/// What an extractor knows about a polynomial.
-#[derive(Clone, Debug)]
-pub(super) struct Facts {
-    /// Of the extractor's tables.
-    generation: usize,
-    candidates: Option<Rc<Candidates>>,
-    /// The divisor that the polynomial is, if it is one.
-    divisor: Option<Option<(u32, Coefficient)>>,
 }
 
 /// Extracts divisors; remembers those of terms, pairs of terms and polynomials met before, as one search meets the same

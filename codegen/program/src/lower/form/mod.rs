@@ -8,8 +8,10 @@
 mod digits;
 mod effort;
 mod extract;
+mod facts;
 mod numbers;
 mod polynomial;
+mod price;
 mod read;
 mod search;
 mod units;

@@ -14,7 +14,7 @@ use num_traits::{Signed, Zero};
 use smallvec::SmallVec;
 
 use super::effort::Effort;
-use super::extract::{Facts, Price};
+use super::facts::{Facts, Price};
 use super::numbers::{Coefficient, Numbers};
 use crate::lower::SearchBudget;
 use hamel_expr::{ExprId, Func, Graph, Sign, SymbolId};
@@ -41,7 +41,7 @@ pub(super) type Monomial = SmallVec<[(u32, Exponent); 4]>;
 /// Monomials with their coefficients.
 pub(super) type Terms = Vec<(Monomial, Coefficient)>;
 
-/// Monomials, sorted and distinct, with their coefficients, and what was found about them. A copy shares all of it: a
+/// Monomials, sorted and distinct, with their coefficients and facts about them. A copy shares all of it: a
 /// search makes thousands of lists of polynomials that differ in one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Polynomial(Rc<Shared>);
@@ -119,6 +119,26 @@ pub(super) struct Entry {
     pub(super) definition: Option<(SymbolId, usize)>,
     /// The unit that it is measured in: the definition's value is this number times the polynomial's.
     pub(super) unit: Coefficient,
+}
+
+/// The polynomials behind the roots, each after those that it needs.
+pub(super) fn needed(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<usize> {
+    let mut order = Vec::new();
+    let mut seen = vec![false; entries.len()];
+    let mut pending: Vec<(usize, bool)> = roots.iter().rev().map(|k| (*k, false)).collect();
+    while let Some((k, ready)) = pending.pop() {
+        if ready {
+            order.push(k);
+            continue;
+        }
+        if std::mem::replace(&mut seen[k], true) {
+            continue;
+        }
+        pending.push((k, true));
+        let operands = entries[k].value.needs(system).iter().rev().filter(|k| system.is_in_view(**k));
+        pending.extend(operands.map(|k| (*k as usize, false)).filter(|(k, _)| !seen[*k]));
+    }
+    order
 }
 
 /// Product of two monomials.

@@ -11,9 +11,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_traits::{One, Signed, Zero};
 
 use super::digits::Digits;
-use super::extract::{Extractor, Site, cost, needed};
+use super::extract::{Extractor, Site};
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, power, times};
+use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, needed, power, times};
+use super::price::cost;
 use super::units;
 use hamel_expr::Graph;
 

@@ -12,9 +12,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_integer::Integer;
 use num_traits::One;
 
-use super::extract::{needed, price_of_number};
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Monomial, System};
+use super::polynomial::{Atom, Entry, Monomial, System, needed};
+use super::price::price_of_number;
 use hamel_expr::Graph;
 
 /// A higher power of a number is not looked for.
@@ -245,8 +245,8 @@ pub(super) fn users(system: &System, entries: &[Entry], roots: &[usize]) -> BTre
     users
 }
 
-/// Measures polynomial `k` in a unit, which `users`, everything that uses it, make up for; none, with some of the entries
-/// changed, where a division would not be safe.
+/// Measures polynomial `k` in a unit, which its `users` make up for. Nothing, with some of the entries changed, where a
+/// division would not be safe.
 pub(super) fn in_unit(
     graph: &mut Graph,
     system: &mut System,

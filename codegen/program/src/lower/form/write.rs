@@ -5,9 +5,8 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use super::digits::Digits;
-use super::extract::needed;
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, System};
+use super::polynomial::{Atom, Entry, System, needed};
 use crate::lower::classes::Class;
 use crate::lower::source::Source;
 use hamel_expr::error::Error;

@@ -4,8 +4,9 @@
 
 use std::collections::BTreeSet;
 
-use super::{Extractor, Known, Pass, cost, needed};
-use crate::lower::form::polynomial::{Entry, System};
+use super::{Extractor, Known, Pass};
+use crate::lower::form::polynomial::{Entry, System, needed};
+use crate::lower::form::price::cost;
 use hamel_expr::Graph;
 
 /// A form with its divisors extracted, in which single polynomials are tried.
