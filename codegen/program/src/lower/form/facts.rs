@@ -13,6 +13,7 @@ use hamel_expr::Func;
 pub(super) struct Price {
     /// Multiplications and additions.
     pub(super) sum: i64,
+    /// Operations that others may share.
     pub(super) costly: Box<[Costly]>,
 }
 
@@ -39,9 +40,12 @@ impl Costly {
     }
 }
 
+/// Where a divisor occurs in a polynomial.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Occurrence {
+    /// Its number in the tables of the extractor.
     pub(super) divisor: u32,
+    /// The place of a term.
     pub(super) first: u32,
     /// The other term of a sum; the same term for a product.
     pub(super) second: u32,
@@ -65,6 +69,7 @@ pub(super) struct Candidates {
 pub(super) struct Facts {
     /// Of the extractor's tables.
     pub(super) generation: usize,
+    /// Nothing before they are asked for.
     pub(super) candidates: Option<Rc<Candidates>>,
     /// The divisor that the polynomial is, if it is one.
     pub(super) divisor: Option<Option<(u32, Coefficient)>>,
