@@ -5,6 +5,7 @@
 //! * No file is longer than [`MAX_LINES`](source::MAX_LINES) lines.
 //! * Every file of a program of tests is a module of its `main.rs`.
 //! * Phrases of comments that readers stumble over become fewer, never more.
+//! * Lock files beside the workspace agree with the manifests.
 //! * No line is longer than [`MAX_COLUMNS`](source::MAX_COLUMNS) columns.
 //!
 //! Exceptions are lists in [`known`], each with its reason. An exception that nothing needs any more is a problem, too.
@@ -16,6 +17,7 @@ mod imports;
 mod known;
 mod layers;
 mod lines;
+mod locks;
 mod programs;
 mod source;
 
@@ -50,7 +52,8 @@ pub(crate) fn tidy(repository: &Repository, wrap: bool) -> Result<String, Error>
             n_wrapped += 1;
         }
     }
-    let problems = problems(&sources);
+    let mut problems = problems(&sources);
+    problems.extend(locks::problems(repository.root())?);
     if problems.is_empty() {
         let wrapped = if wrap { format!(", {n_wrapped} rewritten") } else { String::new() };
         return Ok(format!("{} files are tidy{wrapped}", sources.len()));
