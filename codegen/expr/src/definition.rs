@@ -56,6 +56,21 @@ impl SectionWriter {
         }
     }
 
+    /// Goes on after definitions that exist: their values have names already.
+    pub fn after(g: &Graph, varying: BTreeSet<SymbolId>, sections: &[Section]) -> SectionWriter {
+        let mut writer = SectionWriter::new(g, varying, &[]);
+        for definition in sections.iter().flat_map(|section| &section.definitions) {
+            writer.named.entry(definition.expr).or_insert(definition.symbol);
+        }
+        writer
+    }
+
+    /// Further inputs that change from call to call, before anything mentions them.
+    pub fn vary(&mut self, g: &Graph, inputs: &[SymbolId]) {
+        self.varying.extend(inputs);
+        self.at_origin.extend(inputs.iter().map(|s| (*s, g.zero())));
+    }
+
     /// Whether an expression changes from call to call, also through definitions.
     pub fn varies(&self, g: &Graph, e: ExprId) -> bool {
         let mut constant = self.constant.borrow_mut();

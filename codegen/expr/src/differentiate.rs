@@ -11,8 +11,9 @@
 //! Griewank and Walther 2008, Evaluating Derivatives, chapter 3.
 
 use std::collections::{BTreeSet, HashMap};
+use std::ops::Range;
 
-use crate::{ExprId, Graph, Node, Section, SectionWriter, SymbolId};
+use crate::{Definition, ExprId, Graph, Node, Section, SectionWriter, SymbolId};
 
 /// A value that depends on the inputs: an input, a definition, or a part of an expression.
 #[derive(Clone, Debug)]
@@ -25,6 +26,53 @@ struct Vertex {
     partials: Vec<(usize, ExprId)>,
 }
 
+/// The solution `x` of a linear system among definitions, by the system: `r(x) = A x - f = 0` is differentiated at fixed
+/// `x`, `A dx = -dr`, and the definitions by which it was solved are not.
+#[derive(Clone, Debug)]
+pub struct Solved {
+    /// Definitions that are components of the solution, each with its position in it.
+    pub symbols: Vec<(SymbolId, usize)>,
+    /// `r` at the solution, as sums that are not known to vanish.
+    pub residual: Vec<ExprId>,
+    /// Definitions that the residual alone needs; they need none that comes after the first component of the solution,
+    /// other components apart.
+    pub sections: Vec<Section>,
+    /// Names of the components.
+    pub labels: Vec<String>,
+}
+
+/// Solves a linear system for further right-hand sides.
+pub trait Linear {
+    /// `x` of `A x = b`; its components are named by `labels`.
+    fn solve(
+        &self,
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+        labels: &[String],
+        b: &[ExprId],
+    ) -> Vec<ExprId>;
+
+    /// `x` of `A^T x = b`.
+    fn solve_transposed(
+        &self,
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+        labels: &[String],
+        b: &[ExprId],
+    ) -> Vec<ExprId>;
+}
+
+/// The vertices of a solution.
+#[derive(Clone)]
+struct Block<'a> {
+    /// The first of the vertices of its components, one after the other.
+    start: usize,
+    /// The vertices of the residual.
+    residual: Vec<Option<usize>>,
+    solved: &'a Solved,
+    linear: &'a dyn Linear,
+}
+
 /// Ordered definitions and results, linearised with respect to some of their inputs.
 ///
 /// ```text
@@ -32,48 +80,84 @@ struct Vertex {
 /// ```
 ///
 /// Inputs that are not differentiated by are constants.
-#[derive(Clone, Debug)]
-pub struct Linearisation {
+#[derive(Clone)]
+pub struct Linearisation<'a> {
     /// The inputs first, then in order of evaluation.
     vertices: Vec<Vertex>,
     n_inputs: usize,
     /// The vertex of each result; none for a result that does not depend on the inputs.
     roots: Vec<Option<usize>>,
     titles: Vec<String>,
+    block: Option<Block<'a>>,
+    /// Whether some result depends on a vertex.
+    is_needed: Vec<bool>,
 }
 
-impl Linearisation {
+impl<'a> Linearisation<'a> {
     /// Linearises `roots`, which are written in terms of inputs and the definitions of `sections`.
-    pub fn new(g: &mut Graph, sections: &[Section], roots: &[ExprId], inputs: &[SymbolId]) -> Linearisation {
+    pub fn new(g: &mut Graph, sections: &[Section], roots: &[ExprId], inputs: &[SymbolId]) -> Self {
+        Linearisation::with_solved(g, sections, roots, inputs, None)
+    }
+
+    /// The same, where some definitions are the solution of a linear system.
+    pub fn with_solved(
+        g: &mut Graph,
+        sections: &[Section],
+        roots: &[ExprId],
+        inputs: &[SymbolId],
+        solved: Option<(&'a Solved, &'a dyn Linear)>,
+    ) -> Self {
         let mut builder = Builder { vertices: Vec::new(), symbols: HashMap::new(), parts: HashMap::new() };
+        let mut block = None;
         for input in inputs {
             let position = builder.push(Vertex { symbol: Some(*input), section: 0, partials: Vec::new() });
             builder.symbols.insert(*input, position);
         }
         for (k, section) in sections.iter().enumerate() {
             for definition in &section.definitions {
-                builder.parts_of(g, definition.expr, k);
-                let value = g.sym(definition.symbol);
-                let partials = builder.partials(g, definition.expr, value);
-                if !partials.is_empty() {
-                    let vertex = Vertex { symbol: Some(definition.symbol), section: k, partials };
-                    let position = builder.push(vertex);
-                    builder.symbols.insert(definition.symbol, position);
+                let of_solution = solved.filter(|(solved, _)| solved.position(definition.symbol).is_some());
+                let Some((solved, linear)) = of_solution else {
+                    builder.definition(g, definition, k);
+                    continue;
+                };
+                if block.is_none() {
+                    let residual = builder.residual(g, solved, sections.len() + 1);
+                    let start = builder.vertices.len();
+                    for (symbol, _) in &solved.symbols {
+                        let vertex = Vertex { symbol: Some(*symbol), section: k, partials: Vec::new() };
+                        let position = builder.push(vertex);
+                        builder.symbols.insert(*symbol, position);
+                    }
+                    block = Some(Block { start, residual, solved, linear });
                 }
             }
         }
-        let roots = roots
-            .iter()
-            .map(|root| {
-                builder.parts_of(g, *root, sections.len());
-                builder.part(g, *root, sections.len())
-            })
-            .collect();
-        Linearisation {
+        let roots = roots.iter().map(|root| builder.root(g, *root, sections.len())).collect();
+        let mut titles: Vec<String> = sections.iter().map(|s| s.title.clone()).collect();
+        titles.push("results".to_owned());
+        titles.extend(solved.iter().flat_map(|(solved, _)| solved.sections.iter().map(|s| s.title.clone())));
+        let mut linear = Linearisation {
+            is_needed: vec![false; builder.vertices.len()],
             vertices: builder.vertices,
             n_inputs: inputs.len(),
             roots,
-            titles: sections.iter().map(|s| s.title.clone()).collect(),
+            titles,
+            block,
+        };
+        linear.find_needed();
+        linear
+    }
+
+    fn find_needed(&mut self) {
+        let mut pending: Vec<usize> = self.roots.iter().flatten().copied().collect();
+        while let Some(i) = pending.pop() {
+            if std::mem::replace(&mut self.is_needed[i], true) {
+                continue;
+            }
+            pending.extend(self.vertices[i].partials.iter().map(|(j, _)| *j));
+            if let Some(block) = self.block.as_ref().filter(|block| block.vertices().contains(&i)) {
+                pending.extend(block.residual.iter().flatten());
+            }
         }
     }
 
@@ -100,8 +184,18 @@ impl Linearisation {
         let mut tangents: Vec<Vec<ExprId>> =
             (0..self.n_inputs).map(|j| directions.iter().map(|v| v[j]).collect()).collect();
         let mut section = None;
-        for vertex in &self.vertices[self.n_inputs..] {
+        for (i, vertex) in self.vertices.iter().enumerate().skip(self.n_inputs) {
+            if !self.is_needed[i] {
+                tangents.push(zeros.clone());
+                continue;
+            }
             self.enter(&mut section, vertex, writer, &title);
+            if let Some(block) = self.block.as_ref().filter(|block| block.vertices().contains(&i)) {
+                if tangents.len() == i {
+                    tangents.extend(block.tangents(g, writer, &tangents, directions.len(), &name));
+                }
+                continue;
+            }
             let mut tangent = Vec::with_capacity(directions.len());
             for k in 0..directions.len() {
                 let mut terms = Vec::with_capacity(vertex.partials.len());
@@ -145,6 +239,12 @@ impl Linearisation {
         let mut section = None;
         for (i, vertex) in self.vertices.iter().enumerate().skip(self.n_inputs).rev() {
             self.enter(&mut section, vertex, writer, &title);
+            if let Some(block) = self.block.as_ref().filter(|block| block.vertices().contains(&i)) {
+                if i == block.start {
+                    block.adjoints(g, writer, &mut terms, &name);
+                }
+                continue;
+            }
             let sum = g.sum(&terms[i]);
             let adjoint = named(g, writer, vertex, sum, &name);
             if adjoint != g.zero() {
@@ -207,6 +307,74 @@ fn named(
     }
 }
 
+impl Solved {
+    /// The residual and the definitions that it alone needs.
+    pub fn expressions(&self) -> impl Iterator<Item = ExprId> {
+        let definitions = self.sections.iter().flat_map(|section| &section.definitions);
+        definitions.map(|definition| definition.expr).chain(self.residual.iter().copied())
+    }
+
+    /// The position of a component in the solution.
+    fn position(&self, symbol: SymbolId) -> Option<usize> {
+        self.symbols.iter().find(|(own, _)| *own == symbol).map(|(_, position)| *position)
+    }
+}
+
+impl Block<'_> {
+    fn vertices(&self) -> Range<usize> {
+        self.start..self.start + self.solved.symbols.len()
+    }
+
+    /// `dx = -A^-1 dr` along every direction, by vertex.
+    fn tangents(
+        &self,
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+        tangents: &[Vec<ExprId>],
+        n_directions: usize,
+        name: impl Fn(&str, usize) -> String,
+    ) -> Vec<Vec<ExprId>> {
+        let mut of_vertices = vec![Vec::with_capacity(n_directions); self.solved.symbols.len()];
+        for k in 0..n_directions {
+            let mut right = Vec::with_capacity(self.residual.len());
+            for (root, label) in self.residual.iter().zip(&self.solved.labels) {
+                let slope = root.map_or(g.zero(), |i| tangents[i][k]);
+                let value = g.neg(slope);
+                right.push(writer.define(g, &name(&format!("balance_{label}"), k), value));
+            }
+            let labels: Vec<String> = self.solved.labels.iter().map(|label| name(label, k)).collect();
+            let solution = self.linear.solve(g, writer, &labels, &right);
+            for (list, (_, position)) in of_vertices.iter_mut().zip(&self.solved.symbols) {
+                list.push(solution[*position]);
+            }
+        }
+        of_vertices
+    }
+
+    /// Adds `-A^-T w` to the adjoints of the residual, with the adjoints `w` of the solution.
+    fn adjoints(
+        &self,
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+        terms: &mut [Vec<ExprId>],
+        name: impl Fn(&str) -> String,
+    ) {
+        let mut right = vec![g.zero(); self.residual.len()];
+        for (i, (_, position)) in self.vertices().zip(&self.solved.symbols) {
+            let sum = g.sum(&terms[i]);
+            right[*position] = writer.define(g, &name(&self.solved.labels[*position]), sum);
+        }
+        let labels: Vec<String> =
+            self.solved.labels.iter().map(|label| name(&format!("balance_{label}"))).collect();
+        let solution = self.linear.solve_transposed(g, writer, &labels, &right);
+        for (root, adjoint) in self.residual.iter().zip(solution) {
+            if let Some(i) = root {
+                terms[*i].push(g.neg(adjoint));
+            }
+        }
+    }
+}
+
 struct Builder {
     vertices: Vec<Vertex>,
     /// Vertices of inputs and definitions; a symbol without one is constant.
@@ -219,6 +387,36 @@ impl Builder {
     fn push(&mut self, vertex: Vertex) -> usize {
         self.vertices.push(vertex);
         self.vertices.len() - 1
+    }
+
+    fn definition(&mut self, g: &mut Graph, definition: &Definition, section: usize) {
+        self.parts_of(g, definition.expr, section);
+        let value = g.sym(definition.symbol);
+        let partials = self.partials(g, definition.expr, value);
+        if !partials.is_empty() {
+            let position = self.push(Vertex { symbol: Some(definition.symbol), section, partials });
+            self.symbols.insert(definition.symbol, position);
+        }
+    }
+
+    fn root(&mut self, g: &mut Graph, root: ExprId, section: usize) -> Option<usize> {
+        self.parts_of(g, root, section);
+        self.part(g, root, section)
+    }
+
+    /// The residual of a system at a solution that is held, with sections from that position on.
+    fn residual(&mut self, g: &mut Graph, solved: &Solved, first: usize) -> Vec<Option<usize>> {
+        // Parts in which the solution is held are other vertices where it is not.
+        let parts = self.parts.clone();
+        for (k, section) in solved.sections.iter().enumerate() {
+            for definition in &section.definitions {
+                self.definition(g, definition, first + k);
+            }
+        }
+        let section = first + solved.sections.len();
+        let roots = solved.residual.iter().map(|root| self.root(g, *root, section)).collect();
+        self.parts = parts;
+        roots
     }
 
     /// Makes vertices of all that `root` is made of, `root` itself left out, operands first.

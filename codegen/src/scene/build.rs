@@ -406,8 +406,7 @@ pub(super) fn lower_scene(
     }
     let of_model = outputs_of_model(&equations, &state);
     let what = (moving.as_slice(), of_model.as_slice());
-    let derivatives =
-        derivatives::differentiate(&mut graph, &equations.sections, what, &inputs, &plan.derivatives);
+    let derivatives = derivatives::differentiate(&mut graph, &equations, what, &inputs, &plan.derivatives)?;
     inputs.arguments = derivatives.arguments;
     if !equations.legendre.momenta.is_empty() {
         let velocities = equations.legendre.velocities.iter().map(|(_, symbol)| *symbol).collect();

@@ -4,10 +4,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hamel_expr::differentiate::Linearisation;
+use hamel_expr::differentiate::{Linear, Linearisation, Solved};
+use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, Section, SectionWriter, SymbolId, needed_sections};
 use hamel_lang::spec::Want;
-use hamel_mechanics::mechanics::{Output, StateEquation};
+use hamel_mechanics::mechanics::{Equations, Output, StateEquation};
 use hamel_program::lower::{Inputs, Request};
 use hamel_program::program::Role;
 
@@ -219,19 +220,30 @@ pub(super) struct Derivatives {
     pub(super) sections: Vec<Section>,
 }
 
-/// Differentiates the rates of `state` and `outputs`, written in terms of `inputs` and the definitions of `sections`.
+/// Differentiates the rates of `state` and `outputs`, written in terms of `inputs` and the definitions of `equations`.
+///
+/// # Errors
+/// As [`Equations::solved`].
 pub(super) fn differentiate(
     g: &mut Graph,
-    sections: &[Section],
+    equations: &Equations,
     (state, outputs): (&[StateEquation], &[(String, ExprId)]),
     inputs: &Inputs,
     wanted: &BTreeSet<Derivative>,
-) -> Derivatives {
+) -> Result<Derivatives, Error> {
+    if wanted.is_empty() {
+        return Ok(Derivatives::default());
+    }
+    let solved = equations.solved(g)?;
     let rates: Vec<ExprId> = state.iter().map(|s| s.derivative).collect();
     let (of_outputs, values): (Vec<String>, Vec<ExprId>) = outputs.iter().cloned().unzip();
-    let all_sections = sections;
-    let sections = needed_sections(g, all_sections, &rates);
-    let sections_of_outputs = needed_sections(g, all_sections, &values);
+    let with_balance = |roots: &[ExprId]| {
+        let balance = solved.iter().flat_map(|(solved, ..)| solved.expressions());
+        let roots: Vec<ExprId> = roots.iter().copied().chain(balance).collect();
+        needed_sections(g, &equations.sections, &roots)
+    };
+    let sections = with_balance(&rates);
+    let sections_of_outputs = with_balance(&values);
     let held: Vec<SymbolId> = inputs.held.iter().map(|(symbol, _)| *symbol).collect();
     let writer = SectionWriter::new(g, BTreeSet::new(), &[]);
     let mut pass = Pass {
@@ -239,6 +251,7 @@ pub(super) fn differentiate(
         g,
         sections: &sections,
         rates,
+        solved: solved.as_ref().map(|(solved, factors, _)| (solved, factors as &dyn Linear)),
         writer,
         result: Derivatives::default(),
     };
@@ -267,22 +280,28 @@ pub(super) fn differentiate(
         }
     }
     let Pass { writer, mut result, .. } = pass;
-    (result.sections, _) = writer.finish();
-    result
+    let own = writer.finish().0;
+    if let Some((solved, _, factors)) = solved {
+        result.sections.extend(factors.into_iter().chain(solved.sections));
+    }
+    result.sections.extend(own);
+    Ok(result)
 }
 
 struct Pass<'a> {
     g: &'a mut Graph,
     sections: &'a [Section],
     rates: Vec<ExprId>,
+    /// Accelerations that are the solution of a linear system, which is differentiated in their place.
+    solved: Option<(&'a Solved, &'a dyn Linear)>,
     rate_names: Vec<String>,
     writer: SectionWriter,
     result: Derivatives,
 }
 
-impl Pass<'_> {
-    fn linearise(&mut self, by: &[SymbolId]) -> Linearisation {
-        Linearisation::new(self.g, self.sections, &self.rates, by)
+impl<'a> Pass<'a> {
+    fn linearise(&mut self, by: &[SymbolId]) -> Linearisation<'a> {
+        Linearisation::with_solved(self.g, self.sections, &self.rates, by, self.solved)
     }
 
     /// Positions, names and values of all entries `df_i/dx_j`, row by row.

@@ -65,10 +65,7 @@ mod tests {
 
         write("inner/src/lib.rs", "");
         write("inner/Cargo.toml", &package("inner", ""));
-        write(
-            "Cargo.toml",
-            &package("outer", "[workspace]\n[dependencies]\ninner = { path = \"inner\" }\n"),
-        );
+        write("Cargo.toml", &package("outer", "[workspace]\n[dependencies]\ninner = { path = \"inner\" }\n"));
         let said = stale(&folder).unwrap().unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
         assert!(said.contains("cannot update the lock file"), "{said}");

@@ -52,7 +52,10 @@ impl Derivation<'_> {
             }
         };
         let (udot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
-        let system = LinearSystem { mass_matrix, force, unknowns };
+        // Momenta in the state have rates of their own.
+        let is_solved = self.transform.is_none();
+        let balance = is_solved.then(|| self.balance_of(&mass_matrix, &force, &unknowns, &udot));
+        let system = LinearSystem { mass_matrix, force, unknowns, balance };
         let psi = self.psi_by_names(solved);
         let added = self.along(&psi, &udot);
         self.motion_of(solved, system, (udot, pivots), (&added, &lag))
@@ -83,6 +86,7 @@ impl Derivation<'_> {
         pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot::of_coefficients(name, *expr)));
         self.writer.begin("rates of the velocities of the model udot = T etadot + dT/dt eta");
         let eta: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.sym(*s)).collect();
+        let balance = Some(self.balance_of(&hessian, &drive, &names, &acceleration));
         let mut unknown_rates = Vec::new();
         for unknown in &solved.unknowns {
             let of_model = frame.original.iter().position(|u| u.symbol == unknown.symbol);
@@ -98,7 +102,7 @@ impl Derivation<'_> {
             unknown_rates,
             multipliers: Vec::new(),
             reactions: Vec::new(),
-            system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names }),
+            system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names, balance }),
             pivots,
             momentum_rates: Vec::new(),
         })

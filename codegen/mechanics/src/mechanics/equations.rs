@@ -10,6 +10,7 @@ use crate::reduction::{CarriedMomentum, ReducedSystem};
 use hamel_expr::{ExprId, Graph, Node, Section, Sign, Style, SymbolId, Vanishing, sign_of};
 use hamel_lang::spec::Want;
 
+use super::balance::Balance;
 use super::solve::Pivot;
 
 /// A state variable and its time derivative.
@@ -132,6 +133,8 @@ pub struct LinearSystem {
     pub force: Vec<ExprId>,
     /// Names of the unknowns `u`.
     pub unknowns: Vec<String>,
+    /// How the accelerations are differentiated; none where they are no solution of `A udot = f` alone.
+    pub balance: Option<Balance>,
 }
 
 /// The momenta that the state carries as functions of the velocities that they stand for:
@@ -262,9 +265,11 @@ impl Equations {
             Form::Accelerations(system) => Some(system),
             Form::Momenta | Form::Given => None,
         };
-        let matrix = linear.into_iter().flat_map(|LinearSystem { mass_matrix, force, unknowns: _ }| {
-            mass_matrix.iter_mut().flatten().chain(force)
-        });
+        let matrix =
+            linear.into_iter().flat_map(|LinearSystem { mass_matrix, force, unknowns: _, balance }| {
+                let balance = balance.iter_mut().flat_map(Balance::values_mut);
+                mass_matrix.iter_mut().flatten().chain(force).chain(balance)
+            });
         let pivots = pivots.iter_mut().flat_map(|p| {
             let origin = p
                 .origin

@@ -20,7 +20,7 @@ use hamel_expr::{ExprId, Graph, SymbolId};
 use hamel_lang::algebra::tableau::{Least, QuadraticForm, Slopes};
 
 use super::derive::Derivation;
-use super::kane::AtRest;
+use super::kane::Accelerated;
 use super::limits::MAX_EXPANDED;
 use super::recursion::{Recursion, Step};
 
@@ -89,7 +89,7 @@ impl Derivation<'_> {
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-        rest: &AtRest,
+        rest: &Accelerated,
     ) -> Result<Gauss, Error> {
         let directions = &recursion.directions;
         let mut gauss = Gauss {
@@ -216,7 +216,7 @@ impl Derivation<'_> {
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-        rest: &AtRest,
+        rest: &Accelerated,
         order: Order,
     ) -> Result<Option<Elimination>, Error> {
         let gauss = self.gauss(recursion, solved, rest)?;

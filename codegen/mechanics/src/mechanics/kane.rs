@@ -26,8 +26,8 @@ pub(super) struct Tangent {
     pub(super) components: Vec<Vec<ExprId>>,
 }
 
-/// What there is at `udot = 0`.
-pub(super) struct AtRest {
+/// What there is at some rates `udot`.
+pub(super) struct Accelerated {
     /// Accelerations of the velocities of the frame.
     pub(super) velocities: Vec<ExprId>,
     /// Accelerations of the squares times their masses, by their components.
@@ -143,13 +143,25 @@ impl Derivation<'_> {
     }
 
     /// Accelerations at `udot = 0`, of squares times their masses.
-    pub(super) fn at_rest(&mut self, recursion: &Recursion) -> Result<AtRest, Error> {
-        self.writer.begin("accelerations of the recursion at udot = 0");
+    pub(super) fn at_rest(&mut self, recursion: &Recursion) -> Result<Accelerated, Error> {
+        let names = ("lag_", "accelerations of the recursion at udot = 0");
+        self.along_recursion(recursion, names, BTreeMap::new())
+    }
+
+    /// Accelerations at the rates `udot` of the unknowns, zero where none is given, of squares times their masses;
+    /// values get names that begin with `prefix`, in a section under `title`.
+    pub(super) fn along_recursion(
+        &mut self,
+        recursion: &Recursion,
+        (prefix, title): (&str, &str),
+        udot: BTreeMap<SymbolId, ExprId>,
+    ) -> Result<Accelerated, Error> {
+        self.writer.begin(title);
         let one = self.g.one();
         let base = self.system.algebroid.base().iter().copied().zip(self.rates.iter().copied());
         let moving = base.chain([(self.system.time, one)]).filter(|(_, rate)| *rate != self.g.zero());
-        let moving: BTreeMap<SymbolId, ExprId> = moving.collect();
-        let drift = self.by_recursion(recursion, "lag_", moving)?;
+        let moving: BTreeMap<SymbolId, ExprId> = moving.chain(udot).collect();
+        let drift = self.by_recursion(recursion, prefix, moving)?;
         let mut forces = Vec::with_capacity(recursion.squares.len());
         for (k, (square, lag)) in recursion.squares.iter().zip(&drift.components).enumerate() {
             let mut v = Vec::new();
@@ -163,7 +175,7 @@ impl Derivation<'_> {
             }
             forces.push(self.inertia_force(square, k, (&v, frame), lag));
         }
-        Ok(AtRest { velocities: drift.velocities, forces })
+        Ok(Accelerated { velocities: drift.velocities, forces })
     }
 
     /// `J (dv/dx xdot + omega x v)`, or `J domega/dx xdot + omega x J omega`, with the rates `lag` at fixed velocities.
@@ -193,7 +205,7 @@ impl Derivation<'_> {
     }
 
     /// The forces of everything but the squares, without what their Hessian gives the accelerations at `rest`.
-    pub(super) fn net_of_rest(&mut self, rest_hessian: &[Vec<ExprId>], rest: &AtRest) -> Vec<ExprId> {
+    pub(super) fn net_of_rest(&mut self, rest_hessian: &[Vec<ExprId>], rest: &Accelerated) -> Vec<ExprId> {
         let mut net = Vec::with_capacity(rest_hessian.len());
         for (alpha, row) in rest_hessian.iter().enumerate() {
             let mut terms = vec![self.forces.of_rest[alpha]];
@@ -211,7 +223,7 @@ impl Derivation<'_> {
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-        rest: &AtRest,
+        rest: &Accelerated,
     ) -> Result<Kane, Error> {
         let partial = self.partial_velocities(recursion, solved)?;
         let rest_hessian = self.hessian_of(recursion.rest)?;

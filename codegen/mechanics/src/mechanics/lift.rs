@@ -131,7 +131,7 @@ impl Derivation<'_> {
             unknown_rates: rates,
             multipliers: Vec::new(),
             reactions: Vec::new(),
-            system: Some(LinearSystem { mass_matrix, force, unknowns: names }),
+            system: Some(LinearSystem { mass_matrix, force, unknowns: names, balance: None }),
             pivots,
             momentum_rates: Vec::new(),
         })

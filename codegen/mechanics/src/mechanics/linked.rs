@@ -10,7 +10,7 @@ use super::constrained::inertias;
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
 use super::gauss::Order;
-use super::kane::{AtRest, Kane};
+use super::kane::{Accelerated, Kane};
 use super::limits::{CLOSE, MAX_PARTIAL};
 use super::recursion::Recursion;
 use super::solve::{Pivot, PivotMatrix};
@@ -22,6 +22,15 @@ enum Way {
     PartialVelocities,
     /// From the last body to the first.
     Eliminated(Order),
+}
+
+/// Accelerations found in some way.
+struct Found {
+    motion: Motion,
+    /// The mass matrix along the rates of the recursion.
+    matrix: Vec<Vec<ExprId>>,
+    /// Their rates of change.
+    wdot: Vec<ExprId>,
 }
 
 const WAYS: [Way; 3] =
@@ -44,16 +53,16 @@ impl Derivation<'_> {
                 continue;
             }
             let is_kept = trials.attempt(self, margin, |d| {
-                let motion = match d.solve_in(way, recursion, solved, &rest) {
-                    Ok(motion) => motion?,
+                let found = match d.solve_in(way, recursion, solved, &rest) {
+                    Ok(found) => found?,
                     Err(e) => {
                         failure = Some(e);
                         return None;
                     }
                 };
-                let roots: Vec<ExprId> =
-                    motion.acceleration.iter().chain(&motion.unknown_rates).copied().collect();
-                Some((d.n_operations(&roots), motion))
+                let Motion { acceleration, unknown_rates, .. } = &found.motion;
+                let roots: Vec<ExprId> = acceleration.iter().chain(unknown_rates).copied().collect();
+                Some((d.n_operations(&roots), found))
             });
             self.g.within_budget()?;
             if is_kept {
@@ -61,7 +70,12 @@ impl Derivation<'_> {
             }
         }
         let nothing = || failure.unwrap_or(Error::SingularMassMatrix { direction: "every rate".into() });
-        trials.finish(self).ok_or_else(nothing)
+        let Found { mut motion, matrix, wdot } = trials.finish(self).ok_or_else(nothing)?;
+        let balance = self.balance_of_linked(recursion, solved, &matrix, &wdot)?;
+        if let Some(system) = &mut motion.system {
+            system.balance = Some(balance);
+        }
+        Ok(motion)
     }
 
     fn solve_in(
@@ -69,8 +83,8 @@ impl Derivation<'_> {
         way: Way,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-        rest: &AtRest,
-    ) -> Result<Option<Motion>, Error> {
+        rest: &Accelerated,
+    ) -> Result<Option<Found>, Error> {
         let order = match way {
             Way::PartialVelocities => {
                 let Kane { mass_matrix, force, partial } = self.kane(recursion, solved, rest)?;
@@ -80,7 +94,8 @@ impl Derivation<'_> {
                     .collect();
                 let added = self.along(&psi, &wdot);
                 let system = self.along_unknowns(recursion, solved, (&mass_matrix, &force));
-                return self.moved(recursion, solved, system, (&wdot, pivots), (&added, rest)).map(Some);
+                let motion = self.moved(recursion, solved, system, (&wdot, pivots), (&added, rest))?;
+                return Ok(Some(Found { motion, matrix: mass_matrix, wdot }));
             }
             Way::Eliminated(order) => order,
         };
@@ -115,7 +130,8 @@ impl Derivation<'_> {
                 (wdot, of_rates.chain(of_constraints).collect(), added)
             }
         };
-        self.moved(recursion, solved, system, (&wdot, pivots), (&added, rest)).map(Some)
+        let motion = self.moved(recursion, solved, system, (&wdot, pivots), (&added, rest))?;
+        Ok(Some(Found { motion, matrix: mass_matrix, wdot }))
     }
 
     /// The motion by the rates `wdot`: `udot = B wdot`.
@@ -125,7 +141,7 @@ impl Derivation<'_> {
         solved: &SolvedConstraint,
         system: LinearSystem,
         (wdot, pivots): (&[ExprId], Vec<Pivot>),
-        (added, rest): (&[ExprId], &AtRest),
+        (added, rest): (&[ExprId], &Accelerated),
     ) -> Result<Motion, Error> {
         let inverse = &recursion.directions.inverse;
         let udot = inverse.iter().map(|row| self.combined(row, wdot)).collect();
@@ -156,7 +172,7 @@ impl Derivation<'_> {
         let mass_matrix: Vec<Vec<ExprId>> = rows.collect();
         let force = columns.iter().map(|column| self.combined(column, force)).collect();
         let unknowns = solved.unknowns.iter().map(|u| u.name.clone()).collect();
-        LinearSystem { mass_matrix, force, unknowns }
+        LinearSystem { mass_matrix, force, unknowns, balance: None }
     }
 
     fn combined(&mut self, weights: &[Rational], values: &[ExprId]) -> ExprId {

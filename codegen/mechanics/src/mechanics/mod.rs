@@ -6,6 +6,7 @@
 //! [`ReducedSystem`]: crate::reduction::ReducedSystem
 
 mod answers;
+mod balance;
 mod bracket;
 mod chart;
 mod coefficients;
@@ -24,6 +25,7 @@ mod hamilton;
 mod hamiltonization;
 mod implicit;
 mod integrable;
+mod inverse;
 mod kane;
 mod legendre;
 mod lift;
@@ -50,6 +52,7 @@ mod variations;
 mod vertical;
 mod written;
 
+pub use balance::Balance;
 pub use bracket::Bracket;
 pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use curvature::{ConnectionName, LiftBracket, NamedConnection};

@@ -88,12 +88,14 @@ impl Derivation<'_> {
         }
         let mut pivots = factors.pivots(&inertias(&names), true);
         pivots.extend(constraint_pivots);
+        let is_free = rows.is_empty() && self.transform.is_none();
+        let balance = is_free.then(|| self.balance_of(&hessian, &drive, &names, &acceleration));
         Ok(Motion {
             unknown_rates: acceleration.clone(),
             acceleration,
             multipliers: labels.into_iter().zip(lambda).collect(),
             reactions: reactions.to_vec(),
-            system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names }),
+            system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names, balance }),
             pivots,
             momentum_rates: Vec::new(),
         })

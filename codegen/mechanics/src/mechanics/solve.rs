@@ -388,6 +388,20 @@ impl Factorisation {
         }
     }
 
+    /// The factors of `A^T`: `U^T D L^T`.
+    pub(super) fn transposed(&self) -> Factorisation {
+        let n = self.row_order.len();
+        let turned = |of: &[Vec<ExprId>]| (0..n).map(|i| (0..n).map(|j| of[j][i]).collect()).collect();
+        Factorisation {
+            row_order: self.column_order.clone(),
+            column_order: self.row_order.clone(),
+            lower: turned(&self.upper),
+            upper: turned(&self.lower),
+            block: self.block.map(|[[a, b], [c, d]]| [[a, c], [b, d]]),
+            ..self.clone()
+        }
+    }
+
     /// Solves for one right-hand side; the unknowns are named by `labels`, intermediate values `z_` and that.
     pub fn solve(
         &self,

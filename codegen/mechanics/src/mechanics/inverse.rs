@@ -1,0 +1,221 @@
+//! The balance of the equations of motion at given accelerations: what differentiates accelerations without
+//! differentiating how they were solved for.
+//!
+//! `r(q, u, udot) = A udot - f` vanishes along the motion, so that `A d(udot) = -dr` at fixed `udot`. Of linked bodies
+//! `r` is made by their recursion, forces from the last body to the first, and no entry of `A` is differentiated.
+//! Deliberately does not know: by what anything is differentiated, how `A` is factored.
+//!
+//! # Source
+//! Luh, Walker, Paul 1980, On-line computational scheme for mechanical manipulators; Carpentier, Mansard 2018,
+//! Analytical derivatives of rigid body dynamics algorithms, section IV.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use num_traits::Zero;
+
+use crate::reduction::SolvedConstraint;
+use hamel_expr::differentiate::Solved;
+use hamel_expr::error::Error;
+use hamel_expr::{Definition, ExprId, Graph, Node, Section, SectionWriter, SymbolId, needed_sections};
+
+use super::balance::Balance;
+use super::derive::Derivation;
+use super::equations::Equations;
+use super::recursion::{Recursion, Step};
+use super::solve::Factorisation;
+
+impl Equations {
+    /// What tells derivatives of the accelerations: their balance at the motion, the factors of `A`, and the
+    /// definitions of these that the equations do not have. None where the accelerations are no solution of
+    /// `A udot = f` alone.
+    ///
+    /// # Errors
+    /// [`Error::SingularMassMatrix`], [`Error::DivisionByZero`].
+    pub fn solved(&self, g: &mut Graph) -> Result<Option<(Solved, Factorisation, Vec<Section>)>, Error> {
+        let Some(balance) = self.linear_system().and_then(|system| system.balance.as_ref()) else {
+            return Ok(None);
+        };
+        let symbols: Vec<(SymbolId, usize)> = (balance.solution.iter().enumerate())
+            .filter_map(|(k, e)| match g.node(*e) {
+                Node::Symbol(symbol) => Some((*symbol, k)),
+                _ => None,
+            })
+            .collect();
+        if symbols.is_empty() {
+            return Ok(None);
+        }
+        let mut image: BTreeMap<SymbolId, ExprId> = balance.accelerations.iter().copied().collect();
+        let mut renewed = Vec::new();
+        let before = self.before(&symbols);
+        for section in needed_sections(g, &self.sections, &balance.residual) {
+            let mut definitions = Vec::new();
+            for definition in section.definitions {
+                let value = at_motion(g, definition.expr, &image)?;
+                if value == definition.expr && before.contains(&definition.symbol) {
+                    continue;
+                }
+                let name = g.name(definition.symbol).to_owned();
+                let symbol = g.define(&name, value);
+                image.insert(definition.symbol, g.sym(symbol));
+                definitions.push(Definition { symbol, expr: value });
+            }
+            if !definitions.is_empty() {
+                renewed.push(Section { title: section.title, definitions });
+            }
+        }
+        let mut residual = Vec::with_capacity(balance.residual.len());
+        for e in &balance.residual {
+            residual.push(at_motion(g, *e, &image)?);
+        }
+        let mut writer = SectionWriter::after(g, self.varying.clone(), &self.sections);
+        writer.begin("factors of A");
+        let (names, signs) = (&balance.names, &self.system.signs);
+        let factors = Factorisation::new(g, &mut writer, "A", &balance.matrix, names, signs, &[])?;
+        let labels = names.iter().map(|name| format!("dot_{name}")).collect();
+        let solved = Solved { symbols, residual, sections: renewed, labels };
+        Ok(Some((solved, factors, writer.finish().0)))
+    }
+}
+
+impl Equations {
+    /// Definitions that come before the first component of a solution.
+    fn before(&self, solution: &[(SymbolId, usize)]) -> BTreeSet<SymbolId> {
+        let definitions = self.sections.iter().flat_map(|section| &section.definitions).map(|d| d.symbol);
+        definitions.take_while(|symbol| solution.iter().all(|(own, _)| own != symbol)).collect()
+    }
+}
+
+/// An expression at the accelerations of the motion.
+fn at_motion(g: &mut Graph, e: ExprId, image: &BTreeMap<SymbolId, ExprId>) -> Result<ExprId, Error> {
+    g.subs(e, image)
+        .map_err(|_| Error::DivisionByZero { place: "the balance of the equations of motion".into() })
+}
+
+impl Derivation<'_> {
+    /// Accelerations by symbols of their own.
+    fn given_accelerations(&mut self, names: &[String]) -> Vec<SymbolId> {
+        let given = names.iter().map(|name| self.g.symbol(&format!("given_dot_{name}")));
+        let given: Vec<SymbolId> = given.collect();
+        self.writer.vary(&self.g, &given);
+        given
+    }
+
+    /// The balance `A wdot - f` of a system that was assembled.
+    pub(super) fn balance_of(
+        &mut self,
+        matrix: &[Vec<ExprId>],
+        force: &[ExprId],
+        names: &[String],
+        solution: &[ExprId],
+    ) -> Balance {
+        let given = self.given_accelerations(names);
+        let values: Vec<ExprId> = given.iter().map(|s| self.g.sym(*s)).collect();
+        let mut residual = Vec::with_capacity(force.len());
+        for (row, force) in matrix.iter().zip(force) {
+            let inertial = self.g.dot(row, &values);
+            residual.push(self.g.sub(inertial, *force));
+        }
+        Balance {
+            accelerations: given.into_iter().zip(solution.iter().copied()).collect(),
+            residual,
+            matrix: matrix.to_vec(),
+            solution: solution.to_vec(),
+            names: names.to_vec(),
+        }
+    }
+
+    /// The balance of linked bodies along their rates `w`, `u = B w`, of which `matrix` is the mass matrix: rates of
+    /// change from the first part to the last, forces from the last to the first.
+    pub(super) fn balance_of_linked(
+        &mut self,
+        recursion: &Recursion,
+        solved: &SolvedConstraint,
+        matrix: &[Vec<ExprId>],
+        solution: &[ExprId],
+    ) -> Result<Balance, Error> {
+        let names: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
+        let given = self.given_accelerations(&names);
+        let by_rates = recursion.directions.inverse.clone();
+        let mut accelerations = Vec::with_capacity(given.len());
+        let mut changes = BTreeMap::new();
+        for ((symbol, unknown), row) in given.iter().zip(&solved.unknowns).zip(&by_rates) {
+            let terms: Vec<_> = solution.iter().copied().zip(row.iter().cloned()).collect();
+            accelerations.push((*symbol, self.g.linear_combination(&terms)));
+            changes.insert(unknown.symbol, self.g.sym(*symbol));
+        }
+        let motion = self.along_recursion(recursion, ("acc_", "inverse dynamics: accelerations"), changes)?;
+        self.writer.begin("inverse dynamics: forces from the last part to the first");
+        let mut forces: BTreeMap<SymbolId, Vec<ExprId>> = BTreeMap::new();
+        for (k, square) in recursion.components.iter().enumerate() {
+            for (i, e) in square.iter().enumerate() {
+                let force = self.define(&format!("ma{}_{}", k + 1, i + 1), motion.forces[k][i]);
+                self.pass_on(recursion, (*e, None), force, &mut forces)?;
+            }
+        }
+        let rest_hessian = self.hessian_of(recursion.rest)?;
+        let net = self.net_of_rest(&rest_hessian, &motion);
+        for (velocity, net) in self.system.velocities.clone().into_iter().zip(net) {
+            let left = self.g.neg(net);
+            forces.entry(velocity).or_default().push(left);
+        }
+        for step in recursion.steps.iter().rev() {
+            let (symbol, value, coefficient) = match step {
+                Step::Part(symbol, value) => (*symbol, *value, None),
+                Step::Solved { alpha, coefficient, rest } => {
+                    (self.system.velocities[*alpha], *rest, Some(*coefficient))
+                }
+            };
+            let Some(terms) = forces.remove(&symbol) else { continue };
+            let sum = self.g.sum(&terms);
+            let force = self.define(&format!("force_{}", self.g.name(symbol).to_owned()), sum);
+            self.pass_on(recursion, (value, coefficient), force, &mut forces)?;
+        }
+        let mut along_unknowns = Vec::with_capacity(names.len());
+        for unknown in &solved.unknowns {
+            let terms = forces.remove(&unknown.symbol).unwrap_or_default();
+            along_unknowns.push(self.g.sum(&terms));
+        }
+        let mut residual = Vec::with_capacity(names.len());
+        for b in 0..names.len() {
+            let along = along_unknowns.iter().copied().zip(by_rates.iter().map(|row| row[b].clone()));
+            let terms: Vec<_> = along.filter(|(_, weight)| !weight.is_zero()).collect();
+            residual.push(self.g.linear_combination(&terms));
+        }
+        Ok(Balance { accelerations, residual, matrix: matrix.to_vec(), solution: solution.to_vec(), names })
+    }
+
+    /// A force on a value, on everything that the value is computed from: `value`, or `-value/coefficient`.
+    fn pass_on(
+        &mut self,
+        recursion: &Recursion,
+        (value, coefficient): (ExprId, Option<ExprId>),
+        force: ExprId,
+        forces: &mut BTreeMap<SymbolId, Vec<ExprId>>,
+    ) -> Result<(), Error> {
+        if force == self.g.zero() {
+            return Ok(());
+        }
+        for symbol in self.g.free_symbols(value) {
+            if recursion.vanishing.contains(&symbol) || !self.is_moved_by_velocities(recursion, symbol) {
+                continue;
+            }
+            let slope = self.g.diff(value, symbol);
+            let mut slope = self.in_recursion(recursion, slope)?;
+            if let Some(coefficient) = coefficient {
+                slope = self.solved_for(slope, coefficient);
+            }
+            if slope != self.g.zero() {
+                let along = self.g.mul(slope, force);
+                forces.entry(symbol).or_default().push(along);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a symbol is a velocity, a quasi-velocity or a part.
+    fn is_moved_by_velocities(&self, recursion: &Recursion, symbol: SymbolId) -> bool {
+        recursion.values.contains_key(&symbol)
+            || self.system.velocities.contains(&symbol)
+            || self.system.unknowns.iter().any(|u| u.symbol == symbol)
+    }
+}
