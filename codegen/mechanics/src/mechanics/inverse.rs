@@ -16,22 +16,21 @@ use num_traits::Zero;
 use crate::reduction::SolvedConstraint;
 use hamel_expr::differentiate::Solved;
 use hamel_expr::error::Error;
-use hamel_expr::{Definition, ExprId, Graph, Node, Section, SectionWriter, SymbolId, needed_sections};
+use hamel_expr::{Definition, ExprId, Graph, Node, Section, SectionWriter, Sign, SymbolId, needed_sections};
 
-use super::balance::Balance;
+use super::balance::{Balance, Border, Factors, Kept};
 use super::derive::Derivation;
 use super::equations::Equations;
 use super::recursion::{Recursion, Step};
 use super::solve::Factorisation;
 
 impl Equations {
-    /// What tells derivatives of the accelerations: their balance at the motion, the factors of `A`, and the
-    /// definitions of these that the equations do not have. None where the accelerations are no solution of
-    /// `A udot = f` alone.
+    /// What tells derivatives of the accelerations: their balance at the motion, its factors, and the definitions of
+    /// these that the equations do not have. None where the state has momenta, or no acceleration is solved for.
     ///
     /// # Errors
     /// [`Error::SingularMassMatrix`], [`Error::DivisionByZero`].
-    pub fn solved(&self, g: &mut Graph) -> Result<Option<(Solved, Factorisation, Vec<Section>)>, Error> {
+    pub fn solved(&self, g: &mut Graph) -> Result<Option<(Solved, Factors, Vec<Section>)>, Error> {
         let Some(balance) = self.linear_system().and_then(|system| system.balance.as_ref()) else {
             return Ok(None);
         };
@@ -68,12 +67,44 @@ impl Equations {
             residual.push(at_motion(g, *e, &image)?);
         }
         let mut writer = SectionWriter::after(g, self.varying.clone(), &self.sections);
-        writer.begin("factors of A");
-        let (names, signs) = (&balance.names, &self.system.signs);
-        let factors = Factorisation::new(g, &mut writer, "A", &balance.matrix, names, signs, &[])?;
-        let labels = names.iter().map(|name| format!("dot_{name}")).collect();
+        let factors = balance.factors(g, &mut writer, &self.system.signs)?;
+        let labels = balance.names.iter().map(|name| format!("dot_{name}"));
+        let n_multipliers = residual.len() - balance.names.len();
+        let labels = labels.chain((0..n_multipliers).map(|k| format!("multiplier{}", k + 1))).collect();
         let solved = Solved { symbols, residual, sections: renewed, labels };
         Ok(Some((solved, factors, writer.finish().0)))
+    }
+}
+
+impl Balance {
+    /// The factors, as the equations have them where they have any.
+    fn factors(
+        &self,
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+        signs: &BTreeMap<ExprId, Sign>,
+    ) -> Result<Factors, Error> {
+        writer.begin("factors of A");
+        let inertia = Factorisation::new(g, writer, "A", &self.matrix, &self.names, signs, &[])?;
+        let Some(kept) = self.kept.clone() else { return Ok(Factors { inertia, border: None }) };
+        writer.begin("factors of S");
+        let (mut response, mut multipliers) = (Vec::new(), Vec::new());
+        for (c, form) in kept.forms.iter().enumerate() {
+            let labels: Vec<String> = self.names.iter().map(|name| format!("Z{}_{name}", c + 1)).collect();
+            response.push(inertia.solve(g, writer, &labels, form));
+            multipliers.push(format!("multiplier {}", c + 1));
+        }
+        let mut matrix = Vec::new();
+        for (c, row) in kept.rows.iter().enumerate() {
+            let mut entries = Vec::new();
+            for (other, z) in response.iter().enumerate() {
+                let product = g.dot(row, z);
+                entries.push(writer.define(g, &format!("S_{}_{}", c + 1, other + 1), product));
+            }
+            matrix.push(entries);
+        }
+        let schur = Factorisation::new(g, writer, "S", &matrix, &multipliers, signs, &[])?;
+        Ok(Factors { inertia, border: Some(Border { kept, response, schur }) })
     }
 }
 
@@ -119,9 +150,40 @@ impl Derivation<'_> {
             accelerations: given.into_iter().zip(solution.iter().copied()).collect(),
             residual,
             matrix: matrix.to_vec(),
+            kept: None,
             solution: solution.to_vec(),
             names: names.to_vec(),
         }
+    }
+
+    /// The balance `L_yy ydot - Lambda^T lambda - r`, `w ydot + w0` of a system that keeps its constraint by
+    /// multipliers: `kept` beside `w0`, `solution` has `ydot` and `lambda`.
+    pub(super) fn balance_with_multipliers(
+        &mut self,
+        (hessian, drive): (&[Vec<ExprId>], &[ExprId]),
+        (kept, offsets): (Kept, &[ExprId]),
+        solution: [&[ExprId]; 2],
+    ) -> Balance {
+        let names = self.names.clone();
+        let mut balance = self.balance_of(hessian, drive, &names, solution[0]);
+        let labels: Vec<String> = (1..=offsets.len()).map(|k| format!("multiplier{k}")).collect();
+        let given = self.given_accelerations(&labels);
+        for (symbol, form) in given.iter().zip(&kept.forms) {
+            let multiplier = self.g.sym(*symbol);
+            for (residual, e) in balance.residual.iter_mut().zip(form) {
+                let reaction = self.g.mul(*e, multiplier);
+                *residual = self.g.sub(*residual, reaction);
+            }
+        }
+        let ydot: Vec<ExprId> = balance.accelerations.iter().map(|(symbol, _)| self.g.sym(*symbol)).collect();
+        for (row, offset) in kept.rows.iter().zip(offsets) {
+            let along = self.g.dot(row, &ydot);
+            balance.residual.push(self.g.add(along, *offset));
+        }
+        balance.accelerations.extend(given.into_iter().zip(solution[1].iter().copied()));
+        balance.solution.extend(solution[1]);
+        balance.kept = Some(kept);
+        balance
     }
 
     /// The balance of linked bodies along their rates `w`, `u = B w`, of which `matrix` is the mass matrix: rates of
@@ -181,7 +243,8 @@ impl Derivation<'_> {
             let terms: Vec<_> = along.filter(|(_, weight)| !weight.is_zero()).collect();
             residual.push(self.g.linear_combination(&terms));
         }
-        Ok(Balance { accelerations, residual, matrix: matrix.to_vec(), solution: solution.to_vec(), names })
+        let (matrix, solution) = (matrix.to_vec(), solution.to_vec());
+        Ok(Balance { accelerations, residual, matrix, kept: None, solution, names })
     }
 
     /// A force on a value, on everything that the value is computed from: `value`, or `-value/coefficient`.

@@ -52,7 +52,7 @@ mod variations;
 mod vertical;
 mod written;
 
-pub use balance::Balance;
+pub use balance::{Balance, Factors, Kept};
 pub use bracket::Bracket;
 pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use curvature::{ConnectionName, LiftBracket, NamedConnection};

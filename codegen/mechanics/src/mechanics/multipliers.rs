@@ -11,6 +11,7 @@ use crate::reduction::{AccelerationRow, AccelerationSource};
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Node, Rational, SymbolId};
 
+use super::balance::Kept;
 use super::constrained::inertias;
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
@@ -51,6 +52,7 @@ impl Derivation<'_> {
         let mut matrix = Vec::new();
         let mut right = Vec::new();
         let mut is_congruent = true;
+        let (mut forms, mut offsets) = (Vec::new(), Vec::new());
         for (c, row) in rows.iter().enumerate() {
             let rate = match row.source {
                 // In raw velocities, as its derivative is taken.
@@ -70,6 +72,8 @@ impl Derivation<'_> {
             let sum = self.g.add(product, rate);
             let value = self.g.neg(sum);
             right.push(self.define(&format!("g_{}", c + 1), value));
+            forms.push(form);
+            offsets.push(rate);
         }
         let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
         let pivot_names: Vec<String> =
@@ -88,8 +92,10 @@ impl Derivation<'_> {
         }
         let mut pivots = factors.pivots(&inertias(&names), true);
         pivots.extend(constraint_pivots);
-        let is_free = rows.is_empty() && self.transform.is_none();
-        let balance = is_free.then(|| self.balance_of(&hessian, &drive, &names, &acceleration));
+        let kept = Kept { rows: forms, forms: reactions.to_vec() };
+        let balance = (self.transform.is_none()).then(|| {
+            self.balance_with_multipliers((&hessian, &drive), (kept, &offsets), [&acceleration, &lambda])
+        });
         Ok(Motion {
             unknown_rates: acceleration.clone(),
             acceleration,

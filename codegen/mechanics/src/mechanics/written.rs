@@ -95,6 +95,18 @@ impl Derivation<'_> {
 }
 
 impl Equations {
+    /// Operations behind `roots`, which are written with definitions of the equations and `further` ones.
+    pub fn n_operations_with(&self, g: &Graph, further: &[Section], roots: &[ExprId]) -> u64 {
+        let mut varying = self.varying.clone();
+        for definition in further.iter().flat_map(|section| &section.definitions) {
+            if g.depends_on(definition.expr, &varying) {
+                varying.insert(definition.symbol);
+            }
+        }
+        let sections = [self.sections.as_slice(), further].concat();
+        n_operations(g, &sections, &varying, roots)
+    }
+
     /// Operations behind the rates of the state.
     pub fn n_operations(&self) -> u64 {
         let rates: Vec<ExprId> = self.state.iter().map(|s| s.derivative).collect();

@@ -26,6 +26,10 @@ use hamel_expr::{ExprId, Graph, Node, Number, Rational, Scalar, SymbolId};
 /// Visits of sums by tables up to which loops are the better form, for each product in the tables: a visit takes four
 /// additions. Derivatives of fluids have one, derivatives of an arm of seven joints eight.
 const VISITS_EACH: usize = 2;
+/// Products in the tables for each scalar that is computed straight, from which on loops are the better form: fluids
+/// have thousands, the Jacobian of five spherical pendulums 16, which as straight-line code takes a fifth of the
+/// operations.
+const PRODUCTS_EACH: usize = 64;
 /// Visits that are few, however few products there are.
 const VISITS: usize = 1000;
 
@@ -89,7 +93,7 @@ struct Unit {
 }
 
 /// The function in that form, and the request for what has to be computed straight; none where fewer products than the
-/// budget says would be rolled, or tables would be nearly empty.
+/// budget says would be rolled, tables would be nearly empty, or most of the work is in what they are fed with.
 pub(super) fn rolled(
     graph: &mut Graph,
     source: &Source<'_>,
@@ -121,6 +125,10 @@ pub(super) fn rolled(
         return None;
     }
     let found = roller.assemble(request, &places, &live)?;
+    let n_scalars = found.1.results.len() - found.0.n_straight;
+    if n_scalars * PRODUCTS_EACH > n_products {
+        return None;
+    }
     // Every table runs through all sums of its level, also through those to which it adds nothing.
     let n_visits: usize = found.0.contractions.iter().map(|c| c.terms.len() * c.n_results).sum();
     (n_visits <= VISITS.max(VISITS_EACH * n_products)).then_some(found)
