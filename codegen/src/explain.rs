@@ -665,7 +665,9 @@ impl Page {
         // Of definitions that are equal under one name, the one that the state equations need is shown.
         let mut shown = used_by_state_equations(equations);
         let mut names: BTreeSet<&str> = shown.iter().map(|symbol| g.name(*symbol)).collect();
-        for definition in equations.sections.iter().flat_map(|section| &section.definitions) {
+        let of_motion = equations.of_motion();
+        let definitions = equations.sections.iter().flat_map(|section| &section.definitions);
+        for definition in definitions.filter(|definition| of_motion.contains(&definition.symbol)) {
             if names.insert(g.name(definition.symbol)) {
                 shown.insert(definition.symbol);
             }

@@ -25,7 +25,7 @@ use std::time::Instant;
 use drawn::{Base, Chain, Draw, Restriction, draw_chain};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec::{self, Model};
-use hamel_expr::{ExprId, SymbolId, rational_to_f64};
+use hamel_expr::{ExprId, SymbolId, needed_sections, rational_to_f64};
 use hamel_mechanics::mechanics::{Equations, derive, is_recursive};
 use hamel_mechanics::reduction::{Formulation, reduce};
 use redundant::{Motion, State};
@@ -35,12 +35,14 @@ fn parsed(text: &str) -> Model {
     spec::parse("chain.hamel", text).unwrap_or_else(|problems| panic!("{problems}\n{text}"))
 }
 
-/// By recursion or multiplied out.
+/// By recursion or multiplied out; derivatives are held to the rates where they are built.
 fn built(model: &Model, recursive: bool, text: &str) -> Way {
     let formulation = Formulation { recursive: Some(recursive), ..Formulation::of(model) };
-    let scene =
-        scene::build_in(model, "bare", &formulation).unwrap_or_else(|problems| panic!("{problems}\n{text}"));
-    Way::Lowered(Box::new(scene))
+    let build = |name: &str| {
+        scene::build_in(model, name, &formulation).unwrap_or_else(|problems| panic!("{problems}\n{text}"))
+    };
+    build("derivatives");
+    Way::Lowered(Box::new(build("bare")))
 }
 
 fn derived(model: &Model, recursive: bool, text: &str) -> Way {
@@ -72,7 +74,10 @@ impl Way {
                 let params = equations.system.params.iter().map(|p| (p.symbol, rational_to_f64(&p.default)));
                 let variables = equations.state.iter().map(|s| s.symbol).zip(state.iter().copied());
                 let mut values: BTreeMap<SymbolId, f64> = params.chain(variables).collect();
-                for definition in equations.sections.iter().flat_map(|s| &s.definitions) {
+                let mut roots: Vec<ExprId> = equations.state.iter().map(|s| s.derivative).collect();
+                roots.push(equations.energy);
+                let sections = needed_sections(graph, &equations.sections, &roots);
+                for definition in sections.iter().flat_map(|s| &s.definitions) {
                     let value = graph.eval_f64(definition.expr, &values).expect("in order");
                     values.insert(definition.symbol, value);
                 }

@@ -309,8 +309,8 @@ fn operations_of_an_arm_grow_with_its_bodies() {
     }
 }
 
-/// All columns of the matrix share the values of the rates, and a column is zero where nothing depends on its variable;
-/// loops over nearly empty tables would take 160,000 additions.
+/// The accelerations are differentiated by their balance: 2.3 and 5.9 times the rates, for an arm with general offsets
+/// 2.1 and 4.9, where 2.5 and 6.6 are those by the way that they were solved for. Loops over nearly empty tables would take 160,000 additions.
 #[test]
 fn the_jacobian_of_an_arm_costs_less_than_products_with_every_direction() {
     let text = skew_arm(7).replace("want rhs;", "want rhs, jvp, jacobian;");
@@ -325,8 +325,58 @@ fn the_jacobian_of_an_arm_costs_less_than_products_with_every_direction() {
     let product = function(Derivative::Jvp.role());
     let matrix = function(Derivative::Jacobian.role());
     let n = scene.state().len() as u64;
-    assert!(matrix < n * product / 4, "{matrix}, {n} products with {product}");
-    assert!(product < 3 * rates && matrix < 8 * rates, "rates {rates}, J v {product}, J {matrix}");
+    assert!(matrix < n * product / 5, "{matrix}, {n} products with {product}");
+    assert!(5 * product < 12 * rates && matrix < 6 * rates, "rates {rates}, J v {product}, J {matrix}");
+}
+
+/// `tau = A a - f` without `A`: two thirds of the rates, and less the more bodies there are.
+#[test]
+fn inverse_dynamics_of_an_arm_forms_no_mass_matrix() {
+    let text = skew_arm(7).replace("want rhs;", "want rhs, mass_matrix, inverse_dynamics;");
+    let model = parsed(&text);
+    let scene = scene::build(&model, "bare").unwrap_or_else(|problems| panic!("{problems}"));
+    let cost = |role: &Role| scene.program().function(role).expect("wanted").counts().cost();
+    let role = Role::Product("inverse_dynamics".into());
+    let (forces, rates) = (cost(&role), cost(&Role::Rate));
+    assert!(3 * forces < 2 * rates, "{forces} of forces, {rates} of rates");
+
+    let params: Vec<f64> = scene.params().iter().map(|p| rational_to_f64(&p.default)).collect();
+    let interpreter = scene.prepare(&params).expect("default parameters");
+    let y = numbers(14, 3);
+    let mut dy = vec![0.0; 14];
+    interpreter.rhs(0.0, &y, &mut dy);
+    let accelerations = &dy[7..];
+    let forces = |a: &[f64]| interpreter.inverse_dynamics(0.0, &y, a).expect("wanted");
+    let still = forces(&[0.0; 7]);
+    let size = still.iter().fold(0.0_f64, |size, tau| size.max(tau.abs()));
+    assert!(forces(accelerations).iter().all(|tau| tau.abs() < 1e-13 * size), "rates need no forces");
+    let [matrix] = scene.matrices() else { panic!("one matrix") };
+    assert_eq!((matrix.name, matrix.shape, matrix.pattern.len()), ("mass_matrix", (7, 7), 49));
+    let entries = interpreter.outputs(0.0, &y);
+    for k in 0..7 {
+        let unit: Vec<f64> = (0..7).map(|i| f64::from(u8::from(i == k))).collect();
+        for (i, (tau, still)) in forces(&unit).iter().zip(&still).enumerate() {
+            let entry = entries[7 * i + k];
+            assert!((tau - still - entry).abs() < 1e-13 * size, "A[{i}][{k}]: {} and {entry}", tau - still);
+        }
+    }
+}
+
+#[test]
+fn faults_in_the_dynamics_of_an_arm_are_found() {
+    let text = skew_arm(3).replace("want rhs;", "want rhs, mass_matrix, inverse_dynamics;");
+    let model = parsed(&text);
+    for role in [Role::Product("inverse_dynamics".into()), Role::Output("mass_matrix".into())] {
+        let exchanged = |made: Made<'_>| {
+            let Made::Program(program) = made else { return };
+            let function = program.functions.iter_mut().find(|f| f.role == role).expect("wanted");
+            let [a, b] = [function.results[0].1, function.results[1].1];
+            (function.results[0].1, function.results[1].1) = (b, a);
+        };
+        let problems = build_tampered(&model, "bare", &exchanged).expect_err("refused").to_string();
+        assert!(problems.contains(role.name()), "{problems}");
+    }
+    assert!(build_tampered(&model, "bare", &|_| {}).is_ok());
 }
 
 #[test]

@@ -433,7 +433,7 @@ impl Drawn {
         }
         let all = (1..=*n).map(|i| format!("x{i}_dot")).chain(names("w", dim));
         text.push_str(&format!("    output z = [{}];\n", all.collect::<Vec<_>>().join(", ")));
-        text + "    scene check { want rhs, energy, z; }\n}\n"
+        text + "    scene check { want rhs, energy, z; }\n    scene derivatives { want rhs, jacobian, vjp; }\n}\n"
     }
 
     /// A random point on the conditions on velocities, by Newton's method.
@@ -613,6 +613,9 @@ fn is_affine(phi: &Expr) -> bool {
     }
 }
 
+/// Of so many models one has derivatives, which take longer than everything else.
+const SEEDS_EACH: u64 = 8;
+
 fn run(seed: u64, every_way: bool, counts: &mut Counts) {
     let mut draw = Draw::new(seed);
     let drawn = draw_system(&mut draw);
@@ -648,6 +651,10 @@ fn run(seed: u64, every_way: bool, counts: &mut Counts) {
             }
             _ => model.clone(),
         };
+        // Derivatives are held to the rates where they are built.
+        if seed.is_multiple_of(SEEDS_EACH) {
+            scene::build(&model, "derivatives").unwrap_or_else(|e| panic!("{e}\n{text}"));
+        }
         let interpreter = built.prepare(&[]).unwrap_or_else(|e| panic!("{e}\n{text}"));
         for (at, motion) in &points {
             let connection = connection_at(&connected, at);

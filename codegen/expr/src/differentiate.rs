@@ -34,6 +34,8 @@ pub struct Solved {
     pub symbols: Vec<(SymbolId, usize)>,
     /// `r` at the solution, as sums that are not known to vanish.
     pub residual: Vec<ExprId>,
+    /// Definitions by which the residual has the solution, where it has other names there: they are held.
+    pub held: Section,
     /// Definitions that the residual alone needs; they need none that comes after the first component of the solution,
     /// other components apart.
     pub sections: Vec<Section>,
@@ -185,15 +187,17 @@ impl<'a> Linearisation<'a> {
             (0..self.n_inputs).map(|j| directions.iter().map(|v| v[j]).collect()).collect();
         let mut section = None;
         for (i, vertex) in self.vertices.iter().enumerate().skip(self.n_inputs) {
+            if i < tangents.len() {
+                continue;
+            }
             if !self.is_needed[i] {
                 tangents.push(zeros.clone());
                 continue;
             }
             self.enter(&mut section, vertex, writer, &title);
             if let Some(block) = self.block.as_ref().filter(|block| block.vertices().contains(&i)) {
-                if tangents.len() == i {
-                    tangents.extend(block.tangents(g, writer, &tangents, directions.len(), &name));
-                }
+                let of_solution = block.tangents(g, writer, &tangents, directions.len(), &name);
+                tangents.extend(of_solution.into_iter().skip(i - block.start));
                 continue;
             }
             let mut tangent = Vec::with_capacity(directions.len());

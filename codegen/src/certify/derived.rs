@@ -11,7 +11,7 @@ use hamel_lang::spec::Want;
 use hamel_program::program::{Circles, Jet, Role};
 
 use super::claim::MatrixClaim;
-use super::motion::constants;
+use super::motion::{Motion, constants};
 use super::random::Random;
 use super::results::{Open, Results};
 use super::runner::{At, Runner};
@@ -31,6 +31,10 @@ struct Direction {
 
 fn dot(a: &[Wide], b: &[Wide]) -> Wide {
     a.iter().zip(b).fold(Wide::ZERO, |sum, (a, b)| sum + *a * *b)
+}
+
+fn total(terms: &[Wide]) -> Wide {
+    terms.iter().fold(Wide::ZERO, |sum, term| sum + *term)
 }
 
 fn along(x: &[Wide], d: &[Wide]) -> Vec<D> {
@@ -90,6 +94,9 @@ impl Results<'_, '_> {
         if let Err(why) = self.legendre(sheet) {
             open("legendre", why);
         }
+        if let Err(why) = self.inverse_dynamics(sheet, random) {
+            open(Want::InverseDynamics.name(), why);
+        }
         self.flows(sheet, random);
         self.implicit(sheet, random);
         self.series(sheet);
@@ -120,6 +127,10 @@ impl Results<'_, '_> {
             self.slope(&Role::Rate, &Direction { params: v, ..self.still() })
         } else if name(Want::InputJacobian) {
             self.slope(&Role::Rate, &Direction { inputs: v, ..self.still() })
+        } else if name(Want::MassMatrix) {
+            let still = self.forces(&vec![Wide::ZERO; v.len()])?;
+            let forces = self.forces(&v)?;
+            Some(forces.iter().zip(&still).map(|(a, b)| total(a) - total(b)).collect())
         } else if name(Want::OutputJacobian) {
             let changes: Vec<(SymbolId, Wide)> = self.setting.state.iter().copied().zip(v).collect();
             Some(self.slopes_of_outputs(&changes)?)
@@ -136,6 +147,39 @@ impl Results<'_, '_> {
             self.slope(&Role::Output(values.name().to_owned()), &Direction { state: v, ..self.still() })
         };
         rows(matrix.name, &found, &defined.unwrap_or_default(), sheet);
+        Ok(())
+    }
+
+    /// What the equations of motion leave over at accelerations, term by term along every velocity of the state.
+    fn forces(&self, accelerations: &[Wide]) -> Result<Vec<[Wide; 4]>, Open> {
+        let setting = self.setting;
+        let unknowns = &setting.claim.equations.system.unknowns;
+        let mut rates = self.motion.rates.clone();
+        for (unknown, a) in unknowns.iter().zip(accelerations) {
+            let place = setting.state.iter().position(|s| *s == unknown.symbol).ok_or(unknown.symbol)?;
+            rates[place] = *a;
+        }
+        let motion = Motion::with_rates(setting, self.point, rates)?;
+        let mut forces = Vec::with_capacity(unknowns.len());
+        for k in 0..unknowns.len() {
+            let w = motion.displacement_of(setting, &motion.at, k)?;
+            forces.push(motion.unbalanced(setting, &w)?);
+        }
+        Ok(forces)
+    }
+
+    /// `tau = W^T (d/dt dL/dy + C y p - rho dL/dx - F)` at random accelerations.
+    fn inverse_dynamics(&self, sheet: &mut Sheet, random: &mut Random) -> Result<(), Open> {
+        let role = Role::Product(Want::InverseDynamics.name().to_owned());
+        if self.setting.claim.program.function_idx(&role).is_none() {
+            return Ok(());
+        }
+        let accelerations = random.vector(self.setting.claim.equations.system.unknowns.len());
+        let found = self.product(&role, &accelerations).unwrap_or_default();
+        for (k, (terms, found)) in self.forces(&accelerations)?.iter().zip(&found).enumerate() {
+            let terms: Vec<Wide> = terms.iter().copied().chain([-*found]).collect();
+            sheet.zero(role.name(), format!("row {}", k + 1), &terms);
+        }
         Ok(())
     }
 

@@ -52,8 +52,17 @@ pub(super) fn constants(v: &[Wide]) -> Vec<Dual<Wide>> {
 
 impl Motion {
     pub(super) fn new(setting: &Setting<'_>, point: &Point) -> Result<Motion, Missing> {
+        let rates = setting.rates(&point.at(&point.state(setting)));
+        Motion::with_rates(setting, point, rates)
+    }
+
+    /// The motion that a state would have at other rates.
+    pub(super) fn with_rates(
+        setting: &Setting<'_>,
+        point: &Point,
+        rates: Vec<Wide>,
+    ) -> Result<Motion, Missing> {
         let state = point.state(setting);
-        let rates = setting.rates(&point.at(&state));
         let definition = &setting.definition;
         let mut at = setting.place(&point.env)?;
         let base = definition.anchored(&at.env, &at.group)?;

@@ -16,6 +16,9 @@ const SHARP: f64 = 1e-12;
 /// Terms below this part of the numbers of a state are what is left of larger ones.
 const NOTHING: f64 = 1e-18;
 
+/// Numbers below it have no 31 digits, whose last ones are no numbers any more: errors of products are not told there.
+const UNDERFLOW: f64 = 1e-270;
+
 /// One row of an identity.
 #[derive(Clone, Debug)]
 pub(super) struct Residual {
@@ -39,7 +42,7 @@ impl Residual {
     }
 
     pub(super) fn is_zero(&self) -> bool {
-        self.value.size() <= BOUND * self.value.error()
+        self.value.size() <= UNDERFLOW.max(BOUND * self.value.error())
     }
 
     /// The residual beside the terms of its row or, where these are next to nothing, beside numbers of that size.

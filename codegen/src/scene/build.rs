@@ -26,7 +26,7 @@ use super::domain::domain;
 use super::pivots::sorted_pivots;
 use super::plan::{DEFAULT, Drops, Outputs, Plan, Share};
 use super::roles::{VariableRole, all_params, variable_roles};
-use super::{bracket, derivatives, events, implicit, invariants, positions, splitting};
+use super::{bracket, derivatives, dynamics, events, implicit, invariants, positions, splitting};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -290,6 +290,9 @@ fn lower_derived(
             Error::NoSplitting { .. } => place_of(Want::Splitting.name()),
             Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
             Error::Unsupported { .. } if plan.implicit => place_of(Want::Implicit.name()),
+            Error::Unsupported { .. } => {
+                plan.dynamics.iter().find_map(|want| place_of(want.name())).or(problem.span)
+            }
             _ => problem.span,
         };
         model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
@@ -414,6 +417,10 @@ pub(super) fn lower_scene(
     }
     outputs.extend(derivatives.outputs);
     let mut matrices = derivatives.matrices;
+    let dynamics = dynamics::find(&graph, &equations, &plan.dynamics)?;
+    outputs.extend(dynamics.outputs);
+    matrices.extend(dynamics.matrices);
+    inputs.arguments.extend(dynamics.arguments);
     let mut own_sections = derivatives.sections;
     if plan.invariants {
         let found = invariants::find(&mut graph, &equations, &moving, &inputs);
@@ -509,6 +516,7 @@ pub(super) fn lower_scene(
         requests.push(Request { role, results: output.components.clone() });
     }
     requests.extend(derivatives.requests);
+    requests.extend(dynamics.requests);
     let legendre = &equations.legendre;
     if !legendre.momenta.is_empty() {
         requests.push(Request { role: legendre_role(), results: legendre.momenta.clone() });
@@ -528,7 +536,7 @@ pub(super) fn lower_scene(
     let lowered =
         lower::lower_with(&mut graph, &inputs, &sections, &conditions, &requests, (&plan.search, known))?;
     let Lowered { program, rates } = lowered;
-    let products = derivatives.products;
+    let products = [derivatives.products, dynamics.products].concat();
     let spent = graph.spent();
     let (name, wants_taylor, doc) = (plan.name.clone(), plan.taylor, plan.doc.clone());
     let chosen = plan.chosen.clone();

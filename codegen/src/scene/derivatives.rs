@@ -191,19 +191,19 @@ pub struct Matrix {
     pub doc: &'static str,
 }
 
-/// A product with a vector that the function takes besides time and state.
+/// A function of a vector besides time and state, such as a product with it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Product {
-    /// Which one.
-    pub derivative: Derivative,
-    /// What is multiplied with, `v` or `w`.
+    /// Its name.
+    pub name: &'static str,
+    /// What is multiplied with, `v` or `w`; `a` where it is accelerations.
     pub vector: &'static str,
     /// Dimension of that vector.
     pub n_vector: usize,
     /// Names of the results.
     pub components: Vec<String>,
     /// What it is.
-    pub doc: &'static str,
+    pub doc: String,
 }
 
 /// Wanted derivatives, and what has to be lowered for them.
@@ -252,7 +252,7 @@ pub(super) fn differentiate(
     let of_outputs = Differentiated { names, values };
     let mut before = Vec::new();
     if let Some((solved, _, factors)) = &solved {
-        before = [factors.as_slice(), &solved.sections].concat();
+        before = [factors.as_slice(), std::slice::from_ref(&solved.held), &solved.sections].concat();
     }
     let held: Vec<SymbolId> = inputs.held.iter().map(|(symbol, _)| *symbol).collect();
     let writer = SectionWriter::new(g, BTreeSet::new(), &[]);
@@ -422,10 +422,10 @@ impl<'a> Pass<'a> {
         values: Vec<ExprId>,
     ) {
         let role = derivative.role();
-        let (n_vector, doc) = (symbols.len(), derivative.doc());
+        let (name, n_vector, doc) = (derivative.name(), symbols.len(), derivative.doc().to_owned());
         let results = components.iter().cloned().zip(values).collect();
         self.result.requests.push(Request { role: role.clone(), results });
         self.result.arguments.insert(role, symbols);
-        self.result.products.push(Product { derivative, vector, n_vector, components, doc });
+        self.result.products.push(Product { name, vector, n_vector, components, doc });
     }
 }

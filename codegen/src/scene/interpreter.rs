@@ -16,6 +16,7 @@ use hamel_program::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCo
 use super::bracket::REMAINDER;
 use super::built::{BuiltScene, legendre_role};
 use super::derivatives::{Derivative, Matrix};
+use super::dynamics::inverse_dynamics_role;
 use super::events::SceneEvent;
 use super::implicit;
 use super::invariants::GRADIENTS;
@@ -686,10 +687,23 @@ impl Interpreter<'_> {
     /// # Panics
     /// When a size is wrong.
     pub fn legendre(&self, t: f64, y: &[f64], velocities: &[f64]) -> Option<Vec<f64>> {
-        let k = self.program.function_idx(&legendre_role())?;
+        self.of_vector(&legendre_role(), t, y, velocities)
+    }
+
+    /// The forces `tau = A a - f` along the velocities of the state, which have to act beside those of the model for
+    /// the rates of these velocities to be `a`, when the scene wants them.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn inverse_dynamics(&self, t: f64, y: &[f64], accelerations: &[f64]) -> Option<Vec<f64>> {
+        self.of_vector(&inverse_dynamics_role(), t, y, accelerations)
+    }
+
+    /// The values of a function of the state and a vector.
+    fn of_vector(&self, role: &Role, t: f64, y: &[f64], vector: &[f64]) -> Option<Vec<f64>> {
+        let k = self.program.function_idx(role)?;
         let mut out = vec![0.0; self.program.functions[k].results.len()];
-        let point = Point { t, state: y, argument: velocities };
-        self.run_at(k, point, &mut out);
+        self.run_at(k, Point { t, state: y, argument: vector }, &mut out);
         Some(out)
     }
 }

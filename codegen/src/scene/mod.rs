@@ -17,6 +17,7 @@ mod defaults;
 mod dependence;
 mod derivatives;
 mod domain;
+mod dynamics;
 mod events;
 mod formulations;
 mod gradients;

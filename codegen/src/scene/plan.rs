@@ -48,6 +48,8 @@ pub(super) struct Plan {
     /// Exact flows whose generators add up to the motion.
     pub(super) splitting: bool,
     pub(super) implicit: bool,
+    /// Mass matrix and inverse dynamics, as far as they are wanted.
+    pub(super) dynamics: BTreeSet<Want>,
     /// Functions that lose digits carry their rounding errors along.
     pub(super) digits: bool,
     pub(super) taylor: bool,
@@ -102,6 +104,7 @@ impl Plan {
             hamiltonian_time: false,
             splitting: false,
             implicit: false,
+            dynamics: BTreeSet::new(),
             digits: false,
             taylor: false,
             reconstructs: false,
@@ -139,6 +142,9 @@ impl Plan {
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
                     Wanted::Want(Want::Splitting) => plan.splitting = true,
                     Wanted::Want(Want::Linearization) => plan.derivatives.extend(Derivative::LINEARIZATION),
+                    Wanted::Want(want @ (Want::MassMatrix | Want::InverseDynamics)) => {
+                        plan.dynamics.insert(*want);
+                    }
                     Wanted::Want(Want::Implicit) => plan.implicit = true,
                     Wanted::Want(Want::Digits) => plan.digits = true,
                     Wanted::Want(want) => match Derivative::of(*want) {

@@ -449,10 +449,10 @@ fn flow_text((index, forms): (usize, &Vec<String>)) -> FlowText {
 
 fn product_text(product: &Product) -> ProductText {
     ProductText {
-        name: product.derivative.name().to_owned(),
+        name: product.name.to_owned(),
         vector: product.vector.to_owned(),
         components: product.components.clone(),
-        doc: product.doc.to_owned(),
+        doc: product.doc.clone(),
     }
 }
 

@@ -87,7 +87,7 @@ pub(crate) fn text(chain: &Chain, written: Written, angles: &[f64]) -> String {
             }
         };
     }
-    text + "    scene bare { want rhs, energy; }\n}\n"
+    text + "    scene bare { want rhs, energy; }\n    scene derivatives { want rhs, jacobian, vjp; }\n}\n"
 }
 
 fn place_of(chain: &Chain, written: Written, body: usize, point: &str) -> String {

@@ -89,22 +89,13 @@ pub struct Prepared<R = f64> {
     c7: R, // (981/100) * m * l
     c8: R, // 1 / l
     c9: R, // m * l
-    c10: R, // -(l * c)
-    c11: R, // 2 * m * (l * l)
-    c12: R, // -(2 / l)
-    c13: R, // -(2 * m * l)
-    c14: R, // 2 * m * l
-    c15: R, // 0.25 * l
-    c16: R, // (981/50) * m
-    c17: R, // 0.5 / m
-    c18: R, // 0.5 * (l * l)
-    c19: R, // -0.5 / (m * l)
-    c20: R, // -(2 * (m * m) * (l * l * l))
-    c21: R, // 0.5 * c / (m * l)
-    c22: R, // (981/50) * (m * m) * (l * l)
-    c23: R, // -(2 / l)
-    c24: R, // 2 * (m * m) * (l * l)
-    c25: R, // -4 * m
+    c10: R, // 0.5 / m
+    c11: R, // -2 * m * l
+    c12: R, // -(0.5 * (l * l) * c)
+    c13: R, // m * (l * l * l)
+    c14: R, // 0.5 * (l * l)
+    c15: R, // (981/50) / l
+    c16: R, // -0.5 * c / (m * l)
     /// Values that the inputs are held at.
     ///
     /// ```text
@@ -117,7 +108,7 @@ pub struct Prepared<R = f64> {
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 26 multiplications, 8 divisions, 6 sign changes.
+    /// Operations: 17 multiplications, 7 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -127,11 +118,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let Params { m, l, c } = *params;
         let t0 = l * l;
         let t1 = m * l;
-        let t2 = R::from_f64(2.0) * m;
-        let t3 = t2 * l;
-        let t4 = R::from_f64(2.0) / l;
-        let t5 = m * m;
-        let t6 = R::from_f64(2.0) * t5;
+        let t2 = R::from_f64(0.5) * t0;
         ::hamel_runtime::ParamError::require(m.all_gt(R::ZERO), "m > 0", "")?;
         ::hamel_runtime::ParamError::require(l.all_gt(R::ZERO), "l > 0", "")?;
         Ok(Self {
@@ -140,12 +127,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c5: R::from_f64(0.5) * l,
             c6: R::ratio(-981.0, 200.0) * m * t0,
             c7: R::ratio(981.0, 100.0) * m * l,
-            c8: l.recip(), c9: t1, c10: -(l * c), c11: t2 * t0, c12: -t4, c13: -t3, c14: t3,
-            c15: R::from_f64(0.25) * l, c16: R::ratio(981.0, 50.0) * m, c17: R::from_f64(0.5) / m,
-            c18: R::from_f64(0.5) * t0, c19: R::from_f64(-0.5) / t1, c20: -(t6 * (t0 * l)),
-            c21: R::from_f64(0.5) * c / t1,
-            c22: R::ratio(981.0, 50.0) * t5 * t0,
-            c23: -t4, c24: t6 * t0, c25: R::from_f64(-4.0) * m,
+            c8: l.recip(), c9: t1, c10: R::from_f64(0.5) / m, c11: R::from_f64(-2.0) * m * l, c12: -(t2 * c),
+            c13: m * (t0 * l), c14: t2, c15: R::ratio(981.0, 50.0) / l,
+            c16: R::from_f64(-0.5) * c / t1,
             inputs: [R::ZERO, R::from_f64(0.25)],
         })
     }
@@ -317,38 +301,49 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      d_dot_u_d_u]
     /// ```
     ///
-    /// Operations: 11 additions, 35 multiplications (11 fused), 1 division, 1 sign change, 2 elementary functions.
+    /// Operations: 10 additions, 34 multiplications (10 fused), 1 division, 2 sign changes, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn jacobian_nonzeros(&self, t: R, y: &[R; 5]) -> [R; 11] {
         let [tau1, tau2] = self.inputs;
         let [x, theta, x_dot, theta_dot, _] = *y;
         let _ = t;
-        // factors of A
+        // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let ([t0, t2], [t1, t3]) = theta.sin_cos_of_two(x);
-        let A_s1_2_2_scaled = fma(-self.c9, t1 * t1, self.c14);
-        let t4 = A_s1_2_2_scaled.recip();
-        let t5 = t1 * t4;
-        let t6 = tau2 * t2;
-        let t7 = t0 * t4;
-        let t8 = t7 * (tau2 * t3);
-        let t9 = t0 * t7;
-        let t10 = fma(-t9, self.c14, R::ONE);
-        let t11 = t7 * fma(-x_dot, self.c, tau1);
-        let t12 = t1 * fma(t10, theta_dot * theta_dot, -(R::from_f64(2.0) * t11));
-        let t13 = t5 * fma(-R::ratio(200.0, 981.0), fma(t12, self.c15, t8), t10);
-        let t14 = theta_dot * t7;
+        let t4 = theta_dot * t0;
+        let t5 = self.c9 * theta_dot;
+        let r_x_dot = fma(t4, t5, fma(-x_dot, self.c, tau1));
+        let r_theta_dot = fma(t0, self.c7, tau2 * t3);
+        // mass matrix A = W^T L_yy Psi
+        let A_x_dot_theta_dot = self.c9 * t1;
+        // factors of A
+        let A_l2_1 = self.c10 * A_x_dot_theta_dot;
+        let A_s1_2_2 = fma(-A_x_dot_theta_dot, A_l2_1, self.c1);
+        // substitution through the factors of A
+        let z_theta_dot = fma(-r_x_dot, A_l2_1, r_theta_dot);
+        let t6 = A_s1_2_2.recip();
+        let dot_theta_dot = z_theta_dot * t6;
+        let dot_x_dot = fma(-A_l2_1, dot_theta_dot, self.c10 * r_x_dot);
+        // derivatives of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let minus_d_r_x_dot_d_theta_dot = self.c11 * t4;
+        // derivatives of: mass matrix A = W^T L_yy Psi
+        let t7 = self.c9 * t0;
+        // derivatives of: substitution through the factors of A
+        let t8 = t6 * (tau2 * t2);
+        let d_balance_dot_x_dot_d_theta = fma(dot_theta_dot, t7, t1 * (theta_dot * t5));
+        let d_balance_dot_theta_dot_d_theta = fma(dot_x_dot, t7, self.c7 * t1);
+        let z_d_dot_theta_dot_d_theta = fma(-A_l2_1, d_balance_dot_x_dot_d_theta, d_balance_dot_theta_dot_d_theta);
+        let d_dot_theta_dot_d_theta = z_d_dot_theta_dot_d_theta * t6;
+        let d_dot_x_dot_d_theta = fma(-A_l2_1, d_dot_theta_dot_d_theta, self.c10 * d_balance_dot_x_dot_d_theta);
+        let t9 = A_l2_1 * t6;
+        let d_dot_theta_dot_d_x_dot = self.c * t9;
+        let d_dot_x_dot_d_x_dot = self.c12 * t6;
+        let d_dot_theta_dot_d_theta_dot = minus_d_r_x_dot_d_theta_dot * t9;
+        let d_dot_x_dot_d_theta_dot = t6 * (self.c13 * t4);
+        let d_dot_theta_dot_d_x = -t8;
         [
-            R::ONE,
-            R::ONE,
-            t5 * t6,
-            fma(self.c7, fma(-t1, t13, t9), fma(t12, self.c5, t8)),
-            self.c10 * t4,
-            self.c11 * t14,
-            t4 * (self.c12 * t6),
-            fma(t13, self.c16, fma(t14, self.c9 * theta_dot * t0, t11)),
-            self.c * t5,
-            t14 * (self.c13 * t1),
+            R::ONE, R::ONE, A_l2_1 * t8, d_dot_x_dot_d_theta, d_dot_x_dot_d_x_dot, d_dot_x_dot_d_theta_dot,
+            d_dot_theta_dot_d_x, d_dot_theta_dot_d_theta, d_dot_theta_dot_d_x_dot, d_dot_theta_dot_d_theta_dot,
             -(tau2 * tau2),
         ]
     }
@@ -372,14 +367,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let A_x_dot_theta_dot = self.c9 * theta.cos();
         // factors of A
-        let A_l2_1 = self.c17 * A_x_dot_theta_dot;
+        let A_l2_1 = self.c10 * A_x_dot_theta_dot;
         let A_s1_2_2 = fma(-A_x_dot_theta_dot, A_l2_1, self.c1);
         // derivatives of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let d_r_theta_dot_d_tau2 = x.cos();
         // derivatives of: substitution through the factors of A
         let t0 = A_s1_2_2.recip();
         let d_dot_theta_dot_d_tau2 = d_r_theta_dot_d_tau2 * t0;
-        let d_dot_x_dot_d_tau1 = self.c18 * t0;
+        let d_dot_x_dot_d_tau1 = self.c14 * t0;
         let d_dot_theta_dot_d_tau1 = -(A_l2_1 * t0);
         [
             d_dot_x_dot_d_tau1, -(A_l2_1 * d_dot_theta_dot_d_tau2), d_dot_theta_dot_d_tau1, d_dot_theta_dot_d_tau2,
@@ -479,7 +474,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// Product `J v` of the Jacobian `J_ij = df_i/dy_j` and a direction `v` of the state, the derivative along it.
     ///
-    /// Operations: 16 additions, 41 multiplications (15 fused), 1 division, 1 sign change, 2 elementary functions.
+    /// Operations: 13 additions, 30 multiplications (13 fused), 1 division, 1 sign change, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn jvp(&self, t: R, y: &[R; 5], v: &[R; 5]) -> [R; 5] {
@@ -487,31 +482,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [tau1, tau2] = self.inputs;
         let [x, theta, x_dot, theta_dot, _] = *y;
         let _ = t;
-        // factors of A
+        // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let ([t0, t2], [t1, t3]) = theta.sin_cos_of_two(x);
-        let t4 = t1 * t1;
-        let A_s1_2_2_scaled = fma(-t4, self.c9, self.c14);
+        let r_x_dot_over_m_l = fma(t0, theta_dot * theta_dot, fma(x_dot, self.c3, self.c2 * tau1));
+        let t4 = self.c4 * tau2;
+        let r_theta_dot_scaled = fma(t4, t3, t0);
+        // factors of A
+        let A_s1_2_2_scaled = fma(-t1, t1, R::from_f64(2.0));
+        // substitution through the factors of A
+        let z_theta_dot_scaled = fma(-t1, r_x_dot_over_m_l, self.c15 * r_theta_dot_scaled);
         let t5 = A_s1_2_2_scaled.recip();
-        let t6 = t5 * (tau2 * v_x * t2);
-        let t7 = v_theta * t5;
-        let t8 = t0 * t5;
-        let t9 = t7 * t8;
-        let t10 = t0 * t9;
-        let t11 = fma(t7, self.c19, t10);
-        let t12 = theta_dot * theta_dot;
-        let t13 = R::from_f64(0.5) * t4;
-        let t14 = R::ONE + t13;
-        let t15 = t9 * (tau2 * t3);
-        let t16 = fma(-t7, t13 * t5, t10);
-        let t17 = t9 * fma(-x_dot, self.c, tau1);
-        let t18 = fma(t8, v_theta_dot * theta_dot, -(t5 * (self.c21 * v_x_dot)));
-        [
-            v_x_dot,
-            v_theta_dot,
-            fma(t1, fma(t11, self.c20 * t12, t6), fma(-self.c11, fma(t1, t17, -t18), fma(t16, self.c22, t15 * (self.c14 * t14)))),
-            fma(fma(t11, self.c7, t15), self.c25 * t1, fma(t16, self.c24 * t12, fma(-self.c14, fma(-t14, t17, t1 * t18), self.c23 * t6))),
-            -(tau2 * tau2 * v_u),
-        ]
+        let dot_theta_dot = z_theta_dot_scaled * t5;
+        let dot_x_dot_scaled = fma(-t1, dot_theta_dot, r_x_dot_over_m_l);
+        // tangents of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let t6 = t1 * v_theta;
+        let v_r_x_dot_over_2_m_l = fma(theta_dot, fma(t6, R::from_f64(0.5) * theta_dot, t0 * v_theta_dot), self.c16 * v_x_dot);
+        let v_r_theta_dot_scaled = fma(-t2, v_x * t4, t6);
+        // tangents of: mass matrix A = W^T L_yy Psi
+        let t7 = t0 * v_theta;
+        // tangents of: substitution through the factors of A
+        let v_balance_dot_x_dot_over_m_l = fma(dot_theta_dot, t7, R::from_f64(2.0) * v_r_x_dot_over_2_m_l);
+        let v_balance_dot_theta_dot_scaled = fma(dot_x_dot_scaled, t7, self.c15 * v_r_theta_dot_scaled);
+        let z_v_dot_theta_dot_scaled = fma(-t1, v_balance_dot_x_dot_over_m_l, v_balance_dot_theta_dot_scaled);
+        let v_dot_theta_dot = z_v_dot_theta_dot_scaled * t5;
+        let v_dot_x_dot_scaled = fma(-t1, v_dot_theta_dot, v_balance_dot_x_dot_over_m_l);
+        [v_x_dot, v_theta_dot, self.c5 * v_dot_x_dot_scaled, v_dot_theta_dot, -(tau2 * tau2 * v_u)]
     }
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
@@ -556,8 +551,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::system!(Prepared[5] pivots signature);
 
 ::hamel_runtime::over_scalar!(Prepared[5] {
-    l, c, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21,
-    c22, c23, c24, c25,
+    l, c, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16,
 } array inputs);
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

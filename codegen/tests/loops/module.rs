@@ -84,8 +84,8 @@ pub struct Prepared<R = f64> {
     A_re_1_m1_re_1_m1: R, // 1 + 2 * alpha
     c1: R, // 1 / (2 * (1 + alpha))
     c2: R, // 1 / (1 + 2 * alpha)
-    d_dot_im_1_0_d_im_1_0: R, // -(2 * mu / (2 * (1 + alpha)))
-    d_dot_im_1_1_d_im_1_1: R, // -(2 * mu / (1 + 2 * alpha))
+    d_dot_re_0_1_d_re_0_1: R, // -(2 * mu / (2 * (1 + alpha)))
+    d_dot_re_1_m1_d_re_1_m1: R, // -(2 * mu / (1 + 2 * alpha))
     A_re_0_1_re_0_1: R, // 2 * (1 + alpha)
 }
 
@@ -432,8 +432,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = R::from_f64(20.0) * (R::ONE + alpha.abs());
         let t2 = A_re_0_1_re_0_1 + t1;
         let t3 = R::from_f64(2.0) * mu;
-        let d_dot_im_1_0_d_im_1_0 = -(t3 / A_re_0_1_re_0_1);
-        let d_dot_im_1_1_d_im_1_1 = -(t3 / A_re_1_m1_re_1_m1);
+        let d_dot_re_0_1_d_re_0_1 = -(t3 / A_re_0_1_re_0_1);
+        let d_dot_re_1_m1_d_re_1_m1 = -(t3 / A_re_1_m1_re_1_m1);
         ::hamel_runtime::ParamError::require(t0.all_gt(R::ZERO), "1 + alpha > 0", "")?;
         ::hamel_runtime::ParamError::require(A_re_1_m1_re_1_m1.all_gt(R::ZERO), "1 + 2*alpha > 0", "")?;
         ::hamel_runtime::ParamError::require(t2.all_gt(t1), "inertia along re_0_1 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
@@ -442,7 +442,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(t2.all_gt(t1), "inertia along im_1_0 > 0", "the matrix of inertia is positive definite for the default parameters and has to be so for these")?;
         Ok(Self {
             mu, w, c0: t0, A_re_1_m1_re_1_m1, c1: A_re_0_1_re_0_1.recip(), c2: A_re_1_m1_re_1_m1.recip(),
-            d_dot_im_1_0_d_im_1_0, d_dot_im_1_1_d_im_1_1, A_re_0_1_re_0_1,
+            d_dot_re_0_1_d_re_0_1, d_dot_re_1_m1_d_re_1_m1, A_re_0_1_re_0_1,
         })
     }
 
@@ -560,14 +560,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let mut sums2 = [R::ZERO; 48];
         PRODUCTS_13.add_to(&scalars, &sums1, &mut sums2);
         [
-            R::ONE, R::from_f64(-1.0), im_1_1, re_1_0, self.d_dot_im_1_0_d_im_1_0, sums2[0], sums2[1], sums2[2],
-            sums2[3], sums2[4], sums2[5], self.d_dot_im_1_0_d_im_1_0, sums2[6], sums2[7], sums2[8], sums2[9],
-            sums2[10], sums2[11], sums2[12], sums2[13], self.d_dot_im_1_1_d_im_1_1, sums2[14], sums2[15], sums2[16],
-            sums2[17], sums2[18], sums2[19], self.d_dot_im_1_1_d_im_1_1, sums2[20], sums2[21], sums2[22], sums2[23],
-            sums2[24], sums2[25], sums2[26], sums2[27], self.d_dot_im_1_0_d_im_1_0, sums2[28], sums2[29], sums2[30],
-            sums2[31], sums2[32], sums2[33], self.d_dot_im_1_0_d_im_1_0, sums2[34], sums2[35], sums2[36], sums2[37],
-            sums2[38], sums2[39], sums2[40], sums2[41], self.d_dot_im_1_1_d_im_1_1, sums2[42], sums2[43], sums2[44],
-            sums2[45], sums2[46], sums2[47], self.d_dot_im_1_1_d_im_1_1,
+            R::ONE, R::from_f64(-1.0), im_1_1, re_1_0, self.d_dot_re_0_1_d_re_0_1, sums2[0], sums2[1], sums2[2],
+            sums2[3], sums2[4], sums2[5], self.d_dot_re_0_1_d_re_0_1, sums2[6], sums2[7], sums2[8], sums2[9],
+            sums2[10], sums2[11], sums2[12], sums2[13], self.d_dot_re_1_m1_d_re_1_m1, sums2[14], sums2[15], sums2[16],
+            sums2[17], sums2[18], sums2[19], self.d_dot_re_1_m1_d_re_1_m1, sums2[20], sums2[21], sums2[22], sums2[23],
+            sums2[24], sums2[25], sums2[26], sums2[27], self.d_dot_re_0_1_d_re_0_1, sums2[28], sums2[29], sums2[30],
+            sums2[31], sums2[32], sums2[33], self.d_dot_re_0_1_d_re_0_1, sums2[34], sums2[35], sums2[36], sums2[37],
+            sums2[38], sums2[39], sums2[40], sums2[41], self.d_dot_re_1_m1_d_re_1_m1, sums2[42], sums2[43], sums2[44],
+            sums2[45], sums2[46], sums2[47], self.d_dot_re_1_m1_d_re_1_m1,
         ]
     }
 
@@ -651,7 +651,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::system!(Prepared[10]);
 
 ::hamel_runtime::over_scalar!(Prepared[10] {
-    mu, w, c0, A_re_1_m1_re_1_m1, c1, c2, d_dot_im_1_0_d_im_1_0, d_dot_im_1_1_d_im_1_1, A_re_0_1_re_0_1,
+    mu, w, c0, A_re_1_m1_re_1_m1, c1, c2, d_dot_re_0_1_d_re_0_1, d_dot_re_1_m1_d_re_1_m1, A_re_0_1_re_0_1,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

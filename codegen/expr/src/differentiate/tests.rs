@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use super::Linearisation;
+use super::{Linear, Linearisation, Solved};
 use crate::{Definition, ExprId, Func, Graph, Section, SectionWriter, SymbolId};
 
 /// Definitions `p, q, s, u` over the inputs `x, y, z` and a constant `c`, with one function of each kind.
@@ -169,4 +169,97 @@ fn the_derivative_of_a_quotient_uses_its_value() {
     let by_divisor = g.mul(value, inverse);
     let by_divisor = g.neg(by_divisor);
     assert_eq!(partials, [(ex, inverse), (ed, by_divisor)]);
+}
+
+/// `A = [[a, b], [c, d]]` by Cramer's rule.
+struct Cramer([[ExprId; 2]; 2]);
+
+impl Cramer {
+    fn solve_by(&self, g: &mut Graph, [[p, q], [r, s]]: [[ExprId; 2]; 2], b: &[ExprId]) -> Vec<ExprId> {
+        let (ps, qr) = (g.mul(p, s), g.mul(q, r));
+        let determinant = g.sub(ps, qr);
+        let inverse = g.powi(determinant, -1);
+        let of = |g: &mut Graph, [u, x, v, y]: [ExprId; 4]| {
+            let (plus, minus) = (g.mul(u, x), g.mul(v, y));
+            let difference = g.sub(plus, minus);
+            g.mul(difference, inverse)
+        };
+        vec![of(g, [s, b[0], q, b[1]]), of(g, [p, b[1], r, b[0]])]
+    }
+}
+
+impl Linear for Cramer {
+    fn solve(&self, g: &mut Graph, _: &mut SectionWriter, _: &[String], b: &[ExprId]) -> Vec<ExprId> {
+        self.solve_by(g, self.0, b)
+    }
+
+    fn solve_transposed(
+        &self,
+        g: &mut Graph,
+        _: &mut SectionWriter,
+        _: &[String],
+        b: &[ExprId],
+    ) -> Vec<ExprId> {
+        let [[p, q], [r, s]] = self.0;
+        self.solve_by(g, [[p, r], [q, s]], b)
+    }
+}
+
+/// `[[1 + x^2, y], [x y, 2 + y^2]] u = (sin x, x + y)`, with the results `u0 u1 + x` and `u0 - u1`, and a sum of the
+/// solution that the residual needs at the solution held.
+#[test]
+fn a_solution_is_differentiated_by_its_system() {
+    let mut g = Graph::new();
+    let inputs = ["x", "y"].map(|name| g.symbol(name));
+    let [x, y] = inputs.map(|s| g.sym(s));
+    let one = g.one();
+    let two = g.add(one, one);
+    let (xx, yy, xy) = (g.powi(x, 2), g.powi(y, 2), g.mul(x, y));
+    let matrix = [[g.add(one, xx), y], [xy, g.add(two, yy)]];
+    let force = [g.func(Func::Sin, x), g.add(x, y)];
+    let cramer = Cramer(matrix);
+    let values = cramer.solve_by(&mut g, matrix, &force);
+    let symbols = [0, 1].map(|k| g.define(&format!("u{k}"), values[k]));
+    let u = symbols.map(|s| g.sym(s));
+    let section = |title: &str, list: &[(SymbolId, ExprId)]| Section {
+        title: title.into(),
+        definitions: list.iter().map(|(symbol, expr)| Definition { symbol: *symbol, expr: *expr }).collect(),
+    };
+    let sections = [section("solution", &[(symbols[0], values[0]), (symbols[1], values[1])])];
+    let difference = g.sub(u[0], u[1]);
+    let product = g.mul(u[0], u[1]);
+    let roots = [g.add(product, x), difference];
+    // r0 = (1 + x^2) u0 + y u1 - sin x, where u0 is (u0 - u1) + u1, and r1 has u1 by another name.
+    let again = g.add(difference, u[1]);
+    let [sum, held] = [("sum", again), ("held", u[1])].map(|(name, e)| (g.define(name, e), e));
+    let [u0, u1] = [sum, held].map(|(symbol, _)| g.sym(symbol));
+    let mut residual = Vec::new();
+    for ((row, force), u1) in matrix.iter().zip(force).zip([u[1], u1]) {
+        let terms = [g.mul(row[0], u0), g.mul(row[1], u1), g.neg(force)];
+        residual.push(g.sum(&terms));
+    }
+    let solved = Solved {
+        symbols: vec![(symbols[0], 0), (symbols[1], 1)],
+        residual,
+        held: section("held", &[held]),
+        sections: vec![section("balance", &[sum])],
+        labels: vec!["u0".into(), "u1".into()],
+    };
+    let plain = explicit(&mut g, &sections, &roots);
+    let linear = Linearisation::with_solved(&mut g, &sections, &roots, &inputs, Some((&solved, &cramer)));
+    let mut writer = SectionWriter::new(&g, inputs.into(), &[]);
+    let rows = linear.jacobian(&mut g, &mut writer, |value, x| format!("d_{value}_d_{x}"), title);
+    let covectors = [[one, g.zero()], [g.zero(), one]];
+    let pulled = covectors.map(|w| linear.reverse(&mut g, &mut writer, &w, |v| format!("w_{v}"), title));
+    let all: Vec<Section> =
+        [&sections[..], std::slice::from_ref(&solved.held), &solved.sections, &writer.finish().0].concat();
+    for (k, e) in plain.iter().enumerate() {
+        for (j, x) in inputs.iter().enumerate() {
+            let expected = g.diff(*e, *x);
+            for found in [rows[k][j], pulled[k][j]] {
+                let found = explicit(&mut g, &all, &[found])[0];
+                assert!(found != g.zero() && g.is_equal(found, expected), "row {k}, column {j}");
+            }
+        }
+    }
 }

@@ -50,6 +50,10 @@ pub enum Want {
     OutputJacobian,
     /// The derivative of the outputs of the model by the inputs.
     Feedthrough,
+    /// The matrix `A` of `A udot = f`, with the velocities `u` of the state.
+    MassMatrix,
+    /// The forces that have to act beside those of the model for given accelerations.
+    InverseDynamics,
     /// The coordinates of the group as part of the state.
     Reconstruction,
     /// All casimirs of the model.
@@ -86,7 +90,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 36] = [
+    pub const ALL: [Want; 38] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -107,6 +111,8 @@ impl Want {
         Want::Linearization,
         Want::OutputJacobian,
         Want::Feedthrough,
+        Want::MassMatrix,
+        Want::InverseDynamics,
         Want::Reconstruction,
         Want::Casimirs,
         Want::Circles,
@@ -148,6 +154,8 @@ impl Want {
             Want::Linearization => "linearization",
             Want::OutputJacobian => "output_jacobian",
             Want::Feedthrough => "feedthrough",
+            Want::MassMatrix => "mass_matrix",
+            Want::InverseDynamics => "inverse_dynamics",
             Want::Reconstruction => "reconstruction",
             Want::Casimirs => "casimirs",
             Want::Circles => "circles",
@@ -177,8 +185,9 @@ impl Want {
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Bracket, Casimirs, Circles, Constraint, Digits, Events, Feedthrough, HamiltonianTime, Implicit,
-            InputJacobian, Invariants, Linearization, Matrices, MomentumEquation, NonholonomicMomentum,
-            OutputJacobian, Outputs, Phases, Positions, Sections, Splitting, Taylor, Velocities,
+            InputJacobian, Invariants, InverseDynamics, Linearization, MassMatrix, Matrices,
+            MomentumEquation, NonholonomicMomentum, OutputJacobian, Outputs, Phases, Positions, Sections,
+            Splitting, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -205,6 +214,8 @@ impl Want {
                 | Linearization
                 | OutputJacobian
                 | Feedthrough
+                | MassMatrix
+                | InverseDynamics
         )
     }
 }

@@ -14,6 +14,8 @@ pub struct Balance {
     pub accelerations: Vec<(SymbolId, ExprId)>,
     /// `r`, along the directions of `matrix`, by the state, the definitions and the accelerations.
     pub residual: Vec<ExprId>,
+    /// `r` along the velocities of the state, where `accelerations` begin with the rates of these.
+    pub forces: Vec<ExprId>,
     /// `A = dr/dwdot`.
     pub matrix: Vec<Vec<ExprId>>,
     /// Where multipliers keep a constraint: after `wdot` come the multipliers, after the residual along `w` that of the
@@ -37,10 +39,15 @@ pub struct Kept {
 impl Balance {
     /// The values that belong to the equations.
     pub(super) fn values_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
-        let Balance { accelerations, residual, matrix, kept, solution, names: _ } = self;
+        let Balance { accelerations, residual, forces, matrix, kept, solution, names: _ } = self;
         let accelerations = accelerations.iter_mut().map(|(_, value)| value);
         let kept = kept.iter_mut().flat_map(|Kept { rows, forms }| rows.iter_mut().chain(forms).flatten());
-        accelerations.chain(residual).chain(matrix.iter_mut().flatten()).chain(kept).chain(solution)
+        accelerations
+            .chain(residual)
+            .chain(forces)
+            .chain(matrix.iter_mut().flatten())
+            .chain(kept)
+            .chain(solution)
     }
 }
 

@@ -7,6 +7,7 @@ use crate::reduction::{Frame, SolvedConstraint};
 use hamel_expr::ExprId;
 use hamel_expr::error::Error;
 
+use super::balance::Balance;
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
 use super::solve::{Factorisation, Pivot};
@@ -86,7 +87,9 @@ impl Derivation<'_> {
         pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot::of_coefficients(name, *expr)));
         self.writer.begin("rates of the velocities of the model udot = T etadot + dT/dt eta");
         let eta: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.sym(*s)).collect();
-        let balance = Some(self.balance_of(&hessian, &drive, &names, &acceleration));
+        // Forces along the frame are none along the velocities of the model.
+        let balance = self.balance_of(&hessian, &drive, &names, &acceleration);
+        let balance = Some(Balance { forces: Vec::new(), ..balance });
         let mut unknown_rates = Vec::new();
         for unknown in &solved.unknowns {
             let of_model = frame.original.iter().position(|u| u.symbol == unknown.symbol);

@@ -235,6 +235,20 @@ impl Equations {
         needed
     }
 
+    /// Definitions of the motion and its results; derivatives and inverse dynamics need further ones.
+    pub fn of_motion(&self) -> BTreeSet<SymbolId> {
+        let state = self.state.iter().chain(&self.reconstruction).map(|s| s.derivative);
+        let outputs = self.outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| *e));
+        let system = self.linear_system().into_iter();
+        let matrix = system.flat_map(|s| s.mass_matrix.iter().flatten().chain(&s.force).copied());
+        let along = self.along_sections.iter().map(|section| section.rate);
+        let momenta = self.legendre.momenta.iter().map(|(_, e)| *e);
+        let pivots = self.pivots.iter().map(|pivot| pivot.expr);
+        let velocities = self.velocities.iter().copied();
+        let results = state.chain(outputs).chain(matrix).chain(along).chain(momenta).chain(pivots);
+        self.needed(results.chain(velocities).chain([self.energy, self.energy_rate]))
+    }
+
     /// Whether the motion follows from a Lagrangian or a Hamiltonian, and has an energy.
     pub fn has_energy(&self) -> bool {
         !matches!(self.form, Form::Given)

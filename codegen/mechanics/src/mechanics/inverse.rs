@@ -43,7 +43,20 @@ impl Equations {
         if symbols.is_empty() {
             return Ok(None);
         }
-        let mut image: BTreeMap<SymbolId, ExprId> = balance.accelerations.iter().copied().collect();
+        // Symbols that nothing differentiates: what an acceleration is equal to changes with the state.
+        let mut image = BTreeMap::new();
+        let mut held = Section { title: "accelerations of the motion".into(), definitions: Vec::new() };
+        for (given, value) in &balance.accelerations {
+            let is_named = symbols.iter().any(|(own, _)| *g.node(*value) == Node::Symbol(*own));
+            if is_named || matches!(g.node(*value), Node::Constant(_)) {
+                image.insert(*given, *value);
+                continue;
+            }
+            let name = g.name(*given).to_owned();
+            let symbol = g.define(&name, *value);
+            image.insert(*given, g.sym(symbol));
+            held.definitions.push(Definition { symbol, expr: *value });
+        }
         let mut renewed = Vec::new();
         let before = self.before(&symbols);
         for section in needed_sections(g, &self.sections, &balance.residual) {
@@ -71,7 +84,7 @@ impl Equations {
         let labels = balance.names.iter().map(|name| format!("dot_{name}"));
         let n_multipliers = residual.len() - balance.names.len();
         let labels = labels.chain((0..n_multipliers).map(|k| format!("multiplier{}", k + 1))).collect();
-        let solved = Solved { symbols, residual, sections: renewed, labels };
+        let solved = Solved { symbols, residual, held, sections: renewed, labels };
         Ok(Some((solved, factors, writer.finish().0)))
     }
 }
@@ -148,6 +161,7 @@ impl Derivation<'_> {
         }
         Balance {
             accelerations: given.into_iter().zip(solution.iter().copied()).collect(),
+            forces: residual.clone(),
             residual,
             matrix: matrix.to_vec(),
             kept: None,
@@ -244,7 +258,8 @@ impl Derivation<'_> {
             residual.push(self.g.linear_combination(&terms));
         }
         let (matrix, solution) = (matrix.to_vec(), solution.to_vec());
-        Ok(Balance { accelerations, residual, matrix, kept: None, solution, names })
+        let forces = along_unknowns;
+        Ok(Balance { accelerations, residual, forces, matrix, kept: None, solution, names })
     }
 
     /// A force on a value, on everything that the value is computed from: `value`, or `-value/coefficient`.

@@ -30,6 +30,8 @@ const VISITS_EACH: usize = 2;
 /// have thousands, the Jacobian of five spherical pendulums 16, which as straight-line code takes a fifth of the
 /// operations.
 const PRODUCTS_EACH: usize = 64;
+/// Scalars that are few, however few products there are.
+const SCALARS: usize = 100;
 /// Visits that are few, however few products there are.
 const VISITS: usize = 1000;
 
@@ -126,7 +128,7 @@ pub(super) fn rolled(
     }
     let found = roller.assemble(request, &places, &live)?;
     let n_scalars = found.1.results.len() - found.0.n_straight;
-    if n_scalars * PRODUCTS_EACH > n_products {
+    if n_scalars > SCALARS.max(n_products / PRODUCTS_EACH) {
         return None;
     }
     // Every table runs through all sums of its level, also through those to which it adds nothing.
