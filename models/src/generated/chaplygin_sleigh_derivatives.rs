@@ -82,24 +82,29 @@ pub struct Prepared<R = f64> {
     c6: R, c7: R,
     c8: R, // 2 * m * a / ((J * m + m * m * (a * a)) / (J + m * (a * a + b * b)))
     c9: R, // J * a * b / ((J + m * (a * a)) * (J + m * (a * a)))
-    c10: R, // m * b * (J - m * (a * a)) / ((J + m * (a * a)) * (J + m * (a * a)))
+    c10: R, // m * a * b / ((J + m * (a * a)) * (J + m * (a * a)))
     c11: R,
     c12: R, // -(J * a / ((J + m * (a * a)) * (J + m * (a * a))))
-    c13: R, // -(m * (J - m * (a * a)) / ((J + m * (a * a)) * (J + m * (a * a))))
-    c14: R, // -(m * a * (b * b) / ((J + m * (a * a)) * (J + m * (a * a))))
-    c15: R,
+    c13: R, // -(m * a * (b * b) / ((J + m * (a * a)) * (J + m * (a * a))))
+    c14: R,
+    c15: R, // m * a / ((J + m * (a * a)) * (J + m * (a * a)))
     c16: R, // J * a * (b * b) / ((J + m * (a * a)) * (J + m * (a * a)))
-    c17: R, c18: R,
-    c19: R, // m * a / (J + m * (a * a))
+    c17: R, // 2 * m * a * b / (J + m * (a * a))
+    c18: R, // -(m * (J - m * (a * a)) / ((J + m * (a * a)) * (J + m * (a * a))))
+    c19: R, // -(m * a * b / (J + m * (a * a)))
+    c20: R, // -(m * a / (J + m * (a * a)))
     A_l2_1: R, // -(m * b / (J + m * (a * a + b * b)))
-    c20: R, c21: R, c22: R, c23: R, c24: R, c25: R, c26: R, c27: R,
+    c21: R, // 2 * a * (J + m * (a * a) + m * (b * b)) / (J + m * (a * a))
+    c22: R, c23: R, c24: R, c25: R,
+    c26: R, // m * b * (J - m * (a * a)) / ((J + m * (a * a)) * (J + m * (a * a)))
+    c27: R,
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 21 additions, 60 multiplications, 36 divisions, 12 sign changes.
+    /// Operations: 12 additions, 39 multiplications, 31 divisions, 9 sign changes.
     ///
     /// # Errors
     ///
@@ -113,50 +118,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = b * b;
         let A_omega_omega = J + m * (t2 + t3);
         let A_l2_1 = -(t1 / A_omega_omega);
-        let t4 = t0 * A_l2_1;
-        let t5 = J * m;
-        let t6 = m * m;
-        let t7 = t6 * t2;
-        let A_s1_2_2 = (t5 + t7) / A_omega_omega;
-        let t8 = A_l2_1 * A_l2_1;
-        let t9 = t0 * t8;
-        let t10 = t0 / A_omega_omega + t9 / A_s1_2_2;
-        let t11 = R::from_f64(2.0) * m;
-        let t12 = t11 * a;
-        let t13 = t0 / (A_omega_omega * A_omega_omega);
-        let d_A_l2_1_d_J = -(A_l2_1 / A_omega_omega);
-        let t14 = m * t2;
-        let t15 = J + t14;
-        let t16 = t15 + m * t3;
-        let d_A_s1_2_2_d_J = t6 * t3 / (t16 * t16);
-        let t17 = A_s1_2_2 * A_s1_2_2;
-        let t18 = t0 * d_A_l2_1_d_J / A_s1_2_2 - t4 * d_A_s1_2_2_d_J / t17;
-        let t19 = J * a;
-        let t20 = t15 * t15;
-        let t21 = J - t14;
-        let d_A_s1_2_2_d_b = -(t11 * b * A_s1_2_2 / A_omega_omega);
-        let t22 = A_omega_omega * A_s1_2_2;
-        let t23 = t4 / t22 + t4 * (m / A_omega_omega - A_s1_2_2 / A_omega_omega) / t17;
-        let t24 = t9 / t22;
-        let t25 = t6 * a;
-        let t26 = A_omega_omega * t17;
+        let t4 = m * m;
+        let A_s1_2_2 = (J * m + t4 * t2) / A_omega_omega;
+        let t5 = A_l2_1 * A_l2_1;
+        let t6 = t0 * t5;
+        let t7 = t0 / A_omega_omega + t6 / A_s1_2_2;
+        let t8 = R::from_f64(2.0) * m * a;
+        let t9 = m * t2;
+        let t10 = J + t9;
+        let t11 = t10 * t10;
+        let t12 = t0 * b;
+        let t13 = J * a;
+        let t14 = J - t9;
+        let t15 = R::from_f64(2.0) * t4 * t2 * t5;
+        let t16 = A_s1_2_2 * A_s1_2_2;
         ::hamel_runtime::ParamError::require(J.all_gt(R::ZERO), "J > 0", "")?;
         ::hamel_runtime::ParamError::require(m.all_gt(R::ZERO), "m > 0", "")?;
         Ok(Self {
-            c0: t4 / A_s1_2_2, c1: -t10, c2: t0 / A_s1_2_2, c3: R::from_f64(-2.0) * b,
+            c0: t0 * A_l2_1 / A_s1_2_2, c1: t7, c2: t0 / A_s1_2_2, c3: R::from_f64(-2.0) * b,
             c4: R::from_f64(0.5) * A_omega_omega,
-            c5: R::from_f64(0.5) * m, c6: -t10, c7: -(t12 * A_l2_1 / A_s1_2_2), c8: t12 / A_s1_2_2, c9: t19 * b / t20,
-            c10: t1 * t21 / t20, c11: t18, c12: -(t19 / t20), c13: -(m * t21 / t20), c14: -(t0 * t3 / t20),
-            c15: t13 - A_l2_1 * t18 - t4 * d_A_l2_1_d_J / A_s1_2_2,
-            c16: t19 * t3 / t20,
-            c17: (t5 * t3 - (t7 * t3 - t6 * (t2 * t2) - R::from_f64(2.0) * J * m * t2 - J * J)) / t20,
-            c18: -(t0 * d_A_s1_2_2_d_b / t17),
-            c19: t0 / t15, A_l2_1, c20: t13 + A_l2_1 * t23 + t24, c21: -t23,
-            c22: R::from_f64(-2.0) * t6 * a * b / t22,
-            c23: t13 + t24 + t25 * t8 / t26,
-            c24: -(t9 / t17), c25: t25 * A_l2_1 / t26,
-            c26: R::from_f64(2.0) * (t6 * m) * t2 * A_l2_1 / t26 - m * A_l2_1 / A_s1_2_2,
-            c27: t25 / t22,
+            c5: R::from_f64(0.5) * m, c6: -t7, c7: -(t8 * A_l2_1 / A_s1_2_2), c8: t8 / A_s1_2_2, c9: t13 * b / t11,
+            c10: t12 / t11,
+            c11: (m - t15 / A_s1_2_2) / A_s1_2_2,
+            c12: -(t13 / t11), c13: -(t0 * t3 / t11),
+            c14: A_l2_1 * (m - t8 * t7) / A_s1_2_2,
+            c15: t0 / t11, c16: t13 * t3 / t11, c17: t8 * b / t10, c18: -(m * t14 / t11), c19: -(t12 / t10),
+            c20: -(t0 / t10), A_l2_1,
+            c21: R::from_f64(2.0) * a * (t10 + m * t3) / t10,
+            c22: t7 / A_omega_omega + t5 * t7 / A_s1_2_2,
+            c23: -(A_l2_1 * t7 / A_s1_2_2), c24: t6 / t16, c25: m / A_s1_2_2 - t15 / t16, c26: t1 * t14 / t11,
+            c27: t7 * (A_omega_omega.recip() + t5 / A_s1_2_2),
         })
     }
 
@@ -177,7 +168,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1] = *y;
         let _ = t;
         let t0 = self.c0 * omega;
-        let dot_omega = omega * fma(v1, self.c1, -t0);
+        let dot_omega = omega * fma(-v1, self.c1, -t0);
         let dot_v1 = fma(v1, t0, self.c2 * (omega * omega));
         *dy = [dot_omega, dot_v1];
     }
@@ -203,7 +194,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn jacobian_nonzeros(&self, t: R, y: &[R; 2]) -> [R; 4] {
         let [omega, v1] = *y;
         let _ = t;
-        [fma(v1, self.c1, self.c7 * omega), self.c6 * omega, fma(omega, self.c8, self.c0 * v1), self.c0 * omega]
+        [fma(-v1, self.c1, self.c7 * omega), self.c6 * omega, fma(omega, self.c8, self.c0 * v1), self.c0 * omega]
     }
 
     /// Derivative `df/dt` of the right-hand side by time at a fixed state.
@@ -236,9 +227,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = omega * v1;
         let t1 = omega * omega;
         [
-            fma(-t1, self.c11, self.c15 * t0), fma(t0, self.c12, self.c9 * t1), fma(t0, self.c13, self.c10 * t1),
-            self.c19 * t1, fma(t1, self.c14, self.c11 * t0), fma(-t0, self.c9, self.c16 * t1),
-            fma(-t0, self.c10, self.c17 * t1), fma(-t0, self.c19, self.c18 * t1),
+            fma(-t1, self.c10, self.c15 * t0), fma(t0, self.c12, self.c9 * t1), fma(t0, self.c18, -(self.c14 * t1)),
+            self.c1 * t1, fma(t1, self.c13, self.c10 * t0), fma(-t0, self.c9, self.c16 * t1),
+            fma(t0, self.c14, self.c11 * t1), fma(-t0, self.c1, self.c17 * t1),
         ]
     }
 
@@ -279,7 +270,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = fma(v1, v_omega, omega * v_v1);
         let t1 = omega * v_omega;
-        [fma(t0, self.c1, self.c7 * t1), fma(t0, self.c0, self.c8 * t1)]
+        [fma(-t0, self.c1, self.c7 * t1), fma(t0, self.c0, self.c8 * t1)]
     }
 
     /// Product `J^T w` of the transposed Jacobian `J_ij = df_i/dy_j` and a covector `w`, a weight for each rate.
@@ -291,8 +282,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [w_dot_omega, w_dot_v1] = *w;
         let [omega, v1] = *y;
         let _ = t;
-        let t0 = fma(w_dot_omega, self.c1, self.c0 * w_dot_v1);
-        [fma(self.c8 * omega, fma(-w_dot_omega, self.A_l2_1, w_dot_v1), v1 * t0), omega * t0]
+        let t0 = fma(w_dot_omega, self.c20, self.c19 * w_dot_v1);
+        [fma(self.c21 * omega, fma(-w_dot_omega, self.A_l2_1, w_dot_v1), v1 * t0), omega * t0]
     }
 
     /// Product of the derivatives `df_i/dp_j` by the parameters and a direction `v` of the parameters, in their order.
@@ -306,10 +297,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = omega * v1;
         let t1 = omega * omega;
-        let t2 = fma(-v_m, self.c9, fma(v_J, self.c21, fma(-v_b, self.c19, -(self.c10 * v_a))));
+        let t2 = fma(-v_m, self.c9, fma(v_J, self.c23, fma(-v_b, self.c1, self.c14 * v_a)));
         [
-            fma(-t1, t2, t0 * fma(v_a, self.c13, fma(v_m, self.c12, self.c20 * v_J))),
-            fma(-t1, fma(-v_a, self.c17, fma(v_b, self.c22, fma(-v_m, self.c16, -(self.c14 * v_J)))), t2 * t0),
+            fma(-t1, t2, t0 * fma(v_a, self.c18, fma(v_m, self.c12, self.c22 * v_J))),
+            fma(-t1, fma(-v_a, self.c11, fma(-v_b, self.c17, fma(-v_m, self.c16, self.c24 * v_J))), t2 * t0),
         ]
     }
 
@@ -327,10 +318,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = v1 * t0;
         let t3 = w_dot_v1 * (omega * omega);
         [
-            fma(t1, self.c25, fma(t3, self.c24, self.c23 * t2)),
+            fma(-t1, self.c23, fma(-t3, self.c24, self.c27 * t2)),
             fma(t1, self.c9, fma(t2, self.c12, self.c16 * t3)),
-            fma(t1, self.c26, fma(t2, self.c13, self.c17 * t3)),
-            fma(t1, self.c27, self.c7 * t3),
+            fma(t1, self.c26, fma(t2, self.c18, self.c25 * t3)),
+            fma(t1, self.c1, self.c7 * t3),
         ]
     }
 }
@@ -338,7 +329,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::system!(Prepared[2]);
 
 ::hamel_runtime::over_scalar!(Prepared[2] {
-    c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, A_l2_1, c20,
+    c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, A_l2_1,
     c21, c22, c23, c24, c25, c26, c27,
 });
 

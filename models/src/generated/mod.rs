@@ -192,6 +192,8 @@ pub mod two_arm_satellite;
 /// Satellite with two arms
 pub mod two_arm_satellite_controlled;
 /// Satellite with two arms
+pub mod two_arm_satellite_dynamics;
+/// Satellite with two arms
 pub mod two_arm_satellite_invariants;
 /// Satellite with two arms
 pub mod two_arm_satellite_momenta;
@@ -335,6 +337,7 @@ macro_rules! for_each_scene {
             (triangular_body_as_written, "triangular_body", "as_written", 6)
             (two_arm_satellite, "two_arm_satellite", "default", 7)
             (two_arm_satellite_controlled, "two_arm_satellite", "controlled", 7)
+            (two_arm_satellite_dynamics, "two_arm_satellite", "dynamics", 7)
             (two_arm_satellite_invariants, "two_arm_satellite", "invariants", 11)
             (two_arm_satellite_momenta, "two_arm_satellite", "momenta", 7)
             (two_arm_satellite_reconstruction, "two_arm_satellite", "reconstruction", 11)

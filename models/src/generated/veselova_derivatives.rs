@@ -143,42 +143,35 @@ pub struct Prepared<R = f64> {
     c29: R, // k * chi3 / (I1 * I1)
     c30: R, // -(k * chi2 / (I1 * I1))
     c31: R, // (I2 - I3) / (I1 * I1)
-    c32: R, // 1 / I3
-    c33: R, // chi2 / I3
-    c34: R, // -(chi1 / I3)
-    c35: R, // 1 / I2
-    c36: R, // chi1 / I2
-    c37: R, // -(chi3 / I2)
-    c38: R, // 1 / I1
+    c32: R, // 1 / I2
+    c33: R, // 1 / I3
+    c34: R, // 1 / I1
+    c35: R, // chi2 / I3
+    c36: R, // -(chi1 / I3)
+    c37: R, // chi1 / I2
+    c38: R, // -(chi3 / I2)
     c39: R, // chi3 / I1
     c40: R, // -(chi2 / I1)
-    c41: R, // k / I1
-    c42: R, // k / I3 - k / I2
-    c43: R, // k / I2 - k / I1
-    c44: R, // k / I3 - k / I1
-    c45: R, // -(k * chi1 / I3)
+    c41: R, // k / I3 - k / I2
+    c42: R, // k / I1
+    c43: R, // k / I3 - k / I1
+    c44: R, // k / I2 - k / I1
+    c45: R, // (I1 - I3) / I1
     c46: R, // (I2 - I3) / I2
     c47: R, // k * chi2 / I2
     c48: R, // (I1 - I2) / I2
     c49: R, // I2 / I3
-    c50: R, // k * chi2 / (I2 * I3)
-    c51: R, // -(k * chi1 / (I2 * I3))
-    c52: R, // (I1 - I2) / (I2 * I3)
-    c53: R, // k * chi1 / (I2 * I2)
-    c54: R, // -(k * chi3 / (I2 * I2))
-    c55: R, // -((I1 - I3) / (I2 * I2))
-    c56: R, // -(k * chi2 / (I1 * I2))
-    c57: R, // (I2 - I3) / (I1 * I2)
-    c58: R, // -k
-    c59: R, // k * chi2 / I1
-    c60: R, // I3 / I2
+    c50: R, // -(k * chi1 / I3)
+    c51: R, // -k
+    c52: R, // k * chi2 / I1
+    c53: R, // I3 / I2
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 9 additions, 11 multiplications, 49 divisions, 19 sign changes.
+    /// Operations: 9 additions, 9 multiplications, 42 divisions, 15 sign changes.
     ///
     /// # Errors
     ///
@@ -208,8 +201,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t13 = k / I3;
         let t14 = k / I2;
         let t15 = k / I1;
-        let t16 = I2 * I3;
-        let t17 = I2 * I2;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I2.all_gt(R::ZERO), "I2 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
@@ -223,11 +214,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c19: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
             c20: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
             c21: t14, c22: t13, c23: t1 / t10, c24: -(t3 / t10), c25: t0 / t10, c26: t3 / t11, c27: -(t5 / t11),
-            c28: -(t4 / t11), c29: t5 / t12, c30: -(t1 / t12), c31: t7 / t12, c32: I3.recip(), c33: chi2 / I3,
-            c34: -(chi1 / I3), c35: I2.recip(), c36: chi1 / I2, c37: -(chi3 / I2), c38: I1.recip(), c39: chi3 / I1,
-            c40: -(chi2 / I1), c41: t15, c42: t13 - t14, c43: t14 - t15, c44: t13 - t15, c45: -t9, c46: t7 / I2,
-            c47: t1 / I2, c48: t0 / I2, c49: I2 / I3, c50: t1 / t16, c51: -(t3 / t16), c52: t0 / t16, c53: t3 / t17,
-            c54: -(t5 / t17), c55: -(t4 / t17), c56: -(t1 / t11), c57: t7 / t11, c58: -k, c59: t2, c60: t8,
+            c28: -(t4 / t11), c29: t5 / t12, c30: -(t1 / t12), c31: t7 / t12, c32: I2.recip(), c33: I3.recip(),
+            c34: I1.recip(), c35: chi2 / I3, c36: -(chi1 / I3), c37: chi1 / I2, c38: -(chi3 / I2), c39: chi3 / I1,
+            c40: -(chi2 / I1), c41: t13 - t14, c42: t15, c43: t13 - t15, c44: t14 - t15, c45: t4 / I1, c46: t7 / I2,
+            c47: t1 / I2, c48: t0 / I2, c49: I2 / I3, c50: -t9, c51: -k, c52: t2, c53: t8,
         })
     }
 
@@ -266,7 +256,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // free acceleration L_yy^-1 r
         let free_Omega3_scaled = fma(Omega1, self.c2 * Omega2, fma(gamma2, self.c1, self.c0 * gamma1));
         let free_Omega2 = fma(-Omega1, self.c4 * Omega3, fma(gamma1, self.c3, self.d_free_Omega2_d_gamma3 * gamma3));
-        let free_Omega1 = fma(Omega2, self.c5 * Omega3, fma(-gamma3, self.c59, self.d_free_Omega1_d_gamma2 * gamma2));
+        let free_Omega1 = fma(Omega2, self.c5 * Omega3, fma(-gamma3, self.c52, self.d_free_Omega1_d_gamma2 * gamma2));
         // response to the multipliers L_yy^-1 Lambda^T
         let Z1_Omega2_scaled = self.c6 * gamma2;
         let Z1_Omega1_scaled = self.c7 * gamma1;
@@ -278,7 +268,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = S_1_1_scaled.recip();
         let dot_Omega1 = fma(Z1_Omega2_scaled, t1, gamma3 * t0) * t2;
         let t3 = fma(-free_Omega3_scaled, self.c9 * gamma2, gamma3 * free_Omega2);
-        let dot_Omega2 = fma(-t1, self.c60 * gamma1, gamma3 * t3) * t2;
+        let dot_Omega2 = fma(-t1, self.c53 * gamma1, gamma3 * t3) * t2;
         let dot_Omega3 = fma(-gamma1, t0, -(gamma2 * t3)) * t2;
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_gamma1, dot_gamma2, dot_gamma3];
     }
@@ -434,7 +424,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      d_dot_Omega3_d_chi3]
     /// ```
     ///
-    /// Operations: 44 additions, 89 multiplications (43 fused), 1 division, 1 sign change.
+    /// Operations: 42 additions, 85 multiplications (41 fused), 1 division, 1 sign change.
     #[inline]
     #[must_use]
     pub fn sensitivity_nonzeros(&self, t: R, y: &[R; 6]) -> [R; 21] {
@@ -456,59 +446,58 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // substitution through the factors of S
         let t3 = S_1_1_scaled.recip();
         let lambda_c1_over_I12 = g_1_over_I1 * t3;
-        // derivatives of: free acceleration L_yy^-1 r
-        let t4 = self.c32 * t0;
-        let t5 = self.c16 * free_Omega3_over_I1;
-        let d_free_Omega3_d_k = fma(gamma2, self.c34, self.c33 * gamma1);
-        let t6 = self.c9 * free_Omega2_over_I1;
-        let d_free_Omega2_d_I3 = self.c35 * t1;
-        let d_free_Omega2_d_k = fma(gamma1, self.c37, self.c36 * gamma3);
-        let d_free_Omega1_d_I2 = self.c38 * t2;
-        let d_free_Omega1_d_k = fma(gamma3, self.c40, self.c39 * gamma2);
-        // derivatives of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let t7 = gamma1 * d_free_Omega1_d_I2;
-        let d_g_1_d_I2 = fma(gamma2, t6, fma(gamma3, t4, -t7));
-        let t8 = gamma2 * d_free_Omega2_d_I3;
-        let d_g_1_d_I3 = fma(gamma3, t5, t7 - t8);
-        let d_g_1_d_k = fma(-gamma1, d_free_Omega1_d_k, fma(-gamma3, d_free_Omega3_d_k, -(gamma2 * d_free_Omega2_d_k)));
-        let d_g_1_d_chi1 = self.c42 * gamma3 * gamma2;
-        let d_g_1_d_chi3 = self.c43 * gamma2 * gamma1;
+        // accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
+        let dot_Omega1_over_I1 = fma(gamma1, lambda_c1_over_I12, free_Omega1_over_I1);
+        let dot_Omega2_over_I1 = fma(Z1_Omega2_scaled, lambda_c1_over_I12, free_Omega2_over_I1);
+        let dot_Omega3_over_I1 = fma(Z1_Omega3_scaled, lambda_c1_over_I12, free_Omega3_over_I1);
         // derivatives of: substitution through the factors of S
-        let t9 = fma(-gamma1, lambda_c1_over_I12, -free_Omega1_over_I1);
-        let d_lambda_c1_d_I1_over_I1 = fma(-gamma1, t9, fma(-gamma3, t4, t8)) * t3;
-        let t10 = Z1_Omega2_scaled * lambda_c1_over_I12;
-        let d_lambda_c1_d_I2_over_I1 = fma(Z1_Omega2_scaled, t10, d_g_1_d_I2) * t3;
-        let t11 = Z1_Omega3_scaled * lambda_c1_over_I12;
-        let d_lambda_c1_d_I3_over_I1 = fma(Z1_Omega3_scaled, t11, d_g_1_d_I3) * t3;
-        let d_lambda_c1_d_k_over_I1 = d_g_1_d_k * t3;
-        let d_lambda_c1_d_chi1_over_I1 = d_g_1_d_chi1 * t3;
-        let t12 = t3 * (gamma1 * (self.c44 * gamma3));
-        let d_lambda_c1_d_chi3_over_I1 = d_g_1_d_chi3 * t3;
-        // derivatives of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
-        let d_dot_Omega1_d_I1 = fma(gamma1, d_lambda_c1_d_I1_over_I1, t9);
-        let d_dot_Omega1_d_I2 = fma(gamma1, d_lambda_c1_d_I2_over_I1, d_free_Omega1_d_I2);
-        let d_dot_Omega1_d_I3 = fma(gamma1, d_lambda_c1_d_I3_over_I1, -d_free_Omega1_d_I2);
-        let d_dot_Omega1_d_k = fma(gamma1, d_lambda_c1_d_k_over_I1, d_free_Omega1_d_k);
-        let d_dot_Omega1_d_chi2 = fma(-gamma1, t12, -(self.c41 * gamma3));
-        let d_dot_Omega1_d_chi3 = fma(gamma1, d_lambda_c1_d_chi3_over_I1, self.c41 * gamma2);
-        let d_dot_Omega2_d_I1 = fma(Z1_Omega2_scaled, d_lambda_c1_d_I1_over_I1, -d_free_Omega2_d_I3);
-        let d_dot_Omega2_d_I2 = fma(Z1_Omega2_scaled, d_lambda_c1_d_I2_over_I1, fma(-t10, self.c9, -t6));
-        let d_dot_Omega2_d_I3 = fma(Z1_Omega2_scaled, d_lambda_c1_d_I3_over_I1, d_free_Omega2_d_I3);
-        let d_dot_Omega2_d_k = fma(Z1_Omega2_scaled, d_lambda_c1_d_k_over_I1, d_free_Omega2_d_k);
-        let d_dot_Omega2_d_chi1 = fma(Z1_Omega2_scaled, d_lambda_c1_d_chi1_over_I1, self.c21 * gamma3);
-        let d_dot_Omega2_d_chi3 = fma(Z1_Omega2_scaled, d_lambda_c1_d_chi3_over_I1, -(self.c21 * gamma1));
-        let d_dot_Omega3_d_I1 = fma(Z1_Omega3_scaled, d_lambda_c1_d_I1_over_I1, t4);
-        let d_dot_Omega3_d_I2 = fma(Z1_Omega3_scaled, d_lambda_c1_d_I2_over_I1, -t4);
-        let d_dot_Omega3_d_I3 = fma(Z1_Omega3_scaled, d_lambda_c1_d_I3_over_I1, fma(-t11, self.c16, -t5));
-        let d_dot_Omega3_d_k = fma(Z1_Omega3_scaled, d_lambda_c1_d_k_over_I1, d_free_Omega3_d_k);
-        let d_dot_Omega3_d_chi1 = fma(Z1_Omega3_scaled, d_lambda_c1_d_chi1_over_I1, -(self.c22 * gamma2));
-        let d_dot_Omega3_d_chi2 = fma(-Z1_Omega3_scaled, t12, self.c22 * gamma1);
+        let free_d_dot_Omega2_d_I3 = self.c32 * t1;
+        let t4 = self.c33 * t0;
+        let t5 = gamma3 * t4;
+        let z_d_multiplier1_d_I1 = fma(gamma1, dot_Omega1_over_I1, fma(gamma2, free_d_dot_Omega2_d_I3, -t5));
+        let d_multiplier1_d_I1_over_I1 = z_d_multiplier1_d_I1 * t3;
+        let d_dot_Omega1_d_I1 = fma(gamma1, d_multiplier1_d_I1_over_I1, -dot_Omega1_over_I1);
+        let d_dot_Omega2_d_I1 = fma(Z1_Omega2_scaled, d_multiplier1_d_I1_over_I1, -free_d_dot_Omega2_d_I3);
+        let d_dot_Omega3_d_I1 = fma(Z1_Omega3_scaled, d_multiplier1_d_I1_over_I1, t4);
+        let t6 = self.c9 * dot_Omega2_over_I1;
+        let free_d_dot_Omega1_d_I2 = self.c34 * t2;
+        let t7 = gamma1 * free_d_dot_Omega1_d_I2;
+        let z_d_multiplier1_d_I2 = fma(gamma2, t6, t5 - t7);
+        let d_multiplier1_d_I2_over_I1 = z_d_multiplier1_d_I2 * t3;
+        let d_dot_Omega1_d_I2 = fma(gamma1, d_multiplier1_d_I2_over_I1, free_d_dot_Omega1_d_I2);
+        let d_dot_Omega2_d_I2 = fma(Z1_Omega2_scaled, d_multiplier1_d_I2_over_I1, -t6);
+        let d_dot_Omega3_d_I2 = fma(Z1_Omega3_scaled, d_multiplier1_d_I2_over_I1, -t4);
+        let t8 = self.c16 * dot_Omega3_over_I1;
+        let z_d_multiplier1_d_I3 = fma(gamma3, t8, fma(-gamma2, free_d_dot_Omega2_d_I3, t7));
+        let d_multiplier1_d_I3_over_I1 = z_d_multiplier1_d_I3 * t3;
+        let d_dot_Omega1_d_I3 = fma(gamma1, d_multiplier1_d_I3_over_I1, -free_d_dot_Omega1_d_I2);
+        let d_dot_Omega2_d_I3 = fma(Z1_Omega2_scaled, d_multiplier1_d_I3_over_I1, free_d_dot_Omega2_d_I3);
+        let d_dot_Omega3_d_I3 = fma(Z1_Omega3_scaled, d_multiplier1_d_I3_over_I1, -t8);
+        let free_d_dot_Omega3_d_k = fma(gamma2, self.c36, self.c35 * gamma1);
+        let free_d_dot_Omega2_d_k = fma(gamma1, self.c38, self.c37 * gamma3);
+        let free_d_dot_Omega1_d_k = fma(gamma3, self.c40, self.c39 * gamma2);
+        let z_d_multiplier1_d_k = fma(-gamma1, free_d_dot_Omega1_d_k, fma(-gamma3, free_d_dot_Omega3_d_k, -(gamma2 * free_d_dot_Omega2_d_k)));
+        let d_multiplier1_d_k_over_I1 = z_d_multiplier1_d_k * t3;
+        let d_dot_Omega1_d_k = fma(gamma1, d_multiplier1_d_k_over_I1, free_d_dot_Omega1_d_k);
+        let d_dot_Omega2_d_k = fma(Z1_Omega2_scaled, d_multiplier1_d_k_over_I1, free_d_dot_Omega2_d_k);
+        let d_dot_Omega3_d_k = fma(Z1_Omega3_scaled, d_multiplier1_d_k_over_I1, free_d_dot_Omega3_d_k);
+        let z_d_multiplier1_d_chi1 = self.c41 * gamma3 * gamma2;
+        let d_multiplier1_d_chi1_over_I1 = z_d_multiplier1_d_chi1 * t3;
+        let d_dot_Omega2_d_chi1 = fma(Z1_Omega2_scaled, d_multiplier1_d_chi1_over_I1, self.c21 * gamma3);
+        let d_dot_Omega3_d_chi1 = fma(Z1_Omega3_scaled, d_multiplier1_d_chi1_over_I1, -(self.c22 * gamma2));
+        let t9 = t3 * (gamma1 * (self.c43 * gamma3));
+        let d_dot_Omega1_d_chi2 = fma(-gamma1, t9, -(self.c42 * gamma3));
+        let d_dot_Omega3_d_chi2 = fma(-Z1_Omega3_scaled, t9, self.c22 * gamma1);
+        let z_d_multiplier1_d_chi3 = self.c44 * gamma2 * gamma1;
+        let d_multiplier1_d_chi3_over_I1 = z_d_multiplier1_d_chi3 * t3;
+        let d_dot_Omega1_d_chi3 = fma(gamma1, d_multiplier1_d_chi3_over_I1, self.c42 * gamma2);
+        let d_dot_Omega2_d_chi3 = fma(Z1_Omega2_scaled, d_multiplier1_d_chi3_over_I1, -(self.c21 * gamma1));
         [
             d_dot_Omega1_d_I1,
             d_dot_Omega1_d_I2,
             d_dot_Omega1_d_I3,
             d_dot_Omega1_d_k,
-            gamma1 * d_lambda_c1_d_chi1_over_I1,
+            gamma1 * d_multiplier1_d_chi1_over_I1,
             d_dot_Omega1_d_chi2,
             d_dot_Omega1_d_chi3,
             d_dot_Omega2_d_I1,
@@ -516,7 +505,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             d_dot_Omega2_d_I3,
             d_dot_Omega2_d_k,
             d_dot_Omega2_d_chi1,
-            -(Z1_Omega2_scaled * t12),
+            -(Z1_Omega2_scaled * t9),
             d_dot_Omega2_d_chi3,
             d_dot_Omega3_d_I1,
             d_dot_Omega3_d_I2,
@@ -524,7 +513,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             d_dot_Omega3_d_k,
             d_dot_Omega3_d_chi1,
             d_dot_Omega3_d_chi2,
-            Z1_Omega3_scaled * d_lambda_c1_d_chi3_over_I1,
+            Z1_Omega3_scaled * d_multiplier1_d_chi3_over_I1,
         ]
     }
 
@@ -567,55 +556,62 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// Product `J v` of the Jacobian `J_ij = df_i/dy_j` and a direction `v` of the state, the derivative along it.
     ///
-    /// Operations: 42 additions, 70 multiplications (42 fused), 1 division.
+    /// Operations: 42 additions, 68 multiplications (42 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn jvp(&self, t: R, y: &[R; 6], v: &[R; 6]) -> [R; 6] {
         let [v_Omega1, v_Omega2, v_Omega3, v_gamma1, v_gamma2, v_gamma3] = *v;
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
+        // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let t0 = self.c5 * Omega3;
+        let r_Omega1_over_I1 = fma(Omega2, t0, fma(-gamma3, self.c0, self.d_free_Omega1_d_gamma2 * gamma2));
+        let t1 = self.c45 * Omega3;
+        let r_Omega2_over_I1 = fma(-Omega1, t1, fma(-gamma1, self.d_free_Omega1_d_gamma2, -(self.c1 * gamma3)));
+        let t2 = self.c2 * Omega2;
+        let r_Omega3_over_I1 = fma(Omega1, t2, fma(gamma2, self.c1, self.c0 * gamma1));
         // free acceleration L_yy^-1 r
-        let t0 = self.c17 * Omega1;
-        let free_Omega3 = fma(Omega2, t0, fma(gamma2, self.c45, self.d_free_Omega3_d_gamma1 * gamma1));
-        let t1 = self.c4 * Omega1;
-        let free_Omega2 = fma(-Omega3, t1, fma(gamma1, self.c3, self.d_free_Omega2_d_gamma3 * gamma3));
-        let t2 = self.c5 * Omega3;
-        let free_Omega1 = fma(Omega2, t2, fma(-gamma3, self.c0, self.d_free_Omega1_d_gamma2 * gamma2));
+        let free_Omega3 = self.c16 * r_Omega3_over_I1;
+        let free_Omega2 = self.c9 * r_Omega2_over_I1;
         // response to the multipliers L_yy^-1 Lambda^T
         let Z1_Omega3_scaled = self.c16 * gamma3;
         let Z1_Omega2_scaled = self.c9 * gamma2;
         // multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let S_1_1_scaled = fma(gamma3, Z1_Omega3_scaled, fma(gamma2, Z1_Omega2_scaled, gamma1 * gamma1));
-        let g_1 = fma(-gamma1, free_Omega1, fma(-gamma3, free_Omega3, -(gamma2 * free_Omega2)));
+        let g_1 = fma(-gamma3, free_Omega3, fma(-gamma2, free_Omega2, -(gamma1 * r_Omega1_over_I1)));
         // substitution through the factors of S
         let t3 = S_1_1_scaled.recip();
         let lambda_c1_over_I1 = g_1 * t3;
+        // accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
+        let dot_Omega1 = fma(gamma1, lambda_c1_over_I1, r_Omega1_over_I1);
+        let dot_Omega2 = fma(Z1_Omega2_scaled, lambda_c1_over_I1, free_Omega2);
+        let dot_Omega3 = fma(Z1_Omega3_scaled, lambda_c1_over_I1, free_Omega3);
         // tangents of: kinematics xdot = rho y
         let v_dot_gamma1 = fma(-Omega2, v_gamma3, fma(-gamma3, v_Omega2, fma(Omega3, v_gamma2, gamma2 * v_Omega3)));
         let v_dot_gamma2 = fma(-Omega3, v_gamma1, fma(-gamma1, v_Omega3, fma(Omega1, v_gamma3, gamma3 * v_Omega1)));
         let v_dot_gamma3 = fma(-Omega1, v_gamma2, fma(-gamma2, v_Omega1, fma(Omega2, v_gamma1, gamma1 * v_Omega2)));
-        // tangents of: free acceleration L_yy^-1 r
-        let v_free_Omega3 = fma(v_Omega2, t0, fma(Omega2, self.c17 * v_Omega1, fma(v_gamma2, self.c45, self.d_free_Omega3_d_gamma1 * v_gamma1)));
-        let v_free_Omega2 = fma(-v_Omega3, t1, fma(-Omega3, self.c4 * v_Omega1, fma(v_gamma1, self.c3, self.d_free_Omega2_d_gamma3 * v_gamma3)));
-        let v_free_Omega1 = fma(v_Omega2, t2, fma(Omega2, self.c5 * v_Omega3, fma(-v_gamma3, self.c0, self.d_free_Omega1_d_gamma2 * v_gamma2)));
-        // tangents of: response to the multipliers L_yy^-1 Lambda^T
-        let v_Z1_Omega3_scaled = self.c16 * v_gamma3;
-        let v_Z1_Omega2_scaled = self.c9 * v_gamma2;
-        // tangents of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let v_S_1_1_scaled = R::from_f64(2.0) * fma(gamma3, self.c16 * v_gamma3, fma(gamma2, self.c9 * v_gamma2, gamma1 * v_gamma1));
-        let v_g_1 = fma(-gamma1, v_free_Omega1, fma(-gamma3, v_free_Omega3, fma(-gamma2, v_free_Omega2, fma(-v_gamma3, free_Omega3, fma(-v_gamma2, free_Omega2, -(v_gamma1 * free_Omega1))))));
+        // tangents of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let v_r_Omega1_over_I1 = fma(v_Omega2, t0, fma(v_Omega3, self.c5 * Omega2, fma(-v_gamma3, self.c0, self.d_free_Omega1_d_gamma2 * v_gamma2)));
+        let v_r_Omega2_over_I1 = fma(-v_Omega3, self.c45 * Omega1, fma(-v_Omega1, t1, fma(-v_gamma1, self.d_free_Omega1_d_gamma2, -(self.c1 * v_gamma3))));
+        let v_r_Omega3_over_I1 = fma(v_Omega1, t2, fma(v_Omega2, self.c2 * Omega1, fma(v_gamma2, self.c1, self.c0 * v_gamma1)));
         // tangents of: substitution through the factors of S
-        let v_lambda_c1_over_I1 = fma(-lambda_c1_over_I1, v_S_1_1_scaled, v_g_1) * t3;
-        // tangents of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
-        let v_dot_Omega1 = fma(gamma1, v_lambda_c1_over_I1, fma(v_gamma1, lambda_c1_over_I1, v_free_Omega1));
-        let v_dot_Omega2 = fma(Z1_Omega2_scaled, v_lambda_c1_over_I1, fma(lambda_c1_over_I1, v_Z1_Omega2_scaled, v_free_Omega2));
-        let v_dot_Omega3 = fma(Z1_Omega3_scaled, v_lambda_c1_over_I1, fma(lambda_c1_over_I1, v_Z1_Omega3_scaled, v_free_Omega3));
+        let v_balance_dot_Omega1_over_I1 = fma(v_gamma1, lambda_c1_over_I1, v_r_Omega1_over_I1);
+        let v_balance_dot_Omega2_over_I1 = fma(v_gamma2, lambda_c1_over_I1, v_r_Omega2_over_I1);
+        let v_balance_dot_Omega3_over_I1 = fma(v_gamma3, lambda_c1_over_I1, v_r_Omega3_over_I1);
+        let v_balance_multiplier1 = fma(-v_gamma1, dot_Omega1, fma(-v_gamma3, dot_Omega3, -(v_gamma2 * dot_Omega2)));
+        let free_v_dot_Omega3 = self.c16 * v_balance_dot_Omega3_over_I1;
+        let free_v_dot_Omega2 = self.c9 * v_balance_dot_Omega2_over_I1;
+        let z_v_multiplier1 = fma(-gamma3, free_v_dot_Omega3, fma(-gamma2, free_v_dot_Omega2, fma(-gamma1, v_balance_dot_Omega1_over_I1, v_balance_multiplier1)));
+        let v_multiplier1_over_I1 = z_v_multiplier1 * t3;
+        let v_dot_Omega1 = fma(gamma1, v_multiplier1_over_I1, v_balance_dot_Omega1_over_I1);
+        let v_dot_Omega2 = fma(Z1_Omega2_scaled, v_multiplier1_over_I1, free_v_dot_Omega2);
+        let v_dot_Omega3 = fma(Z1_Omega3_scaled, v_multiplier1_over_I1, free_v_dot_Omega3);
         [v_dot_Omega1, v_dot_Omega2, v_dot_Omega3, v_dot_gamma1, v_dot_gamma2, v_dot_gamma3]
     }
 
     /// Product `J^T w` of the transposed Jacobian `J_ij = df_i/dy_j` and a covector `w`, a weight for each rate.
     ///
-    /// Operations: 45 additions, 71 multiplications (44 fused), 1 division.
+    /// Operations: 42 additions, 68 multiplications (42 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn vjp(&self, t: R, y: &[R; 6], w: &[R; 6]) -> [R; 6] {
@@ -629,47 +625,46 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let r_Omega2_over_I2 = fma(-Omega3, t1, fma(gamma1, self.c3, self.d_free_Omega2_d_gamma3 * gamma3));
         let t2 = self.c48 * Omega1;
         let r_Omega3_over_I2 = fma(Omega2, t2, fma(-gamma2, self.d_free_Omega2_d_gamma3, self.c47 * gamma1));
+        // free acceleration L_yy^-1 r
+        let free_Omega3 = self.c49 * r_Omega3_over_I2;
+        let free_Omega1 = self.c8 * r_Omega1_over_I2;
         // response to the multipliers L_yy^-1 Lambda^T
         let Z1_Omega3_scaled = self.c49 * gamma3;
         let Z1_Omega1_scaled = self.c8 * gamma1;
         // multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let S_1_1_scaled = fma(gamma1, Z1_Omega1_scaled, fma(gamma3, Z1_Omega3_scaled, gamma2 * gamma2));
-        let g_1 = fma(-r_Omega1_over_I2, Z1_Omega1_scaled, fma(-r_Omega3_over_I2, Z1_Omega3_scaled, -(gamma2 * r_Omega2_over_I2)));
+        let g_1 = fma(-gamma1, free_Omega1, fma(-gamma3, free_Omega3, -(gamma2 * r_Omega2_over_I2)));
         // substitution through the factors of S
         let t3 = S_1_1_scaled.recip();
         let lambda_c1_over_I2 = g_1 * t3;
+        // accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
+        let dot_Omega1 = fma(Z1_Omega1_scaled, lambda_c1_over_I2, free_Omega1);
+        let dot_Omega2 = fma(gamma2, lambda_c1_over_I2, r_Omega2_over_I2);
+        let dot_Omega3 = fma(Z1_Omega3_scaled, lambda_c1_over_I2, free_Omega3);
         // adjoints of: substitution through the factors of S
-        let w_lambda_c1_scaled = fma(w_dot_Omega3, Z1_Omega3_scaled, fma(w_dot_Omega1, Z1_Omega1_scaled, gamma2 * w_dot_Omega2));
-        // adjoints of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let w_g_1 = w_lambda_c1_scaled * t3;
-        let t4 = lambda_c1_over_I2 * w_g_1;
-        // adjoints of: response to the multipliers L_yy^-1 Lambda^T
-        let w_Z1_Omega1_over_I2 = fma(-gamma1, t4, w_dot_Omega1 * lambda_c1_over_I2);
-        let t5 = gamma2 * t4;
-        let w_Z1_Omega2_over_I2 = fma(w_dot_Omega2, lambda_c1_over_I2, -t5);
-        let w_Z1_Omega3_over_I2 = fma(-gamma3, t4, w_dot_Omega3 * lambda_c1_over_I2);
-        // adjoints of: free acceleration L_yy^-1 r
-        let w_free_Omega1 = fma(-gamma1, w_g_1, w_dot_Omega1);
-        let w_free_Omega2 = fma(-gamma2, w_g_1, w_dot_Omega2);
-        let w_free_Omega3 = fma(-gamma3, w_g_1, w_dot_Omega3);
-        // adjoints of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let w_r_Omega3_scaled = self.c49 * w_free_Omega3;
-        let w_r_Omega1_scaled = self.c8 * w_free_Omega1;
-        let t6 = fma(-w_r_Omega3_scaled, self.d_free_Omega2_d_gamma3, fma(-w_r_Omega1_scaled, self.c3, fma(-r_Omega2_over_I2, w_g_1, fma(-Omega1, w_dot_gamma3, fma(Omega3, w_dot_gamma1, -t5)))));
-        let t7 = fma(-w_r_Omega1_scaled, self.c47, fma(w_free_Omega2, self.d_free_Omega2_d_gamma3, fma(-Z1_Omega3_scaled, t4, fma(-Omega2, w_dot_gamma1, Omega1 * w_dot_gamma2))));
+        let z_w_balance_multiplier1_scaled = fma(w_dot_Omega3, Z1_Omega3_scaled, fma(w_dot_Omega1, Z1_Omega1_scaled, gamma2 * w_dot_Omega2));
+        let w_balance_multiplier1 = z_w_balance_multiplier1_scaled * t3;
+        let z_w_balance_dot_Omega1 = fma(-gamma1, w_balance_multiplier1, w_dot_Omega1);
+        let z_w_balance_dot_Omega2 = fma(-gamma2, w_balance_multiplier1, w_dot_Omega2);
+        let z_w_balance_dot_Omega3 = fma(-gamma3, w_balance_multiplier1, w_dot_Omega3);
+        let w_balance_dot_Omega3_scaled = self.c49 * z_w_balance_dot_Omega3;
+        let w_balance_dot_Omega1_scaled = self.c8 * z_w_balance_dot_Omega1;
+        let t4 = fma(lambda_c1_over_I2, w_balance_dot_Omega1_scaled, fma(z_w_balance_dot_Omega2, self.c3, fma(-dot_Omega1, w_balance_multiplier1, fma(-Omega3, w_dot_gamma2, Omega2 * w_dot_gamma3))));
+        let t5 = fma(-w_balance_dot_Omega1_scaled, self.c3, fma(-dot_Omega2, w_balance_multiplier1, fma(lambda_c1_over_I2, z_w_balance_dot_Omega2, fma(-Omega1, w_dot_gamma3, Omega3 * w_dot_gamma1))));
+        let t6 = fma(lambda_c1_over_I2, w_balance_dot_Omega3_scaled, fma(-dot_Omega3, w_balance_multiplier1, fma(z_w_balance_dot_Omega2, self.d_free_Omega2_d_gamma3, fma(-Omega2, w_dot_gamma1, Omega1 * w_dot_gamma2))));
         [
-            fma(w_r_Omega3_scaled, self.c48 * Omega2, fma(-w_free_Omega2, self.c4 * Omega3, fma(-gamma2, w_dot_gamma3, gamma3 * w_dot_gamma2))),
-            fma(w_r_Omega1_scaled, self.c46 * Omega3, fma(t2, w_r_Omega3_scaled, fma(-gamma3, w_dot_gamma1, gamma1 * w_dot_gamma3))),
-            fma(t0, w_r_Omega1_scaled, fma(-t1, w_free_Omega2, fma(-gamma1, w_dot_gamma2, gamma2 * w_dot_gamma1))),
-            fma(-self.c8, fma(r_Omega1_over_I2, w_g_1, -w_Z1_Omega1_over_I2), fma(w_r_Omega3_scaled, self.c47, fma(w_free_Omega2, self.c3, fma(-Z1_Omega1_scaled, t4, fma(-Omega3, w_dot_gamma2, Omega2 * w_dot_gamma3))))),
-            t6 + w_Z1_Omega2_over_I2,
-            fma(-self.c49, fma(r_Omega3_over_I2, w_g_1, -w_Z1_Omega3_over_I2), t7),
+            fma(w_balance_dot_Omega3_scaled, self.c48 * Omega2, fma(-z_w_balance_dot_Omega2, self.c4 * Omega3, fma(-gamma2, w_dot_gamma3, gamma3 * w_dot_gamma2))),
+            fma(w_balance_dot_Omega1_scaled, self.c46 * Omega3, fma(t2, w_balance_dot_Omega3_scaled, fma(-gamma3, w_dot_gamma1, gamma1 * w_dot_gamma3))),
+            fma(t0, w_balance_dot_Omega1_scaled, fma(-t1, z_w_balance_dot_Omega2, fma(-gamma1, w_dot_gamma2, gamma2 * w_dot_gamma1))),
+            fma(w_balance_dot_Omega3_scaled, self.c47, t4),
+            fma(-w_balance_dot_Omega3_scaled, self.d_free_Omega2_d_gamma3, t5),
+            fma(-w_balance_dot_Omega1_scaled, self.c47, t6),
         ]
     }
 
     /// Product of the derivatives `df_i/dp_j` by the parameters and a direction `v` of the parameters, in their order.
     ///
-    /// Operations: 36 additions, 60 multiplications (33 fused), 1 division.
+    /// Operations: 33 additions, 52 multiplications (30 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn sensitivity_jvp(&self, t: R, y: &[R; 6], v: &[R; 7]) -> [R; 6] {
@@ -678,52 +673,49 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         // free acceleration L_yy^-1 r
         let t0 = Omega1 * Omega2;
-        let free_Omega3_over_I2 = fma(t0, self.c52, fma(gamma2, self.c51, self.c50 * gamma1));
+        let free_Omega3 = fma(t0, self.c17, fma(gamma2, self.c50, self.d_free_Omega3_d_gamma1 * gamma1));
         let t1 = Omega1 * Omega3;
-        let free_Omega2_over_I2 = fma(t1, self.c55, fma(gamma1, self.c54, self.c53 * gamma3));
+        let free_Omega2 = fma(-t1, self.c4, fma(gamma1, self.c3, self.d_free_Omega2_d_gamma3 * gamma3));
         let t2 = Omega2 * Omega3;
-        let free_Omega1_over_I2 = fma(t2, self.c57, fma(gamma3, self.c56, -(self.c27 * gamma2)));
+        let free_Omega1 = fma(t2, self.c5, fma(-gamma3, self.c0, self.d_free_Omega1_d_gamma2 * gamma2));
         // response to the multipliers L_yy^-1 Lambda^T
         let Z1_Omega3_scaled = self.c16 * gamma3;
         let Z1_Omega2_scaled = self.c9 * gamma2;
         // multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let t3 = gamma2 * Z1_Omega2_scaled;
-        let S_1_1_scaled = fma(gamma3, Z1_Omega3_scaled, fma(gamma1, gamma1, t3));
-        let g_1_over_I2 = fma(-gamma1, free_Omega1_over_I2, fma(-gamma3, free_Omega3_over_I2, -(gamma2 * free_Omega2_over_I2)));
+        let S_1_1_scaled = fma(gamma3, Z1_Omega3_scaled, fma(gamma2, Z1_Omega2_scaled, gamma1 * gamma1));
+        let g_1 = fma(-gamma1, free_Omega1, fma(-gamma3, free_Omega3, -(gamma2 * free_Omega2)));
         // substitution through the factors of S
-        let t4 = S_1_1_scaled.recip();
-        let lambda_c1_over_I1_I2 = g_1_over_I2 * t4;
+        let t3 = S_1_1_scaled.recip();
+        let lambda_c1_over_I1 = g_1 * t3;
+        // accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
+        let dot_Omega1 = fma(gamma1, lambda_c1_over_I1, free_Omega1);
+        let dot_Omega2 = fma(Z1_Omega2_scaled, lambda_c1_over_I1, free_Omega2);
+        let dot_Omega3 = fma(Z1_Omega3_scaled, lambda_c1_over_I1, free_Omega3);
         // tangents of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let t5 = fma(v_chi3, self.k, self.chi3 * v_k);
-        let t6 = fma(v_chi2, self.k, self.chi2 * v_k);
-        let v_r_Omega1 = fma(-gamma3, t6, fma(gamma2, t5, t2 * (v_I2 - v_I3)));
-        let t7 = fma(v_chi1, self.k, self.chi1 * v_k);
-        let v_r_Omega2 = fma(-gamma1, t5, fma(gamma3, t7, t1 * (v_I3 - v_I1)));
-        let v_r_Omega3 = fma(-gamma2, t7, fma(gamma1, t6, -(t0 * (v_I2 - v_I1))));
-        // tangents of: free acceleration L_yy^-1 r
-        let t8 = self.c49 * v_I3;
-        let v_free_Omega3 = fma(v_r_Omega3, self.c32, -(free_Omega3_over_I2 * t8));
-        let v_free_Omega2 = fma(v_r_Omega2, self.c35, -(v_I2 * free_Omega2_over_I2));
-        let t9 = self.c8 * v_I1;
-        let v_free_Omega1 = fma(v_r_Omega1, self.c38, -(free_Omega1_over_I2 * t9));
-        // tangents of: response to the multipliers L_yy^-1 Lambda^T
-        let t10 = Z1_Omega3_scaled * t8;
-        let t11 = gamma1 * t9;
-        // tangents of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let v_S_1_1_scaled = fma(-v_I2, t3, fma(-gamma1, t11, -(gamma3 * t10)));
-        let v_g_1 = fma(-gamma1, v_free_Omega1, fma(-gamma3, v_free_Omega3, -(gamma2 * v_free_Omega2)));
+        let t4 = fma(v_chi3, self.k, self.chi3 * v_k);
+        let t5 = fma(v_chi2, self.k, self.chi2 * v_k);
+        let v_r_Omega1 = fma(-gamma3, t5, fma(gamma2, t4, t2 * (v_I2 - v_I3)));
+        let t6 = fma(v_chi1, self.k, self.chi1 * v_k);
+        let v_r_Omega2 = fma(-gamma1, t4, fma(gamma3, t6, t1 * (v_I3 - v_I1)));
+        let v_r_Omega3 = fma(-gamma2, t6, fma(gamma1, t5, -(t0 * (v_I2 - v_I1))));
         // tangents of: substitution through the factors of S
-        let v_lambda_c1_over_I1 = fma(-lambda_c1_over_I1_I2, v_S_1_1_scaled, v_g_1) * t4;
-        // tangents of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
-        let v_dot_Omega1 = fma(gamma1, v_lambda_c1_over_I1, fma(-lambda_c1_over_I1_I2, t11, v_free_Omega1));
-        let v_dot_Omega2 = fma(-Z1_Omega2_scaled, fma(v_I2, lambda_c1_over_I1_I2, -v_lambda_c1_over_I1), v_free_Omega2);
-        let v_dot_Omega3 = fma(Z1_Omega3_scaled, v_lambda_c1_over_I1, fma(-lambda_c1_over_I1_I2, t10, v_free_Omega3));
+        let v_balance_dot_Omega1 = fma(-v_I1, dot_Omega1, v_r_Omega1);
+        let v_balance_dot_Omega2 = fma(-v_I2, dot_Omega2, v_r_Omega2);
+        let v_balance_dot_Omega3 = fma(-v_I3, dot_Omega3, v_r_Omega3);
+        let free_v_dot_Omega3 = self.c33 * v_balance_dot_Omega3;
+        let free_v_dot_Omega2 = self.c32 * v_balance_dot_Omega2;
+        let free_v_dot_Omega1 = self.c34 * v_balance_dot_Omega1;
+        let z_v_multiplier1 = fma(-gamma1, free_v_dot_Omega1, fma(-gamma3, free_v_dot_Omega3, -(gamma2 * free_v_dot_Omega2)));
+        let v_multiplier1_over_I1 = z_v_multiplier1 * t3;
+        let v_dot_Omega1 = fma(gamma1, v_multiplier1_over_I1, free_v_dot_Omega1);
+        let v_dot_Omega2 = fma(Z1_Omega2_scaled, v_multiplier1_over_I1, free_v_dot_Omega2);
+        let v_dot_Omega3 = fma(Z1_Omega3_scaled, v_multiplier1_over_I1, free_v_dot_Omega3);
         [v_dot_Omega1, v_dot_Omega2, v_dot_Omega3, R::ZERO, R::ZERO, R::ZERO]
     }
 
     /// Product of the transposed derivatives `df_i/dp_j` by the parameters and a covector `w`, a weight for each rate.
     ///
-    /// Operations: 29 additions, 55 multiplications (28 fused), 1 division.
+    /// Operations: 29 additions, 53 multiplications (28 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn sensitivity_vjp(&self, t: R, y: &[R; 6], w: &[R; 6]) -> [R; 7] {
@@ -732,7 +724,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         // free acceleration L_yy^-1 r
         let t0 = Omega1 * Omega2;
-        let free_Omega3 = fma(t0, self.c17, fma(gamma2, self.c45, self.d_free_Omega3_d_gamma1 * gamma1));
+        let free_Omega3 = fma(t0, self.c17, fma(gamma2, self.c50, self.d_free_Omega3_d_gamma1 * gamma1));
         let t1 = Omega1 * Omega3;
         let free_Omega2 = fma(-t1, self.c4, fma(gamma1, self.c3, self.d_free_Omega2_d_gamma3 * gamma3));
         let t2 = Omega2 * Omega3;
@@ -746,32 +738,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // substitution through the factors of S
         let t3 = S_1_1_scaled.recip();
         let lambda_c1_over_I2 = g_1 * t3;
+        // accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
+        let dot_Omega1 = fma(Z1_Omega1_scaled, lambda_c1_over_I2, free_Omega1);
+        let dot_Omega2 = fma(gamma2, lambda_c1_over_I2, free_Omega2);
+        let dot_Omega3 = fma(Z1_Omega3_scaled, lambda_c1_over_I2, free_Omega3);
         // adjoints of: substitution through the factors of S
-        let w_lambda_c1_scaled = fma(w_dot_Omega3, Z1_Omega3_scaled, fma(w_dot_Omega1, Z1_Omega1_scaled, gamma2 * w_dot_Omega2));
-        // adjoints of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let w_g_1 = w_lambda_c1_scaled * t3;
-        // adjoints of: response to the multipliers L_yy^-1 Lambda^T
-        let w_free_Omega3 = fma(-gamma3, w_g_1, w_dot_Omega3);
-        let w_Z1_Omega3_over_I2 = lambda_c1_over_I2 * w_free_Omega3;
-        // adjoints of: free acceleration L_yy^-1 r
-        let w_free_Omega1 = fma(-gamma1, w_g_1, w_dot_Omega1);
-        let w_free_Omega2 = fma(-gamma2, w_g_1, w_dot_Omega2);
-        // adjoints of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let w_r_Omega3 = self.c32 * w_free_Omega3;
-        let w_r_Omega2 = self.c35 * w_free_Omega2;
-        let w_r_Omega1 = self.c38 * w_free_Omega1;
-        let t4 = t1 * w_r_Omega2;
-        let t5 = t2 * w_r_Omega1;
-        let t6 = fma(-gamma1, w_r_Omega2, gamma2 * w_r_Omega1);
-        let t7 = fma(-gamma1, w_r_Omega3, gamma3 * w_r_Omega1);
-        let t8 = fma(-gamma3, w_r_Omega2, gamma2 * w_r_Omega3);
+        let z_w_balance_multiplier1_scaled = fma(w_dot_Omega3, Z1_Omega3_scaled, fma(w_dot_Omega1, Z1_Omega1_scaled, gamma2 * w_dot_Omega2));
+        let w_balance_multiplier1 = z_w_balance_multiplier1_scaled * t3;
+        let z_w_balance_dot_Omega1 = fma(-gamma1, w_balance_multiplier1, w_dot_Omega1);
+        let z_w_balance_dot_Omega2 = fma(-gamma2, w_balance_multiplier1, w_dot_Omega2);
+        let z_w_balance_dot_Omega3 = fma(-gamma3, w_balance_multiplier1, w_dot_Omega3);
+        let w_balance_dot_Omega3 = self.c33 * z_w_balance_dot_Omega3;
+        let w_balance_dot_Omega2 = self.c32 * z_w_balance_dot_Omega2;
+        let w_balance_dot_Omega1 = self.c34 * z_w_balance_dot_Omega1;
+        let t4 = t1 * w_balance_dot_Omega2;
+        let t5 = t2 * w_balance_dot_Omega1;
+        let t6 = fma(-gamma1, w_balance_dot_Omega2, gamma2 * w_balance_dot_Omega1);
+        let t7 = fma(-gamma1, w_balance_dot_Omega3, gamma3 * w_balance_dot_Omega1);
+        let t8 = fma(-gamma3, w_balance_dot_Omega2, gamma2 * w_balance_dot_Omega3);
         [
-            fma(-w_r_Omega1, fma(Z1_Omega1_scaled, lambda_c1_over_I2, free_Omega1), fma(t0, w_r_Omega3, -t4)),
-            fma(-w_r_Omega2, fma(gamma2, lambda_c1_over_I2, free_Omega2), fma(-t0, w_r_Omega3, t5)),
-            fma(-self.c32, fma(Z1_Omega3_scaled, w_Z1_Omega3_over_I2, free_Omega3 * w_free_Omega3), t4 - t5),
+            fma(-dot_Omega1, w_balance_dot_Omega1, fma(t0, w_balance_dot_Omega3, -t4)),
+            fma(-dot_Omega2, w_balance_dot_Omega2, fma(-t0, w_balance_dot_Omega3, t5)),
+            fma(-dot_Omega3, w_balance_dot_Omega3, t4) - t5,
             fma(-t8, self.chi1, fma(-t7, self.chi2, self.chi3 * t6)),
-            self.c58 * t8,
-            self.c58 * t7,
+            self.c51 * t8,
+            self.c51 * t7,
             self.k * t6,
         ]
     }
@@ -809,7 +800,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     c9, c10, c11, c12, c13, c14, c15, d_free_Omega1_d_gamma3, d_free_Omega2_d_gamma1, d_free_Omega3_d_gamma1,
     d_free_Omega3_d_gamma2, c16, c17, c18, c19, c20, c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31,
     c32, c33, c34, c35, c36, c37, c38, c39, c40, c41, c42, c43, c44, c45, c46, c47, c48, c49, c50, c51, c52,
-    c53, c54, c55, c56, c57, c58, c59, c60,
+    c53,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
