@@ -26,6 +26,7 @@ mod groups;
 mod inputs;
 mod limits;
 mod linkages;
+mod logarithm;
 mod loops;
 mod malformed;
 mod random_models;

@@ -56,7 +56,11 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
         &["bounds", "report", "run"],
         "not cut yet: the results stand beside what makes them",
     ),
-    ("runtime/src", &["real", "stumpff"], "the default of a function of scalars is computed with any scalar"),
+    (
+        "runtime/src",
+        &["real", "stumpff", "turn"],
+        "the default of a function of scalars is computed with any scalar",
+    ),
 ];
 
 /// Phrases of comments, and how often they stand there.

@@ -18,6 +18,7 @@ mod diagnostic;
 mod elaborate;
 mod eval;
 mod eval_algebra;
+mod eval_logarithm;
 mod eval_motion;
 mod eval_orthonormal;
 mod eval_rotation;
