@@ -30,6 +30,7 @@ mod logarithm;
 mod loops;
 mod malformed;
 mod random_models;
+mod redundant;
 mod reserved;
 mod robots;
 mod sizes;

@@ -17,7 +17,7 @@ pub(super) struct ConstraintRows<'a> {
 }
 
 impl<'a> ConstraintRows<'a> {
-    /// By a scene in the same state that has the residuals; none where parameters are not allowed.
+    /// By a scene in the same state that has the residuals. Parameters that are not allowed have no rows.
     pub(super) fn new(
         (scene, info): (&'a Executable, &Info),
         model: &Model,

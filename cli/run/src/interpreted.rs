@@ -106,7 +106,7 @@ pub struct Built {
     invariants: OnceLock<Option<Runnable>>,
     /// The same with its equations between coordinates; none if there are none.
     positions: OnceLock<Option<Runnable>>,
-    /// The same with the residuals of constraints that a state can violate; none if there are none.
+    /// The same with the residuals of constraints that a state can violate, if there are any.
     residuals: OnceLock<Option<Box<Built>>>,
     /// The same with its exact flows, or why there are none.
     splitting: OnceLock<Result<Runnable, String>>,
@@ -143,11 +143,21 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<Built, Error> {
 impl Built {
     fn new(model: &Arc<Checked>, stored: Stored, derived: OnceLock<Option<BuiltScene>>) -> Built {
         let Stored { executable, info } = stored;
+        Built::of(model, Arc::new(Runnable::new(executable, false)), None, info, derived)
+    }
+
+    fn of(
+        model: &Arc<Checked>,
+        executable: Arc<Runnable>,
+        drive: Drive,
+        info: Info,
+        derived: OnceLock<Option<BuiltScene>>,
+    ) -> Built {
         Built {
             model: Arc::clone(model),
-            executable: Arc::new(Runnable::new(executable, false)),
             is_in_memory: false,
-            drive: None,
+            executable,
+            drive,
             info,
             derived,
             circles: OnceLock::new(),
@@ -171,19 +181,8 @@ impl Built {
             Ok(own) => own.executable,
             Err(shared) => shared.executable.clone(),
         };
-        Built {
-            model,
-            executable: Arc::new(Runnable::new(executable, true)),
-            is_in_memory: true,
-            drive,
-            info,
-            derived,
-            circles: OnceLock::new(),
-            invariants: OnceLock::new(),
-            positions: OnceLock::new(),
-            residuals: OnceLock::new(),
-            splitting: OnceLock::new(),
-        }
+        let executable = Arc::new(Runnable::new(executable, true));
+        Built { is_in_memory: true, ..Built::of(&model, executable, drive, info, derived) }
     }
 
     /// The same scene with inputs from a table.
@@ -200,19 +199,10 @@ impl Built {
     /// # Errors
     /// As [`InputTable::of_scene`].
     pub fn also_driven_by(&self, table: &InputTable) -> Result<Built, Error> {
-        Ok(Built {
-            model: Arc::clone(&self.model),
-            executable: Arc::clone(&self.executable),
-            is_in_memory: self.is_in_memory,
-            drive: Some(Arc::new(table.of_scene(&self.info)?)),
-            info: self.info.clone(),
-            derived: OnceLock::new(),
-            circles: OnceLock::new(),
-            invariants: OnceLock::new(),
-            positions: OnceLock::new(),
-            residuals: OnceLock::new(),
-            splitting: OnceLock::new(),
-        })
+        let drive = Some(Arc::new(table.of_scene(&self.info)?));
+        let (executable, info) = (Arc::clone(&self.executable), self.info.clone());
+        let driven = Built::of(&self.model, executable, drive, info, OnceLock::new());
+        Ok(Built { is_in_memory: self.is_in_memory, ..driven })
     }
 
     /// Whether inputs are driven by a table, or held elsewhere than in the model.

@@ -40,6 +40,7 @@ mod names;
 mod outline;
 mod parser;
 mod rates;
+mod redundant;
 mod shape;
 mod size;
 mod tokens;
