@@ -51,9 +51,7 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         ConnectionKind::Mechanical => vertical_shift(&mut rewritten, kind, &[]),
         ConnectionKind::Nonholonomic => {
             let forms = annihilator(&mut rewritten);
-            let zero = rewritten.graph.zero();
-            let (of_base, others): (Vec<ConstraintRow>, Vec<ConstraintRow>) =
-                forms.into_iter().partition(|form| form.one_form[n..].iter().all(|e| *e == zero));
+            let (of_base, others) = forms_on_the_base(&mut rewritten.graph, n, forms);
             match of_base.is_empty() {
                 true => vertical_shift(&mut rewritten, kind, &others),
                 false => complemented_shift(&mut rewritten, &of_base, &others),
@@ -124,6 +122,41 @@ pub(super) fn hessian(model: &mut Model) -> Vec<Vec<ExprId>> {
     rows
 }
 
+/// Combinations of forms that restrict base velocities alone, and the forms that are left beside these: of a form the
+/// vertical part is taken out by multiples of forms before it, `p form - q other`.
+fn forms_on_the_base(
+    g: &mut Graph,
+    n: usize,
+    forms: Vec<ConstraintRow>,
+) -> (Vec<ConstraintRow>, Vec<ConstraintRow>) {
+    let (mut of_base, mut others) = (Vec::new(), Vec::new());
+    let mut taken: Vec<(Vec<ExprId>, usize)> = Vec::new();
+    for form in forms {
+        let mut left = form.one_form.clone();
+        for (other, column) in &taken {
+            let (p, q) = (other[*column], left[*column]);
+            if g.is_zero(q) {
+                continue;
+            }
+            for (entry, other) in left.iter_mut().zip(other) {
+                let (own, taken) = (g.mul(p, *entry), g.mul(q, *other));
+                let difference = g.sub(own, taken);
+                *entry = g.cancel_zero(difference);
+            }
+        }
+        let entries: Vec<usize> = (n..left.len()).filter(|k| !g.is_zero(left[*k])).collect();
+        let number = entries.iter().find(|k| g.as_rational(left[**k]).is_some());
+        match number.or(entries.first()) {
+            Some(column) => {
+                taken.push((left, *column));
+                others.push(form);
+            }
+            None => of_base.push(ConstraintRow { one_form: left, ..form }),
+        }
+    }
+    (of_base, others)
+}
+
 /// The same where some forms `B dx` restrict base velocities alone, so that horizontal virtual displacements lift the
 /// kernel of `B` alone. The horizontal space then has the complement `R` of the virtual displacements and the vertical
 /// vectors that is orthogonal to both: lifts of the mechanical connection, over the complement of the kernel that is
@@ -189,10 +222,8 @@ fn complemented_shift(
 
 fn restricted() -> Error {
     Error::Unsupported {
-        what: "a nonholonomic connection with combinations of constraints that restrict base velocities alone".into(),
-        possible: "a constraint on base velocities written without velocities of the algebra; another connection has \
-                   the same motion"
-            .into(),
+        what: "a nonholonomic connection where constraints depend on each other".into(),
+        possible: "independent constraints; `connection trivial;`, which has the same motion".into(),
     }
 }
 
