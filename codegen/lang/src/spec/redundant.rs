@@ -258,7 +258,8 @@ fn depends(rows: &[Vec<f64>], k: usize, others: &[usize]) -> bool {
         }
     }
     // A gradient of zeros has no direction: its equation is met twice over.
-    !(length(&rest(&rows[k], &basis)) > DEPENDENT)
+    let left = length(&rest(&rows[k], &basis));
+    left.is_nan() || left <= DEPENDENT
 }
 
 /// The solution of `A x = b` by elimination with the largest pivot, `b` behind the columns of `A`.
