@@ -70,8 +70,8 @@ fn squares_of_equations_have_no_gradients() {
     );
 }
 
-/// Bricard's linkage of six equal links with right angles between axes, `cos q + cos r + cos q cos r = 0`: six equations
-/// in six angles, which move in one way.
+/// Bricard's linkage of six equal links with right angles between axes, `cos q + cos r + cos q cos r = 0`: six
+/// equations in six angles, which move in one way.
 #[test]
 fn bricards_linkage_has_one_equation_too_many() {
     let joints = (1..=6).map(|k| {

@@ -21,7 +21,7 @@ use hamel_expr::{ExprId, Graph, SymbolId, rational_to_f64, uniform};
 const N_POINTS: usize = 4;
 const N_ATTEMPTS: u32 = 6;
 
-/// How far coordinates are from those of the model at most: next to these, as equations with several branches may
+/// How far coordinates are from the initial ones at most: next to these, as equations with several branches may
 /// depend on each other on one alone.
 const REACH: f64 = 0.1;
 
@@ -54,7 +54,7 @@ struct Loops<'a> {
     others: BTreeMap<SymbolId, f64>,
 }
 
-/// What is wrong with the equations between the coordinates of a model, if anything is.
+/// The problem of the equations between the coordinates of a model, if they have one.
 pub(super) fn redundant(model: &Model) -> Option<Diagnostic> {
     let graph = &model.graph;
     let coordinates: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
