@@ -3,6 +3,8 @@
 
 use std::path::Path;
 
+use hamel_codegen::scene::{self, Writing};
+use hamel_codegen::spec;
 use serde_json::{Value, json};
 
 use crate::common::program;
@@ -232,4 +234,78 @@ fn lengths_of_a_loop_are_fitted() {
     // The start that is told is that of the fitted loop.
     let [theta, phi] = ["theta", "phi"].map(|name| answer["initial"][name].as_f64().unwrap());
     assert!((r * theta.sin() + 0.9 * phi.sin()).abs() < 1e-14, "{answer}");
+}
+
+/// Numbers between two marks of a text, after the first mark of a place.
+fn numbers_between(text: &str, place: &str, [from, to]: [&str; 2]) -> Vec<f64> {
+    let (_, rest) = text.split_once(place).unwrap_or_else(|| panic!("no {place}: {text}"));
+    let (_, rest) = rest.split_once(from).unwrap_or_else(|| panic!("no {from}: {rest}"));
+    let (inside, _) = rest.split_once(to).unwrap_or_else(|| panic!("no {to}: {rest}"));
+    let is_of_number = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '+');
+    // Indices are no numbers with a point or an exponent.
+    let words = inside.split(|c: char| !is_of_number(c)).filter(|word| word.contains(['.', 'e']));
+    words.filter_map(|word| word.parse().ok()).collect()
+}
+
+/// Scenes of every kind begin at one state in every language: on the command line, in Rust, C, WebAssembly and FMUs.
+#[test]
+fn one_state_in_every_language() {
+    let cart = "model cart { param m = 2; input u = 0; coordinate x, y in real; velocity w in R;
+        lagrangian = m*(x_dot^2 + y_dot^2)/2 + w^2; force x_dot = u; force w = -w;
+        initial x = 1/3; initial x_dot = -4; initial y_dot = 1e-3; initial w = 0.7; }";
+    let turned = "model turned { param I: diagonal(3) = [1, 2, 3]; velocity Omega in so(3);
+        momentum Pi of Omega; lagrangian = dot(Omega, I*Omega)/2; reconstruct q in SO(3);
+        initial Omega = [0.1, 1.3, -0.2]; initial q = [3/5, 0, 4/5, 0];
+        scene split { carry Pi; want splitting, energy; } }";
+    let carried = "model carried { param c = 2; coordinate q in real; momentum p of q_dot; carry p;
+        lagrangian = (1 + q^2)*q_dot^2/2 - c*q^2; initial q = 0.3; initial q_dot = 0.4; }";
+    let attitude = "model attitude { param k = 1.5; configuration R in SO(3) velocity Omega;
+        lagrangian = dot(Omega, Omega)/2 - k*dot(log(R), log(R))/2;
+        initial R = rot(e3, 0.4); initial Omega = [0, 0.5, 1]; }";
+    let scenes = [
+        ("cart", cart, "controlled"),
+        ("cart", cart, "minimal"),
+        ("turned", turned, "reconstruction"),
+        ("turned", turned, "split"),
+        ("carried", carried, "default"),
+        ("attitude", attitude, "default"),
+        ("bead", BEAD, "turned"),
+        ("crank", CRANK, "default"),
+        ("parallelogram", PARALLELOGRAM, "default"),
+        ("floor", FLOOR, "default"),
+    ];
+    for (name, text, scene) in scenes {
+        let what = format!("{name}, {scene}");
+        let path = file(&format!("{name}_everywhere.hamel"), text);
+        let model = spec::parse(&path, text).unwrap_or_else(|e| panic!("{what}: {e}"));
+        let built = scene::build(&model, scene).unwrap_or_else(|e| panic!("{what}: {e}"));
+        let start = scene::start(&model, &built).unwrap_or_else(|e| panic!("{what}: {e}"));
+        let start = start.unwrap_or_else(|| panic!("{what} begins nowhere"));
+        assert!(start.state.iter().any(|x| *x != 0.0), "{what}");
+        let same = |how: &str, found: Vec<f64>| assert_eq!(found, start.state, "{what} in {how}");
+        let (writing, state) = (Writing::default(), || Some(start.clone()));
+        let rust = built.emit_from(&writing, state()).unwrap_or_else(|e| panic!("{what}: {e}"));
+        same("Rust", numbers_between(&rust, "pub const INITIAL", ["= [", "];"]));
+        let c = built.emit_c(&writing, state()).unwrap_or_else(|e| panic!("{what}: {e}"));
+        same("C", numbers_between(&c.source, "_initial(double y[", ["{", "}"]));
+        assert!(c.cpp.contains("_initial(y.data());"), "{what} in C++");
+        let wasm = built.emit_wasm(&writing, state()).unwrap_or_else(|e| panic!("{what}: {e}"));
+        same("WebAssembly", numbers_between(&wasm.root, "static STATE:", ["= [", "];"]));
+        let (_, fmu) = built.emit_fmu(&writing, state()).unwrap_or_else(|e| panic!("{what}: {e}"));
+        let starts = fmu.description.lines().filter(|line| line.contains("causality=\"output\""));
+        let values =
+            starts.filter_map(|line| line.split_once("initial=\"exact\" start=\"")?.1.split('"').next());
+        same("an FMU", values.map(|x| x.parse().unwrap()).collect());
+        let names = built.state_names();
+        let told = simulated(&[&path, "--scene", scene, "--t-final", "0"]);
+        for (name, x) in names.iter().zip(&start.state) {
+            assert_eq!(numbers(&told, name).first(), Some(x), "{what}: {name} in {told}");
+        }
+        if name != "parallelogram" && name != "floor" {
+            let (code, out, message) = hamel(&["linearize", &path, "--scene", scene, "--json"], "");
+            assert_eq!(code, Some(0), "{what}: {message}");
+            let at = serde_json::from_str::<Value>(&out).unwrap()["at"].clone();
+            same("linearize", names.iter().map(|name| at[name].as_f64().unwrap()).collect());
+        }
+    }
 }

@@ -22,6 +22,7 @@ const TOP: &str = "model top {
         want rhs, energy, energy_rate, momentum, outputs, reconstruction, jacobian, jvp, vjp, time_derivative,
             sensitivity, sensitivity_jvp, sensitivity_vjp;
     }
+    scene brief { want rhs, energy; }
 }";
 /// The same without friction and drive, and the functions that only a conservative motion has.
 const FREE: &str = "model free {
@@ -347,6 +348,9 @@ fn faults() -> Vec<Fault> {
             let k = e.state.iter().position(|s| s.name == "theta_s").expect("a point of the circle");
             negate(&mut e.system.graph, &mut e.state[k].derivative);
         };
+        "an energy that is said to stay" in TOP "brief": Equations(e) => e.facts.energy_is_conserved = true;
+        "a component that is said to be constant" in TOP "all": Equations(e) =>
+            e.facts.constants.push("Omega1".to_owned());
         "a row of the implicit form" in BALL "all": Program(p) =>
             drop_result(p, &Role::OfVariables("implicit_rhs".to_owned()), 1);
         "an entry of the Jacobian of the implicit form" in BALL "all": Program(p) =>

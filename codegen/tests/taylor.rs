@@ -83,6 +83,8 @@ fn functions_have_their_closed_series() {
             all.push(g.func(Func::Stumpff(k), square));
         }
         all.push(g.func(Func::Stumpff(1), t));
+        let half = g.scale(t, &Rational::new(1.into(), 2.into()));
+        all.extend([0, 2].map(|k| g.func(Func::Turn(k), half)));
         all
     });
     let binomial = |q: f64| by_ratio(|k| (q - k + 1.0) / k);
@@ -111,6 +113,20 @@ fn functions_have_their_closed_series() {
         close("c_k(t^2)", &series[8 + k], &even.collect::<Vec<_>>(), 1.0);
     }
     close("c_1(t)", &series[12], &(0..=ORDER).map(|j| term(j, 1)).collect::<Vec<_>>(), 1.0);
+    // The coefficients of `theta/sin(theta)` by `w = sin(theta/2)^2`, and of the second half of its second derivative.
+    let turn = by_ratio(|k| 2.0 * k / (2.0 * k + 1.0));
+    let tail = |n: usize| 2.0 * (n as f64) / (2.0 * n as f64 + 1.0);
+    let more: Vec<f64> = (0..2)
+        .scan(turn[ORDER], |last, k| {
+            *last *= tail(ORDER + 1 + k);
+            Some(*last)
+        })
+        .collect();
+    let all: Vec<f64> = turn.iter().chain(&more).copied().collect();
+    let halved = |n: usize| 0.5_f64.powi(n as i32);
+    close("turn0(t/2)", &series[13], &(0..=ORDER).map(|n| turn[n] * halved(n)).collect::<Vec<_>>(), 1.0);
+    let second = |n: usize| all[n + 2] * ((n + 2) * (n + 1)) as f64 / 2.0 * halved(n);
+    close("turn2(t/2)", &series[14], &(0..=ORDER).map(second).collect::<Vec<_>>(), 1.0);
 }
 
 #[test]

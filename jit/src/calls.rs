@@ -23,6 +23,8 @@ pub(crate) enum Call {
     Atan2,
     /// Takes the number of the function before its argument.
     Stumpff,
+    /// So does this one.
+    Turn,
 }
 
 macro_rules! foreign {
@@ -38,6 +40,10 @@ extern "C" fn stumpff(k: f64, z: f64) -> f64 {
     hamel_runtime::Real::stumpff(z, k as u32)
 }
 
+extern "C" fn turn(k: f64, w: f64) -> f64 {
+    hamel_runtime::Real::turn(w, k as u32)
+}
+
 foreign! { sin cos tan asin acos atan exp ln sinh cosh tanh abs }
 
 extern "C" fn atan2(y: f64, x: f64) -> f64 {
@@ -45,7 +51,7 @@ extern "C" fn atan2(y: f64, x: f64) -> f64 {
 }
 
 impl Call {
-    pub(crate) const ALL: [Call; 14] = [
+    pub(crate) const ALL: [Call; 15] = [
         Call::Sin,
         Call::Cos,
         Call::Tan,
@@ -60,6 +66,7 @@ impl Call {
         Call::Abs,
         Call::Atan2,
         Call::Stumpff,
+        Call::Turn,
     ];
 
     /// The function of a program's operation.
@@ -78,12 +85,13 @@ impl Call {
             Func::Tanh => Call::Tanh,
             Func::Abs => Call::Abs,
             Func::Stumpff(_) => Call::Stumpff,
+            Func::Turn(_) => Call::Turn,
         }
     }
 
     /// Number of arguments.
     pub(crate) fn n_arguments(self) -> usize {
-        if matches!(self, Call::Atan2 | Call::Stumpff) { 2 } else { 1 }
+        if matches!(self, Call::Atan2 | Call::Stumpff | Call::Turn) { 2 } else { 1 }
     }
 
     /// The name by which code finds it.
@@ -96,6 +104,7 @@ impl Call {
         let unary: extern "C" fn(f64) -> f64 = match self {
             Call::Atan2 => return atan2 as *const u8,
             Call::Stumpff => return stumpff as *const u8,
+            Call::Turn => return turn as *const u8,
             Call::Sin => sin,
             Call::Cos => cos,
             Call::Tan => tan,

@@ -264,9 +264,9 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
                 let a = self.read(a);
                 self.ins().fabs(a)
             }
-            Op::Function(Func::Stumpff(k), z) => {
+            Op::Function(function @ (Func::Stumpff(k) | Func::Turn(k)), z) => {
                 let (k, z) = (self.constant(k.into()), self.read(z));
-                self.call(Call::Stumpff, &[k, z])
+                self.call(Call::of(function), &[k, z])
             }
             Op::Function(function, a) => {
                 let a = self.read(a);

@@ -21,7 +21,8 @@ const FUNCTIONS: &str = "
         lagrangian = x_dot^2/2 + (2 + cos(theta)*sin(3*x))*theta_dot^2/2 - exp(x/9)*ln(x^2 + 2);
         output all = [tan(x), asin(x/40), acos(x/40), atan(x), exp(x/7), ln(x^2 + 1), sinh(x/5), cosh(x/5), tanh(x),
             abs(x), atan2(x, theta_dot), (x^2 + 1)^(1/3), sqrt(x^2 + a), a^(1/3)*x, 1/(x^2 + a),
-            sin(theta)*cos(x*theta) + sin(x), -x, t - x*theta, sinc(x), cosc(x/3), x*theta*sinc(x*theta)];
+            sin(theta)*cos(x*theta) + sin(x), -x, t - x*theta, sinc(x), cosc(x/3), x*theta*sinc(x*theta), log(rot(e1, x)*rot(e2, theta))[1],
+            log(rot(e3, theta)*rot(e1, x), [x, 1, 2])[5]];
     }
 ";
 

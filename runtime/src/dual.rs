@@ -237,6 +237,11 @@ impl<R: Real> Real for Dual<R> {
         let slope = (factor * self.value.stumpff(k + 2) - self.value.stumpff(k + 1)) * R::from_f64(0.5);
         self.chain(self.value.stumpff(k), slope)
     }
+    /// The slope is `(k + 1) turn_(k+1)`.
+    fn turn(self, k: u32) -> Self {
+        let slope = R::from_f64(f64::from(k + 1)) * self.value.turn(k + 1);
+        self.chain(self.value.turn(k), slope)
+    }
     #[inline]
     fn all_gt(self, other: Self) -> bool {
         self.value.all_gt(other.value)
@@ -271,6 +276,8 @@ mod tests {
                 sqrt: |x| x.sqrt(); [0.3, 2.0]
                 stumpff_1: |x| x.stumpff(1); [-7.0, 0.0, 0.4, 30.0]
                 stumpff_2: |x| x.stumpff(2); [-7.0, 0.0, 0.4, 30.0]
+                turn_0: |x| x.turn(0); [0.0, 0.3, 0.45, 0.9]
+                turn_1: |x| x.turn(1); [0.0, 0.3, 0.45, 0.9]
                 sin: |x| x.sin(); [-2.0, 0.0, 0.4]
                 cos: |x| x.cos(); [-2.0, 0.1, 0.4]
                 sin_cos: |x| { let (s, c) = (x + x).sin_cos(); s * c + s }; [-2.0, 0.1]

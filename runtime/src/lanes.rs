@@ -182,6 +182,9 @@ macro_rules! lanes {
             fn stumpff(self, k: u32) -> Self {
                 self.map(|z| Real::stumpff(z, k))
             }
+            fn turn(self, k: u32) -> Self {
+                self.map(|w| Real::turn(w, k))
+            }
             #[inline]
             fn atan2(self, x: Self) -> Self {
                 let (y, x) = (self.to_array(), x.to_array());
@@ -276,7 +279,7 @@ mod tests {
             x + y, x - y, x * y, x / y, -x, x.mul_add(y, R::ONE), x.recip(), R::ratio(1.0, 3.0) * x,
             x.sqrt(), x.sin(), x.cos(), x.sin_cos().0, x.sin_cos().1, y.sin(), y.cos(), x.tan(), y.asin(), y.acos(),
             x.atan(), x.atan2(y), x.exp(), x.ln(), x.sinh(), x.cosh(), x.tanh(), x.abs(),
-            y.stumpff(1), x.stumpff(2), x.stumpff(5)
+            y.stumpff(1), x.stumpff(2), x.stumpff(5), y.turn(0), x.turn(0), y.turn(1), y.turn(3)
         }
     }
 

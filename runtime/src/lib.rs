@@ -107,6 +107,7 @@ mod real;
 mod stumpff;
 mod system;
 mod table;
+mod turn;
 mod variational;
 
 pub use adjoint::{Adjoint, AdjointStats, Checkpoint, DiscreteAdjoint};

@@ -145,6 +145,13 @@ pub trait Real:
     fn stumpff(self, k: u32) -> Self {
         crate::stumpff::stumpff(self, k)
     }
+    /// Coefficient `k` of the power series about `w = self` of `theta/sin(theta)` as a function of `w =
+    /// sin(theta/2)^2`: `log R = turn_0(w) (R - R^T)/2` with `w = (3 - tr R)/4`. Exact to rounding also near zero,
+    /// infinite at one, which is half a turn, and NaN beyond and below `-1/8`. A scalar of several lanes computes each
+    /// by itself.
+    fn turn(self, k: u32) -> Self {
+        crate::turn::turn(self, k)
+    }
     /// Reciprocal `1/self`; infinite at zero.
     #[inline]
     fn recip(self) -> Self {

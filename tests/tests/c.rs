@@ -287,6 +287,7 @@ fn sines_of_what_may_vanish_and_states_of_first_order() {
         lagrangian = dot(rate(p), rate(p)) + q_dot^2/2 + dot(w, w)/2 - k*q^2 - p[2]*pressure;
         force q_dot = pressure*cosc(v1);
         output tip = p; output axis = rot(v)*[0, 0, 1];
+        let behind = rot(v)*rot(e1, q); force v_dot = -log(behind); output twist = log(behind, v);
         scene driven { input u; want energy, energy_rate, outputs, linearization, jvp; }
     }";
     let model = hamel_codegen::spec::parse("soft", text).unwrap_or_else(|e| panic!("{e}"));

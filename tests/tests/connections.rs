@@ -354,14 +354,109 @@ fn a_derived_connection_has_a_value_wherever_its_metric_is_definite() {
 
 #[test]
 fn connections_that_do_not_exist_are_refused_with_the_reason() {
-    let text = "model stuck { coordinate x in real; velocity w in R; lagrangian = x_dot^2 + w^2; constraint x_dot = 1;
-        connection nonholonomic; }";
-    let stuck = reduced(&parsed(text)).unwrap_err();
-    assert!(stuck.to_string().contains("leave all base velocities independent"), "{stuck}");
     let servo = with_connection(&model("servo_ball"), ConnectionKind::Nonholonomic).unwrap_err();
     assert!(servo.to_string().contains("a2_dot through the virtual displacements"), "{servo}");
     let text = "model free { coordinate x in real; velocity w in R; lagrangian = x_dot^2/2; connection mechanical; }";
     let massless = spec::parse("free.hamel", text).unwrap_or_else(|e| panic!("{e}"));
     let refused = reduced(&massless).unwrap_err();
     assert!(refused.to_string().contains("no inertia along w"), "{refused}");
+}
+
+/// `G x = b` by elimination with the largest pivot.
+fn solved<const N: usize>(mut rows: [[f64; N]; N], mut b: [f64; N]) -> [f64; N] {
+    for k in 0..N {
+        let best = (k..N).max_by(|i, j| rows[*i][k].abs().total_cmp(&rows[*j][k].abs())).unwrap();
+        rows.swap(k, best);
+        b.swap(k, best);
+        for i in 0..N {
+            let factor = if i == k { 0.0 } else { rows[i][k] / rows[k][k] };
+            let pivot = rows[k];
+            rows[i].iter_mut().zip(pivot).for_each(|(x, p)| *x -= factor * p);
+            b[i] -= factor * b[k];
+        }
+    }
+    std::array::from_fn(|k| b[k] / rows[k][k])
+}
+
+/// A constraint on base velocities alone, `y' = x x'`, leaves horizontal virtual displacements over one direction. The
+/// connection has in addition the vectors that are orthogonal to virtual displacements and to vertical vectors, `G^-1
+/// beta` for the form `beta = dy - x dx`, in the metric `G` of the kinetic energy.
+#[test]
+fn a_nonholonomic_connection_has_the_complement_of_displacements_and_orbits() {
+    let text = |item: &str| {
+        format!(
+            "model complement {{
+                coordinate x, y in real;
+                velocity u, v in R^2;
+                lagrangian = (2*x_dot^2 + 3*y_dot^2 + u^2 + 2*v^2)/2 + x_dot*u/2 + y_dot*v/3 + u*v/4 + x_dot*y_dot/5;
+                constraint y_dot = x*x_dot;
+                constraint u = y*x_dot;
+                {item}
+            }}"
+        )
+    };
+    // The same constraints by combinations, which restrict base velocities together.
+    let mixed = |item: &str| {
+        let text =
+            text(item).replace("constraint y_dot = x*x_dot;", "constraint y_dot + u = x*x_dot + y*x_dot;");
+        text.replace("constraint u = y*x_dot;", "constraint 2*u + x*y_dot = 2*y*x_dot + x^2*x_dot;")
+    };
+    let [plain, other] =
+        [text(""), mixed("")].map(|text| rewritten(&parsed(&text), ConnectionKind::Nonholonomic));
+    for values in [[0.3, -0.7], [-1.1, 0.4]] {
+        let at = |model: &Model| -> Vec<f64> {
+            let values = model.base.iter().map(|c| c.symbol).zip(values).collect();
+            let entries = model.connection.as_ref().expect("a connection").iter().flatten();
+            entries.map(|e| model.graph.eval_f64(*e, &values).expect("A depends on x and y")).collect()
+        };
+        assert!(at(&plain).iter().zip(at(&other)).all(|(a, b)| (a - b).abs() < 1e-13), "{values:?}");
+    }
+    let model = rewritten(&parsed(&text("")), ConnectionKind::Nonholonomic);
+    let connection = model.connection.as_ref().expect("a connection");
+    let metric = [
+        [2.0, 0.2, 0.5, 0.0],
+        [0.2, 3.0, 0.0, 1.0 / 3.0],
+        [0.5, 0.0, 1.0, 0.25],
+        [0.0, 1.0 / 3.0, 0.25, 2.0],
+    ];
+    for (x, y) in [(0.3, -0.7), (-1.1, 0.4)] {
+        let values = BTreeMap::from([(model.base[0].symbol, x), (model.base[1].symbol, y)]);
+        let at = |e: ExprId| model.graph.eval_f64(e, &values).expect("A depends on x and y");
+        // Horizontal vectors have v = xi + A x' = 0.
+        let lift = |base: [f64; 2]| {
+            [0, 1].map(|a| -(at(connection[a][0]) * base[0] + at(connection[a][1]) * base[1]))
+        };
+        let across = solved(metric, [-x, 1.0, 0.0, 0.0]);
+        let found = lift([across[0], across[1]]);
+        assert!((found[0] - across[2]).abs() < 1e-14 && (found[1] - across[3]).abs() < 1e-14, "{found:?}");
+        // Over the other direction: a virtual displacement, orthogonal to the vertical one, along v.
+        let along = lift([1.0, x]);
+        let product = metric[3][0] + metric[3][1] * x + metric[3][2] * along[0] + metric[3][3] * along[1];
+        assert!((along[0] - y).abs() < 1e-14 && product.abs() < 1e-14, "{along:?}");
+    }
+    // Other velocities, one motion.
+    let ends = ALL_KINDS.map(|item| {
+        let model = parsed(&text(item));
+        let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{item}: {e}"));
+        let mut initial = vec![0.0; built.state_names().len()];
+        for (name, value) in [("x", 0.3), ("y", -0.2), ("x_dot", 0.8)] {
+            initial[built.state_names().iter().position(|own| own == name).unwrap()] = value;
+        }
+        // The velocity along the free vertical direction, `v = xi_v + A x'`, starts at the same motion.
+        if let Some(k) = built.state_names().iter().position(|own| own == "v") {
+            let kind = model.derived_connection.filter(|kind| *kind != ConnectionKind::Trivial);
+            initial[k] = kind.map_or(0.5, |kind| {
+                let model = rewritten(&model, kind);
+                let values = BTreeMap::from([(model.base[0].symbol, 0.3), (model.base[1].symbol, -0.2)]);
+                let row = &model.connection.as_ref().unwrap()[1];
+                let at = |e: ExprId| model.graph.eval_f64(e, &values).unwrap();
+                0.5 + at(row[0]) * 0.8 + at(row[1]) * 0.3 * 0.8
+            });
+        }
+        let end = flow(&model, &initial, 1.0);
+        [0, 1].map(|k| end[k])
+    });
+    for (item, end) in ALL_KINDS.iter().zip(&ends) {
+        assert!((0..2).all(|k| (end[k] - ends[0][k]).abs() < CLOSE), "{item}: {end:?} {:?}", ends[0]);
+    }
 }

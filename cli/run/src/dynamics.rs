@@ -99,6 +99,13 @@ pub trait Dynamics: Send + Sync {
         let _ = (t, y, gradients);
     }
 
+    /// Derivatives of the residuals of the constraints that a state can violate, by velocities and momenta: a row for
+    /// each, with zeros for other components of the state. None where there are no such constraints.
+    fn constraint_rows(&self, t: f64, y: &[f64]) -> Vec<VecState> {
+        let _ = (t, y);
+        Vec::new()
+    }
+
     /// Number of the exact flows whose generators add up to the right-hand side; why there are none otherwise.
     ///
     /// # Errors

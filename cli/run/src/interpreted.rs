@@ -8,9 +8,11 @@ use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
+use hamel_codegen::spec::Want;
 use hamel_program::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
 use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
 
+use super::constraint_rows::ConstraintRows;
 use super::dynamics::{
     BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PositionEquations, PreparedDuals,
     PreparedLanes, PreparedScene, SideBySide, VecState, lane_by_lane,
@@ -104,6 +106,8 @@ pub struct Built {
     invariants: OnceLock<Option<Runnable>>,
     /// The same with its equations between coordinates; none if there are none.
     positions: OnceLock<Option<Runnable>>,
+    /// The same with the residuals of constraints that a state can violate, if there are any.
+    residuals: OnceLock<Option<Box<Built>>>,
     /// The same with its exact flows, or why there are none.
     splitting: OnceLock<Result<Runnable, String>>,
 }
@@ -139,16 +143,27 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<Built, Error> {
 impl Built {
     fn new(model: &Arc<Checked>, stored: Stored, derived: OnceLock<Option<BuiltScene>>) -> Built {
         let Stored { executable, info } = stored;
+        Built::of(model, Arc::new(Runnable::new(executable, false)), None, info, derived)
+    }
+
+    fn of(
+        model: &Arc<Checked>,
+        executable: Arc<Runnable>,
+        drive: Drive,
+        info: Info,
+        derived: OnceLock<Option<BuiltScene>>,
+    ) -> Built {
         Built {
             model: Arc::clone(model),
-            executable: Arc::new(Runnable::new(executable, false)),
             is_in_memory: false,
-            drive: None,
+            executable,
+            drive,
             info,
             derived,
             circles: OnceLock::new(),
             invariants: OnceLock::new(),
             positions: OnceLock::new(),
+            residuals: OnceLock::new(),
             splitting: OnceLock::new(),
         }
     }
@@ -166,18 +181,8 @@ impl Built {
             Ok(own) => own.executable,
             Err(shared) => shared.executable.clone(),
         };
-        Built {
-            model,
-            executable: Arc::new(Runnable::new(executable, true)),
-            is_in_memory: true,
-            drive,
-            info,
-            derived,
-            circles: OnceLock::new(),
-            invariants: OnceLock::new(),
-            positions: OnceLock::new(),
-            splitting: OnceLock::new(),
-        }
+        let executable = Arc::new(Runnable::new(executable, true));
+        Built { is_in_memory: true, ..Built::of(&model, executable, drive, info, derived) }
     }
 
     /// The same scene with inputs from a table.
@@ -194,18 +199,10 @@ impl Built {
     /// # Errors
     /// As [`InputTable::of_scene`].
     pub fn also_driven_by(&self, table: &InputTable) -> Result<Built, Error> {
-        Ok(Built {
-            model: Arc::clone(&self.model),
-            executable: Arc::clone(&self.executable),
-            is_in_memory: self.is_in_memory,
-            drive: Some(Arc::new(table.of_scene(&self.info)?)),
-            info: self.info.clone(),
-            derived: OnceLock::new(),
-            circles: OnceLock::new(),
-            invariants: OnceLock::new(),
-            positions: OnceLock::new(),
-            splitting: OnceLock::new(),
-        })
+        let drive = Some(Arc::new(table.of_scene(&self.info)?));
+        let (executable, info) = (Arc::clone(&self.executable), self.info.clone());
+        let driven = Built::of(&self.model, executable, drive, info, OnceLock::new());
+        Ok(Built { is_in_memory: self.is_in_memory, ..driven })
     }
 
     /// Whether inputs are driven by a table, or held elsewhere than in the model.
@@ -250,6 +247,18 @@ impl Built {
             }))
         });
         stored.ok().flatten().map(|stored| Built::new(&self.model, stored, OnceLock::new()))
+    }
+
+    /// The scene, or another one in its state, that has these residuals.
+    fn residual_scene(&self) -> Option<&Executable> {
+        if self.info.output_range(Want::Constraint.name()).is_some() {
+            return Some(self.executable());
+        }
+        let find = || {
+            let is_hidden = self.model.hides_residuals(&self.info.scene).unwrap_or(true);
+            is_hidden.then(|| self.with_residuals()).flatten().map(Box::new)
+        };
+        self.residuals.get_or_init(find).as_deref().map(Built::executable)
     }
 
     fn with_invariants(&self) -> Option<&Runnable> {
@@ -364,6 +373,7 @@ impl Factory for Built {
             jet: OnceLock::new(),
             invariants: OnceLock::new(),
             positions: OnceLock::new(),
+            constraint_rows: OnceLock::new(),
             splitting: OnceLock::new(),
             lanes: OnceLock::new(),
         }))
@@ -503,6 +513,8 @@ struct Interpreted<'a> {
     invariants: OnceLock<Option<Interpreter<'a>>>,
     /// The interpreter of the scene with its equations between coordinates.
     positions: OnceLock<Option<Interpreter<'a>>>,
+    /// Derivatives of the residuals of constraints.
+    constraint_rows: OnceLock<Option<ConstraintRows<'a>>>,
     /// The interpreter of the scene with exact flows.
     splitting: OnceLock<Option<Interpreter<'a>>>,
     /// The same parameters on every lane, when first asked for; none where the scene is interpreted.
@@ -646,6 +658,14 @@ impl Dynamics for Interpreted<'_> {
     fn position_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
         let rows = self.with_positions().and_then(|i| i.position_gradients(t, y)).unwrap_or_default();
         gradients.iter_mut().zip(rows).for_each(|(gradient, row)| gradient.0 = row);
+    }
+
+    fn constraint_rows(&self, t: f64, y: &[f64]) -> Vec<VecState> {
+        let find = || {
+            let known = (self.built.residual_scene()?, &self.built.info);
+            ConstraintRows::new(known, &self.built.model, &self.params)
+        };
+        self.constraint_rows.get_or_init(find).as_ref().map_or_else(Vec::new, |rows| rows.at(t, y))
     }
 
     fn flows(&self) -> Result<usize, String> {

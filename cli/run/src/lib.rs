@@ -14,6 +14,7 @@ pub mod auto;
 pub mod bars;
 pub mod cache;
 pub mod choice;
+mod constraint_rows;
 pub mod direction;
 pub mod dynamics;
 pub mod ensemble;

@@ -56,7 +56,7 @@ pub(super) struct Record<'a> {
     /// Largest `|E - E0|`.
     pub(super) deviation: f64,
     constraint: Option<std::ops::Range<usize>>,
-    /// Of the equations between coordinates.
+    /// Of the equations between coordinates, and of constraints that multipliers keep.
     rank: Option<Rank>,
     pub(super) initial_residual: Option<f64>,
     pub(super) residual: Option<f64>,
@@ -108,10 +108,15 @@ impl<'a> Record<'a> {
     pub(super) fn step(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
         self.residual_at(t, y)?;
         let dynamics = self.dynamics;
-        if self.rank.as_mut().is_some_and(|rank| rank.is_lost(dynamics, t, y)) {
-            let reason = "the equations between coordinates depend on each other on the way of the last step: the \
-                          motion may go on in more than one way there";
-            return Err(stopped_because(dynamics.info(), t, y, reason.into()));
+        if let Some(rank) = &mut self.rank
+            && rank.is_lost(dynamics, t, y)
+        {
+            let reason = format!(
+                "the {} depend on each other on the way of the last step: the motion may go on in more than one way \
+                 there",
+                rank.name()
+            );
+            return Err(stopped_because(dynamics.info(), t, y, reason));
         }
         let energy = self.energy(t, y)?;
         self.keep(t, energy);

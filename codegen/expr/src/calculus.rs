@@ -137,6 +137,11 @@ impl Graph {
                 let two = self.func(Func::Stumpff(k.saturating_add(2)), a);
                 self.linear_combination(&[(two, half(k.into())), (one, half(-1))])
             }
+            Func::Turn(k) => {
+                // tau_k' = (k + 1) tau_(k+1): a function of the family, also at the identity.
+                let next = self.func(Func::Turn(k.saturating_add(1)), a);
+                self.scale(next, &Rational::from(BigInt::from(i32::from(k) + 1)))
+            }
             // |a|' = |a| / a, wrong only at a = 0 where there is no derivative.
             Func::Abs => self.power_product(&[(value, Rational::one()), (a, inverse)]).ok()?,
         })

@@ -310,6 +310,12 @@ impl Graph {
                     let factorial: BigInt = (1..=k).map(BigInt::from).product();
                     self.rational(Rational::new(BigInt::one(), factorial))
                 }
+                Func::Turn(k) => {
+                    let factor =
+                        |m: u8| Rational::new(BigInt::from(2 * i32::from(m)), (2 * i32::from(m) + 1).into());
+                    let value = (1..=k).fold(Rational::one(), |value, m| value * factor(m));
+                    self.rational(value)
+                }
                 _ => Arena::ZERO,
             };
         }

@@ -10,6 +10,8 @@
 //!   random point of the circle, and a random power. Multiples of pi are exact points of the circle.
 //! * Stumpff's functions `c_k(x^2)` are made of sine and cosine of `x`, and get their values. Of what is not seen to be
 //!   a square they are opaque, with all relations between the functions of one argument.
+//! * `theta/sin(theta)` as a function of `sin(theta/2)^2` and its derivatives are opaque, with all relations between
+//!   the functions of one argument.
 //! * A root is the field's own root, a square. Roots of bases of which no product is a square are tied by
 //!   nothing but their squares (Kummer).
 //! * `ln` turns products into sums, and undoes `exp`; logarithms of bases of which no product is constant are free.
@@ -183,6 +185,7 @@ impl Arena {
                 }
             }
             Node::Function(Func::Stumpff(k), square) => self.stumpff_at(*k, *square, point, at, signs),
+            Node::Function(Func::Turn(k), w) => turn_at(*k, at(*w)?),
             Node::Function(f, a) => Some(opaque(f.number(), at(*a)?)),
             Node::Atan2(y, x) => Some(opaque(opaque(ARCTANGENT, at(*y)?), at(*x)?)),
         }
@@ -465,6 +468,23 @@ impl Arena {
         };
         (0..FURTHER).map(value).collect()
     }
+}
+
+/// `tau_k(w)` by an opaque `tau_0(w)`, with the recurrence from which all relations of the family follow:
+/// `2 w (1 - w) (k + 1) tau_(k+1) = 2k tau_(k-1) - (2k + 1) (1 - 2w) tau_k`, and one more for `k = 0`.
+fn turn_at(k: u8, w: u64) -> Option<u64> {
+    let rest = field::add(field::ONE, field::negate(w));
+    let slope = field::add(rest, field::negate(w));
+    let divisor = field::mul(field::add(w, w), rest);
+    let number = |n: u64| field::rational(&Rational::from(BigInt::from(n)));
+    let (mut before, mut own) = (0, opaque(Func::Turn(0).number(), w));
+    for m in 0..u64::from(k) {
+        let behind = if m == 0 { field::ONE } else { field::mul(number(2 * m)?, before) };
+        let above = field::add(behind, field::negate(field::mul(field::mul(number(2 * m + 1)?, slope), own)));
+        let next = field::mul(above, field::inverse(field::mul(number(m + 1)?, divisor))?);
+        (before, own) = (own, next);
+    }
+    Some(own)
 }
 
 /// Whether a power is known up to a sign alone.

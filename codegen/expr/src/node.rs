@@ -51,10 +51,12 @@ pub enum Func {
     Abs,
     /// Stumpff's function `c_k(z) = sum_j (-z)^j/(2 j + k)!`.
     Stumpff(u8),
+    /// Coefficient `k` of the power series about `w` of `theta/sin(theta)`, `w = sin(theta/2)^2`.
+    Turn(u8),
 }
 
 impl Func {
-    /// All functions but those of Stumpff, in a fixed order.
+    /// All functions but the families `Stumpff` and `Turn`, in a fixed order.
     pub const ALL: [Func; 12] = [
         Func::Sin,
         Func::Cos,
@@ -86,13 +88,15 @@ impl Func {
             Func::Tanh => "tanh",
             Func::Abs => "abs",
             Func::Stumpff(_) => "stumpff",
+            Func::Turn(_) => "turn",
         }
     }
 
-    /// A number of its own, below 100 for all but those of Stumpff, which are above 1000.
+    /// A number of its own, below 100 for all but the families, which are above 1000.
     pub(super) fn number(self) -> u64 {
         match self {
             Func::Stumpff(k) => 1000 + u64::from(k),
+            Func::Turn(k) => 2000 + u64::from(k),
             other => Func::ALL.iter().position(|f| *f == other).unwrap_or_default() as u64,
         }
     }
@@ -123,6 +127,7 @@ impl Func {
             Func::Tanh => x.tanh(),
             Func::Abs => x.abs(),
             Func::Stumpff(k) => x.stumpff(k.into()),
+            Func::Turn(k) => x.turn(k.into()),
         }
     }
 }

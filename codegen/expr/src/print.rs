@@ -260,6 +260,14 @@ impl Graph {
                 ),
                 Style::Unicode | Style::Plain => format!("stumpff{k}({})", memo[z].text),
             }),
+            Node::Function(Func::Turn(k), w) => atom(match style {
+                Style::Latex => format!("\\tau_{{{k}}}\\left({}\\right)", memo[w].text),
+                Style::MathMl => format!(
+                    "<mrow><msub><mi>τ</mi><mn>{k}</mn></msub><mo>&#x2061;</mo>{}</mrow>",
+                    parenthesised(&memo[w].text, style)
+                ),
+                Style::Unicode | Style::Plain => format!("turn{k}({})", memo[w].text),
+            }),
             Node::Function(f, a) => atom(match style {
                 Style::Latex => format!("\\{}\\left({}\\right)", latex_function(f.name()), memo[a].text),
                 Style::MathMl => {

@@ -102,9 +102,14 @@ impl Ball {
                     .flatten()
             }
             Func::Cosh => self.gentle(f64::cosh, (self.middle.abs() + self.radius).sinh()),
-            Func::Asin | Func::Acos | Func::Atan | Func::Exp | Func::Ln | Func::Sinh | Func::Tanh => {
-                self.monotone(|x| f.eval(x))
-            }
+            Func::Asin
+            | Func::Acos
+            | Func::Atan
+            | Func::Exp
+            | Func::Ln
+            | Func::Sinh
+            | Func::Tanh
+            | Func::Turn(_) => self.monotone(|x| f.eval(x)),
         }
     }
 

@@ -132,7 +132,8 @@ pub fn remembered_sign_of(
                     s.times(power)
                 })
             }
-            Node::Function(Func::Exp | Func::Cosh, _) => Sign::Positive,
+            // Of a series of positive coefficients, of which the first one is the largest below zero.
+            Node::Function(Func::Exp | Func::Cosh | Func::Turn(_), _) => Sign::Positive,
             Node::Function(Func::Abs, a) if memo[a].is_definite() => Sign::Positive,
             Node::Function(Func::Abs, _) => Sign::NonNegative,
             Node::Function(Func::Sinh | Func::Tanh | Func::Asin | Func::Atan, a) => memo[a],

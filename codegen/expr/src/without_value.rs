@@ -37,6 +37,7 @@ impl Graph {
         let found = self.reachable(roots).into_iter().find(|e| match self.node(*e) {
             Node::Function(Func::Ln, a) => is_zero(a) || value(a).is_some_and(|x| x < -ROUNDING),
             Node::Function(Func::Asin | Func::Acos, a) => value(a).is_some_and(|x| x.abs() > 1.0 + ROUNDING),
+            Node::Function(Func::Turn(_), a) => value(a).is_some_and(|x| x > 1.0 - ROUNDING),
             // Where the cosine does not vanish it is a quotient.
             Node::Function(Func::Tan, a) => value(a).is_some_and(|x| x.cos().abs() < ROUNDING),
             Node::Atan2(y, x) => is_zero(y) && is_zero(x),

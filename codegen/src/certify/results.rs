@@ -67,10 +67,27 @@ impl Results<'_, '_> {
                 Ok(defined) => sheet.equal(energy.name(), "the energy", found[0], defined),
                 Err(missing) => open(energy.name(), missing.into()),
             }
+            self.claims(sheet);
         }
         for output in self.setting.claim.outputs {
             if let Err(why) = self.output(output, sheet, random) {
                 open(&output.name, why);
+            }
+        }
+    }
+
+    /// Claims that tests of zero have shown in one prime field: at real points an unlucky prime says nothing. An energy
+    /// that is said to stay has no rate, nor has a component of the state that is said to be constant.
+    fn claims(&self, sheet: &mut Sheet) {
+        let facts = &self.setting.claim.equations.facts;
+        if facts.conserves_energy()
+            && let Some(along) = self.call_along(&Role::Energy)
+        {
+            self.is_conserved(Role::Energy.name(), "the energy", along[0], sheet);
+        }
+        for (name, rate) in self.setting.claim.program.state.iter().zip(&self.motion.rates) {
+            if facts.constants.contains(name) {
+                sheet.vanishes(Role::Rate.name(), format!("the rate of {name}"), *rate, 1.0);
             }
         }
     }

@@ -198,6 +198,10 @@ impl Real for Wide {
         // Sums of the series and of the recursion cancel to numbers below one.
         self.chain(own, slope).uncertain(UNIT)
     }
+    fn turn(self, k: u32) -> Wide {
+        let [own, next] = [0, 1].map(|j| self.value.turn(k + j));
+        self.chain(own, f64::from(k + 1) * next.hi())
+    }
     fn all_gt(self, other: Wide) -> bool {
         self.value > other.value
     }

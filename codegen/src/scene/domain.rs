@@ -24,7 +24,8 @@ pub(super) struct Domain {
 /// Longer formulas are cut.
 const MAX_FORMULA: usize = 60;
 
-/// Intervals of the coordinates that are not left out, then the arguments of logarithms, roots, `asin` and `acos` in
+/// Intervals of the coordinates that are not left out, then the arguments of logarithms, roots, `asin`, `acos` and of
+/// logarithms of rotations in
 /// the rates, in the order of their use, unless these are seen to be inside.
 ///
 /// An argument that inputs reach has no condition: guards do not know what drives these.
@@ -58,7 +59,14 @@ pub(super) fn domain(
     let parameters: BTreeSet<SymbolId> = system.params.iter().map(|p| p.symbol).collect();
     for (argument, inside) in arguments {
         let value = graph.subs(argument, &values).unwrap_or(argument);
-        let sign = sign_of(graph, value, &system.signs);
+        let watched = match inside {
+            Inside::BelowOne => {
+                let one = graph.one();
+                graph.sub(one, value)
+            }
+            Inside::Positive | Inside::NotNegative | Inside::UpToOne => value,
+        };
+        let sign = sign_of(graph, watched, &system.signs);
         let symbols = graph.free_symbols(value);
         // Where an argument that cannot be negative is zero is a matter of what is divided by, or of infinity.
         let is_inside = inside != Inside::UpToOne && matches!(sign, Sign::Positive | Sign::NonNegative);
@@ -87,6 +95,7 @@ enum Inside {
     NotNegative,
     /// Between minus one and one.
     UpToOne,
+    BelowOne,
 }
 
 /// The arguments of a node that has no value for all of them.
@@ -94,6 +103,7 @@ fn partial(node: &Node) -> Vec<(ExprId, Inside)> {
     match node {
         Node::Function(Func::Ln, a) => vec![(*a, Inside::Positive)],
         Node::Function(Func::Asin | Func::Acos, a) => vec![(*a, Inside::UpToOne)],
+        Node::Function(Func::Turn(_), a) => vec![(*a, Inside::BelowOne)],
         Node::Product { factors, .. } => {
             let roots = factors.iter().filter(|(_, q)| !q.is_integer());
             let inside = |q: &Rational| match q.is_negative() {
@@ -119,6 +129,10 @@ fn moving(graph: &mut Graph, (a, inside): (ExprId, Inside), formula: &str) -> (S
             let root = graph.sqrt(a);
             (format!("{formula} >= 0"), above_one(graph, root))
         }
+        Inside::BelowOne => {
+            let one = graph.one();
+            (format!("{formula} < 1"), graph.sub(one, a))
+        }
         Inside::UpToOne => {
             let angle = graph.func(Func::Acos, a);
             (format!("-1 <= {formula} <= 1"), above_one(graph, angle))
@@ -140,6 +154,7 @@ fn conditions(graph: &mut Graph, (a, inside): (ExprId, Inside), formula: &str) -
     match inside {
         Inside::Positive => vec![condition(format!("{formula} > 0"), a, zero, Relation::Greater)],
         Inside::NotNegative => vec![condition(format!("{formula} >= 0"), a, zero, Relation::GreaterEqual)],
+        Inside::BelowOne => vec![condition(format!("{formula} < 1"), one, a, Relation::Greater)],
         Inside::UpToOne => {
             let below = graph.neg(one);
             vec![

@@ -403,6 +403,7 @@ impl Evaluator<'_> {
         }
         match function {
             "rot" => return self.rotation(arguments, span),
+            "log" => return self.logarithm(arguments, (name.span, span)),
             "orthonormal" => return self.orthonormal(arguments, span),
             "rate" | "spin" => {
                 let [argument] = arguments else {
@@ -428,7 +429,6 @@ impl Evaluator<'_> {
                 }
                 let help = match function {
                     "inverse" | "inv" => "matrices are not inverted: write the solution out".into(),
-                    "log" => Help::replacing("log", "ln", "write `ln(x)`"),
                     "arctan2" | "arg" => "write `atan2(y, x)` for the angle of the point (x, y)".into(),
                     _ => match names::not_smooth(function) {
                         Some(advice) => advice.into(),

@@ -78,24 +78,30 @@ impl Evaluator<'_> {
         if let Some(w) = self.motions.spins.get(value.entries()) {
             return Some(shaped(w.clone()));
         }
-        let back = value.transpose().ok()?;
-        let square = back.mul(self.graph, value).ok()?;
-        for (k, entry) in square.entries().to_vec().into_iter().enumerate() {
-            let unit = if k / n == k % n { self.graph.one() } else { self.graph.zero() };
-            let excess = self.graph.sub(entry, unit);
-            if !self.graph.is_zero(excess) {
-                let help = self.advice_for_rotation(value, n);
-                return self.fail(span, "the matrix is no rotation", help);
-            }
+        if !self.is_orthogonal(value, n) {
+            let help = self.advice_for_rotation(value, n);
+            return self.fail(span, "the matrix is no rotation", help);
         }
         let rate = self.rate_of_value(value, span)?;
+        let back = value.transpose().ok()?;
         let skew = back.mul(self.graph, &rate).ok()?;
         let entries = skew.entries();
         Some(shaped(axial(|i, j| entries[i * n + j], n)))
     }
 
+    /// Whether `R^T R = 1` is seen.
+    pub(super) fn is_orthogonal(&mut self, value: &Value, n: usize) -> bool {
+        let Ok(square) = value.transpose().and_then(|back| back.mul(self.graph, value)) else { return false };
+        square.entries().to_vec().into_iter().enumerate().all(|(k, entry)| {
+            let unit = if k / n == k % n { self.graph.one() } else { self.graph.zero() };
+            let excess = self.graph.sub(entry, unit);
+            self.graph.is_zero(excess)
+        })
+    }
+
     /// Notes the angular velocity of a rotation about an axis, where it is known: `axis phi'`.
     pub(super) fn note_rotation(&mut self, matrix: &Value, axis: Option<&[ExprId]>, phi: ExprId) {
+        self.motions.rotations.insert(matrix.entries().to_vec());
         let Some(rates) = self.rates else { return };
         let Ok(rate) = rate_of(self.graph, phi, rates) else { return };
         // An axis that moves has an angular velocity of its own.
@@ -119,6 +125,7 @@ impl Evaluator<'_> {
     /// # Source
     /// Iserles, Munthe-Kaas, Norsett, Zanna 2000, Lie-group methods, section B.1.
     pub(super) fn note_exponential(&mut self, matrix: &Value, v: [ExprId; 3], square: ExprId) {
+        self.motions.rotations.insert(matrix.entries().to_vec());
         let Some(rates) = self.rates else { return };
         let Ok(rate) = v.into_iter().map(|e| rate_of(self.graph, e, rates)).collect::<Result<Vec<_>, _>>()
         else {
@@ -144,10 +151,45 @@ impl Evaluator<'_> {
         self.motions.spins.insert(matrix.entries().to_vec(), (0..3).map(component).collect());
     }
 
-    /// Notes the angular velocity of a product of rotations: `B^T w_A + w_B`.
+    /// Whether a matrix is seen to be a rotation: made of rotations, or orthogonal with the determinant one.
+    pub(super) fn is_rotation(&mut self, value: &Value, n: usize) -> bool {
+        if self.motions.is_rotation(value.entries()) {
+            return true;
+        }
+        let Ok(Value::Scalar(determinant)) = value.det(self.graph) else { return false };
+        let one = self.graph.one();
+        let excess = self.graph.sub(determinant, one);
+        let is_rotation = self.graph.is_zero(excess) && self.is_orthogonal(value, n);
+        if is_rotation {
+            self.motions.rotations.insert(value.entries().to_vec());
+        }
+        is_rotation
+    }
+
+    /// Notes a rotation of numbers, which rests.
+    fn note_numbers(&mut self, value: &Value) {
+        let n = match value.shape() {
+            Shape::Matrix(n, m) if n == m && (2..=3).contains(&n) => n,
+            _ => return,
+        };
+        let is_number = |e: &ExprId| self.graph.as_rational(*e).is_some();
+        if !self.motions.spins.contains_key(value.entries())
+            && value.entries().iter().all(is_number)
+            && self.is_rotation(value, n)
+        {
+            let rest = vec![self.graph.zero(); if n == 2 { 1 } else { 3 }];
+            self.motions.spins.insert(value.entries().to_vec(), rest);
+        }
+    }
+
+    /// Notes that a product of rotations is one, and its angular velocity: `B^T w_A + w_B`.
     pub(super) fn note_product(&mut self, left: &Value, right: &Value, product: &Value) {
-        if self.motions.spins.is_empty() {
-            return;
+        if [left, right].iter().any(|value| self.motions.is_rotation(value.entries())) {
+            self.note_numbers(left);
+            self.note_numbers(right);
+        }
+        if [left, right].iter().all(|value| self.motions.is_rotation(value.entries())) {
+            self.motions.rotations.insert(product.entries().to_vec());
         }
         let known = |value: &Value| self.motions.spins.get(value.entries()).cloned();
         let (Some(a), Some(b)) = (known(left), known(right)) else { return };
@@ -163,8 +205,11 @@ impl Evaluator<'_> {
         self.motions.spins.insert(product.entries().to_vec(), w);
     }
 
-    /// Notes the angular velocity of the inverse of a rotation: `-R w`.
+    /// Notes the inverse of a rotation, and its angular velocity: `-R w`.
     pub(super) fn note_inverse(&mut self, matrix: &Value, inverse: &Value) {
+        if self.motions.is_rotation(matrix.entries()) {
+            self.motions.rotations.insert(inverse.entries().to_vec());
+        }
         let Some(w) = self.motions.spins.get(matrix.entries()).cloned() else { return };
         let turned = match w.as_slice() {
             [_] => w,

@@ -15,7 +15,7 @@
 //! # Source
 //! Featherstone 2008, Rigid Body Dynamics Algorithms, section 3.5.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::rates::{Rates, Spins, rate_of};
 use hamel_expr::{ExprId, Graph};
@@ -25,6 +25,8 @@ use hamel_expr::{ExprId, Graph};
 pub(super) struct Motions {
     /// Angular velocities of rotation matrices.
     pub(super) spins: Spins,
+    /// Rotation matrices, also those whose angular velocity is not known.
+    pub(super) rotations: BTreeSet<Vec<ExprId>>,
     /// Rotations of space with the two that they are products of, left and right.
     factors: BTreeMap<Vec<ExprId>, Option<[Vec<ExprId>; 2]>>,
     pub(super) places: BTreeMap<Vec<ExprId>, Place>,
@@ -65,6 +67,11 @@ impl Motions {
     /// Forgets everything.
     pub(super) fn clear(&mut self) {
         *self = Motions::default();
+    }
+
+    /// Whether a matrix is known to be a rotation.
+    pub(super) fn is_rotation(&self, entries: &[ExprId]) -> bool {
+        self.rotations.contains(entries) || self.spins.contains_key(entries)
     }
 
     /// Notes how a vector is written. Everything that it is written by is known before, and known ones stay, so

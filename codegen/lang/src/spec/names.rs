@@ -110,6 +110,7 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "norm",
     "unit",
     "rot",
+    "log",
     "orthonormal",
     "rate",
     "spin",

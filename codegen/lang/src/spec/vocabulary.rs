@@ -223,6 +223,11 @@ const OF_FUNCTIONS: &[(&str, &str, &str)] = &[
         "rot(axis, phi)",
         "rotation by an angle; `rot(phi)` is that of the plane, `rot(v)` that of a rotation vector",
     ),
+    (
+        "log",
+        "log(R)",
+        "rotation vector of a rotation, angle of one of the plane; `log(R, r)` is the twist of a displacement",
+    ),
     ("orthonormal", "orthonormal(A)", "the rotation nearest to a matrix of rounded numbers"),
     ("sinc", "sinc(x)", "`sin(x)/x`, one at zero"),
     ("cosc", "cosc(x)", "`(1 - cos(x))/x^2`, one half at zero"),

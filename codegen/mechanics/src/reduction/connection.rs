@@ -21,8 +21,8 @@ use super::domain::signs;
 ///
 /// # Errors
 /// [`Error::ConnectionDependsOn`] where the Hessian or the displacements bring velocities or advected parameters into
-/// `A`, [`Error::NoHorizontalSpace`] for a degenerate kinetic energy along the orbits, [`Error::Unsupported`] for
-/// virtual displacements that restrict base velocities on their own.
+/// `A`, [`Error::NoHorizontalSpace`] for a degenerate kinetic energy along the orbits, [`Error::Unsupported`] where
+/// combinations of forms restrict base velocities alone.
 ///
 /// # Source
 /// Marsden, Montgomery, Ratiu 1990 (mechanical); Bloch, Krishnaprasad, Marsden, Murray 1996 (nonholonomic); Grillo,
@@ -51,7 +51,11 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         ConnectionKind::Mechanical => vertical_shift(&mut rewritten, kind, &[]),
         ConnectionKind::Nonholonomic => {
             let forms = annihilator(&mut rewritten);
-            vertical_shift(&mut rewritten, kind, &forms)
+            let (of_base, others) = forms_on_the_base(&mut rewritten.graph, n, forms);
+            match of_base.is_empty() {
+                true => vertical_shift(&mut rewritten, kind, &others),
+                false => complemented_shift(&mut rewritten, &of_base, &others),
+            }
         }
     };
     let shift = match derived {
@@ -118,6 +122,123 @@ pub(super) fn hessian(model: &mut Model) -> Vec<Vec<ExprId>> {
     rows
 }
 
+/// Combinations of forms that restrict base velocities alone, and the forms that are left beside these: of a form the
+/// vertical part is taken out by multiples of forms before it, `p form - q other`.
+fn forms_on_the_base(
+    g: &mut Graph,
+    n: usize,
+    forms: Vec<ConstraintRow>,
+) -> (Vec<ConstraintRow>, Vec<ConstraintRow>) {
+    let (mut of_base, mut others) = (Vec::new(), Vec::new());
+    let mut taken: Vec<(Vec<ExprId>, usize)> = Vec::new();
+    for form in forms {
+        let mut left = form.one_form.clone();
+        for (other, column) in &taken {
+            let (p, q) = (other[*column], left[*column]);
+            if g.is_zero(q) {
+                continue;
+            }
+            for (entry, other) in left.iter_mut().zip(other) {
+                let (own, taken) = (g.mul(p, *entry), g.mul(q, *other));
+                let difference = g.sub(own, taken);
+                *entry = g.cancel_zero(difference);
+            }
+        }
+        let entries: Vec<usize> = (n..left.len()).filter(|k| !g.is_zero(left[*k])).collect();
+        let number = entries.iter().find(|k| g.as_rational(left[**k]).is_some());
+        match number.or(entries.first()) {
+            Some(column) => {
+                taken.push((left, *column));
+                others.push(form);
+            }
+            None => of_base.push(ConstraintRow { one_form: left, ..form }),
+        }
+    }
+    (of_base, others)
+}
+
+/// The same where some forms `B dx` restrict base velocities alone, so that horizontal virtual displacements lift the
+/// kernel of `B` alone. The horizontal space then has the complement `R` of the virtual displacements and the vertical
+/// vectors that is orthogonal to both: lifts of the mechanical connection, over the complement of the kernel that is
+/// orthogonal in the metric `M_ij = L''(H_i, H_j)` of these lifts,
+///
+/// ```text
+/// h = h_nonholonomic (1 - Q) + h_mechanical Q,    Q = M^-1 B^T (B M^-1 B^T)^-1 B
+/// ```
+///
+/// # Shapes
+/// of_base, others: as `forms` of [`vertical_shift`] -> `[dim][n]`.
+///
+/// # Source
+/// Grillo, Zuccalli 2012, section 2.2.1, step 3.
+fn complemented_shift(
+    model: &mut Model,
+    of_base: &[ConstraintRow],
+    others: &[ConstraintRow],
+) -> Result<Vec<Vec<ExprId>>, Error> {
+    let kind = ConnectionKind::Nonholonomic;
+    let n = model.base.len();
+    let along = vertical_shift(model, kind, others)?;
+    let across = vertical_shift(model, ConnectionKind::Mechanical, &[])?;
+    let hessian = hessian(model);
+    let g = &mut model.graph;
+    let lift = |g: &mut Graph, i: usize| -> Vec<ExprId> {
+        let on_base = (0..n).map(|j| if i == j { g.one() } else { g.zero() }).collect::<Vec<_>>();
+        on_base.into_iter().chain(across.iter().map(|row| g.neg(row[i]))).collect()
+    };
+    let lifts: Vec<Vec<ExprId>> = (0..n).map(|i| lift(g, i)).collect();
+    // [[M, B^T], [B, 0]] [Q, mu] = [0, B]
+    let padding = vec![g.zero(); of_base.len()];
+    let mut matrix: Vec<Vec<ExprId>> = Vec::new();
+    let mut right: Vec<Vec<ExprId>> = Vec::new();
+    for (i, own) in lifts.iter().enumerate() {
+        let metric: Vec<ExprId> = lifts.iter().map(|other| paired(g, &hessian, own, other)).collect();
+        matrix.push(metric.into_iter().chain(of_base.iter().map(|form| form.one_form[i])).collect());
+        right.push(vec![g.zero(); n]);
+    }
+    for form in of_base {
+        matrix.push(form.one_form[..n].iter().copied().chain(padding.iter().copied()).collect());
+        right.push(form.one_form[..n].to_vec());
+    }
+    let complement = solve_over_determinant(g, &matrix, &right).map_err(|_| restricted())?;
+    let mut shift = along.clone();
+    for (row, (along, across)) in shift.iter_mut().zip(along.iter().zip(&across)) {
+        for (i, entry) in row.iter_mut().enumerate() {
+            let mut terms = vec![along[i]];
+            for j in 0..n {
+                let difference = g.sub(across[j], along[j]);
+                terms.push(g.mul(difference, complement[j][i]));
+            }
+            let sum = g.sum(&terms);
+            *entry = g.cancel_zero(sum);
+        }
+    }
+    let forms: Vec<ConstraintRow> = of_base.iter().chain(others).cloned().collect();
+    for entry in shift.iter_mut().flatten() {
+        *entry = fixed_on_the_base(model, kind, &forms, *entry)?;
+    }
+    Ok(shift)
+}
+
+fn restricted() -> Error {
+    Error::Unsupported {
+        what: "a nonholonomic connection where constraints depend on each other".into(),
+        possible: "independent constraints; `connection trivial;`, which has the same motion".into(),
+    }
+}
+
+/// `x^T L'' y`.
+fn paired(g: &mut Graph, hessian: &[Vec<ExprId>], x: &[ExprId], y: &[ExprId]) -> ExprId {
+    let mut terms = Vec::new();
+    for (alpha, row) in hessian.iter().enumerate() {
+        for (beta, h) in row.iter().enumerate() {
+            terms.push(g.product(&[x[alpha], *h, y[beta]]));
+        }
+    }
+    let sum = g.sum(&terms);
+    g.cancel_zero(sum)
+}
+
 /// Minus the vertical part of the lift `H_i` of `d/dx^i` on which the forms vanish and which is orthogonal to the
 /// vertical vectors on which they vanish, `S`. With forms `F_x dx + F_v v` and the Hessian `[[L_xx, L_xv], [L_vx, K]]`
 /// that is `h` of
@@ -150,10 +271,6 @@ fn vertical_shift(
     let g = &mut model.graph;
     let mut solver =
         Solver { graph: g, names: &names, quasi: &base, params: &params, facts: &facts, is_by_rows: false };
-    let restricted = || Error::Unsupported {
-        what: "a nonholonomic connection".into(),
-        possible: "virtual displacements that leave all base velocities independent".into(),
-    };
     let (solved, left) = solver.solve_safely(&rows).map_err(|_| restricted())?;
     let free: Vec<usize> = (0..names.len()).filter(|k| !solved.dependent.contains(k)).collect();
     // Vectors on which the solved forms vanish: one for each free column, then lifts of the base velocities.
@@ -163,16 +280,7 @@ fn vertical_shift(
     };
     let (vertical, lifts): (Vec<_>, Vec<_>) =
         ((0..free.len()).map(column).collect(), (0..n).map(|i| column(free.len() + i)).collect());
-    let pairing = |g: &mut Graph, x: &[ExprId], y: &[ExprId]| {
-        let mut terms = Vec::new();
-        for (alpha, row) in hessian.iter().enumerate() {
-            for (beta, h) in row.iter().enumerate() {
-                terms.push(g.product(&[x[alpha], *h, y[beta]]));
-            }
-        }
-        let sum = g.sum(&terms);
-        g.cancel_zero(sum)
-    };
+    let pairing = |g: &mut Graph, x: &[ExprId], y: &[ExprId]| paired(g, &hessian, x, y);
     let mut matrix: Vec<Vec<ExprId>> = Vec::new();
     let mut right: Vec<Vec<ExprId>> = Vec::new();
     for (s, k) in vertical.iter().zip(&free) {

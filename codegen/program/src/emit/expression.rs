@@ -137,6 +137,7 @@ impl Notation for Formula {
     fn call(&self, function: Func, argument: Text) -> Text {
         match function {
             Func::Stumpff(k) => Formula::apply(&format!("c{k}"), argument),
+            Func::Turn(k) => Formula::apply(&format!("tau{k}"), argument),
             _ => Formula::apply(function.name(), argument),
         }
     }

@@ -148,7 +148,7 @@ impl Program {
             Op::SumError(..) => "sum_error".to_owned(),
             Op::ProductError(..) => "product_error".to_owned(),
             Op::CircleError(..) => "circle_error".to_owned(),
-            Op::Function(Func::Stumpff(k), _) => format!("stumpff{k}"),
+            Op::Function(func @ (Func::Stumpff(k) | Func::Turn(k)), _) => format!("{}{k}", func.name()),
             Op::Function(func, _) => func.name().to_owned(),
             Op::MulAdd(signs, ..) => fused(*signs).to_owned(),
         };
@@ -373,10 +373,12 @@ impl Reader {
         let word = words.next().ok_or("there is no operation")?;
         let operands = words.map(|word| self.operand(word)).collect::<Result<Vec<Operand>, String>>()?;
         let signs = |product, addend| Signs { product, addend };
-        let func = match word.strip_prefix("stumpff").and_then(|k| k.parse().ok()) {
-            Some(k) => Some(Func::Stumpff(k)),
-            None => Func::from_name(word),
+        let of_family = |name: &str, function: fn(u8) -> Func| {
+            word.strip_prefix(name).and_then(|k| k.parse().ok()).map(function)
         };
+        let func = of_family("stumpff", Func::Stumpff)
+            .or_else(|| of_family("turn", Func::Turn))
+            .or_else(|| Func::from_name(word));
         Ok(match (word, &operands[..]) {
             ("add", &[a, b]) => Op::Add(a, b),
             ("sub", &[a, b]) => Op::Sub(a, b),

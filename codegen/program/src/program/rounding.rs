@@ -133,6 +133,10 @@ impl Real for Bounded {
         Bounded(self.0.function(Func::Stumpff(u8::try_from(k).unwrap_or(u8::MAX))))
     }
 
+    fn turn(self, k: u32) -> Bounded {
+        Bounded(self.0.function(Func::Turn(u8::try_from(k).unwrap_or(u8::MAX))))
+    }
+
     fn abs(self) -> Bounded {
         Bounded(Measured { value: self.0.value.abs(), ..self.0 })
     }

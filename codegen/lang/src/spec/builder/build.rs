@@ -9,6 +9,7 @@ use crate::algebra::LieAlgebra;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};
 use crate::spec::model::*;
 use crate::spec::names;
+use crate::spec::redundant::redundant;
 use crate::spec::unit::Units;
 use crate::spec::value::Value;
 use crate::spec::view::Views;
@@ -140,6 +141,9 @@ impl ModelBuilder {
         problems.extend(misplaced_states(&model));
         if problems.is_empty() {
             problems.extend(close(&mut model, &drives));
+        }
+        if problems.is_empty() {
+            problems.extend(redundant(&model));
         }
         if problems.is_empty() { Ok(model) } else { Err(Diagnostics::new(model.origin, problems)) }
     }

@@ -20,6 +20,7 @@ pub(super) const SIN: &str = "hamel_sin";
 pub(super) const COS: &str = "hamel_cos";
 pub(super) const SIN_COS: &str = "hamel_sin_cos";
 pub(super) const STUMPFF: &str = "hamel_stumpff";
+pub(super) const TURN: &str = "hamel_turn";
 pub(super) const ADD_PRODUCTS: &str = "hamel_add_products";
 
 thread_local! {
@@ -231,6 +232,43 @@ static double hamel_stumpff(int k, double z) {
 }
 ";
 
+const TURN_FUNCTION: &str = "\
+/* Coefficient k of the power series about w of theta/sin(theta), w = sin(theta/2)^2: the operations of hamel_runtime's
+   Real::turn. */
+static double hamel_turn(int k, double w) {
+    double sum = 1.0;
+    if (!(w >= -0.125)) return NAN;
+    if (k > 0 && !(w > 0.5)) {
+        const int n = fabs(w) > 0.125 ? 56 + 4 * k : 19 + k;
+        for (int j = n - 1; j >= 0; j--) {
+            const int m = j + k + 1;
+            sum = 1.0 + w * sum * (double)(2 * m * m) / (double)((j + 1) * (2 * m + 1));
+        }
+        for (int m = 1; m <= k; m++) sum = sum * (double)(2 * m) / (double)(2 * m + 1);
+        return sum;
+    }
+    double cosines = 1.0, half = w;
+    while (fabs(half) > 0.04) {
+        const double cosine = sqrt(1.0 - half);
+        cosines = cosines * cosine;
+        half = half / (2.0 * (1.0 + cosine));
+    }
+    for (int j = 11; j >= 0; j--) {
+        sum = 1.0 + half * sum * (double)(2 * j + 2) / (double)(2 * j + 3);
+    }
+    double before = sum / cosines;
+    if (k == 0) return before;
+    const double divisor = 2.0 * w * (1.0 - w), slope = 2.0 * w - 1.0;
+    double own = (1.0 + slope * before) / divisor;
+    for (int m = 1; m < k; m++) {
+        const double next = ((double)(2 * m) * before + (double)(2 * m + 1) * slope * own) / (divisor * (double)(m + 1));
+        before = own;
+        own = next;
+    }
+    return own;
+}
+";
+
 const PRODUCTS: &str = "\
 /* out_k += sum over the products of k of number * left_i * right_j, in four sums a result, as hamel_runtime::Products.
    places: left factor, right factor and number of each product; ends: products up to and with those of a result. */
@@ -269,6 +307,7 @@ pub(super) fn functions(text: &str) -> String {
     functions.extend(sine.then(|| SINE.to_owned()));
     functions.extend(cosine.then(|| COSINE.to_owned()));
     functions.extend(stumpff.then(|| STUMPFF_FUNCTION.to_owned()));
+    functions.extend(calls(text, TURN).then(|| TURN_FUNCTION.to_owned()));
     functions.extend(products.then(|| PRODUCTS.to_owned()));
     functions.join("\n")
 }

@@ -54,6 +54,9 @@ impl Notation for C {
             Func::Stumpff(k) => {
                 return C::function(kernel::STUMPFF, &[Text::atom(k.to_string()), argument]);
             }
+            Func::Turn(k) => {
+                return C::function(kernel::TURN, &[Text::atom(k.to_string()), argument]);
+            }
         };
         C::function(name, &[argument])
     }

@@ -200,6 +200,9 @@ macro_rules! functions {
             fn stumpff(self, k: u32) -> Recorded {
                 record(&format!("{}({k}, {})", kernel::STUMPFF, self.text()))
             }
+            fn turn(self, k: u32) -> Recorded {
+                record(&format!("{}({k}, {})", kernel::TURN, self.text()))
+            }
             fn all_gt(self, _: Recorded) -> bool {
                 true
             }

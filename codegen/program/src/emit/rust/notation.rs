@@ -47,9 +47,11 @@ impl Notation for Rust {
     }
 
     fn call(&self, function: Func, argument: Text) -> Text {
-        let Func::Stumpff(k) = function else { return Rust::method(argument, function.name()) };
+        let (Func::Stumpff(k) | Func::Turn(k)) = function else {
+            return Rust::method(argument, function.name());
+        };
         let receiver = argument.at_least(Binding::Atom);
-        let text = format!("{}.stumpff({k})", receiver.text);
+        let text = format!("{}.{}({k})", receiver.text, function.name());
         Text { text, binding: Binding::Atom, depth: receiver.depth + 1 }
     }
 

@@ -23,17 +23,18 @@
 //! z = asin a      z_k = (a_k - S_k(j z, w) / k) / w_0                              w = sqrt(1 - a^2)
 //! ```
 //!
-//! (Stumpff's functions as a family, each by the next two: see the rule. `sinh`, `cosh`, `tanh` as their circular
-//! sisters with other signs, `acos a = pi/2 - asin a`, `|a| = sign(a_0) a`). So a [`Jet`] has three parts: `first`, the
-//! operations at order zero, which are those of the function itself; the list of *convolutions* `S_k`, which all run in
-//! one short loop whatever they belong to, side by side in the lanes of the machine's vectors; and `next`,
-//! straight-line code, used at every order, which takes the coefficients of order `k` of the state and the sums `S_k`
-//! to the coefficients of order `k` of `f` and of the series that are convolved. Nothing but these rows is stored,
-//! linear operations cost what they cost in the function, and the size of the code does not grow with the order. What a
-//! function leaves to contractions is a part of both functions: the sums over a table have the Cauchy products of the
-//! series of its factors as coefficients, for which the coefficients of all orders of these factors are stored. A
-//! square takes a lane like any other product: halving its sum would break the row. A quotient takes one lane, so
-//! products with a reciprocal become quotients, and the reciprocal itself often drops out.
+//! (Stumpff's functions and the factors of logarithms of rotations as families, each by the next: see the rules.
+//! `sinh`, `cosh`, `tanh` as their circular sisters with other signs, `acos a = pi/2 - asin a`, `|a| = sign(a_0) a`).
+//! So a [`Jet`] has three parts: `first`, the operations at order zero, which are those of the function itself; the
+//! list of *convolutions* `S_k`, which all run in one short loop whatever they belong to, side by side in the lanes of
+//! the machine's vectors; and `next`, straight-line code, used at every order, which takes the coefficients of order
+//! `k` of the state and the sums `S_k` to the coefficients of order `k` of `f` and of the series that are convolved.
+//! Nothing but these rows is stored, linear operations cost what they cost in the function, and the size of the code
+//! does not grow with the order. What a function leaves to contractions is a part of both functions: the sums over a
+//! table have the Cauchy products of the series of its factors as coefficients, for which the coefficients of all
+//! orders of these factors are stored. A square takes a lane like any other product: halving its sum would break the
+//! row. A quotient takes one lane, so products with a reciprocal become quotients, and the reciprocal itself often
+//! drops out.
 //!
 //! Deliberately does not know: mechanics, step sizes, Rust.
 //!
@@ -197,6 +198,8 @@ enum Company {
     RootOneMinusSquare,
     /// One of Stumpff's functions.
     Stumpff(u32),
+    /// One of the functions `tau_k` of logarithms of rotations.
+    Turn(u32),
 }
 
 /// A factor of a convolution: a series, by its coefficient of order `k`, or `j` times it.

@@ -8,7 +8,7 @@ use super::{Builder, Company, MINUS_ADDEND, MINUS_PRODUCT, PLAIN, Series, plain,
 use crate::program::ir::{Instruction, Op, Operand};
 use hamel_expr::Func;
 
-/// Functions of Stumpff up to this one share the rules of one family, whichever is asked for first.
+/// Functions of a family up to this one share its rules, whichever is asked for first.
 const AHEAD: u32 = 12;
 
 impl Builder<'_> {
@@ -240,6 +240,7 @@ impl Builder<'_> {
                 Some(z)
             }
             Func::Stumpff(k) => Some(self.stumpff(k.into(), a, a_k)),
+            Func::Turn(k) => Some(self.turn(k.into(), a, a_k)),
             Func::Abs => {
                 // The sign is not a number where the function has no derivative.
                 let sign = self.at_zero(Op::Div(value, a.first));
@@ -386,6 +387,46 @@ impl Builder<'_> {
     fn stumpff_at_zero(&mut self, m: u32, a: Series) -> Operand {
         let order = u8::try_from(m).expect("derivatives of no equations of motion reach this far");
         self.at_zero(Op::Function(Func::Stumpff(order), a.first))
+    }
+
+    /// `tau_k(a)`, from `tau_k' = (k + 1) tau_(k+1) a'`: the coefficient of order `n` takes that of order `n - 1` of
+    /// the next function, so that functions by `n` ahead are needed at order zero, and are constant here.
+    fn turn(&mut self, k: u32, a: Series, a_k: Operand) -> Operand {
+        let known = |builder: &Self, m: u32| builder.company.get(&(Company::Turn(m), a.first)).copied();
+        if let Some((Series { next: Some(known), .. }, _)) = known(self, k) {
+            return known;
+        }
+        let last = k.max(AHEAD) + MAX_ORDER as u32;
+        let mut next = None;
+        for m in (k..=last).rev() {
+            if let Some((series, _)) = known(self, m) {
+                next = series.next;
+                continue;
+            }
+            let own = (m < last).then(|| {
+                let ahead = self.turn_at_zero(m + 1, a);
+                let factor = self.constant((m + 1).into());
+                let slope = self.at_zero(Op::Mul(factor, ahead));
+                let slope = self.keep(slope);
+                match next {
+                    Some(next) => {
+                        let rest = self.mean(weighted(a_k), plain(next));
+                        let rest = self.at_order(Op::Mul(factor, rest));
+                        self.at_order(Op::MulAdd(PLAIN, slope, a_k, rest))
+                    }
+                    None => self.at_order(Op::Mul(slope, a_k)),
+                }
+            });
+            let series = Series { first: self.turn_at_zero(m, a), next: own };
+            self.company.insert((Company::Turn(m), a.first), (series, series));
+            next = own;
+        }
+        next.expect("the rule of a function that others follow")
+    }
+
+    fn turn_at_zero(&mut self, m: u32, a: Series) -> Operand {
+        let order = u8::try_from(m).expect("derivatives of no equations of motion reach this far");
+        self.at_zero(Op::Function(Func::Turn(order), a.first))
     }
 
     /// `1 + a^2`.

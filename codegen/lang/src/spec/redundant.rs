@@ -1,0 +1,286 @@
+//! Equations between coordinates that follow from others where these hold, such as the third vector equation of a
+//! parallelogram: every state that meets them is singular.
+//!
+//! Coordinates that meet all equations are found by Newton's method, from the model's initial ones and beside these.
+//! Where the gradients depend on each other at each, and an equation holds wherever the others do, it follows from
+//! them. The test is one by numbers: it refuses, and leaves nothing out. Gradients that depend on each other
+//! everywhere are left to reduction, which proves that.
+//!
+//! Deliberately does not know: velocities, how constraints are solved.
+//!
+//! # Source
+//! Nocedal and Wright 2006, Numerical optimization, section 10.3 (Levenberg and Marquardt).
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::diagnostic::Diagnostic;
+use super::model::{Constraint, Model};
+use hamel_expr::{ExprId, Graph, SymbolId, rational_to_f64, uniform};
+
+/// How many points say that gradients depend on each other, and how many are tried for each.
+const N_POINTS: usize = 4;
+const N_ATTEMPTS: u32 = 6;
+
+/// How far coordinates are from the initial ones at most: next to these, as equations with several branches may
+/// depend on each other on one alone.
+const REACH: f64 = 0.1;
+
+/// How far parameters are from their defaults, as a part of these.
+const SPREAD: f64 = 0.3;
+
+const MAX_ITERATIONS: usize = 60;
+
+/// Damping, as a part of the trace: equations that depend on each other have normal equations without inverse.
+const DAMPING: f64 = 1e-11;
+
+/// Residual, by the length of its gradient, that is met.
+const MET: f64 = 1e-11;
+
+/// The same of an equation that the others imply, where these are met.
+const IMPLIED: f64 = 1e-8;
+
+/// Distance of a gradient of length one from the span of others that is none, and length, beside that next to the
+/// place, of a gradient that is zero: where equations touch each other they are met to the root of [`MET`].
+const DEPENDENT: f64 = 1e-4;
+
+/// Step of central differences.
+const STEP: f64 = 1e-5;
+
+/// Equations at values of everything but the coordinates.
+struct Loops<'a> {
+    graph: &'a Graph,
+    residuals: Vec<ExprId>,
+    coordinates: Vec<SymbolId>,
+    others: BTreeMap<SymbolId, f64>,
+}
+
+/// The problem of the equations between the coordinates of a model, if they have one.
+pub(super) fn redundant(model: &Model) -> Option<Diagnostic> {
+    let graph = &model.graph;
+    let coordinates: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
+    let params = model.params.iter().map(|p| p.symbol);
+    let known: BTreeSet<SymbolId> = coordinates.iter().copied().chain(params).chain([model.time]).collect();
+    let is_of_coordinates = |e: ExprId| graph.free_symbols(e).is_subset(&known);
+    let of_coordinates = |c: &&Constraint| c.position.is_some_and(|p| is_of_coordinates(p.residual));
+    let constraints: Vec<&Constraint> = model.constraints.iter().filter(of_coordinates).collect();
+    let residuals: Vec<ExprId> = constraints.iter().filter_map(|c| Some(c.position?.residual)).collect();
+    if residuals.len() < 2 {
+        return None;
+    }
+    let mut others: BTreeMap<SymbolId, f64> =
+        model.params.iter().map(|p| (p.symbol, rational_to_f64(&p.default))).collect();
+    others.insert(model.time, 0.0);
+    let mut loops = Loops { graph, residuals, coordinates, others };
+    let mut random = 1;
+    let start = loops.start(model);
+    // Reduction leaves these out.
+    let implied = loops.dependent_anywhere(&start, &mut random);
+    let kept: Vec<usize> = (0..constraints.len()).filter(|k| !implied.contains(k)).collect();
+    let dependent = loops.dependent(&start, &kept, &mut random)?;
+    let follows = dependent.iter().rev().copied().find(|k| loops.is_implied(&start, &kept, *k, &mut random));
+    let defaults = loops.others.clone();
+    let is_general = (0..2).all(|_| {
+        for p in &model.params {
+            let moved = 1.0 + SPREAD * (2.0 * uniform(&mut random) - 1.0);
+            loops.others.insert(p.symbol, defaults[&p.symbol] * moved);
+        }
+        loops.dependent(&start, &kept, &mut random).is_some()
+    });
+    let at_values = if is_general { "" } else { " for the default values of the parameters" };
+    let n = kept.len();
+    let culprit = constraints[follows.or(dependent.last().copied())?];
+    let message = match follows {
+        Some(_) => format!("`{}` follows from the {} other equations{at_values}", culprit.text, n - 1),
+        None => format!(
+            "the {n} equations between coordinates depend on each other wherever they hold{at_values}"
+        ),
+    };
+    let gives = culprit.position.and_then(|p| p.determines).map(|k| &model.base[k].name);
+    let help = match (follows, gives) {
+        (None, _) => {
+            "write equations with independent gradients: `f = 0` in the place of `f^2 = 0`".to_owned()
+        }
+        (Some(_), Some(name)) => format!("leave it out and declare `{name}` without `by`: it is free"),
+        (Some(_), None) if is_general => "leave it out: a motion that keeps the others keeps it".to_owned(),
+        (Some(_), None) => {
+            "leave it out, and write one parameter in the place of several that have to be equal".to_owned()
+        }
+    };
+    Some(Diagnostic::new(culprit.span, message).with_help(help))
+}
+
+impl Loops<'_> {
+    /// Coordinates as the model gives them; beside zero, where symmetric linkages are singular, where it does not.
+    fn start(&self, model: &Model) -> Vec<f64> {
+        let given = |k: usize| {
+            let (_, e) = model.initial.iter().find(|(name, _)| *name == model.base[k].name)?;
+            self.graph.eval_f64(*e, &self.others)
+        };
+        (0..self.coordinates.len()).map(|k| given(k).unwrap_or(0.4 + 0.17 * k as f64)).collect()
+    }
+
+    fn values(&self, x: &[f64]) -> Option<Vec<f64>> {
+        let mut known = self.others.clone();
+        known.extend(self.coordinates.iter().copied().zip(x.iter().copied()));
+        let values = self.graph.eval_known(&self.residuals, &known);
+        self.residuals.iter().map(|e| values.get(e).copied().filter(|x| x.is_finite())).collect()
+    }
+
+    /// Gradients, a row for each equation.
+    fn gradients(&self, x: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let mut rows = vec![vec![0.0; x.len()]; self.residuals.len()];
+        let mut moved = x.to_vec();
+        for k in 0..x.len() {
+            let step = STEP * (1.0 + x[k].abs());
+            moved[k] = x[k] + step;
+            let ahead = self.values(&moved)?;
+            moved[k] = x[k] - step;
+            let behind = self.values(&moved)?;
+            moved[k] = x[k];
+            for (row, (a, b)) in rows.iter_mut().zip(ahead.iter().zip(&behind)) {
+                row[k] = (a - b) / (2.0 * step);
+            }
+        }
+        Some(rows)
+    }
+
+    /// Coordinates next to others that meet some equations, with the gradients there.
+    fn met(&self, mut x: Vec<f64>, some: &[usize]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+        for _ in 0..MAX_ITERATIONS {
+            let (values, rows) = (self.values(&x)?, self.gradients(&x)?);
+            let is_met = |k: &usize| values[*k].abs() <= MET * (1.0 + length(&rows[*k]));
+            if some.iter().all(is_met) {
+                return Some((x, rows));
+            }
+            let n = x.len();
+            let mut matrix = vec![vec![0.0; n + 1]; n];
+            for k in some {
+                for i in 0..n {
+                    (0..n).for_each(|j| matrix[i][j] += rows[*k][i] * rows[*k][j]);
+                    matrix[i][n] -= rows[*k][i] * values[*k];
+                }
+            }
+            let trace: f64 = (0..n).map(|i| matrix[i][i]).sum();
+            (0..n).for_each(|i| matrix[i][i] += DAMPING * trace);
+            let step = solve(matrix)?;
+            // Steps of half a radian stay on the branch.
+            let part = (0.5 / length(&step)).min(1.0);
+            x.iter_mut().zip(step).for_each(|(x, d)| *x += part * d);
+        }
+        None
+    }
+
+    fn beside(start: &[f64], reach: f64, random: &mut u64) -> Vec<f64> {
+        start.iter().map(|x| x + reach * (2.0 * uniform(random) - 1.0)).collect()
+    }
+
+    /// Equations whose gradients depend on those before them everywhere.
+    fn dependent_anywhere(&self, start: &[f64], random: &mut u64) -> BTreeSet<usize> {
+        let all: Vec<usize> = (0..self.residuals.len()).collect();
+        let mut found: Option<BTreeSet<usize>> = None;
+        for _ in 0..2 {
+            let Some(rows) = self.gradients(&Self::beside(start, REACH, random)) else {
+                return BTreeSet::new();
+            };
+            let here = (1..all.len()).filter(|k| depends(&rows, *k, &all[..*k])).collect();
+            found = Some(match found {
+                None => here,
+                Some(before) => before.intersection(&here).copied().collect(),
+            });
+        }
+        found.unwrap_or_default()
+    }
+
+    /// The equations whose gradients depend on the gradients of the others wherever all are met, if any are.
+    fn dependent(&self, start: &[f64], kept: &[usize], random: &mut u64) -> Option<Vec<usize>> {
+        let mut found: Vec<usize> = kept.to_vec();
+        let sizes: Vec<f64> =
+            self.gradients(&Self::beside(start, REACH, random))?.iter().map(|row| length(row)).collect();
+        for _ in 0..N_POINTS {
+            let (_, mut rows) = (0..N_ATTEMPTS)
+                .find_map(|k| self.met(Self::beside(start, REACH / f64::from(1 << k), random), kept))?;
+            for (row, size) in rows.iter_mut().zip(&sizes) {
+                if length(row) < DEPENDENT * size {
+                    row.fill(0.0);
+                }
+            }
+            found.retain(|k| depends(&rows, *k, &without(kept, *k)));
+            if found.is_empty() {
+                return None;
+            }
+        }
+        Some(found)
+    }
+
+    /// Whether an equation is met wherever the others are, on the branch of the start: what an analytic function is
+    /// next to it.
+    fn is_implied(&self, start: &[f64], kept: &[usize], k: usize, random: &mut u64) -> bool {
+        let others = without(kept, k);
+        (0..N_POINTS).all(|_| {
+            let found =
+                (0..N_ATTEMPTS).find_map(|_| self.met(Self::beside(start, REACH / 4.0, random), &others));
+            found.is_some_and(|(x, rows)| {
+                self.values(&x).is_some_and(|values| values[k].abs() <= IMPLIED * (1.0 + length(&rows[k])))
+            })
+        })
+    }
+}
+
+fn without(kept: &[usize], k: usize) -> Vec<usize> {
+    kept.iter().copied().filter(|other| *other != k).collect()
+}
+
+fn length(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Whether a row is a combination of others.
+fn depends(rows: &[Vec<f64>], k: usize, others: &[usize]) -> bool {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let unit = |v: &[f64]| {
+        let size = length(v);
+        v.iter().map(|x| x / size).collect::<Vec<f64>>()
+    };
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    let rest = |row: &[f64], basis: &[Vec<f64>]| {
+        let mut row = unit(row);
+        // Twice, as one projection leaves rounding of the others.
+        for e in basis.iter().chain(basis) {
+            let part = dot(&row, e);
+            row.iter_mut().zip(e).for_each(|(x, e)| *x -= part * e);
+        }
+        row
+    };
+    for other in others {
+        let row = rest(&rows[*other], &basis);
+        if length(&row) > DEPENDENT {
+            basis.push(unit(&row));
+        }
+    }
+    // A gradient of zeros has no direction: its equation is met twice over.
+    let left = length(&rest(&rows[k], &basis));
+    left.is_nan() || left <= DEPENDENT
+}
+
+/// The solution of `A x = b` by elimination with the largest pivot, `b` behind the columns of `A`.
+fn solve(mut matrix: Vec<Vec<f64>>) -> Option<Vec<f64>> {
+    let n = matrix.len();
+    for k in 0..n {
+        let best = (k..n).max_by(|i, j| matrix[*i][k].abs().total_cmp(&matrix[*j][k].abs()))?;
+        matrix.swap(k, best);
+        let pivot = matrix[k].clone();
+        if pivot[k] == 0.0 || !pivot[k].is_finite() {
+            return None;
+        }
+        for row in matrix.iter_mut().skip(k + 1) {
+            let factor = row[k] / pivot[k];
+            row.iter_mut().zip(&pivot).skip(k).for_each(|(x, p)| *x -= factor * p);
+        }
+    }
+    let mut x = vec![0.0; n];
+    for k in (0..n).rev() {
+        let known: f64 = (k + 1..n).map(|j| matrix[k][j] * x[j]).sum();
+        x[k] = (matrix[k][n] - known) / matrix[k][k];
+    }
+    x.iter().all(|x| x.is_finite()).then_some(x)
+}
