@@ -31,6 +31,7 @@ Examples:
   hamel generate arm.hamel leg.hamel --out-dir src/generated --mod-file mod.rs
   hamel generate heavy_top --scene default --out-dir src
   hamel generate heavy_top --language c --out-dir src               heavy_top.h and heavy_top.c
+  hamel generate heavy_top --language jax --out-dir src             heavy_top_jax.py
   hamel generate heavy_top --language wasm --out-dir src            for WebAssembly, with JavaScript
   hamel generate heavy_top --language fmu -o heavy_top.fmu          an FMU of FMI 3.0
   hamel generate my_model.hamel --out-dir src/generated --check     fail when something would be written"
@@ -72,6 +73,16 @@ pub enum Target {
     Casadi,
     /// The Rust module with the root of a crate for WebAssembly, and a module of JavaScript that calls it
     Wasm,
+    /// Python with CasADi: expressions, with derivatives of every order
+    CasadiExpr,
+    /// Python with JAX: functions that compile and have derivatives
+    Jax,
+    /// Python with SymPy: expressions with exact numbers
+    Sympy,
+    /// A module of Julia, for DifferentialEquations.jl
+    Julia,
+    /// A function file of MATLAB and Octave, for ode45
+    Matlab,
     /// An FMU of FMI 3.0 for model exchange and co-simulation, by the C compiler of this machine
     Fmu,
 }
@@ -86,6 +97,11 @@ impl Target {
             Target::Cpp => Language::Cpp,
             Target::Casadi => Language::Casadi,
             Target::Wasm => Language::Wasm,
+            Target::CasadiExpr => Language::CasadiExpr,
+            Target::Jax => Language::Jax,
+            Target::Sympy => Language::Sympy,
+            Target::Julia => Language::Julia,
+            Target::Matlab => Language::Matlab,
         }
     }
 
@@ -97,6 +113,11 @@ impl Target {
             Target::Cpp => "cpp",
             Target::Casadi => "casadi",
             Target::Wasm => "wasm",
+            Target::CasadiExpr => "casadi-expr",
+            Target::Jax => "jax",
+            Target::Sympy => "sympy",
+            Target::Julia => "julia",
+            Target::Matlab => "matlab",
             Target::Fmu => "fmu",
         }
     }
