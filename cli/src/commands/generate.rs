@@ -4,17 +4,19 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::{Args, ValueEnum};
 use hamel_codegen::Config;
-use hamel_codegen::config::Language;
+use hamel_codegen::config::{Language, Progress};
 use hamel_codegen::scene::{self, BuiltScene, Scenes, Start, Writing};
 
 use crate::output::fmu::archive;
-use crate::output::opened::Opened;
+use crate::output::opened::{Opened, writable};
 use hamel_run::error::Error;
 use hamel_run::model::{Model, show_warnings};
 use hamel_run::session::Session;
+use hamel_run::signs;
 
 /// Write the scenes of models as Rust modules or as C, or check that they are up to date
 ///
@@ -55,6 +57,9 @@ pub struct Arguments {
     /// Write one more file, with a module for each scene (Rust)
     #[arg(long, value_name = "FILE")]
     pub mod_file: Option<String>,
+    /// Replace files that hamel has not generated, or has generated from other models
+    #[arg(long, conflicts_with = "check")]
+    pub force: bool,
     /// Write nothing; fail and name the files that are not up to date
     #[arg(long)]
     pub check: bool,
@@ -187,7 +192,24 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if let Some(file) = &arguments.mod_file {
         config.include_file(file);
     }
-    let mut bundle = config.generate(&models)?;
+    if !arguments.check {
+        writable(out_dir)?;
+    }
+    let (n_models, n_done) = (models.len(), AtomicUsize::new(0));
+    let mut bundle = config.generate_with(&models, &|progress| match progress {
+        Progress::Begun { model } => {
+            let k = n_done.load(Ordering::Relaxed) + 1;
+            signs::whole(if n_models > 1 {
+                format!("model {k} of {n_models}, {model}")
+            } else {
+                String::new()
+            });
+        }
+        Progress::Done { .. } => {
+            n_done.fetch_add(1, Ordering::Relaxed);
+        }
+        _ => {}
+    })?;
     config.add_fluids(&fluids, &mut bundle)?;
     bundle.warnings.iter().for_each(show_warnings);
     let n_scenes = bundle.entries.len() + fluids.len();
@@ -201,7 +223,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         }
         return Ok(format!("{n_scenes} scenes: generated files are up to date"));
     }
-    let written = bundle.write(out_dir)?;
+    let written = if arguments.force { bundle.write_over(out_dir)? } else { bundle.write(out_dir)? };
     let mut text = format!("{n_scenes} scenes: ");
     match written.len() {
         0 => text.push_str("nothing changed"),
@@ -227,6 +249,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         let reason = "is one FMU, of one scene: give one model and one --scene, or --out-dir";
         return Err(Error::unusable("--output", reason));
     }
+    let fmu_file = |path: &Path| fmu_file(path, arguments.force);
     let mut opened = arguments.output.as_deref().map(fmu_file).transpose()?;
     let mut written = Vec::new();
     for model in models {
@@ -257,14 +280,14 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
     Ok(format!("{} FMUs written{}", written.len(), written.concat()))
 }
 
-/// The file of an FMU, in a folder that is made. What is at its place is replaced if it is an archive.
-fn fmu_file(path: &Path) -> Result<Opened, Error> {
+/// The file of an FMU, in a folder that is made. What is at its place is replaced if it is an archive, or by force.
+fn fmu_file(path: &Path, by_force: bool) -> Result<Opened, Error> {
     let shown = path.display().to_string();
     if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("fmu")) {
         return Err(Error::unusable(shown, "is no FMU: let the name end in .fmu"));
     }
-    if std::fs::read(path).is_ok_and(|there| !there.is_empty() && !there.starts_with(b"PK")) {
-        return Err(Error::unusable(shown, "is there and no FMU: give another name, or remove it"));
+    if !by_force && std::fs::read(path).is_ok_and(|there| !there.is_empty() && !there.starts_with(b"PK")) {
+        return Err(Error::unusable(shown, "is there and no FMU: give another name, or add --force"));
     }
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;

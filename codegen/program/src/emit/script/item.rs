@@ -123,7 +123,7 @@ impl<'a> Item<'a> {
         gives: Gives<'a>,
         routine: &'a Routine<'a>,
     ) -> Item<'a> {
-        let mut doc = vec![title.trim().to_owned()];
+        let mut doc = vec![title.trim().to_owned(), String::new()];
         if let Some(unit) = unit.filter(|unit| !title.contains(&format!("[{}]", unit.name))) {
             doc.push(format!("Unit: {}.", unit.name));
         }
@@ -137,7 +137,7 @@ impl<'a> Item<'a> {
     /// With the names of the components.
     fn of(mut self, components: &[String]) -> Item<'a> {
         if !components.is_empty() && components.len() <= MAX_LISTED {
-            self.doc.insert(1, format!("Components: {}.", components.join(", ")));
+            self.doc.insert(2, format!("Components: {}.", components.join(", ")));
         }
         self
     }

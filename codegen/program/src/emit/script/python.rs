@@ -215,13 +215,12 @@ impl Form for Python {
         body.push("return Prepared(".to_owned());
         body.extend(fields.iter().map(|(field, value)| format!("    {field}={value},")));
         body.push(")".to_owned());
-        // Sums beside a condition are told from a chain of comparisons by brackets that Python does not need.
         format!(
             "# What depends on parameters alone.\nPrepared = namedtuple(\"Prepared\", [\n{}])\n\n\n\
              def prepare({}**changes):\n    \
                  \"\"\"Checks the parameters, those of PARAMS unless given by name, and computes what depends on them alone.\"\"\"\n{}\n\n",
             indented(&wrapped(&names, ","), "    "),
-            "",
+            if self.0 == ScriptLanguage::Sympy { "let=_whole, /, " } else { "" },
             indented(&body, "    ")
         )
     }
@@ -407,7 +406,12 @@ class Stumpff(sympy.Function):
     def eval(cls, k, z):
         if z.is_zero:
             return 1 / sympy.factorial(k)
-        return None
+        return cls._value(k, z, z._prec) if z.is_Float else None
+
+    @staticmethod
+    def _value(k, z, prec):
+        series = sympy.hyper([1], [(k + 1) / sympy.S(2), (k + 2) / sympy.S(2)], -z / 4)
+        return (series / sympy.factorial(k))._eval_evalf(prec)
 
     def fdiff(self, argindex=2):
         k, z = self.args
@@ -415,13 +419,12 @@ class Stumpff(sympy.Function):
 
     def _eval_evalf(self, prec):
         k, z = self.args
-        series = sympy.hyper([1], [(k + 1) / sympy.S(2), (k + 2) / sympy.S(2)], -z / 4)
-        return (series / sympy.factorial(k))._eval_evalf(prec)
+        return Stumpff._value(k, z._eval_evalf(prec), prec)
 
     @staticmethod
     def _imp_(k, z):
         \"\"\"The value that `lambdify` calls.\"\"\"
-        return float(Stumpff(k, sympy.Float(float(z), 17)).evalf(17))
+        return float(Stumpff(k, sympy.Float(float(z), 17)))
 
 
 def _stumpff(k, z):
