@@ -303,11 +303,12 @@ from collections import namedtuple
 
 import jax
 import jax.numpy as jnp
+import numpy
 
 
 def _require(condition, message):
     \"\"\"Raises where a condition is known not to hold.\"\"\"
-    if not isinstance(condition, jax.core.Tracer) and not jnp.all(condition):
+    if not isinstance(condition, jax.core.Tracer) and not numpy.all(condition):
         raise ValueError(message)
 
 
