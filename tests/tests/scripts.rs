@@ -87,10 +87,13 @@ impl Value {
     }
 }
 
+/// Sums over a table of the file, by its name.
+type Sums<'a> = dyn Fn(&str, &[f64], &[f64]) -> Vec<f64> + 'a;
+
 /// What names mean, and where arrays begin.
 struct Meaning<'a> {
     names: BTreeMap<String, Value>,
-    products: &'a dyn Fn(&str, &[f64], &[f64]) -> Vec<f64>,
+    products: &'a Sums<'a>,
     first: usize,
 }
 
@@ -334,27 +337,20 @@ fn assign(
         meaning.names.insert(to.to_owned(), value.clone());
         return;
     }
-    if let Some((sine, cosine)) = to.trim_matches(['[', ']']).split_once(", ") {
-        if !to.starts_with("out") && !to.starts_with("dy") {
-            let angle =
-                plain.split_once("sin_cos(").or_else(|| plain.split_once("sincos(")).expect("a pair").1;
-            let angle = angle
-                .strip_suffix("))")
-                .filter(|_| plain.starts_with("map("))
-                .unwrap_or_else(|| angle.strip_suffix(')').expect("a bracket"));
-            let angle = evaluate(angle, meaning).number();
-            let (s, c) = hamel_runtime::Real::sin_cos(angle);
-            meaning.names.insert(sine.to_owned(), Value::Number(s));
-            meaning.names.insert(cosine.to_owned(), Value::Number(c));
-            return;
-        }
+    let is_element = to.starts_with("out") || to.starts_with("dy");
+    if let (Some((sine, cosine)), false) = (to.trim_matches(['[', ']']).split_once(", "), is_element) {
+        let angle = plain.split_once("sin_cos(").or_else(|| plain.split_once("sincos(")).expect("a pair").1;
+        let angle = angle.strip_suffix(if plain.starts_with("map(") { "))" } else { ")" }).expect("brackets");
+        let (s, c) = hamel_runtime::Real::sin_cos(evaluate(angle, meaning).number());
+        meaning.names.insert(sine.to_owned(), Value::Number(s));
+        meaning.names.insert(cosine.to_owned(), Value::Number(c));
+        return;
     }
     if let Some(field) = to.strip_prefix("p.") {
         fields.insert(field.to_owned(), evaluate(&plain, meaning));
         return;
     }
-    let is_element = (to.starts_with("out") || to.starts_with("dy")) && to.ends_with([')', ']']);
-    if is_element {
+    if is_element && to.ends_with([')', ']']) {
         // What is below the diagonal is minus what is above.
         let is_mirrored = plain.starts_with("-out[") || plain.starts_with("-out(");
         results.extend((!is_mirrored).then(|| evaluate(&plain, meaning).number()));

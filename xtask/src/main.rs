@@ -5,6 +5,7 @@
 
 mod bench;
 mod cargo;
+mod dist;
 mod generate;
 mod package;
 mod site;
@@ -89,6 +90,7 @@ Examples:
     },
     // Help is that of the arguments.
     Site(site::Arguments),
+    Dist(dist::Arguments),
     Stress(stress::Arguments),
 }
 
@@ -118,6 +120,7 @@ fn run(Cli { task, budget, size, no_cache, telling }: Cli) -> Result<String, Err
         Task::Test(arguments) => test::test(&repository, &arguments),
         Task::Package { no_verify } => package::package(&repository, !no_verify),
         Task::Tidy { wrap } => tidy::tidy(&repository, wrap),
+        Task::Dist(arguments) => dist::run(&repository, &arguments),
         Task::Site(arguments) => site::run(&repository, &session, &arguments),
         Task::Stress(arguments) => stress::stress(&repository, &session, &arguments),
     }

@@ -118,7 +118,7 @@ impl Line {
         if N_BARS.load(Ordering::Relaxed) > 0 {
             return;
         }
-        if !self.since.is_some_and(|since| since.elapsed() >= PATIENCE) {
+        if self.since.is_none_or(|since| since.elapsed() < PATIENCE) {
             return;
         }
         let text = self.text();
