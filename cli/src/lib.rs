@@ -45,7 +45,7 @@ fn color_asked(arguments: impl Iterator<Item = String>) -> Color {
     last.unwrap_or_default()
 }
 
-/// What is told besides answers, and in which colours.
+/// Messages besides answers, and their colours.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Telling {
     /// Tell nothing but errors on standard error: no warnings, no progress

@@ -1,4 +1,4 @@
-//! Signs of life: what is told on a terminal and what is not, colours, files that are replaced by force.
+//! Signs of life: messages on a terminal and without one, colours, files that are replaced by force.
 #![cfg(unix)]
 
 use std::process::{Command, Stdio};
@@ -66,7 +66,7 @@ fn outputs_are_looked_at_before_the_work() {
     let folder = Folder::new("looked");
     let model = folder.write("warned.hamel", WARNED);
     let file = folder.write("file", "");
-    // What is wrong with the model would be told later.
+    // Problems of the model would be told later.
     let wrong = folder.write("wrong.hamel", "model wrong {");
     let told = refused(&["generate", &model, "--out-dir", &file], 1);
     assert!(told.contains("file"), "{told}");
@@ -89,13 +89,13 @@ fn on_a_terminal(arguments: &[&str]) -> String {
         .spawn()
         .expect("the program starts");
     let (mut master, mut bytes) = (std::fs::File::from(pty.master), Vec::new());
-    // The last end of the terminal that closes ends what is read by an error.
+    // Reading ends by an error as the last end of the terminal closes.
     let _ = master.read_to_end(&mut bytes);
     assert!(child.wait().expect("the program ends").success());
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// A fluid that takes many times as long as what has no sign.
+/// A fluid whose generation takes many times as long as work without a sign.
 #[test]
 fn a_terminal_is_told_what_the_generator_is_at() {
     let folder = Folder::new("signs");

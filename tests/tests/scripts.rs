@@ -43,7 +43,7 @@ fn tokens(text: &str) -> Vec<Token> {
                 at += 1;
             }
             let number: String = chars[start..at].iter().collect();
-            // Numerators and denominators of exact numbers are longer than what is a double.
+            // Numerators and denominators of exact numbers have more digits than a double.
             let exact = parse_decimal(&number).map(|q| rational_to_f64(&q));
             tokens.push(Token::Number(exact.unwrap_or_else(|| number.parse().expect("a number"))));
         } else if c.is_ascii_alphabetic() || c == '_' {
@@ -317,7 +317,7 @@ fn is_check(line: &str) -> bool {
     line.contains("|| throw(ArgumentError(") || known.iter().any(|known| line.starts_with(known))
 }
 
-/// Binds what is on the left of a statement.
+/// Binds the left side of a statement.
 fn assign(
     to: &str,
     value: &str,
@@ -351,7 +351,7 @@ fn assign(
         return;
     }
     if is_element && to.ends_with([')', ']']) {
-        // What is below the diagonal is minus what is above.
+        // Entries below the diagonal are minus the ones above.
         let is_mirrored = plain.starts_with("-out[") || plain.starts_with("-out(");
         results.extend((!is_mirrored).then(|| evaluate(&plain, meaning).number()));
         return;
@@ -372,7 +372,7 @@ struct Case<'a> {
 }
 
 impl Case<'_> {
-    /// The name of the function of a role in the file; none for what files do not have.
+    /// The name of the function of a role in the file, where files have one.
     fn name(&self, role: &Role) -> Option<String> {
         let name = match role {
             Role::Rate => "rhs".to_owned(),

@@ -1,22 +1,25 @@
-//! `dist`: what a release has for this machine, and whether each part works where nothing else of hamel is.
+//! `dist`: the parts of a release for this machine, and whether each works where nothing else of hamel is.
 //!
-//! `archive` packs files, `notices` lists what others wrote, `check` installs. Does not know: how anything is compiled.
+//! `tools` starts other programs, `archive` packs files, `notices` lists crates of others, `check` installs. Does not
+//! know: how anything is compiled.
 
 mod archive;
 mod check;
 mod notices;
+mod tools;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use clap::Args;
-use hamel::output::terminal::bold;
 use hamel_run::Error;
 use hamel_run::repository::Repository;
 
 use self::archive::Entry;
+use self::check::Parts;
+use self::tools::{failed, host, step, tool};
 
-/// Build what a release has for this machine: an archive, a wheel, a Debian package, a package for npm
+/// Build a release for this machine: an archive, a wheel, a Debian package, a package for npm
 ///
 /// The archive has the program, completions, manual pages, licences and notices of what others wrote. Each part is made
 /// where its tool is there (maturin; dpkg-deb; the target wasm32-wasip1 with npm), and is named where it is left out.
@@ -33,7 +36,7 @@ pub(crate) struct Arguments {
     /// Profile of cargo
     #[arg(long, value_name = "NAME", default_value = "release")]
     profile: String,
-    /// Install what was built, and run the lines of the README
+    /// Install every part, and run the lines of the README
     #[arg(long)]
     check: bool,
 }
@@ -47,20 +50,10 @@ const SHELLS: [(&str, &str); 5] = [
     ("powershell", "powershell/hamel.ps1"),
 ];
 
-/// What a release has, as far as it could be made.
-#[derive(Debug, Default)]
-struct Parts {
-    archive: PathBuf,
-    wheel: Option<PathBuf>,
-    debian: Option<PathBuf>,
-    npm: Option<PathBuf>,
-    left_out: Vec<String>,
-}
-
 /// Builds all parts and, where asked, installs them.
 ///
 /// # Errors
-/// [`Error::Failed`] with the step and what is wrong with it.
+/// [`Error::Failed`] with the step and its message.
 pub(crate) fn run(repository: &Repository, arguments: &Arguments) -> Result<String, Error> {
     let folder = arguments.output.clone().unwrap_or_else(|| repository.root().join("target/dist"));
     std::fs::create_dir_all(&folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
@@ -96,32 +89,6 @@ pub(crate) fn run(repository: &Repository, arguments: &Arguments) -> Result<Stri
         lines.extend(check::all(repository, &parts)?);
     }
     Ok(lines.join("\n"))
-}
-
-/// A failed step.
-fn failed(step: &str, status: impl Into<String>) -> Error {
-    Error::Failed { step: step.to_owned(), status: status.into() }
-}
-
-/// Runs a tool to its end.
-fn step(command: &mut Command) -> Result<(), Error> {
-    let name = command.get_program().to_string_lossy().into_owned();
-    eprintln!("{}", bold(&format!("running {name}")));
-    let status = command.status().map_err(|e| failed(&name, format!("could not be started: {e}")))?;
-    if status.success() { Ok(()) } else { Err(failed(&name, status.to_string())) }
-}
-
-/// What a tool prints; none where it is not there or fails.
-fn tool(name: &str, arguments: &[&str]) -> Option<String> {
-    let output = Command::new(name).args(arguments).output().ok().filter(|o| o.status.success())?;
-    Some(String::from_utf8_lossy(&output.stdout).into_owned())
-}
-
-/// The target that the compiler compiles for unless told otherwise.
-fn host() -> Result<String, Error> {
-    let told = tool("rustc", &["-vV"]).ok_or_else(|| failed("rustc -vV", "is not there"))?;
-    let host = told.lines().find_map(|line| line.strip_prefix("host: "));
-    host.map(str::to_owned).ok_or_else(|| failed("rustc -vV", "names no host"))
 }
 
 fn wasm_is_there() -> bool {

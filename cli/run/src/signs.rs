@@ -1,7 +1,7 @@
 //! Signs of life on a terminal: what the generator is at, bars of progress, and whether any of it is wanted.
 //!
-//! A line appears once work takes more than a second, and goes away before anything else is written. Does not know: what
-//! the work is.
+//! A line appears once work takes more than a second, and goes away before anything else is written. Does not know:
+//! what the work is.
 
 use std::io::IsTerminal as _;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -23,7 +23,7 @@ static IS_QUIET: AtomicBool = AtomicBool::new(false);
 
 /// The line.
 struct Line {
-    /// When the work began; none between works.
+    /// When the work began, while there is some.
     since: Option<Instant>,
     /// What there is to do, and what the generator is at.
     whole: String,

@@ -280,7 +280,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
     Ok(format!("{} FMUs written{}", written.len(), written.concat()))
 }
 
-/// The file of an FMU, in a folder that is made. What is at its place is replaced if it is an archive, or by force.
+/// The file of an FMU, in a folder that is made. An archive at its place is replaced; another file, by force alone.
 fn fmu_file(path: &Path, by_force: bool) -> Result<Opened, Error> {
     let shown = path.display().to_string();
     if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("fmu")) {

@@ -9,7 +9,18 @@ use std::process::{Command, Stdio};
 use hamel_run::Error;
 use hamel_run::repository::Repository;
 
-use super::{Parts, archive, failed};
+use super::archive;
+use super::tools::failed;
+
+/// The parts of a release, as far as they could be made.
+#[derive(Debug, Default)]
+pub(super) struct Parts {
+    pub(super) archive: PathBuf,
+    pub(super) wheel: Option<PathBuf>,
+    pub(super) debian: Option<PathBuf>,
+    pub(super) npm: Option<PathBuf>,
+    pub(super) left_out: Vec<String>,
+}
 
 /// Lines of the README that are left out, each with its reason.
 const LEFT_OUT: [(&str, &str); 4] = [

@@ -1,4 +1,4 @@
-//! What others wrote of the program: each crate with its licence, and every text of a licence once.
+//! Notices of others' parts of the program: each crate with its licence, and every text of a licence once.
 //!
 //! Does not know: which licences are taken; `deny.toml` lists them.
 
@@ -12,7 +12,7 @@ use hamel_run::Error;
 use hamel_run::repository::Repository;
 use serde::Deserialize;
 
-use super::failed;
+use super::tools::{failed, host};
 
 #[derive(Deserialize)]
 struct Metadata {
@@ -61,7 +61,7 @@ struct Package {
 pub(super) fn text(repository: &Repository) -> Result<String, Error> {
     let allowed = allowed(&repository.root().join("deny.toml"))?;
     let mut command = Command::new(Repository::cargo());
-    command.args(["metadata", "--format-version=1", "--locked", "--filter-platform", &super::host()?]);
+    command.args(["metadata", "--format-version=1", "--locked", "--filter-platform", &host()?]);
     let output =
         command.current_dir(repository.root()).output().map_err(|e| Error::io("cargo metadata", e))?;
     if !output.status.success() {
@@ -145,7 +145,7 @@ fn allowed(path: &Path) -> Result<BTreeSet<String>, Error> {
     Ok(list.split('"').skip(1).step_by(2).map(str::to_owned).collect())
 }
 
-/// Whether an expression of licences can be satisfied by those that are taken: `or` needs one side, `and` both.
+/// Whether the licences that are taken satisfy an expression: `or` needs one side, `and` both.
 fn is_taken(expression: &str, allowed: &BTreeSet<String>) -> bool {
     let expression = expression.trim();
     // The old form of `or`.

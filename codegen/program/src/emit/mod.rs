@@ -2,8 +2,8 @@
 //!
 //! [`text`] is what the documentation says; `module` names everything and writes down the code of every function with
 //! `body` and `expression`, `series` that of Taylor coefficients; `dialect` is what they ask of a target language.
-//! `rust`, `c` and `script` are the back ends, each the only module that knows its languages. Deliberately does not know:
-//! mechanics, expressions. Everything the documentation says comes in as text.
+//! `rust`, `c` and `script` are the back ends, each the only module that knows its languages. Deliberately does not
+//! know: mechanics, expressions. Everything the documentation says comes in as text.
 
 mod body;
 mod c;
@@ -68,8 +68,8 @@ pub fn emit_fmu(program: &Program, text: &SceneText) -> Result<(CModule, Fmu), E
 
 /// Emits a scene as one file in a language of formulas.
 ///
-/// The functions are those of [`emit_scene`] but for Taylor coefficients and for angles as points of circles; each takes
-/// inputs, where there are any, as its last argument.
+/// The file has the functions of [`emit_scene`] but for Taylor coefficients and for angles as points of circles. Each
+/// takes inputs, where there are any, as its last argument.
 ///
 /// # Errors
 /// [`Error::ShapeMismatch`] and [`Error::UnknownName`] as [`emit_scene`].

@@ -9,6 +9,15 @@ use super::item::{Item, Takes};
 use super::spelling::{PRODUCTS, Spelling};
 use crate::program::Factors;
 
+/// A scene in a language of formulas.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Script {
+    /// Name of the file.
+    pub file: String,
+    /// Its text.
+    pub text: String,
+}
+
 /// A list with names: each name, its identifier, its value where it has one, and what it is.
 pub(super) struct Entry {
     pub(super) name: String,
@@ -115,7 +124,7 @@ pub(super) fn lines(form: &dyn Form, statements: &[Statement]) -> Vec<String> {
                 }
             }
             Statement::Title(title) => lines.push(format!("{} {}", form.comment(), one_line(title))),
-            // Names are those of one scope.
+            // All names are of one scope.
             Statement::Block { inner, .. } => lines.extend(self::lines(form, inner)),
         }
     }
@@ -128,7 +137,7 @@ pub(super) fn body(form: &dyn Form, item: &Item<'_>) -> Vec<String> {
     let mut text = Vec::new();
     let mut named = |names: &[Option<String>], of: &dyn Fn(usize) -> String| {
         let names = names.iter().enumerate().filter_map(|(k, name)| Some((k, name.as_ref()?)));
-        // What is called like the argument that it is is there.
+        // A variable with the name of the argument that it reads needs no line.
         let names = names.filter(|(k, name)| of(*k) != **name);
         text.extend(names.map(|(k, name)| form.bind(name, &of(k))));
     };

@@ -156,7 +156,7 @@ impl<'a> Item<'a> {
         self
     }
 
-    /// The arguments besides what is written to, in the order of Python and MATLAB.
+    /// The arguments besides the array of the results, in the order of Python and MATLAB.
     pub(super) fn arguments(&self, has_inputs: bool) -> Vec<&'static str> {
         let mut names = match self.takes {
             Takes::Point => vec!["t", "y", "p"],

@@ -27,7 +27,7 @@ fn docstring(lines: &[String]) -> String {
     format!("\"\"\"\n{}\"\"\"\n", indented(&lines, ""))
 }
 
-/// The arguments of a function, with what is written to first.
+/// The arguments of a function, with the array of the results first.
 fn arguments(item: &Item<'_>, has_inputs: bool) -> Vec<&'static str> {
     let mut names = match item.gives {
         Gives::Scalar => vec![],
@@ -136,7 +136,7 @@ impl Form for Julia {
         let doc = [
             "    prepare(; changes...)".to_owned(),
             String::new(),
-            "Check the parameters, those of `PARAMS` unless given by name, and compute what depends on them alone.".to_owned(),
+            "Check the parameters, as in `PARAMS` unless given by name, and compute what depends on them alone.".to_owned(),
         ];
         format!("{}function prepare(; changes...)\n{}end\n\n", docstring(&doc), indented(&body, "    "))
     }

@@ -151,7 +151,7 @@ impl Form for Matlab {
     fn prepare(&self, preparation: &Preparation) -> String {
         let Preparation { params, lines, conditions, fields } = preparation;
         let fail = |condition: &str, message: &str| {
-            // The first argument is what is shown, and no template.
+            // The message is an argument, and no template.
             format!("if ~({condition}), error('hamel:params', '%s', {}); end", string(message))
         };
         let mut body = vec![

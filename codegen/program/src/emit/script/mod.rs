@@ -12,6 +12,7 @@ mod python;
 mod spelling;
 mod writer;
 
+pub use form::Script;
 pub use spelling::ScriptLanguage;
 
 use self::spelling::Spelling;
@@ -19,15 +20,6 @@ use super::module::Module;
 use super::text::SceneText;
 use crate::program::Program;
 use hamel_expr::error::Error;
-
-/// A scene in a language of formulas.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Script {
-    /// Name of the file.
-    pub file: String,
-    /// Its text.
-    pub text: String,
-}
 
 /// The file of a scene.
 pub(super) fn emit(program: &Program, text: &SceneText, language: ScriptLanguage) -> Result<Script, Error> {

@@ -218,7 +218,7 @@ impl Form for Python {
         format!(
             "# What depends on parameters alone.\nPrepared = namedtuple(\"Prepared\", [\n{}])\n\n\n\
              def prepare({}**changes):\n    \
-                 \"\"\"Checks the parameters, those of PARAMS unless given by name, and computes what depends on them alone.\"\"\"\n{}\n\n",
+                 \"\"\"Checks the parameters, as in PARAMS unless given by name, and computes what depends on them alone.\"\"\"\n{}\n\n",
             indented(&wrapped(&names, ","), "    "),
             if self.0 == ScriptLanguage::Sympy { "let=_whole, /, " } else { "" },
             indented(&body, "    ")

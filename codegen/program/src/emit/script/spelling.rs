@@ -161,7 +161,7 @@ impl Notation for Spelling {
     fn power(&self, base: Text, exponent: Text) -> Text {
         let sign = if self.0.is_python() { "**" } else { "^" };
         let base = base.at_least(Binding::Atom);
-        // Languages do not agree on what is raised first.
+        // Languages raise powers of powers in different orders.
         let text = format!("({} {sign} {})", base.text, exponent.text);
         Text { text, binding: Binding::Atom, depth: base.depth + 1 }
     }

@@ -7,8 +7,7 @@ use super::super::literal::number;
 use super::super::module::Module;
 use super::super::names::{Scope, legal};
 use super::super::text::ParamText;
-use super::Script;
-use super::form::{Entry, Form, Preparation, Rows, Summary, lines, one_line};
+use super::form::{Entry, Form, Preparation, Rows, Script, Summary, lines, one_line};
 use super::item::items;
 use super::julia::Julia;
 use super::matlab::Matlab;
@@ -191,7 +190,7 @@ impl Writer<'_> {
         }
         if module.event_functions().is_some() {
             let entries = self.events()?;
-            list("EVENTS", "Events, whose functions are those of `events`, in order.", &entries);
+            list("EVENTS", "Events, in the order of the functions that `events` computes.", &entries);
         }
         if let Some(implicit) = &module.implicit {
             let entries: Vec<Entry> = implicit
