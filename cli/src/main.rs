@@ -9,6 +9,7 @@ use hamel::commands::{Command, Program, generate};
 use hamel_run::cache::Cache;
 use hamel_run::repository::Repository;
 use hamel_run::session::Session;
+use hamel_run::signs;
 
 /// Lists, explains, evaluates, integrates and generates models of mechanics with symmetry
 #[derive(Parser)]
@@ -26,6 +27,8 @@ struct Cli {
     /// Derive everything anew, and keep nothing in the folder for caches
     #[arg(long, global = true)]
     no_cache: bool,
+    #[command(flatten)]
+    telling: hamel::Telling,
 }
 
 const TOP: &str = "\
@@ -49,10 +52,12 @@ enum Task {
 }
 
 fn main() -> ExitCode {
-    let Cli { task, budget, size, no_cache }: Cli = match hamel::arguments() {
+    let Cli { task, budget, size, no_cache, telling }: Cli = match hamel::arguments() {
         Ok(arguments) => arguments,
         Err(ended) => return ended,
     };
+    telling.begin();
+    signs::watch();
     hamel_run::interrupts::watch();
     let here = std::env::current_dir().ok();
     let session = match here.and_then(|folder| Repository::around(&folder)) {

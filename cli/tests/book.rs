@@ -129,7 +129,11 @@ fn every_code_block_of_the_book_is_tested() {
                 // Run by tests/tests/wasm.rs.
                 "js" => page.path.ends_with("wasm.md"),
                 // By `python/tests/test_package.py`; of C, by tests/peers/interfaces.py.
-                "python" => page.path.ends_with("docs/book/python.md") || page.path.ends_with("c.md"),
+                // And of formulas, by tests/peers/formulas.py.
+                "python" => {
+                    ["docs/book/python.md", "c.md", "formulas.md"].iter().any(|p| page.path.ends_with(p))
+                }
+                "julia" | "matlab" => page.path.ends_with("formulas.md"),
                 _ => false,
             };
             assert!(is_known, "{}: no test for this block `{language}`\n{text}", page.path.display());

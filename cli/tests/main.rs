@@ -24,6 +24,7 @@ mod protocol;
 mod reference;
 mod report;
 mod sensitivity;
+mod signs;
 mod singular;
 mod sizes;
 mod starts;

@@ -4,11 +4,7 @@
 use std::fs::File;
 use std::process::{Output, Stdio};
 
-use crate::common::program;
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
-}
+use crate::common::program::{self, Folder, done, refused, text};
 
 /// A device on which every write fails for lack of space; none where the system has none.
 fn full() -> Option<File> {
@@ -99,57 +95,6 @@ fn a_full_disk_for_messages_is_no_panic() {
     let out = into(Stdio::piped(), full, &["eval", path.to_str().unwrap()], state);
     std::fs::remove_file(&path).unwrap();
     assert!(out.status.success() && text(&out.stdout).contains("derivatives"), "{:?}", out.status);
-}
-
-/// A folder of its own for a test, removed at the end.
-struct Folder(std::path::PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Folder {
-        let path = std::env::temp_dir().join(format!("hamel-outputs-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    fn file(&self, name: &str) -> String {
-        self.0.join(name).to_str().unwrap().to_owned()
-    }
-
-    fn write(&self, name: &str, text: &str) -> String {
-        std::fs::write(self.0.join(name), text).unwrap();
-        self.file(name)
-    }
-
-    fn read(&self, name: &str) -> String {
-        std::fs::read_to_string(self.0.join(name)).unwrap()
-    }
-
-    fn names(&self) -> Vec<String> {
-        let mut names: Vec<String> = (std::fs::read_dir(&self.0).unwrap())
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort();
-        names
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
-fn done(arguments: &[&str]) -> String {
-    let out = program::output(&mut program::command(arguments), "");
-    assert!(out.status.success(), "{arguments:?}: {}", text(&out.stderr));
-    text(&out.stdout)
-}
-
-fn refused(arguments: &[&str], code: i32) -> String {
-    let out = program::output(&mut program::command(arguments), "");
-    assert_eq!(out.status.code(), Some(code), "{arguments:?}: {}{}", text(&out.stdout), text(&out.stderr));
-    text(&out.stderr)
 }
 
 /// Whoever waits for a motion learns before it that its file cannot be written.

@@ -11,13 +11,13 @@ import time
 
 import numpy as np
 
-import hamel
+import pyhamel
 
 ROUNDS = 200
 
 
 def main() -> None:
-    model = hamel.load(sys.argv[1] if len(sys.argv) > 1 else "heavy_top")
+    model = pyhamel.load(sys.argv[1] if len(sys.argv) > 1 else "heavy_top")
     n = int(sys.argv[2]) if len(sys.argv) > 2 else 10_000
     rows = np.random.default_rng(0).normal(size=(n, len(model.state)))
     for order, y in (("rows", rows), ("columns", np.asfortranarray(rows))):

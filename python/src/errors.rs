@@ -34,7 +34,7 @@ fn problems(all: &[Diagnostics]) -> Vec<Problem> {
 /// The exception of an error.
 pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
     let raised = || -> PyResult<PyErr> {
-        let classes = py.import("hamel._errors")?;
+        let classes = py.import("pyhamel._errors")?;
         let text = error.to_string();
         let made = match error {
             Error::Models { problems: all } => classes.getattr("ModelError")?.call1((text, problems(all)))?,

@@ -1,4 +1,4 @@
-//! The module `hamel._hamel`: what the Python package does that is not Python.
+//! The module `pyhamel._hamel`: what the Python package does that is not Python.
 //!
 //! Everything goes through the library of the command `hamel`, so that a method of Python and a command have the same
 //! answer and the same message.

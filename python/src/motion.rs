@@ -45,7 +45,7 @@ const ARGUMENTS: Words = Words {
 };
 
 /// A motion: what was asked and what came out.
-#[pyclass(frozen, module = "hamel._hamel")]
+#[pyclass(frozen, module = "pyhamel._hamel")]
 pub(crate) struct Motion {
     model: Arc<Checked>,
     info: Info,

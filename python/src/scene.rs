@@ -40,7 +40,7 @@ self_cell!(
 );
 
 /// A scene of a model with values of its parameters.
-#[pyclass(frozen, module = "hamel._hamel")]
+#[pyclass(frozen, module = "pyhamel._hamel")]
 pub(crate) struct Scene {
     pub(crate) model: Arc<Checked>,
     pub(crate) values: Vec<f64>,

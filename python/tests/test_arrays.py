@@ -5,12 +5,12 @@ import threading
 import numpy as np
 import pytest
 
-import hamel
+import pyhamel
 
 
 @pytest.fixture(scope="module")
 def top():
-    return hamel.load("heavy_top")
+    return pyhamel.load("heavy_top")
 
 
 def states(n, seed=7):
@@ -76,7 +76,7 @@ def test_results_are_written_to_out(top):
     one = np.zeros(6)
     assert top.rhs(y[0], out=one) is one
     assert np.array_equal(one, top.rhs(y)[0])
-    with pytest.raises(hamel.InputError, match="shape"):
+    with pytest.raises(pyhamel.InputError, match="shape"):
         top.rhs(y, out=np.zeros((9, 6)))
 
 
@@ -110,7 +110,7 @@ def test_derivatives_are_those_of_the_rates(top):
 
 
 def test_the_time_has_a_derivative():
-    driven = hamel.load("""
+    driven = pyhamel.load("""
         model driven {
             param a = 2;
             coordinate x in real;

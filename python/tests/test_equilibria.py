@@ -1,14 +1,14 @@
 """Relative equilibria of models, one by one and in families."""
 
-import hamel
+import pyhamel
 import numpy as np
 import pytest
 
 SLEEPING = {"Omega1": 0.0, "Omega2": 0.0, "Gamma1": 0.0, "Gamma2": 0.0, "Gamma3": 1.0}
 
 
-def top() -> hamel.Model:
-    return hamel.load("heavy_top", scene="symmetric")
+def top() -> pyhamel.Model:
+    return pyhamel.load("heavy_top", scene="symmetric")
 
 
 def test_a_fast_top_sleeps():
@@ -38,21 +38,21 @@ def test_parameters_and_inputs_of_the_model_are_those_of_the_equilibrium():
 
 
 def test_what_is_wrong_is_said_in_words_of_python():
-    with pytest.raises(hamel.InputError, match="keep has no value `Omega4`"):
+    with pytest.raises(pyhamel.InputError, match="keep has no value `Omega4`"):
         top().trim(SLEEPING, keep=["Omega4"])
-    with pytest.raises(hamel.InputError, match="free has no"):
+    with pytest.raises(pyhamel.InputError, match="free has no"):
         top().trim(SLEEPING, free=["Omega1"])
-    with pytest.raises(hamel.InputError, match="give two values"):
+    with pytest.raises(pyhamel.InputError, match="give two values"):
         top().family("Omega3", 1.0, 1.0)
-    with pytest.raises(hamel.InputError, match="list of names"):
+    with pytest.raises(pyhamel.InputError, match="list of names"):
         top().trim(SLEEPING, keep="Omega1")
 
 
 def test_an_orbit_closes():
-    pendulum = hamel.load("model p { coordinate q in angle; lagrangian = q_dot^2/2 + cos(q); initial q = 1; initial q_dot = 0; }")
+    pendulum = pyhamel.load("model p { coordinate q in angle; lagrangian = q_dot^2/2 + cos(q); initial q = 1; initial q_dot = 0; }")
     orbit = pendulum.orbit(6.3, keep=["energy"])
     assert orbit.period == pytest.approx(6.699998, abs=1e-3) and orbit.verdict == "rigid"
     motion = pendulum.simulate(orbit.period, orbit.y, rtol=1e-12, atol=1e-14)
     assert np.abs(motion.y_end - orbit.y).max() < 1e-9
-    with pytest.raises(hamel.InputError, match="above zero"):
+    with pytest.raises(pyhamel.InputError, match="above zero"):
         pendulum.orbit(0.0)

@@ -5,14 +5,14 @@ import pickle
 import numpy as np
 import pytest
 
-import hamel
+import pyhamel
 
 CART = """model cart { param m = 2; input push = 0.5; coordinate x in real; lagrangian = m/2*x_dot^2; force x_dot = push; }"""
 
 
 @pytest.fixture(scope="module")
 def cart():
-    return hamel.load(CART)
+    return pyhamel.load(CART)
 
 
 def test_inputs_are_held(cart):
@@ -74,7 +74,7 @@ PUSHED = """model pushed {
 
 
 def test_vectors_and_matrices_are_inputs():
-    pushed = hamel.load(PUSHED)
+    pushed = pyhamel.load(PUSHED)
     state = [1.0, 2.0, 0.0, 0.0]
     held = pushed.with_inputs(u=[3.0, 4.0], K=[[1.0, 2.0], [2.0, 5.0]])
     assert held.inputs == {"u1": 3.0, "u2": 4.0, "K11": 1.0, "K12": 2.0, "K22": 5.0}
@@ -92,7 +92,7 @@ def test_vectors_and_matrices_are_inputs():
     np.testing.assert_allclose(many.y_end[:, :2], [[1.0, 0.0], [0.0, 2.0]], atol=1e-12)
     askew = [[1.0, 2.0], [3.0, 5.0]]
     for wrong, part in [({"u": [1.0]}, r"\(2,\)"), ({"K": askew}, "symmetric"), ({"K": 1.0}, r"\(2, 2\)")]:
-        with pytest.raises(hamel.InputError, match=part):
+        with pytest.raises(pyhamel.InputError, match=part):
             pushed.with_inputs(**wrong)
 
 
@@ -109,7 +109,7 @@ def test_ensembles_have_inputs_of_their_own(cart):
     # With masses besides, and what is held already stays.
     both = driven.with_inputs(push=4.0).ensemble(2.0, [0.0, 0.0], {"m": [1.0, 2.0, 4.0]})
     np.testing.assert_allclose(both.y_end[:, 0], [8.0, 4.0, 2.0], rtol=1e-12)
-    with pytest.raises(hamel.InputError, match="pull"):
+    with pytest.raises(pyhamel.InputError, match="pull"):
         driven.ensemble(1.0, [0.0, 0.0], inputs={"pull": [1.0]})
 
 
@@ -119,11 +119,11 @@ def test_another_scene_keeps_inputs(cart):
 
 
 def test_what_is_no_input_is_refused(cart):
-    with pytest.raises(hamel.InputError, match="pull"):
+    with pytest.raises(pyhamel.InputError, match="pull"):
         cart.with_inputs(pull=1.0)
-    with pytest.raises(hamel.InputError, match="function"):
+    with pytest.raises(pyhamel.InputError, match="function"):
         cart.with_inputs(push=lambda t, y: t)
-    with pytest.raises(hamel.InputError, match="`t`"):
+    with pytest.raises(pyhamel.InputError, match="`t`"):
         cart.with_inputs(push=np.ones(3))
-    with pytest.raises(hamel.InputError, match="interpolation"):
+    with pytest.raises(pyhamel.InputError, match="interpolation"):
         cart.with_inputs(t=[0.0, 1.0], push=[0.0, 1.0], interpolation="step")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import hamel
+import pyhamel
 
 ROOT = Path(__file__).parents[2]
 BAD = ROOT / "codegen" / "tests" / "bad"
@@ -25,10 +25,10 @@ model pendulum {
 
 def test_a_model_is_a_name_a_path_or_a_text(tmp_path):
     path = ROOT / "models" / "specs" / "heavy_top.hamel"
-    named, of_file = hamel.load("heavy_top"), hamel.load(path)
-    assert named.state == of_file.state == hamel.load(path.read_text()).state
-    assert "heavy_top" in hamel.models()
-    pendulum = hamel.load(PENDULUM)
+    named, of_file = pyhamel.load("heavy_top"), pyhamel.load(path)
+    assert named.state == of_file.state == pyhamel.load(path.read_text()).state
+    assert "heavy_top" in pyhamel.models()
+    pendulum = pyhamel.load(PENDULUM)
     assert (pendulum.name, pendulum.scene, len(pendulum.state)) == ("pendulum", "default", 2)
     y = dict(zip(pendulum.state, (0.3, 0.0)))
     at = [y[name] for name in pendulum.state]
@@ -47,19 +47,19 @@ model chain {
 
 
 def test_a_family_has_a_model_for_each_size():
-    chain = hamel.load(CHAIN, sizes={"n": 4})
-    assert len(chain.state) == 8 and len(hamel.load(CHAIN).state) == 4
+    chain = pyhamel.load(CHAIN, sizes={"n": 4})
+    assert len(chain.state) == 8 and len(pyhamel.load(CHAIN).state) == 4
     rates = chain.rhs(np.arange(8.0))
     assert sorted(rates[4:]) == sorted(-k * (k - 1) for k in range(1, 5))
     # The text of a model is that of the member, so that it can be restored from it.
     assert "size n = 4" in chain.text
     assert pickle.loads(pickle.dumps(chain)).state == chain.state
-    with pytest.raises(hamel.ModelError, match="the model has no size `m`"):
-        hamel.load(CHAIN, sizes={"m": 4})
+    with pytest.raises(pyhamel.ModelError, match="the model has no size `m`"):
+        pyhamel.load(CHAIN, sizes={"m": 4})
 
 
 def test_parameters_are_a_mapping_and_models_are_values():
-    top = hamel.load("heavy_top", params={"m": 2.0})
+    top = pyhamel.load("heavy_top", params={"m": 2.0})
     assert top.params["m"] == 2.0 and list(top.params)[:3] == ["I1", "I2", "I3"]
     assert dict(top.params)["g"] == 9.81
     heavier = top.with_params(m=3.0, l=0.5)
@@ -69,14 +69,14 @@ def test_parameters_are_a_mapping_and_models_are_values():
     assert "reconstruction" in top.scenes
     moved = top.with_scene("reconstruction")
     assert moved.scene == "reconstruction" and moved.params["m"] == 2.0 and len(moved.state) > 6
-    with pytest.raises(hamel.InputError, match="no parameter `M`"):
+    with pytest.raises(pyhamel.InputError, match="no parameter `M`"):
         top.with_params(M=1.0)
-    with pytest.raises(hamel.InputError, match=r"m > 0 does not hold.* for m = -1.0"):
+    with pytest.raises(pyhamel.InputError, match=r"m > 0 does not hold.* for m = -1.0"):
         top.with_params(m=-1.0)
 
 
 @pytest.mark.parametrize("path", sorted(BAD.glob("*.hamel")), ids=lambda path: path.stem)
-@pytest.mark.filterwarnings("ignore::hamel.ModelWarning")
+@pytest.mark.filterwarnings("ignore::pyhamel.ModelWarning")
 def test_wrong_models_have_the_message_and_the_place_of_the_command(path, monkeypatch):
     expected = path.with_suffix(".expected").read_text()
     if not expected.startswith("error"):
@@ -84,8 +84,8 @@ def test_wrong_models_have_the_message_and_the_place_of_the_command(path, monkey
     if path.stem.startswith("matrix_fluid"):
         pytest.skip("has no equations, which is another message here")
     monkeypatch.chdir(BAD)
-    with pytest.raises(hamel.ModelError) as caught:
-        model = hamel.load(path.name, cache=False)
+    with pytest.raises(pyhamel.ModelError) as caught:
+        model = pyhamel.load(path.name, cache=False)
         for scene in model.scenes:
             model.with_scene(scene)
     error = caught.value
@@ -98,34 +98,34 @@ def test_wrong_models_have_the_message_and_the_place_of_the_command(path, monkey
 
 
 def test_unknown_names_are_said_with_those_that_exist():
-    with pytest.raises(hamel.InputError, match=r"no model `heavy_tip`[\s\S]*heavy_top"):
-        hamel.load("heavy_tip")
-    with pytest.raises(hamel.InputError, match="no scene `fast`"):
-        hamel.load("heavy_top", scene="fast")
-    with pytest.raises(hamel.FileError, match="nowhere.hamel"):
-        hamel.load("nowhere.hamel")
-    top = hamel.load("heavy_top")
-    with pytest.raises(hamel.InputError, match="last axis"):
+    with pytest.raises(pyhamel.InputError, match=r"no model `heavy_tip`[\s\S]*heavy_top"):
+        pyhamel.load("heavy_tip")
+    with pytest.raises(pyhamel.InputError, match="no scene `fast`"):
+        pyhamel.load("heavy_top", scene="fast")
+    with pytest.raises(pyhamel.FileError, match="nowhere.hamel"):
+        pyhamel.load("nowhere.hamel")
+    top = pyhamel.load("heavy_top")
+    with pytest.raises(pyhamel.InputError, match="last axis"):
         top.rhs(np.zeros(5))
     with pytest.raises(ValueError, match=r"states\[1\] cannot be evaluated"):
         top.rhs([[1.0] * 6, [np.nan] + [1.0] * 5])
-    with pytest.raises(hamel.InputError, match="cannot be evaluated"):
+    with pytest.raises(pyhamel.InputError, match="cannot be evaluated"):
         top.rhs([np.inf] + [1.0] * 5)
 
 
 def test_warnings_of_a_model_are_warnings():
     text = PENDULUM.replace("let speed", "param unused = 1;\n    let speed")
-    with pytest.warns(hamel.ModelWarning, match="unused"):
-        hamel.load(text)
+    with pytest.warns(pyhamel.ModelWarning, match="unused"):
+        pyhamel.load(text)
 
 
 def test_pickles_are_the_same_model():
-    top = hamel.load("heavy_top", scene="reconstruction").with_params(m=2.5)
+    top = pyhamel.load("heavy_top", scene="reconstruction").with_params(m=2.5)
     again = pickle.loads(pickle.dumps(top))
     assert (again.scene, dict(again.params)) == (top.scene, dict(top.params))
     y = np.random.default_rng(1).normal(size=len(top.state))
     assert np.array_equal(again.rhs(y), top.rhs(y))
-    error = hamel.IntegrationError("text", 1.0, {"x": 2.0})
+    error = pyhamel.IntegrationError("text", 1.0, {"x": 2.0})
     assert pickle.loads(pickle.dumps(error)).state == {"x": 2.0}
 
 
@@ -137,7 +137,7 @@ def energy_of(model):
 # Python warns of forks with threads; that they work is what is tested.
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_models_go_to_other_processes(method):
-    top = hamel.load("heavy_top")
+    top = pyhamel.load("heavy_top")
     top.rhs(np.ones((1000, 6)), threads=True)
     with multiprocessing.get_context(method).Pool(1) as pool:
         assert pool.map(energy_of, [top, top.with_params(m=2.0)]) == [
@@ -152,23 +152,23 @@ def parallel_sum(model):
 
 
 def test_people_see_equations():
-    top = hamel.load("heavy_top")
+    top = pyhamel.load("heavy_top")
     assert "\\dot" in top._repr_latex_() and "<math" in top._repr_html_()
     assert "heavy_top" in top.explain() and "<!DOCTYPE html>" in top.report()
     assert "Omega1" in repr(top)
 
 
 def test_a_model_is_reduced_by_its_symmetries():
-    unreduced = hamel.load(ROOT / "models" / "unreduced" / "heavy_top.hamel")
+    unreduced = pyhamel.load(ROOT / "models" / "unreduced" / "heavy_top.hamel")
     reduced = unreduced.reduce()
     assert reduced.dim == 3
     assert any(line.startswith("Symmetry: turn 3 of R in space; it keeps `I1*Omega1*R31") for line in reduced.report)
-    top = hamel.load(reduced.text)
+    top = pyhamel.load(reduced.text)
     assert top.state == ("Omega1", "Omega2", "Omega3", "a1", "a2", "a3")
     # Both start where the attitude is the identity, and move alike.
     y0 = {"Omega1": 0.4, "Omega2": 0.2, "Omega3": 3.0}
     ends = [dict(zip(m.state, m.simulate(1.0, y0).y[-1])) for m in (top, unreduced)]
     for name in y0:
         assert ends[0][name] == pytest.approx(ends[1][name], rel=1e-6)
-    with pytest.raises(hamel.ModelError, match="there is no group to reduce it by"):
-        hamel.load("model m { coordinate x in real; lagrangian = x_dot^2 - x^4; }").reduce()
+    with pytest.raises(pyhamel.ModelError, match="there is no group to reduce it by"):
+        pyhamel.load("model m { coordinate x in real; lagrangian = x_dot^2 - x^4; }").reduce()

@@ -5,14 +5,14 @@ import pickle
 import numpy as np
 import pytest
 
-import hamel
+import pyhamel
 
 START = {"Omega1": 0.4, "Omega2": -0.3, "Omega3": 2.0, "Gamma1": 0.0, "Gamma2": 0.6, "Gamma3": 0.8}
 
 
 @pytest.fixture(scope="module")
 def top():
-    return hamel.load("heavy_top")
+    return pyhamel.load("heavy_top")
 
 
 def test_a_motion_keeps_what_it_has_to(top):
@@ -22,7 +22,7 @@ def test_a_motion_keeps_what_it_has_to(top):
     assert np.array_equal(motion.y[-1], motion.y_end) and np.array_equal(motion.y[0], list(START.values()))
     assert np.ptp(motion.energy) < 1e-8 and motion.stats["energy_drift"] < 1e-9
     np.testing.assert_allclose(np.linalg.norm(motion.y[:, 3:], axis=1), 1.0, atol=1e-9)
-    assert motion.stats["method"] in hamel.methods() and motion.stats["method"] != "auto"
+    assert motion.stats["method"] in pyhamel.methods() and motion.stats["method"] != "auto"
     np.testing.assert_array_equal(motion["Omega3"], motion.y[:, 2])
     np.testing.assert_allclose(motion.outputs["momentum"], top.outputs(motion.y)["momentum"], rtol=1e-15)
 
@@ -38,25 +38,25 @@ def test_times_are_a_time_a_span_or_an_array(top):
     back = top.simulate(-2.0, motion.y_end)
     np.testing.assert_allclose(back.y_end, list(START.values()), atol=1e-7)
     for wrong in ([1.0, 2.0], [0.0, 2.0, 1.0], [], [0.0, np.nan]):
-        with pytest.raises(hamel.InputError):
+        with pytest.raises(pyhamel.InputError):
             top.simulate(wrong, START)
 
 
 def test_names_that_do_not_exist_are_refused(top):
-    with pytest.raises(hamel.InputError, match=r"y0 has no state `Omega4`"):
+    with pytest.raises(pyhamel.InputError, match=r"y0 has no state `Omega4`"):
         top.simulate(1.0, {"Omega4": 1.0})
-    with pytest.raises(hamel.InputError, match="method"):
+    with pytest.raises(pyhamel.InputError, match="method"):
         top.simulate(1.0, START, method="euler")
-    with pytest.raises(hamel.InputError, match="step is missing"):
+    with pytest.raises(pyhamel.InputError, match="step is missing"):
         top.simulate(1.0, START, method="rk4")
-    with pytest.raises(hamel.InputError, match="step"):
+    with pytest.raises(pyhamel.InputError, match="step"):
         top.simulate(1.0, START, step=0.1)
-    with pytest.raises(hamel.InputError, match="sections"):
+    with pytest.raises(pyhamel.InputError, match="sections"):
         top.simulate(1.0, START, events=["Omega9"])
 
 
 def test_the_rest_of_a_state_is_chosen_on_the_constraint():
-    model = hamel.load("veselova")
+    model = pyhamel.load("veselova")
     motion = model.simulate(1.0)
     assert len(motion.y0) == len(model.state)
 
@@ -93,20 +93,20 @@ model attracted {
 
 
 def test_what_cannot_go_on_says_where():
-    model = hamel.load(SINGULAR)
-    with pytest.raises(hamel.IntegrationError) as caught:
+    model = pyhamel.load(SINGULAR)
+    with pytest.raises(pyhamel.IntegrationError) as caught:
         model.simulate(20.0, {"x": 1.0, "x_dot": 1.0}, max_steps=5)
     assert caught.value.t > 0 and set(caught.value.state) == set(model.state)
     assert "integration stopped at t = " in str(caught.value)
 
 
 def test_steps_are_bounded():
-    model = hamel.load(SINGULAR)
+    model = pyhamel.load(SINGULAR)
     start = {"x": 1.0, "x_dot": 1.0}
     assert model.simulate(1.0, start, max_step=0.01).stats["steps"] >= 100 > model.simulate(1.0, start).stats["steps"]
-    with pytest.raises(hamel.InputError, match="max_step is 0.0: give a positive, finite time"):
+    with pytest.raises(pyhamel.InputError, match="max_step is 0.0: give a positive, finite time"):
         model.simulate(1.0, start, max_step=0.0)
-    with pytest.raises(hamel.InputError, match="max_step is given together with a fixed step"):
+    with pytest.raises(pyhamel.InputError, match="max_step is given together with a fixed step"):
         model.simulate(1.0, start, method="rk4", step=0.1, max_step=0.1)
     many = model.ensemble(1.0, {"x": [1.0, 2.0], "x_dot": 1.0}, max_step=0.01)
     assert np.all(np.asarray(many.steps) >= 100)
@@ -127,7 +127,7 @@ def test_motions_pickle_and_become_data_sets(top):
 def test_a_notebook_shows_a_figure_that_moves(top):
     html = top.simulate(1.0, START)._repr_html_()
     assert "data:image/svg+xml" in html and "<iframe" in html and "motion-data" in html
-    assert hamel.load("lotka_volterra").simulate(1.0).moving() is None
+    assert pyhamel.load("lotka_volterra").simulate(1.0).moving() is None
 
 
 def test_an_ensemble_has_the_bits_of_simulate(top):
@@ -152,9 +152,9 @@ def test_a_trajectory_that_stops_leaves_the_others_alone(top):
     assert many.ok.tolist() == [True, False, True]
     assert "m > 0 does not hold" in many.errors[1] and np.isnan(many.y[1]).all() and np.isfinite(many.y[[0, 2]]).all()
     assert "1 stopped" in repr(many)
-    with pytest.raises(hamel.InputError, match="shapes"):
+    with pytest.raises(pyhamel.InputError, match="shapes"):
         top.ensemble(1.0, {"Omega1": [1.0, 2.0]}, {"m": [1.0, 2.0, 3.0]})
-    with pytest.raises(hamel.InputError, match="mass"):
+    with pytest.raises(pyhamel.InputError, match="mass"):
         top.ensemble(1.0, {}, {"mass": [1.0]})
     assert top.ensemble(1.0, START).to_xarray()["error"].item() == ""
 

@@ -10,20 +10,20 @@ import sys
 
 import pytest
 
-import hamel
-from hamel import _hamel
+import pyhamel
+from pyhamel import _hamel
 
 ROOT = pathlib.Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "python/README.md", ROOT / "docs/book/python.md"]
 
 
 def test_every_public_name_is_documented():
-    for name in hamel.__all__:
+    for name in pyhamel.__all__:
         if name == "__version__":
             continue
-        thing = getattr(hamel, name)
+        thing = getattr(pyhamel, name)
         assert inspect.getdoc(thing), name
-        if inspect.isclass(thing) and thing.__module__.startswith("hamel"):
+        if inspect.isclass(thing) and thing.__module__.startswith("pyhamel"):
             for member, value in vars(thing).items():
                 if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, property)):
                     assert inspect.getdoc(value), f"{name}.{member}"
@@ -42,7 +42,7 @@ def test_every_native_name_is_in_the_stub():
 def test_types_are_those_that_are_written():
     pytest.importorskip("mypy")
     found = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--config-file", str(ROOT / "python/pyproject.toml"), "-p", "hamel"],
+        [sys.executable, "-m", "mypy", "--strict", "--config-file", str(ROOT / "python/pyproject.toml"), "-p", "pyhamel"],
         capture_output=True,
         text=True,
     )
@@ -52,14 +52,14 @@ def test_types_are_those_that_are_written():
 def test_the_stub_is_what_the_native_module_has():
     pytest.importorskip("mypy")
     found = subprocess.run(
-        [sys.executable, "-m", "mypy.stubtest", "hamel._hamel", "--mypy-config-file", str(ROOT / "python/pyproject.toml")],
+        [sys.executable, "-m", "mypy.stubtest", "pyhamel._hamel", "--mypy-config-file", str(ROOT / "python/pyproject.toml")],
         capture_output=True,
         text=True,
     )
     assert found.returncode == 0, found.stdout + found.stderr
 
 
-@pytest.mark.parametrize("module", ["hamel", "hamel._model", "hamel._results"])
+@pytest.mark.parametrize("module", ["pyhamel", "pyhamel._model", "pyhamel._results"])
 def test_examples_of_docstrings_run(module):
     assert doctest.testmod(importlib.import_module(module)).failed == 0
 

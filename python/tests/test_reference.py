@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import hamel
+import pyhamel
 
 REFERENCE = Path(__file__).parents[2] / "tests" / "reference"
 #: Models whose reference names parameters and states as the default scene does.
@@ -16,7 +16,7 @@ MODELS = ["chaplygin_sleigh", "free_rigid_body", "heavy_top", "kirchhoff_body", 
 @pytest.mark.parametrize("name", MODELS)
 def test_rates_and_energies_are_those_of_the_reference(name):
     data = json.loads((REFERENCE / f"{name}.json").read_text())
-    model = hamel.load(name)
+    model = pyhamel.load(name)
     compared = 0
     for case in data["cases"]:
         given = {key: float(value) for key, value in case["params"].items() if key in model.params}

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import hamel
+import pyhamel
 
 ROBOTS = Path(__file__).parents[2] / "codegen" / "tests" / "robots"
 
@@ -20,9 +20,9 @@ def reference(name, robot):
 
 
 def test_rates_are_those_of_mujoco():
-    with pytest.warns(hamel.ModelWarning, match="`timestep` of `option` is not taken"):
-        text = hamel.import_robot(ROBOTS / "crane.xml", limits="none")
-    crane = hamel.load(text)
+    with pytest.warns(pyhamel.ModelWarning, match="`timestep` of `option` is not taken"):
+        text = pyhamel.import_robot(ROBOTS / "crane.xml", limits="none")
+    crane = pyhamel.load(text)
     assert crane.name == "crane"
     for state, expected in reference("reference_mujoco.txt", "crane"):
         controls = {name: state.pop(name) for name in list(state) if name.startswith("ctrl_")}
@@ -33,10 +33,10 @@ def test_rates_are_those_of_mujoco():
 
 
 def test_what_a_file_leaves_open_is_chosen():
-    with pytest.warns(hamel.ModelWarning, match="joint `thumb` is locked at zero"):
-        locked = hamel.import_robot(str(ROBOTS / "arm.urdf"), lock=["thumb"], limits="spring")
+    with pytest.warns(pyhamel.ModelWarning, match="joint `thumb` is locked at zero"):
+        locked = pyhamel.import_robot(str(ROBOTS / "arm.urdf"), lock=["thumb"], limits="spring")
     assert "limit_stiffness" in locked and "let thumb" not in locked
-    flyer = hamel.load(hamel.import_robot(ROBOTS / "flyer.urdf", floating=True))
+    flyer = pyhamel.load(pyhamel.import_robot(ROBOTS / "flyer.urdf", floating=True))
     assert {"Omega1", "V3", "height"} <= set(flyer.state)
     assert np.all(np.isfinite(flyer.rhs(np.full(len(flyer.state), 0.1))))
 
@@ -44,10 +44,10 @@ def test_what_a_file_leaves_open_is_chosen():
 def test_problems_are_told_with_their_place(tmp_path):
     wrong = tmp_path / "wrong.xml"
     wrong.write_text("<mujoco>\n<worldbody><body><joint type='helix'/></body></worldbody></mujoco>")
-    with pytest.raises(hamel.ModelError, match="has the type `helix`") as raised:
-        hamel.import_robot(wrong)
+    with pytest.raises(pyhamel.ModelError, match="has the type `helix`") as raised:
+        pyhamel.import_robot(wrong)
     assert raised.value.diagnostics[0].line == 2
-    with pytest.raises(hamel.InputError, match='give "interval", "spring" or "none"'):
-        hamel.import_robot(ROBOTS / "arm.urdf", limits="hard")
-    with pytest.raises(hamel.FileError):
-        hamel.import_robot(tmp_path / "none.urdf")
+    with pytest.raises(pyhamel.InputError, match='give "interval", "spring" or "none"'):
+        pyhamel.import_robot(ROBOTS / "arm.urdf", limits="hard")
+    with pytest.raises(pyhamel.FileError):
+        pyhamel.import_robot(tmp_path / "none.urdf")

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-import hamel
+import pyhamel
 
 MASSES = np.linspace(0.5, 1.5, 20000)
 
@@ -31,7 +31,7 @@ def share(model, out, part):
 
 @pytest.fixture(scope="module")
 def top():
-    return hamel.load("heavy_top")
+    return pyhamel.load("heavy_top")
 
 
 @pytest.fixture(scope="module")
@@ -48,11 +48,11 @@ def test_shares_make_the_store_of_one_process(top, whole, tmp_path):
     for part in ((1, 3), (3, 3)):
         share(top, out, part)
     assert files(out) == whole
-    with pytest.raises(hamel.InputError, match="there is no part 4 of 3"):
+    with pytest.raises(pyhamel.InputError, match="there is no part 4 of 3"):
         share(top, out, (4, 3))
-    with pytest.raises(hamel.InputError, match="is the store of another ensemble"):
+    with pytest.raises(pyhamel.InputError, match="is the store of another ensemble"):
         share(top.with_params(l=0.5), out, (1, 3))
-    with pytest.raises(hamel.InputError, match="give out"):
+    with pytest.raises(pyhamel.InputError, match="give out"):
         top.ensemble(0.5, {}, {"m": MASSES}, part=(1, 3))
 
 
@@ -68,7 +68,7 @@ def test_a_store_has_the_numbers_of_an_ensemble(top, tmp_path):
     top.ensemble(0.5, {"Omega3": 2.0}, {"m": masses}, samples=3, out=tmp_path / "told.zarr", statistics=what)
     told = xarray.open_zarr(tmp_path / "told.zarr")
     np.testing.assert_allclose(told["mean"].sel(quantity="Omega1"), found.y[:, :, 0].mean(axis=0), atol=1e-14)
-    with pytest.raises(hamel.InputError, match="median"):
+    with pytest.raises(pyhamel.InputError, match="median"):
         top.ensemble(0.5, {}, {"m": masses}, out=tmp_path / "no.zarr", statistics=["median"])
 
 
@@ -109,5 +109,5 @@ def test_an_interrupt_calls_an_ensemble_off(top, tmp_path, name):
 
 
 def test_more_than_memory_holds_is_refused(top):
-    with pytest.raises(hamel.InputError, match="there is room for .* in memory"):
+    with pytest.raises(pyhamel.InputError, match="there is room for .* in memory"):
         top.ensemble(1.0, {"Omega3": np.linspace(10.0, 20.0, 1000)}, samples=10**11)

@@ -1,6 +1,6 @@
-"""What hamel writes for others, as these others see it: CasADi functions and FMUs against the reference data.
+"""What hamel writes for others, as these others see it: CasADi functions, FMUs and formulas against the reference data.
 
-    python3 -m venv ~/peers && ~/peers/bin/pip install casadi fmpy
+    python3 -m venv ~/peers && ~/peers/bin/pip install casadi fmpy jax sympy
     ~/peers/bin/python tests/peers/interfaces.py target/release/hamel
 
 Deliberately does not know: how any of it is written. Needs a C compiler. Ends with an error where a number is wrong.
@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 
+import formulas
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -212,6 +213,7 @@ def main():
         check_book(folder)
         check_events(hamel, folder)
         check_tunable(folder)
+        formulas.check_all(hamel, folder, MODELS)
     print("all as the reference data say")
 
 

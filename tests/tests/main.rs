@@ -45,6 +45,7 @@ mod reference;
 mod rolled;
 mod routh;
 mod scenes_cost;
+mod scripts;
 mod sections;
 mod shelf;
 mod sphere;

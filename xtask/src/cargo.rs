@@ -2,7 +2,6 @@
 //!
 //! Does not know: what is built.
 
-use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -119,7 +118,7 @@ impl Spinner {
             }
             bar.finish_and_clear();
         };
-        let thread = std::io::stderr().is_terminal().then(|| std::thread::spawn(show));
+        let thread = hamel_run::signs::are_shown().then(|| std::thread::spawn(show));
         Spinner { done, thread }
     }
 

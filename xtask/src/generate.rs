@@ -5,7 +5,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -219,7 +218,7 @@ fn of_repository(
 
 /// All scenes of the models under a progress bar, and the model that took longest, with its seconds.
 fn generate_all(models: &[Model]) -> (Result<Bundle, Problems>, Option<(String, f64)>) {
-    let bar = if std::io::stderr().is_terminal() && !models.is_empty() {
+    let bar = if hamel_run::signs::are_shown() && !models.is_empty() {
         let bar = ProgressBar::new(models.len() as u64);
         let template = "  {bar:40.cyan/blue} {pos}/{len} models  {msg}";
         // The template is a constant that indicatif accepts.

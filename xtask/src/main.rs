@@ -5,6 +5,7 @@
 
 mod bench;
 mod cargo;
+mod dist;
 mod generate;
 mod package;
 mod site;
@@ -21,6 +22,7 @@ use hamel_run::Error;
 use hamel_run::cache::Cache;
 use hamel_run::repository::Repository;
 use hamel_run::session::Session;
+use hamel_run::signs;
 
 /// The repository's chores, and the commands of `hamel`
 #[derive(Parser)]
@@ -38,6 +40,8 @@ struct Cli {
     /// Derive everything anew, and keep nothing in the folder for caches
     #[arg(long, global = true)]
     no_cache: bool,
+    #[command(flatten)]
+    telling: hamel::Telling,
 }
 
 const TOP: &str = "\
@@ -86,6 +90,7 @@ Examples:
     },
     // Help is that of the arguments.
     Site(site::Arguments),
+    Dist(dist::Arguments),
     Stress(stress::Arguments),
 }
 
@@ -99,18 +104,23 @@ fn repository() -> Result<Repository, Error> {
     })
 }
 
-fn run(Cli { task, budget, size, no_cache }: Cli) -> Result<String, Error> {
+fn run(Cli { task, budget, size, no_cache, telling }: Cli) -> Result<String, Error> {
+    telling.begin();
     let repository = repository()?;
     let session = Session::of_repository(repository.clone()).with_budget(budget).with_sizes(size);
     let session = session.with_cache(if no_cache { Cache::none() } else { Cache::of_user() });
     let program = Program { name: "cargo xtask", completed: "xtask", arguments: Cli::command };
     match task {
-        Task::Shared(command) => command.run(&session, &program),
+        Task::Shared(command) => {
+            signs::watch();
+            command.run(&session, &program)
+        }
         Task::Generate(arguments) => generate::run(&repository, &session, &arguments),
         Task::Bench { what } => what.run(&repository, &session),
         Task::Test(arguments) => test::test(&repository, &arguments),
         Task::Package { no_verify } => package::package(&repository, !no_verify),
         Task::Tidy { wrap } => tidy::tidy(&repository, wrap),
+        Task::Dist(arguments) => dist::run(&repository, &arguments),
         Task::Site(arguments) => site::run(&repository, &session, &arguments),
         Task::Stress(arguments) => stress::stress(&repository, &session, &arguments),
     }

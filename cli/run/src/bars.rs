@@ -2,7 +2,6 @@
 //!
 //! Does not know: how a request was written or where an answer goes.
 
-use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -12,6 +11,7 @@ use super::fit::{FitRequest, FitResponse, Follows, fit};
 use super::integrate::simulate;
 use super::simulation::{SimulateRequest, SimulateResponse};
 use crate::error::Error;
+use crate::signs::{self, Instead};
 
 /// Fits a scene under a line that tells how far the search is, on a terminal only.
 ///
@@ -22,7 +22,8 @@ pub fn fit_with_bar(
     request: &FitRequest,
     follower: Option<&dyn Follows>,
 ) -> Result<FitResponse, Error> {
-    if !std::io::stderr().is_terminal() {
+    let _instead = Instead::of_line();
+    if !signs::are_shown() {
         return fit(factory, request, follower, &mut |_, _| {});
     }
     let bar = ProgressBar::new_spinner();
@@ -47,7 +48,8 @@ pub fn simulate_with_bar(
     factory: &dyn Factory,
     request: &SimulateRequest,
 ) -> Result<SimulateResponse, Error> {
-    if !std::io::stderr().is_terminal() {
+    let _instead = Instead::of_line();
+    if !signs::are_shown() {
         return simulate(factory, request, &mut |_| {});
     }
     let start = Instant::now();
@@ -66,7 +68,7 @@ pub fn simulate_with_bar(
         }
         let bar = bar.get_or_insert_with(|| {
             let bar = ProgressBar::new(1000);
-            let template = "  {bar:40.cyan/blue} {percent:>3}%  {msg}";
+            let template = "  {bar:40} {percent:>3}%  {msg}";
             // The template is a constant that indicatif accepts.
             bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
             bar

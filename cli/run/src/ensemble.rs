@@ -3,7 +3,6 @@
 //! Does not know: whether the scene is compiled or interpreted, how a trajectory is integrated, what varies, files.
 
 use std::fmt;
-use std::io::IsTerminal as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -22,6 +21,7 @@ use super::method::{MethodName, Steps};
 use super::simulation::sample_time;
 use super::solver::method_of;
 use crate::error::Error;
+use crate::signs::{self, Instead};
 
 /// How many trajectories are integrated side by side by one core.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -120,6 +120,7 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
     let pool = pool(request.threads)?;
     let times: Vec<f64> =
         (0..request.samples).map(|k| sample_time(request.t_final, request.samples, k)).collect();
+    let _instead = Instead::of_line();
     let bar = progress_bar(request.progress);
     let progress = |n: usize| bar.inc(n as u64);
     let members = pool.install(|| {
@@ -258,7 +259,7 @@ pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Error> {
 /// A bar on a terminal, with the rate of the whole run, and the time left at that rate.
 fn progress_bar(progress: Progress) -> ProgressBar {
     let bar = ProgressBar::new(progress.all as u64);
-    if !std::io::stderr().is_terminal() {
+    if !signs::are_shown() {
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
     let told = move |state: &ProgressState, out: &mut dyn fmt::Write| {
@@ -267,7 +268,7 @@ fn progress_bar(progress: Progress) -> ProgressBar {
         let _ = out.write_str(&rate(progress, state.pos(), seconds));
     };
     // The template is a constant that indicatif accepts.
-    let style = ProgressStyle::with_template("  {bar:40.cyan/blue} {pos} of {len} trajectories  {rate}");
+    let style = ProgressStyle::with_template("  {bar:40} {pos} of {len} trajectories  {rate}");
     bar.set_style(style.expect("valid template").with_key("rate", told));
     bar.set_position(progress.done as u64);
     bar

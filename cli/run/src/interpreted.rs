@@ -26,7 +26,7 @@ use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{self, Checked, Model};
-use crate::streams::tell;
+use crate::streams::note;
 
 /// A program with what runs it: its machine code, or nothing where it is interpreted.
 #[derive(Debug)]
@@ -47,7 +47,7 @@ impl Deref for Runnable {
 fn compiled(program: &Program) -> Option<Compiled> {
     let compiled = Compiled::new(program);
     if let Err(reason) = &compiled {
-        tell(format_args!("note: {reason}; the scene is interpreted"));
+        note(format_args!("note: {reason}; the scene is interpreted"));
     }
     compiled.ok()
 }

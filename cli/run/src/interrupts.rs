@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use crate::error::INTERRUPTED;
+use crate::signs;
 use crate::streams::tell;
 use crate::temporary;
 
@@ -30,6 +31,7 @@ pub fn watch() {
         if STATE.compare_exchange(SHIELDED, NOTED, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
             return;
         }
+        signs::rest();
         temporary::remove_all();
         let message = MESSAGE.lock().unwrap_or_else(PoisonError::into_inner).clone();
         if !message.is_empty() {

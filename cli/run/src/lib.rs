@@ -50,6 +50,7 @@ pub mod resources;
 mod saltation;
 mod sensitivity;
 pub mod session;
+pub mod signs;
 pub mod simulation;
 mod solver;
 pub mod start;

@@ -4,17 +4,19 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::{Args, ValueEnum};
 use hamel_codegen::Config;
-use hamel_codegen::config::Language;
+use hamel_codegen::config::{Language, Progress};
 use hamel_codegen::scene::{self, BuiltScene, Scenes, Start, Writing};
 
 use crate::output::fmu::archive;
-use crate::output::opened::Opened;
+use crate::output::opened::{Opened, writable};
 use hamel_run::error::Error;
 use hamel_run::model::{Model, show_warnings};
 use hamel_run::session::Session;
+use hamel_run::signs;
 
 /// Write the scenes of models as Rust modules or as C, or check that they are up to date
 ///
@@ -31,6 +33,7 @@ Examples:
   hamel generate arm.hamel leg.hamel --out-dir src/generated --mod-file mod.rs
   hamel generate heavy_top --scene default --out-dir src
   hamel generate heavy_top --language c --out-dir src               heavy_top.h and heavy_top.c
+  hamel generate heavy_top --language jax --out-dir src             heavy_top_jax.py
   hamel generate heavy_top --language wasm --out-dir src            for WebAssembly, with JavaScript
   hamel generate heavy_top --language fmu -o heavy_top.fmu          an FMU of FMI 3.0
   hamel generate my_model.hamel --out-dir src/generated --check     fail when something would be written"
@@ -54,6 +57,9 @@ pub struct Arguments {
     /// Write one more file, with a module for each scene (Rust)
     #[arg(long, value_name = "FILE")]
     pub mod_file: Option<String>,
+    /// Replace files that hamel has not generated, or has generated from other models
+    #[arg(long, conflicts_with = "check")]
+    pub force: bool,
     /// Write nothing; fail and name the files that are not up to date
     #[arg(long)]
     pub check: bool,
@@ -72,6 +78,16 @@ pub enum Target {
     Casadi,
     /// The Rust module with the root of a crate for WebAssembly, and a module of JavaScript that calls it
     Wasm,
+    /// Python with CasADi: expressions, with derivatives of every order
+    CasadiExpr,
+    /// Python with JAX: functions that compile and have derivatives
+    Jax,
+    /// Python with SymPy: expressions with exact numbers
+    Sympy,
+    /// A module of Julia, for DifferentialEquations.jl
+    Julia,
+    /// A function file of MATLAB and Octave, for ode45
+    Matlab,
     /// An FMU of FMI 3.0 for model exchange and co-simulation, by the C compiler of this machine
     Fmu,
 }
@@ -86,6 +102,11 @@ impl Target {
             Target::Cpp => Language::Cpp,
             Target::Casadi => Language::Casadi,
             Target::Wasm => Language::Wasm,
+            Target::CasadiExpr => Language::CasadiExpr,
+            Target::Jax => Language::Jax,
+            Target::Sympy => Language::Sympy,
+            Target::Julia => Language::Julia,
+            Target::Matlab => Language::Matlab,
         }
     }
 
@@ -97,6 +118,11 @@ impl Target {
             Target::Cpp => "cpp",
             Target::Casadi => "casadi",
             Target::Wasm => "wasm",
+            Target::CasadiExpr => "casadi-expr",
+            Target::Jax => "jax",
+            Target::Sympy => "sympy",
+            Target::Julia => "julia",
+            Target::Matlab => "matlab",
             Target::Fmu => "fmu",
         }
     }
@@ -166,7 +192,24 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if let Some(file) = &arguments.mod_file {
         config.include_file(file);
     }
-    let mut bundle = config.generate(&models)?;
+    if !arguments.check {
+        writable(out_dir)?;
+    }
+    let (n_models, n_done) = (models.len(), AtomicUsize::new(0));
+    let mut bundle = config.generate_with(&models, &|progress| match progress {
+        Progress::Begun { model } => {
+            let k = n_done.load(Ordering::Relaxed) + 1;
+            signs::whole(if n_models > 1 {
+                format!("model {k} of {n_models}, {model}")
+            } else {
+                String::new()
+            });
+        }
+        Progress::Done { .. } => {
+            n_done.fetch_add(1, Ordering::Relaxed);
+        }
+        _ => {}
+    })?;
     config.add_fluids(&fluids, &mut bundle)?;
     bundle.warnings.iter().for_each(show_warnings);
     let n_scenes = bundle.entries.len() + fluids.len();
@@ -180,7 +223,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         }
         return Ok(format!("{n_scenes} scenes: generated files are up to date"));
     }
-    let written = bundle.write(out_dir)?;
+    let written = if arguments.force { bundle.write_over(out_dir)? } else { bundle.write(out_dir)? };
     let mut text = format!("{n_scenes} scenes: ");
     match written.len() {
         0 => text.push_str("nothing changed"),
@@ -206,6 +249,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         let reason = "is one FMU, of one scene: give one model and one --scene, or --out-dir";
         return Err(Error::unusable("--output", reason));
     }
+    let fmu_file = |path: &Path| fmu_file(path, arguments.force);
     let mut opened = arguments.output.as_deref().map(fmu_file).transpose()?;
     let mut written = Vec::new();
     for model in models {
@@ -236,14 +280,14 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
     Ok(format!("{} FMUs written{}", written.len(), written.concat()))
 }
 
-/// The file of an FMU, in a folder that is made. What is at its place is replaced if it is an archive.
-fn fmu_file(path: &Path) -> Result<Opened, Error> {
+/// The file of an FMU, in a folder that is made. An archive at its place is replaced; another file, by force alone.
+fn fmu_file(path: &Path, by_force: bool) -> Result<Opened, Error> {
     let shown = path.display().to_string();
     if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("fmu")) {
         return Err(Error::unusable(shown, "is no FMU: let the name end in .fmu"));
     }
-    if std::fs::read(path).is_ok_and(|there| !there.is_empty() && !there.starts_with(b"PK")) {
-        return Err(Error::unusable(shown, "is there and no FMU: give another name, or remove it"));
+    if !by_force && std::fs::read(path).is_ok_and(|there| !there.is_empty() && !there.starts_with(b"PK")) {
+        return Err(Error::unusable(shown, "is there and no FMU: give another name, or add --force"));
     }
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;

@@ -5,10 +5,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use hamel_codegen::config::write_atomically;
 use hamel_codegen::import;
 use hamel_codegen::spec::Diagnostics;
 
+use crate::output::opened::Opened;
 use hamel_run::error::Error;
 use hamel_run::model;
 use hamel_run::session::Session;
@@ -98,11 +98,12 @@ pub fn read(
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let Arguments { file, output, floating, limits, lock } = arguments;
     let choices = Choices { floating: *floating, limits: *limits, lock: lock.clone() };
+    let opened = output.as_deref().map(Opened::new).transpose()?;
     let (imported, warnings) = read(session, file, choices)?;
     model::show_warnings(&imported.notes);
     model::show_warnings(&warnings);
-    let Some(path) = output else { return Ok(imported.text) };
-    let target = session.shown(path);
-    write_atomically(path, imported.text.as_bytes()).map_err(|e| Error::io(target.clone(), e))?;
+    let Some(opened) = opened else { return Ok(imported.text) };
+    let target = session.shown(opened.path());
+    opened.write(imported.text.as_bytes())?;
     Ok(format!("{target}: the model {}", imported.name))
 }

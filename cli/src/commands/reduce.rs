@@ -5,10 +5,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hamel_codegen::config::write_atomically;
 use hamel_codegen::symmetry;
 use serde_json::json;
 
+use crate::output::opened::Opened;
 use hamel_run::error::Error;
 use hamel_run::session::Session;
 
@@ -44,12 +44,11 @@ pub struct Arguments {
 /// Problems of the model, what cannot be looked into, and files that cannot be written.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = session.find(&arguments.model)?;
+    let opened = arguments.output.as_deref().map(Opened::new).transpose()?;
     let model = file.model()?;
     let reduced = symmetry::reduce(model)?;
     let text = hamel_codegen::spec::format("reduced", &reduced.text)?;
-    if let Some(path) = &arguments.output {
-        write_atomically(path, text.as_bytes()).map_err(|e| Error::io(session.shown(path), e))?;
-    }
+    opened.map_or(Ok(()), |file| file.write(text.as_bytes()))?;
     if arguments.json {
         let answer = json!({ "text": text, "report": reduced.report, "dim": reduced.dim });
         return Ok(answer.to_string());

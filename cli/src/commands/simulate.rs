@@ -38,7 +38,7 @@ use hamel_run::request::{read_request, sizes};
 use hamel_run::session::Session;
 use hamel_run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse};
 use hamel_run::start::{Starts, judge};
-use hamel_run::streams::{print, tell};
+use hamel_run::streams::{note, print};
 use hamel_run::watched::{EventRecord, Watched};
 use hamel_run::{admissible, auto, interpreted};
 
@@ -405,7 +405,7 @@ fn reconstructing(
 
 /// Tells the warnings of an integration on standard error.
 fn warn(response: &SimulateResponse) {
-    response.warnings.iter().for_each(|warning| tell(format_args!("warning: {warning}")));
+    response.warnings.iter().for_each(|warning| note(format_args!("warning: {warning}")));
 }
 
 /// Number of coordinates of the group at the end of a scene's state.

@@ -9,6 +9,21 @@ use std::path::{Path, PathBuf};
 use hamel_run::error::Error;
 use hamel_run::temporary::Temporary;
 
+/// Says at once whether files can be written to a folder, which is made with them where it is not there.
+///
+/// # Errors
+/// [`Error::Io`] for a file at its place, and for a folder that takes no files.
+pub(crate) fn writable(folder: &Path) -> Result<(), Error> {
+    let there = folder.ancestors().find(|path| path.as_os_str().is_empty() || path.exists());
+    let there = there.filter(|path| !path.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let fail = |e| Error::io(there.display().to_string(), e);
+    if !there.is_dir() {
+        return Err(fail(std::io::ErrorKind::NotADirectory.into()));
+    }
+    let temporary = Temporary::once_beside(&there.join("written")).map_err(fail)?;
+    File::create(temporary.path()).map(drop).map_err(fail)
+}
+
 /// A file beside the place that it takes when it is written.
 #[derive(Debug)]
 pub(crate) struct Opened {

@@ -2,10 +2,11 @@
 //!
 //! Does not know: what is shown.
 
-use std::io::IsTerminal as _;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
+use hamel_run::signs::{self, Instead};
+use hamel_run::streams;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// What takes less time gets no bar.
@@ -15,12 +16,17 @@ const PATIENCE: Duration = Duration::from_millis(400);
 pub struct Bar {
     start: Instant,
     bar: Option<OnceLock<ProgressBar>>,
+    _instead: Instead,
 }
 
 impl Bar {
     /// No bar yet.
     pub fn new() -> Bar {
-        Bar { start: Instant::now(), bar: std::io::stderr().is_terminal().then(OnceLock::new) }
+        Bar {
+            start: Instant::now(),
+            bar: signs::are_shown().then(OnceLock::new),
+            _instead: Instead::of_line(),
+        }
     }
 
     /// Shows how much is done of what is known by now.
@@ -28,7 +34,7 @@ impl Bar {
         let Some(bar) = self.bar.as_ref().filter(|_| self.start.elapsed() >= PATIENCE) else { return };
         let bar = bar.get_or_init(|| {
             let bar = ProgressBar::new(total as u64);
-            let template = "  {bar:40.cyan/blue} {pos}/{len}";
+            let template = "  {bar:40} {pos}/{len}";
             // The template is a constant that indicatif accepts.
             bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
             bar
@@ -57,9 +63,5 @@ pub(crate) fn width() -> usize {
 
 /// Bold text on a terminal, otherwise the text.
 pub fn bold(text: &str) -> String {
-    if colours_on_stdout() { format!("\u{1b}[1m{text}\u{1b}[0m") } else { text.to_owned() }
-}
-
-fn colours_on_stdout() -> bool {
-    std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none()
+    if streams::is_output_coloured() { format!("\u{1b}[1m{text}\u{1b}[0m") } else { text.to_owned() }
 }

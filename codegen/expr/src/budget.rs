@@ -188,6 +188,7 @@ impl Meter {
             trace::tell(since, self.stage, self.spent.since(before));
             self.began = trace::start(Topic::Derive).map(|now| (now, self.spent));
         }
+        trace::at(stage);
         self.stage = stage;
     }
 

@@ -1,4 +1,5 @@
-//! What the generator takes, told on standard error while it works: `HAMEL_TRACE=derive,lower`.
+//! What the generator takes, told on standard error while it works: `HAMEL_TRACE=derive,lower`. What it is at, told to
+//! whoever [`watch`]es.
 //!
 //! `derive` has the stages from a model to its equations, each with its time, the expressions that it made and its
 //! steps of work; `lower` has the functions of a program and the passes over it, with their operations. Nothing is
@@ -34,6 +35,22 @@ fn asked(words: &str) -> Vec<Topic> {
         }
     }
     topics
+}
+
+/// Whoever watches.
+static WATCHER: OnceLock<fn(&str)> = OnceLock::new();
+
+/// Has the generator tell what it begins with, on any of its threads, from now on; the first watcher stays.
+pub fn watch(watcher: fn(&str)) {
+    // A second one would take the place of the first in the middle of its work.
+    let _ = WATCHER.set(watcher);
+}
+
+/// Tells the watcher what begins, where there is one.
+pub fn at(what: impl fmt::Display) {
+    if let Some(watcher) = WATCHER.get() {
+        watcher(&what.to_string());
+    }
 }
 
 /// The time from now on, if the topic is traced.

@@ -57,6 +57,15 @@ impl Bundle {
         if !list.is_empty() {
             return Err(Problems { list });
         }
+        self.write_over(folder)
+    }
+
+    /// As [`Bundle::write`], and replaces files that nobody has generated or that were generated from other models.
+    ///
+    /// # Errors
+    /// [`Problem::Write`].
+    pub fn write_over(&self, folder: &Path) -> Result<Vec<PathBuf>, Problems> {
+        let changed = self.changed(folder);
         if !changed.is_empty() {
             std::fs::create_dir_all(folder)
                 .map_err(|source| Problem::Write { path: folder.to_owned(), source })?;

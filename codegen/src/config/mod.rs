@@ -24,7 +24,7 @@ use hamel_expr::Budget;
 use hamel_expr::error::Error;
 use hamel_expr::parallel::side_by_side;
 use hamel_lang::spec::{self, Diagnostics, Model};
-use hamel_program::emit::{self, SceneEntry};
+use hamel_program::emit::{self, CModule, SceneEntry, ScriptLanguage};
 
 use bundle::{emission, unique};
 use cache::Cache;
@@ -472,18 +472,39 @@ impl Config {
                     (format!("{name}.mjs"), wasm.script),
                 ]
             }
-            Language::C | Language::Cpp | Language::Casadi => {
-                let c = scene.emit_c(&self.writing, scene::start(model, scene)?)?;
-                let file = |ending: &str| format!("{}{ending}", c.prefix);
-                let mut files = vec![(file(".h"), c.header), (file(".c"), c.source)];
-                match self.writing.language {
-                    Language::Cpp => files.push((file(".hpp"), c.cpp)),
-                    Language::Casadi => files.push((file("_casadi.c"), c.casadi)),
-                    Language::Rust | Language::C | Language::Wasm => {}
-                }
-                files
-            }
+            Language::C => self.c_of(model, scene, |_| None)?,
+            Language::Cpp => self.c_of(model, scene, |c| Some((".hpp", c.cpp)))?,
+            Language::Casadi => self.c_of(model, scene, |c| Some(("_casadi.c", c.casadi)))?,
+            Language::CasadiExpr => self.script_of(model, scene, ScriptLanguage::Casadi)?,
+            Language::Jax => self.script_of(model, scene, ScriptLanguage::Jax)?,
+            Language::Sympy => self.script_of(model, scene, ScriptLanguage::Sympy)?,
+            Language::Julia => self.script_of(model, scene, ScriptLanguage::Julia)?,
+            Language::Matlab => self.script_of(model, scene, ScriptLanguage::Matlab)?,
         })
+    }
+
+    /// Header and source, and one more file.
+    fn c_of(
+        &self,
+        model: &Model,
+        scene: &BuiltScene,
+        more: impl Fn(CModule) -> Option<(&'static str, String)>,
+    ) -> Result<Vec<(String, String)>, Error> {
+        let c = scene.emit_c(&self.writing, scene::start(model, scene)?)?;
+        let prefix = c.prefix.clone();
+        let files = [(".h", c.header.clone()), (".c", c.source.clone())].into_iter().chain(more(c));
+        Ok(files.map(|(ending, text)| (format!("{prefix}{ending}"), text)).collect())
+    }
+
+    /// The file of a language of formulas.
+    fn script_of(
+        &self,
+        model: &Model,
+        scene: &BuiltScene,
+        language: ScriptLanguage,
+    ) -> Result<Vec<(String, String)>, Error> {
+        let script = scene.emit_script(language, &self.writing, scene::start(model, scene)?)?;
+        Ok(vec![(script.file, script.text)])
     }
 }
 

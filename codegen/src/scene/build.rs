@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::certify::{Certificate, Claim, MatrixClaim, N_POINTS, certify};
 use hamel_expr::error::Error;
 use hamel_expr::parallel::side_by_side;
-use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64};
+use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
 use hamel_lang::spec::{self, Diagnostics, Model, Param, Want, Wanted};
 use hamel_mechanics::mechanics::{
     EXPANDED, Equations, Output, OutputKind, Phase, StateEquation, derive, is_recursive,
@@ -578,6 +578,7 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::Disagrees`].
     pub(super) fn held_to(&self, model: &Model, n_points: usize) -> Result<Certificate, Error> {
+        trace::at(format_args!("certificate of scene {}", self.name));
         certify(&self.claim(model, n_points))
     }
 

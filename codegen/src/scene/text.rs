@@ -11,8 +11,8 @@ use hamel_lang::spec::{EventDirection, Unit, Want};
 use hamel_mechanics::reduction::StageUse;
 use hamel_program::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText, MatrixText,
-    OutputText, ParamText, PositionsText, ProductText, SceneEntry, SceneText, SelfTestText, StateText,
-    UnitText, UnitTexts, WasmModule,
+    OutputText, ParamText, PositionsText, ProductText, SceneEntry, SceneText, Script, ScriptLanguage,
+    SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
 };
 use hamel_program::program::{Jet, Role};
 
@@ -60,13 +60,31 @@ pub enum Language {
     /// The module in Rust with `<module>_wasm.rs`, the root of a crate for WebAssembly, and `<module>.mjs`, which calls
     /// that from JavaScript; scenes have the equations between their coordinates, whether they want them or not.
     Wasm,
+    /// Expressions of CasADi, which differentiates them as often as it is asked to: `<module>_casadi.py`.
+    CasadiExpr,
+    /// Functions of JAX: `<module>_jax.py`.
+    Jax,
+    /// Expressions of SymPy with exact numbers: `<module>_sympy.py`.
+    Sympy,
+    /// A module of Julia: `<module>.jl`.
+    Julia,
+    /// A function file of MATLAB and Octave: `<module>.m`.
+    Matlab,
 }
 
 impl Language {
     /// Derivatives of the right-hand side that every scene has in that language; those by inputs where it takes any.
     pub fn derivatives(self) -> &'static [Derivative] {
         match self {
-            Language::Rust | Language::C | Language::Cpp | Language::Wasm => &[],
+            Language::Rust
+            | Language::C
+            | Language::Cpp
+            | Language::Wasm
+            | Language::CasadiExpr
+            | Language::Jax
+            | Language::Sympy
+            | Language::Julia
+            | Language::Matlab => &[],
             Language::Casadi => &[
                 Derivative::Jacobian,
                 Derivative::TimeDerivative,
@@ -156,6 +174,20 @@ impl BuiltScene {
         self.within_bytes()?;
         let text = self.text_from(writing, initial);
         emit::emit_wasm(&self.program, &text, &format!("{}.rs", self.module_name()))
+    }
+
+    /// The scene in a language of formulas; `initial` is the state that it begins at, see [`start`](super::start()).
+    ///
+    /// # Errors
+    /// [`Error::OverBudget`].
+    pub fn emit_script(
+        &self,
+        language: ScriptLanguage,
+        writing: &Writing,
+        initial: Option<Start>,
+    ) -> Result<Script, Error> {
+        self.within_bytes()?;
+        emit::emit_script(&self.program, &self.text_from(writing, initial), language)
     }
 
     /// The texts of the scene, which begins at a state.

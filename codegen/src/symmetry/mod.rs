@@ -28,7 +28,7 @@ mod tests;
 mod total;
 mod write;
 
-use hamel_expr::{ExprId, Rational};
+use hamel_expr::{ExprId, Rational, trace};
 use hamel_lang::spec::{Diagnostic, Diagnostics, Model, Side};
 use num_traits::{One, Signed, Zero};
 
@@ -64,6 +64,7 @@ pub struct Reduced {
 /// What a model has that is not looked into; a model without a group to reduce it by; a reduced model that disagrees
 /// with the model, which is a fault of the generator.
 pub fn reduce(model: &Model) -> Result<Reduced, Diagnostics> {
+    trace::at("search for symmetries");
     reduce_held(model, |_, _| {})
 }
 

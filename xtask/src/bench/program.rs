@@ -3,7 +3,7 @@
 //!
 //! Does not know: what is measured, how it is shown.
 
-use std::io::{BufRead, BufReader, IsTerminal as _, Read as _};
+use std::io::{BufRead, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -134,7 +134,7 @@ pub(super) fn converse(
 }
 
 pub(super) fn progress(length: u64) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
+    if !hamel_run::signs::are_shown() {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::new(length);

@@ -18,7 +18,7 @@ pub use checked::Checked;
 pub use extended::{first_message, is_one_expression, with_items};
 
 use crate::error::Error;
-use crate::streams::{is_coloured, tell};
+use crate::streams::{is_coloured, note};
 
 /// Name of the scene that every model has.
 pub const DEFAULT_SCENE: &str = scene::DEFAULT;
@@ -40,7 +40,7 @@ pub fn parse(file: &str, text: &str, budget: u64) -> Result<Model, Error> {
 /// Writes warnings to standard error.
 pub fn show_warnings(warnings: &Diagnostics) {
     if !warnings.is_empty() {
-        tell(warnings.render(is_coloured()));
+        note(warnings.render(is_coloured()));
     }
 }
 

@@ -36,7 +36,7 @@ use hamel_run::resources::{self, free_space};
 use hamel_run::session::Session;
 use hamel_run::simulation::sample_time;
 use hamel_run::start::Starts;
-use hamel_run::streams::tell;
+use hamel_run::streams::note;
 use plan::{Plan, Row};
 use work::{Item, Work};
 
@@ -204,7 +204,7 @@ pub fn of_scene(
     let mut work = Work::new(heading.n_chunks(), arguments.part, store.as_ref());
     let n_damaged = pool.install(|| work.take_back_damaged())?;
     if n_damaged > 0 {
-        tell(format_args!("warning: {n_damaged} finished chunks were damaged and are made anew"));
+        note(format_args!("warning: {n_damaged} finished chunks were damaged and are made anew"));
     }
     let found: usize = work.finished().map(|chunk| heading.range(chunk).len()).sum();
     asked.progress = Progress { done: found, found, ..asked.progress };

@@ -120,7 +120,7 @@ impl Code {
 
 /// The spelling of a constant.
 pub(super) fn constant(notation: &impl Notation, constant: &Constant) -> Text {
-    Text::atom(notation.literal(constant.literal()))
+    Text::atom(notation.constant(constant))
 }
 
 impl<'a> Body<'a> {

@@ -15,6 +15,11 @@ pub(super) trait Dialect: Notation {
     /// mean something else than a new variable where a value is bound.
     fn reserved(&self) -> &'static [&'static str];
 
+    /// Characters that an identifier may have.
+    fn longest_name(&self) -> usize {
+        usize::MAX
+    }
+
     /// Variables that the declaration of a function brings with it.
     fn arguments(&self) -> &'static [&'static str];
 

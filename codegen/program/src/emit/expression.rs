@@ -2,7 +2,7 @@
 //!
 //! Does not know: any language beyond the signs that all of them share, which values are variables.
 
-use crate::program::{Literal, Op, Operand, Signs};
+use crate::program::{Constant, Literal, Op, Operand, Signs};
 use hamel_expr::Func;
 
 /// An expression as text, with how tightly its outermost operator binds and the depth of its parentheses.
@@ -49,8 +49,13 @@ impl Text {
 ///
 /// Sums, differences, products, quotients and opposites are spelled alike everywhere, by [`operation`].
 pub(super) trait Notation {
-    /// A constant; it binds tightly.
+    /// A constant by the doubles that it is made of; it binds tightly.
     fn literal(&self, literal: Literal) -> String;
+
+    /// A constant; it binds tightly.
+    fn constant(&self, constant: &Constant) -> String {
+        self.literal(constant.literal())
+    }
 
     /// The square root.
     fn square_root(&self, of: Text) -> Text;

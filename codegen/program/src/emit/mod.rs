@@ -2,16 +2,18 @@
 //!
 //! [`text`] is what the documentation says; `module` names everything and writes down the code of every function with
 //! `body` and `expression`, `series` that of Taylor coefficients; `dialect` is what they ask of a target language.
-//! `rust` and `c` are the back ends, each the only module that knows its language. Deliberately does not know:
-//! mechanics, expressions. Everything the documentation says comes in as text.
+//! `rust`, `c` and `script` are the back ends, each the only module that knows its languages. Deliberately does not
+//! know: mechanics, expressions. Everything the documentation says comes in as text.
 
 mod body;
 mod c;
 mod dialect;
 mod expression;
+mod literal;
 mod module;
 mod names;
 mod rust;
+mod script;
 mod series;
 pub mod text;
 
@@ -21,6 +23,7 @@ use hamel_expr::parallel::with_own_tokens;
 
 pub use c::{CModule, Fmu};
 pub use rust::{SceneEntry, WasmModule};
+pub use script::{Script, ScriptLanguage};
 pub use text::{
     EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
     ImplicitVariableText, InitialText, MatrixText, OutputText, ParamText, PositionsText, ProductText,
@@ -61,6 +64,17 @@ pub fn emit_c(program: &Program, text: &SceneText) -> Result<CModule, Error> {
 /// As [`emit_c`]; [`Error::NoInitialState`].
 pub fn emit_fmu(program: &Program, text: &SceneText) -> Result<(CModule, Fmu), Error> {
     c::emit_fmu(program, text)
+}
+
+/// Emits a scene as one file in a language of formulas.
+///
+/// The file has the functions of [`emit_scene`] but for Taylor coefficients and for angles as points of circles. Each
+/// takes inputs, where there are any, as its last argument.
+///
+/// # Errors
+/// [`Error::ShapeMismatch`] and [`Error::UnknownName`] as [`emit_scene`].
+pub fn emit_script(program: &Program, text: &SceneText, language: ScriptLanguage) -> Result<Script, Error> {
+    script::emit(program, text, language)
 }
 
 /// Emits what calls the module of [`emit_scene`], which is in `file`, from outside of WebAssembly.

@@ -6,10 +6,14 @@ use std::collections::BTreeSet;
 
 use super::dialect::Dialect;
 
+/// Characters of the number that makes a shortened name another one.
+const ROOM: usize = 8;
+
 /// The names in use in one scope.
 #[derive(Clone, Debug)]
 pub(super) struct Scope {
     reserved: &'static [&'static str],
+    longest: usize,
     used: BTreeSet<String>,
     n_temporaries: usize,
 }
@@ -18,7 +22,7 @@ impl Scope {
     /// A scope in which `taken` are in use.
     pub(super) fn with<'n>(dialect: &impl Dialect, taken: impl IntoIterator<Item = &'n str>) -> Scope {
         let used = taken.into_iter().map(str::to_owned).collect();
-        Scope { reserved: dialect.reserved(), used, n_temporaries: 0 }
+        Scope { reserved: dialect.reserved(), longest: dialect.longest_name(), used, n_temporaries: 0 }
     }
 
     /// Marks more names as in use.
@@ -26,9 +30,16 @@ impl Scope {
         self.used.extend(names.into_iter().map(str::to_owned));
     }
 
+    /// An identifier that the language has for `name`, with room for a number behind a long one.
+    fn legal(&self, name: &str) -> String {
+        let mut text = legal(self.reserved, name);
+        text.truncate(self.longest.saturating_sub(ROOM));
+        text
+    }
+
     /// The identifier for `name`: `type` becomes `type_`, a second `p` becomes `p_2`.
     pub(super) fn add(&mut self, name: &str) -> String {
-        let legal = legal(self.reserved, name);
+        let legal = self.legal(name);
         let mut identifier = legal.clone();
         let mut n = 1;
         while !self.used.insert(identifier.clone()) {
@@ -44,7 +55,7 @@ impl Scope {
         let names: Vec<&str> = names.into_iter().collect();
         let mut identifiers: Vec<Option<String>> = Vec::with_capacity(names.len());
         for name in &names {
-            let keeps = legal(self.reserved, name) == *name && self.used.insert((*name).to_owned());
+            let keeps = self.legal(name) == *name && self.used.insert((*name).to_owned());
             identifiers.push(keeps.then(|| (*name).to_owned()));
         }
         let pairs = identifiers.into_iter().zip(names);

@@ -246,6 +246,7 @@ fn functions(
     let (mut functions, mut report) = (Vec::<Form>::new(), Report::default());
     for request in source.requests {
         graph.within_budget()?;
+        trace::at(format_args!("search for the cheapest form of {}", request.role));
         let (since, before) = (trace::start(Topic::Lower), graph.spent());
         let search = if request.role == Role::Pivots {
             let rate = functions.iter().find(|form| form.request.role == Role::Rate);

@@ -4,10 +4,10 @@
 
 use std::fmt::Write as _;
 
-use super::literal::number;
 use super::text::{elements, length, plain, statements, string, strings};
 use super::writer::Writer;
 use crate::emit::expression::Binding;
+use crate::emit::literal::number;
 use crate::program::Relation;
 use hamel_expr::rational_to_f64;
 

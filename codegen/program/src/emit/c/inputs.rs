@@ -3,9 +3,9 @@
 //! Deliberately does not know: what the functions compute, when an input has which value.
 
 use super::functions::Arguments;
-use super::literal::number;
 use super::text::{elements, length, strings};
 use super::writer::{Takes, Writer};
+use crate::emit::literal::number;
 use crate::emit::text::ParamText;
 use hamel_expr::rational_to_f64;
 

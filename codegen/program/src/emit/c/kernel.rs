@@ -9,7 +9,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use hamel_runtime::math::kernel::{Angle, BOUND, reduced};
 
-use super::literal::number;
+use crate::emit::literal::number;
 
 /// The functions by name.
 pub(super) const MUL_ADD: &str = "hamel_fma";

@@ -5,9 +5,9 @@
 use std::fmt::Write as _;
 
 use super::kernel::ADD_PRODUCTS;
-use super::literal::number;
 use super::text::{elements, length};
 use super::writer::Writer;
+use crate::emit::literal::number;
 use crate::emit::module::{Loops, Routine};
 use crate::program::Factors;
 

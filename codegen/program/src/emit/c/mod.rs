@@ -1,6 +1,6 @@
 //! The C back end: a header and a source of C99 for one scene, and what others want besides.
 //!
-//! `notation` spells expressions, `literal` numbers, `text` has small pieces, `kernel` what expressions call, `writer`
+//! `notation` spells expressions, `text` has small pieces, `kernel` what expressions call, `writer`
 //! what all items share. `data` writes structures, names and numbers, `functions` what is computed at a point, `loops`
 //! sums over tables, `inputs` what moves a system from outside, `guards` what says where the equations end, `events`
 //! what events do; `cpp` the header for C++, `casadi` the source for CasADi, `fmu` what an FMU has besides, with
@@ -17,7 +17,7 @@ mod functions;
 mod guards;
 mod inputs;
 mod kernel;
-mod literal;
+
 mod loops;
 mod notation;
 mod text;

@@ -5,7 +5,7 @@
 use super::super::dialect::Dialect;
 use super::super::expression::{Binding, Notation, Text};
 use super::kernel;
-use super::literal::number;
+use crate::emit::literal::number;
 use crate::program::{Literal, Signs};
 use hamel_expr::Func;
 

@@ -10,7 +10,7 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssi
 use hamel_runtime::{Dual, Real};
 
 use super::kernel;
-use super::literal::number;
+use crate::emit::literal::number;
 use crate::program::{Point, Program, Role};
 use hamel_expr::error::Error;
 

@@ -152,7 +152,7 @@ class Motion:
     def __repr__(self) -> str:
         end = f", ended by {self.ended_by}" if self.ended_by else ""
         return (
-            f"<hamel.Motion of {self.model.name} to t = {self.t_end!r}{end}: {len(self.t)} samples, "
+            f"<pyhamel.Motion of {self.model.name} to t = {self.t_end!r}{end}: {len(self.t)} samples, "
             f"{self.stats['method']}, {self.stats['steps']} steps>"
         )
 
@@ -224,4 +224,4 @@ class Ensemble:
 
     def __repr__(self) -> str:
         stopped = len(self) - int(self.ok.sum())
-        return f"<hamel.Ensemble of {self.model.name}: {len(self)} trajectories, {stopped} stopped>"
+        return f"<pyhamel.Ensemble of {self.model.name}: {len(self)} trajectories, {stopped} stopped>"

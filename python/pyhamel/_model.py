@@ -678,7 +678,7 @@ class Model:
     def reduce(self) -> Reduced:
         """The model reduced by the symmetries that are found, as ``hamel reduce`` writes it.
 
-        The model is unreduced: coordinates and ``configuration`` items. ``hamel.load(model.reduce().text)`` is the reduced
+        The model is unreduced: coordinates and ``configuration`` items. ``pyhamel.load(model.reduce().text)`` is the reduced
         model. What cannot be reduced is a :class:`ModelError`, which tells the symmetries. Source: Marsden and Ratiu 1999,
         chapters 9 and 13.
         """
@@ -699,7 +699,7 @@ class Model:
 
     def __repr__(self) -> str:
         scene = "" if self.scene == "default" else f", scene {self.scene}"
-        return f"<hamel.Model {self.name}{scene}: {', '.join(self._state)}>"
+        return f"<pyhamel.Model {self.name}{scene}: {', '.join(self._state)}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         native = self._native

@@ -1,7 +1,7 @@
 """Mechanics with symmetry: reduced equations of motion, derived exactly, on arrays of numpy.
 
->>> import hamel
->>> top = hamel.load("heavy_top")
+>>> import pyhamel
+>>> top = pyhamel.load("heavy_top")
 >>> top.state
 ('Omega1', 'Omega2', 'Omega3', 'Gamma1', 'Gamma2', 'Gamma3')
 >>> motion = top.simulate(2.0, {"Omega3": 20.0}, params={"m": 2.0})

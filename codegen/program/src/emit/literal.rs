@@ -2,8 +2,8 @@
 //!
 //! Deliberately does not know: what the numbers are of.
 
-/// A number as C reads it back, bit for bit.
+/// A number as target languages read it back, bit for bit.
 pub(super) fn number(x: f64) -> String {
-    // A minus sign is an operator in C.
+    // A minus sign is an operator there.
     if x.is_sign_negative() { format!("({x:?})") } else { format!("{x:?}") }
 }

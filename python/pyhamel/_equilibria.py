@@ -93,7 +93,7 @@ class Family(Sequence[Equilibrium]):
 
     def __repr__(self) -> str:
         changes = ", ".join(f"{change.kind} at {change.at.along:.6g}" for change in self.changes)
-        return f"<hamel.Family of {len(self)} equilibria{': ' if changes else ''}{changes}>"
+        return f"<pyhamel.Family of {len(self)} equilibria{': ' if changes else ''}{changes}>"
 
 
 def equilibrium(model: Model, answer: str) -> Equilibrium:
