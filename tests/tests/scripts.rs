@@ -242,6 +242,7 @@ impl Reader<'_> {
             ("atan2" | "arctan2" | "atan", [y, x]) => y.atan2(*x),
             ("Rational", [p, q]) => p / q,
             ("stumpff", [k, z]) => z.stumpff(*k as u32),
+            ("turn", [k, w]) => hamel_runtime::Real::turn(*w, *k as u32),
             ("muladd", [a, b, c]) => hamel_runtime::Real::mul_add(*a, *b, *c),
             ("sum_error", [a, b]) => a.sum_error(*b),
             ("product_error", [a, b]) => a.product_error(*b),
@@ -542,7 +543,7 @@ fn parsed(text: &str) -> BuiltScene {
 }
 
 #[test]
-fn formulas_have_inputs_stumpffs_functions_powers_and_rounding_errors() {
+fn formulas_have_inputs_stumpffs_functions_logarithms_powers_and_rounding_errors() {
     compare(&parsed(
         "model soft {
             param k = 3; input u = 1/4;
@@ -550,6 +551,7 @@ fn formulas_have_inputs_stumpffs_functions_powers_and_rounding_errors() {
             state pressure in real by pressure_dot = u - pressure*sinc(q);
             let p = [sinc(q), q*cosc(q)]; let w = spin(rot(v));
             lagrangian = dot(rate(p), rate(p)) + q_dot^2/2 + dot(w, w)/2 - k*q^(2/3) - p[2]*pressure;
+            output lead = dot(log(rot(v)*rot([1, 0, 0], q)), [1, 2, 3]);
             output tip = atan2(q, k) + tan(v1) + abs(q) + tanh(q) + 123456789/1000000007*q;
             event stop = q - u falling { then q_dot = -u*q_dot; }
             scene default { input u; want energy, outputs, linearization, jvp, vjp, digits; }

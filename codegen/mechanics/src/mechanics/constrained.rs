@@ -55,7 +55,7 @@ impl Derivation<'_> {
         let (udot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
         // Momenta in the state have rates of their own.
         let is_solved = self.transform.is_none();
-        let balance = is_solved.then(|| self.balance_of(&mass_matrix, &force, &unknowns, &udot));
+        let balance = is_solved.then(|| Box::new(self.balance_of(&mass_matrix, &force, &unknowns, &udot)));
         let system = LinearSystem { mass_matrix, force, unknowns, balance };
         let psi = self.psi_by_names(solved);
         let added = self.along(&psi, &udot);
@@ -89,7 +89,7 @@ impl Derivation<'_> {
         let eta: Vec<ExprId> = self.system.velocities.iter().map(|s| self.g.sym(*s)).collect();
         // Forces along the frame are none along the velocities of the model.
         let balance = self.balance_of(&hessian, &drive, &names, &acceleration);
-        let balance = Some(Balance { forces: Vec::new(), ..balance });
+        let balance = Some(Box::new(Balance { forces: Vec::new(), ..balance }));
         let mut unknown_rates = Vec::new();
         for unknown in &solved.unknowns {
             let of_model = frame.original.iter().position(|u| u.symbol == unknown.symbol);

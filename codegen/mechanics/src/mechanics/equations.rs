@@ -134,7 +134,7 @@ pub struct LinearSystem {
     /// Names of the unknowns `u`.
     pub unknowns: Vec<String>,
     /// How the accelerations are differentiated; none where they are no solution of `A udot = f` alone.
-    pub balance: Option<Balance>,
+    pub balance: Option<Box<Balance>>,
 }
 
 /// The momenta that the state carries as functions of the velocities that they stand for:
@@ -281,7 +281,7 @@ impl Equations {
         };
         let matrix =
             linear.into_iter().flat_map(|LinearSystem { mass_matrix, force, unknowns: _, balance }| {
-                let balance = balance.iter_mut().flat_map(Balance::values_mut);
+                let balance = balance.iter_mut().flat_map(|balance| balance.values_mut());
                 mass_matrix.iter_mut().flatten().chain(force).chain(balance)
             });
         let pivots = pivots.iter_mut().flat_map(|p| {

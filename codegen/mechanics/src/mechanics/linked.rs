@@ -73,7 +73,7 @@ impl Derivation<'_> {
         let Found { mut motion, matrix, wdot } = trials.finish(self).ok_or_else(nothing)?;
         let balance = self.balance_of_linked(recursion, solved, &matrix, &wdot)?;
         if let Some(system) = &mut motion.system {
-            system.balance = Some(balance);
+            system.balance = Some(Box::new(balance));
         }
         Ok(motion)
     }

@@ -94,7 +94,8 @@ impl Derivation<'_> {
         pivots.extend(constraint_pivots);
         let kept = Kept { rows: forms, forms: reactions.to_vec() };
         let balance = (self.transform.is_none()).then(|| {
-            self.balance_with_multipliers((&hessian, &drive), (kept, &offsets), [&acceleration, &lambda])
+            let solution = [acceleration.as_slice(), &lambda];
+            Box::new(self.balance_with_multipliers((&hessian, &drive), (kept, &offsets), solution))
         });
         Ok(Motion {
             unknown_rates: acceleration.clone(),

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::form::{Entry, Form, Preparation, Rows, Summary, body, indented, one_line, results, wrapped};
 use super::item::{Gives, Item, Pattern, Takes};
-use super::spelling::{PRODUCTS, STUMPFF, ScriptLanguage, Spelling};
+use super::spelling::{PRODUCTS, STUMPFF, ScriptLanguage, Spelling, TURN};
 
 /// Julia.
 pub(super) struct Julia;
@@ -72,6 +72,7 @@ impl Form for Julia {
             ("product_error", ERROR_OF_PRODUCT),
             ("circle_error", ERROR_OF_CIRCLE),
             (STUMPFF, STUMPFF_FUNCTION),
+            (TURN, TURN_FUNCTION),
             (PRODUCTS, SUM),
         ];
         let circle = calls("circle_error");
@@ -233,6 +234,32 @@ function stumpff(k, z)
         beyond = (inverse - beyond) / z
         inverse /= (m + 1) * (m + 2)
         m += 2
+    end
+    return beyond
+end
+";
+
+const TURN_FUNCTION: &str = "\
+# The derivative k, over k!, of asin(sqrt(w))/sqrt(w (1 - w)): the series up to a right angle.
+function turn(k, w)
+    if !(w > 0.5)
+        total = one(w)
+        for j in (55 + 4 * k):-1:0
+            m = j + k + 1
+            total = 1.0 + w * total * (2 * m * m) / ((j + 1) * (2 * m + 1))
+        end
+        for m in 1:k
+            total = total * (2 * m) / (2 * m + 1)
+        end
+        return total
+    end
+    before = asin(sqrt(w)) / sqrt(w * (1.0 - w))
+    k == 0 && return before
+    divisor, slope = 2.0 * w * (1.0 - w), 2.0 * w - 1.0
+    beyond = (1.0 + slope * before) / divisor
+    for m in 1:(k - 1)
+        ahead = (2 * m * before + (2 * m + 1) * slope * beyond) / ((m + 1) * divisor)
+        before, beyond = beyond, ahead
     end
     return beyond
 end

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::form::{Entry, Form, Preparation, Rows, Summary, body, indented, one_line, results, wrapped};
 use super::item::{Gives, Item, Pattern};
-use super::spelling::{PRODUCTS, SIN_COS, STUMPFF, ScriptLanguage, Spelling};
+use super::spelling::{PRODUCTS, SIN_COS, STUMPFF, ScriptLanguage, Spelling, TURN};
 
 /// MATLAB, with what inputs are held at.
 pub(super) struct Matlab {
@@ -89,6 +89,7 @@ impl Form for Matlab {
             ("product_error", ERROR_OF_PRODUCT),
             ("circle_error", ERROR_OF_CIRCLE),
             (STUMPFF, STUMPFF_FUNCTION),
+            (TURN, TURN_FUNCTION),
             (PRODUCTS, SUM),
         ];
         let circle = calls("circle_error");
@@ -291,6 +292,34 @@ function c = stumpff(k, z)
         c = (inverse - c) / z;
         inverse = inverse / ((m + 1) * (m + 2));
         m = m + 2;
+    end
+end
+";
+
+const TURN_FUNCTION: &str = "\
+function c = turn(k, w)
+% The derivative k, over k!, of asin(sqrt(w))/sqrt(w (1 - w)): the series up to a right angle.
+    if ~(w > 0.5)
+        c = 1;
+        for j = (55 + 4 * k):-1:0
+            m = j + k + 1;
+            c = 1 + w * c * (2 * m * m) / ((j + 1) * (2 * m + 1));
+        end
+        for m = 1:k
+            c = c * (2 * m) / (2 * m + 1);
+        end
+        return
+    end
+    before = asin(sqrt(w)) / sqrt(w * (1 - w));
+    c = before;
+    if k == 0, return, end
+    divisor = 2 * w * (1 - w);
+    slope = 2 * w - 1;
+    c = (1 + slope * before) / divisor;
+    for m = 1:(k - 1)
+        ahead = (2 * m * before + (2 * m + 1) * slope * c) / ((m + 1) * divisor);
+        before = c;
+        c = ahead;
     end
 end
 ";

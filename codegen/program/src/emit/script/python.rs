@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::form::{Entry, Form, Preparation, Rows, Summary, body, indented, one_line, results, wrapped};
 use super::item::{Gives, Item, Pattern};
-use super::spelling::{PRODUCTS, SIN_COS, STUMPFF, ScriptLanguage, Spelling};
+use super::spelling::{PRODUCTS, SIN_COS, STUMPFF, ScriptLanguage, Spelling, TURN};
 
 /// Python with a library.
 pub(super) struct Python(pub(super) ScriptLanguage);
@@ -113,16 +113,18 @@ impl Form for Python {
     }
 
     fn helpers(&self, calls: &dyn Fn(&str) -> bool) -> String {
-        let filled = |library: &str, absolute: &str, select: &str| {
-            let text = STUMPFF_OF_NUMBERS.replace("LIBRARY", library);
-            text.replace("ABS", absolute).replace("WHERE", select)
+        let filled = |[library, absolute, arcsine, select]: [&str; 4]| {
+            [STUMPFF_OF_NUMBERS, TURN_OF_NUMBERS].map(|text| {
+                let text = text.replace("LIBRARY", library).replace("WHERE", select);
+                text.replace("ABS", absolute).replace("ARCSINE", arcsine)
+            })
         };
-        let (stumpff, sum) = match self.0 {
-            ScriptLanguage::Casadi => (filled("casadi", "fabs", "if_else"), SUM_BY_CASADI),
-            ScriptLanguage::Jax => (filled("jnp", "abs", "where"), SUM_BY_JAX),
-            _ => (STUMPFF_OF_SYMPY.to_owned(), SUM_BY_SYMPY),
+        let ([stumpff, turn], sum) = match self.0 {
+            ScriptLanguage::Casadi => (filled(["casadi", "fabs", "asin", "if_else"]), SUM_BY_CASADI),
+            ScriptLanguage::Jax => (filled(["jnp", "abs", "arcsin", "where"]), SUM_BY_JAX),
+            _ => ([STUMPFF_OF_SYMPY, TURN_OF_SYMPY].map(str::to_owned), SUM_BY_SYMPY),
         };
-        let all = [(STUMPFF, stumpff), (PRODUCTS, sum.to_owned())];
+        let all = [(STUMPFF, stumpff), (TURN, turn), (PRODUCTS, sum.to_owned())];
         all.into_iter().filter(|(name, _)| calls(name)).map(|(_, text)| text).collect()
     }
 
@@ -392,6 +394,70 @@ def _stumpff(k, z):
             inverse /= (m + 1) * (m + 2)
             m += 2
     return LIBRARY.WHERE(near, total / factorial, beyond)
+
+
+";
+
+/// The factor of logarithms of rotations and its derivatives, with the names of a library to be filled in.
+const TURN_OF_NUMBERS: &str = "\
+def _turn(k, w):
+    \"\"\"The derivative k, over k!, of asin(sqrt(w))/sqrt(w (1 - w)): the series up to a right angle.\"\"\"
+    near = w <= 0.5
+    # Each branch has arguments that it can have derivatives at.
+    here, there = LIBRARY.WHERE(near, w, 0.0), LIBRARY.WHERE(near, 0.75, w)
+    total = 1.0
+    for j in reversed(range(56 + 4 * k)):
+        m = j + k + 1
+        total = 1.0 + here * total * (2 * m * m) / ((j + 1) * (2 * m + 1))
+    for m in range(1, k + 1):
+        total = total * (2 * m) / (2 * m + 1)
+    before = LIBRARY.ARCSINE(LIBRARY.sqrt(there)) / LIBRARY.sqrt(there * (1.0 - there))
+    if k == 0:
+        return LIBRARY.WHERE(near, total, before)
+    divisor, slope = 2.0 * there * (1.0 - there), 2.0 * there - 1.0
+    beyond = (1.0 + slope * before) / divisor
+    for m in range(1, k):
+        ahead = (2 * m * before + (2 * m + 1) * slope * beyond) / ((m + 1) * divisor)
+        before, beyond = beyond, ahead
+    return LIBRARY.WHERE(near, total, beyond)
+
+
+";
+
+/// The same as functions that SymPy keeps.
+const TURN_OF_SYMPY: &str = "\
+class Turn(sympy.Function):
+    \"\"\"The derivative k, over k!, of asin(sqrt(w))/sqrt(w (1 - w)), which is 2F1(1, 1; 3/2; w).\"\"\"
+
+    nargs = 2
+
+    @classmethod
+    def eval(cls, k, w):
+        if w.is_zero:
+            return sympy.factorial(k) / sympy.rf(sympy.Rational(3, 2), k)
+        return cls._value(k, w, w._prec) if w.is_Float else None
+
+    @staticmethod
+    def _value(k, w, prec):
+        series = sympy.hyper([k + 1, k + 1], [k + sympy.Rational(3, 2)], w)
+        return (series * sympy.factorial(k) / sympy.rf(sympy.Rational(3, 2), k))._eval_evalf(prec)
+
+    def fdiff(self, argindex=2):
+        k, w = self.args
+        return (k + 1) * Turn(k + 1, w)
+
+    def _eval_evalf(self, prec):
+        k, w = self.args
+        return Turn._value(k, w._eval_evalf(prec), prec)
+
+    @staticmethod
+    def _imp_(k, w):
+        \"\"\"The value that `lambdify` calls.\"\"\"
+        return float(Turn(k, sympy.Float(float(w), 17)))
+
+
+def _turn(k, w):
+    return Turn(k, sympy.sympify(w))
 
 
 ";

@@ -56,6 +56,7 @@ pub(super) struct Spelling(pub(super) ScriptLanguage);
 
 /// Names of functions that modules bring with them.
 pub(super) const STUMPFF: &str = "stumpff";
+pub(super) const TURN: &str = "turn";
 pub(super) const SIN_COS: &str = "sin_cos";
 pub(super) const PRODUCTS: &str = "sum_products";
 const SUM_ERROR: &str = "sum_error";
@@ -147,6 +148,9 @@ impl Notation for Spelling {
             (Func::Abs, _) => "abs",
             (Func::Stumpff(k), _) => {
                 return Spelling::call_of(&self.own(STUMPFF), &[Text::atom(k.to_string()), argument]);
+            }
+            (Func::Turn(k), _) => {
+                return Spelling::call_of(&self.own(TURN), &[Text::atom(k.to_string()), argument]);
             }
         };
         Spelling::call_of(&self.of_library(name), &[argument])
@@ -330,6 +334,7 @@ const JULIA: &[&str] = &[
     "tanh",
     "true",
     "try",
+    "turn",
     "typeof",
     "using",
     "values",
@@ -418,6 +423,7 @@ const MATLAB: &[&str] = &[
     "true",
     "false",
     "try",
+    "turn",
     "until",
     "unwind_protect",
     "unwind_protect_cleanup",
