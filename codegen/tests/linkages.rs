@@ -310,7 +310,8 @@ fn operations_of_an_arm_grow_with_its_bodies() {
 }
 
 /// The accelerations are differentiated by their balance: 2.3 and 5.9 times the rates, for an arm with general offsets
-/// 2.1 and 4.9, where 2.5 and 6.6 are those by the way that they were solved for. Loops over nearly empty tables would take 160,000 additions.
+/// 2.1 and 4.9, where 2.5 and 6.6 are those by the way that they were solved for. Loops over nearly empty tables would
+/// take 160,000 additions.
 #[test]
 fn the_jacobian_of_an_arm_costs_less_than_products_with_every_direction() {
     let text = skew_arm(7).replace("want rhs;", "want rhs, jvp, jacobian;");

@@ -26,8 +26,8 @@ struct Vertex {
     partials: Vec<(usize, ExprId)>,
 }
 
-/// The solution `x` of a linear system among definitions, by the system: `r(x) = A x - f = 0` is differentiated at fixed
-/// `x`, `A dx = -dr`, and the definitions by which it was solved are not.
+/// The solution `x` of a linear system among definitions, by the system: `r(x) = A x - f = 0` is differentiated at
+/// fixed `x`, `A dx = -dr`, and the definitions by which it was solved are not.
 #[derive(Clone, Debug)]
 pub struct Solved {
     /// Definitions that are components of the solution, each with its position in it.

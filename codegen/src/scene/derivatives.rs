@@ -307,7 +307,7 @@ struct Differentiated {
 struct Pass<'a> {
     g: &'a mut Graph,
     equations: &'a Equations,
-    /// Definitions that the balance of the accelerations has beside those of the equations.
+    /// Definitions of the balance of the accelerations that the equations do not have.
     before: Vec<Section>,
     /// Accelerations that are the solution of a linear system, which is differentiated in their place.
     solved: Option<(&'a Solved, &'a dyn Linear)>,

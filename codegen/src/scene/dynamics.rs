@@ -79,7 +79,7 @@ pub(super) fn find(g: &Graph, equations: &Equations, wanted: &BTreeSet<Want>) ->
             components,
             doc: format!(
                 "forces `tau = A a - f` along the virtual displacements of the velocities {}, which have to act beside \
-                 those of the model for the rates of these to be `a`; no mass matrix is formed",
+                 the model's for the rates of these to be `a`; no mass matrix is formed",
                 names.join(", ")
             ),
         });

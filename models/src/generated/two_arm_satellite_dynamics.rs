@@ -436,7 +436,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Forces `tau = A a - f` along the virtual displacements of the velocities alpha_dot, beta_dot, Omega1, Omega2, Omega3, which have to act beside those of the model for the rates of these to be `a`; no mass matrix is formed.
+    /// Forces `tau = A a - f` along the virtual displacements of the velocities alpha_dot, beta_dot, Omega1, Omega2, Omega3, which have to act beside the model's for the rates of these to be `a`; no mass matrix is formed.
     ///
     /// Operations: 60 additions, 96 multiplications (57 fused), 2 elementary functions.
     #[inline]

@@ -52,7 +52,7 @@ pub enum Want {
     Feedthrough,
     /// The matrix `A` of `A udot = f`, with the velocities `u` of the state.
     MassMatrix,
-    /// The forces that have to act beside those of the model for given accelerations.
+    /// The forces that have to act beside the model's for given accelerations.
     InverseDynamics,
     /// The coordinates of the group as part of the state.
     Reconstruction,

@@ -133,7 +133,8 @@ pub struct LinearSystem {
     pub force: Vec<ExprId>,
     /// Names of the unknowns `u`.
     pub unknowns: Vec<String>,
-    /// How the accelerations are differentiated; none where they are no solution of `A udot = f` alone.
+    /// How the accelerations are differentiated. The state has momenta, or velocities along stages, where there is
+    /// none.
     pub balance: Option<Box<Balance>>,
 }
 
