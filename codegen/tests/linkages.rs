@@ -381,6 +381,19 @@ fn faults_in_the_dynamics_of_an_arm_are_found() {
 }
 
 #[test]
+fn momenta_in_the_state_have_no_inverse_dynamics() {
+    let text = "model particle {
+        coordinate x in real;
+        momentum p of x_dot;
+        lagrangian = x_dot^2 - x^4;
+        scene hamilton { carry p; want rhs, inverse_dynamics; }
+    }";
+    let problems = scene::build(&parsed(text), "hamilton").expect_err("refused").to_string();
+    assert!(problems.contains("velocities of the model as state; remove `carry`"), "{problems}");
+    assert!(problems.contains("5:45"), "at the word: {problems}");
+}
+
+#[test]
 fn a_fault_in_the_jacobian_of_an_arm_is_found() {
     let text = skew_arm(4).replace("want rhs;", "want rhs, jacobian;");
     let model = parsed(&text);

@@ -27,7 +27,7 @@ SOFT = """model soft {
     let p = [sinc(q), q*cosc(q)]; let w = spin(rot(v));
     lagrangian = dot(rate(p), rate(p)) + q_dot^2/2 + dot(w, w)/2 - k*q^2 - p[2]*pressure;
     force q_dot = pressure*cosc(v1);
-    output tip = p; output axis = rot(v)*[0, 0, 1];
+    output tip = p; output axis = rot(v)*[0, 0, 1]; output lead = log(rot(v)*rot([1, 0, 0], q));
     event stop = q - u falling { then q_dot = -u*q_dot; }
     initial q = 1/2; initial v = [1/5, -1/3, 1/4]; initial pressure = 1; initial q_dot = 1/3;
     initial v_dot = [1/2, 1/7, -1/5];
