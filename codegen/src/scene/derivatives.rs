@@ -221,8 +221,8 @@ pub(super) struct Derivatives {
 }
 
 /// Unknowns from which on accelerations are differentiated by their balance without a look at the other way: arms of
-/// seven and eight joints, a humanoid of 18 degrees of freedom and five spherical pendulums took a quarter to two thirds
-/// fewer operations by it.
+/// seven and eight joints, a humanoid of 18 degrees of freedom and five spherical pendulums took a quarter to two
+/// thirds fewer operations by it.
 const MAX_BOTH_WAYS: usize = 6;
 
 /// The part of the operations that the balance has to save before common parts are looked for: less of it is lost in

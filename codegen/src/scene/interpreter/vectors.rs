@@ -53,7 +53,8 @@ impl Interpreter<'_> {
     }
 
     /// The momenta that the state carries by the velocities that they stand for, both in the order of
-    /// [`BuiltScene::legendre`]; none where it carries none. The momenta in `y` mean nothing.
+    /// [`BuiltScene::legendre`](crate::scene::BuiltScene::legendre); none where it carries none. The momenta in `y`
+    /// mean nothing.
     ///
     /// # Panics
     /// When a size is wrong.
