@@ -133,6 +133,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("triangular_body", "as_written", [12.0, 32.0, 3.0, 32.0]),
     ("two_arm_satellite", "controlled", [8.0, 1e8, 5.0, 32.0]),
     ("two_arm_satellite", "default", [7.0, 1e8, 5.0, 32.0]),
+    ("two_arm_satellite", "dynamics", [7.0, 1e8, 5.0, 32.0]),
     ("two_arm_satellite", "invariants", [8.0, 1e8, 6.0, 32.0]),
     ("two_arm_satellite", "momenta", [10.0, 1000.0, 8.0, 32.0]),
     ("two_arm_satellite", "reconstruction", [9.0, 1e8, 6.0, 32.0]),
