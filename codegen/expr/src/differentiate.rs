@@ -28,13 +28,16 @@ struct Vertex {
 
 /// The solution `x` of a linear system among definitions, by the system: `r(x) = A x - f = 0` is differentiated at
 /// fixed `x`, `A dx = -dr`, and the definitions by which it was solved are not.
+///
+/// # Shapes
+/// With `n` components: residual, labels `[n]`; symbols at most `n`.
 #[derive(Clone, Debug)]
 pub struct Solved {
     /// Definitions that are components of the solution, each with its position in it.
     pub symbols: Vec<(SymbolId, usize)>,
-    /// `r` at the solution, as sums that are not known to vanish.
+    /// The components of `r` at the solution, as they are written, although each is equal to zero.
     pub residual: Vec<ExprId>,
-    /// Definitions by which the residual has the solution, where it has other names there: they are held.
+    /// Names that the residual has for functions of the solution. Nothing differentiates these.
     pub held: Section,
     /// Definitions that the residual alone needs; they need none that comes after the first component of the solution,
     /// other components apart.
@@ -45,7 +48,7 @@ pub struct Solved {
 
 /// Solves a linear system for further right-hand sides.
 pub trait Linear {
-    /// `x` of `A x = b`; its components are named by `labels`.
+    /// `x` of `A x = b`, `[n] -> [n]`; its components are named by `labels`.
     fn solve(
         &self,
         g: &mut Graph,
@@ -101,7 +104,8 @@ impl<'a> Linearisation<'a> {
         Linearisation::with_solved(g, sections, roots, inputs, None)
     }
 
-    /// The same, where some definitions are the solution of a linear system.
+    /// The same, where some definitions are the solution of a linear system: `dx = -A^-1 dr` in the place of their own
+    /// partial derivatives.
     pub fn with_solved(
         g: &mut Graph,
         sections: &[Section],

@@ -7,7 +7,12 @@ use hamel_expr::{ExprId, Graph, SectionWriter, SymbolId};
 
 use super::solve::Factorisation;
 
-/// What forces accelerations leave over.
+/// What forces accelerations leave over, `r = A wdot - Lambda^T lambda - f`, and the constraint `w wdot + w0` that
+/// multipliers keep.
+///
+/// # Shapes
+/// With `n` rates and `k` multipliers, none where the constraint has been solved: accelerations, residual, solution
+/// `[n + k]`; forces, names `[n]`; matrix `[n][n]`.
 #[derive(Clone, Debug)]
 pub struct Balance {
     /// Symbols of accelerations, which stand for no value, and their values along the motion.
@@ -27,7 +32,10 @@ pub struct Balance {
     pub names: Vec<String>,
 }
 
-/// `A wdot - Lambda^T lambda = f`, `w wdot = -w0`.
+/// A constraint `w wdot + w0 = 0` and the one-forms that its multipliers act along.
+///
+/// # Shapes
+/// rows, forms: `[k][n]`.
 #[derive(Clone, Debug)]
 pub struct Kept {
     /// `w`, a row for each multiplier.
@@ -69,7 +77,8 @@ pub(super) struct Border {
     pub(super) schur: Factorisation,
 }
 
-/// Other right-hand sides by the same factors.
+/// Other right-hand sides by the same factors: `A x - Lambda^T mu = b`, `w x = c`, so that
+/// `S mu = c - w A^-1 b`, `x = A^-1 b + (A^-1 Lambda^T) mu`.
 impl Linear for Factors {
     fn solve(
         &self,

@@ -22,7 +22,7 @@ use hamel_lang::algebra::tableau::{Least, QuadraticForm, Slopes};
 use super::derive::Derivation;
 use super::kane::Accelerated;
 use super::limits::MAX_EXPANDED;
-use super::recursion::{Recursion, Step};
+use super::recursion::Recursion;
 
 /// What entries of the function are called.
 const STEMS: [&str; 2] = ["H", "g"];
@@ -114,12 +114,7 @@ impl Derivation<'_> {
         }
         gauss.n_by_rates = gauss.variables.len();
         for step in &recursion.steps {
-            let (symbol, value, coefficient) = match step {
-                Step::Part(symbol, value) => (*symbol, *value, None),
-                Step::Solved { alpha, coefficient, rest } => {
-                    (self.system.velocities[*alpha], *rest, Some(*coefficient))
-                }
-            };
+            let (symbol, value, coefficient) = step.value(self.system);
             if gauss.of_symbol.contains_key(&symbol) {
                 continue;
             }

@@ -21,7 +21,7 @@ use hamel_expr::{Definition, ExprId, Graph, Node, Section, SectionWriter, Sign, 
 use super::balance::{Balance, Border, Factors, Kept};
 use super::derive::Derivation;
 use super::equations::Equations;
-use super::recursion::{Recursion, Step};
+use super::recursion::Recursion;
 use super::solve::Factorisation;
 
 impl Equations {
@@ -235,12 +235,7 @@ impl Derivation<'_> {
             forces.entry(velocity).or_default().push(left);
         }
         for step in recursion.steps.iter().rev() {
-            let (symbol, value, coefficient) = match step {
-                Step::Part(symbol, value) => (*symbol, *value, None),
-                Step::Solved { alpha, coefficient, rest } => {
-                    (self.system.velocities[*alpha], *rest, Some(*coefficient))
-                }
-            };
+            let (symbol, value, coefficient) = step.value(self.system);
             let Some(terms) = forces.remove(&symbol) else { continue };
             let sum = self.g.sum(&terms);
             let force = self.define(&format!("force_{}", self.g.name(symbol).to_owned()), sum);

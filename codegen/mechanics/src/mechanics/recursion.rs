@@ -27,6 +27,18 @@ pub(super) enum Step {
     Solved { alpha: usize, coefficient: ExprId, rest: ExprId },
 }
 
+impl Step {
+    /// The symbol that is computed, `value`, and the `coefficient` where it is `-value/coefficient`.
+    pub(super) fn value(&self, system: &ReducedSystem) -> (SymbolId, ExprId, Option<ExprId>) {
+        match self {
+            Step::Part(symbol, value) => (*symbol, *value, None),
+            Step::Solved { alpha, coefficient, rest } => {
+                (system.velocities[*alpha], *rest, Some(*coefficient))
+            }
+        }
+    }
+}
+
 /// The squares of velocities of a Lagrangian by parts, each by those before it.
 #[derive(Clone, Debug)]
 pub(super) struct Recursion {
