@@ -29,6 +29,7 @@ mod linkages;
 mod logarithm;
 mod loops;
 mod malformed;
+mod quotients;
 mod random_models;
 mod redundant;
 mod reserved;

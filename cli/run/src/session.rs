@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use hamel_codegen::quotient::{self, Step};
 use hamel_codegen::spec::{self, MatrixFluid};
 
 use crate::cache::Cache;
@@ -310,6 +311,21 @@ impl<'s> ModelFile<'s> {
         Ok(self.model.get_or_init(|| checked))
     }
 
+    /// What the model says of others that it is the quotient of, proved.
+    ///
+    /// # Errors
+    /// [`Error::Models`] with what does not hold, at its place; as [`ModelFile::model`].
+    pub fn quotients(&self) -> Result<Vec<Step>, Error> {
+        let model = self.checked()?;
+        let steps = match &self.source {
+            Source::File(path) => quotient::hold_file(model, path),
+            Source::Shipped(_) => {
+                quotient::hold(model, &mut |_, _| Err("the model is part of the program".to_owned()))
+            }
+        };
+        steps.map_err(|problems| Error::Models { problems })
+    }
+
     /// The text of the file, with the sizes that are asked for.
     ///
     /// # Errors
@@ -371,13 +387,13 @@ pub fn closed(
         }
         let _ = write!(items, "\ndrive {name} = {value};");
         // Each by itself first, so that what is wrong is told with its name.
-        let alone = model::with_items(text, &format!("\ndrive {name} = {value};"));
+        let alone = spec::with_items(text, &format!("\ndrive {name} = {value};"));
         if let Err(problems) = spec::parse_within(model.graph.budget(), shown, &alone) {
             return Err(Error::unusable(path, model::first_message(&problems)));
         }
     }
     let problem = |problems: spec::Diagnostics| Error::unusable(asked, model::first_message(&problems));
-    let closed = model::with_items(text, &items);
+    let closed = spec::with_items(text, &items);
     let model = spec::parse_within(model.graph.budget(), shown, &closed).map_err(problem)?;
     Ok((closed, model))
 }

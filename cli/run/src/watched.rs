@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::info::Info;
 use crate::error::Error;
-use crate::model::{Checked, Model, first_message, is_one_expression, with_items};
+use crate::model::{Checked, Model, first_message, is_one_expression};
 
 /// An event on the way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -111,7 +111,7 @@ fn extended(model: &Checked, sections: &[String], path: &str) -> Result<Model, E
         }
         items.push_str(&format!("\nevent {SECTION}{} = {section};", k + 1));
     }
-    let text = with_items(&origin.text, &items);
+    let text = spec::with_items(&origin.text, &items);
     // The budget is that of the model, which was within it.
     spec::parse_within(model.graph.budget(), path, &text)
         .map_err(|problems| Error::unusable(path, first_message(&problems)))

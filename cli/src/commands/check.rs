@@ -2,7 +2,10 @@
 //!
 //! Does not know: what can be wrong.
 
+use std::fmt::Write as _;
+
 use clap::Args;
+use hamel_codegen::quotient::{Quotient, Step};
 use hamel_codegen::spec::{Diagnostic, Diagnostics, Origin, Replacement, Severity, Span};
 use serde::Serialize;
 
@@ -47,6 +50,38 @@ struct Findings {
     warnings: usize,
     /// In the order of files, then of places.
     problems: Vec<Finding>,
+    /// Which models are proved to be quotients of which.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    quotients: Vec<Related>,
+}
+
+/// Two models, one of which is proved to be the quotient of the other; numbers are of the total system and of the
+/// quotient.
+#[derive(Debug, Serialize)]
+struct Related {
+    quotient: String,
+    total: String,
+    base: (usize, usize),
+    velocities: (usize, usize),
+    displacements: (usize, usize),
+    conditions: usize,
+}
+
+impl From<Step> for Related {
+    fn from(step: Step) -> Related {
+        let Step { quotient, total, proved } = step;
+        let Quotient { base, velocities, displacements, n_conditions } = proved;
+        Related { quotient, total, base, velocities, displacements, conditions: n_conditions }
+    }
+}
+
+/// A step for people.
+fn told(step: &Step) -> String {
+    let Step { quotient, total, proved } = step;
+    let Quotient { base, velocities, displacements, n_conditions } = proved;
+    let pairs = [("base", base), ("velocities", velocities), ("displacements", displacements)];
+    let pairs = pairs.map(|(what, (from, to))| format!("{what} {from} -> {to}")).join(", ");
+    format!("{quotient}: the quotient of {total}, {n_conditions} conditions proved: {pairs}")
 }
 
 /// A problem and its places.
@@ -154,17 +189,19 @@ impl Findings {
     }
 }
 
-/// The warnings of a model, whose scenes are derived where `derive` says so; none for a fluid of matrices.
-fn check(file: &ModelFile<'_>, derive: bool) -> Result<Option<Diagnostics>, Error> {
+/// The warnings of a model, whose scenes are derived where `derive` says so, and what it is proved to be the quotient of;
+/// none for a fluid of matrices.
+fn check(file: &ModelFile<'_>, derive: bool) -> Result<Option<(Diagnostics, Vec<Step>)>, Error> {
     if file.fluid()?.is_some() {
         return Ok(None);
     }
     let model = file.checked()?;
+    let steps = file.quotients()?;
     if derive {
         let failed = model.scene_names().iter().filter_map(|scene| model.derive(scene).err()).collect();
         Error::all_of(failed)?;
     }
-    Ok(Some(model.warnings.clone()))
+    Ok(Some((model.warnings.clone(), steps)))
 }
 
 /// Checks all models; a line about what was found, or the JSON object.
@@ -172,16 +209,20 @@ fn check(file: &ModelFile<'_>, derive: bool) -> Result<Option<Diagnostics>, Erro
 /// # Errors
 /// Everything that is wrong with the models, together; with `--json`, which has printed it, [`Error::Found`].
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let (mut findings, mut errors) = (Findings::default(), Vec::new());
+    let (mut findings, mut errors, mut lines) = (Findings::default(), Vec::new(), String::new());
     for argument in &arguments.models {
         let checked = session.find(argument).and_then(|file| check(&file, arguments.derive));
         match checked {
             Ok(None) => {}
-            Ok(Some(warnings)) => {
+            Ok(Some((warnings, steps))) => {
                 if !arguments.json {
                     show_warnings(&warnings);
                 }
                 findings.add(argument, &warnings);
+                for step in steps {
+                    let _ = writeln!(lines, "{}", told(&step));
+                    findings.quotients.push(step.into());
+                }
             }
             Err(error) => {
                 findings.add_error(argument, &error);
@@ -201,5 +242,5 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     Error::all_of(errors)?;
     let (n, warnings) = (arguments.models.len(), findings.warnings);
     let s = |n: usize| if n == 1 { "" } else { "s" };
-    Ok(format!("{n} model{}, {warnings} warning{}", s(n), s(warnings)))
+    Ok(format!("{lines}{n} model{}, {warnings} warning{}", s(n), s(warnings)))
 }

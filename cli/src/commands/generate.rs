@@ -156,7 +156,10 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
                 fluids.push(fluid);
                 Ok(None)
             }
-            None => file.into_model().map(Some),
+            None => {
+                file.quotients()?;
+                file.into_model().map(Some)
+            }
         });
         match read {
             Ok(model) => models.extend(model),

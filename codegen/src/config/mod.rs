@@ -19,6 +19,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use crate::quotient;
 use crate::scene::{self, BuiltScene, Scenes, Writing};
 use hamel_expr::Budget;
 use hamel_expr::error::Error;
@@ -256,6 +257,7 @@ impl Config {
         let clock = Instant::now();
         let folder = self.folder(std::env::var_os("OUT_DIR"))?;
         let models = self.read_all(paths)?;
+        self.hold_quotients(&models, paths)?;
         // A folder that was chosen holds what is checked in.
         let cache = self.out_dir.is_none().then(|| Cache::new(folder.join(CACHE)));
         self.compile_to(&folder, &models, cache.as_ref())?;
@@ -264,6 +266,20 @@ impl Config {
                 println!("cargo::warning={line}");
             }
         }
+        Ok(())
+    }
+
+    /// Proves what models say of others that they are quotients of.
+    fn hold_quotients(&self, models: &[Model], paths: &[impl AsRef<Path>]) -> Result<(), Problems> {
+        collect(models.iter().zip(paths).map(|(model, path)| {
+            let path = path.as_ref();
+            for total in model.totals.iter().filter(|_| self.emit_rerun_if_changed) {
+                let folder = path.parent().unwrap_or(Path::new(""));
+                println!("cargo::rerun-if-changed={}", folder.join(&total.file).display());
+            }
+            let held = quotient::hold_file(model, path);
+            held.map(|_| ()).map_err(|list| Problems { list: list.into_iter().map(Problem::Model).collect() })
+        }))?;
         Ok(())
     }
 

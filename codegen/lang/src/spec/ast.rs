@@ -112,6 +112,13 @@ pub(super) struct BracketRule {
     pub(super) span: Span,
 }
 
+/// A model that this one is the quotient of, with functions of it for variables of this one.
+#[derive(Clone, Debug)]
+pub(super) struct ReducesItem {
+    pub(super) file: Name,
+    pub(super) images: Vec<(Name, Expr)>,
+}
+
 /// A quasi-velocity of a frame, with its documentation.
 #[derive(Clone, Debug)]
 pub(super) struct FrameVelocity {
@@ -203,6 +210,7 @@ impl BodyItem {
 pub(super) enum ItemKind {
     Source(String),
     Topic(String),
+    Reduces(ReducesItem),
     /// `size n = 5;`
     Size {
         name: Name,

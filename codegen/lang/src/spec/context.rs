@@ -129,8 +129,11 @@ fn of_block(block: &str, statement: &[&str]) -> Context {
         ("scene", Some("formulation")) => Context::Formulation,
         ("event", None) => Context::EventStatement,
         ("event", Some("then")) if !is_after_equals => Context::StateVariable,
+        ("reduces", None) => Context::StateVariable,
         (_, None) => Context::BlockStatement,
         ("stage", Some("connection")) if !is_after_equals => Context::Velocity,
+        // Names behind `=` are those of another model.
+        ("reduces", _) if is_after_equals => Context::Anything,
         _ => Context::Expression,
     }
 }
@@ -175,7 +178,7 @@ fn of_item(statement: &[&str]) -> Context {
         "view" if last == "=" => Context::Solid,
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
         | "configuration" | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene"
-        | "source" | "topic" | "multipliers" => Context::Anything,
+        | "source" | "topic" | "multipliers" | "reduces" => Context::Anything,
         "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
             Context::Anything
         }

@@ -71,6 +71,7 @@ macro_rules! visit {
             sources: _,
             units: _,
             topic: _,
+            totals: _,
             sizes: _,
             graph: $graph,
             time: _,

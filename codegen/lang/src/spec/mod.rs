@@ -30,6 +30,7 @@ mod fluid;
 mod format;
 mod group;
 pub mod group_motion;
+mod images;
 mod kind;
 mod layout;
 mod limits;
@@ -66,14 +67,15 @@ pub use first_order::FirstOrderState;
 pub use fluid::{FluidCasimir, FluidMode, FluidSurface, MatrixFluid};
 pub use format::format;
 pub use group::Group;
+pub use images::{ImageProblems, parse_with_images, with_items};
 pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
-    FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
-    OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
-    Velocity, VelocitySection, circle_names, diagnose,
+    FormulationSearch, Given, IdealChain, Image, InnerProduct, Model, Momentum, Named, NamedVector,
+    OwnAlgebroid, OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind,
+    Scene, Side, Total, Velocity, VelocitySection, circle_names, diagnose,
 };
 pub use names::LEVEL_MOMENTUM;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};

@@ -484,6 +484,30 @@ pub struct Places {
     pub initial: BTreeMap<String, Span>,
 }
 
+/// A model that another one says to be the quotient of: `reduces`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Total {
+    /// Its file, from the folder of the model that says so.
+    pub file: String,
+    /// Where the file is named.
+    pub place: Option<Span>,
+    /// Variables and parameters of the quotient as functions of it.
+    pub images: Vec<Image>,
+}
+
+/// A variable or a parameter of a quotient as a function of the total system.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// Its name, of a vector or a component.
+    pub name: String,
+    /// Its components.
+    pub components: Vec<String>,
+    /// The function, as written: its names are those of the total system.
+    pub text: String,
+    /// Where the name and the function are written.
+    pub places: Option<(Span, Span)>,
+}
+
 /// A checked model; every expression lives in [`Model::graph`].
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -495,6 +519,8 @@ pub struct Model {
     pub sources: Vec<String>,
     /// What a list of models shows the model under.
     pub topic: Option<String>,
+    /// Models that this one is the quotient of, as it says.
+    pub totals: Vec<Total>,
     /// Sizes of the text, for the values that it was read with.
     pub sizes: Vec<FamilySize>,
     /// Owner of all expressions.

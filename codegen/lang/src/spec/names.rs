@@ -49,6 +49,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("force", "force Omega = -c*Omega;` or `force at p: F;"),
     ("moment", "moment on B: M;"),
     ("body", "body B { mass m; place p; inertia I; attitude R; }"),
+    ("reduces", "reduces \"full.hamel\" { Gamma = transpose(R)*[0, 0, 1]; }"),
     ("casimir", "casimir name = expression;"),
     ("output", "output name = expression;"),
     ("section", "section s = [1, 0, x];` or `section s in so(3) = Gamma;"),

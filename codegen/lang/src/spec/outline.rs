@@ -480,6 +480,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         ItemKind::Size { name, .. } => vec![one(DeclarationKind::Size, name, false)],
         ItemKind::Source(_)
         | ItemKind::Topic(_)
+        | ItemKind::Reduces(_)
         | ItemKind::Require(_)
         | ItemKind::Drive { .. }
         | ItemKind::Acceleration { .. }

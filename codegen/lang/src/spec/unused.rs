@@ -233,6 +233,7 @@ fn effective(item: &Item) -> Vec<String> {
         }
         ItemKind::Source(_)
         | ItemKind::Topic(_)
+        | ItemKind::Reduces(_)
         | ItemKind::Size { .. }
         | ItemKind::Param { .. }
         | ItemKind::Input { .. }

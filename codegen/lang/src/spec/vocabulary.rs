@@ -181,6 +181,11 @@ const OF_ITEMS: &[(&str, &str)] = &[
         "A rigid body, or a point: mass and place of its mass centre, inertia and attitude of its frame, or \
          one of both.",
     ),
+    (
+        "reduces",
+        "The model is the quotient of the model of another file, by functions of that one for variables and \
+         parameters of this one.",
+    ),
     ("casimir", "`casimir` names a number that the motion conserves, whatever its initial state:"),
     ("output", "`output` names any value, vectors with components `h1, h2, ..`."),
     (

@@ -56,6 +56,7 @@ impl ModelBuilder {
         let events = self.check_events();
         let reconstruction = self.check_reconstructions(connection.as_deref());
         let initial = self.check_initial();
+        let totals = self.check_totals();
         let carried = std::mem::take(&mut self.carries);
         let carries = self.check_carries(&carried);
         let scenes = self.check_scenes(&carries);
@@ -94,6 +95,7 @@ impl ModelBuilder {
             sources: self.sources,
             units: Units::default(),
             topic: self.topic.map(|(text, _)| text),
+            totals,
             sizes: self.sizes,
             graph: self.graph,
             time: self.time,

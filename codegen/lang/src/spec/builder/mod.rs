@@ -26,6 +26,7 @@ mod sections;
 mod sizes;
 mod stages;
 mod symbols;
+mod totals;
 mod variables;
 mod view;
 

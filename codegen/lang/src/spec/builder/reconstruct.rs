@@ -421,7 +421,7 @@ impl ModelBuilder {
     }
 
     /// State variables and reconstructed coordinates: their names by expression.
-    fn state_variables(&mut self) -> BTreeMap<ExprId, String> {
+    pub(super) fn state_variables(&mut self) -> BTreeMap<ExprId, String> {
         let mut symbols: Vec<(SymbolId, String)> = Vec::new();
         for c in &self.base {
             symbols.push((c.symbol, c.name.clone()));

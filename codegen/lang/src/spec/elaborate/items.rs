@@ -3,10 +3,10 @@
 //! Deliberately does not know: in which order names become known.
 
 use super::values::Elaboration;
-use crate::spec::ast::{Carry, Comparison, EventItem, Expr, Item, ItemKind, Name};
+use crate::spec::ast::{Carry, Comparison, EventItem, Expr, Item, ItemKind, Name, ReducesItem};
 use crate::spec::builder::{CarryDraft, EventSet, FIELD, Placement};
 use crate::spec::eval::is_poisoned;
-use crate::spec::model::{ConnectionKind, FormulationSearch};
+use crate::spec::model::{ConnectionKind, FormulationSearch, Image, Total};
 use crate::spec::names;
 use crate::spec::value::Value;
 
@@ -186,6 +186,7 @@ impl Elaboration<'_> {
                 self.scene(item, name, fixed, [wants, drops, circles, inputs], carries);
                 self.formulation(&name.text, formulation);
             }
+            ItemKind::Reduces(item) => self.reduces(item),
             ItemKind::Source(_)
             | ItemKind::Topic(_)
             | ItemKind::Size { .. }
@@ -207,6 +208,19 @@ impl Elaboration<'_> {
             | ItemKind::View { .. }
             | ItemKind::Coordinate { by: None, .. } => {}
         }
+    }
+
+    /// The functions are of another model: their texts are read there.
+    fn reduces(&mut self, item: &ReducesItem) {
+        let images = item.images.iter().map(|(name, value)| Image {
+            name: name.text.clone(),
+            components: Vec::new(),
+            text: self.slice(value.span).to_owned(),
+            places: Some((name.span, value.span)),
+        });
+        let images = images.collect();
+        let total = Total { file: item.file.text.clone(), place: Some(item.file.span), images };
+        self.builder.located_reduces(total);
     }
 
     fn event(&mut self, event: &EventItem, doc: &str) {

@@ -41,7 +41,7 @@ impl Elaboration<'_> {
         self.builder.problems.push(Diagnostic::new(Some(span), message).with_help(help));
     }
 
-    fn slice(&self, span: Span) -> &str {
+    pub(super) fn slice(&self, span: Span) -> &str {
         self.text.get(span.start..span.end).unwrap_or("")
     }
 

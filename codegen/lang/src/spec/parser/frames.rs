@@ -57,6 +57,22 @@ impl Parser<'_> {
         Ok(ItemKind::Algebroid(AlgebroidBlock { span, is_almost, basis, velocities, anchors, rules }))
     }
 
+    /// `reduces "full.hamel" { Gamma = transpose(R)*[0, 0, 1]; }` behind its first word.
+    pub(super) fn reduces(&mut self) -> Parsed<ItemKind> {
+        let span = self.here();
+        let Some(text) = self.string()? else { return self.expected("the file of a model in quotes") };
+        let (mut body, _) =
+            self.require_group(Delimiter::Brace, "`{` with functions of that model, or `{}`")?;
+        let mut images = Vec::new();
+        while !body.at_end() {
+            let name = body.named("the name of a variable or a parameter of this model")?;
+            body.equals()?;
+            images.push((name, body.expr()?));
+            body.require_punct(";")?;
+        }
+        Ok(ItemKind::Reduces(ReducesItem { file: Name { text, span }, images }))
+    }
+
     /// `v = expression`, behind `acceleration` or `field`.
     pub(super) fn given(&mut self, what: &str) -> Parsed<(Name, Expr)> {
         let name = self.named(what)?;

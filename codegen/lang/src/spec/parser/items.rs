@@ -161,6 +161,7 @@ impl<'a> Parser<'a> {
                 self.equals()?;
                 ItemKind::Section { name, algebra, value: self.expr()? }
             }
+            "reduces" => return self.reduces().map(|kind| (kind, true)),
             "event" => return self.event(),
             "reconstruct" => self.reconstruct()?,
             "initial" => {

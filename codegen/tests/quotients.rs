@@ -1,0 +1,252 @@
+//! Models as quotients of others: every shipped model of which there is an unreduced twin, chains of stages, and planted
+//! faults.
+
+use hamel_codegen::quotient::{Step, hold, hold_file};
+use hamel_codegen::spec::{self, Model, Origin};
+
+fn folder() -> std::path::PathBuf {
+    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models")
+}
+
+/// Shipped models and functions of their unreduced twins for variables and parameters with other names.
+const TWINS: &[(&str, &str)] = &[
+    ("ball_on_rotating_table", "Omega = nu; omega_x = w[1]; omega_y = w[2]; omega_z = w[3];"),
+    (
+        "car_with_trailers",
+        "m0 = m1; m1 = m2; m2 = m3; J0 = J1; J1 = J2; J2 = J3; d0 = d1; d1 = d2; d2 = d3; omega = theta_dot;
+         v = [v, -sin(theta)*x_dot + cos(theta)*y_dot];",
+    ),
+    ("chaplygin_ball", "Gamma = transpose(R)*[0, 0, 1]; X = transpose(R)*x_dot;"),
+    ("chaplygin_gyro", "Gamma = transpose(R)*[0, 0, 1]; X = transpose(R)*x_dot;"),
+    ("chaplygin_sleigh", "omega = theta_dot; v = [dot(c, [x_dot, y_dot]), dot(n, [x_dot, y_dot])];"),
+    ("double_spherical_pendulum", "phi = phi2 - phi1; phi_dot = phi2_dot - phi1_dot;"),
+    ("euler_disk", "X = [x_dot, y_dot];"),
+    ("extended_pose", "V = V; U = U;"),
+    ("free_rigid_body", ""),
+    ("heavy_top", "Gamma = transpose(R)*[0, 0, 1];"),
+    ("kirchhoff_body", "V = V;"),
+    ("mobile_robot", "omega = theta_dot; v = [ahead, aside];"),
+    (
+        "roller_racer",
+        "omega = theta_dot; v = [cos(theta)*x_dot + sin(theta)*y_dot, -sin(theta)*x_dot + cos(theta)*y_dot];",
+    ),
+    ("rolling_ball", "xi = w;"),
+    ("rolling_disk", "v = [cos(phi)*x_dot + sin(phi)*y_dot, -sin(phi)*x_dot + cos(phi)*y_dot];"),
+    ("satellite_with_wheels", "w = phi_dot; S = S;"),
+    (
+        "skate_on_incline",
+        "omega = theta_dot; v = [cos(theta)*x_dot + sin(theta)*y_dot, -sin(theta)*x_dot + cos(theta)*y_dot];
+         d = [cos(theta), -sin(theta)]; descent = x;",
+    ),
+    (
+        "snake",
+        "omega = theta_dot; v = [cos(theta)*x_dot + sin(theta)*y_dot, -sin(theta)*x_dot + cos(theta)*y_dot];",
+    ),
+    (
+        "snakeboard",
+        "omega = theta_dot; v = [cos(theta)*x_dot + sin(theta)*y_dot, -sin(theta)*x_dot + cos(theta)*y_dot];",
+    ),
+    ("suslov", ""),
+    ("tethered_body", "V = transpose(R)*r_dot; a = transpose(R)*(a - r);"),
+    ("two_arm_satellite", ""),
+    ("underwater_vehicle", "V = V; Gamma = transpose(R)*[0, 0, 1];"),
+    ("veselova", "gamma = transpose(R)*[0, 0, 1];"),
+];
+
+/// A shipped model that says to be the quotient of its twin.
+fn as_quotient(name: &str, images: &str) -> (String, Model) {
+    let of = |folder_of_it: &str| {
+        std::fs::read_to_string(folder().join(folder_of_it).join(format!("{name}.hamel")))
+    };
+    let text = of("specs").or_else(|_| of("shelf")).unwrap_or_else(|e| panic!("{name}: {e}"));
+    let text = spec::with_items(&text, &format!("reduces \"{name}.hamel\" {{ {images} }}\n"));
+    let model = spec::parse(&format!("{name}.hamel"), &text).unwrap_or_else(|e| panic!("{e}"));
+    (text, model)
+}
+
+fn held(model: &Model) -> Result<Vec<Step>, String> {
+    let problems = hold_file(model, &folder().join("unreduced/quotient.hamel"));
+    problems.map_err(|list| list.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
+}
+
+#[test]
+fn shipped_models_are_quotients_of_their_twins() {
+    for (name, images) in TWINS {
+        let (_, model) = as_quotient(name, images);
+        let steps = held(&model).unwrap_or_else(|problems| panic!("{name}: {problems}"));
+        let [step] = steps.as_slice() else { panic!("{name}: {steps:?}") };
+        println!("{name}: {:?}", step.proved);
+        // Symmetry takes coordinates away and keeps all velocities.
+        assert_eq!(step.proved.velocities.0, step.proved.velocities.1, "{name}");
+        assert_eq!(step.proved.displacements.0, step.proved.displacements.1, "{name}");
+        assert!(step.proved.n_conditions > 0, "{name}");
+    }
+}
+
+/// The problems of a model that says to be the quotient of another, both as texts.
+fn related(total: &str, quotient: &str) -> Result<Step, String> {
+    let model = spec::parse("quotient.hamel", quotient).unwrap_or_else(|e| panic!("{e}"));
+    let mut read = |_: &str, file: &str| match file {
+        "total.hamel" => Ok(Origin { file: file.to_owned(), text: total.to_owned() }),
+        _ => Err("there is no such file".to_owned()),
+    };
+    let steps = hold(&model, &mut read);
+    let steps = steps.map_err(|list| list.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
+    Ok(steps.into_iter().next().expect("one step"))
+}
+
+/// A word of a shipped model or of its functions, another in its place, and what is said then.
+const FAULTS: &[(&str, &str, &str, &str)] = &[
+    // The map.
+    ("heavy_top", "Gamma = transpose(R)*[0, 0, 1]", "Gamma = R*[0, 0, 1]", "the rate of `Gamma1` along"),
+    (
+        "heavy_top",
+        "Gamma = transpose(R)*[0, 0, 1]",
+        "Gamma = -transpose(R)*[0, 0, 1]",
+        "the Lagrangian differs by",
+    ),
+    ("kirchhoff_body", "V = V", "V = r_dot", "of the bracket ["),
+    ("kirchhoff_body", "V = V", "V = 2*V", "the Lagrangian differs by"),
+    ("chaplygin_sleigh", "omega = theta_dot", "omega = -theta_dot", "of the bracket ["),
+    ("rolling_ball", "xi = w", "xi = Omega", "of the bracket ["),
+    ("mobile_robot", "v = [ahead, aside]", "v = [aside, ahead]", "of the bracket ["),
+    ("tethered_body", "(a - r)", "(a + r)", "the rate of `a1` along"),
+    ("ball_on_rotating_table", "Omega = nu", "Omega = -nu", "the constraint `x_dot - r*omega_y = -Omega*y`"),
+    // The model.
+    ("heavy_top", "- m*g*l*dot(Gamma, chi)", "+ m*g*l*dot(Gamma, chi)", "the Lagrangian differs by"),
+    ("tethered_body", "by cross(Omega, a) + V", "by cross(Omega, a) - V", "the rate of `a1` along"),
+    ("rolling_ball", "action right", "action left", "of the bracket ["),
+    ("suslov", "constraint Omega3 = 0", "constraint Omega2 = 0", "the constraint `Omega2 = 0`"),
+    ("snakeboard", "omega = sin(phi)*s", "omega = -sin(phi)*s", "the constraints `"),
+    ("roller_racer", "- c*phi_dot", "+ c*phi_dot", "the power of the forces"),
+    ("satellite_with_wheels", "+ c*Omega", "+ 2*c*Omega", "the power of the forces"),
+];
+
+#[test]
+fn planted_faults_are_found() {
+    for (name, right, wrong, said) in FAULTS {
+        let images =
+            TWINS.iter().find(|(model, _)| model == name).map(|(_, images)| *images).expect("a twin");
+        let (text, _) = as_quotient(name, images);
+        assert!(text.contains(right), "{name} has no {right}");
+        let text = text.replacen(right, wrong, 1);
+        let model = spec::parse(&format!("{name}.hamel"), &text).unwrap_or_else(|e| panic!("{e}"));
+        let problems = held(&model).map(|steps| format!("{steps:?}")).expect_err(wrong);
+        assert!(problems.contains(said), "{name}, {wrong}: {problems}");
+    }
+}
+
+const SKATE: &str = "model skate {
+    param m = 1 where m > 0;
+    param J = 0.2 where J > 0;
+    coordinate x, y in real;
+    coordinate theta in angle;
+    lagrangian = m/2*(x_dot^2 + y_dot^2) + J/2*theta_dot^2;
+    constraint cos(theta)*y_dot = sin(theta)*x_dot;
+    force theta_dot = -theta_dot;
+}";
+
+const TURNING: &str = "model turning {
+    param m = 1 where m > 0;
+    param J = 0.2 where J > 0;
+    param w = 3;
+    coordinate u, v in real;
+    coordinate psi in angle;
+    let a = u_dot - w*v;
+    let b = v_dot + w*u;
+    lagrangian = m/2*(a^2 + b^2) + J/2*(psi_dot + w)^2;
+    constraint cos(psi)*b = sin(psi)*a;
+    force psi_dot = -(psi_dot + w);
+    reduces \"total.hamel\" {
+        w = 3*m/m;
+        u = cos(3*t)*x + sin(3*t)*y;
+        v = -sin(3*t)*x + cos(3*t)*y;
+        psi = theta - 3*t;
+        u_dot = cos(3*t)*x_dot + sin(3*t)*y_dot + 3*(-sin(3*t)*x + cos(3*t)*y);
+        v_dot = -sin(3*t)*x_dot + cos(3*t)*y_dot - 3*(cos(3*t)*x + sin(3*t)*y);
+        psi_dot = theta_dot - 3;
+    }
+}";
+
+#[test]
+fn a_map_may_move_with_time() {
+    let step = related(SKATE, TURNING).unwrap_or_else(|problems| panic!("{problems}"));
+    assert_eq!((step.proved.base, step.proved.displacements), ((3, 3), (2, 2)));
+    let wrong = TURNING.replace("psi_dot = theta_dot - 3", "psi_dot = theta_dot");
+    let problems = related(SKATE, &wrong).expect_err("a wrong velocity");
+    assert!(problems.contains("the rate of `psi` along d/dt differs by `-3`"), "{problems}");
+}
+
+/// A body in an ideal fluid by translations first, then by turns: `Q -> Q/N -> Q/G`.
+const STAGES: [&str; 3] = [
+    "model body { param J: diagonal(3) = [3, 2, 1]; param M: diagonal(3) = [2, 3, 4];
+        configuration R in SO(3) velocity Omega; coordinate r: vector(3) in real;
+        let V = transpose(R)*r_dot;
+        lagrangian = dot(Omega, J*Omega)/2 + dot(V, M*V)/2; }",
+    "model by_translations { param J: diagonal(3) = [3, 2, 1]; param M: diagonal(3) = [2, 3, 4];
+        velocity v in R^3; configuration R in SO(3) velocity Omega;
+        let V = transpose(R)*v;
+        lagrangian = dot(Omega, J*Omega)/2 + dot(V, M*V)/2;
+        reduces \"body.hamel\" { v = r_dot; } }",
+    "model by_all { param J: diagonal(3) = [3, 2, 1]; param M: diagonal(3) = [2, 3, 4];
+        velocity Omega, V in se(3);
+        lagrangian = dot(Omega, J*Omega)/2 + dot(V, M*V)/2;
+        reduces \"by_translations.hamel\" { V = transpose(R)*v; }
+        reduces \"body.hamel\" { V = transpose(R)*r_dot; } }",
+];
+
+#[test]
+fn stages_are_a_chain() {
+    let [body, by_translations, by_all] = STAGES;
+    let model = spec::parse("by_all.hamel", by_all).unwrap_or_else(|e| panic!("{e}"));
+    let mut read = |_: &str, file: &str| {
+        let text = if file == "body.hamel" { body } else { by_translations };
+        Ok(Origin { file: file.to_owned(), text: text.to_owned() })
+    };
+    let steps = hold(&model, &mut read).unwrap_or_else(|e| panic!("{}", e[0]));
+    let told: Vec<_> = steps.iter().map(|s| (s.quotient.as_str(), s.total.as_str(), s.proved.base)).collect();
+    let wanted = [
+        ("by_all.hamel", "by_translations.hamel", (9, 0)),
+        ("by_translations.hamel", "body.hamel", (12, 9)),
+        ("by_all.hamel", "body.hamel", (12, 0)),
+    ];
+    assert_eq!(told, wanted);
+}
+
+#[test]
+fn problems_are_told_at_their_places() {
+    let cases = [
+        ("psi = theta - 3*t;", "psi = thet - 3*t;", "did you mean `theta`?"),
+        ("psi = theta - 3*t;", "psi = [theta, 3*t];", "`psi` has 1 number, found 2 numbers"),
+        (
+            "psi = theta - 3*t;",
+            "psi = theta_dot;",
+            "depends on more than coordinates and time of `total.hamel`",
+        ),
+        (
+            "psi_dot = theta_dot - 3;",
+            "psi_dot = theta_dot^2;",
+            "is not affine in the velocities of `total.hamel`",
+        ),
+        ("psi = theta - 3*t;", "", "`psi` is no function of `total.hamel`, which has no `psi`"),
+        ("w = 3*m/m;", "w = x;", "the function for `w` depends on more"),
+        ("psi = theta - 3*t;", "spi = theta - 3*t;", "did you mean `psi`?"),
+        ("psi = theta - 3*t;", "psi = theta - 3*t; psi = theta;", "`psi` is given twice"),
+        ("total.hamel", "other.hamel", "`other.hamel` cannot be read: there is no such file"),
+    ];
+    for (right, wrong, said) in cases {
+        let text = TURNING.replacen(right, wrong, 1);
+        let problems = match spec::parse("quotient.hamel", &text) {
+            Err(problems) => problems.to_string(),
+            Ok(_) => related(SKATE, &text).expect_err(wrong),
+        };
+        assert!(problems.contains(said), "{wrong}: {problems}");
+        assert!(problems.contains("--> quotient.hamel:"), "{wrong}: {problems}");
+    }
+    let problems = related("model m { lagrangian = x^2; }", TURNING).expect_err("a wrong model");
+    assert!(problems.contains("--> total.hamel:1:24"), "{problems}");
+    let spring = "model s { coordinate x in real; lagrangian = x_dot^2 - x^2; }";
+    let given = "model q { coordinate x in real; acceleration x_dot = -x; reduces \"total.hamel\" {} }";
+    let problems = related(spring, given).expect_err("no Lagrangian");
+    assert!(problems.contains("this model has a motion that is given"), "{problems}");
+}
