@@ -21,14 +21,14 @@ const MAX_STEPS: usize = 16;
 /// Conditions that are told; the others of their kind have the same reason most often.
 const MAX_TOLD: usize = 2;
 
-/// What was proved: one step of a chain.
+/// One step of a chain, proved.
 #[derive(Clone, Debug)]
 pub struct Step {
     /// File of the quotient.
     pub quotient: String,
     /// File of the model that it is the quotient of.
     pub total: String,
-    /// What both have.
+    /// The proof.
     pub proved: Quotient,
 }
 
@@ -85,7 +85,7 @@ fn hold_from(
     Ok(())
 }
 
-/// One step: the other model, and what was proved.
+/// One step: the other model, and the proof.
 fn held(model: &Model, total: &Total, origin: &Origin) -> Result<(Model, Quotient), Vec<Diagnostics>> {
     let here = |problems: Vec<Diagnostic>| Diagnostics::new(model.origin.clone(), problems);
     let budget = model.graph.budget();

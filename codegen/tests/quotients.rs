@@ -1,5 +1,5 @@
-//! Models as quotients of others: every shipped model of which there is an unreduced twin, chains of stages, and planted
-//! faults.
+//! Models as quotients of others: every shipped model of which there is an unreduced twin, chains of stages, and
+//! planted faults.
 
 use hamel_codegen::quotient::{Step, hold, hold_file};
 use hamel_codegen::spec::{self, Model, Origin};
@@ -95,7 +95,7 @@ fn related(total: &str, quotient: &str) -> Result<Step, String> {
     Ok(steps.into_iter().next().expect("one step"))
 }
 
-/// A word of a shipped model or of its functions, another in its place, and what is said then.
+/// A word of a shipped model or of its functions, another in its place, and the message.
 const FAULTS: &[(&str, &str, &str, &str)] = &[
     // The map.
     ("heavy_top", "Gamma = transpose(R)*[0, 0, 1]", "Gamma = R*[0, 0, 1]", "the rate of `Gamma1` along"),

@@ -189,8 +189,8 @@ impl Findings {
     }
 }
 
-/// The warnings of a model, whose scenes are derived where `derive` says so, and what it is proved to be the quotient of;
-/// none for a fluid of matrices.
+/// The warnings of a model, whose scenes are derived where `derive` says so, and what it is proved to be the quotient
+/// of; none for a fluid of matrices.
 fn check(file: &ModelFile<'_>, derive: bool) -> Result<Option<(Diagnostics, Vec<Step>)>, Error> {
     if file.fluid()?.is_some() {
         return Ok(None);

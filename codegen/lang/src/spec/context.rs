@@ -132,7 +132,7 @@ fn of_block(block: &str, statement: &[&str]) -> Context {
         ("reduces", None) => Context::StateVariable,
         (_, None) => Context::BlockStatement,
         ("stage", Some("connection")) if !is_after_equals => Context::Velocity,
-        // Names behind `=` are those of another model.
+        // Names behind `=` belong to another model.
         ("reduces", _) if is_after_equals => Context::Anything,
         _ => Context::Expression,
     }

@@ -45,6 +45,7 @@ mod redundant;
 mod shape;
 mod size;
 mod tokens;
+mod total;
 mod unit;
 mod units;
 mod unused;
@@ -67,20 +68,21 @@ pub use first_order::FirstOrderState;
 pub use fluid::{FluidCasimir, FluidMode, FluidSurface, MatrixFluid};
 pub use format::format;
 pub use group::Group;
-pub use images::{ImageProblems, parse_with_images, with_items};
+pub use images::{ImageProblems, with_items};
 pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
-    FormulationSearch, Given, IdealChain, Image, InnerProduct, Model, Momentum, Named, NamedVector,
-    OwnAlgebroid, OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind,
-    Scene, Side, Total, Velocity, VelocitySection, circle_names, diagnose,
+    FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
+    OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
+    Velocity, VelocitySection, circle_names, diagnose,
 };
 pub use names::LEVEL_MOMENTUM;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use size::FamilySize;
+pub use total::{Image, Total};
 pub use unit::{Unit, Units};
 pub use value::Value;
 pub use view::{View, ViewShape, Views};
@@ -158,6 +160,25 @@ pub fn parse_within(budget: Budget, file_name: &str, text: &str) -> Result<Model
         return Err(Diagnostics::new(Some(origin), problems));
     }
     elaborate::elaborate(outcome, origin, budget)
+}
+
+/// Reads a model, and functions of it as its last outputs, one for each image in their order; also how many outputs it
+/// has of its own.
+///
+/// # Errors
+/// All problems of the model, and of the functions.
+pub fn parse_with_images(
+    budget: Budget,
+    origin: &Origin,
+    images: &[Image],
+) -> Result<(Model, usize), ImageProblems> {
+    let extended =
+        images::Extended::new(origin.text.strip_prefix('\u{feff}').unwrap_or(&origin.text), images);
+    let model = parse_within(budget, &origin.file, &extended.text);
+    let model = model.map_err(|list| extended.problems(&list, origin))?;
+    let n_own =
+        model.outputs.iter().position(|output| extended.has(&output.name)).unwrap_or(model.outputs.len());
+    Ok((model, n_own))
 }
 
 /// Reads an ideal fluid that is moved as products of matrices; none for a model with equations, which [`parse`] reads.

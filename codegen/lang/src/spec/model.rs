@@ -10,6 +10,7 @@ pub(super) use super::first_order::FirstOrderState;
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 use super::size::FamilySize;
+use super::total::Total;
 use super::unit::Units;
 use super::view::Views;
 use super::want::Wanted;
@@ -484,30 +485,6 @@ pub struct Places {
     pub initial: BTreeMap<String, Span>,
 }
 
-/// A model that another one says to be the quotient of: `reduces`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Total {
-    /// Its file, from the folder of the model that says so.
-    pub file: String,
-    /// Where the file is named.
-    pub place: Option<Span>,
-    /// Variables and parameters of the quotient as functions of it.
-    pub images: Vec<Image>,
-}
-
-/// A variable or a parameter of a quotient as a function of the total system.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Image {
-    /// Its name, of a vector or a component.
-    pub name: String,
-    /// Its components.
-    pub components: Vec<String>,
-    /// The function, as written: its names are those of the total system.
-    pub text: String,
-    /// Where the name and the function are written.
-    pub places: Option<(Span, Span)>,
-}
-
 /// A checked model; every expression lives in [`Model::graph`].
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -551,11 +528,9 @@ pub struct Model {
     pub carries: Vec<Carried>,
     /// Side of the group action.
     pub action: Side,
-    /// Components `A^a_i(x, t)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate:
-    /// the velocities in the algebra are `xi + A(x, t) xdot`. Absent for `xi` itself.
+    /// Components `A^a_i(x, t)` of the principal connection: the velocities in the algebra are `xi + A(x, t) xdot`.
     pub connection: Option<Vec<Vec<ExprId>>>,
-    /// A Lie algebroid over the base coordinates, whose velocities are [`Model::velocities`]; the base coordinates have
-    /// no velocities of their own then.
+    /// A Lie algebroid over the base coordinates, which have no velocities beside [`Model::velocities`] then.
     pub algebroid: Option<OwnAlgebroid>,
     /// Quasi-velocities in the place of velocities. Infinitesimal actions on advected parameters and the connection are
     /// written in the velocities before, everything else in those of the model.
@@ -577,8 +552,7 @@ pub struct Model {
     /// A connection to be derived; the model is then written with the group velocity `xi` and the state holds
     /// `v = xi + A(x) xdot`.
     pub derived_connection: Option<ConnectionKind>,
-    /// What stands for the accelerations in constraints of third order and in conditions on displacements, in the order
-    /// of [`Model::all_velocities`]; empty where nothing mentions any.
+    /// Accelerations that constraints of third order and conditions on displacements mention, by velocity, or none.
     pub accelerations: Vec<SymbolId>,
     /// Conditions on virtual displacements; when there are none, the constraints give them.
     pub virtual_constraints: Vec<VirtualConstraint>,

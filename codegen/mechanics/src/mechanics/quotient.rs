@@ -10,8 +10,8 @@
 //! Phi(M) in Mbar,   Phi(V) = Vbar,   F_a w^a = Fbar_A Phi^A_a w^a for w in V
 //! ```
 //!
-//! for the velocities `M` and the displacements `V` that constraints allow. The Lagrange-d'Alembert equations along `w`
-//! are those of the quotient along `Phi w` then, so that `Phi` takes motions to motions. Components of the coordinates of
+//! for the velocities `M` and the displacements `V` that constraints allow. The Lagrange-d'Alembert equation along `w`
+//! is the one of the quotient along `Phi w` then: `Phi` takes motions to motions. Components of the coordinates of
 //! a group are rational functions of free symbols where something has to vanish.
 //!
 //! Source: Cortes, de Leon, Marrero, Martinez 2009, theorems 4.6 and 7.8. Does not know: equations of motion, texts.
@@ -24,7 +24,7 @@ use hamel_lang::algebra::Algebroid;
 use hamel_lang::spec::group_motion::rational_element;
 use hamel_lang::spec::{Configuration, Param};
 
-/// What was proved: that one system is the quotient of another.
+/// The proof that one system is the quotient of another, by numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Quotient {
     /// Components of the base, of the total system and of the quotient.
@@ -95,8 +95,8 @@ struct Map<'a> {
     n_conditions: usize,
 }
 
-/// Proves that `quotient` is the quotient of `total` by a map: `images` has functions of the total system, in its graph,
-/// by names of variables and parameters of the quotient. One that has none is the one of that name.
+/// Proves that `quotient` is the quotient of `total` by a map: `images` has functions of the total system, in its
+/// graph, by names of variables and parameters of the quotient. One that has none is the one of that name.
 ///
 /// `configurations` are the coordinates of the total system in groups.
 ///
@@ -159,7 +159,7 @@ fn has_servo(system: &ReducedSystem) -> bool {
     }
 }
 
-/// `a . y + b . s + c = 0` with velocities `y` and quasi-velocities `s`: what is asked of `y` is that there is some `s`.
+/// `a . y + b . s + c = 0` with velocities `y` and quasi-velocities `s`: `y` is allowed where there is some `s`.
 #[derive(Clone, Debug)]
 struct Form {
     /// The constraint as written, or its name.
@@ -395,7 +395,7 @@ impl<'a> Map<'a> {
     }
 
     /// Whether pulled forms hold where forms of the total system do: `rank(T, P) = rank(T) + rank(b_P)`, since the rows
-    /// of `P` that are free of quasi-velocities have to be combinations of those of `T`.
+    /// of `P` that are free of quasi-velocities have to be combinations of rows of `T`.
     fn is_implied(&mut self, total: &[Form], pulled: &[Form]) -> bool {
         self.n_conditions += 1;
         let zero = self.g.zero();
@@ -542,8 +542,8 @@ impl<'a> Map<'a> {
         Ok(Form { text: form.text.clone(), velocities, quasi, offset })
     }
 
-    /// Demands that forms of the quotient hold where forms of the total system do: one by one, or all at once where they
-    /// have quasi-velocities in common.
+    /// Demands that forms of the quotient hold where forms of the total system do: one by one, or all at once where
+    /// they have quasi-velocities in common.
     fn holds(
         &mut self,
         (total, quotient): (&[Form], &[Form]),
@@ -568,7 +568,7 @@ impl<'a> Map<'a> {
         let (forms, functions) = allowed(&mut self.g, self.total);
         let relation = |texts: &[&str]| {
             let s = if texts.len() == 1 { "" } else { "s" };
-            format!("the constraint{s} `{}` where those of the total system hold", texts.join("`, `"))
+            format!("the constraint{s} `{}` where the total system allows velocities", texts.join("`, `"))
         };
         self.holds((&forms, &of_quotient), Along::Velocities, |forms| {
             let texts: Vec<&str> = forms.iter().map(|form| form.text.as_str()).collect();

@@ -13,6 +13,7 @@ use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::shape::ValueError;
 use crate::spec::size::FamilySize;
+use crate::spec::total::Total;
 use crate::spec::value::Value;
 use crate::spec::view::View;
 use hamel_expr::error::Error;

@@ -5,8 +5,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::draft::{DeclaredAs, ModelBuilder};
-use crate::spec::model::{Image, Total};
 use crate::spec::names;
+use crate::spec::total::{Image, Total};
 use hamel_expr::ExprId;
 
 impl ModelBuilder {

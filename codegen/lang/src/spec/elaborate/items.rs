@@ -6,8 +6,9 @@ use super::values::Elaboration;
 use crate::spec::ast::{Carry, Comparison, EventItem, Expr, Item, ItemKind, Name, ReducesItem};
 use crate::spec::builder::{CarryDraft, EventSet, FIELD, Placement};
 use crate::spec::eval::is_poisoned;
-use crate::spec::model::{ConnectionKind, FormulationSearch, Image, Total};
+use crate::spec::model::{ConnectionKind, FormulationSearch};
 use crate::spec::names;
+use crate::spec::total::{Image, Total};
 use crate::spec::value::Value;
 
 impl Elaboration<'_> {
