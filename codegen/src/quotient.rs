@@ -7,7 +7,7 @@
 //! Does not know: how anything is proved.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use hamel_expr::ExprId;
 use hamel_lang::spec::{Diagnostic, Diagnostics, Model, Origin, Total, parse_with_images};
@@ -53,11 +53,14 @@ pub fn hold(
 pub fn hold_file(model: &Model, path: &Path) -> Result<Vec<Step>, Vec<Diagnostics>> {
     // A file may be shown by another name than its path.
     let shown = model.origin.as_ref().map_or(String::new(), |origin| origin.file.clone());
+    let mut paths = BTreeMap::from([(shown, path.to_owned())]);
     hold(model, &mut |here, file| {
-        let here = if here == shown { path } else { Path::new(here) };
-        let path = here.parent().unwrap_or(Path::new("")).join(file);
+        let beside = |path: &Path| path.parent().unwrap_or(Path::new("")).join(file);
+        let path = beside(paths.get(here).map_or(Path::new(here), PathBuf::as_path));
         let text = std::fs::read_to_string(&path).map_err(|e| e.to_string())?;
-        Ok(Origin { file: path.display().to_string(), text })
+        let shown = beside(Path::new(here)).display().to_string();
+        paths.insert(shown.clone(), path);
+        Ok(Origin { file: shown, text })
     })
 }
 
