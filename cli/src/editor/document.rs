@@ -2,11 +2,15 @@
 //!
 //! Does not know: messages of the protocol, what is asked.
 
+use std::path::Path;
+use std::str::FromStr as _;
 use std::sync::Arc;
 
+use hamel_codegen::quotient;
 use hamel_codegen::spec::{self, Diagnostics, Model, Outline};
 use hamel_mechanics::mechanics::{self, Equations};
 use hamel_mechanics::reduction::{self, Formulation};
+use lsp_types::Uri;
 
 use super::position::Lines;
 
@@ -45,17 +49,30 @@ pub(crate) struct Checked {
     pub(crate) model: Option<Arc<Model>>,
 }
 
-/// Checks a text; `file` is shown nowhere but in messages.
+/// Checks a text; `file` is its address, beside which other models are looked for.
 pub(crate) fn check(file: &str, text: Arc<str>) -> Checked {
     let (found, model) = match spec::matrix_fluid(file, &text) {
         Ok(Some(_)) => (Diagnostics::new(None, Vec::new()), None),
         Err(problems) => (problems, None),
         Ok(None) => match spec::parse(file, &text) {
-            Ok(model) => (model.warnings.clone(), Some(Arc::new(model))),
+            Ok(model) => {
+                let found = false_quotients(file, &model).unwrap_or_else(|| model.warnings.clone());
+                (found, Some(Arc::new(model)))
+            }
             Err(problems) => (problems, None),
         },
     };
     Checked { text, found, model }
+}
+
+/// What is wrong in a text about models that the model says to be the quotient of.
+fn false_quotients(file: &str, model: &Model) -> Option<Diagnostics> {
+    let uri = Uri::from_str(file).ok().filter(|_| !model.totals.is_empty())?;
+    let path = uri.path().as_estr().decode().into_string().ok()?;
+    // `/C:/folder/file` on Windows.
+    let path = path.strip_prefix('/').filter(|rest| rest.contains(':')).unwrap_or(&path);
+    let problems = quotient::hold_file(model, Path::new(path)).err()?;
+    problems.into_iter().find(|list| list.origin().is_some_and(|origin| origin.file == file))
 }
 
 /// The equations of motion of a model as it is written; nothing where they cannot be derived.

@@ -143,6 +143,20 @@ fn components_and_rates_stand_for_their_declaration() {
     assert_eq!(velocity.wish, Wish::Rates(["Omega1", "Omega2", "Omega3"].map(str::to_owned).to_vec()));
 }
 
+/// A model that is not the quotient of the file beside it, at its place in the text.
+#[test]
+fn a_false_quotient_is_marked() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/book");
+    let name = "body_by_displacements.hamel";
+    let text = std::fs::read_to_string(root.join(name)).unwrap();
+    let uri = format!("file://{}", root.canonicalize().unwrap().join(name).display());
+    assert!(super::document::check(&uri, text.clone().into()).found.is_empty());
+    let found = super::document::check(&uri, text.replace("transpose(R)*v", "R*v").into()).found;
+    let problem = found.iter().next().unwrap();
+    assert!(problem.message.contains("of the bracket ["), "{}", problem.message);
+    assert_eq!(problem.span.unwrap().start, text.find("\"body_by_translations").unwrap());
+}
+
 #[test]
 fn a_rename_takes_components_and_rates_along_and_keeps_a_model() {
     let (document, _) = checked(TOP);

@@ -211,11 +211,10 @@ fn allowed(g: &mut Graph, system: &ReducedSystem) -> (Vec<Form>, Vec<(String, Ex
 fn reactions(g: &mut Graph, system: &ReducedSystem) -> Vec<Form> {
     let offset = g.zero();
     let of_forms = |forms: &[Vec<ExprId>]| {
-        let form = |form: &Vec<ExprId>| Form {
-            text: String::new(),
-            velocities: form.clone(),
-            quasi: Vec::new(),
-            offset,
+        let form = |form: &Vec<ExprId>| {
+            let (velocities, quasi) = form.split_at(system.velocities.len());
+            let (velocities, quasi) = (velocities.to_vec(), quasi.to_vec());
+            Form { text: String::new(), velocities, quasi, offset }
         };
         forms.iter().map(form).collect()
     };
