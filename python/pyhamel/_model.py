@@ -395,6 +395,49 @@ class Model:
         self._native.jvp(pairs, list(along.values()), t, dt, out)
         return out.reshape(y.shape)
 
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        """Velocities of the state that have rates of their own: components of accelerations, rows of the mass matrix."""
+        return tuple(self._native.velocities)
+
+    def inverse_dynamics(
+        self, y: ArrayLike, a: ArrayLike, t: float = 0.0, *, threads: bool | None = None
+    ) -> Array:
+        """Forces ``tau = A a - f`` that have to act beside the model's for :attr:`velocities` to have the rates ``a``.
+
+        ``(.., m)``, of states ``(.., n)`` and accelerations ``(.., m)`` whose axes in front are broadcast; along the
+        virtual displacements of the velocities, in their units. By the recursion of Newton and Euler where bodies are
+        linked (Luh, Walker, Paul 1980).
+
+        Raises :class:`InputError` unless the scene says ``want inverse_dynamics;``, and where something has no finite
+        value.
+        """
+        self._wanted("inverse_dynamics")
+        y, a = self._states(y), np.asarray(a, dtype=np.float64)
+        names = self.velocities
+        if a.ndim == 0 or a.shape[-1] != len(names):
+            raise InputError(f"a is of shape {a.shape}, but its last axis has to have {len(names)} components: {', '.join(names)}")
+        try:
+            shape = np.broadcast_shapes(y.shape[:-1], a.shape[:-1])
+        except ValueError:
+            raise InputError(f"y of shape {y.shape} and a of shape {a.shape} do not fit each other") from None
+        pairs = np.concatenate([np.broadcast_to(x, (*shape, x.shape[-1])) for x in (y, a)], axis=-1)
+        out = np.empty((*shape, len(names)))
+        self._native.inverse_dynamics(
+            pairs.reshape(-1, pairs.shape[-1]), t, out.reshape(-1, len(names)), threads
+        )
+        return out
+
+    def mass_matrix(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """The mass matrix ``A`` of ``A udot = f``, ``(.., m, m)``, in the order of :attr:`velocities`.
+
+        Raises :class:`InputError` unless the scene says ``want mass_matrix;``, and where something has no finite value.
+        """
+        self._wanted("mass_matrix")
+        y = self._states(y)
+        m = len(self.velocities)
+        return self._on_rows(self._native.mass_matrix, y, t, np.empty((*y.shape[:-1], m, m)), (m, m), threads)
+
     def energy(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
         """The energy of states, ``(..)``; raises :class:`InputError` where the scene has none."""
         if not self._native.has_energy:
@@ -706,6 +749,12 @@ class Model:
         return _restored, (native.file, native.text, native.scene, native.values, native.budget, self._cache, self._applied)
 
     # Within the package.
+
+    def _wanted(self, function: str) -> None:
+        if not self._native.has(function):
+            raise InputError(
+                f"scene {self.scene} of {self.name} has no {function}: take a scene that says `want {function};`"
+            )
 
     def _states(self, y: ArrayLike, what: str = "y") -> Array:
         states = np.asarray(y, dtype=np.float64)

@@ -133,6 +133,7 @@ mod tests {
             momenta: Vec::new(),
             params: Vec::new(),
             inputs: Vec::new(),
+            velocities: Vec::new(),
             outputs: Vec::new(),
             has_energy: false,
             conserves_energy: false,
