@@ -29,6 +29,7 @@ mod linkages;
 mod logarithm;
 mod loops;
 mod malformed;
+mod named_frames;
 mod random_models;
 mod redundant;
 mod reserved;

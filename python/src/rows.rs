@@ -3,6 +3,8 @@
 //! Deliberately does not know: scenes of Python, where the numbers of an array are.
 
 use hamel_run::dynamics::{Dynamics, VecState};
+use hamel_run::error::Error;
+use hamel_run::evaluate::{derivative, unusable_states};
 use hamel_runtime::F64x4;
 use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Ix2};
 use pyo3::prelude::*;
@@ -68,4 +70,29 @@ pub(crate) fn by_row(
         is_finite &= out.set_row(k, &result);
     }
     is_finite
+}
+
+/// Writes numbers, or that there are none, which no result may be.
+pub(crate) fn write(found: Option<&[f64]>, result: &mut [f64]) {
+    match found {
+        Some(found) => result.copy_from_slice(found),
+        None => result.fill(f64::NAN),
+    }
+}
+
+/// Why some of the states have no values: of the right-hand side, and if that has, then those that were asked for.
+pub(crate) fn refuse(dynamics: &dyn Dynamics, states: ArrayView2<'_, f64>, t: f64) -> Result<(), Error> {
+    let mut row = vec![0.0; states.ncols()];
+    let rows = Rows::of(states);
+    let mut reasons = Vec::new();
+    for k in 0..states.nrows() {
+        rows.row(k, &mut row);
+        if let Err(reason) = derivative(dynamics, t, &row) {
+            reasons.push((k, reason));
+        }
+    }
+    if reasons.is_empty() {
+        reasons.push((0, "a result of one of the states is not finite".to_owned()));
+    }
+    Err(unusable_states(reasons, states.nrows()))
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use hamel::output::report::contents::contents;
 use hamel_codegen::explain::{self, SectionKind};
-use hamel_codegen::spec::{self, ParamArray};
+use hamel_codegen::spec::{self, ParamArray, Want};
 use hamel_expr::{Style, rational_to_f64};
 use hamel_run::cache::Cache;
 use hamel_run::choice::gives_way;
@@ -20,15 +20,15 @@ use hamel_run::inputs::{Between, InputTable};
 use hamel_run::interpreted::{self, Built};
 use hamel_run::model::{self, Checked};
 use hamel_run::session::{Session, closed};
-use hamel_runtime::Dual;
-use numpy::ndarray::{ArrayView2, s};
+use hamel_runtime::{Dual, F64x4};
+use numpy::ndarray::s;
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use self_cell::self_cell;
 
 use crate::arrays::{Rows, RowsMut, in_pieces};
 use crate::errors::{OrRaise as _, exception};
-use crate::rows::{by_row, rates, two_axes, two_axes_mut, two_axes_needed};
+use crate::rows::{by_row, rates, refuse, two_axes, two_axes_mut, two_axes_needed, write};
 use crate::shipped::SHIPPED;
 
 self_cell!(
@@ -122,27 +122,10 @@ impl Scene {
         }
         let done = py.detach(|| match in_pieces(states, out, (cost, threads), work) {
             Ok(true) => Ok(()),
-            Ok(false) => self.refuse(states, t),
+            Ok(false) => refuse(self.dynamics(), states, t),
             Err(error) => Err(error),
         });
         done.or_raise(py)
-    }
-
-    /// Why some of the states have no values: of the right-hand side, and if that has, then those that were asked for.
-    fn refuse(&self, states: ArrayView2<'_, f64>, t: f64) -> Result<(), Error> {
-        let mut row = vec![0.0; states.ncols()];
-        let rows = Rows::of(states);
-        let mut reasons = Vec::new();
-        for k in 0..states.nrows() {
-            rows.row(k, &mut row);
-            if let Err(reason) = derivative(self.dynamics(), t, &row) {
-                reasons.push((k, reason));
-            }
-        }
-        if reasons.is_empty() {
-            reasons.push((0, "a result of one of the states is not finite".to_owned()));
-        }
-        Err(unusable_states(reasons, states.nrows()))
     }
 }
 
@@ -479,6 +462,12 @@ impl Scene {
         self.info().velocities.clone()
     }
 
+    /// Names of the frames of the model.
+    #[getter]
+    fn frames(&self) -> Vec<String> {
+        self.info().frames.clone()
+    }
+
     /// Whether the scene has a function of that name.
     fn has(&self, name: &str) -> bool {
         self.built().executable().program.functions.iter().any(|function| function.role.name() == name)
@@ -499,41 +488,45 @@ impl Scene {
         if pairs.ncols() != n + m || out.dim() != (pairs.nrows(), m) {
             return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
         }
-        let forces =
-            |row: &[f64], result: &mut [f64]| match dynamics.inverse_dynamics(t, &row[..n], &row[n..]) {
-                Some(found) => result.copy_from_slice(&found),
-                None => result.fill(f64::NAN),
-            };
+        let forces = |row: &[f64], result: &mut [f64]| {
+            write(dynamics.inverse_dynamics(t, &row[..n], &row[n..]).as_deref(), result);
+        };
         let done = py.detach(|| {
             let work = |rows: &Rows<'_>, out: &mut RowsMut<'_>, n_rows: usize| {
                 by_row(rows, out, n_rows, (n + m, m), forces)
             };
             match in_pieces(pairs, out, (self.cost(), threads), work) {
                 Ok(true) => Ok(()),
-                Ok(false) => self.refuse(pairs.slice(s![.., ..n]), t),
+                Ok(false) => refuse(dynamics, pairs.slice(s![.., ..n]), t),
                 Err(error) => Err(error),
             }
         });
         done.or_raise(py)
     }
 
-    /// Writes the mass matrices of states, row by row, to the rows of `out`, `[n_states, m * m]`.
-    fn mass_matrix(
+    /// Writes mass matrices or Jacobians of frames, `[n_rows, m]` each, row by row, to the rows of `out`.
+    fn matrix(
         &self,
         py: Python<'_>,
+        name: &str,
         y: PyReadonlyArrayDyn<'_, f64>,
         t: f64,
         mut out: PyReadwriteArrayDyn<'_, f64>,
         threads: Option<bool>,
     ) -> PyResult<()> {
         let (dynamics, n, m) = (self.dynamics(), self.info().state.len(), self.info().velocities.len());
-        self.on_states(py, (&y, t), &mut out, (self.cost(), threads), |rows, out, n_rows| {
-            by_row(rows, out, n_rows, (n, m * m), |y, result| match dynamics.mass_matrix(t, y) {
-                Some(found) => {
-                    result.chunks_mut(m.max(1)).zip(&found).for_each(|(out, row)| out.copy_from_slice(row))
-                }
-                None => result.fill(f64::NAN),
-            })
+        let is_mass_matrix = name == Want::MassMatrix.name();
+        let n_rows = if is_mass_matrix { m } else { 6 * self.info().frames.len() };
+        if out.shape().get(1) != Some(&(n_rows * m)) {
+            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+        }
+        let matrix = |y: &[f64], result: &mut [f64]| {
+            let found =
+                if is_mass_matrix { dynamics.mass_matrix(t, y) } else { dynamics.frame_jacobians(t, y) };
+            write(found.map(|rows| rows.concat()).as_deref(), result);
+        };
+        self.on_states(py, (&y, t), &mut out, (self.cost(), threads), |rows, out, n_states| {
+            by_row(rows, out, n_states, (n, n_rows * m), matrix)
         })
     }
 

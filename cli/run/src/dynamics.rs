@@ -86,6 +86,13 @@ pub trait Dynamics: Send + Sync {
         None
     }
 
+    /// The derivatives of the twists of frames, six rows for each, by the velocities in the order of
+    /// [`Info::velocities`]; none unless the scene wants `frame_jacobians`.
+    fn frame_jacobians(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let _ = (t, y);
+        None
+    }
+
     /// Cost of one evaluation of the right-hand side, as [`hamel_program::program::Counts::cost`].
     fn rhs_cost(&self) -> u64;
 

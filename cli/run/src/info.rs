@@ -25,6 +25,9 @@ pub struct Info {
     /// where the state has momenta in their place.
     #[serde(default)]
     pub velocities: Vec<String>,
+    /// Names of the frames of the model.
+    #[serde(default)]
+    pub frames: Vec<String>,
     /// Groups of outputs in the order of [`Dynamics::outputs`](super::dynamics::Dynamics::outputs).
     pub outputs: Vec<OutputEntry>,
     /// Whether [`Dynamics::energy`](super::dynamics::Dynamics::energy) has a value.

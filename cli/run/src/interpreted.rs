@@ -523,6 +523,10 @@ impl Dynamics for Interpreted<'_> {
         self.interpreter.at(t).mass_matrix(t, y)
     }
 
+    fn frame_jacobians(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.interpreter.at(t).frame_jacobians(t, y)
+    }
+
     fn rhs_cost(&self) -> u64 {
         self.built.rhs_counts().cost()
     }

@@ -30,6 +30,7 @@ pub fn info(fluid: &MatrixFluid) -> Info {
         params: Vec::new(),
         inputs: Vec::new(),
         velocities: Vec::new(),
+        frames: Vec::new(),
         outputs: if casimirs.is_empty() { Vec::new() } else { vec![group(casimirs)] },
         has_energy: true,
         conserves_energy: true,

@@ -134,6 +134,7 @@ mod tests {
             params: Vec::new(),
             inputs: Vec::new(),
             velocities: Vec::new(),
+            frames: Vec::new(),
             outputs: Vec::new(),
             has_energy: false,
             conserves_energy: false,

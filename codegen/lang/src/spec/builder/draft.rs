@@ -4,6 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::named_frames::NamedFrameDraft;
 use crate::algebra::LieAlgebra;
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::event::EventDirection;
@@ -429,6 +430,7 @@ pub struct ModelBuilder {
     pub(super) views: Vec<View>,
     /// The graph without the views while they are declared, the one with them afterwards.
     pub(super) views_graph: Option<Graph>,
+    pub(super) named_frames: Vec<NamedFrameDraft>,
 }
 
 impl ModelBuilder {
@@ -507,6 +509,7 @@ impl ModelBuilder {
             scenes: Vec::new(),
             views: Vec::new(),
             views_graph: None,
+            named_frames: Vec::new(),
         }
     }
 
