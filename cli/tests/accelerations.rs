@@ -47,7 +47,7 @@ fn eval_answers_with_the_forces_of_accelerations() {
     let answer: Value = serde_json::from_str(&answer).expect("JSON");
     let gyroscopic = [2.0 * 3.0 * (0.8 - 1.5), 3.0 * 1.0 * (2.0 - 0.8), 1.0 * 2.0 * (1.5 - 2.0)];
     assert_eq!(answer["inverse_dynamics"], json!([of_three(gyroscopic), of_three([2.0, 0.0, 0.4])]));
-    // What was not asked for is not there.
+    // Without accelerations there are no forces.
     let request = json!({"states": [of_three([1.0, 2.0, 3.0])]});
     let answer = eval_text(&scene("dynamics"), &request.to_string()).expect("values");
     let answer: Value = serde_json::from_str(&answer).expect("JSON");

@@ -34,7 +34,7 @@ pub struct EvalResponse {
     pub energy: Option<Vec<f64>>,
     /// All outputs, one after the other.
     pub outputs: Vec<Vec<f64>>,
-    /// The forces of [`Dynamics::inverse_dynamics`] at the accelerations of the request; none where it has none.
+    /// The forces of [`Dynamics::inverse_dynamics`] at the accelerations of the request, where it has any.
     #[serde(default)]
     pub forces: Option<Vec<Vec<f64>>>,
 }

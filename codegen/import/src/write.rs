@@ -87,7 +87,7 @@ struct Writer<'a> {
     kinetic: Vec<String>,
     potential: Vec<String>,
     motion: Motion,
-    /// Places and rotations of links in the frames of their joints, by joint; none of joints without a coordinate.
+    /// Places and rotations of links in the frames of their joints, by joint, where that has a coordinate.
     moved: Vec<Option<(Option<String>, Option<String>)>>,
     /// Whether the numbers of the frame of a joint have been declared.
     is_declared: Vec<bool>,
@@ -338,8 +338,8 @@ impl Writer<'_> {
         }
     }
 
-    /// The frames of links that are asked for: places and rotations by those of the links before, from the link at rest
-    /// or from the one that moves freely.
+    /// The frames of links that are asked for: places and rotations by the links before, from the link at rest or from
+    /// the one that moves freely.
     fn frames(&mut self, problems: &mut Problems) {
         let mut placed: Vec<Option<Carried>> = vec![None; self.robot.links.len()];
         for name in &self.options.frames {

@@ -1,5 +1,5 @@
-//! Named frames beside the model: twists are the derivatives of poses along the motion, Jacobians and drifts those of
-//! twists; and forces at rest.
+//! Named frames beside the model: twists are the derivatives of poses along the motion, Jacobians and drifts the
+//! derivatives of twists; and forces at rest.
 //!
 //! Does not know: how twists are composed or differentiated.
 

@@ -13,7 +13,7 @@ use hamel_mechanics::mechanics::{Equations, Output, OutputKind, StateEquation};
 use super::dependence::needs;
 use super::derivatives::Matrix;
 
-/// Derivatives of the twists of all frames, and what has to be lowered for them.
+/// Derivatives of the twists of all frames, with the definitions that they need.
 #[derive(Default)]
 pub(super) struct OfFrames {
     pub(super) outputs: Vec<Output>,
@@ -22,8 +22,8 @@ pub(super) struct OfFrames {
     pub(super) sections: Vec<Section>,
 }
 
-/// The derivatives that are wanted of twists `V(t, x, u)`: by the velocities `u` of the state, `J = dV/du`, and along the
-/// motion at zero accelerations, `dV/dt + dV/dx xdot`.
+/// The derivatives that are wanted of twists `V(t, x, u)`: by the velocities `u` of the state, `J = dV/du`, and along
+/// the motion at zero accelerations, `dV/dt + dV/dx xdot`.
 ///
 /// # Errors
 /// [`Error::Unsupported`] where the state has momenta, or the model gives the motion.

@@ -631,7 +631,7 @@ impl Interpreter<'_> {
     }
 
     /// The derivatives of the twists of the frames by the velocities of the state, when the scene wants them: six rows
-    /// for each frame, those of its angular velocity first.
+    /// for each frame, its angular velocity first.
     ///
     /// # Panics
     /// When the size of `y` is wrong.

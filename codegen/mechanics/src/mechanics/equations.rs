@@ -206,7 +206,7 @@ impl Equations {
         }
     }
 
-    /// The linear system with its balance, where all velocities of the state are those of the model: none where the
+    /// The linear system with its balance, where all velocities of the state are the model's own: none where the
     /// state has momenta, velocities along stages, or nothing is solved for accelerations.
     pub fn balanced_system(&self) -> Option<(&LinearSystem, &Balance)> {
         let system = self.linear_system()?;

@@ -89,7 +89,10 @@ impl Equations {
     }
 }
 
-/// What is zero where forces are asked for.
+/// Forces along the velocities of the state, and definitions that the equations do not have.
+pub type Forces = (Vec<ExprId>, Vec<Section>);
+
+/// Where forces are asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AtRest {
     /// Rates of velocities: the forces that velocities, inputs and positions need.
@@ -100,15 +103,12 @@ pub enum AtRest {
 
 impl Equations {
     /// The forces of [`Balance::forces`] where accelerations vanish, or velocities as well, along the velocities of the
-    /// state, and the definitions of these that the equations do not have. None where nothing is solved for
-    /// accelerations.
+    /// state. None where [`Equations::balanced_system`] has none.
     ///
     /// # Errors
     /// [`Error::DivisionByZero`] where the forces have no value there.
-    pub fn forces_at(&self, g: &mut Graph, at: AtRest) -> Result<Option<(Vec<ExprId>, Vec<Section>)>, Error> {
-        let Some(balance) = self.linear_system().and_then(|system| system.balance.as_ref()) else {
-            return Ok(None);
-        };
+    pub fn forces_at(&self, g: &mut Graph, at: AtRest) -> Result<Option<Forces>, Error> {
+        let Some((_, balance)) = self.balanced_system() else { return Ok(None) };
         let zero = g.zero();
         let mut image: BTreeMap<SymbolId, ExprId> =
             balance.accelerations.iter().map(|(symbol, _)| (*symbol, zero)).collect();

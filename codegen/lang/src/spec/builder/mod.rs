@@ -32,7 +32,6 @@ mod view;
 
 pub(super) use algebroid::SectionBracket;
 pub use draft::ModelBuilder;
-pub(super) use draft::{CarryDraft, DeclaredAs, EventSet};
-pub(in crate::spec) use named_frames::{FrameMotion, NamedFrameDraft};
+pub(super) use draft::{CarryDraft, DeclaredAs, EventSet, FrameMotion, NamedFrameDraft};
 pub(in crate::spec) use view::FIELD;
 pub use view::Placement;

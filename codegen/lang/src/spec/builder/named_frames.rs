@@ -3,11 +3,10 @@
 //! Deliberately does not know: syntax, which scene wants a frame, derivatives by velocities.
 //!
 //! # Source
-//! Murray, Li, Sastry 1994, A Mathematical Introduction to Robotic Manipulation, chapter 2: body velocity and its change
-//! of frames.
+//! Murray, Li, Sastry 1994, A Mathematical Introduction to Robotic Manipulation, chapter 2: body velocity and its
+//! change of frames.
 
-use super::draft::{ModelBuilder, ReconstructionDraft, Way};
-use crate::spec::diagnostic::Span;
+use super::draft::{FrameMotion, ModelBuilder, NamedFrameDraft, ReconstructionDraft, Way};
 use crate::spec::event::OutputPart;
 use crate::spec::group::Group;
 use crate::spec::model::*;
@@ -18,25 +17,6 @@ use hamel_expr::{ExprId, Node, SymbolId};
 
 type Vector = [ExprId; 3];
 type Rotation = [Vector; 3];
-
-/// A frame beside the frame that it is on: place and rotation in the axes of that, and its motion against it.
-#[derive(Clone, Debug)]
-pub(in crate::spec) struct NamedFrameDraft {
-    pub(in crate::spec) name: String,
-    pub(in crate::spec) on: Option<(String, Option<Span>)>,
-    pub(in crate::spec) motion: FrameMotion,
-    pub(in crate::spec) doc: String,
-    pub(in crate::spec) span: Option<Span>,
-}
-
-/// How a frame moves against the frame that it is on.
-#[derive(Clone, Debug)]
-pub(in crate::spec) enum FrameMotion {
-    /// `p`, `R`, and in the axes of the frame `R^T p'` and `w` with `hat(w) = R^T R'`.
-    Given { place: Vector, rotation: Rotation, velocity: Vector, spin: Vector },
-    /// The frame of the group, whose coordinates are reconstructed: their symbols.
-    OfGroup { place: Vector, rotation: Rotation, symbols: Vec<SymbolId> },
-}
 
 /// A frame in space.
 #[derive(Clone, Debug)]
@@ -49,8 +29,8 @@ struct Placed {
 }
 
 impl ModelBuilder {
-    /// The coordinates of the group that a pose consists of: those of a planar or spatial rotation without a place, or
-    /// of a displacement with its own place. Nothing for another pose.
+    /// The coordinates of the group that a pose consists of, where it is a planar or spatial rotation without a place,
+    /// or a displacement with its own place.
     pub(in crate::spec) fn pose_of_group(
         &self,
         place: Option<&Value>,
@@ -185,7 +165,7 @@ impl ModelBuilder {
                     );
                     return None;
                 }
-                // What is wrong with the group has been said.
+                // A wrong group has been told.
                 let own = reconstruction.iter().find(|item| item.symbols == *symbols)?;
                 if self.action.is_some_and(|(side, _)| side == Side::Right) {
                     let help = "frames follow a group that acts on the left";
