@@ -195,7 +195,8 @@ fn outputs(text: &str, scene: &str, state: Vec<f64>) -> BTreeMap<String, f64> {
     let (_, built) = built(text, scene);
     let params = built.info().defaults();
     let names: Vec<String> = built.info().outputs.iter().flat_map(|o| o.components.clone()).collect();
-    let answer = eval(&built, &EvalRequest { params, t: 0.0, states: vec![state] }).unwrap();
+    let answer =
+        eval(&built, &EvalRequest { params, t: 0.0, states: vec![state], ..EvalRequest::default() }).unwrap();
     names.into_iter().zip(answer.outputs[0].iter().copied()).collect()
 }
 

@@ -1,5 +1,6 @@
 //! Tests of the command line, and of the library behind it.
 
+mod accelerations;
 mod common;
 
 mod book;

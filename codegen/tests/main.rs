@@ -30,6 +30,7 @@ mod logarithm;
 mod loops;
 mod malformed;
 mod quotients;
+mod named_frames;
 mod random_models;
 mod redundant;
 mod reserved;

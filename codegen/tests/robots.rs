@@ -7,12 +7,14 @@ use hamel_codegen::import::{Imported, Limits, Options, import, import_with};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 use hamel_expr::rational_to_f64;
+use hamel_program::program::Role;
 
 const ARM: &str = include_str!("robots/arm.urdf");
 const FLYER: &str = include_str!("robots/flyer.urdf");
 const CART: &str = include_str!("robots/cart.urdf");
 const ARM_SDF: &str = include_str!("robots/arm.sdf");
 const REFERENCE: &str = include_str!("robots/reference.txt");
+const REFERENCE_FRAMES: &str = include_str!("robots/reference_frames.txt");
 const CRANE: &str = include_str!("robots/crane.xml");
 const CRANE_DEFAULTS: &str = include_str!("robots/crane_defaults.xml");
 const FLOCK: &str = include_str!("robots/flock.xml");
@@ -108,6 +110,66 @@ fn rates_are_those_of_pinocchio() {
         let found = difference(text, &options, REFERENCE, robot);
         assert!(found < TOLERANCE, "{robot}: {found:e}");
     }
+}
+
+/// Poses, twists and drifts of links, numbers of each frame: of a tool without a mass, behind joints that follow
+/// others, and on a body that moves freely.
+#[test]
+fn frames_are_those_of_pinocchio() {
+    for (robot, text, mut options, links, wants) in [
+        ("arm", ARM, Options::default(), vec!["bracket", "finger", "thumb"], "frames"),
+        ("flyer", FLYER, floating(), vec!["rod"], "frames, reconstruction"),
+    ] {
+        options.frames = links.iter().map(|link| (*link).to_owned()).collect();
+        let text = imported(text, &options).text;
+        let body = text.trim_end().strip_suffix('}').expect("a model");
+        let text = format!("{body}    scene bare {{ want rhs, {wants}; }}\n}}\n");
+        let model = spec::parse("robot.hamel", &text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let built = scene::build(&model, "bare").unwrap_or_else(|e| panic!("{e}"));
+        assert!(built.certificate().open.is_empty(), "{:?}", built.certificate());
+        let params: Vec<f64> = built.params().iter().map(|p| rational_to_f64(&p.default)).collect();
+        let program = built.program();
+        let prepared = program.prepare(&params).expect("default parameters");
+        let mut n = 0;
+        for line in REFERENCE_FRAMES.lines().filter(|line| line.starts_with(robot)) {
+            let [_, state, link, expected] = line.split(" | ").collect::<Vec<_>>()[..] else {
+                panic!("{line}")
+            };
+            let state = values(state);
+            let of = |own: &String| {
+                state.iter().find(|(name, _)| name == own).unwrap_or_else(|| panic!("no {own}")).1
+            };
+            let y: Vec<f64> = built.state_names().iter().map(of).collect();
+            let frame = built.frame_names().iter().position(|name| name == link).expect("a frame");
+            let mut found = Vec::new();
+            for (group, width) in [("frame_poses", 12), ("frame_twists", 6), ("frame_drifts", 6)] {
+                let k = program.function_idx(&Role::Output(group.into())).expect("wanted");
+                let mut out = vec![0.0; program.functions[k].results.len()];
+                program.run(k, &params, &prepared, 0.0, &y, &mut out);
+                found.extend_from_slice(&out[width * frame..width * (frame + 1)]);
+            }
+            let expected: Vec<f64> = expected.split(' ').map(|x| x.parse().expect("a number")).collect();
+            let size = expected.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+            assert_eq!(found.len(), expected.len());
+            for (k, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                assert!(
+                    (found - expected).abs() < TOLERANCE * size,
+                    "{link}: number {k}: {found}, {expected}"
+                );
+            }
+            n += 1;
+        }
+        assert_eq!(n, 4 * links.len());
+    }
+}
+
+#[test]
+fn frames_of_links_that_are_not_there_are_refused() {
+    let mut options = Options::default();
+    options.frames = vec!["fingre".into()];
+    let problems = import("arm.urdf", ARM, &options).expect_err("refused").to_string();
+    assert!(problems.contains("there is no link `fingre` to have a frame"), "{problems}");
+    assert!(problems.contains("upper arm"), "{problems}");
 }
 
 /// The arm in SDF, by other frames, has the rates of the arm in URDF.

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Union, overload
 
 import numpy as np
@@ -68,17 +69,19 @@ def import_robot(
     floating: bool = False,
     limits: str = "interval",
     lock: Sequence[str] = (),
+    frames: Sequence[str] = (),
 ) -> str:
     """The text of the model of a robot, for :func:`load`, from its description in URDF, MJCF or SDF.
 
     ``floating`` has the root move freely, which is at rest otherwise. ``limits`` says what becomes of the limits of
     joints: ``"interval"``, a motion that leaves them ends; ``"spring"``, smooth springs behind them; ``"none"``.
-    ``lock`` names joints that are fixed where their coordinates are zero. ``docs/book/robots.md`` says what is taken.
+    ``lock`` names joints that are fixed where their coordinates are zero, ``frames`` links whose frames the model names.
+    ``docs/book/robots.md`` says what is taken.
 
     Raises :class:`ModelError` with every problem of the file and its place, :class:`InputError` for other limits,
     :class:`FileError`. Warns of contents that the model lacks, each kind once, as :class:`ModelWarning`.
     """
-    text, notes = _hamel.import_robot(os.fspath(path), floating, limits, list(lock))
+    text, notes = _hamel.import_robot(os.fspath(path), floating, limits, list(lock), list(frames))
     if notes:
         warnings.warn(notes, ModelWarning, stacklevel=2)
     return text
@@ -395,6 +398,96 @@ class Model:
         self._native.jvp(pairs, list(along.values()), t, dt, out)
         return out.reshape(y.shape)
 
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        """Velocities of the state that have rates of their own: components of accelerations, rows of the mass matrix."""
+        return tuple(self._native.velocities)
+
+    def inverse_dynamics(
+        self, y: ArrayLike, a: ArrayLike, t: float = 0.0, *, threads: bool | None = None
+    ) -> Array:
+        """Forces ``tau = A a - f`` that have to act beside the model's for :attr:`velocities` to have the rates ``a``.
+
+        ``(.., m)``, of states ``(.., n)`` and accelerations ``(.., m)`` whose axes in front are broadcast; along the
+        virtual displacements of the velocities, in their units. By the recursion of Newton and Euler where bodies are
+        linked (Luh, Walker, Paul 1980).
+
+        Raises :class:`InputError` unless the scene says ``want inverse_dynamics;``, and where something has no finite
+        value.
+        """
+        self._wanted("inverse_dynamics")
+        y, a = self._states(y), np.asarray(a, dtype=np.float64)
+        names = self.velocities
+        if a.ndim == 0 or a.shape[-1] != len(names):
+            raise InputError(f"a is of shape {a.shape}, but its last axis has to have {len(names)} components: {', '.join(names)}")
+        try:
+            shape = np.broadcast_shapes(y.shape[:-1], a.shape[:-1])
+        except ValueError:
+            raise InputError(f"y of shape {y.shape} and a of shape {a.shape} do not fit each other") from None
+        pairs = np.concatenate([np.broadcast_to(x, (*shape, x.shape[-1])) for x in (y, a)], axis=-1)
+        out = np.empty((*shape, len(names)))
+        self._native.inverse_dynamics(
+            pairs.reshape(-1, pairs.shape[-1]), t, out.reshape(-1, len(names)), threads
+        )
+        return out
+
+    def mass_matrix(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """The mass matrix ``A`` of ``A udot = f``, ``(.., m, m)``, in the order of :attr:`velocities`.
+
+        Raises :class:`InputError` unless the scene says ``want mass_matrix;``, and where something has no finite value.
+        """
+        m = len(self.velocities)
+        return self._matrix("mass_matrix", y, t, (m, m), threads)
+
+    def bias(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """The forces of :meth:`inverse_dynamics` at zero accelerations, ``(.., m)``; of scenes that ``want bias;``."""
+        self._wanted("bias")
+        return self.outputs(y, t, threads=threads)["bias"]
+
+    def gravity(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """The forces that hold the system at rest where it is, ``(.., m)``; of scenes that ``want gravity;``."""
+        self._wanted("gravity")
+        return self.outputs(y, t, threads=threads)["gravity"]
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the frames of the model."""
+        return tuple(self._native.frames)
+
+    def frame_poses(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Poses of :attr:`frames` in space, ``(.., k, 4, 4)``: rotation from the frame's axes to those of space, and place.
+
+        Raises :class:`InputError` unless the scene says ``want frame_poses;``.
+        """
+        numbers = self._of_frames("frame_poses", y, t, 12, threads)
+        poses = np.zeros((*numbers.shape[:-1], 4, 4))
+        poses[..., :3, :3] = numbers[..., 3:].reshape(*numbers.shape[:-1], 3, 3)
+        poses[..., :3, 3] = numbers[..., :3]
+        poses[..., 3, 3] = 1.0
+        return poses
+
+    def frame_twists(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Twists of :attr:`frames` in their own axes, ``(.., k, 6)``: angular velocity ``w``, ``hat(w) = R^T R'``, then ``R^T p'``.
+
+        Raises :class:`InputError` unless the scene says ``want frame_twists;``.
+        """
+        return self._of_frames("frame_twists", y, t, 6, threads)
+
+    def frame_jacobians(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Derivatives of the twists by :attr:`velocities`, ``(.., k, 6, m)``.
+
+        Raises :class:`InputError` unless the scene says ``want frame_jacobians;``.
+        """
+        shape = (len(self.frames), 6, len(self.velocities))
+        return self._matrix("frame_jacobians", y, t, shape, threads)
+
+    def frame_drifts(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Rates of the twists at zero accelerations, ``(.., k, 6)``, the rates of the Jacobians times the velocities.
+
+        Raises :class:`InputError` unless the scene says ``want frame_drifts;``.
+        """
+        return self._of_frames("frame_drifts", y, t, 6, threads)
+
     def energy(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
         """The energy of states, ``(..)``; raises :class:`InputError` where the scene has none."""
         if not self._native.has_energy:
@@ -706,6 +799,24 @@ class Model:
         return _restored, (native.file, native.text, native.scene, native.values, native.budget, self._cache, self._applied)
 
     # Within the package.
+
+    def _wanted(self, function: str) -> None:
+        if not self._native.has(function):
+            raise InputError(
+                f"scene {self.scene} of {self.name} has no {function}: take a scene that says `want {function};`"
+            )
+
+    def _matrix(
+        self, name: str, y: ArrayLike, t: float, tail: tuple[int, ...], threads: bool | None
+    ) -> Array:
+        self._wanted(name)
+        y = self._states(y)
+        return self._on_rows(partial(self._native.matrix, name), y, t, np.empty((*y.shape[:-1], *tail)), tail, threads)
+
+    def _of_frames(self, name: str, y: ArrayLike, t: float, n: int, threads: bool | None) -> Array:
+        self._wanted(name)
+        numbers = self.outputs(y, t, threads=threads)[name]
+        return numbers.reshape(*numbers.shape[:-1], len(self.frames), n)
 
     def _states(self, y: ArrayLike, what: str = "y") -> Array:
         states = np.asarray(y, dtype=np.float64)

@@ -12,6 +12,7 @@ mod interrupts;
 mod motion;
 mod pool;
 mod robot;
+mod rows;
 mod scene;
 // The models that the program comes with are those of the package.
 #[path = "../../cli/src/shipped.rs"]

@@ -19,6 +19,7 @@ pub(crate) fn import_robot(
     floating: bool,
     limits: &str,
     lock: Vec<String>,
+    frames: Vec<String>,
 ) -> PyResult<(String, String)> {
     let import = || -> Result<(String, String), Error> {
         let limits = match limits {
@@ -31,7 +32,7 @@ pub(crate) fn import_robot(
             }
         };
         let session = Session::of_shipped(&[]);
-        let (imported, warnings) = read(&session, &path, Choices { floating, limits, lock })?;
+        let (imported, warnings) = read(&session, &path, Choices { floating, limits, lock, frames })?;
         let lines: Vec<String> = imported.notes.lines().chain(warnings.lines()).collect();
         Ok((imported.text, lines.join("\n")))
     };

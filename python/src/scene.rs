@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use hamel::output::report::contents::contents;
 use hamel_codegen::explain::{self, SectionKind};
-use hamel_codegen::spec::{self, ParamArray};
+use hamel_codegen::spec::{self, ParamArray, Want};
 use hamel_expr::{Style, rational_to_f64};
 use hamel_run::cache::Cache;
 use hamel_run::choice::gives_way;
@@ -21,13 +21,14 @@ use hamel_run::interpreted::{self, Built};
 use hamel_run::model::{self, Checked};
 use hamel_run::session::{Session, closed};
 use hamel_runtime::{Dual, F64x4};
-use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Ix2};
+use numpy::ndarray::s;
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use self_cell::self_cell;
 
 use crate::arrays::{Rows, RowsMut, in_pieces};
 use crate::errors::{OrRaise as _, exception};
+use crate::rows::{by_row, rates, refuse, two_axes, two_axes_mut, two_axes_needed, write};
 use crate::shipped::SHIPPED;
 
 self_cell!(
@@ -121,89 +122,11 @@ impl Scene {
         }
         let done = py.detach(|| match in_pieces(states, out, (cost, threads), work) {
             Ok(true) => Ok(()),
-            Ok(false) => self.refuse(states, t),
+            Ok(false) => refuse(self.dynamics(), states, t),
             Err(error) => Err(error),
         });
         done.or_raise(py)
     }
-
-    /// Why some of the states have no values: of the right-hand side, and if that has, then those that were asked for.
-    fn refuse(&self, states: ArrayView2<'_, f64>, t: f64) -> Result<(), Error> {
-        let mut row = vec![0.0; states.ncols()];
-        let rows = Rows::of(states);
-        let mut reasons = Vec::new();
-        for k in 0..states.nrows() {
-            rows.row(k, &mut row);
-            if let Err(reason) = derivative(self.dynamics(), t, &row) {
-                reasons.push((k, reason));
-            }
-        }
-        if reasons.is_empty() {
-            reasons.push((0, "a result of one of the states is not finite".to_owned()));
-        }
-        Err(unusable_states(reasons, states.nrows()))
-    }
-}
-
-/// An array of states or results with the last axis of each; more axes in front are one.
-fn two_axes(array: ArrayViewD<'_, f64>) -> PyResult<ArrayView2<'_, f64>> {
-    array.into_dimensionality::<Ix2>().map_err(|_| two_axes_needed())
-}
-
-fn two_axes_mut(array: ArrayViewMutD<'_, f64>) -> PyResult<ArrayViewMut2<'_, f64>> {
-    array.into_dimensionality::<Ix2>().map_err(|_| two_axes_needed())
-}
-
-fn two_axes_needed() -> PyErr {
-    pyo3::exceptions::PyValueError::new_err("arrays of two axes are needed")
-}
-
-/// The rates of all rows, four at a time.
-fn rates(
-    dynamics: &dyn Dynamics,
-    t: f64,
-    rows: &Rows<'_>,
-    out: &mut RowsMut<'_>,
-    n_rows: usize,
-    n: usize,
-) -> bool {
-    let zeros = VecState(vec![F64x4::splat(0.0); n]);
-    let (mut y, mut dy) = (zeros.clone(), zeros);
-    let on_lanes = F64x4::splat(t);
-    let mut is_finite = true;
-    let n_whole = n_rows / F64x4::LANES * F64x4::LANES;
-    for first in (0..n_whole).step_by(F64x4::LANES) {
-        rows.lanes(first, &mut y.0);
-        dynamics.rhs_on_lanes(on_lanes, &y, &mut dy);
-        is_finite &= out.set_lanes(first, &dy.0);
-    }
-    if n_whole < n_rows {
-        let (mut y, mut dy) = (vec![0.0; n], vec![0.0; n]);
-        for k in n_whole..n_rows {
-            rows.row(k, &mut y);
-            dynamics.rhs(t, &y, &mut dy);
-            is_finite &= out.set_row(k, &dy);
-        }
-    }
-    is_finite
-}
-
-/// Calls `f` with each row and the row of results.
-fn by_row(
-    rows: &Rows<'_>,
-    out: &mut RowsMut<'_>,
-    n_rows: usize,
-    (n, width): (usize, usize),
-    mut f: impl FnMut(&[f64], &mut [f64]),
-) -> bool {
-    let (mut y, mut result) = (vec![0.0; n], vec![0.0; width]);
-    let mut is_finite = true;
-    for k in 0..n_rows {
-        rows.row(k, &mut y);
-        f(&y, &mut result);
-        is_finite &= out.set_row(k, &result);
-    }
-    is_finite
 }
 
 #[pymethods]
@@ -531,6 +454,80 @@ impl Scene {
             if bad.is_empty() { Ok(()) } else { Err(unusable_states(bad, pairs.nrows())) }
         };
         py.detach(done).or_raise(py)
+    }
+
+    /// Velocities of the state that have rates of their own: components of accelerations, rows of the mass matrix.
+    #[getter]
+    fn velocities(&self) -> Vec<String> {
+        self.info().velocities.clone()
+    }
+
+    /// Names of the frames of the model.
+    #[getter]
+    fn frames(&self) -> Vec<String> {
+        self.info().frames.clone()
+    }
+
+    /// Whether the scene has a function of that name.
+    fn has(&self, name: &str) -> bool {
+        self.built().executable().program.functions.iter().any(|function| function.role.name() == name)
+    }
+
+    /// Writes forces at accelerations, which are behind the states in the rows of `pairs`, `[n_states, n + m]`, to the
+    /// rows of `out`, `[n_states, m]`.
+    fn inverse_dynamics(
+        &self,
+        py: Python<'_>,
+        pairs: PyReadonlyArrayDyn<'_, f64>,
+        t: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+        threads: Option<bool>,
+    ) -> PyResult<()> {
+        let (dynamics, n, m) = (self.dynamics(), self.info().state.len(), self.info().velocities.len());
+        let (pairs, out) = (two_axes(pairs.as_array())?, two_axes_mut(out.as_array_mut())?);
+        if pairs.ncols() != n + m || out.dim() != (pairs.nrows(), m) {
+            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+        }
+        let forces = |row: &[f64], result: &mut [f64]| {
+            write(dynamics.inverse_dynamics(t, &row[..n], &row[n..]).as_deref(), result);
+        };
+        let done = py.detach(|| {
+            let work = |rows: &Rows<'_>, out: &mut RowsMut<'_>, n_rows: usize| {
+                by_row(rows, out, n_rows, (n + m, m), forces)
+            };
+            match in_pieces(pairs, out, (self.cost(), threads), work) {
+                Ok(true) => Ok(()),
+                Ok(false) => refuse(dynamics, pairs.slice(s![.., ..n]), t),
+                Err(error) => Err(error),
+            }
+        });
+        done.or_raise(py)
+    }
+
+    /// Writes mass matrices or Jacobians of frames, `[n_rows, m]` each, row by row, to the rows of `out`.
+    fn matrix(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        t: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+        threads: Option<bool>,
+    ) -> PyResult<()> {
+        let (dynamics, n, m) = (self.dynamics(), self.info().state.len(), self.info().velocities.len());
+        let is_mass_matrix = name == Want::MassMatrix.name();
+        let n_rows = if is_mass_matrix { m } else { 6 * self.info().frames.len() };
+        if out.shape().get(1) != Some(&(n_rows * m)) {
+            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+        }
+        let matrix = |y: &[f64], result: &mut [f64]| {
+            let found =
+                if is_mass_matrix { dynamics.mass_matrix(t, y) } else { dynamics.frame_jacobians(t, y) };
+            write(found.map(|rows| rows.concat()).as_deref(), result);
+        };
+        self.on_states(py, (&y, t), &mut out, (self.cost(), threads), |rows, out, n_states| {
+            by_row(rows, out, n_states, (n, n_rows * m), matrix)
+        })
     }
 
     /// Writes the energies of states, `[n_states, 1]`.

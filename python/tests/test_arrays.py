@@ -109,6 +109,36 @@ def test_derivatives_are_those_of_the_rates(top):
     np.testing.assert_allclose(by_m, central, rtol=1e-6, atol=1e-7)
 
 
+def test_forces_by_accelerations():
+    satellite = pyhamel.load("two_arm_satellite", scene="dynamics")
+    assert satellite.velocities == ("alpha_dot", "beta_dot", "Omega1", "Omega2", "Omega3")
+    rng = np.random.default_rng(5)
+    y, a = rng.normal(size=(2, 3, 7)), rng.normal(size=(3, 5))
+    matrix, forces = satellite.mass_matrix(y), satellite.inverse_dynamics(y, a)
+    assert matrix.shape == (2, 3, 5, 5) and forces.shape == (2, 3, 5)
+    np.testing.assert_allclose(matrix, np.swapaxes(matrix, -1, -2), rtol=1e-14)
+    # The rates of the motion need no forces; others need `A` times the difference.
+    rates = satellite.rhs(y)[..., [satellite.state.index(u) for u in satellite.velocities]]
+    np.testing.assert_allclose(satellite.inverse_dynamics(y, rates), 0.0, atol=1e-13)
+    np.testing.assert_allclose(forces, np.einsum("...ij,...j->...i", matrix, a - rates), atol=1e-12)
+    one = satellite.inverse_dynamics(y[1, 2], a[2])
+    assert one.shape == (5,) and np.array_equal(one, forces[1, 2])
+
+
+def test_forces_that_are_not_wanted_are_told():
+    with pytest.raises(pyhamel.InputError, match="want inverse_dynamics;"):
+        pyhamel.load("two_arm_satellite").inverse_dynamics(np.zeros(7), np.zeros(5))
+    with pytest.raises(pyhamel.InputError, match="want mass_matrix;"):
+        pyhamel.load("two_arm_satellite").mass_matrix(np.zeros(7))
+    satellite = pyhamel.load("two_arm_satellite", scene="dynamics")
+    with pytest.raises(pyhamel.InputError, match="5 components: alpha_dot"):
+        satellite.inverse_dynamics(np.zeros(7), np.zeros(4))
+    with pytest.raises(pyhamel.InputError, match="do not fit"):
+        satellite.inverse_dynamics(np.zeros((2, 7)), np.zeros((3, 5)))
+    with pytest.raises(pyhamel.InputError, match="finite"):
+        satellite.inverse_dynamics(np.full(7, np.nan), np.zeros(5))
+
+
 def test_the_time_has_a_derivative():
     driven = pyhamel.load("""
         model driven {

@@ -32,6 +32,40 @@ def test_rates_are_those_of_mujoco():
         assert all(abs(rates[name] - rate) < 1e-12 * scale for name, rate in expected.items())
 
 
+def test_frames_are_those_of_pinocchio():
+    with pytest.warns(pyhamel.ModelWarning):
+        text = pyhamel.import_robot(ROBOTS / "arm.urdf", frames=["finger", "bracket"])
+    wants = "scene control { want rhs, frames, bias, gravity, mass_matrix, inverse_dynamics; }"
+    arm = pyhamel.load(text.rstrip().removesuffix("}") + wants + "}", scene="control")
+    assert arm.frames == ("finger", "bracket") and arm.velocities == ("shoulder_dot", "elbow_dot", "slide_dot")
+    n_compared = 0
+    for line in (ROBOTS / "reference_frames.txt").read_text().splitlines():
+        robot, state, link, numbers = line.split(" | ")
+        if robot != "arm" or link not in arm.frames:
+            continue
+        values = dict(pair.split("=") for pair in state.split())
+        y = np.array([float(values[name]) for name in arm.state])
+        numbers = np.array(numbers.split(), dtype=float)
+        k = arm.frames.index(link)
+        pose = arm.frame_poses(y)[k]
+        np.testing.assert_allclose(pose[:3, 3], numbers[:3], atol=1e-12)
+        np.testing.assert_allclose(pose[:3, :3].ravel(), numbers[3:12], atol=1e-12)
+        np.testing.assert_allclose(arm.frame_twists(y)[k], numbers[12:18], atol=1e-11)
+        np.testing.assert_allclose(arm.frame_drifts(y)[k], numbers[18:], atol=1e-11)
+        u = y[[arm.state.index(name) for name in arm.velocities]]
+        np.testing.assert_allclose(arm.frame_jacobians(y)[k] @ u, numbers[12:18], atol=1e-11)
+        n_compared += 1
+    assert n_compared == 8
+    y = np.random.default_rng(3).uniform(0.01, 0.04, size=(2, 3, 6))
+    assert arm.frame_poses(y).shape == (2, 3, 2, 4, 4) and arm.frame_jacobians(y).shape == (2, 3, 2, 6, 3)
+    np.testing.assert_allclose(arm.bias(y), arm.inverse_dynamics(y, np.zeros(3)), rtol=1e-12, atol=1e-12)
+    still = y.copy()
+    still[..., [arm.state.index(name) for name in arm.velocities]] = 0.0
+    np.testing.assert_allclose(arm.gravity(y), arm.inverse_dynamics(still, np.zeros(3)), rtol=1e-12, atol=1e-12)
+    with pytest.raises(pyhamel.InputError, match="want frame_poses;"):
+        arm.with_scene("default").frame_poses(y[0, 0])
+
+
 def test_what_a_file_leaves_open_is_chosen():
     with pytest.warns(pyhamel.ModelWarning, match="joint `thumb` is locked at zero"):
         locked = pyhamel.import_robot(str(ROBOTS / "arm.urdf"), lock=["thumb"], limits="spring")

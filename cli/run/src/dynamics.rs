@@ -72,6 +72,27 @@ pub trait Dynamics: Send + Sync {
     /// Writes the derivatives of the right-hand side: row `i` has those of component `i`.
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]);
 
+    /// The forces along the velocities of the state that have to act beside the model's for these velocities to have
+    /// the rates `a`, both in the order of [`Info::velocities`], where the scene wants `inverse_dynamics`.
+    fn inverse_dynamics(&self, t: f64, y: &[f64], a: &[f64]) -> Option<Vec<f64>> {
+        let _ = (t, y, a);
+        None
+    }
+
+    /// The mass matrix `A` of `A udot = f`, row by row, in the order of [`Info::velocities`], where the scene wants
+    /// `mass_matrix`.
+    fn mass_matrix(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let _ = (t, y);
+        None
+    }
+
+    /// The derivatives of the twists of frames, six rows for each, by the velocities in the order of
+    /// [`Info::velocities`], where the scene wants `frame_jacobians`.
+    fn frame_jacobians(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let _ = (t, y);
+        None
+    }
+
     /// Cost of one evaluation of the right-hand side, as [`hamel_program::program::Counts::cost`].
     fn rhs_cost(&self) -> u64;
 

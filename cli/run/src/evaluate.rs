@@ -2,6 +2,7 @@
 //!
 //! Does not know: whether the scene is compiled or interpreted, how a request was written.
 
+use hamel_codegen::spec::Want;
 use hamel_runtime::{Error as SolverError, F64x4, Failure, Real as _};
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +11,7 @@ use super::info::Info;
 use crate::error::{Error, Problem};
 
 /// What to evaluate, in the order of [`Info`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EvalRequest {
     /// Parameters.
     pub params: Vec<f64>,
@@ -18,6 +19,10 @@ pub struct EvalRequest {
     pub t: f64,
     /// States.
     pub states: Vec<Vec<f64>>,
+    /// Rates of the velocities of each state, in the order of [`Info::velocities`], whose forces are asked for; empty
+    /// where none are.
+    #[serde(default)]
+    pub accelerations: Vec<Vec<f64>>,
 }
 
 /// The values, one entry per state.
@@ -29,6 +34,9 @@ pub struct EvalResponse {
     pub energy: Option<Vec<f64>>,
     /// All outputs, one after the other.
     pub outputs: Vec<Vec<f64>>,
+    /// The forces of [`Dynamics::inverse_dynamics`] at the accelerations of the request, where it has any.
+    #[serde(default)]
+    pub forces: Option<Vec<Vec<f64>>>,
 }
 
 /// More than this and further states are not looked at, or not told.
@@ -56,13 +64,15 @@ pub fn refused(info: &Info, params: &[f64], bad: BadParams) -> Error {
 /// Evaluates a scene at every state of a request. Every number of the response is finite.
 ///
 /// # Errors
-/// [`Error::Params`]; [`Error::Request`] with all states at which something has no finite value.
+/// [`Error::Params`]; [`Error::Request`] with all states at which something has no finite value, or where accelerations
+/// are given to a scene without inverse dynamics.
 pub fn eval(factory: &dyn Factory, request: &EvalRequest) -> Result<EvalResponse, Error> {
     let info = factory.info();
     let dynamics = prepare(factory, &request.params)?;
     let mut derivatives = Vec::with_capacity(request.states.len());
     let mut energies = Vec::with_capacity(request.states.len());
     let mut outputs = Vec::with_capacity(request.states.len());
+    let mut forces = Vec::with_capacity(request.accelerations.len());
     let mut reasons: Vec<(usize, String)> = Vec::new();
     for (k, y) in request.states.iter().enumerate() {
         match values(&*dynamics, request.t, y) {
@@ -73,11 +83,33 @@ pub fn eval(factory: &dyn Factory, request: &EvalRequest) -> Result<EvalResponse
             }
             Err(reason) => reasons.push((k, reason)),
         }
+        let Some(a) = request.accelerations.get(k) else { continue };
+        let found = dynamics.inverse_dynamics(request.t, y, a).ok_or_else(|| no_inverse_dynamics(info))?;
+        match found.iter().position(|tau| !tau.is_finite()) {
+            Some(at) => reasons.push((k, format!("the force along {} is not finite", info.velocities[at]))),
+            None => forces.push(found),
+        }
     }
     if reasons.is_empty() {
-        return Ok(EvalResponse { derivatives, energy: info.has_energy.then_some(energies), outputs });
+        let forces = (!request.accelerations.is_empty()).then_some(forces);
+        return Ok(EvalResponse {
+            derivatives,
+            energy: info.has_energy.then_some(energies),
+            outputs,
+            forces,
+        });
     }
     Err(unusable_states(reasons, request.states.len()))
+}
+
+/// That a scene has no forces by accelerations, and how it gets them.
+pub fn no_inverse_dynamics(info: &Info) -> Error {
+    let (scene, model, want) = (&info.scene, &info.model, Want::InverseDynamics.name());
+    let reason = format!(
+        "are for inverse dynamics, which scene {scene} of {model} does not have: take a scene that wants it, such as \
+         `scene dynamics {{ want rhs, {want}; }}`"
+    );
+    Error::unusable("accelerations", reason)
 }
 
 /// That some of several states cannot be evaluated, with the place and the reason of each.

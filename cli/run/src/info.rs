@@ -21,6 +21,13 @@ pub struct Info {
     /// Inputs that the scene takes, with the values that they are held at.
     #[serde(default)]
     pub inputs: Vec<ParamEntry>,
+    /// Velocities of the state that have a rate of their own, in the order of inverse dynamics and mass matrix; empty
+    /// where the state has momenta in their place.
+    #[serde(default)]
+    pub velocities: Vec<String>,
+    /// Names of the frames of the model.
+    #[serde(default)]
+    pub frames: Vec<String>,
     /// Groups of outputs in the order of [`Dynamics::outputs`](super::dynamics::Dynamics::outputs).
     pub outputs: Vec<OutputEntry>,
     /// Whether [`Dynamics::energy`](super::dynamics::Dynamics::energy) has a value.

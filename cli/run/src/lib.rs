@@ -16,6 +16,7 @@ pub mod cache;
 pub mod choice;
 mod constraint_rows;
 pub mod direction;
+mod driving;
 pub mod dynamics;
 pub mod ensemble;
 pub mod equilibria;

@@ -29,6 +29,8 @@ pub fn info(fluid: &MatrixFluid) -> Info {
         momenta: Vec::new(),
         params: Vec::new(),
         inputs: Vec::new(),
+        velocities: Vec::new(),
+        frames: Vec::new(),
         outputs: if casimirs.is_empty() { Vec::new() } else { vec![group(casimirs)] },
         has_energy: true,
         conserves_energy: true,

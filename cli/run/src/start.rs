@@ -95,7 +95,15 @@ pub fn state(
         };
         settle(&mut conditions, &mut y, &origins, &velocities)?;
         let y = own_state(&y)?;
-        eval(scene, &EvalRequest { params: params.0.to_vec(), t: 0.0, states: vec![y.clone()] })?;
+        eval(
+            scene,
+            &EvalRequest {
+                params: params.0.to_vec(),
+                t: 0.0,
+                states: vec![y.clone()],
+                ..EvalRequest::default()
+            },
+        )?;
         Ok(y)
     };
     let mut failure = None;
@@ -186,7 +194,11 @@ impl Conditions for OfScene<'_, '_> {
         let places = Places { constraint, velocities: velocities.to_vec(), momenta: None };
         let mut outputs = |states: Vec<Vec<f64>>| -> Result<Vec<Vec<f64>>, Error> {
             let states = states.iter().map(|y| own_state(y)).collect::<Result<_, Error>>()?;
-            Ok(eval(*judge, &EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs)
+            Ok(eval(
+                *judge,
+                &EvalRequest { params: params.to_vec(), t: 0.0, states, ..EvalRequest::default() },
+            )?
+            .outputs)
         };
         let (index, largest) = match project(&mut outputs, &places, y, free)? {
             Outcome::Met => return Ok(()),

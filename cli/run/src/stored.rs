@@ -31,6 +31,11 @@ impl Stored {
             momenta: momenta(scene),
             params: scene.params().iter().map(param).collect(),
             inputs: scene.equations().system.inputs.iter().map(param).collect(),
+            velocities: scene
+                .equations()
+                .balanced_system()
+                .map_or_else(Vec::new, |(s, _)| s.unknowns.clone()),
+            frames: scene.frame_names(),
             outputs: scene.outputs().iter().map(output_entry).collect(),
             has_energy: scene.has_energy(),
             conserves_energy: scene.has_energy() && scene.equations().facts.conserves_energy(),

@@ -16,14 +16,17 @@ use hamel_run::session::Session;
 ///
 /// Reads a request from standard input:
 ///
-/// {"params": {name: number, ..}, "states": [{name: number, ..}, ..], "t": number, "sizes": {name: number, ..}}
+/// {"params": {name: number, ..}, "states": [{name: number, ..}, ..], "t": number, "sizes": {name: number, ..},
+/// "accelerations": [{velocity: number, ..}, ..]}
 ///
 /// Missing parameters take the model's defaults, a missing t is 0, and every state names all state variables; where the
 /// model names momenta, all velocities may be given for momenta of the state, and all momenta for velocities.
+/// Accelerations, one object per state, are for scenes that want inverse_dynamics: the answer then has the forces.
 ///
 /// Prints one line, with one entry per state throughout:
 ///
 /// {"model", "state": [names], "derivatives": [[..], ..], "energy": [..] or null, "outputs": {group: [{..}, ..], ..}}
+/// and "inverse_dynamics": [{velocity: number, ..}, ..] where accelerations are given
 ///
 /// docs/command-line.md says more about both.
 #[expect(rustdoc::broken_intra_doc_links, reason = "the help of the command shows JSON as it is")]

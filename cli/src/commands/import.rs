@@ -25,6 +25,7 @@ Examples:
   hamel import arm.urdf -o arm.hamel
   hamel import quadruped.urdf --floating -o quadruped.hamel
   hamel import walker.xml -o walker.hamel
+  hamel import arm.urdf --frame tool0 -o arm.hamel
   hamel import hand.urdf --lock finger_joint_3 --limits spring     to standard output"
 )]
 pub struct Arguments {
@@ -42,6 +43,9 @@ pub struct Arguments {
     /// A joint that is fixed where its coordinate is zero; may be repeated
     #[arg(long, value_name = "JOINT")]
     pub lock: Vec<String>,
+    /// A link whose frame the model names, for the wants `frames`, `frame_jacobians` and so on; may be repeated
+    #[arg(long, value_name = "LINK")]
+    pub frame: Vec<String>,
 }
 
 /// What becomes of the limits of joints.
@@ -65,6 +69,8 @@ pub struct Choices {
     pub limits: Limits,
     /// Joints that are fixed.
     pub lock: Vec<String>,
+    /// Links with named frames.
+    pub frames: Vec<String>,
 }
 
 /// The checked model of a robot's description, with the notes on what the model lacks and the warnings about it.
@@ -86,6 +92,7 @@ pub fn read(
         Limits::None => import::Limits::None,
     };
     options.locked = choices.lock;
+    options.frames = choices.frames;
     let imported = import::import_with(&shown, &text, &options, &import::beside(file))?;
     let checked = session.parse(&format!("{}.hamel", imported.name), &imported.text)?;
     Ok((imported, checked.warnings))
@@ -96,8 +103,9 @@ pub fn read(
 /// # Errors
 /// As [`read`]; [`Error::Io`] where the model cannot be written.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let Arguments { file, output, floating, limits, lock } = arguments;
-    let choices = Choices { floating: *floating, limits: *limits, lock: lock.clone() };
+    let Arguments { file, output, floating, limits, lock, frame } = arguments;
+    let (lock, frames) = (lock.clone(), frame.clone());
+    let choices = Choices { floating: *floating, limits: *limits, lock, frames };
     let opened = output.as_deref().map(Opened::new).transpose()?;
     let (imported, warnings) = read(session, file, choices)?;
     model::show_warnings(&imported.notes);

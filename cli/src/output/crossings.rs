@@ -133,6 +133,8 @@ mod tests {
             momenta: Vec::new(),
             params: Vec::new(),
             inputs: Vec::new(),
+            velocities: Vec::new(),
+            frames: Vec::new(),
             outputs: Vec::new(),
             has_energy: false,
             conserves_energy: false,

@@ -79,6 +79,13 @@ impl Free {
     }
 }
 
+impl Free {
+    /// The names of the place and the attitude in space.
+    pub(crate) fn pose(&self) -> (&str, &str) {
+        (&self.place, &self.attitude)
+    }
+}
+
 impl Floats {
     /// Finds the links that move freely. The names without an ending are taken in any case: they are said in the book.
     pub(crate) fn reserve(robot: &Robot, options: &Options, names: &mut Names) -> Floats {

@@ -228,7 +228,7 @@ fn write_model(name: &str, robot: &str, file: &str, items: &str, notes: &Diagnos
          /// its origin, `up_` the vertical, `h_` the height of the origin, `E_` the rotation from the frame before,\n\
          /// `m_`, `c_`, `I_` mass, mass centre and moments of inertia about it, `u_` the velocity of the mass centre, `T_`\n\
          /// and `U_` kinetic energy and potential energy by g; `r_` and `Q_` are place and rotation of a link in the frame\n\
-         /// that carries it.\n\
+         /// that carries it, `p_` and `R_` in that of the link at rest or of the one that moves freely.\n\
          model {name} {{\n\
          {head}{items}}}\n",
         shown(robot),

@@ -25,4 +25,6 @@ pub struct Options {
     pub limits: Limits,
     /// Joints that are taken as fixed where their coordinates are zero.
     pub locked: Vec<String>,
+    /// Links that have a named frame, the one of the file.
+    pub frames: Vec<String>,
 }

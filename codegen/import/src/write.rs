@@ -25,9 +25,9 @@ use crate::vertical::Vertical;
 const RESERVED: [&str; 9] =
     ["e1", "e2", "e3", "g", "friction_speed", "limit_stiffness", "limit_width", "mass_scale", "total_mass"];
 /// Everything that is named after a link, beside its places.
-const OF_LINK: [&str; 15] = [
+const OF_LINK: [&str; 17] = [
     "E_*", "w_*", "v_*", "up_*", "h_*", "r_*", "Q_*", "m_*", "c_*", "I_*", "u_*", "T_*", "U_*", "drag_*",
-    "added_*",
+    "added_*", "p_*", "R_*",
 ];
 
 /// A link in the frame of its carrier, the moving link that fixed joints join it to.
@@ -87,6 +87,10 @@ struct Writer<'a> {
     kinetic: Vec<String>,
     potential: Vec<String>,
     motion: Motion,
+    /// Places and rotations of links in the frames of their joints, by joint, where that has a coordinate.
+    moved: Vec<Option<(Option<String>, Option<String>)>>,
+    /// Whether the numbers of the frame of a joint have been declared.
+    is_declared: Vec<bool>,
 }
 
 /// The items of the model; its documentation comes before.
@@ -123,11 +127,14 @@ pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -
         kinetic: Vec::new(),
         potential: Vec::new(),
         motion,
+        moved: vec![None; robot.joints.len()],
+        is_declared: vec![false; robot.joints.len()],
     };
     writer.root(problems);
     for k in 0..robot.joints.len() {
         writer.joint(k, problems);
     }
+    writer.frames(problems);
     writer.end()
 }
 
@@ -229,7 +236,7 @@ impl Writer<'_> {
                     "\n// {}, fixed to {}.",
                     self.robot.links[link].name, self.robot.links[joint.parent].name
                 ));
-                self.out.push_str(&self.parameters.of_joint[k].clone());
+                self.declare_frame_of(k);
                 let (place, turn) = (parent.place_of(&joint.pose), parent.turn_of(&joint.pose));
                 let is_there = place == ZERO;
                 if !is_there {
@@ -263,7 +270,7 @@ impl Writer<'_> {
                 }
                 self.out.push('\n');
                 let pose = joint.pose.clone();
-                self.out.push_str(&self.parameters.of_joint[k].clone());
+                self.declare_frame_of(k);
                 let free = self.floats.of(link);
                 self.motion.free(&mut self.out, joint, &name, (&free.spin, &free.velocity));
                 self.floating(link, &pose);
@@ -287,7 +294,8 @@ impl Writer<'_> {
         }
         let coordinates =
             self.motion.declare(&mut self.out, self.robot, &self.joints, k, self.options.limits);
-        self.out.push_str(&self.parameters.of_joint[k].clone());
+        self.declare_frame_of(k);
+        self.moved[k] = Some((coordinates.shift.clone(), coordinates.rotation.clone()));
         let carrier = self.links[parent.carrier].clone();
         let turn = parent.turn_of(&joint.pose);
         let mut place = parent.place_of(&joint.pose);
@@ -321,6 +329,116 @@ impl Writer<'_> {
         }
         self.carried[link] = Some(Carried { carrier: link, place: None, turn: None });
         self.body(link);
+    }
+
+    /// The numbers of the frame of a joint as parameters, once.
+    fn declare_frame_of(&mut self, joint: usize) {
+        if !std::mem::replace(&mut self.is_declared[joint], true) {
+            self.out.push_str(&self.parameters.of_joint[joint].clone());
+        }
+    }
+
+    /// The frames of links that are asked for: places and rotations by the links before, from the link at rest or from
+    /// the one that moves freely.
+    fn frames(&mut self, problems: &mut Problems) {
+        let mut placed: Vec<Option<Carried>> = vec![None; self.robot.links.len()];
+        for name in &self.options.frames {
+            let Some(link) = self.robot.links.iter().position(|link| link.name == *name) else {
+                let list: Vec<&str> = self.robot.links.iter().map(|link| link.name.as_str()).collect();
+                let help = format!("links are {}", list.join(", "));
+                problems.error(&(0..0), format!("there is no link `{name}` to have a frame"), &help);
+                continue;
+            };
+            if placed.iter().all(Option::is_none) {
+                self.line("\n// Frames.");
+            }
+            let frame = self.placed(link, &mut placed, problems);
+            let is_free = self.is_free(frame.carrier);
+            let own = self.links[link].clone();
+            let mut item = format!("frame {own}");
+            if is_free && frame.carrier != link {
+                item.push_str(&format!(" on {}", self.links[frame.carrier]));
+            }
+            if is_free && frame.carrier == link {
+                // Declared where the first frame is on it.
+                continue;
+            }
+            if let Some(place) = &frame.place {
+                item.push_str(&format!(" at {place}"));
+            }
+            if let Some(turn) = &frame.turn {
+                item.push_str(&format!(" attitude {turn}"));
+            }
+            let file_name = self.robot.links[link].name.clone();
+            self.line(&format!("/// {file_name}\n{item};"));
+        }
+    }
+
+    /// Whether a link moves without a joint.
+    fn is_free(&self, link: usize) -> bool {
+        let joints = &self.robot.joints;
+        let floats = |k: &usize| joints[*k].child == link;
+        self.floats.joints.iter().any(floats) || (self.options.floating && link == self.robot.root)
+    }
+
+    /// A link in the frame of the link at rest or of the one that moves freely, by names that are written here.
+    fn placed(&mut self, link: usize, placed: &mut Vec<Option<Carried>>, problems: &mut Problems) -> Carried {
+        if let Some(known) = &placed[link] {
+            return known.clone();
+        }
+        let joint = self.robot.joints.iter().position(|joint| joint.child == link);
+        let (name, still) = (self.links[link].clone(), Carried { carrier: link, place: None, turn: None });
+        let found = match joint {
+            Some(k) if !self.is_free(link) => {
+                let before = self.placed(self.robot.joints[k].parent, placed, problems);
+                self.declare_frame_of(k);
+                let joint = &self.robot.joints[k];
+                if self.moved[k].is_none() && !matches!(joint.kind, JointKind::Fixed) {
+                    let help = format!("write `--lock {}`", joint.name);
+                    let message = format!(
+                        "link `{}` has no frame: joint `{}` before it moves no mass, and the model lacks it",
+                        self.robot.links[link].name, joint.name
+                    );
+                    problems.error(&joint.span, message, &help);
+                }
+                let pose = &joint.pose;
+                let (shift, rotation) = self.moved[k].clone().unwrap_or_default();
+                let (mut place, turn) = (still.place_of(pose), pose.turn.text());
+                if let Some(shift) = shift {
+                    let shift = turn.as_ref().map_or(shift.clone(), |turn| format!("{turn}*({shift})"));
+                    place = if place == ZERO { shift } else { format!("{place} + {shift}") };
+                }
+                let factors: Vec<String> = turn.into_iter().chain(rotation).collect();
+                let mut own = before.clone();
+                if place != ZERO {
+                    let turned = match &before.turn {
+                        Some(turn) if place.contains(" + ") => format!("{turn}*({place})"),
+                        Some(turn) => format!("{turn}*{place}"),
+                        None => place,
+                    };
+                    let plus = before.place.map(|before| format!("{before} + ")).unwrap_or_default();
+                    self.line(&format!("let p_{name} = {plus}{turned};"));
+                    own.place = Some(format!("p_{name}"));
+                }
+                if !factors.is_empty() {
+                    let all: Vec<String> = before.turn.into_iter().chain(factors).collect();
+                    self.line(&format!("let R_{name} = {};", all.join("*")));
+                    own.turn = Some(format!("R_{name}"));
+                }
+                own
+            }
+            _ => {
+                if self.is_free(link) {
+                    let free = self.floats.of(link);
+                    let file_name = self.robot.links[link].name.clone();
+                    let (at, attitude) = free.pose();
+                    self.line(&format!("/// {file_name}\nframe {name} at {at} attitude {attitude};"));
+                }
+                still
+            }
+        };
+        placed[link] = Some(found.clone());
+        found
     }
 
     /// Links that fixed joints join to this one, each with its frame.

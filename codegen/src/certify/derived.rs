@@ -131,6 +131,10 @@ impl Results<'_, '_> {
             let still = self.forces(&vec![Wide::ZERO; v.len()])?;
             let forces = self.forces(&v)?;
             Some(forces.iter().zip(&still).map(|(a, b)| total(a) - total(b)).collect())
+        } else if name(Want::FrameJacobians) {
+            let unknowns = self.setting.claim.equations.system.unknowns.iter().map(|unknown| unknown.symbol);
+            let changes: Vec<(SymbolId, Wide)> = unknowns.zip(v).collect();
+            Some(self.slopes_of_twists(&changes)?)
         } else if name(Want::OutputJacobian) {
             let changes: Vec<(SymbolId, Wide)> = self.setting.state.iter().copied().zip(v).collect();
             Some(self.slopes_of_outputs(&changes)?)
@@ -151,21 +155,27 @@ impl Results<'_, '_> {
     }
 
     /// What the equations of motion leave over at accelerations, term by term along every velocity of the state.
-    fn forces(&self, accelerations: &[Wide]) -> Result<Vec<[Wide; 4]>, Open> {
+    pub(super) fn forces(&self, accelerations: &[Wide]) -> Result<Vec<[Wide; 4]>, Open> {
         let setting = self.setting;
         let unknowns = &setting.claim.equations.system.unknowns;
-        let mut rates = self.motion.rates.clone();
-        for (unknown, a) in unknowns.iter().zip(accelerations) {
-            let place = setting.state.iter().position(|s| *s == unknown.symbol).ok_or(unknown.symbol)?;
-            rates[place] = *a;
-        }
-        let motion = Motion::with_rates(setting, self.point, rates)?;
+        let motion = Motion::with_rates(setting, self.point, self.rates_with(accelerations)?)?;
         let mut forces = Vec::with_capacity(unknowns.len());
         for k in 0..unknowns.len() {
             let w = motion.displacement_of(setting, &motion.at, k)?;
             forces.push(motion.unbalanced(setting, &w)?);
         }
         Ok(forces)
+    }
+
+    /// The rates of the state with other accelerations.
+    pub(super) fn rates_with(&self, accelerations: &[Wide]) -> Result<Vec<Wide>, Open> {
+        let setting = self.setting;
+        let mut rates = self.motion.rates.clone();
+        for (unknown, a) in setting.claim.equations.system.unknowns.iter().zip(accelerations) {
+            let place = setting.state.iter().position(|s| *s == unknown.symbol).ok_or(unknown.symbol)?;
+            rates[place] = *a;
+        }
+        Ok(rates)
     }
 
     /// `tau = W^T (d/dt dL/dy + C y p - rho dL/dx - F)` at random accelerations.

@@ -18,6 +18,7 @@
 mod claim;
 mod definition;
 mod derived;
+mod frames;
 mod group;
 mod linear;
 mod motion;

@@ -279,6 +279,13 @@ impl Results<'_, '_> {
                 }
             }
             Want::Positions => self.positions(output, sheet, random)?,
+            Want::FramePoses => self.of_model(output, found, sheet)?,
+            Want::FrameTwists => {
+                self.of_model(output, found, sheet)?;
+                self.twists(output, found, sheet, random)?;
+            }
+            Want::FrameDrifts => self.drifts(output, found, sheet)?,
+            Want::Bias | Want::Gravity => self.forces_at_rest(want, found, sheet)?,
             Want::Events | Want::Outputs => self.of_model(output, found, sheet)?,
             Want::HamiltonianTime => {
                 return Err(Open::Because("its Jacobi identity is proved symbolically alone"));

@@ -26,7 +26,7 @@ use super::domain::domain;
 use super::pivots::sorted_pivots;
 use super::plan::{DEFAULT, Drops, Outputs, Plan, Share};
 use super::roles::{VariableRole, all_params, variable_roles};
-use super::{bracket, derivatives, dynamics, events, implicit, invariants, positions, splitting};
+use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants, positions, splitting};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -210,8 +210,15 @@ fn lower_derived(
         model.diagnostics(vec![spec::diagnose(model, span, message, help)])
     };
     let available = available_outputs(&equations);
+    let of_frames = |o: &Output| matches!(o.kind, OutputKind::Group(Want::FramePoses | Want::FrameTwists));
+    if let Some(want) = plan.of_frames.first().filter(|_| !available.iter().any(of_frames)) {
+        let message = format!("scene {scene} wants {}, and {} has no named frame", want.name(), model.name);
+        let place = place_of(want.name()).or_else(|| place_of(Want::Frames.name()));
+        return Err(fail_at(place, message, "declare one, such as `frame tool at p attitude R;`".to_owned()));
+    }
     let outputs = match &plan.outputs {
-        Outputs::All => available,
+        // Frames are for those who ask.
+        Outputs::All => available.into_iter().filter(|o| !of_frames(o)).collect(),
         Outputs::Named(wants) => {
             let mut selected = Vec::new();
             for wanted in wants {
@@ -230,6 +237,14 @@ fn lower_derived(
             selected
         }
     };
+    if frames::needs_group(&equations, &outputs, plan.reconstructs) {
+        let place = place_of(Want::FramePoses.name()).or_else(|| place_of(Want::Frames.name()));
+        let message =
+            format!("scene {scene} wants poses of frames that the group moves, and its state has no group");
+        let help =
+            "add `want reconstruction;`, or want `frame_twists`, `frame_jacobians` and `frame_drifts` alone";
+        return Err(fail_at(place, message, help.to_owned()));
+    }
     let mut results: Vec<ExprId> =
         outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| *e)).collect();
     results.extend(plan.energy.then_some(equations.energy));
@@ -291,7 +306,8 @@ fn lower_derived(
             Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
             Error::Unsupported { .. } if plan.implicit => place_of(Want::Implicit.name()),
             Error::Unsupported { .. } => {
-                plan.dynamics.iter().find_map(|want| place_of(want.name())).or(problem.span)
+                let wants = plan.dynamics.iter().chain(&plan.of_frames).chain([&Want::Frames]);
+                wants.into_iter().find_map(|want| place_of(want.name())).or(problem.span)
             }
             _ => problem.span,
         };
@@ -417,11 +433,14 @@ pub(super) fn lower_scene(
     }
     outputs.extend(derivatives.outputs);
     let mut matrices = derivatives.matrices;
-    let dynamics = dynamics::find(&graph, &equations, &plan.dynamics)?;
+    let dynamics = dynamics::find(&mut graph, &equations, &plan.dynamics)?;
+    let of_frames = frames::find(&mut graph, &equations, &state, &plan.of_frames)?;
+    outputs.extend(of_frames.outputs);
+    matrices.extend(of_frames.matrices);
     outputs.extend(dynamics.outputs);
     matrices.extend(dynamics.matrices);
     inputs.arguments.extend(dynamics.arguments);
-    let mut own_sections = derivatives.sections;
+    let mut own_sections = [derivatives.sections, dynamics.sections, of_frames.sections].concat();
     if plan.invariants {
         let found = invariants::find(&mut graph, &equations, &moving, &inputs);
         graph.within_budget()?;

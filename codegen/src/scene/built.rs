@@ -14,6 +14,7 @@ use hamel_program::program::{Program, Role};
 use super::dependence::{left_out, outputs_of_model};
 use super::derivatives::{Matrix, Product};
 use super::events::SceneEvent;
+use super::frames;
 use super::implicit::Implicit;
 use super::positions::PositionLayout;
 
@@ -175,6 +176,11 @@ impl BuiltScene {
     /// Documentation of the scene.
     pub fn doc(&self) -> &str {
         &self.doc
+    }
+
+    /// Names of the frames of the model, in the order of their poses and twists.
+    pub fn frame_names(&self) -> Vec<String> {
+        frames::names(&self.equations)
     }
 
     /// Names of the invariants that the scene wants; none if it wants none.

@@ -1,13 +1,13 @@
-//! Mass matrix and inverse dynamics as functions beside the right-hand side.
+//! Mass matrix, inverse dynamics, and forces at rest, as functions beside the right-hand side.
 //!
 //! Does not know: how the balance of the equations is derived, lowered or emitted.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::error::Error;
-use hamel_expr::{Graph, SymbolId};
+use hamel_expr::{Graph, Section, SymbolId};
 use hamel_lang::spec::Want;
-use hamel_mechanics::mechanics::{Equations, Output};
+use hamel_mechanics::mechanics::{AtRest, Equations, Output};
 use hamel_program::lower::Request;
 use hamel_program::program::Role;
 
@@ -26,18 +26,19 @@ pub(super) struct Dynamics {
     pub(super) products: Vec<Product>,
     pub(super) requests: Vec<Request>,
     pub(super) arguments: BTreeMap<Role, Vec<SymbolId>>,
+    /// To come after the sections of the equations.
+    pub(super) sections: Vec<Section>,
 }
 
 /// The functions that are wanted, along the virtual displacements of the velocities `u` of the state.
 ///
 /// # Errors
-/// [`Error::Unsupported`] where the state has momenta, velocities along stages, or nothing is solved for accelerations.
-pub(super) fn find(g: &Graph, equations: &Equations, wanted: &BTreeSet<Want>) -> Result<Dynamics, Error> {
+/// [`Error::Unsupported`] where the state has momenta, velocities along stages, or nothing is solved for accelerations;
+/// [`Error::DivisionByZero`] where forces have no value at rest.
+pub(super) fn find(g: &mut Graph, equations: &Equations, wanted: &BTreeSet<Want>) -> Result<Dynamics, Error> {
     let mut found = Dynamics::default();
     let Some(first) = wanted.first() else { return Ok(found) };
-    let system = equations.linear_system();
-    let balance = system.and_then(|system| system.balance.as_ref());
-    let (Some(system), Some(balance)) = (system, balance.filter(|b| !b.forces.is_empty())) else {
+    let Some((system, balance)) = equations.balanced_system() else {
         return Err(Error::Unsupported {
             what: format!("{} of equations that are not solved for the rates of velocities", first.name()),
             possible: "velocities of the model as state; remove `carry`".into(),
@@ -83,6 +84,25 @@ pub(super) fn find(g: &Graph, equations: &Equations, wanted: &BTreeSet<Want>) ->
                 names.join(", ")
             ),
         });
+    }
+    let at_rest = [
+        (
+            Want::Bias,
+            AtRest::Accelerations,
+            "forces that have to act beside the model's for the rates of velocities to vanish, `-f` of `A udot = f`",
+        ),
+        (
+            Want::Gravity,
+            AtRest::Velocities,
+            "forces that have to act beside the model's to hold it at rest, at zero velocities and accelerations",
+        ),
+    ];
+    for (want, at, doc) in at_rest.into_iter().filter(|(want, ..)| wanted.contains(want)) {
+        // The balance was found above.
+        let Some((forces, sections)) = equations.forces_at(g, at)? else { continue };
+        let name = |name: &String| format!("{}_{name}", want.name());
+        found.outputs.push(Output::group(want, names.iter().map(name).zip(forces).collect(), doc));
+        found.sections.extend(sections);
     }
     Ok(found)
 }

@@ -20,6 +20,7 @@ mod domain;
 mod dynamics;
 mod events;
 mod formulations;
+mod frames;
 mod gradients;
 mod groups;
 mod implicit;

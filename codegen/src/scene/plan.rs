@@ -48,8 +48,10 @@ pub(super) struct Plan {
     /// Exact flows whose generators add up to the motion.
     pub(super) splitting: bool,
     pub(super) implicit: bool,
-    /// Mass matrix and inverse dynamics, as far as they are wanted.
+    /// Mass matrix, inverse dynamics and forces at rest, as far as they are wanted.
     pub(super) dynamics: BTreeSet<Want>,
+    /// Jacobians and drifts of frames, as far as they are wanted.
+    pub(super) of_frames: BTreeSet<Want>,
     /// Functions that lose digits carry their rounding errors along.
     pub(super) digits: bool,
     pub(super) taylor: bool,
@@ -105,6 +107,7 @@ impl Plan {
             splitting: false,
             implicit: false,
             dynamics: BTreeSet::new(),
+            of_frames: BTreeSet::new(),
             digits: false,
             taylor: false,
             reconstructs: false,
@@ -142,8 +145,15 @@ impl Plan {
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
                     Wanted::Want(Want::Splitting) => plan.splitting = true,
                     Wanted::Want(Want::Linearization) => plan.derivatives.extend(Derivative::LINEARIZATION),
-                    Wanted::Want(want @ (Want::MassMatrix | Want::InverseDynamics)) => {
-                        plan.dynamics.insert(*want);
+                    Wanted::Want(
+                        want @ (Want::MassMatrix | Want::InverseDynamics | Want::Bias | Want::Gravity),
+                    ) => _ = plan.dynamics.insert(*want),
+                    Wanted::Want(want @ (Want::FrameJacobians | Want::FrameDrifts)) => {
+                        plan.of_frames.insert(*want);
+                    }
+                    Wanted::Want(Want::Frames) => {
+                        outputs.extend([Want::FramePoses, Want::FrameTwists].map(Wanted::Want));
+                        plan.of_frames.extend([Want::FrameJacobians, Want::FrameDrifts]);
                     }
                     Wanted::Want(Want::Implicit) => plan.implicit = true,
                     Wanted::Want(Want::Digits) => plan.digits = true,

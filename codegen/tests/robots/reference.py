@@ -1,11 +1,12 @@
-"""Writes reference.txt: rates of the robots beside this file, by Pinocchio.
+"""Writes reference.txt and reference_frames.txt: rates and frames of the robots beside this file, by Pinocchio.
 
 pip install pin
 python codegen/tests/robots/reference.py
 
 A line is a robot, its state by names, and the rates of its velocities. Followers are eliminated by the matrix S of
 their rates, `S^T M S a = S^T (f - M S' u - h)` with a constant S; friction is that of the imported model,
-`f tanh(q'/0.01)`.
+`f tanh(q'/0.01)`. Behind a state with the place and attitude of a free body, a line of frames has a link, its pose (place,
+rotation by rows), its twist in its own axes (angular velocity first), and the rate of that without accelerations.
 """
 
 import pathlib
@@ -16,7 +17,8 @@ import pinocchio as pin
 
 here = pathlib.Path(__file__).parent
 rng = np.random.default_rng(20)
-lines = []
+lines, frames = [], []
+LINKS = {"arm": ["bracket", "finger", "thumb"], "flyer": ["rod"], "cart": []}
 
 
 def dynamics(joint, name):
@@ -99,4 +101,21 @@ for robot, is_floating in [("arm", False), ("flyer", True), ("cart", False)]:
             a[f"{name}_angle_dot"] = a.pop(f"{name}_2")
         told = [" ".join(f"{key}={float(value)!r}" for key, value in values.items()) for values in (state, a)]
         lines.append(f"{robot} | {told[0]} | {told[1]}")
+        if is_floating:
+            position, (x, y, z, w) = q[0:3], q[3:7]
+            state |= {f"position{n + 1}": position[n] for n in range(3)}
+            state |= dict(zip([f"attitude{n}" for n in "wxyz"], [w, x, y, z]))
+        pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
+        pin.updateFramePlacements(model, data)
+        for link in LINKS[robot]:
+            frame, local = model.getFrameId(link, pin.FrameType.BODY), pin.ReferenceFrame.LOCAL
+            at = data.oMf[frame]
+            twist = pin.getFrameVelocity(model, data, frame, local)
+            drift = pin.getFrameAcceleration(model, data, frame, local)
+            numbers = [*at.translation, *at.rotation.flatten()]
+            for motion in twist, drift:
+                numbers += [*motion.angular, *motion.linear]
+            told = " ".join(f"{key}={float(value)!r}" for key, value in state.items())
+            frames.append(f"{robot} | {told} | {link} | " + " ".join(repr(float(x)) for x in numbers))
 (here / "reference.txt").write_text("\n".join(lines) + "\n")
+(here / "reference_frames.txt").write_text("\n".join(frames) + "\n")

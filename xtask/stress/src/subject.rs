@@ -39,6 +39,8 @@ impl Subject {
             momenta: Vec::new(),
             params: params.collect(),
             inputs: Vec::new(),
+            velocities: Vec::new(),
+            frames: Vec::new(),
             outputs: outputs.collect(),
             has_energy: scene.program.function(&Role::Energy).is_some(),
             conserves_energy: false,

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how anything is evaluated.
 
+use hamel_codegen::spec::Want;
 use serde_json::{Map, Value};
 
 use super::json::{Fields, Json, by_name, names_in, number};
@@ -11,9 +12,10 @@ use crate::forms::{Form, Forms};
 use crate::info::Info;
 
 impl EvalRequest {
-    /// Reads `{"params": {..}, "states": [{name: number, ..}, ..], "t": number}`.
+    /// Reads `{"params": {..}, "states": [{name: number, ..}, ..], "t": number, "accelerations": [{..}, ..]}`.
     ///
-    /// Missing parameters take the scene's defaults and a missing `t` is zero.
+    /// Missing parameters take the scene's defaults and a missing `t` is zero. Accelerations, by the names of the
+    /// velocities, are as many as states, or not there.
     ///
     /// # Errors
     /// [`Error::NotJson`], or [`Error::Request`] with everything that is wrong.
@@ -41,7 +43,8 @@ impl EvalRequest {
     /// # Errors
     /// As [`EvalRequest::parse`], and what [`Forms::convert`] finds.
     pub fn parse_in(text: &str, info: &Info, forms: &Forms) -> Result<EvalRequest, Error> {
-        let mut fields = Fields::new(Json::parse(text)?, &["params", "states", "t", "sizes"])?;
+        let mut fields =
+            Fields::new(Json::parse(text)?, &["params", "states", "t", "sizes", "accelerations"])?;
         let params = fields.take("params");
         let params =
             fields.numbers("params", params, "parameter", &info.param_names(), Some(&info.defaults()));
@@ -60,20 +63,55 @@ impl EvalRequest {
             }
             states.push(fields.state(&format!("states[{k}]"), Some(item), forms, 0));
         }
+        let accelerations = fields.accelerations(info, states.len());
         fields.finish()?;
         let own = forms.own_form();
         let convert = |(k, (y, form)): (usize, (Vec<f64>, Form))| {
             forms.convert(&params, t, &y, [&form, &own]).map_err(|e| e.at(&format!("states[{k}]")))
         };
         let states = states.into_iter().enumerate().map(convert).collect::<Result<_, Error>>()?;
-        Ok(EvalRequest { params, t, states })
+        Ok(EvalRequest { params, t, states, accelerations })
+    }
+}
+
+impl Fields {
+    /// The rates of the velocities of so many states; empty where there are none.
+    fn accelerations(&mut self, info: &Info, n_states: usize) -> Vec<Vec<f64>> {
+        let Some(items) = self.array("accelerations") else { return Vec::new() };
+        let mut refuse = |reason: String| {
+            self.problems.push(Problem::Unusable { path: "accelerations".into(), reason });
+            Vec::new()
+        };
+        if info.velocities.is_empty() {
+            let (scene, model) = (&info.scene, &info.model);
+            return refuse(format!(
+                "are rates of velocities, and the state of scene {scene} of {model} has none"
+            ));
+        }
+        if items.len() != n_states {
+            let n = items.len();
+            return refuse(format!(
+                "are {n} for {n_states} states: give one object of numbers for each state"
+            ));
+        }
+        let names: Vec<&str> = info.velocities.iter().map(String::as_str).collect();
+        let mut all = Vec::new();
+        for (k, item) in items.into_iter().enumerate() {
+            if self.problems.len() > MAX_PROBLEMS {
+                break;
+            }
+            all.push(self.numbers(&format!("accelerations[{k}]"), Some(item), "acceleration", &names, None));
+        }
+        all
     }
 }
 
 impl EvalResponse {
-    /// `{"model", "state", "derivatives", "energy", "outputs"}`.
+    /// `{"model", "state", "derivatives", "energy", "outputs"}`, and `"inverse_dynamics"` where the request has
+    /// accelerations.
     ///
     /// `outputs` has one entry per group: an array with one object of numbers by component for each state.
+    /// `inverse_dynamics` is an array with one object of forces by velocity for each state.
     pub fn to_json(&self, info: &Info) -> Value {
         let rows = |rows: &[Vec<f64>]| -> Value {
             rows.iter().map(|row| row.iter().copied().map(number).collect::<Value>()).collect()
@@ -100,6 +138,11 @@ impl EvalResponse {
                 .map_or(Value::Null, |energies| energies.iter().copied().map(number).collect()),
         );
         answer.insert("outputs".into(), outputs.into());
+        if let Some(forces) = &self.forces {
+            let names = || info.velocities.iter().map(String::as_str);
+            let per_state = forces.iter().map(|forces| by_name(names(), forces));
+            answer.insert(Want::InverseDynamics.name().into(), per_state.collect());
+        }
         answer.into()
     }
 }

@@ -348,6 +348,13 @@ pub(super) enum ItemKind {
     },
     /// `body B { mass m; inertia I; place p; attitude R; }`
     Body(BodyItem),
+    /// `frame tool on wrist at p attitude R`
+    NamedFrame {
+        name: Name,
+        on: Option<Name>,
+        at: Option<Expr>,
+        attitude: Option<Expr>,
+    },
     /// `force at p: F;`, `force along u: F;`
     AppliedForce {
         /// Whether it is a place that stands behind the word, and no velocity.

@@ -176,6 +176,7 @@ fn of_item(statement: &[&str]) -> Context {
         "constraint" if has("for") && !has(":") => Context::Velocity,
         "carry" | "routh" => Context::Carried,
         "view" if last == "=" => Context::Solid,
+        "frame" if !(has("at") || has("attitude")) => Context::Anything,
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
         | "configuration" | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene"
         | "source" | "topic" | "multipliers" | "reduces" => Context::Anything,

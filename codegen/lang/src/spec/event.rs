@@ -14,6 +14,10 @@ pub enum OutputPart {
     Events,
     /// What an event sets: the new values, in the order of [`Event::sets`].
     After,
+    /// The poses of all named frames in space: for each the place, then the rotation by rows.
+    Poses,
+    /// The twists of all named frames in their own axes: for each the angular velocity, then the velocity.
+    Twists,
 }
 
 /// Which changes of sign of a function are an event.

@@ -26,7 +26,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("carry", "carry Pi;"),
     ("routh", "routh phi = p;` or `routh Omega -> Pi;"),
     ("quasi_velocity", "quasi_velocity s;"),
-    ("frame", "frame { u = r*phi_dot; }"),
+    ("frame", "frame { u = r*phi_dot; }` or `frame tool at p attitude R;"),
     ("connection", "connection Omega = A*x_dot;` or `connection mechanical;"),
     ("action", "action left;"),
     ("stage", "stage whole;` or `stage translation = ideal(V);"),

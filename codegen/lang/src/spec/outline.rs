@@ -40,6 +40,7 @@ pub enum DeclarationKind {
     Section,
     Event,
     Body,
+    Frame,
     Reconstructed,
     View,
     Scene,
@@ -71,6 +72,7 @@ impl DeclarationKind {
             DeclarationKind::Section => "section",
             DeclarationKind::Event => "event",
             DeclarationKind::Body => "body",
+            DeclarationKind::Frame => "frame",
             DeclarationKind::Reconstructed => "coordinate of the group",
             DeclarationKind::View => "view",
             DeclarationKind::Scene => "scene",
@@ -98,6 +100,7 @@ impl DeclarationKind {
             DeclarationKind::Model
             | DeclarationKind::Scene
             | DeclarationKind::View
+            | DeclarationKind::Frame
             | DeclarationKind::Stage
             | DeclarationKind::Constraint
             | DeclarationKind::Event => Space::Unmentioned,
@@ -476,6 +479,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
             names.iter().map(|name| one(DeclarationKind::Reconstructed, name, true)).collect()
         }
         ItemKind::View { name, .. } => vec![one(DeclarationKind::View, name, false)],
+        ItemKind::NamedFrame { name, .. } => vec![one(DeclarationKind::Frame, name, false)],
         ItemKind::Scene { name, .. } => vec![one(DeclarationKind::Scene, name, false)],
         ItemKind::Size { name, .. } => vec![one(DeclarationKind::Size, name, false)],
         ItemKind::Source(_)

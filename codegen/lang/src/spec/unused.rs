@@ -231,6 +231,7 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::View { arguments, around, at, attitude, .. } => {
             mentions(arguments.iter().chain([around, at, attitude].into_iter().flatten()))
         }
+        ItemKind::NamedFrame { at, attitude, .. } => mentions([at, attitude].into_iter().flatten()),
         ItemKind::Source(_)
         | ItemKind::Topic(_)
         | ItemKind::Reduces(_)

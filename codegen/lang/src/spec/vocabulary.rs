@@ -102,7 +102,7 @@ const OF_ITEMS: &[(&str, &str)] = &[
     (
         "frame",
         "Quasi-velocities in the place of velocities, each linear in them, with coefficients made of base \
-         coordinates, time and parameters.",
+         coordinates, time and parameters; with a name, `frame tool at p attitude R;`, a frame on a body.",
     ),
     (
         "connection",

@@ -54,6 +54,20 @@ pub enum Want {
     MassMatrix,
     /// The forces that have to act beside the model's for given accelerations.
     InverseDynamics,
+    /// The forces at zero accelerations.
+    Bias,
+    /// The forces at zero velocities and accelerations.
+    Gravity,
+    /// Everything about the named frames of the model.
+    Frames,
+    /// Places and rotations of the named frames.
+    FramePoses,
+    /// Their angular velocities and velocities, in their own axes.
+    FrameTwists,
+    /// The derivatives of the twists by the velocities of the state.
+    FrameJacobians,
+    /// The rates of the twists at zero accelerations.
+    FrameDrifts,
     /// The coordinates of the group as part of the state.
     Reconstruction,
     /// All casimirs of the model.
@@ -90,7 +104,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 38] = [
+    pub const ALL: [Want; 45] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -113,6 +127,13 @@ impl Want {
         Want::Feedthrough,
         Want::MassMatrix,
         Want::InverseDynamics,
+        Want::Bias,
+        Want::Gravity,
+        Want::Frames,
+        Want::FramePoses,
+        Want::FrameTwists,
+        Want::FrameJacobians,
+        Want::FrameDrifts,
         Want::Reconstruction,
         Want::Casimirs,
         Want::Circles,
@@ -156,6 +177,13 @@ impl Want {
             Want::Feedthrough => "feedthrough",
             Want::MassMatrix => "mass_matrix",
             Want::InverseDynamics => "inverse_dynamics",
+            Want::Bias => "bias",
+            Want::Gravity => "gravity",
+            Want::Frames => "frames",
+            Want::FramePoses => "frame_poses",
+            Want::FrameTwists => "frame_twists",
+            Want::FrameJacobians => "frame_jacobians",
+            Want::FrameDrifts => "frame_drifts",
             Want::Reconstruction => "reconstruction",
             Want::Casimirs => "casimirs",
             Want::Circles => "circles",
@@ -184,7 +212,8 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Bracket, Casimirs, Circles, Constraint, Digits, Events, Feedthrough, HamiltonianTime, Implicit,
+            Bias, Bracket, Casimirs, Circles, Constraint, Digits, Events, Feedthrough, FrameDrifts,
+            FrameJacobians, FramePoses, FrameTwists, Frames, Gravity, HamiltonianTime, Implicit,
             InputJacobian, Invariants, InverseDynamics, Linearization, MassMatrix, Matrices,
             MomentumEquation, NonholonomicMomentum, OutputJacobian, Outputs, Phases, Positions, Sections,
             Splitting, Taylor, Velocities,
@@ -216,6 +245,13 @@ impl Want {
                 | Feedthrough
                 | MassMatrix
                 | InverseDynamics
+                | Bias
+                | Gravity
+                | Frames
+                | FramePoses
+                | FrameTwists
+                | FrameJacobians
+                | FrameDrifts
         )
     }
 }

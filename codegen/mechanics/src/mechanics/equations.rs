@@ -206,6 +206,14 @@ impl Equations {
         }
     }
 
+    /// The linear system with its balance, where all velocities of the state are the model's own: none where the
+    /// state has momenta, velocities along stages, or nothing is solved for accelerations.
+    pub fn balanced_system(&self) -> Option<(&LinearSystem, &Balance)> {
+        let system = self.linear_system()?;
+        let balance = system.balance.as_deref().filter(|balance| !balance.forces.is_empty())?;
+        Some((system, balance))
+    }
+
     /// The graph, with definitions that are values at a place called so: `X1|phi=0`.
     pub fn labelled(&self) -> Graph {
         let mut g = self.system.graph.clone();

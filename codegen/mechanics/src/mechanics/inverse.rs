@@ -89,6 +89,59 @@ impl Equations {
     }
 }
 
+/// Forces along the velocities of the state, and definitions that the equations do not have.
+pub type Forces = (Vec<ExprId>, Vec<Section>);
+
+/// Where forces are asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AtRest {
+    /// Rates of velocities: the forces that velocities, inputs and positions need.
+    Accelerations,
+    /// These and the velocities themselves: the forces that hold the system where it is.
+    Velocities,
+}
+
+impl Equations {
+    /// The forces of [`Balance::forces`] where accelerations vanish, or velocities as well, along the velocities of the
+    /// state. None where [`Equations::balanced_system`] has none.
+    ///
+    /// # Errors
+    /// [`Error::DivisionByZero`] where the forces have no value there.
+    pub fn forces_at(&self, g: &mut Graph, at: AtRest) -> Result<Option<Forces>, Error> {
+        let Some((_, balance)) = self.balanced_system() else { return Ok(None) };
+        let zero = g.zero();
+        let mut image: BTreeMap<SymbolId, ExprId> =
+            balance.accelerations.iter().map(|(symbol, _)| (*symbol, zero)).collect();
+        if at == AtRest::Velocities {
+            image.extend(self.system.unknowns.iter().map(|unknown| (unknown.symbol, zero)));
+        }
+        let mut renewed = Vec::new();
+        for section in needed_sections(g, &self.sections, &balance.forces) {
+            let mut definitions = Vec::new();
+            for definition in section.definitions {
+                let value = at_motion(g, definition.expr, &image)?;
+                if value == definition.expr {
+                    continue;
+                }
+                if matches!(g.node(value), Node::Constant(_) | Node::Symbol(_)) {
+                    image.insert(definition.symbol, value);
+                    continue;
+                }
+                let name = g.name(definition.symbol).to_owned();
+                let symbol = g.define(&name, value);
+                image.insert(definition.symbol, g.sym(symbol));
+                definitions.push(Definition { symbol, expr: value });
+            }
+            if !definitions.is_empty() {
+                renewed.push(Section { title: section.title, definitions });
+            }
+        }
+        let forces = balance.forces.clone().into_iter().map(|e| at_motion(g, e, &image));
+        let forces = forces.collect::<Result<Vec<ExprId>, Error>>()?;
+        Ok(Some((forces, renewed)))
+    }
+}
+
 impl Balance {
     /// The factors, as the equations have them where they have any.
     fn factors(

@@ -372,6 +372,8 @@ impl Derivation<'_> {
                 OutputPart::Own => OutputKind::OfModel,
                 OutputPart::Events => OutputKind::Group(Want::Events),
                 OutputPart::After => OutputKind::After,
+                OutputPart::Poses => OutputKind::Group(Want::FramePoses),
+                OutputPart::Twists => OutputKind::Group(Want::FrameTwists),
             };
             outputs.push(Output { kind, name, components, doc });
         }

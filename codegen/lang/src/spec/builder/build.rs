@@ -55,6 +55,9 @@ impl ModelBuilder {
         let sections = self.check_sections();
         let events = self.check_events();
         let reconstruction = self.check_reconstructions(connection.as_deref());
+        if !self.broken.contains("frame of a body") {
+            self.check_frames(&reconstruction);
+        }
         let initial = self.check_initial();
         let totals = self.check_totals();
         let carried = std::mem::take(&mut self.carries);

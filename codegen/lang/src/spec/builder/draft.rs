@@ -181,6 +181,25 @@ pub(super) struct SceneDraft {
     pub(super) carries: Vec<CarryDraft>,
 }
 
+/// A frame beside the frame that it is on: place and rotation in the axes of that, and its motion against it.
+#[derive(Clone, Debug)]
+pub(in crate::spec) struct NamedFrameDraft {
+    pub(in crate::spec) name: String,
+    pub(in crate::spec) on: Option<(String, Option<Span>)>,
+    pub(in crate::spec) motion: FrameMotion,
+    pub(in crate::spec) doc: String,
+    pub(in crate::spec) span: Option<Span>,
+}
+
+/// How a frame moves against the frame that it is on.
+#[derive(Clone, Debug)]
+pub(in crate::spec) enum FrameMotion {
+    /// `p`, `R`, and in the axes of the frame `R^T p'` and `w` with `hat(w) = R^T R'`.
+    Given { place: [ExprId; 3], rotation: [[ExprId; 3]; 3], velocity: [ExprId; 3], spin: [ExprId; 3] },
+    /// The frame of the group, whose coordinates are reconstructed: their symbols.
+    OfGroup { place: [ExprId; 3], rotation: [[ExprId; 3]; 3], symbols: Vec<SymbolId> },
+}
+
 /// A quasi-velocity of the frame.
 #[derive(Clone, Debug)]
 pub(super) struct FrameDraft {
@@ -431,6 +450,7 @@ pub struct ModelBuilder {
     pub(super) views: Vec<View>,
     /// The graph without the views while they are declared, the one with them afterwards.
     pub(super) views_graph: Option<Graph>,
+    pub(super) named_frames: Vec<NamedFrameDraft>,
 }
 
 impl ModelBuilder {
@@ -510,6 +530,7 @@ impl ModelBuilder {
             scenes: Vec::new(),
             views: Vec::new(),
             views_graph: None,
+            named_frames: Vec::new(),
         }
     }
 

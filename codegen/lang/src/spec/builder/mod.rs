@@ -17,6 +17,7 @@ mod frame;
 mod given;
 mod inputs;
 mod momenta;
+mod named_frames;
 mod outputs;
 mod params;
 mod positions;
@@ -32,6 +33,6 @@ mod view;
 
 pub(super) use algebroid::SectionBracket;
 pub use draft::ModelBuilder;
-pub(super) use draft::{CarryDraft, DeclaredAs, EventSet};
+pub(super) use draft::{CarryDraft, DeclaredAs, EventSet, FrameMotion, NamedFrameDraft};
 pub(in crate::spec) use view::FIELD;
 pub use view::Placement;

@@ -221,7 +221,7 @@ impl ModelBuilder {
     }
 
     /// A place in space; zero when a problem was reported.
-    pub(super) fn place(
+    pub(in crate::spec) fn place(
         &mut self,
         (value, span): &(Value, Option<Span>),
         what: &str,
@@ -241,7 +241,7 @@ impl ModelBuilder {
     }
 
     /// The rotation matrix of an attitude; the identity when there is none or a problem was reported.
-    pub(super) fn rotation(&mut self, attitude: Option<&(Value, Option<Span>)>) -> [[ExprId; 3]; 3] {
+    pub(in crate::spec) fn rotation(&mut self, attitude: Option<&(Value, Option<Span>)>) -> [[ExprId; 3]; 3] {
         let g = &mut self.graph;
         let (zero, one) = (g.zero(), g.one());
         let identity = [[one, zero, zero], [zero, one, zero], [zero, zero, one]];

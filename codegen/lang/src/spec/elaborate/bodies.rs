@@ -97,7 +97,7 @@ impl Elaboration<'_> {
         }
     }
 
-    fn velocity(&mut self, place: &Expr) -> Option<Weighed> {
+    pub(super) fn velocity(&mut self, place: &Expr) -> Option<Weighed> {
         let (value, bits) = self.weighed(place)?;
         let rates = self.builder.rates();
         let mut evaluator = self.evaluator(&[], None);
@@ -106,7 +106,7 @@ impl Elaboration<'_> {
     }
 
     /// The velocity of a place in the frame of a body, where it follows from velocities in the frames before.
-    fn velocity_in_frame(&mut self, place: &Expr, attitude: &Expr) -> Option<Weighed> {
+    pub(super) fn velocity_in_frame(&mut self, place: &Expr, attitude: &Expr) -> Option<Weighed> {
         let n_problems = self.builder.problems.len();
         let values = [self.velocity(place), self.weighed(place), self.weighed(attitude)];
         let [Some((velocity, bits)), Some((place, _)), Some((attitude, turned))] = values else {
@@ -129,7 +129,7 @@ impl Elaboration<'_> {
         Some((Value::Scalar(g.product(&[half, m, square])), 2 * bits + mass_bits + 8))
     }
 
-    fn spin(&mut self, attitude: &Expr) -> Option<Weighed> {
+    pub(super) fn spin(&mut self, attitude: &Expr) -> Option<Weighed> {
         let (value, bits) = self.weighed(attitude)?;
         let rates = self.builder.rates();
         let mut evaluator = self.evaluator(&[], None);

@@ -200,6 +200,7 @@ impl Elaboration<'_> {
             | ItemKind::Velocity { .. }
             | ItemKind::QuasiVelocity(_)
             | ItemKind::Frame(_)
+            | ItemKind::NamedFrame { .. }
             | ItemKind::Momentum { .. }
             | ItemKind::MomentumIn { .. }
             | ItemKind::Action(_)

@@ -9,6 +9,7 @@ mod frames;
 mod items;
 mod lets;
 mod loops;
+mod named_frames;
 mod order;
 mod reconstruction;
 mod values;
@@ -124,6 +125,9 @@ impl Elaboration<'_> {
         }
         for item in &file.items {
             self.reconstruct(item);
+        }
+        for item in &file.items {
+            self.named_frame(item);
         }
         for item in &file.items {
             let ItemKind::Initial { name, value } = &item.kind else { continue };

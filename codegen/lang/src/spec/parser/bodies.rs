@@ -37,6 +37,30 @@ impl Parser<'_> {
         Ok(ItemKind::AppliedForce { is_place: false, on, value: self.expr()? })
     }
 
+    /// `frame tool on wrist at p attitude R` behind its first word.
+    pub(super) fn named_frame(&mut self) -> Parsed<ItemKind> {
+        let name = self.labelled("the name of the frame")?;
+        let on =
+            if self.word("on").is_some() { Some(self.labelled("the name of a frame before")?) } else { None };
+        let mut parts: [(&str, Option<Expr>); 2] = [("at", None), ("attitude", None)];
+        loop {
+            let span = self.here();
+            let Some((word, part)) = parts.iter_mut().find(|(word, _)| self.word(word).is_some()) else {
+                break;
+            };
+            if part.is_some() {
+                let problem = Diagnostic::new(Some(span), format!("`{word}` is written twice"));
+                return Err(Box::new(problem.with_help("keep one of them")));
+            }
+            *part = Some(self.expr()?);
+        }
+        if !self.at_end() && !self.peek_punct(';') {
+            return self.expected("`on`, `at`, `attitude` or `;`");
+        }
+        let [at, attitude] = parts.map(|(_, expr)| expr);
+        Ok(ItemKind::NamedFrame { name, on, at, attitude })
+    }
+
     /// `body B { mass m; inertia I; place p; attitude R; }` behind its first word.
     pub(super) fn body(&mut self) -> Parsed<ItemKind> {
         let start = self.clone();

@@ -49,6 +49,7 @@ impl<'a> Parser<'a> {
                 return self.algebra(true);
             }
             "algebroid" => return self.algebroid(keyword.span, false).map(|kind| (kind, true)),
+            "frame" if self.cursor.ident().is_some() => self.named_frame()?,
             "frame" => return self.frame().map(|kind| (kind, true)),
             "acceleration" => {
                 let (name, value) = self.given("the velocity whose rate is given")?;

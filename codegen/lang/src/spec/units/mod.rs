@@ -521,6 +521,7 @@ impl Check<'_> {
                 OutputPart::Own => {
                     self.documented(&format!("output `{}`", output.name), span, &output.doc, &entries);
                 }
+                OutputPart::Poses | OutputPart::Twists => {}
                 OutputPart::Events => {
                     for (event, e) in model.events.iter().zip(entries) {
                         let _ = self.inside(&format!("event `{}`", event.name), event.span, e);

@@ -1,0 +1,98 @@
+//! Functions of a scene at states that are rows of an array.
+//!
+//! Deliberately does not know: scenes of Python, where the numbers of an array are.
+
+use hamel_run::dynamics::{Dynamics, VecState};
+use hamel_run::error::Error;
+use hamel_run::evaluate::{derivative, unusable_states};
+use hamel_runtime::F64x4;
+use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Ix2};
+use pyo3::prelude::*;
+
+use crate::arrays::{Rows, RowsMut};
+
+/// An array of states or results with the last axis of each; more axes in front are one.
+pub(crate) fn two_axes(array: ArrayViewD<'_, f64>) -> PyResult<ArrayView2<'_, f64>> {
+    array.into_dimensionality::<Ix2>().map_err(|_| two_axes_needed())
+}
+
+pub(crate) fn two_axes_mut(array: ArrayViewMutD<'_, f64>) -> PyResult<ArrayViewMut2<'_, f64>> {
+    array.into_dimensionality::<Ix2>().map_err(|_| two_axes_needed())
+}
+
+pub(crate) fn two_axes_needed() -> PyErr {
+    pyo3::exceptions::PyValueError::new_err("arrays of two axes are needed")
+}
+
+/// The rates of all rows, four at a time.
+pub(crate) fn rates(
+    dynamics: &dyn Dynamics,
+    t: f64,
+    rows: &Rows<'_>,
+    out: &mut RowsMut<'_>,
+    n_rows: usize,
+    n: usize,
+) -> bool {
+    let zeros = VecState(vec![F64x4::splat(0.0); n]);
+    let (mut y, mut dy) = (zeros.clone(), zeros);
+    let on_lanes = F64x4::splat(t);
+    let mut is_finite = true;
+    let n_whole = n_rows / F64x4::LANES * F64x4::LANES;
+    for first in (0..n_whole).step_by(F64x4::LANES) {
+        rows.lanes(first, &mut y.0);
+        dynamics.rhs_on_lanes(on_lanes, &y, &mut dy);
+        is_finite &= out.set_lanes(first, &dy.0);
+    }
+    if n_whole < n_rows {
+        let (mut y, mut dy) = (vec![0.0; n], vec![0.0; n]);
+        for k in n_whole..n_rows {
+            rows.row(k, &mut y);
+            dynamics.rhs(t, &y, &mut dy);
+            is_finite &= out.set_row(k, &dy);
+        }
+    }
+    is_finite
+}
+
+/// Calls `f` with each row and the row of results.
+pub(crate) fn by_row(
+    rows: &Rows<'_>,
+    out: &mut RowsMut<'_>,
+    n_rows: usize,
+    (n, width): (usize, usize),
+    mut f: impl FnMut(&[f64], &mut [f64]),
+) -> bool {
+    let (mut y, mut result) = (vec![0.0; n], vec![0.0; width]);
+    let mut is_finite = true;
+    for k in 0..n_rows {
+        rows.row(k, &mut y);
+        f(&y, &mut result);
+        is_finite &= out.set_row(k, &result);
+    }
+    is_finite
+}
+
+/// Writes numbers, or that there are none, which no result may be.
+pub(crate) fn write(found: Option<&[f64]>, result: &mut [f64]) {
+    match found {
+        Some(found) => result.copy_from_slice(found),
+        None => result.fill(f64::NAN),
+    }
+}
+
+/// Why some of the states have no values: of the right-hand side, and if that has, then those that were asked for.
+pub(crate) fn refuse(dynamics: &dyn Dynamics, states: ArrayView2<'_, f64>, t: f64) -> Result<(), Error> {
+    let mut row = vec![0.0; states.ncols()];
+    let rows = Rows::of(states);
+    let mut reasons = Vec::new();
+    for k in 0..states.nrows() {
+        rows.row(k, &mut row);
+        if let Err(reason) = derivative(dynamics, t, &row) {
+            reasons.push((k, reason));
+        }
+    }
+    if reasons.is_empty() {
+        reasons.push((0, "a result of one of the states is not finite".to_owned()));
+    }
+    Err(unusable_states(reasons, states.nrows()))
+}
