@@ -3,19 +3,19 @@
 //!
 //! Does not know: commands, files, JSON.
 
-use std::borrow::Cow;
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_codegen::spec::Want;
 use hamel_program::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
-use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
+use hamel_runtime::{Dual, F64x4, Failure, Pivot};
 
 use super::constraint_rows::ConstraintRows;
+use super::driving::{Driving, OnLanes, bad_params};
 use super::dynamics::{
-    BadParams, DualDynamics, Dynamics, Factory, LaneDynamics, PositionEquations, PreparedDuals,
-    PreparedLanes, PreparedScene, SideBySide, VecState, lane_by_lane,
+    BadParams, Dynamics, Factory, LaneDynamics as _, PositionEquations, PreparedDuals, PreparedLanes,
+    PreparedScene, SideBySide, VecState, lane_by_lane,
 };
 use super::guards::{check, domain, pivots};
 use super::info::Info;
@@ -65,10 +65,20 @@ impl Runnable {
         }
     }
 
-    /// On lanes with parameters of their own; none where the program is interpreted.
-    fn prepare_lanes(&self, params: &[F64x4]) -> Option<Result<Driving<'_, F64x4>, ViolatedCondition>> {
+    /// On lanes with parameters and inputs of their own, where the program is compiled.
+    fn prepare_lanes(
+        &self,
+        (params, inputs): (&[F64x4], &[F64x4]),
+        drive: &Drive,
+    ) -> Option<Result<OnLanes<'_>, ViolatedCondition>> {
         let compiled = self.compiled.as_ref()?;
-        Some(self.executable.prepare_on(compiled, params).map(Driving::held))
+        let rate = self.program.function_idx(&Role::Rate)?;
+        let on_lanes = |interpreter| OnLanes {
+            driving: Driving::held(interpreter).driven(drive).holding(inputs),
+            n_values: params.len() + inputs.len(),
+            rate: (compiled, rate),
+        };
+        Some(self.executable.prepare_on(compiled, params).map(on_lanes))
     }
 }
 
@@ -353,10 +363,6 @@ fn why_unsplit(error: hamel_codegen::error::Error) -> String {
     }
 }
 
-fn bad_params(bad: ViolatedCondition) -> BadParams {
-    BadParams { condition: bad.condition, meaning: bad.meaning }
-}
-
 impl Factory for Built {
     fn info(&self) -> &Info {
         &self.info
@@ -381,11 +387,8 @@ impl Factory for Built {
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
         let (params, inputs) = self.parted(values);
-        match self.executable.prepare_lanes(params) {
-            Some(lanes) => {
-                let driving = lanes.map_err(bad_params)?.driven(&self.drive).holding(inputs);
-                Ok(Box::new(OnLanes { driving, n_values: values.len() }))
-            }
+        match self.executable.prepare_lanes((params, inputs), &self.drive) {
+            Some(lanes) => Ok(Box::new(lanes.map_err(bad_params)?)),
             None => SideBySide::boxed(self, values),
         }
     }
@@ -394,110 +397,6 @@ impl Factory for Built {
         let (params, inputs) = self.parted(values);
         let interpreter = self.executable.prepare_over(params).map_err(bad_params)?;
         Ok(Box::new(Driving::held(interpreter).driven(&self.drive).holding(inputs)))
-    }
-}
-
-/// What evaluates a scene, with what drives its inputs.
-#[derive(Clone, Debug)]
-struct Driving<'a, R = f64> {
-    interpreter: Interpreter<'a, R>,
-    drive: Drive,
-}
-
-impl<'a, R: Real> Driving<'a, R> {
-    /// With inputs that stay where they are held.
-    fn held(interpreter: Interpreter<'a, R>) -> Driving<'a, R> {
-        Driving { interpreter, drive: None }
-    }
-
-    /// The same with what drives the inputs.
-    fn driven(self, drive: &Drive) -> Driving<'a, R> {
-        Driving { drive: drive.clone(), ..self }
-    }
-
-    /// The same with inputs that are held at these values, whatever drives them; as it is without values.
-    fn holding(mut self, inputs: &[R]) -> Driving<'a, R> {
-        if !inputs.is_empty() {
-            self.drive = None;
-            self.interpreter.set_inputs(inputs);
-        }
-        self
-    }
-
-    /// What evaluates the scene with the inputs of a time.
-    fn at(&self, t: R) -> Cow<'_, Interpreter<'a, R>> {
-        let Some(drive) = &self.drive else { return Cow::Borrowed(&self.interpreter) };
-        let mut interpreter = self.interpreter.clone();
-        interpreter.set_inputs(&drive.at(t));
-        Cow::Owned(interpreter)
-    }
-}
-
-impl DualDynamics for Driving<'_, Dual> {
-    fn rhs(&self, t: Dual, y: &[Dual], dy: &mut [Dual]) {
-        self.at(t).rhs(t, y, dy);
-    }
-
-    fn energy(&self, t: Dual, y: &[Dual]) -> Option<Dual> {
-        self.at(t).energy(t, y)
-    }
-
-    fn outputs(&self, t: Dual, y: &[Dual]) -> Vec<Dual> {
-        self.at(t).outputs(t, y)
-    }
-}
-
-/// The machine code of a scene on lanes.
-struct OnLanes<'a> {
-    driving: Driving<'a, F64x4>,
-    /// Number of parameters and of the inputs that are held.
-    n_values: usize,
-}
-
-impl LaneDynamics for OnLanes<'_> {
-    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
-        match &self.driving.drive {
-            None => self.driving.interpreter.rhs(t, &y.0, &mut dy.0),
-            Some(_) => self.driving.at(t).rhs(t, &y.0, &mut dy.0),
-        }
-    }
-
-    fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
-        self.driving.at(t).energy(t, &y.0)
-    }
-
-    fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>) {
-        self.driving.at(t).write_outputs(t, &y.0, out);
-    }
-
-    fn set(&mut self, values: &[F64x4]) -> Option<Result<(), BadParams>> {
-        // Inputs that are held, or are not, take part in what drives them.
-        if values.len() != self.n_values {
-            return None;
-        }
-        let interpreter = &mut self.driving.interpreter;
-        let (params, inputs) = values.split_at(interpreter.n_params());
-        let prepared = interpreter.prepare_again(params).map_err(bad_params);
-        if !inputs.is_empty() {
-            interpreter.set_inputs(inputs);
-        }
-        Some(prepared)
-    }
-
-    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        check(&self.driving.at(t), t, &y.0)
-    }
-
-    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
-        domain(&self.driving.at(t), t, &y.0)
-    }
-
-    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
-        self.driving.at(t).signature(t, &y.0)
-    }
-
-    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
-        pivots(&self.driving.at(t), t, &y.0, visit);
     }
 }
 
@@ -537,9 +436,7 @@ impl<'a> Interpreted<'a> {
         let prepare = || {
             let [params, inputs] = [&self.params, &self.inputs]
                 .map(|values| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>());
-            let lanes = self.built.executable.prepare_lanes(&params)?.ok()?;
-            let driving = lanes.driven(&self.built.drive).holding(&inputs);
-            Some(OnLanes { driving, n_values: params.len() + inputs.len() })
+            self.built.executable.prepare_lanes((&params, &inputs), &self.built.drive)?.ok()
         };
         self.lanes.get_or_init(prepare).as_ref()
     }
@@ -557,6 +454,19 @@ impl Dynamics for Interpreted<'_> {
 
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         self.interpreter.at(t).rhs(t, y, dy);
+    }
+
+    fn hold(&mut self, inputs: &[f64]) -> bool {
+        if inputs.len() != self.inputs.len() {
+            return false;
+        }
+        if !inputs.is_empty() {
+            self.inputs.copy_from_slice(inputs);
+            self.interpreter.interpreter.set_inputs(inputs);
+            // Those on lanes are prepared again when they are asked for.
+            self.lanes.take();
+        }
+        true
     }
 
     fn inputs_at(&self, t: f64) -> Option<Vec<f64>> {
