@@ -4,7 +4,8 @@
 
 use hamel_run::Error;
 use hamel_runtime::F64x4;
-use numpy::ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Axis, Ix2};
+use pyo3::{PyErr, PyResult};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use crate::pool;
@@ -189,4 +190,37 @@ pub(crate) fn in_pieces<'a>(
     pieces.push((states, out));
     let all = || pieces.into_par_iter().map(on).reduce(|| true, |a, b| a & b);
     Ok(pool::of_process()?.install(all))
+}
+
+/// Calls `f` with each row and the row of results.
+pub(crate) fn by_row(
+    rows: &Rows<'_>,
+    out: &mut RowsMut<'_>,
+    n_rows: usize,
+    (n, width): (usize, usize),
+    mut f: impl FnMut(&[f64], &mut [f64]),
+) -> bool {
+    let (mut y, mut result) = (vec![0.0; n], vec![0.0; width]);
+    let mut is_finite = true;
+    for k in 0..n_rows {
+        rows.row(k, &mut y);
+        f(&y, &mut result);
+        is_finite &= out.set_row(k, &result);
+    }
+    is_finite
+}
+
+/// An array of states or results with the last axis of each; more axes in front are one.
+pub(crate) fn two_axes(array: ArrayViewD<'_, f64>) -> PyResult<ArrayView2<'_, f64>> {
+    array.into_dimensionality::<Ix2>().map_err(|_| two_axes_needed())
+}
+
+/// The same to be written.
+pub(crate) fn two_axes_mut(array: ArrayViewMutD<'_, f64>) -> PyResult<ArrayViewMut2<'_, f64>> {
+    array.into_dimensionality::<Ix2>().map_err(|_| two_axes_needed())
+}
+
+/// That an array has another number of axes.
+pub(crate) fn two_axes_needed() -> PyErr {
+    pyo3::exceptions::PyValueError::new_err("arrays of two axes are needed")
 }

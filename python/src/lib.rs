@@ -16,6 +16,7 @@ mod scene;
 // The models that the program comes with are those of the package.
 #[path = "../../cli/src/shipped.rs"]
 mod shipped;
+mod stepper;
 
 use pyo3::prelude::*;
 
@@ -28,6 +29,8 @@ mod _hamel {
     use crate::robot::import_robot;
     #[pymodule_export]
     use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::stepper::Stepper;
 
     use pyo3::prelude::*;
 
