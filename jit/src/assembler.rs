@@ -166,8 +166,31 @@ impl Assembler {
         self.jumps.push(self.body.len());
     }
 
+    /// Bytes so far.
+    pub(crate) fn len(&self) -> usize {
+        self.body.len()
+    }
+
     /// A function that returns zero, or one where it gives up, with so many bytes of the stack.
-    pub(crate) fn finish(mut self, n_bytes: usize) -> Vec<u8> {
+    pub(crate) fn finish(self, n_bytes: usize) -> Vec<u8> {
+        self.framed(n_bytes, &[])
+    }
+
+    /// The same of code in a loop, which begins at a byte the first time and runs as often as the last pointer, a
+    /// number, says.
+    pub(crate) fn finish_loop(mut self, n_bytes: usize, second: usize) -> Vec<u8> {
+        // dec r10; jnz to the start of the code
+        self.body.extend([0x49, 0xff, 0xca, 0x0f, 0x85]);
+        let distance = -((self.body.len() + 4) as i32);
+        self.body.extend(distance.to_le_bytes());
+        // jmp
+        let mut entry = vec![0xe9];
+        entry.extend((second as u32).to_le_bytes());
+        self.framed(n_bytes, &entry)
+    }
+
+    /// A function with something before its code.
+    fn framed(mut self, n_bytes: usize, entry: &[u8]) -> Vec<u8> {
         // mov rax, [rsp + 8]; mov r10, [rsp + 16]
         let mut code = vec![0x48, 0x8b, 0x44, 0x24, 8, 0x4c, 0x8b, 0x54, 0x24, 16];
         // Each page is touched in its turn, so that none beyond the guard of the stack is: or qword [rsp - distance], 0
@@ -180,6 +203,7 @@ impl Assembler {
         // sub rsp, n_bytes
         code.extend([0x48, 0x81, 0xec]);
         code.extend(n_bytes);
+        code.extend(entry);
         // vzeroupper; add rsp, n_bytes; mov eax, answer; ret
         let end = |answer: u8| {
             let mut end = vec![0xc5, 0xf8, 0x77, 0x48, 0x81, 0xc4];

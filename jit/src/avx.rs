@@ -79,20 +79,45 @@ pub(crate) struct Emitted {
 
 /// The code of a function, unless it has operations that there is no code for.
 pub(crate) fn emit(function: &Function, program: &Program) -> Option<Emitted> {
-    let mut writer = Writer {
-        instructions: Vec::new(),
-        n_temporaries: 0,
-        constants: Vec::new(),
-        places: HashMap::new(),
-        numbers: &program.constants,
-        n_slots: program.prepare.slots.len(),
-        values: Vec::new(),
-        angles: HashMap::new(),
-    };
+    let mut writer = Writer::new(program);
     writer.function(function)?;
     let Writer { instructions, n_temporaries, constants, .. } = writer;
-    let code = allocate(&needed(instructions, n_temporaries), n_temporaries);
-    Some(Emitted { code, constants })
+    let mut assembler = Assembler::default();
+    let n_slots = allocate(&mut assembler, &needed(instructions, n_temporaries), n_temporaries);
+    Some(Emitted { code: assembler.finish(n_slots * STRIDE), constants })
+}
+
+/// Bytes of a loop that the processor keeps near, beside what it works on.
+const MAX_LOOP: usize = 24_000;
+
+/// Code of a row of the midpoint rule around a right-hand side, from its second increment on:
+///
+/// ```text
+/// even += 2 eta f(t, y + odd),  t += eta,  and then n - 1 times:
+/// odd  += 2 eta f(t, y + even), t += eta,  even += 2 eta f(t, y + odd),  t += eta
+/// ```
+///
+/// The state is `y`, the results are `even` and, behind it, `odd`; the argument has `eta` and `2 eta`, and the last
+/// pointer is the number `n`. None for functions with operations that there is no code for, with tables, and for code
+/// so long that a loop gains nothing.
+pub(crate) fn emit_row(function: &Function, program: &Program) -> Option<Emitted> {
+    let n = program.state.len();
+    if function.results.len() != n || !function.argument.is_empty() || !function.contractions.is_empty() {
+        return None;
+    }
+    let mut writer = Writer::new(program);
+    let bodies = [(0, n), (n, 0)].map(|(at, to)| writer.substep(function, (at, to)));
+    let (mut assembler, mut n_slots, mut second) = (Assembler::default(), 0, 0);
+    for body in bodies {
+        second = assembler.len();
+        let body = needed(body?, writer.n_temporaries);
+        n_slots = n_slots.max(allocate(&mut assembler, &body, writer.n_temporaries));
+    }
+    let is_short = assembler.len() <= MAX_LOOP;
+    is_short.then(|| Emitted {
+        code: assembler.finish_loop(n_slots * STRIDE, second),
+        constants: writer.constants,
+    })
 }
 
 /// The instructions whose results are needed.
@@ -124,9 +149,54 @@ struct Writer<'a> {
     values: Vec<Value>,
     /// Sines and cosines of angles that there are.
     angles: HashMap<Operand, (Value, Value)>,
+    /// Where increments of the state are among the results, unless the state is taken as it stands.
+    increments: Option<usize>,
+    /// The components of the moved state that there are.
+    moved: HashMap<u32, Value>,
+    has_time: bool,
 }
 
-impl Writer<'_> {
+impl<'a> Writer<'a> {
+    fn new(program: &'a Program) -> Writer<'a> {
+        Writer {
+            instructions: Vec::new(),
+            n_temporaries: 0,
+            constants: Vec::new(),
+            places: HashMap::new(),
+            numbers: &program.constants,
+            n_slots: program.prepare.slots.len(),
+            values: Vec::new(),
+            angles: HashMap::new(),
+            increments: None,
+            moved: HashMap::new(),
+            has_time: false,
+        }
+    }
+
+    /// `to += 2 eta f(t, y + at)` and the time after it, where it is read.
+    fn substep(&mut self, function: &Function, (at, to): (usize, usize)) -> Option<Vec<Instruction>> {
+        self.values.clear();
+        self.angles.clear();
+        self.moved.clear();
+        (self.increments, self.has_time) = (Some(at), false);
+        for instruction in &function.instructions {
+            let value = self.instruction(instruction.op)?;
+            self.values.push(value);
+        }
+        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * STRIDE);
+        for (operand, (pointer, place)) in outputs(function) {
+            let slope = self.read(operand);
+            let before = number(pointer, to + place);
+            let after = self.mul_add(Signs::default(), number(Pointer::Argument, 1), slope, before);
+            self.instructions.push(Instruction::Store(after, pointer, (to + place) * STRIDE));
+        }
+        if self.has_time {
+            let later = self.add(number(Pointer::Time, 0), number(Pointer::Argument, 0));
+            self.instructions.push(Instruction::Store(later, Pointer::Time, 0));
+        }
+        Some(std::mem::take(&mut self.instructions))
+    }
+
     fn function(&mut self, function: &Function) -> Option<()> {
         for instruction in &function.instructions {
             let value = self.instruction(instruction.op)?;
@@ -166,8 +236,22 @@ impl Writer<'_> {
             Operand::Slot(i) => number(Pointer::Prepared, i as usize),
             // Inputs are behind the prepared numbers.
             Operand::Input(i) => number(Pointer::Prepared, self.n_slots + i as usize),
-            Operand::Time => number(Pointer::Time, 0),
-            Operand::State(i) => number(Pointer::State, i as usize),
+            Operand::Time => {
+                self.has_time = true;
+                number(Pointer::Time, 0)
+            }
+            Operand::State(i) => match self.increments {
+                None => number(Pointer::State, i as usize),
+                Some(at) => {
+                    let (own, by) = (number(Pointer::State, i as usize), at + i as usize);
+                    if let Some(found) = self.moved.get(&i) {
+                        return *found;
+                    }
+                    let moved = self.add(own, number(Pointer::Out, by));
+                    self.moved.insert(i, moved);
+                    moved
+                }
+            },
             Operand::Argument(i) => number(Pointer::Argument, i as usize),
             // The verifier allows these in results alone, which are not read here.
             Operand::Contracted(_) => unreachable!("a result of a contraction as an operand"),
@@ -321,8 +405,8 @@ impl Writer<'_> {
 const N_REGISTERS: usize = 16;
 
 /// Where the values are while code is written.
-struct Allocation {
-    assembler: Assembler,
+struct Allocation<'a> {
+    assembler: &'a mut Assembler,
     /// What each register has.
     contents: [Option<usize>; N_REGISTERS],
     /// The register of each value.
@@ -334,8 +418,8 @@ struct Allocation {
     uses: Vec<Vec<usize>>,
 }
 
-/// Writes instructions with values in registers.
-fn allocate(instructions: &[Instruction], n_temporaries: usize) -> Vec<u8> {
+/// Writes instructions with values in registers; how many of them are on the stack.
+fn allocate(assembler: &mut Assembler, instructions: &[Instruction], n_temporaries: usize) -> usize {
     let mut uses: Vec<Vec<usize>> = vec![Vec::new(); n_temporaries];
     for (at, instruction) in instructions.iter().enumerate().rev() {
         for operand in instruction.operands() {
@@ -345,7 +429,7 @@ fn allocate(instructions: &[Instruction], n_temporaries: usize) -> Vec<u8> {
         }
     }
     let mut allocation = Allocation {
-        assembler: Assembler::default(),
+        assembler,
         contents: [None; N_REGISTERS],
         registers: vec![None; n_temporaries],
         slots: vec![None; n_temporaries],
@@ -355,10 +439,10 @@ fn allocate(instructions: &[Instruction], n_temporaries: usize) -> Vec<u8> {
     for (at, instruction) in instructions.iter().enumerate() {
         allocation.instruction(at, instruction);
     }
-    allocation.assembler.finish(allocation.n_slots * STRIDE)
+    allocation.n_slots
 }
 
-impl Allocation {
+impl Allocation<'_> {
     fn instruction(&mut self, at: usize, instruction: &Instruction) {
         match *instruction {
             Instruction::Binary(operation, to, [a, b]) => {

@@ -295,6 +295,17 @@ pub(crate) fn has_four_lanes() -> bool {
     has_registers && !hamel_runtime::math::FUSED
 }
 
+/// Bytes as code that can be called, as long as its memory is there.
+fn runnable(isa: &OwnedTargetIsa, function: &Function, code: &[u8]) -> Result<(*const u8, Memory), Error> {
+    let mut module = JITModule::new(JITBuilder::with_isa(isa.clone(), default_libcall_names()));
+    let signature = module.make_signature();
+    let declared = module.declare_function(function.role.name(), Linkage::Local, &signature);
+    let id = declared.map_err(Error::cranelift)?;
+    module.define_function_bytes(id, 16, code, &[]).map_err(Error::cranelift)?;
+    module.finalize_definitions().map_err(Error::cranelift)?;
+    Ok((module.get_finalized_function(id), Memory(ManuallyDrop::new(module))))
+}
+
 impl WideCode {
     /// Compiles a function of a verified program, unless the processor has no such code or the function has
     /// operations that there is none for.
@@ -307,18 +318,12 @@ impl WideCode {
             return Ok(None);
         }
         let Some(avx::Emitted { code, constants }) = avx::emit(function, program) else { return Ok(None) };
-        let mut module = JITModule::new(JITBuilder::with_isa(isa.clone(), default_libcall_names()));
-        let signature = module.make_signature();
-        let declared = module.declare_function(function.role.name(), Linkage::Local, &signature);
-        let id = declared.map_err(Error::cranelift)?;
-        module.define_function_bytes(id, 16, &code, &[]).map_err(Error::cranelift)?;
-        module.finalize_definitions().map_err(Error::cranelift)?;
-        let address = module.get_finalized_function(id);
+        let (address, memory) = runnable(isa, function, &code)?;
         // SAFETY: the code at this address takes eight pointers and returns a number in the calling convention of
         // x86-64 but on Windows, which `has_four_lanes` excludes; it is `extern "C"` there.
         #[allow(unsafe_code)]
         let entry = unsafe { std::mem::transmute::<*const u8, WideEntry>(address) };
-        let (sizes, memory) = (Sizes::of(program, function), Memory(ManuallyDrop::new(module)));
+        let sizes = Sizes::of(program, function);
         let has_tables = !function.contractions.is_empty();
         Ok(Some(WideCode { entry, constants, sizes, has_tables, _memory: memory }))
     }
@@ -361,6 +366,93 @@ impl WideCode {
             (&raw const *t).cast(),
             argument.as_ptr().cast(),
             scalars.as_mut_ptr().cast(),
+        );
+        given_up == 0
+    }
+}
+
+/// The same for a row of the midpoint rule around a function, whose last argument is a number.
+type RowEntry = extern "C" fn(
+    *const f64,
+    *mut f64,
+    *const f64,
+    *const f64,
+    *const f64,
+    *mut f64,
+    *const f64,
+    usize,
+) -> u32;
+
+/// A row of the midpoint rule around a right-hand side as machine code on four lanes at once.
+pub(crate) struct RowCode {
+    entry: RowEntry,
+    constants: Vec<Four>,
+    sizes: Sizes,
+    _memory: Memory,
+}
+
+impl fmt::Debug for RowCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RowCode").field("sizes", &self.sizes).finish_non_exhaustive()
+    }
+}
+
+impl RowCode {
+    /// Compiles a row around a function of a verified program, unless the processor has no such code or
+    /// [`avx::emit_row`] has none.
+    pub(crate) fn compile(
+        isa: &OwnedTargetIsa,
+        program: &Program,
+        function: &Function,
+    ) -> Result<Option<RowCode>, Error> {
+        if !has_four_lanes() {
+            return Ok(None);
+        }
+        let Some(avx::Emitted { code, constants }) = avx::emit_row(function, program) else {
+            return Ok(None);
+        };
+        let (address, memory) = runnable(isa, function, &code)?;
+        // SAFETY: as in `WideCode::compile`; the last argument is a number in the place of a pointer, and the code
+        // writes the time.
+        #[allow(unsafe_code)]
+        let entry = unsafe { std::mem::transmute::<*const u8, RowEntry>(address) };
+        Ok(Some(RowCode { entry, constants, sizes: Sizes::of(program, function), _memory: memory }))
+    }
+
+    /// Runs a row; false where it has given up, and the increments are of no account.
+    ///
+    /// # Panics
+    /// When a size is wrong, or the row has no substeps.
+    #[inline]
+    pub(crate) fn run(
+        &self,
+        (params, prepared): (&[F64x4], &[F64x4]),
+        (t, eta): (F64x4, F64x4),
+        half: usize,
+        start: &[F64x4],
+        increments: &mut [F64x4],
+    ) -> bool {
+        let Sizes { params: n_params, prepared: n_prepared, state, argument: _, out, scalars: _ } =
+            self.sizes;
+        assert!(
+            n_params == params.len()
+                && n_prepared == prepared.len()
+                && state == start.len()
+                && 2 * out == increments.len()
+                && half > 0,
+            "numbers of components"
+        );
+        // The code moves the time on.
+        let (mut time, sizes) = (t, [eta, eta + eta]);
+        let given_up = (self.entry)(
+            start.as_ptr().cast(),
+            increments.as_mut_ptr().cast(),
+            prepared.as_ptr().cast(),
+            self.constants.as_ptr().cast(),
+            params.as_ptr().cast(),
+            (&raw mut time).cast(),
+            sizes.as_ptr().cast(),
+            half,
         );
         given_up == 0
     }

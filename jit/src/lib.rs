@@ -51,7 +51,7 @@ use hamel_runtime::{F64x4, Real};
 pub use error::Error;
 pub use sums::{Slopes, WideSums};
 
-use code::{Code, Vectors, WideCode};
+use code::{Code, RowCode, Vectors, WideCode};
 use translate::Width;
 
 /// A program whose functions are compiled when they are first called.
@@ -64,6 +64,8 @@ pub struct Compiled {
     functions: Vec<[OnceLock<Result<Code, Error>>; 2]>,
     /// For each function: on four numbers side by side, where the processor has registers for them.
     wide: Vec<OnceLock<Option<WideCode>>>,
+    /// For each function: rows of the midpoint rule around it, likewise.
+    rows: Vec<OnceLock<Option<RowCode>>>,
     preparation: Preparation,
 }
 
@@ -94,8 +96,9 @@ impl Compiled {
         verify_rules(program).map_err(|broken| Error::Program { reason: broken.to_string() })?;
         let functions = program.functions.iter().map(|_| Default::default()).collect();
         let wide = program.functions.iter().map(|_| OnceLock::new()).collect();
+        let rows = program.functions.iter().map(|_| OnceLock::new()).collect();
         let preparation = Preparation::default();
-        Ok(Compiled { program: program.clone(), isa: code::host()?, functions, wide, preparation })
+        Ok(Compiled { program: program.clone(), isa: code::host()?, functions, wide, rows, preparation })
     }
 
     /// Writes what [`Program::prepare`] returns, by machine code from the hundredth time on.
@@ -150,6 +153,40 @@ impl Compiled {
         let function = &self.program.functions[function_idx];
         let compile = || WideCode::compile(&self.isa, &self.program, function).ok().flatten();
         self.wide[function_idx].get_or_init(compile).as_ref()
+    }
+
+    /// Runs a row of `2 half` substeps of the midpoint rule around a right-hand side, from its first increment
+    /// `d_1 = eta f(t - eta, y)` on, with the bits of its substeps by [`Run::run_at`]:
+    ///
+    /// ```text
+    /// d_(i+1) = d_(i-1) + 2 eta f(t + (i - 1) eta, y + d_i),    i = 1, .., 2 half - 1
+    /// ```
+    ///
+    /// False, and increments of no account, where there is no such code for this function or this processor, and where
+    /// an angle is too large for it.
+    ///
+    /// # Shapes
+    /// start: `y`, \[n\]; increments: \[2 n\], zero before and `d_(2 half)` after it; behind it `d_1` and
+    /// `d_(2 half - 1)`.
+    ///
+    /// # Panics
+    /// When the function does not exist, a size is wrong, or there are no substeps.
+    ///
+    /// # Source
+    /// Gragg 1965; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), section II.9.
+    pub fn run_row(
+        &self,
+        function_idx: usize,
+        values: (&[F64x4], &[F64x4]),
+        times: (F64x4, F64x4),
+        half: usize,
+        start: &[F64x4],
+        increments: &mut [F64x4],
+    ) -> bool {
+        let function = &self.program.functions[function_idx];
+        let compile = || RowCode::compile(&self.isa, &self.program, function).ok().flatten();
+        let code = self.rows[function_idx].get_or_init(compile);
+        code.as_ref().is_some_and(|code| code.run(values, times, half, start, increments))
     }
 
     /// Calls a function on four lanes at once; whether it has answered.

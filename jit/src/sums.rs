@@ -97,6 +97,38 @@ impl WideSums {
         }
     }
 
+    /// The end of an extrapolated step, and what its error is divided by the step:
+    ///
+    /// ```text
+    /// to + its residue = from + its residue + sum_j weights_j0 d_j,    error = per_h sum_j weights_j1 d_j
+    /// ```
+    ///
+    /// of pairs of states and residues, with the increments `d_j` at the start of the rows.
+    ///
+    /// # Panics
+    /// When the numbers of components differ, or a row has fewer.
+    pub fn extrapolate(
+        self,
+        (weights, rows): (&[[f64; 2]], &[Vec<F64x4>]),
+        per_h: F64x4,
+        (y, residue): (&[F64x4], &[F64x4]),
+        (to, to_residue): (&mut [F64x4], &mut [F64x4]),
+        error: &mut [F64x4],
+    ) {
+        let n = y.len();
+        assert!(
+            residue.len() == n && to.len() == n && to_residue.len() == n && error.len() == n,
+            "components"
+        );
+        assert!(rows.iter().all(|row| row.len() >= n), "components");
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as in `stage`; every row has these components.
+        #[allow(unsafe_code)]
+        unsafe {
+            avx::extrapolate((weights, rows), per_h, (y, residue), (to, to_residue), error);
+        }
+    }
+
     /// The mean squares of two sums in units of the tolerances `atol + rtol max(|a|, |b|)`, each component on the lane
     /// where it is largest; NaN where one of them is.
     ///
@@ -270,14 +302,8 @@ mod avx {
             // SAFETY: the block is inside of all slices.
             unsafe {
                 for (c, slope) in sums.into_iter().enumerate() {
-                    // The rounded sum and its rounding error.
-                    let a = load(y, at + c);
                     let b = _mm256_add_pd(_mm256_mul_pd(h, slope), load(residue, at + c));
-                    let sum = _mm256_add_pd(a, b);
-                    let part = _mm256_sub_pd(sum, a);
-                    let left = _mm256_sub_pd(a, _mm256_sub_pd(sum, part));
-                    store(to, at + c, sum);
-                    store(to_residue, at + c, _mm256_add_pd(left, _mm256_sub_pd(b, part)));
+                    advanced(at + c, (load(y, at + c), b), (&mut *to, &mut *to_residue));
                 }
             }
         }
@@ -285,6 +311,55 @@ mod avx {
         unsafe {
             let h = load(&[h], 0);
             in_blocks!(from.0.len(), block(terms, h, from, (&mut *to.0, &mut *to.1)));
+        }
+    }
+
+    /// # Safety
+    /// There is AVX, all slices have the same length, and no row is shorter.
+    #[target_feature(enable = "avx")]
+    #[allow(unsafe_code)]
+    pub(super) unsafe fn extrapolate(
+        (weights, rows): (&[[f64; 2]], &[Vec<F64x4>]),
+        per_h: F64x4,
+        (y, residue): (&[F64x4], &[F64x4]),
+        (to, to_residue): (&mut [F64x4], &mut [F64x4]),
+        estimate: &mut [F64x4],
+    ) {
+        // SAFETY: the places are inside of all slices.
+        unsafe {
+            let per_h = load(&[per_h], 0);
+            for c in 0..y.len() {
+                let (mut sum, mut error) = (_mm256_setzero_pd(), _mm256_setzero_pd());
+                for ([weight, excess], row) in weights.iter().zip(rows) {
+                    let increment = load(row, c);
+                    sum = _mm256_add_pd(_mm256_mul_pd(_mm256_set1_pd(*weight), increment), sum);
+                    error = _mm256_add_pd(_mm256_mul_pd(_mm256_set1_pd(*excess), increment), error);
+                }
+                advanced(c, (load(y, c), _mm256_add_pd(sum, load(residue, c))), (to, to_residue));
+                store(estimate, c, _mm256_mul_pd(error, per_h));
+            }
+        }
+    }
+
+    /// Writes a rounded sum and its rounding error.
+    ///
+    /// # Safety
+    /// As for [`load`], of both slices.
+    #[inline]
+    #[target_feature(enable = "avx")]
+    #[allow(unsafe_code)]
+    unsafe fn advanced(
+        at: usize,
+        (a, b): (__m256d, __m256d),
+        (to, to_residue): (&mut [F64x4], &mut [F64x4]),
+    ) {
+        let sum = _mm256_add_pd(a, b);
+        let part = _mm256_sub_pd(sum, a);
+        let left = _mm256_sub_pd(a, _mm256_sub_pd(sum, part));
+        // SAFETY: as the caller says.
+        unsafe {
+            store(to, at, sum);
+            store(to_residue, at, _mm256_add_pd(left, _mm256_sub_pd(b, part)));
         }
     }
 

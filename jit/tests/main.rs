@@ -3,3 +3,4 @@
 mod every_operation;
 mod four_lanes;
 mod inputs;
+mod rows;

@@ -18,6 +18,7 @@ from ._errors import Diagnostic, Error, FileError, InputError, IntegrationError,
 from ._hamel import __version__
 from ._model import Model, Params, import_robot, load, methods, models
 from ._results import Ensemble, Event, Motion, Outputs, Reduced
+from ._stepper import Stepper
 
 __all__ = [
     "Change",
@@ -37,6 +38,7 @@ __all__ = [
     "Outputs",
     "Params",
     "Reduced",
+    "Stepper",
     "__version__",
     "import_robot",
     "load",

@@ -8,6 +8,7 @@ _Array = NDArray[np.float64]
 __all__ = [
     "Motion",
     "Scene",
+    "Stepper",
     "__version__",
     "ensemble",
     "import_robot",
@@ -85,6 +86,8 @@ class Scene:
     @property
     def input_arrays(self) -> list[tuple[str, list[int], list[str | None]]]: ...
     @property
+    def taken_inputs(self) -> list[str]: ...
+    @property
     def name(self) -> str: ...
     @property
     def scene(self) -> str: ...
@@ -141,6 +144,12 @@ class Scene:
     ) -> str: ...
     def report(self) -> str: ...
     def measured(self, y: _Array, out: _Array, repeats: int) -> list[float]: ...
+
+@final
+class Stepper:
+    @staticmethod
+    def of(scene: Scene, dt: float, options: dict[str, Any]) -> Stepper: ...
+    def step(self, states: _Array, inputs: _Array | None, t: float, threads: bool | None) -> None: ...
 
 @final
 class Motion:

@@ -5,6 +5,7 @@ Deliberately does not know: how anything is derived or integrated, what results 
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,6 +20,7 @@ from ._equilibria import Equilibrium, Family
 from ._errors import InputError, ModelWarning
 from ._inputs import by_component
 from ._results import Ensemble, Motion, Outputs, Reduced
+from ._stepper import Inputs, Stepper
 
 __all__ = ["Model", "Params", "import_robot", "load", "methods", "models"]
 
@@ -170,6 +172,8 @@ class Model:
         self._state = tuple(native.state)
         # What was asked of the native scene besides its text, to ask it again.
         self._applied: tuple[tuple[Any, ...], ...] = ()
+        # The last stepper, with what it was asked for.
+        self._stepping: tuple[Any, Stepper] | None = None
 
     # What there is.
 
@@ -567,6 +571,41 @@ class Model:
             warnings.warn(text, RuntimeWarning, stacklevel=2)
         return Motion(self, native)
 
+    def stepper(
+        self,
+        dt: float,
+        *,
+        method: str = "dop853",
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        max_step: float | None = None,
+        max_steps: int | None = None,
+    ) -> Stepper:
+        """What moves states on by ``dt`` again and again, without allocation: for loops that read states and set inputs.
+
+        Methods with tolerances try ``dt`` as one step; those with fixed steps take it as one, unless ``step`` is given.
+        The default scene gives way to ``controlled`` where the model has inputs, as in :meth:`with_inputs`.
+
+        Raises :class:`InputError` for a method or steps that do not suit the scene, and for scenes with events that
+        change the state.
+        """
+        model = self
+        held = {name: value for name, value in self.inputs.items() if value is not None}
+        if held and not self._native.taken_inputs and self.scene == "default":
+            model = self.with_inputs(held)
+        return Stepper(model, dt, _options(method, rtol, atol, step, max_step, max_steps))
+
+    def step(self, y: ArrayLike, u: Inputs = None, dt: float = 0.01, *, t: float = 0.0, **options: Any) -> Array:
+        """The states a time ``dt`` after ``y``, with inputs held at ``u``, as :meth:`Stepper.step` says.
+
+        The last :meth:`stepper` is kept for the next call with the same ``dt`` and ``options``.
+        """
+        asked = (dt, tuple(sorted(options.items())))
+        if self._stepping is None or self._stepping[0] != asked:
+            self._stepping = (asked, self.stepper(dt, **options))
+        return self._stepping[1].step(y, u, t=t)
+
     @overload
     def ensemble(
         self,
@@ -880,6 +919,10 @@ def _kept_values(keep: Sequence[str] | Mapping[str, float]) -> list[tuple[str, f
 
 def _times(t: float | ArrayLike, samples: int) -> tuple[float, list[float]]:
     """The final time, and the times of samples."""
+    if isinstance(t, (int, float)) and samples in (0, 2):
+        if not math.isfinite(t):
+            raise InputError("t has to be finite")
+        return float(t), [0.0, float(t)][:samples]
     given = np.asarray(t, dtype=np.float64)
     if not np.all(np.isfinite(given)):
         raise InputError("t has to be finite")

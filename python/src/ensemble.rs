@@ -12,7 +12,7 @@ use hamel_run::admissible;
 use hamel_run::asked::assignments;
 use hamel_run::ensemble::{Cancel, EnsembleRequest, Progress, Width, pool};
 use hamel_run::error::{Error, Problem};
-use hamel_run::evaluate::prepare;
+use hamel_run::evaluate::{Drawn, Judge, prepare};
 use hamel_run::forms::Forms;
 use hamel_run::info::{Info, ParamEntry};
 use hamel_run::interpreted::Built;
@@ -117,16 +117,28 @@ pub(crate) fn integrate(
         admissible::check(&*prepared, &y, 0).map_err(|e| e.to_string())?;
         Ok((params, y))
     };
+    // Where starts are alike but for the values of the rows, the rule of initial states is asked once.
+    let own = scene.info().params.iter().zip(&scene.values).map(|(p, value)| (p.name.clone(), *value));
+    let alike = starts.alike(&own.collect(), &BTreeMap::new(), names);
     let threads = pool(asked.threads)?;
     let n_params = info.params.len() + if of_inputs { info.inputs.len() } else { 0 };
     let block = |first: usize| {
         let mut members = Beginnings::none(n_params, info.state.len());
-        for k in first..values.nrows().min(first + BLOCK) {
-            match start(k) {
+        let range = first..values.nrows().min(first + BLOCK);
+        let mut draw = |k: usize, (row, params, state): &mut Drawn| {
+            let Some(alike) = alike.as_ref().filter(|_| !cancel.is_off()) else { return false };
+            row.clear();
+            row.extend(values.row(k));
+            alike.write(row, params, state);
+            true
+        };
+        Judge::new(built).each(range, &mut draw, &mut |k, drawn| match drawn {
+            Some((_, params, state)) => members.push(params, state),
+            None => match start(k) {
                 Ok((params, y)) => members.push(&params, &y),
                 Err(reason) => members.push_failed(reason),
-            }
-        }
+            },
+        });
         members
     };
     let blocks: Vec<usize> = (0..values.nrows()).step_by(BLOCK).collect();

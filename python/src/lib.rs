@@ -17,6 +17,7 @@ mod scene;
 // The models that the program comes with are those of the package.
 #[path = "../../cli/src/shipped.rs"]
 mod shipped;
+mod stepper;
 
 use pyo3::prelude::*;
 
@@ -29,6 +30,8 @@ mod _hamel {
     use crate::robot::import_robot;
     #[pymodule_export]
     use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::stepper::Stepper;
 
     use pyo3::prelude::*;
 

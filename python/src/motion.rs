@@ -23,6 +23,7 @@ use hamel_run::length::method_of_long;
 use hamel_run::method::{MethodName, Steps};
 use hamel_run::model::{self, Checked, blocks};
 use hamel_run::simulation::{SimulateRequest, SimulateResponse};
+use hamel_run::stepper::Pace;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray as _};
 use pyo3::prelude::*;
@@ -83,6 +84,20 @@ impl Options {
         let steps = Steps::new(method, self.rtol, self.atol, self.step);
         let steps = steps.map_err(|reason| Error::unusable(ARGUMENTS.step, reason))?;
         Ok((method, steps.within(self.max_step).map_err(|reason| Error::unusable("max_step", reason))?))
+    }
+
+    /// How a stepper moves states on by `dt`: methods with fixed steps take it as one, unless a step is given.
+    ///
+    /// # Errors
+    /// As [`steps`](Self::steps).
+    pub(crate) fn pace(&self, dt: f64) -> Result<Pace, Error> {
+        let method = MethodName::named(&self.method).map_err(|reason| Error::unusable("method", reason))?;
+        let is_one = method.has_fixed_steps() && self.step.is_none() && dt.is_finite() && dt != 0.0;
+        let steps = match is_one && self.rtol.is_none() && self.atol.is_none() && self.max_step.is_none() {
+            true => Steps::Fixed { step: dt.abs() },
+            false => self.steps()?.1,
+        };
+        Ok(Pace { dt, method, steps, max_steps: self.max_steps })
     }
 
     /// How all trajectories of an ensemble are integrated.
@@ -150,7 +165,12 @@ pub(crate) fn simulate(
             sections,
             along: sensitivity,
         };
-        let (mut request, told) = asked.request(&ARGUMENTS, &scene.model, built)?;
+        // Names of events and of parameters to differentiate by are looked up in the model.
+        let alike = if has_events || !asked.along.is_empty() { None } else { scene.complete() };
+        let (mut request, told) = match alike.and_then(|alike| asked.complete(built, alike)) {
+            Some(request) => (request, Vec::new()),
+            None => asked.request(&ARGUMENTS, &scene.model, built)?,
+        };
         if asked_method == MethodName::Auto {
             request.method = method_of_long(&built, &request).unwrap_or(request.method);
         }

@@ -2,8 +2,9 @@
 //!
 //! Deliberately does not know: how a motion is integrated, how results look in Python.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use hamel::output::report::contents::contents;
 use hamel_codegen::explain::{self, SectionKind};
@@ -15,11 +16,13 @@ use hamel_run::dynamics::{Dynamics, Factory as _, PreparedScene, VecState};
 use hamel_run::equilibria::{self, Along, Asked};
 use hamel_run::error::Error;
 use hamel_run::evaluate::{derivative, prepare, unusable_states};
+use hamel_run::forms::Forms;
 use hamel_run::info::{Info, ParamEntry};
 use hamel_run::inputs::{Between, InputTable};
 use hamel_run::interpreted::{self, Built};
 use hamel_run::model::{self, Checked};
 use hamel_run::session::{Session, closed};
+use hamel_run::start::{Alike, Starts};
 use hamel_runtime::{Dual, F64x4};
 use numpy::ndarray::s;
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
@@ -48,6 +51,8 @@ pub(crate) struct Scene {
     /// Inputs that are held elsewhere than in the model, and those of tables.
     pub(crate) table: Option<Arc<InputTable>>,
     prepared: Prepared,
+    /// Complete states as starts, once asked for, unless something moves or converts them.
+    complete: OnceLock<Option<Alike>>,
     file: String,
     text: String,
     budget: u64,
@@ -67,11 +72,28 @@ impl Scene {
         (file, text, budget): (String, String, u64),
     ) -> Result<Scene, Error> {
         let prepared = Prepared::try_new(built, |built| prepare(&**built, &values))?;
-        Ok(Scene { model, values, table, prepared, file, text, budget })
+        let complete = OnceLock::new();
+        Ok(Scene { model, values, table, prepared, complete, file, text, budget })
+    }
+
+    /// Complete states in the scene's own variables as starts, where nothing moves or converts them.
+    pub(crate) fn complete(&self) -> Option<&Alike> {
+        let find = || {
+            let forms = Forms::of(&self.model, self.info()).ok()?;
+            let starts = Starts::new(&self.model, self.info(), forms).ok()?;
+            let own = self.info().params.iter().zip(&self.values).map(|(p, value)| (p.name.clone(), *value));
+            starts.alike(&own.collect(), &BTreeMap::new(), &self.info().state)
+        };
+        self.complete.get_or_init(find).as_ref()
     }
 
     pub(crate) fn built(&self) -> &Built {
         self.prepared.borrow_owner()
+    }
+
+    /// The same, to be kept beside the scene.
+    pub(crate) fn shared(&self) -> Arc<Built> {
+        Arc::clone(self.prepared.borrow_owner())
     }
 
     pub(crate) fn info(&self) -> &Info {
@@ -103,7 +125,7 @@ impl Scene {
     }
 
     /// What a number of a scene costs; a call of the interpreter takes longer.
-    fn cost(&self) -> u64 {
+    pub(crate) fn cost(&self) -> u64 {
         self.dynamics().rhs_cost()
     }
 
@@ -245,6 +267,12 @@ impl Scene {
             (array.name.clone(), array.layout.shape(), entries)
         };
         self.model.input_arrays.iter().map(of_one).collect()
+    }
+
+    /// Names of the inputs that the scene takes.
+    #[getter]
+    fn taken_inputs(&self) -> Vec<String> {
+        self.info().inputs.iter().map(|input| input.name.clone()).collect()
     }
 
     /// Name of the model.

@@ -31,7 +31,7 @@ def test_every_public_name_is_documented():
 
 def test_every_native_name_is_in_the_stub():
     stub = (pathlib.Path(_hamel.__file__).parent / "_hamel.pyi").read_text()
-    for name in ("Scene", "Motion"):
+    for name in ("Scene", "Motion", "Stepper"):
         body = re.search(rf"^class {name}:\n((?:    .*\n|\n)*)", stub, re.M)[1]
         known = set(re.findall(r"def (\w+)\(", body))
         assert known == {n for n in vars(getattr(_hamel, name)) if not n.startswith("_")}

@@ -20,7 +20,7 @@ struct With<M, T> {
 }
 
 /// A method that has its storage, whatever types they have.
-pub(crate) trait Kept<R: Real, S: System<R>> {
+pub(crate) trait Kept<R: Real, S: System<R>>: Send {
     /// As [`Method::renew`].
     fn renew(&mut self, system: &S, t0: R, y0: &S::State, options: &Options<R>);
 
@@ -55,7 +55,13 @@ pub(crate) trait Kept<R: Real, S: System<R>> {
     fn mean_square_error(&self, h: R, rtol: &S::State, atol: &S::State, ends: [&S::State; 2]) -> Option<f64>;
 }
 
-impl<R: Real, S: System<R>, M: Method<R, S>> Kept<R, S> for With<M, M::Storage> {
+impl<R, S, M> Kept<R, S> for With<M, M::Storage>
+where
+    R: Real,
+    S: System<R>,
+    M: Method<R, S> + Send,
+    M::Storage: Send,
+{
     fn renew(&mut self, system: &S, t0: R, y0: &S::State, options: &Options<R>) {
         self.method.renew(&mut self.storage, system, t0, y0, options);
     }
@@ -119,8 +125,8 @@ impl<'a, R, S, M> Erased<'a, R, S> for M
 where
     R: Real,
     S: System<R>,
-    M: Method<R, S> + Sync + 'a,
-    M::Storage: 'a,
+    M: Method<R, S> + Send + Sync + 'a,
+    M::Storage: Send + 'a,
 {
     fn coefficients(&self) -> &'static Tableau {
         self.tableau()

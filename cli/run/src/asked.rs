@@ -11,6 +11,7 @@ use hamel_codegen::scene::Told;
 
 use super::direction::Direction;
 use super::dynamics::Factory;
+use super::evaluate::Judge;
 use super::fit::Follows as _;
 use super::follow::Follower;
 use super::forms::Forms;
@@ -18,7 +19,7 @@ use super::info::Info;
 use super::interpreted;
 use super::method::{MethodName, Steps};
 use super::simulation::{MAX_EVENTS, SimulateRequest, samples_refusal};
-use super::start::Starts;
+use super::start::{Alike, Starts};
 use super::watched::Watched;
 use crate::error::{Error, Problem};
 use crate::model::{self, Checked};
@@ -135,7 +136,35 @@ impl Asked {
                 follower.tangents(&along, (&params, &initial), &[])?
             }
         };
-        let request = SimulateRequest {
+        Ok((SimulateRequest { watched, along, tangents, ..self.with_start(params, initial) }, told))
+    }
+
+    /// The request that [`request`](Self::request) makes of all parameters and a complete state, in the order and in
+    /// the variables of the scene, whose starts are `alike`: the same, as nothing is chosen, without a look at the
+    /// model. None for others, and where the scene has no values at the state.
+    ///
+    /// The caller sees to it that there are no events and nothing by which the motion is differentiated.
+    pub fn complete(&self, scene: &dyn Factory, alike: &Alike) -> Option<SimulateRequest> {
+        let info = scene.info();
+        let are_all = |given: &[(String, f64)], names: &mut dyn Iterator<Item = &String>| {
+            given.iter().map(|(name, _)| name).eq(names)
+        };
+        if !are_all(&self.set, &mut info.params.iter().map(|p| &p.name))
+            || !are_all(&self.initial, &mut info.state.iter())
+            || samples_refusal(self.samples as u64, info, self.with_outputs).is_some()
+        {
+            return None;
+        }
+        let values: Vec<f64> = self.initial.iter().map(|(_, x)| *x).collect();
+        let (_, initial) = alike.with(&values);
+        let params: Vec<f64> = self.set.iter().map(|(_, x)| *x).collect();
+        let has_values = Judge::new(scene).have_values(&[&params], &[&initial]);
+        has_values.then(|| self.with_start(params, initial))
+    }
+
+    /// The request without events and derivatives.
+    fn with_start(&self, params: Vec<f64>, initial: Vec<f64>) -> SimulateRequest {
+        SimulateRequest {
             params,
             initial,
             t_final: self.t_final,
@@ -146,11 +175,10 @@ impl Asked {
             n_group: self.n_group,
             max_steps: self.max_steps.unwrap_or(self.steps.max_steps()),
             max_events: self.max_events.unwrap_or(MAX_EVENTS),
-            watched,
-            along,
-            tangents,
-        };
-        Ok((request, told))
+            watched: None,
+            along: Vec::new(),
+            tangents: Vec::new(),
+        }
     }
 }
 

@@ -1,18 +1,19 @@
-//! A prepared scene with what drives its inputs: of doubles, of dual numbers, on lanes.
+//! What evaluates a scene with prepared parameters, its inputs held or driven; machine code of a scene on four lanes.
 //!
-//! Does not know: where the scene comes from, whether it is interpreted.
+//! Does not know: where a scene comes from, what else it can be asked for.
 
 use std::borrow::Cow;
 
 use hamel_codegen::scene::Interpreter;
-use hamel_program::program::ViolatedCondition;
+use hamel_program::program::{Point, Run as _, ViolatedCondition};
 use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
 
 use super::dynamics::{BadParams, DualDynamics, LaneDynamics, VecState};
 use super::guards::{check, domain, pivots};
 use super::inputs::Drive;
+use super::machine::Compiled;
 
-/// The condition on the parameters that does not hold.
+/// The condition that parameters violate.
 pub(super) fn bad_params(bad: ViolatedCondition) -> BadParams {
     BadParams { condition: bad.condition, meaning: bad.meaning }
 }
@@ -72,14 +73,37 @@ pub(super) struct OnLanes<'a> {
     pub(super) driving: Driving<'a, F64x4>,
     /// Number of parameters and of the inputs that are held.
     pub(super) n_values: usize,
+    /// What evaluates the rates, and which function they are.
+    pub(super) rate: (&'a Compiled, usize),
 }
 
 impl LaneDynamics for OnLanes<'_> {
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
         match &self.driving.drive {
-            None => self.driving.interpreter.rhs(t, &y.0, &mut dy.0),
+            None => {
+                let (compiled, rate) = self.rate;
+                let (params, prepared) = self.driving.interpreter.values_of_functions();
+                let point = Point { t, state: &y.0, argument: &[] };
+                compiled.run_at(rate, params, prepared, point, &mut dy.0);
+            }
             Some(_) => self.driving.at(t).rhs(t, &y.0, &mut dy.0),
         }
+    }
+
+    fn run_row(&self, times: (F64x4, F64x4), half: usize, start: &[F64x4], increments: &mut [F64x4]) -> bool {
+        let (compiled, rate) = self.rate;
+        let values = self.driving.interpreter.values_of_functions();
+        // What drives inputs is looked up between the substeps.
+        self.driving.drive.is_none() && compiled.run_row(rate, values, times, half, start, increments)
+    }
+
+    fn hold(&mut self, inputs: &[F64x4]) -> bool {
+        let interpreter = &mut self.driving.interpreter;
+        let is_held = self.n_values == interpreter.n_params() + inputs.len();
+        if is_held && !inputs.is_empty() {
+            interpreter.set_inputs(inputs);
+        }
+        is_held
     }
 
     fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {

@@ -26,6 +26,13 @@ pub trait Dynamics: Send + Sync {
     /// Writes the derivative `f(t, y)` to `dy`.
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]);
 
+    /// Holds the inputs, all of them, at other values; false where the scene was prepared without values for them, or
+    /// with values for others.
+    fn hold(&mut self, inputs: &[f64]) -> bool {
+        let _ = inputs;
+        false
+    }
+
     /// Writes the derivatives on four lanes, of which each has the bits of [`Dynamics::rhs`]; one lane after the other
     /// unless the scene has been compiled for lanes.
     fn rhs_on_lanes(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
@@ -177,6 +184,24 @@ pub trait LaneDynamics: Send + Sync {
     /// As [`Dynamics::energy`].
     fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4>;
 
+    /// Runs a row of `2 half` substeps `eta` of the midpoint rule from its first increment on, with the bits of the
+    /// same substeps by [`rhs`](Self::rhs); `t` is the time after the first substep. False, and increments of no
+    /// account, where there is no machine code for that.
+    ///
+    /// # Shapes
+    /// start: \[n_state\]; increments: \[2 n_state\], zero before and the last one after it; behind it the first one
+    /// before, and the one before the last after it.
+    fn run_row(
+        &self,
+        (t, eta): (F64x4, F64x4),
+        half: usize,
+        start: &[F64x4],
+        increments: &mut [F64x4],
+    ) -> bool {
+        let _ = (t, eta, half, start, increments);
+        false
+    }
+
     /// [`Dynamics::outputs`] in the place of what a vector has.
     fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>);
 
@@ -184,6 +209,12 @@ pub trait LaneDynamics: Send + Sync {
     fn set(&mut self, values: &[F64x4]) -> Option<Result<(), BadParams>> {
         let _ = values;
         None
+    }
+
+    /// As [`Dynamics::hold`], without allocation where that can be.
+    fn hold(&mut self, inputs: &[F64x4]) -> bool {
+        let _ = inputs;
+        false
     }
 
     /// As [`System::check`].
@@ -213,6 +244,11 @@ impl<'a> PreparedScene<'a> {
     /// The scene of an evaluator.
     pub fn new(dynamics: impl Dynamics + 'a) -> Self {
         PreparedScene(Arc::new(dynamics))
+    }
+
+    /// As [`Dynamics::hold`]; false as well where somebody else has the scene with these values.
+    pub fn hold(&mut self, inputs: &[f64]) -> bool {
+        Arc::get_mut(&mut self.0).is_some_and(|dynamics| dynamics.hold(inputs))
     }
 }
 
@@ -344,6 +380,10 @@ pub(super) fn lane_by_lane(
 }
 
 impl LaneDynamics for SideBySide<'_> {
+    fn hold(&mut self, inputs: &[F64x4]) -> bool {
+        self.0.iter_mut().enumerate().all(|(k, dynamics)| dynamics.hold(&lane(inputs, k)))
+    }
+
     fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
         lane_by_lane(y, dy, |k, y, dy| Dynamics::rhs(&*self.0[k], t.lane(k), y, dy));
     }

@@ -129,7 +129,8 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
         let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
         let method = match &any {
             Some((dynamics, y)) => {
-                method_of(request.method, request.steps, Purpose::Ensemble, &**dynamics, y)?
+                let purpose = Purpose::of_ensemble(request.samples);
+                method_of(request.method, request.steps, purpose, &**dynamics, y)?
             }
             // No trajectory will start, whatever the method.
             None => AnyMethod::single(&hamel_runtime::Dop853),

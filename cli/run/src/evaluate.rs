@@ -2,6 +2,8 @@
 //!
 //! Does not know: whether the scene is compiled or interpreted, how a request was written.
 
+use std::ops::Range;
+
 use hamel_codegen::spec::Want;
 use hamel_runtime::{Error as SolverError, F64x4, Failure, Real as _};
 use serde::{Deserialize, Serialize};
@@ -192,6 +194,35 @@ impl<'a> Judge<'a> {
         }
         dynamics.write_outputs(t, y, &mut self.outputs);
         self.outputs.iter().all(is_finite)
+    }
+}
+
+/// A start that is being judged: the values that vary, parameters and state.
+pub type Drawn = (Vec<f64>, Vec<f64>, Vec<f64>);
+
+impl Judge<'_> {
+    /// Calls `tell` for each number of a range in its order: with the start that `draw` writes if the scene has values
+    /// there, and without one otherwise. `draw` says whether it has written one.
+    pub fn each(
+        &mut self,
+        range: Range<usize>,
+        draw: &mut dyn FnMut(usize, &mut Drawn) -> bool,
+        tell: &mut dyn FnMut(usize, Option<&Drawn>),
+    ) {
+        let mut drawn: [Drawn; F64x4::LANES] = Default::default();
+        for first in range.clone().step_by(F64x4::LANES) {
+            let numbers = first..range.end.min(first + F64x4::LANES);
+            let width = numbers.len();
+            let are_drawn = numbers.clone().zip(&mut drawn).all(|(k, own)| draw(k, own));
+            let params: [&[f64]; F64x4::LANES] = std::array::from_fn(|k| drawn[k].1.as_slice());
+            let states: [&[f64]; F64x4::LANES] = std::array::from_fn(|k| drawn[k].2.as_slice());
+            let have_all = are_drawn && width > 1 && self.have_values(&params[..width], &states[..width]);
+            for (at, k) in numbers.enumerate() {
+                let has_values =
+                    have_all || are_drawn && self.have_values(&params[at..=at], &states[at..=at]);
+                tell(k, has_values.then_some(&drawn[at]));
+            }
+        }
     }
 }
 

@@ -65,10 +65,20 @@ impl Runnable {
         }
     }
 
-    /// On lanes with parameters of their own; none where the program is interpreted.
-    fn prepare_lanes(&self, params: &[F64x4]) -> Option<Result<Driving<'_, F64x4>, ViolatedCondition>> {
+    /// On lanes with parameters and inputs of their own, where the program is compiled.
+    fn prepare_lanes(
+        &self,
+        (params, inputs): (&[F64x4], &[F64x4]),
+        drive: &Drive,
+    ) -> Option<Result<OnLanes<'_>, ViolatedCondition>> {
         let compiled = self.compiled.as_ref()?;
-        Some(self.executable.prepare_on(compiled, params).map(Driving::held))
+        let rate = self.program.function_idx(&Role::Rate)?;
+        let on_lanes = |interpreter| OnLanes {
+            driving: Driving::held(interpreter).driven(drive).holding(inputs),
+            n_values: params.len() + inputs.len(),
+            rate: (compiled, rate),
+        };
+        Some(self.executable.prepare_on(compiled, params).map(on_lanes))
     }
 }
 
@@ -377,11 +387,8 @@ impl Factory for Built {
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
         let (params, inputs) = self.parted(values);
-        match self.executable.prepare_lanes(params) {
-            Some(lanes) => {
-                let driving = lanes.map_err(bad_params)?.driven(&self.drive).holding(inputs);
-                Ok(Box::new(OnLanes { driving, n_values: values.len() }))
-            }
+        match self.executable.prepare_lanes((params, inputs), &self.drive) {
+            Some(lanes) => Ok(Box::new(lanes.map_err(bad_params)?)),
             None => SideBySide::boxed(self, values),
         }
     }
@@ -429,9 +436,7 @@ impl<'a> Interpreted<'a> {
         let prepare = || {
             let [params, inputs] = [&self.params, &self.inputs]
                 .map(|values| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>());
-            let lanes = self.built.executable.prepare_lanes(&params)?.ok()?;
-            let driving = lanes.driven(&self.built.drive).holding(&inputs);
-            Some(OnLanes { driving, n_values: params.len() + inputs.len() })
+            self.built.executable.prepare_lanes((&params, &inputs), &self.built.drive)?.ok()
         };
         self.lanes.get_or_init(prepare).as_ref()
     }
@@ -449,6 +454,19 @@ impl Dynamics for Interpreted<'_> {
 
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         self.interpreter.at(t).rhs(t, y, dy);
+    }
+
+    fn hold(&mut self, inputs: &[f64]) -> bool {
+        if inputs.len() != self.inputs.len() {
+            return false;
+        }
+        if !inputs.is_empty() {
+            self.inputs.copy_from_slice(inputs);
+            self.interpreter.interpreter.set_inputs(inputs);
+            // Those on lanes are prepared again when they are asked for.
+            self.lanes.take();
+        }
+        true
     }
 
     fn inputs_at(&self, t: f64) -> Option<Vec<f64>> {

@@ -25,6 +25,18 @@ mod nothing {
         pub(in super::super) fn new(_: &Program) -> Result<Compiled, &'static str> {
             Err("machine code cannot be made in memory here")
         }
+
+        pub(in super::super) fn run_row(
+            &self,
+            _: usize,
+            _: (&[F64x4], &[F64x4]),
+            _: (F64x4, F64x4),
+            _: usize,
+            _: &[F64x4],
+            _: &mut [F64x4],
+        ) -> bool {
+            match *self {}
+        }
     }
 
     /// Sums in registers that are asked for at run time, of which there are none.
@@ -52,6 +64,17 @@ mod nothing {
             _: F64x4,
             _: (&[F64x4], &[F64x4]),
             _: (&mut [F64x4], &mut [F64x4]),
+        ) {
+            match self {}
+        }
+
+        pub(in super::super) fn extrapolate(
+            self,
+            _: (&[[f64; 2]], &[Vec<F64x4>]),
+            _: F64x4,
+            _: (&[F64x4], &[F64x4]),
+            _: (&mut [F64x4], &mut [F64x4]),
+            _: &mut [F64x4],
         ) {
             match self {}
         }

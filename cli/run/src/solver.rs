@@ -13,6 +13,7 @@ use hamel_runtime::{
 use super::any_method::{AnyMethod, MAX_INVARIANTS, OfLanes, OfScenes};
 use super::auto::{self, Purpose};
 use super::dynamics::{Dynamics, PreparedLanes};
+use super::extrapolated::Extrapolated;
 use super::info::Info;
 use super::method::{MethodName, Steps};
 use super::wide::Wide;
@@ -74,7 +75,12 @@ fn own_method<'a>(
         MethodName::Vern9 => {
             carried(&Vern9, const { &OnCircles::new(Vern9) }, dynamics).with_lanes(on_lanes!(Vern9))
         }
-        MethodName::Gbs14 => carried(&Gbs14, const { &OnCircles::new(Gbs14) }, dynamics).with_lanes(&Gbs14),
+        MethodName::Gbs14 => {
+            static WIDE: LazyLock<Option<Extrapolated>> = LazyLock::new(Extrapolated::of_host);
+            let own: OfLanes<'a> = &Gbs14;
+            let on_lanes = WIDE.as_ref().map_or(own, |wide| wide);
+            carried(&Gbs14, const { &OnCircles::new(Gbs14) }, dynamics).with_lanes(on_lanes)
+        }
         MethodName::Dopri5 => AnyMethod::single(&Dopri5).with_lanes(on_lanes!(Dopri5)),
         MethodName::Rk4 => AnyMethod::single(&Rk4).with_lanes(on_lanes!(Rk4)),
         MethodName::Gauss4 => AnyMethod::single(const { &Gauss4::fixed_point() }),

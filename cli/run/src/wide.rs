@@ -113,7 +113,7 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use hamel_runtime::{
         Dop853, Dopri5, F64x4, Failure, Integrator, Method, Options, Pivot, Real, Rk4, Tableau, Tsit5, Vern9,
     };
@@ -122,7 +122,7 @@ mod tests {
     use crate::dynamics::{BadParams, LaneDynamics};
 
     /// Coupled pendulums, as many as there are.
-    struct Pendulums;
+    pub(crate) struct Pendulums;
 
     impl LaneDynamics for Pendulums {
         fn rhs(&self, t: F64x4, y: &Lanes, dy: &mut Lanes) {
@@ -150,7 +150,8 @@ mod tests {
         fn pivots(&self, _: F64x4, _: &Lanes, _: &mut dyn FnMut(Pivot<F64x4>)) {}
     }
 
-    fn motion<'a, M: Method<F64x4, PreparedLanes<'a>>>(
+    /// Some states of a motion, and the work.
+    pub(crate) fn motion<'a, M: Method<F64x4, PreparedLanes<'a>>>(
         system: &PreparedLanes<'a>,
         method: M,
         n: usize,

@@ -15,6 +15,8 @@ use hamel_run::members::Beginnings;
 use hamel_run::method::{MethodName, Steps};
 use hamel_run::model::Checked;
 use hamel_run::session::Session;
+use hamel_run::stepper::{Pace, Room, Stepper};
+use hamel_runtime::F64x4;
 
 /// Counts the allocations of all threads and leaves the work to the system.
 struct Counting;
@@ -68,7 +70,8 @@ fn allocations_of(scene: &Built, method: MethodName, n: usize) -> usize {
         t_final: 0.5,
         method,
         steps: Steps::Adaptive { rtol: 1e-8, atol: 1e-10, max: None },
-        samples: 3,
+        // A state inside of a step costs gbs14 a step, with storage of its own.
+        samples: if method == MethodName::Gbs14 { 1 } else { 3 },
         width: Width::Four,
         max_steps: None,
         threads: Some(1),
@@ -87,7 +90,7 @@ fn allocations_of(scene: &Built, method: MethodName, n: usize) -> usize {
 fn nothing_is_allocated_for_a_single_trajectory() {
     let scene = scene();
     assert_eq!(scene.info().state.len(), 4);
-    for method in [MethodName::Dop853, MethodName::Vern9, MethodName::Tsit5] {
+    for method in [MethodName::Dop853, MethodName::Vern9, MethodName::Tsit5, MethodName::Gbs14] {
         // Code is compiled once.
         allocations_of(&scene, method, 512);
         let (few, many) = (allocations_of(&scene, method, 2048), allocations_of(&scene, method, 4096));
@@ -105,4 +108,33 @@ fn nothing_is_allocated_for_a_single_trajectory() {
     let before = N_ALLOCATIONS.load(Ordering::Relaxed);
     assert!(have_values(100));
     assert_eq!(N_ALLOCATIONS.load(Ordering::Relaxed), before);
+    for method in [MethodName::Dop853, MethodName::Rk4, MethodName::Gbs14] {
+        steps_in_the_same_storage(&scene, method);
+    }
+}
+
+/// A stepper allocates for its first steps, and not again.
+fn steps_in_the_same_storage(scene: &Built, method: MethodName) {
+    let steps = match method.has_fixed_steps() {
+        true => Steps::Fixed { step: 0.01 },
+        false => Steps::Adaptive { rtol: 1e-8, atol: 1e-10, max: None },
+    };
+    let stepper = Stepper::new(scene, &[1.5], Pace { dt: 0.01, method, steps, max_steps: None });
+    let stepper = stepper.unwrap_or_else(|e| panic!("{e}"));
+    let mut room = Room::default();
+    let mut y = [0.4, 0.2, 0.1, 0.3];
+    let mut lanes = y.map(F64x4::splat);
+    let mut steps = |n: usize| {
+        let before = N_ALLOCATIONS.load(Ordering::Relaxed);
+        for _ in 0..n {
+            // Single states share the lanes of gbs14 among its rows, in a system of their own.
+            if method != MethodName::Gbs14 {
+                stepper.step(&mut room, 0.0, &[], &mut y).unwrap_or_else(|e| panic!("{e}"));
+            }
+            assert!(stepper.step_lanes(&mut room, 0.0, &[], &mut lanes));
+        }
+        N_ALLOCATIONS.load(Ordering::Relaxed) - before
+    };
+    assert!(steps(300) > 0);
+    assert_eq!(steps(100), 0, "{}", method.name());
 }

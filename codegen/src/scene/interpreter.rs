@@ -293,6 +293,11 @@ impl<'a, R: Real> Interpreter<'a, R> {
         self.params.len()
     }
 
+    /// The parameters, and the prepared numbers with the inputs behind them, as functions of the program take both.
+    pub fn values_of_functions(&self) -> (&[R], &[R]) {
+        (&self.params, &self.prepared)
+    }
+
     /// Number of the inputs that the scene takes.
     pub fn n_inputs(&self) -> usize {
         self.program.inputs.len()

@@ -13,7 +13,7 @@ use crate::commands::options::assignments;
 use hamel_run::admissible;
 use hamel_run::dynamics::Factory;
 use hamel_run::error::{Error, Problem};
-use hamel_run::evaluate::{Judge, prepare};
+use hamel_run::evaluate::{Drawn, Judge, prepare};
 use hamel_run::forms::Forms;
 use hamel_run::hash::fnv1a;
 use hamel_run::info::Info;
@@ -21,7 +21,6 @@ use hamel_run::interpreted::Built;
 use hamel_run::members::Beginnings;
 use hamel_run::request::variation::Spread;
 use hamel_run::start::{Alike, Starts};
-use hamel_runtime::F64x4;
 
 /// Most trajectories: each has a number that a double holds exactly.
 const MAX_TRAJECTORIES: usize = usize::MAX >> 11;
@@ -359,54 +358,37 @@ impl Drawing<'_, '_> {
         (values.iter().map(|(_, x)| *x).collect(), self.choose(&values))
     }
 
-    /// Adds what varies of a trajectory that is like the others behind `values`, and writes its start; whether it is.
-    fn draw(&self, k: usize, values: &mut Vec<f64>, (params, state): (&mut Vec<f64>, &mut Vec<f64>)) -> bool {
+    /// Writes what varies of a trajectory that is like the others, and its start; whether it is.
+    fn draw(&self, k: usize, (values, params, state): &mut Drawn) -> bool {
         let (Some(alike), Ok(around), false) = (&self.alike, self.nominal(k), self.drawn_at.is_empty())
         else {
             return false;
         };
-        let first = values.len();
+        values.clear();
         self.plan.add_point(k / self.plan.count(), values);
-        values.resize(first + self.names.len(), f64::NAN);
+        values.resize(self.names.len(), f64::NAN);
         for (spread, at) in self.plan.arguments.spread.iter().zip(&self.drawn_at) {
-            values[first + at] = spread.draw(alike.value(*at, around), self.plan.arguments.seed, k);
+            values[*at] = spread.draw(alike.value(*at, around), self.plan.arguments.seed, k);
         }
-        alike.write(&values[first..], params, state);
+        alike.write(values, params, state);
         true
     }
 
     /// Adds starts in a row; nothing is allocated for a single one where starts are alike and the scene is compiled.
     fn add(&self, row: &mut Row, range: Range<usize>, fast: &dyn Factory) {
-        let mut judge = Judge::new(fast);
-        let mut drawn: [(Vec<f64>, Vec<f64>); F64x4::LANES] = Default::default();
-        let (n, mut values) = (self.names.len(), Vec::new());
-        for first in range.clone().step_by(F64x4::LANES) {
-            let members = first..range.end.min(first + F64x4::LANES);
-            values.clear();
-            let are_alike = members
-                .clone()
-                .zip(&mut drawn)
-                .all(|(k, (params, y))| self.draw(k, &mut values, (params, y)));
-            let (mut params, mut states): ([&[f64]; F64x4::LANES], [&[f64]; F64x4::LANES]) =
-                Default::default();
-            for (k, (own, y)) in drawn.iter().enumerate() {
-                (params[k], states[k]) = (own, y);
+        let mut draw = |k: usize, drawn: &mut Drawn| self.draw(k, drawn);
+        Judge::new(fast).each(range, &mut draw, &mut |k, drawn| {
+            if let Some((values, params, state)) = drawn {
+                row.inputs.extend_from_slice(values);
+                row.members.push(params, state);
+                return;
             }
-            let width = members.len();
-            let have_all = are_alike && width > 1 && judge.have_values(&params[..width], &states[..width]);
-            for (at, k) in members.enumerate() {
-                if have_all || are_alike && judge.have_values(&params[at..=at], &states[at..=at]) {
-                    row.inputs.extend_from_slice(&values[at * n..(at + 1) * n]);
-                    row.members.push(params[at], states[at]);
-                    continue;
-                }
-                let (own, start) = self.start(k);
-                row.inputs.extend(own);
-                match start {
-                    Ok((params, y)) => row.members.push(&params, &y),
-                    Err(reason) => row.members.push_failed(reason),
-                }
+            let (own, start) = self.start(k);
+            row.inputs.extend(own);
+            match start {
+                Ok((params, y)) => row.members.push(&params, &y),
+                Err(reason) => row.members.push_failed(reason),
             }
-        }
+        });
     }
 }

@@ -1,0 +1,273 @@
+//! The extrapolated midpoint rule on four lanes, whose rows are loops of machine code where the scene has such code:
+//! the right-hand side stands inside the loop.
+//!
+//! Every number has the bits of [`Gbs14`] on lanes: [`WideSums`] and the loops promise the bits of each operation, and
+//! their order is that of the runtime.
+//!
+//! Does not know: scenes, how steps are chosen.
+
+use hamel_runtime::{Error, F64x4, Gbs14, Method, Options, Real, Step, System, Tableau};
+
+use super::dynamics::{PreparedLanes, VecState};
+use super::machine::{Slopes, WideSums};
+
+type Lanes = VecState<F64x4>;
+
+/// Number of rows.
+const N_ROWS: usize = 7;
+
+/// The weights of the rows of 2, 4, .., 14 substeps, and what each is more than in the extrapolation without the first.
+const WEIGHTS: [[f64; 2]; N_ROWS] = weights();
+
+/// `w_j = prod_(i != j) j^2/(j^2 - i^2)` and `w_j/j^2`, the nearest numbers.
+const fn weights() -> [[f64; 2]; N_ROWS] {
+    let (mut all, mut j) = ([[0.0; 2]; N_ROWS], 1);
+    while j <= N_ROWS as i64 {
+        let (mut numerator, mut denominator, mut i) = (1, 1, 1);
+        while i <= N_ROWS as i64 {
+            if i != j {
+                numerator *= j * j;
+                denominator *= j * j - i * i;
+            }
+            i += 1;
+        }
+        let weight = numerator as f64 / denominator as f64;
+        all[j as usize - 1] = [weight, weight / (j * j) as f64];
+        j += 1;
+    }
+    all
+}
+
+/// [`Gbs14`], where the processor has wider registers than the program was compiled for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extrapolated(WideSums);
+
+impl Extrapolated {
+    /// None where the runtime's own operations are as wide.
+    pub(crate) fn of_host() -> Option<Extrapolated> {
+        WideSums::of_host().map(Extrapolated)
+    }
+
+    fn own_tableau() -> &'static Tableau {
+        <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU
+    }
+}
+
+/// What the method keeps from one step to the next.
+pub(crate) struct Storage {
+    sums: WideSums,
+    /// Of each row the last increment, and the one before behind it.
+    rows: Vec<Vec<F64x4>>,
+    /// The estimate of the error, divided by the step.
+    estimate: [Lanes; 1],
+    slope: Lanes,
+}
+
+/// A row of `2 half` substeps of size `eta` over a step, where there is no machine code for it.
+fn run_row(
+    step: &mut Step<'_, F64x4, PreparedLanes<'_>>,
+    eta: F64x4,
+    half: usize,
+    slope: &mut Lanes,
+    increments: &mut [F64x4],
+) {
+    let (mut t, twice, n) = (step.t + eta, eta + eta, slope.0.len());
+    let (even, odd) = increments.split_at_mut(n);
+    let (y, point, system) = (&step.from.state.0, &mut *step.work, step.system);
+    let mut substep = |at: &[F64x4], to: &mut [F64x4]| {
+        for ((point, at), y) in point.0.iter_mut().zip(at).zip(y) {
+            *point = *y + *at;
+        }
+        system.rhs(t, point, slope);
+        for (to, slope) in to.iter_mut().zip(&slope.0) {
+            *to = twice.mul_add(*slope, *to);
+        }
+        t += eta;
+    };
+    substep(odd, even);
+    for _ in 1..half {
+        substep(even, odd);
+        substep(odd, even);
+    }
+}
+
+impl<'a> Method<F64x4, PreparedLanes<'a>> for Extrapolated {
+    const TABLEAU: &'static Tableau = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
+
+    const DENSE_BY_STEPS: bool = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::DENSE_BY_STEPS;
+
+    type Storage = Storage;
+
+    fn validate(&self, options: &Options<F64x4>) -> Result<(), Error> {
+        Method::<F64x4, PreparedLanes<'a>>::validate(&Gbs14, options)
+    }
+
+    fn storage(&self, _: &PreparedLanes<'a>, _: F64x4, y0: &Lanes, _: &Options<F64x4>) -> Storage {
+        let zeros = VecState(vec![F64x4::ZERO; y0.0.len()]);
+        let rows = vec![vec![F64x4::ZERO; 2 * y0.0.len()]; N_ROWS];
+        Storage { sums: self.0, rows, estimate: [zeros.clone()], slope: zeros }
+    }
+
+    fn renew(&self, _: &mut Storage, _: &PreparedLanes<'a>, _: F64x4, _: &Lanes, _: &Options<F64x4>) {
+        // Every row of a step is computed before it is read.
+    }
+
+    fn stages(storage: &Storage) -> &[Lanes] {
+        &storage.estimate
+    }
+
+    fn stages_mut(storage: &mut Storage) -> &mut [Lanes] {
+        &mut storage.estimate
+    }
+
+    fn advance(
+        &self,
+        storage: &mut Storage,
+        step: &mut Step<'_, F64x4, PreparedLanes<'a>>,
+    ) -> Result<(), Error> {
+        let Storage { sums, rows, estimate: [estimate], slope } = storage;
+        let n = slope.0.len();
+        for (row, increments) in rows.iter_mut().enumerate() {
+            let half = row + 1;
+            let eta = step.h * F64x4::splat(1.0 / (2 * half) as f64);
+            let begin = |increments: &mut [F64x4]| {
+                let (even, odd) = increments.split_at_mut(n);
+                even.fill(F64x4::ZERO);
+                odd.iter_mut().zip(&step.from.slope.0).for_each(|(odd, f)| *odd = eta * *f);
+            };
+            begin(increments);
+            let (y, times) = (&step.from.state.0, (step.t + eta, eta));
+            if !step.system.run_row(times, half, y, increments) {
+                begin(increments);
+                run_row(step, eta, half, slope, increments);
+            }
+        }
+        let from = (step.from.state.0.as_slice(), step.from.residue.0.as_slice());
+        let to = (step.to.state.0.as_mut_slice(), step.to.residue.0.as_mut_slice());
+        sums.extrapolate((&WEIGHTS, rows), step.h.recip(), from, to, &mut estimate.0);
+        *step.rhs_evals += (N_ROWS * N_ROWS) as u64;
+        Ok(())
+    }
+
+    fn mean_square_error(
+        Storage { sums, estimate, .. }: &Storage,
+        h: F64x4,
+        rtol: &Lanes,
+        atol: &Lanes,
+        [a, b]: [&Lanes; 2],
+    ) -> Option<f64> {
+        let tableau = Extrapolated::own_tableau();
+        // The one sum is the estimate, which is stored.
+        let [own] = estimate;
+        let k = Slopes { n_stages: tableau.n_stages(), first: own, stored: estimate, last: own };
+        let rows = (tableau.error_weights(), &k);
+        let [square, _] = sums.mean_squares(rows, [&rtol.0, &atol.0], [&a.0, &b.0]);
+        Some(square * (h.magnitude() * h.magnitude()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use hamel_runtime::{F64x4, Failure, Gbs14, Options, Pivot, Real};
+
+    use super::{Extrapolated, Lanes, PreparedLanes};
+    use crate::cache::Cache;
+    use crate::dynamics::{Factory, LaneDynamics};
+    use crate::interpreted::{self, Built};
+    use crate::model::Checked;
+    use crate::session::Session;
+    use crate::wide::tests::{Pendulums, motion};
+
+    /// Whether the method has the bits of the runtime's, adaptive and with fixed steps.
+    fn holds(system: &PreparedLanes<'_>, n: usize) -> bool {
+        let Some(own) = Extrapolated::of_host() else { return true };
+        let adaptive = Options::adaptive(F64x4::splat(1e-9), F64x4::splat(1e-11));
+        [adaptive, Options::fixed(F64x4::splat(0.1))]
+            .into_iter()
+            .all(|options| motion(system, Gbs14, n, options) == motion(system, own, n, options))
+    }
+
+    #[test]
+    fn systems_without_code_for_rows_have_the_bits_of_the_runtime() {
+        for n in 1..=9 {
+            let system: PreparedLanes<'_> = Box::new(Pendulums);
+            assert!(holds(&system, n), "{n} components");
+        }
+    }
+
+    const CART: &str = "
+        model cart {
+            param l = 2 where l > 0;
+            input push = 0.3;
+            coordinate theta in angle;
+            coordinate x in real;
+            lagrangian = (x_dot^2 + l^2*theta_dot^2/2 + x_dot*theta_dot*cos(theta))/2 + l*cos(theta) - x^2/2
+                + x*sin(3*t)/4;
+            force x_dot = push;
+        }
+    ";
+
+    fn cart() -> Built {
+        let model = Session::of_shipped(&[]).parse("cart", CART).unwrap_or_else(|e| panic!("{e}"));
+        let model = Arc::new(Checked::new(model, Cache::none()));
+        interpreted::build(&model, "controlled").unwrap_or_else(|e| panic!("{e}")).in_memory()
+    }
+
+    /// Of parameters and inputs that differ from lane to lane.
+    #[test]
+    fn rows_in_code_have_the_bits_of_the_runtime() {
+        let scene = cart();
+        let values = [F64x4::new([1.5, 2.0, 2.5, 1.0]), F64x4::new([0.1, -0.2, 0.0, 0.4])];
+        let mut lanes = scene.prepare_lanes(&values).unwrap();
+        assert!(holds(&lanes, 4));
+        assert!(lanes.hold(&[F64x4::splat(0.7)]) && holds(&lanes, 4));
+        assert!(!lanes.hold(&[]), "values for no inputs are others");
+        let mut increments = [F64x4::splat(0.01); 8];
+        let start = [F64x4::splat(0.2); 4];
+        let has_rows = lanes.run_row((F64x4::ZERO, F64x4::splat(0.1)), 2, &start, &mut increments);
+        assert_eq!(has_rows, crate::machine::IS_THERE && Extrapolated::of_host().is_some() && has_avx2());
+    }
+
+    /// Rows are for processors with AVX2.
+    fn has_avx2() -> bool {
+        #[cfg(target_arch = "x86_64")]
+        return std::is_x86_feature_detected!("avx2");
+        #[cfg(not(target_arch = "x86_64"))]
+        false
+    }
+
+    /// Rows that say that they are done, and are not.
+    struct Wrong;
+
+    impl LaneDynamics for Wrong {
+        fn rhs(&self, t: F64x4, y: &Lanes, dy: &mut Lanes) {
+            Pendulums.rhs(t, y, dy);
+        }
+        fn run_row(&self, _: (F64x4, F64x4), _: usize, _: &[F64x4], increments: &mut [F64x4]) -> bool {
+            increments.iter_mut().for_each(|x| *x += F64x4::splat(1e-15));
+            true
+        }
+        fn energy(&self, _: F64x4, _: &Lanes) -> Option<F64x4> {
+            None
+        }
+        fn write_outputs(&self, _: F64x4, _: &Lanes, _: &mut Vec<F64x4>) {}
+        fn check(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+            Ok(())
+        }
+        fn domain(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+            Ok(())
+        }
+        fn signature(&self, _: F64x4, _: &Lanes) -> F64x4 {
+            F64x4::ZERO
+        }
+        fn pivots(&self, _: F64x4, _: &Lanes, _: &mut dyn FnMut(Pivot<F64x4>)) {}
+    }
+
+    #[test]
+    fn another_row_is_found() {
+        let system: PreparedLanes<'_> = Box::new(Wrong);
+        assert!(Extrapolated::of_host().is_none() || !holds(&system, 3));
+    }
+}

@@ -1,0 +1,147 @@
+//! Rows of the midpoint rule in one loop against their substeps by the interpreter.
+
+use hamel_codegen::{scene, spec};
+use hamel_jit::Compiled;
+use hamel_program::program::{Operand, Point, Program, Role, Run};
+use hamel_runtime::{F64x4, Real};
+
+/// Rates with the time, an input, roots, angles, a component that is one of the state, and a number that is kept.
+const MOVED: &str = "
+    model moved {
+        param a = 3/2;
+        param b = 1/3;
+        input push = 0.2;
+        coordinate x in real;
+        coordinate theta in angle;
+        coordinate phi in angle;
+        let u = x + a*sin(theta);
+        let w = sqrt(1 + x^2)/(2 + cos(theta - phi));
+        lagrangian = (x_dot^2 + (1 + x^2)*theta_dot^2 + 2*phi_dot^2 + x_dot*phi_dot*cos(theta - phi))/2
+            - u*w*(x^2 - b*cos(phi)) - x*cos(t)/3;
+        force x_dot = push;
+    }
+";
+
+/// Rates that are components of the state and parameters, without any operation.
+const PLAIN: &str = "model plain { param k = 2; coordinate x in real; lagrangian = x_dot^2/2 - k*x; }";
+
+const PARAMS: [f64; 2] = [1.4, 0.35];
+
+fn program(text: &str) -> Program {
+    let model = spec::parse("row.hamel", text).unwrap_or_else(|e| panic!("{e}"));
+    let scene = if model.inputs.is_empty() { "default" } else { scene::CONTROLLED };
+    scene::build(&model, scene).unwrap_or_else(|e| panic!("{e}")).into_program()
+}
+
+fn lane(values: &[F64x4], k: usize) -> Vec<f64> {
+    values.iter().map(|x| x.lane(k)).collect()
+}
+
+/// A row by substeps, one after the other.
+fn substeps(
+    program: &Program,
+    values: (&[f64], &[f64]),
+    (mut t, eta): (f64, f64),
+    half: usize,
+    start: &[f64],
+    increments: &mut [f64],
+) {
+    let rate = program.function_idx(&Role::Rate).unwrap();
+    let n = start.len();
+    let (even, odd) = increments.split_at_mut(n);
+    let mut slope = vec![0.0; n];
+    let mut substep = |at: &[f64], to: &mut [f64]| {
+        let state: Vec<f64> = start.iter().zip(at).map(|(y, at)| y + at).collect();
+        let point = Point { t, state: &state, argument: &[] };
+        program.run_at(rate, values.0, values.1, point, &mut slope);
+        to.iter_mut().zip(&slope).for_each(|(to, slope)| *to = Real::mul_add(eta + eta, *slope, *to));
+        t += eta;
+    };
+    substep(odd, even);
+    for _ in 1..half {
+        substep(even, odd);
+        substep(odd, even);
+    }
+}
+
+/// The first row that differs from that of `expected`, where there is code for rows.
+fn first_other(compiled: &Compiled, expected: &Program) -> Option<String> {
+    let rate = expected.function_idx(&Role::Rate).unwrap();
+    let params = &PARAMS[..expected.params.len()];
+    let prepared = expected.prepare(params).unwrap();
+    let splat = |values: &[f64]| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>();
+    let wide = (splat(params), splat(&prepared));
+    let n = expected.state.len();
+    let number = |k: usize| F64x4::new(std::array::from_fn(|lane| ((3 * k + lane) as f64 * 0.7).sin()));
+    for half in 1..=7 {
+        let start: Vec<F64x4> = (0..n).map(number).collect();
+        let mut increments = vec![F64x4::ZERO; n];
+        increments.extend((n..2 * n).map(|k| number(k) * F64x4::splat(0.1)));
+        let own: Vec<Vec<f64>> = (0..F64x4::LANES).map(|k| lane(&increments, k)).collect();
+        let times = (number(90), number(91) * F64x4::splat(0.05));
+        if !compiled.run_row(rate, (&wide.0, &wide.1), times, half, &start, &mut increments) {
+            return None;
+        }
+        for (k, mut own) in own.into_iter().enumerate() {
+            let times = (times.0.lane(k), times.1.lane(k));
+            substeps(expected, (params, &prepared), times, half, &lane(&start, k), &mut own);
+            if lane(&increments, k).iter().zip(&own).any(|(a, b)| a.to_bits() != b.to_bits()) {
+                return Some(format!(
+                    "{} substeps, lane {k}: {:?} and {own:?}",
+                    2 * half,
+                    lane(&increments, k)
+                ));
+            }
+        }
+    }
+    None
+}
+
+/// Whether this processor runs rows: a simple one has code wherever any has.
+fn has_rows(compiled: &Compiled) -> bool {
+    let rate = compiled_rate(compiled);
+    compiled.is_wide(rate)
+}
+
+fn compiled_rate(compiled: &Compiled) -> usize {
+    <Compiled as Run<f64>>::program(compiled).function_idx(&Role::Rate).unwrap()
+}
+
+#[test]
+fn rows_have_the_bits_of_their_substeps() {
+    for text in [MOVED, PLAIN] {
+        let program = program(text);
+        let compiled = Compiled::new(&program).unwrap();
+        assert_eq!(first_other(&compiled, &program), None);
+    }
+}
+
+/// An angle beyond the kernel of sine and cosine.
+#[test]
+fn a_row_gives_up_where_an_angle_is_too_large() {
+    let program = program(MOVED);
+    let compiled = Compiled::new(&program).unwrap();
+    let prepared = program.prepare(&PARAMS).unwrap();
+    let splat = |values: &[f64]| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>();
+    let (params, prepared) = (splat(&PARAMS), splat(&prepared));
+    let run = |angle: f64| {
+        let mut start = splat(&vec![0.1; program.state.len()]);
+        start[1] = F64x4::new([0.1, 0.2, angle, 0.3]);
+        let mut increments = splat(&vec![0.0; 2 * start.len()]);
+        let times = (F64x4::ZERO, F64x4::splat(0.1));
+        compiled.run_row(compiled_rate(&compiled), (&params, &prepared), times, 3, &start, &mut increments)
+    };
+    assert_eq!(run(0.4), has_rows(&compiled));
+    assert!(!run(1e9));
+}
+
+/// Another number in the place of a result is found.
+#[test]
+fn another_right_hand_side_is_found() {
+    let program = program(MOVED);
+    let mut other = program.clone();
+    let rate = program.function_idx(&Role::Rate).unwrap();
+    other.functions[rate].results[4].1 = Operand::State(0);
+    let compiled = Compiled::new(&other).unwrap();
+    assert_eq!(first_other(&compiled, &program).is_some(), has_rows(&compiled));
+}
