@@ -229,9 +229,12 @@ fn reactions(g: &mut Graph, system: &ReducedSystem) -> Vec<Form> {
     }
 }
 
+/// A kind of conditions: what does not hold is added to what is violated.
+type Condition<'a> = fn(&mut Map<'a>) -> Result<(), NotQuotient>;
+
 impl<'a> Map<'a> {
     /// The kinds of conditions, in order: each takes for granted that those before it hold.
-    const CONDITIONS: [fn(&mut Map<'a>) -> Result<(), NotQuotient>; 6] = [
+    const CONDITIONS: [Condition<'a>; 6] = [
         Map::anchors,
         Map::brackets,
         Map::lagrangians,
