@@ -68,11 +68,10 @@ impl<'a> Piece<'a> {
         let Rows { first, states, inputs, n_inputs } = rows;
         let of = |k: usize| inputs.map_or(&[][..], |all| &all[k * n_inputs..(k + 1) * n_inputs]);
         let mut stopped = None;
-        let n_rows = states.len() / n;
         for (group, states) in states.chunks_mut(F64x4::LANES * n).enumerate() {
             let (at, width) = (group * F64x4::LANES, states.len() / n);
-            // Lanes beyond the last row repeat it; one row alone has steps of its own.
-            if n_rows > 1 && steps.has_lanes() {
+            // Lanes beyond the last row repeat it, so that a row alone has steps of its own.
+            if steps.has_lanes() {
                 let lane = |k: usize| k.min(width - 1);
                 self.state.clear();
                 self.state
