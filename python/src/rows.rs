@@ -24,6 +24,10 @@ pub(crate) fn two_axes_needed() -> PyErr {
     pyo3::exceptions::PyValueError::new_err("arrays of two axes are needed")
 }
 
+pub(crate) fn other_shapes() -> PyErr {
+    pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's")
+}
+
 /// The rates of all rows, four at a time.
 pub(crate) fn rates(
     dynamics: &dyn Dynamics,
@@ -82,6 +86,13 @@ pub(crate) fn write(found: Option<&[f64]>, result: &mut [f64]) {
 
 /// Why some of the states have no values: of the right-hand side, and if that has, then those that were asked for.
 pub(crate) fn refuse(dynamics: &dyn Dynamics, states: ArrayView2<'_, f64>, t: f64) -> Result<(), Error> {
+    check(dynamics, states, t)?;
+    let reasons = vec![(0, "a result of one of the states is not finite".to_owned())];
+    Err(unusable_states(reasons, states.nrows()))
+}
+
+/// Whether the equations can be evaluated at all states, or why not at some of them.
+pub(crate) fn check(dynamics: &dyn Dynamics, states: ArrayView2<'_, f64>, t: f64) -> Result<(), Error> {
     let mut row = vec![0.0; states.ncols()];
     let rows = Rows::of(states);
     let mut reasons = Vec::new();
@@ -91,8 +102,5 @@ pub(crate) fn refuse(dynamics: &dyn Dynamics, states: ArrayView2<'_, f64>, t: f6
             reasons.push((k, reason));
         }
     }
-    if reasons.is_empty() {
-        reasons.push((0, "a result of one of the states is not finite".to_owned()));
-    }
-    Err(unusable_states(reasons, states.nrows()))
+    if reasons.is_empty() { Ok(()) } else { Err(unusable_states(reasons, states.nrows())) }
 }

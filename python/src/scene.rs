@@ -2,6 +2,7 @@
 //!
 //! Deliberately does not know: how a motion is integrated, how results look in Python.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -31,7 +32,9 @@ use self_cell::self_cell;
 
 use crate::arrays::{Rows, RowsMut, in_pieces};
 use crate::errors::{OrRaise as _, exception};
-use crate::rows::{by_row, rates, refuse, two_axes, two_axes_mut, two_axes_needed, write};
+use crate::rows::{
+    by_row, check, other_shapes, rates, refuse, two_axes, two_axes_mut, two_axes_needed, write,
+};
 use crate::shipped::SHIPPED;
 
 self_cell!(
@@ -140,7 +143,7 @@ impl Scene {
     ) -> PyResult<()> {
         let (states, out) = (two_axes(y.as_array())?, two_axes_mut(out.as_array_mut())?);
         if states.ncols() != self.info().state.len() || states.nrows() != out.nrows() {
-            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+            return Err(other_shapes());
         }
         let done = py.detach(|| match in_pieces(states, out, (cost, threads), work) {
             Ok(true) => Ok(()),
@@ -386,22 +389,16 @@ impl Scene {
     ) -> PyResult<()> {
         let n = self.info().state.len();
         if y.len() != n || out.len() != n {
-            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+            return Err(other_shapes());
         }
-        let copied: Vec<f64>;
-        let state = match y.as_slice() {
-            Ok(state) => state,
-            Err(_) => {
-                copied = y.as_array().iter().copied().collect();
-                &copied
-            }
-        };
+        let copied = || Cow::Owned(y.as_array().iter().copied().collect::<Vec<f64>>());
+        let state = y.as_slice().map_or_else(|_| copied(), Cow::Borrowed);
         let Ok(out) = out.as_slice_mut() else { return Err(two_axes_needed()) };
-        self.dynamics().rhs(t, state, out);
+        self.dynamics().rhs(t, &state, out);
         if out.iter().all(|x| x.is_finite()) {
             return Ok(());
         }
-        derivative(self.dynamics(), t, state)
+        derivative(self.dynamics(), t, &state)
             .map(drop)
             .map_err(|reason| exception(py, &Error::State { path: "y".into(), reason }))
     }
@@ -409,19 +406,7 @@ impl Scene {
     /// Says whether the equations can be evaluated at states, rows of `y`; raises why not.
     fn check(&self, py: Python<'_>, y: PyReadonlyArrayDyn<'_, f64>, t: f64) -> PyResult<()> {
         let states = two_axes(y.as_array())?;
-        let checked = || {
-            let rows = Rows::of(states);
-            let mut row = vec![0.0; states.ncols()];
-            let mut reasons = Vec::new();
-            for k in 0..states.nrows() {
-                rows.row(k, &mut row);
-                if let Err(reason) = derivative(self.dynamics(), t, &row) {
-                    reasons.push((k, reason));
-                }
-            }
-            if reasons.is_empty() { Ok(()) } else { Err(unusable_states(reasons, states.nrows())) }
-        };
-        py.detach(checked).or_raise(py)
+        py.detach(|| check(self.dynamics(), states, t)).or_raise(py)
     }
 
     /// Writes the derivatives of rates by states, row by row, to the rows of `out`, `[n_states, n * n]`.
@@ -463,7 +448,7 @@ impl Scene {
             || pairs.ncols() != 2 * n
             || out.dim() != (pairs.nrows(), n)
         {
-            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+            return Err(other_shapes());
         }
         let done = || -> Result<(), Error> {
             // Their values are those that the scene was prepared with.
@@ -514,7 +499,7 @@ impl Scene {
         let (dynamics, n, m) = (self.dynamics(), self.info().state.len(), self.info().velocities.len());
         let (pairs, out) = (two_axes(pairs.as_array())?, two_axes_mut(out.as_array_mut())?);
         if pairs.ncols() != n + m || out.dim() != (pairs.nrows(), m) {
-            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+            return Err(other_shapes());
         }
         let forces = |row: &[f64], result: &mut [f64]| {
             write(dynamics.inverse_dynamics(t, &row[..n], &row[n..]).as_deref(), result);
@@ -546,7 +531,7 @@ impl Scene {
         let is_mass_matrix = name == Want::MassMatrix.name();
         let n_rows = if is_mass_matrix { m } else { 6 * self.info().frames.len() };
         if out.shape().get(1) != Some(&(n_rows * m)) {
-            return Err(pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's"));
+            return Err(other_shapes());
         }
         let matrix = |y: &[f64], result: &mut [f64]| {
             let found =

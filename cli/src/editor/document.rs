@@ -65,7 +65,7 @@ pub(crate) fn check(file: &str, text: Arc<str>) -> Checked {
     Checked { text, found, model }
 }
 
-/// What is wrong in a text about models that the model says to be the quotient of.
+/// Problems of a text with models that the model says to be the quotient of.
 fn false_quotients(file: &str, model: &Model) -> Option<Diagnostics> {
     let uri = Uri::from_str(file).ok().filter(|_| !model.totals.is_empty())?;
     let path = uri.path().as_estr().decode().into_string().ok()?;

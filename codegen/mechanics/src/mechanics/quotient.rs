@@ -229,7 +229,7 @@ fn reactions(g: &mut Graph, system: &ReducedSystem) -> Vec<Form> {
     }
 }
 
-/// A kind of conditions: what does not hold is added to what is violated.
+/// A kind of conditions, which adds the ones that fail to the list of violated ones.
 type Condition<'a> = fn(&mut Map<'a>) -> Result<(), NotQuotient>;
 
 impl<'a> Map<'a> {
