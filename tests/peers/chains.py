@@ -52,4 +52,5 @@ def main():
     print(f"using {said.splitlines()[0]}")
 
 
-main()
+if __name__ == "__main__":
+    main()

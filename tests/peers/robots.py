@@ -90,18 +90,19 @@ def plain(name):
 class Robot:
     """A robot in both tools, and how the numbers of one are those of the other."""
 
-    def __init__(self, path, floats, folder):
+    def __init__(self, path, floats, folder, n_frames=4, more=""):
         path = with_quarter_turns(path, folder)
         free = [pin.JointModelFreeFlyer()] if floats else []
         self.pin = pin.buildModelFromUrdf(str(path), *free)
         self.data = self.pin.createData()
-        self.links = leaves(path)
+        self.links = leaves(path)[:n_frames]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pyhamel.ModelWarning)
             text = pyhamel.import_robot(path, floating=floats, limits="none", frames=self.links)
         end = text.rindex("}")
-        wants = "rhs, inverse_dynamics, mass_matrix, bias, gravity, frames" + (", reconstruction" if floats else "")
-        text = f"{text[:end]}    scene robot {{ want {wants}; }}\n}}\n"
+        wants = ["rhs, inverse_dynamics, mass_matrix, bias, gravity, frames", "reconstruction" if floats else "", more]
+        wanted = ", ".join(filter(None, wants))
+        text = f"{text[:end]}    scene robot {{ want {wanted}; }}\n}}\n"
         model = pyhamel.load(text, scene="robot")
         passive = {name: 0.0 for name in model.params if name.startswith(("damping_", "friction_"))}
         passive.pop("friction_speed", None)
@@ -210,4 +211,5 @@ def main():
     sys.exit(1 if differs else 0)
 
 
-main()
+if __name__ == "__main__":
+    main()
