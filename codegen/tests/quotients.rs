@@ -177,6 +177,37 @@ fn a_map_may_move_with_time() {
     assert!(problems.contains("the rate of `psi` along d/dt differs by `-3`"), "{problems}");
 }
 
+/// Examples of the documentation are quotients of the files that they name.
+#[test]
+fn examples_hold() {
+    let docs = folder().join("../docs");
+    let mut n_held = 0;
+    for page in ["model-language.md", "book/stages.md"] {
+        let text = std::fs::read_to_string(docs.join(page)).unwrap_or_else(|e| panic!("{page}: {e}"));
+        let blocks = text.split("```hamel\n").skip(1).filter_map(|rest| rest.split("```").next());
+        for block in blocks.filter(|block| block.contains("reduces \"")) {
+            let model = spec::parse(page, &format!("model example {{ {block} }}"));
+            let model = model.unwrap_or_else(|e| panic!("{e}"));
+            if let Err(problems) = hold_file(&model, &docs.join("book/example.hamel")) {
+                panic!("{page}: {}", problems[0]);
+            }
+            n_held += 1;
+        }
+    }
+    assert_eq!(n_held, 2);
+}
+
+#[test]
+fn other_displacements_are_found() {
+    let quotient = |more: &str| {
+        let text = spec::with_items(SKATE, &format!("{more} reduces \"total.hamel\" {{}}"));
+        related(SKATE, &text)
+    };
+    assert_eq!(quotient("").map(|step| step.proved.displacements), Ok((2, 2)));
+    let problems = quotient("virtual delta(theta_dot) = 0;").expect_err("other displacements");
+    assert!(problems.contains("the condition on displacements of the quotient does not hold"), "{problems}");
+}
+
 /// A body in an ideal fluid by translations first, then by turns: `Q -> Q/N -> Q/G`.
 const STAGES: [&str; 3] = [
     "model body { param J: diagonal(3) = [3, 2, 1]; param M: diagonal(3) = [2, 3, 4];

@@ -570,7 +570,7 @@ impl<'a> Map<'a> {
         let (forms, functions) = allowed(&mut self.g, self.total);
         let relation = |texts: &[&str]| {
             let s = if texts.len() == 1 { "" } else { "s" };
-            format!("the constraint{s} `{}` where the total system allows velocities", texts.join("`, `"))
+            format!("the constraint{s} `{}` on velocities that the total system allows", texts.join("`, `"))
         };
         self.holds((&forms, &of_quotient), Along::Velocities, |forms| {
             let texts: Vec<&str> = forms.iter().map(|form| form.text.as_str()).collect();
@@ -603,7 +603,7 @@ impl<'a> Map<'a> {
         let forms = reactions(&mut self.g, self.total);
         let of_quotient = reactions(&mut self.other, self.quotient);
         self.holds((&forms, &of_quotient), Along::Displacements, |_| {
-            "the displacements of the quotient".to_owned()
+            "the condition on displacements of the quotient".to_owned()
         })?;
         // The dimension of Phi(V): V is the kernel of the forms.
         self.n_conditions += 1;
@@ -618,7 +618,7 @@ impl<'a> Map<'a> {
         let wanted = dimension(&self.other, &of_quotient, self.quotient.velocities.len());
         if found != wanted && self.violated.is_empty() {
             self.violate(format!(
-                "that displacements reach all of the quotient, {found} of {wanted} dimensions,"
+                "the condition on displacements, which reach {found} of {wanted} dimensions,"
             ));
         }
         self.displacements = (dimension(&self.g, &forms, self.total.velocities.len()), wanted);
