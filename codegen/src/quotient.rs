@@ -88,8 +88,31 @@ fn hold_from(
     Ok(())
 }
 
+/// Why a model is not seen to be the quotient of another.
+pub(crate) enum Unrelated {
+    /// Texts that cannot be read.
+    Texts(Vec<Diagnostics>),
+    /// Conditions.
+    Conditions(Vec<NotQuotient>),
+}
+
 /// One step: the other model, and the proof.
 fn held(model: &Model, total: &Total, origin: &Origin) -> Result<(Model, Quotient), Vec<Diagnostics>> {
+    related(model, total, origin).map_err(|why| match why {
+        Unrelated::Texts(problems) => problems,
+        Unrelated::Conditions(list) => {
+            let mut problems: Vec<Diagnostic> =
+                list.iter().take(MAX_TOLD).map(|problem| told(problem, total)).collect();
+            if let (Some(last), n @ 1..) = (problems.last_mut(), list.len().saturating_sub(MAX_TOLD)) {
+                last.message.push_str(&format!("; {n} more conditions do not hold"));
+            }
+            vec![Diagnostics::new(model.origin.clone(), problems)]
+        }
+    })
+}
+
+/// The model of an item, and the proof that the model is its quotient.
+pub(crate) fn related(model: &Model, total: &Total, origin: &Origin) -> Result<(Model, Quotient), Unrelated> {
     let here = |problems: Vec<Diagnostic>| Diagnostics::new(model.origin.clone(), problems);
     let budget = model.graph.budget();
     let (other, n_own) = parse_with_images(budget, origin, &total.images).map_err(|problems| {
@@ -100,7 +123,7 @@ fn held(model: &Model, total: &Total, origin: &Origin) -> Result<(Model, Quotien
         if !problems.of_model.is_empty() {
             list.push(problems.of_model);
         }
-        list
+        Unrelated::Texts(list)
     })?;
     let mut problems = Vec::new();
     for (image, output) in total.images.iter().zip(&other.outputs[n_own..]) {
@@ -113,24 +136,15 @@ fn held(model: &Model, total: &Total, origin: &Origin) -> Result<(Model, Quotien
         }
     }
     if !problems.is_empty() {
-        return Err(vec![here(problems)]);
+        return Err(Unrelated::Texts(vec![here(problems)]));
     }
-    let system = reduce(&other, &Formulation::of(&other)).map_err(|problems| vec![problems])?;
-    let quotient = reduce(model, &Formulation::of(model)).map_err(|problems| vec![problems])?;
+    let reduced = |of: &Model| reduce(of, &Formulation::of(of)).map_err(|why| Unrelated::Texts(vec![why]));
+    let (system, quotient) = (reduced(&other)?, reduced(model)?);
     let names = total.images.iter().flat_map(|image| image.components.iter().cloned());
     let values = system.outputs[n_own..].iter().flat_map(|o| o.components.iter().map(|(_, e)| *e));
     let images: BTreeMap<String, ExprId> = names.zip(values).collect();
-    match quotient_of(&system, &quotient, &other.configurations, &images) {
-        Ok(proved) => Ok((other, proved)),
-        Err(list) => {
-            let mut problems: Vec<Diagnostic> =
-                list.iter().take(MAX_TOLD).map(|problem| told(problem, total)).collect();
-            if let (Some(last), n @ 1..) = (problems.last_mut(), list.len().saturating_sub(MAX_TOLD)) {
-                last.message.push_str(&format!("; {n} more conditions do not hold"));
-            }
-            Err(vec![here(problems)])
-        }
-    }
+    let proved = quotient_of(&system, &quotient, &other.configurations, &images);
+    proved.map(|proved| (other, proved)).map_err(Unrelated::Conditions)
 }
 
 /// A condition that fails, at the function that it is about, or at the name of the file.

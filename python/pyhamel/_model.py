@@ -814,8 +814,8 @@ class Model:
         model. What cannot be reduced is a :class:`ModelError`, which tells the symmetries. Source: Marsden and Ratiu 1999,
         chapters 9 and 13.
         """
-        text, report, dim = self._native.reduce()
-        return Reduced(text, tuple(report), dim)
+        text, report, dim, map = self._native.reduce()
+        return Reduced(text, tuple(report), dim, map)
 
     def report(self) -> str:
         """The page that ``hamel report --no-run`` writes, as text."""

@@ -32,6 +32,9 @@ class Reduced(NamedTuple):
     report: tuple[str, ...]
     #: The dimension of the group.
     dim: int
+    #: Variables of the reduced model as functions of the model, by which it is proved to be the quotient; a variable that is
+    #: not listed is the one of the same name. None where the map was not found, or where Lagrangians differ by a rate.
+    map: dict[str, str] | None
 
 
 class Outputs(Mapping[str, Array]):

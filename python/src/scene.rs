@@ -65,6 +65,7 @@ pub(crate) struct Scene {
 type Params = Vec<(String, f64, String)>;
 /// Names, components and meanings of groups of outputs.
 type Outputs = Vec<(String, Vec<String>, String)>;
+type ReducedParts = (String, Vec<String>, usize, Option<BTreeMap<String, String>>);
 
 impl Scene {
     fn new(
@@ -587,12 +588,12 @@ impl Scene {
     }
 
     /// The text of the model reduced by the symmetries that are found, a line on each, and the dimension of the
-    /// group.
-    fn reduce(&self, py: Python<'_>) -> PyResult<(String, Vec<String>, usize)> {
+    /// group, and the map from the model where it is known.
+    fn reduce(&self, py: Python<'_>) -> PyResult<ReducedParts> {
         let reduced = || -> Result<_, Error> {
             let reduced = hamel_codegen::symmetry::reduce(&self.model)?;
-            let text = spec::format("reduced", &reduced.text)?;
-            Ok((text, reduced.report, reduced.dim))
+            let map = reduced.map.map(|map| map.images.into_iter().collect());
+            Ok((spec::format("reduced", &reduced.text)?, reduced.report, reduced.dim, map))
         };
         py.detach(reduced).or_raise(py)
     }

@@ -163,6 +163,7 @@ def test_a_model_is_reduced_by_its_symmetries():
     reduced = unreduced.reduce()
     assert reduced.dim == 3
     assert any(line.startswith("Symmetry: turn 3 of R in space; it keeps `I1*Omega1*R31") for line in reduced.report)
+    assert reduced.map == {"a1": "-R32", "a2": "R31", "a3": "R33"}
     top = pyhamel.load(reduced.text)
     assert top.state == ("Omega1", "Omega2", "Omega3", "a1", "a2", "a3")
     # Both start where the attitude is the identity, and move alike.

@@ -244,6 +244,14 @@ impl<'s> ModelFile<'s> {
         }
     }
 
+    /// Its path, unless the program has it within itself.
+    pub fn path(&self) -> Option<&Path> {
+        match &self.source {
+            Source::File(path) => Some(path),
+            Source::Shipped(_) => None,
+        }
+    }
+
     /// The repository whose file it is, so that the model may have been generated and compiled.
     pub fn repository(&self) -> Option<&'s Repository> {
         self.repository.filter(|_| !self.is_driven() && self.sizes.is_empty())

@@ -16,6 +16,7 @@ mod check;
 mod discrete;
 mod forms;
 mod group;
+mod map;
 mod marked;
 mod modules;
 mod names;
@@ -29,7 +30,8 @@ mod total;
 mod write;
 
 use hamel_expr::{ExprId, Rational, trace};
-use hamel_lang::spec::{Diagnostic, Diagnostics, Model, Side};
+use hamel_lang::spec::{self, Diagnostic, Diagnostics, Model, Side};
+use hamel_mechanics::mechanics::Quotient;
 use num_traits::{One, Signed, Zero};
 
 use group::{SymmetryGroup, Way};
@@ -47,6 +49,41 @@ pub struct Reduced {
     pub report: Vec<String>,
     /// The dimension of the group.
     pub dim: usize,
+    /// The map from the model to the reduced one, where it was found.
+    pub map: Option<ReductionMap>,
+}
+
+/// Variables of a reduced model as functions of the model that it was made from, with the proof that it is the quotient
+/// of this one by them.
+#[derive(Clone, Debug)]
+pub struct ReductionMap {
+    /// Names of variables of the reduced model, and their functions in the names of the model. A variable that is not
+    /// listed is the one of the same name.
+    pub images: Vec<(String, String)>,
+    /// The proof.
+    pub proved: Quotient,
+}
+
+impl Reduced {
+    /// The reduced model that says to be the quotient of the model of this file, where the map is known.
+    ///
+    /// ```
+    /// let text = "model top { configuration R in SO(3) velocity Omega; lagrangian = dot(Omega, Omega)/2 - 4*R33; }";
+    /// let model = hamel_codegen::spec::parse("top.hamel", text).unwrap();
+    /// let reduced = hamel_codegen::symmetry::reduce(&model).unwrap();
+    /// assert!(reduced.text_of("top.hamel").contains("reduces \"top.hamel\" {\n        a1 = -R32;"));
+    /// ```
+    pub fn text_of(&self, file: &str) -> String {
+        let Some(map) = &self.map else { return self.text.clone() };
+        spec::with_items(&self.text, &item(file, &map.images))
+    }
+}
+
+/// The item `reduces`, a line for each function.
+fn item(file: &str, images: &[(String, String)]) -> String {
+    let lines: String = images.iter().map(|(name, f)| format!("\n        {name} = {f};")).collect();
+    let end = if images.is_empty() { "" } else { "\n    " };
+    format!("    reduces {file:?} {{{lines}{end}}}\n")
 }
 
 /// Reduces a model by the symmetries that are found.
@@ -159,8 +196,23 @@ fn reduce_held(
     if let Err(exhausted) = setting.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
-    let report = [pieces.report, further].concat();
-    Ok(Reduced { text: written.text, report, dim })
+    let mut report = [pieces.report, further].concat();
+    let map = match is_gyroscopic {
+        // The Lagrangians differ by a rate.
+        true => None,
+        false => setting.proved_map((&pieces.group, &section), &written)?,
+    };
+    report.push(match (&map, is_gyroscopic) {
+        (Some(map), _) => {
+            format!("Proved: a quotient of the model, by {} conditions.", map.proved.n_conditions)
+        }
+        (None, true) => {
+            "The map is not written: the Lagrangians differ by a rate. Rates are compared at points."
+                .to_owned()
+        }
+        (None, false) => "The map is not written: it is not found. Rates are compared at points.".to_owned(),
+    });
+    Ok(Reduced { text: written.text, report, dim, map })
 }
 
 fn disagrees(model: &Model, what: &str) -> Diagnostics {

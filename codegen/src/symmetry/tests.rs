@@ -139,6 +139,37 @@ fn planted_faults_are_found() {
     }
 }
 
+/// The map of one reduced model is none of another, which a fault in the map or in the model would make of it.
+#[test]
+fn a_map_is_held_to_both_models() {
+    for (text, [first, last]) in [
+        (BODY, [("v_r1", "r1_dot*R11 + r2_dot*R21 + r3_dot*R31"), ("a4", "R33")]),
+        (SLEIGH, [("v_theta", "theta_dot"), ("v_y", "y_dot*cos(theta) - x_dot*sin(theta)")]),
+        (BALL, [("Omega1", "Omega1*R11 + Omega2*R12 + Omega3*R13"), ("v_y", "y_dot")]),
+    ] {
+        let model = spec::parse("model.hamel", text).unwrap();
+        let reduced = reduce(&model).unwrap();
+        let map = reduced.map.as_ref().unwrap_or_else(|| panic!("{:?}", reduced.report));
+        let of = |name: &str| {
+            let image = map.images.iter().find(|(own, _)| own == name);
+            image.unwrap_or_else(|| panic!("{name}: {:?}", map.images)).1.as_str()
+        };
+        assert_eq!((of(first.0), of(last.0)), (first.1, last.1));
+        let item = reduced.text_of("model.hamel");
+        let held = |text: &str| {
+            let reduced = spec::parse("reduced.hamel", text).unwrap();
+            crate::quotient::hold(&reduced, &mut |_, _| Ok(model.origin.clone().unwrap()))
+        };
+        let steps = held(&item).unwrap_or_else(|e| panic!("{}", e[0]));
+        assert_eq!(steps[0].proved, map.proved);
+        for (name, image) in &map.images {
+            let (from, to) = (format!("{name} = {image};"), format!("{name} = -({image});"));
+            assert!(item.contains(&from), "{item}");
+            assert!(held(&item.replacen(&from, &to, 1)).is_err(), "{name} with another sign");
+        }
+    }
+}
+
 #[test]
 fn a_field_that_makes_too_much_is_left_out() {
     // Powers of the height are more and more functions for translations, and turns mix them: turns alone have few.
