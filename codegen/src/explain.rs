@@ -760,6 +760,14 @@ impl Page {
             let list = self.prose(&facts.casimirs.join(", "));
             self.line(&format!("Conserved quantities of the model, verified: {list}."));
         }
+        for production in &facts.entropies {
+            let names: Vec<String> = production.names.iter().map(|n| self.name(n)).collect();
+            let sum = self.inline(&names.join(" + "));
+            self.line(&match production.is_produced {
+                true => format!("Entropy {sum} never decreases: its rate is not negative, proved."),
+                false => format!("Entropy {sum}: its rate is not seen to have a sign."),
+            });
+        }
         match facts.holonomic {
             Some(true) => {
                 self.line("The constraint is holonomic: the allowed velocities form a subalgebroid.")

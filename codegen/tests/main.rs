@@ -40,3 +40,4 @@ mod splitting;
 mod starts;
 mod stumpff;
 mod taylor;
+mod thermo;

@@ -18,8 +18,8 @@ use hamel_run::session::Session;
 /// The model is a Lagrangian in coordinates and configurations (`configuration R in SO(3) velocity Omega;`), with
 /// forces and linear constraints. Symmetries are looked for among translations, linear fields and translations of
 /// groups, and proved. The reduced model has the algebra, the reduced Lagrangian, advected parameters for what forces
-/// and constraints break, and the reconstruction of coordinates that leave. For the model of a file it says by `reduces`
-/// of what it is the quotient, and by which map, which `hamel check` proves. Without a file it is printed.
+/// and constraints break, and the reconstruction of coordinates that leave. For the model of a file it says by
+/// `reduces` of what it is the quotient, and by which map, which `hamel check` proves. Without a file it is printed.
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,

@@ -11,7 +11,7 @@
 use hamel_runtime::{Dual, Real};
 
 use hamel_expr::{ExprId, SymbolId};
-use hamel_lang::spec::{ConstraintKind, Model, Side};
+use hamel_lang::spec::{Constraint, ConstraintKind, Model, Side};
 use hamel_mechanics::mechanics::Equations;
 
 use super::tape::{Env, Tape};
@@ -436,6 +436,38 @@ impl<'a> Definition<'a> {
             (constraint.name.clone(), form)
         };
         Ok(self.model.constraints.iter().enumerate().map(form).collect())
+    }
+
+    /// `phi(y) - phi(y/2)` and `f(y) y - f(y/2) y/2` for each condition `f delta = 0` that is the power of a constraint
+    /// `phi = f y + b`, by the text of the constraint; `b` depends on no velocity.
+    pub(super) fn powers<R: Real>(&self, at: &Place<R>) -> Result<Vec<(&str, [R; 2])>, Missing> {
+        let conditions = &self.model.virtual_constraints;
+        if conditions.iter().all(|condition| condition.power_of.is_none()) {
+            return Ok(Vec::new());
+        }
+        let half = R::ONE / (R::ONE + R::ONE);
+        let mut slower = at.env.clone();
+        for (symbol, y) in self.velocities.iter().zip(&at.of_model) {
+            slower.set(*symbol, *y * half);
+        }
+        let mut values = Vec::new();
+        for env in [&at.env, &slower] {
+            let forms = self.displacements.eval(env)?.roots;
+            let y: Vec<R> =
+                self.velocities.iter().map(|s| env.get(*s).ok_or(*s)).collect::<Result<_, _>>()?;
+            let along = |form: &[R]| form.iter().zip(&y).fold(R::ZERO, |sum, (f, y)| sum + *f * *y);
+            let powers: Vec<R> = forms.chunks(self.m).map(along).collect();
+            values.push((self.residuals(env)?, powers));
+        }
+        let mut found = Vec::new();
+        for (v, condition) in conditions.iter().enumerate() {
+            let own = |c: &Constraint| condition.power_of.as_ref() == Some(&c.name);
+            let Some(k) = self.model.constraints.iter().position(own) else { continue };
+            let residual = values[0].0[k] - values[1].0[k];
+            let power = values[0].1[v] - values[1].1[v];
+            found.push((self.model.constraints[k].text.as_str(), [residual, power]));
+        }
+        Ok(found)
     }
 
     /// Number of entries of [`Definition::one_forms`].

@@ -236,6 +236,9 @@ impl Motion {
             }
             false => BTreeMap::new(),
         };
+        for (text, [residual, power]) in definition.powers(&self.at)? {
+            sheet.equal(RATES, format!("the power of the constraint `{text}`"), power, residual);
+        }
         let highest = definition.highest(&self.at.env)?;
         let accelerations: Vec<Wide> = self.moving.of_model.iter().map(|y| y.derivative).collect();
         for (k, constraint) in model.constraints.iter().enumerate() {

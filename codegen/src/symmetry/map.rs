@@ -7,7 +7,7 @@
 //!
 //! Source: Cendra, Marsden and Ratiu 2001, section 2.3, for body velocities of a trivial bundle.
 //!
-//! Does not know: what is proved by the map ([`crate::quotient`]).
+//! Does not know: how the map is proved to be one ([`crate::quotient`]).
 
 use hamel_expr::{ExprId, Func, Rational, SymbolId, trace};
 use hamel_lang::spec::{self, Diagnostics};
@@ -28,8 +28,8 @@ const MAX_DEGREE: usize = 3;
 /// More unknown numbers at once are not looked for.
 const MAX_UNKNOWNS: usize = 1500;
 
-/// Names of variables of the reduced model, and their functions in the names of the model; those of the same name are
-/// left out.
+/// Names of variables of the reduced model, and their functions in the names of the model; a variable that is the one
+/// of the same name is left out.
 pub(super) type Images = Vec<(String, String)>;
 
 /// Products of coordinates that leave, by their degree.

@@ -340,6 +340,7 @@ pub(super) enum ItemKind {
         left: Expr,
         right: Expr,
     },
+    VirtualThermo,
     Independent(Vec<Name>),
     Multipliers,
     Force {

@@ -40,6 +40,8 @@ pub struct VirtualConstraint {
     pub text: String,
     /// `f`: one coefficient per velocity, in the order of [`all_velocities`](super::Model::all_velocities).
     pub one_form: Vec<ExprId>,
+    /// The constraint `phi` of this name is a power, `phi = f_a y^a` and what depends on no velocity.
+    pub power_of: Option<String>,
     /// Where it stands.
     pub span: Option<Span>,
 }

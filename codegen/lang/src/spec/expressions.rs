@@ -167,8 +167,16 @@ macro_rules! visit {
             }
         }
         for (k, state) in first_order.into_iter().enumerate() {
-            let FirstOrderState { name: _, components: _, domain, rates, doc: _, span: _, of_rate: _ } =
-                state;
+            let FirstOrderState {
+                name: _,
+                components: _,
+                domain,
+                rates,
+                is_entropy: _,
+                doc: _,
+                span: _,
+                of_rate: _,
+            } = state;
             match domain {
                 Domain::Interval(low, high) => {
                     $visit(ExpressionRole::DomainEnd(n_base + k), low);
@@ -225,7 +233,7 @@ macro_rules! visit {
             }
         }
         for (k, condition) in virtual_constraints.into_iter().enumerate() {
-            let VirtualConstraint { name: _, text: _, one_form, span: _ } = condition;
+            let VirtualConstraint { name: _, text: _, one_form, power_of: _, span: _ } = condition;
             for e in one_form {
                 $visit(ExpressionRole::VirtualConstraint(k), e);
             }

@@ -20,6 +20,8 @@ pub struct FirstOrderState {
     pub domain: Domain,
     /// `f`, one a component; functions of the state, inputs and the time.
     pub rates: Vec<ExprId>,
+    /// Whether it is the entropy of something: its rate is a power over a temperature.
+    pub is_entropy: bool,
     /// Documentation.
     pub doc: String,
     /// Where its name stands.

@@ -43,7 +43,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
         "constraint",
         "constraint name: dot(Omega, Gamma) = 0;` or `constraint name for v3: v = cross(r, Omega);",
     ),
-    ("virtual", "virtual delta(v1) + delta(v2) = 0;"),
+    ("virtual", "virtual delta(v1) + delta(v2) = 0;` or `virtual thermo;"),
     ("independent", "independent Omega, x_dot;"),
     ("multipliers", "multipliers;"),
     ("force", "force Omega = -c*Omega;` or `force at p: F;"),

@@ -499,6 +499,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         | ItemKind::Hamiltonian(_)
         | ItemKind::Independent(_)
         | ItemKind::Multipliers
+        | ItemKind::VirtualThermo
         | ItemKind::Force { .. }
         | ItemKind::AppliedForce { .. }
         | ItemKind::Initial { .. } => Vec::new(),

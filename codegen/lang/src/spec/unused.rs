@@ -252,7 +252,8 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Advected { .. }
         | ItemKind::State { .. }
         | ItemKind::Independent(_)
-        | ItemKind::Multipliers => Vec::new(),
+        | ItemKind::Multipliers
+        | ItemKind::VirtualThermo => Vec::new(),
     }
 }
 

@@ -82,6 +82,8 @@ pub struct Facts {
     pub holonomic: Option<bool>,
     /// Casimirs, all verified to be conserved.
     pub casimirs: Vec<String>,
+    /// Entropies that `virtual thermo` gives, and their sum where there are several.
+    pub entropies: Vec<Production>,
     /// Whether the frame's bracket is that of an almost algebra or almost algebroid, of which the Jacobi identity is
     /// not claimed: energy is conserved nevertheless, Casimirs of the bracket need not exist.
     pub bracket_is_almost: bool,
@@ -96,6 +98,15 @@ impl Facts {
     pub fn conserves_energy(&self) -> bool {
         self.energy_is_conserved || self.energy_is_conserved_on_constraint
     }
+}
+
+/// Whether an entropy, or a sum of entropies, is seen to grow.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Production {
+    /// The entropies.
+    pub names: Vec<String>,
+    /// Whether the rate is proved not to be negative.
+    pub is_produced: bool,
 }
 
 /// What became of the momentum along a section.

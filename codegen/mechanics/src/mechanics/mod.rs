@@ -16,6 +16,7 @@ mod curvature;
 mod derive;
 mod dirac;
 mod displacements;
+mod entropies;
 mod equations;
 mod equivalence;
 mod gauge;
@@ -61,7 +62,8 @@ pub use derive::derive;
 pub use dirac::DiracStructure;
 pub use displacements::{BothEquations, DisplacementForms};
 pub use equations::{
-    Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, SectionMomentum, StateEquation,
+    Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, Production, SectionMomentum,
+    StateEquation,
 };
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};
 pub use gauge::{ConservedMomenta, ConservedMomentum};

@@ -10,6 +10,7 @@ use hamel_expr::{Definition, ExprId, Graph, Node, Rational, Style, SymbolId, Van
 use hamel_lang::spec::{OutputPart, Want};
 
 use super::derive::{Derivation, Motion};
+use super::entropies::productions;
 use super::equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
 use super::solve::{Pivot, is_symmetric};
 use super::{integrable, legendre, origin};
@@ -351,6 +352,7 @@ impl Derivation<'_> {
             facts.holonomic = integrable::is_subalgebroid(&mut self.g, &system.algebroid, beside, solved);
             outputs.extend(self.momentum_equation(solved)?);
         }
+        facts.entropies = productions(system);
         if !system.casimirs.is_empty() {
             let mut components = Vec::new();
             for casimir in &system.casimirs {

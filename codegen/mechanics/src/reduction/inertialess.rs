@@ -1,5 +1,5 @@
-//! Nonlinear constraints that give a velocity without inertia, such as the entropy of what friction heats: the
-//! coordinate becomes a state of first order.
+//! Constraints that give a velocity without inertia, such as the entropy of what friction heats: the coordinate becomes
+//! a state of first order.
 //!
 //! A constraint `a(x, y) s' + b(x, y) = 0` on a base velocity `s'` that the Lagrangian does not contain is a rate of
 //! the coordinate `s`. Nothing accelerates along `s`: its equation of motion is the balance of `dL/ds`, of the force on
@@ -19,7 +19,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, SymbolId, Vanishing};
-use hamel_lang::spec::{ConstraintKind, Diagnostics, FirstOrderState, Model};
+use hamel_lang::spec::{Constraint, ConstraintKind, Diagnostics, FirstOrderState, Model, VirtualConstraint};
 
 use super::formulation::Formulation;
 
@@ -44,6 +44,14 @@ pub(super) fn without_inertialess(model: Model, formulation: &Formulation) -> Re
     while let Some(found) = is_plain.then(|| found(&mut model)).flatten() {
         model = rewritten(model, found)?;
     }
+    // Powers that are linear say what the constraints do.
+    let is_linear = |v: &VirtualConstraint| {
+        let own = |c: &&Constraint| v.power_of.as_ref() == Some(&c.name);
+        model.constraints.iter().find(own).is_some_and(|c| c.kind == ConstraintKind::Linear)
+    };
+    if model.virtual_constraints.iter().all(is_linear) {
+        model.virtual_constraints.clear();
+    }
     Ok(model)
 }
 
@@ -60,10 +68,9 @@ struct Found {
 }
 
 fn found(model: &mut Model) -> Option<Found> {
-    let nonlinear = |model: &Model, k: usize| matches!(model.constraints[k].kind, ConstraintKind::Nonlinear);
     for constraint in 0..model.constraints.len() {
         for coordinate in 0..model.base.len() {
-            if nonlinear(model, constraint) && has_no_inertia(model, coordinate, constraint) {
+            if gives_rates(model, constraint, coordinate) && has_no_inertia(model, coordinate, constraint) {
                 let found = solved(model, constraint, coordinate);
                 if found.is_some() {
                     return found;
@@ -72,6 +79,21 @@ fn found(model: &mut Model) -> Option<Found> {
         }
     }
     None
+}
+
+/// Whether a constraint is one that gives a velocity: it is not linear, or it says how a power heats, and what moves
+/// does not heat.
+fn gives_rates(model: &Model, constraint: usize, coordinate: usize) -> bool {
+    let Constraint { kind, name, .. } = &model.constraints[constraint];
+    let heats = |v: &VirtualConstraint| {
+        let along = (0..v.one_form.len()).filter(|k| v.one_form[*k] != model.graph.zero());
+        v.power_of.as_ref() == Some(name) && along.eq([coordinate])
+    };
+    match kind {
+        ConstraintKind::Nonlinear => true,
+        ConstraintKind::Linear => model.virtual_constraints.iter().any(heats),
+        ConstraintKind::SecondOrder { .. } | ConstraintKind::ThirdOrder { .. } => false,
+    }
 }
 
 /// Whether the velocity of a coordinate is in one constraint alone, and neither in the Lagrangian nor set by an event.
@@ -137,9 +159,8 @@ fn rewritten(mut model: Model, found: Found) -> Result<Model, Diagnostics> {
     let Found { constraint, coordinate: at, rate, displaced, condition } = found;
     let coordinate = model.base.remove(at);
     let constraint = model.constraints.remove(constraint);
-    if let Some(k) = condition {
-        model.virtual_constraints.remove(k);
-    }
+    let condition = condition.map(|k| model.virtual_constraints.remove(k));
+    let is_entropy = condition.is_some_and(|condition| condition.power_of.is_some());
     let own = model.forces.remove(at);
     let slope = model.graph.diff(model.lagrangian, coordinate.symbol);
     let net = model.graph.add(slope, own);
@@ -167,6 +188,7 @@ fn rewritten(mut model: Model, found: Found) -> Result<Model, Diagnostics> {
         components: vec![(coordinate.name.clone(), coordinate.symbol)],
         domain: coordinate.domain,
         rates: vec![rate],
+        is_entropy,
         doc: coordinate.doc,
         span: model.places.declared.get(&coordinate.name).copied(),
         of_rate: constraint.span,

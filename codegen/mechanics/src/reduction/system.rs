@@ -83,6 +83,8 @@ pub struct OwnRate {
     pub symbol: SymbolId,
     /// `zdot`, a function of base coordinates, velocities, inputs and the time.
     pub rate: ExprId,
+    /// Whether it is the entropy of something.
+    pub is_entropy: bool,
 }
 
 /// An equation between coordinates.

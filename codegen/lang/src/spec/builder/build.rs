@@ -47,7 +47,7 @@ impl ModelBuilder {
         let first_order = self.check_first_order();
         let connection = self.check_connection();
         let constraints = self.check_constraints(&advected, connection.as_deref());
-        let virtual_constraints = self.check_virtual_constraints();
+        let virtual_constraints = self.check_virtual_constraints(&constraints);
         let independent = self.check_independent(&constraints);
         let accelerations = self.used_accelerations(&constraints, &virtual_constraints);
         let forces = self.check_forces();

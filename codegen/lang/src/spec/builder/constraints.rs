@@ -392,7 +392,10 @@ impl ModelBuilder {
         if is_used { symbols } else { Vec::new() }
     }
 
-    pub(super) fn check_virtual_constraints(&mut self) -> Vec<VirtualConstraint> {
+    pub(super) fn check_virtual_constraints(&mut self, constraints: &[Constraint]) -> Vec<VirtualConstraint> {
+        if let Some(span) = self.thermo {
+            return self.thermo_displacements(constraints, span);
+        }
         let velocities = self.velocity_symbols();
         let unknowns: Vec<SymbolId> =
             velocities.iter().filter_map(|v| self.displacements.get(v)).copied().collect();
@@ -424,7 +427,8 @@ impl ModelBuilder {
                     continue;
                 };
                 let one_form = self.spread(&occurring, slopes, &unknowns);
-                result.push(VirtualConstraint { name, text: draft.text.clone(), one_form, span });
+                let text = draft.text.clone();
+                result.push(VirtualConstraint { name, text, one_form, power_of: None, span });
             }
         }
         result

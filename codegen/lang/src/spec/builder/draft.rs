@@ -433,6 +433,8 @@ pub struct ModelBuilder {
     pub(super) hamiltonian: Option<(Value, Option<Span>)>,
     pub(super) constraints: Vec<ConstraintDraft>,
     pub(super) virtual_constraints: Vec<ConstraintDraft>,
+    /// Where `virtual thermo` stands.
+    pub(super) thermo: Option<Option<Span>>,
     /// Equations that coordinates are given by, with these.
     pub(super) determined: Vec<(Vec<String>, ConstraintDraft)>,
     pub(super) independent: Option<(Vec<Located>, Option<Span>)>,
@@ -515,6 +517,7 @@ impl ModelBuilder {
             hamiltonian: None,
             constraints: Vec::new(),
             virtual_constraints: Vec::new(),
+            thermo: None,
             determined: Vec::new(),
             independent: None,
             multipliers: None,

@@ -95,6 +95,7 @@ impl ModelBuilder {
                 components: draft.components,
                 domain: draft.domain,
                 rates: rate.into_entries(),
+                is_entropy: false,
                 doc: draft.doc,
                 span: draft.span,
                 of_rate,

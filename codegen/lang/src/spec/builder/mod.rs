@@ -27,6 +27,7 @@ mod sections;
 mod sizes;
 mod stages;
 mod symbols;
+mod thermo;
 mod totals;
 mod variables;
 mod view;

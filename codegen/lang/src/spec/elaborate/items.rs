@@ -89,6 +89,7 @@ impl Elaboration<'_> {
                     None => _ = self.builder.broken.insert("constraint"),
                 }
             }
+            ItemKind::VirtualThermo => _ = self.builder.at(span).virtual_thermo(),
             ItemKind::Virtual { name, left, right } => match self.equation(&["delta", "ddt"], left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);

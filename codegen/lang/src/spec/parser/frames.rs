@@ -2,12 +2,13 @@
 //!
 //! Deliberately does not know: whether names exist, what a frame is used for.
 
-use proc_macro2::Delimiter;
+use proc_macro2::{Delimiter, Ident};
+use syn::buffer::Cursor;
 
 use super::cursor::Parser;
 use super::lexer::Parsed;
 use crate::spec::ast::*;
-use crate::spec::diagnostic::Span;
+use crate::spec::diagnostic::{Diagnostic, Span};
 
 impl Parser<'_> {
     /// `frame { u = r*phi_dot; }` behind its first word.
@@ -71,6 +72,24 @@ impl Parser<'_> {
             body.require_punct(";")?;
         }
         Ok(ItemKind::Reduces(ReducesItem { file: Name { text, span }, images }))
+    }
+
+    /// `thermo` or `name: delta(v1) + delta(v2) = 0`, behind `virtual`.
+    pub(super) fn displacements(&mut self) -> Parsed<ItemKind> {
+        let is_thermo = |(word, rest): (Ident, Cursor<'_>)| {
+            word == "thermo" && rest.punct().is_some_and(|(p, _)| p.as_char() == ';')
+        };
+        if self.cursor.ident().is_some_and(is_thermo) {
+            self.require_word("thermo")?;
+            return Ok(ItemKind::VirtualThermo);
+        }
+        let (name, gives) = self.name_of_equation()?;
+        if let Some(first) = gives.first() {
+            let message = "a condition on displacements is solved for none";
+            return Err(Box::new(Diagnostic::new(Some(first.span), message).with_help("remove `for`")));
+        }
+        let (left, right) = self.equation("a condition on displacements", "delta(v1) + delta(v2) = 0")?;
+        Ok(ItemKind::Virtual { name, left, right })
     }
 
     /// `v = expression`, behind `acceleration` or `field`.

@@ -122,18 +122,7 @@ impl<'a> Parser<'a> {
                 let (left, right) = self.equation("a constraint", "dot(Omega, Gamma) = 0")?;
                 ItemKind::Constraint { name, gives, left, right }
             }
-            "virtual" => {
-                let (name, gives) = self.name_of_equation()?;
-                if let Some(first) = gives.first() {
-                    let message = "a condition on displacements is solved for none";
-                    return Err(Box::new(
-                        Diagnostic::new(Some(first.span), message).with_help("remove `for`"),
-                    ));
-                }
-                let (left, right) =
-                    self.equation("a condition on displacements", "delta(v1) + delta(v2) = 0")?;
-                ItemKind::Virtual { name, left, right }
-            }
+            "virtual" => self.displacements()?,
             "independent" => {
                 ItemKind::Independent(self.comma_separated(|p| p.named("the name of a velocity"))?)
             }
@@ -519,7 +508,7 @@ impl<'a> Parser<'a> {
     }
 
     /// `left = right`.
-    fn equation(&mut self, what: &str, example: &str) -> Parsed<(Expr, Expr)> {
+    pub(super) fn equation(&mut self, what: &str, example: &str) -> Parsed<(Expr, Expr)> {
         let left = self.expr()?;
         if !self.peek_punct('=') {
             let problem = self.unexpected("`=`");
@@ -530,7 +519,7 @@ impl<'a> Parser<'a> {
     }
 
     /// `name:`, `name for v, w:` or `for v, w:` before an equation, and the velocities.
-    fn name_of_equation(&mut self) -> Parsed<(Option<Name>, Vec<Name>)> {
+    pub(super) fn name_of_equation(&mut self) -> Parsed<(Option<Name>, Vec<Name>)> {
         let named = self.cursor.ident().is_some_and(|(word, rest)| {
             if word == "for" {
                 return false;
