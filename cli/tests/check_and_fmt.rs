@@ -128,3 +128,38 @@ fn models_of_the_repository_are_in_form() {
     assert_eq!(status, 0, "{err}");
     assert_eq!(out.trim(), format!("{} in form", files.len()));
 }
+
+const PLANAR: &str = "/// Body in the plane
+model planar {
+    param m = 2;
+    coordinate x, y in real;
+    coordinate theta in angle;
+    lagrangian = m*(x_dot^2 + y_dot^2)/2 + theta_dot^2/2;
+    constraint sin(theta)*x_dot = cos(theta)*y_dot;
+}
+";
+
+/// A reduced model names the file that it was made from, from the folder that it is in, and `check` holds it to that.
+#[test]
+fn a_reduced_model_is_held_to_the_file_that_it_was_made_from() {
+    let folder = scratch("reduced");
+    std::fs::create_dir_all(folder.join("made/here")).unwrap();
+    std::fs::write(folder.join("planar.hamel"), PLANAR).unwrap();
+    let made = "made/here/reduced.hamel";
+    let (status, out, err) = try_run(&folder, &["reduce", "planar.hamel", "-o", made], "");
+    assert_eq!(status, 0, "{err}");
+    assert!(out.contains("Proved: a quotient of the model, by "), "{out}");
+    let text = std::fs::read_to_string(folder.join(made)).unwrap();
+    assert!(text.contains("reduces \"../../planar.hamel\" {"), "{text}");
+    let (status, out, err) = try_run(&folder, &["check", made], "");
+    assert!(status == 0 && out.contains("conditions proved"), "{out}{err}");
+    let wrong = text.replace("v_theta = theta_dot;", "v_theta = -theta_dot;");
+    assert_ne!(wrong, text);
+    std::fs::write(folder.join(made), wrong).unwrap();
+    let (status, _, err) = try_run(&folder, &["check", made], "");
+    assert!(status != 0 && err.contains("this model is not the quotient of"), "{err}");
+    let (status, out, err) = try_run(&folder, &["reduce", "planar.hamel", "--json"], "");
+    assert_eq!(status, 0, "{err}");
+    let answer: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(answer["map"]["v_theta"], "theta_dot");
+}

@@ -272,6 +272,7 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("from", "", "The velocities that move the group follow."),
     ("relative", "relative Omega", "The velocities that move the frame of a configuration follow."),
     ("where", "where m > 0", "Conditions on the parameter, checked where parameters are given."),
+    ("thermo", "virtual thermo;", "Displacements of constraints that are balances of powers."),
     ("along", "force along u: F;", "The velocity that the force is paired with follows."),
     ("mass", "mass m;", "The mass of the body."),
     ("place", "place p;", "Where the mass centre of the body is."),

@@ -29,12 +29,12 @@ impl ModelBuilder {
     /// use hamel_lang::spec::{Domain, ModelBuilder};
     ///
     /// let mut b = ModelBuilder::new("heated");
-    /// let [x, s] = ["x", "S"].map(|name| b.coordinate(name, Domain::Real));
-    /// let [v, rate] = ["x_dot", "S_dot"].map(|name| b.value(name).unwrap().clone());
-    /// let square = v.dot(b.graph(), &v).unwrap();
+    /// let (_, v) = b.coordinate("x", Domain::Real, "");
+    /// let (s, rate) = b.coordinate("S", Domain::Real, "");
+    /// let square = v.mul(b.graph(), &v).unwrap();
     /// let energy = square.sub(b.graph(), &s).unwrap();
     /// b.lagrangian(&energy).constraint(None, "S_dot = x_dot^2", &rate, &square).virtual_thermo();
-    /// assert_eq!(b.build().unwrap().virtual_constraints[0].text, "delta(S_dot) - delta(x_dot)*x_dot = 0");
+    /// assert_eq!(b.build().unwrap().virtual_constraints[0].text, "delta(S_dot) - x_dot*delta(x_dot) = 0");
     /// ```
     pub fn virtual_thermo(&mut self) -> &mut Self {
         let here = self.here;
