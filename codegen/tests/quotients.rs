@@ -281,3 +281,65 @@ fn problems_are_told_at_their_places() {
     let problems = related(spring, given).expect_err("no Lagrangian");
     assert!(problems.contains("this model has a motion that is given"), "{problems}");
 }
+
+/// Terms of a Lagrangian that are linear in velocities are forces without power: the model has one, its quotient the
+/// other. Models, what the quotient has beside the kinetic energy, and a wrong sign in it.
+const GYROSCOPIC: [(&str, &str, &str, &str); 5] = [
+    (
+        "coordinate x, y in real; lagrangian = (x_dot^2 + y_dot^2)/2 + 3*(x*y_dot - y*x_dot);",
+        "velocity u, v in R^2; lagrangian = (u^2 + v^2)/2; force u = 6*v; force v = -6*u;",
+        "force v = -6*u",
+        "u = x_dot; v = y_dot;",
+    ),
+    // The same field by another potential: both differ by a rate.
+    (
+        "coordinate x, y in real; lagrangian = (x_dot^2 + y_dot^2)/2 + 6*x*y_dot;",
+        "velocity u, v in R^2; lagrangian = (u^2 + v^2)/2; force u = 6*v; force v = -6*u;",
+        "force u = 6*v",
+        "u = x_dot; v = y_dot;",
+    ),
+    // A potential that moves with time has a part that is no magnetic field.
+    (
+        "coordinate x, y in real; lagrangian = (x_dot^2 + y_dot^2)/2 + t*x*y_dot;",
+        "coordinate x, y in real; lagrangian = (x_dot^2 + y_dot^2)/2; force x_dot = t*y_dot; force y_dot = -x - t*x_dot;",
+        "force y_dot = -x",
+        "",
+    ),
+    // A wheel in a body, velocities of the body and velocities in space.
+    (
+        "velocity w in so(3); lagrangian = dot(w, [1, 2, 3]*w)/2 + dot([4, 5, 6], w);",
+        "velocity w in so(3); lagrangian = dot(w, [1, 2, 3]*w)/2; force w = 1*cross([4, 5, 6], w);",
+        "force w = 1",
+        "",
+    ),
+    (
+        "velocity w in so(3); action right; lagrangian = dot(w, [1, 2, 3]*w)/2 + dot([4, 5, 6], w);",
+        "velocity w in so(3); action right; lagrangian = dot(w, [1, 2, 3]*w)/2; force w = -1*cross([4, 5, 6], w);",
+        "force w = -1",
+        "",
+    ),
+];
+
+#[test]
+fn forces_without_power_may_stand_in_the_lagrangian() {
+    for (total, quotient, term, images) in GYROSCOPIC {
+        let total = format!("model total {{ {} }}", total.replace("[1, 2, 3]*w", "diag([1, 2, 3])*w"));
+        let text = |quotient: &str| {
+            let quotient = quotient.replace("[1, 2, 3]*w", "diag([1, 2, 3])*w");
+            format!("model quotient {{ {quotient} reduces \"total.hamel\" {{ {images} }} }}")
+        };
+        related(&total, &text(quotient)).unwrap_or_else(|problems| panic!("{quotient}: {problems}"));
+        let (name, value) = term.split_once(" = ").expect("a force");
+        let other = match value.strip_prefix('-') {
+            Some(value) => format!("{name} = {value}"),
+            None => format!("{name} = -{value}"),
+        };
+        assert!(quotient.contains(term), "{quotient} has no {term}");
+        let problems = related(&total, &text(&quotient.replace(term, &other))).expect_err("another sign");
+        assert!(problems.contains("the power of the forces"), "{problems}");
+        // A difference at rest is one of the energy.
+        let problems = related(&total, &text(&quotient.replace("/2; force", "/2 + 7; force")));
+        let problems = problems.expect_err("another energy");
+        assert!(problems.contains("the Lagrangian differs by `"), "{problems}");
+    }
+}

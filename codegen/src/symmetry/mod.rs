@@ -197,20 +197,10 @@ fn reduce_held(
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
     let mut report = [pieces.report, further].concat();
-    let map = match is_gyroscopic {
-        // The Lagrangians differ by a rate.
-        true => None,
-        false => setting.proved_map((&pieces.group, &section), &written)?,
-    };
-    report.push(match (&map, is_gyroscopic) {
-        (Some(map), _) => {
-            format!("Proved: a quotient of the model, by {} conditions.", map.proved.n_conditions)
-        }
-        (None, true) => {
-            "The map is not written: the Lagrangians differ by a rate. Rates are compared at points."
-                .to_owned()
-        }
-        (None, false) => "The map is not written: it is not found. Rates are compared at points.".to_owned(),
+    let map = setting.proved_map((&pieces.group, &section), &written)?;
+    report.push(match &map {
+        Some(map) => format!("Proved: a quotient of the model, by {} conditions.", map.proved.n_conditions),
+        None => "The map is not written: it is not found. Rates are compared at points.".to_owned(),
     });
     Ok(Reduced { text: written.text, report, dim, map })
 }

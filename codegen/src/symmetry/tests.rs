@@ -145,6 +145,7 @@ fn a_map_is_held_to_both_models() {
     for (text, [first, last]) in [
         (BODY, [("v_r1", "r1_dot*R11 + r2_dot*R21 + r3_dot*R31"), ("a4", "R33")]),
         (SLEIGH, [("v_theta", "theta_dot"), ("v_y", "y_dot*cos(theta) - x_dot*sin(theta)")]),
+        (CHARGED, [("v_x", "x_dot"), ("v_y", "y_dot")]),
         (BALL, [("Omega1", "Omega1*R11 + Omega2*R12 + Omega3*R13"), ("v_y", "y_dot")]),
     ] {
         let model = spec::parse("model.hamel", text).unwrap();

@@ -6,12 +6,14 @@
 //! ```text
 //! rho_a(phi^I) = Phi^A_a rhobar^I_A(phi)
 //! rho_a(Phi^C_b) - rho_b(Phi^C_a) + Phi^A_a Phi^B_b Cbar^C_AB(phi) = C^c_ab Phi^C_c
-//! L(x, y, t) = Lbar(phi, Phi y + Phi_0, t)
-//! Phi(M) in Mbar,   Phi(V) = Vbar,   F_a w^a = Fbar_A Phi^A_a w^a for w in V
+//! L(x, y, t) = Lbar(phi, Phi y + Phi_0, t) + alpha_a(x, t) y^a
+//! Phi(M) in Mbar,   Phi(V) = Vbar,   F_a w^a = Fbar_A Phi^A_a w^a + dalpha(y, w) for w in V
 //! ```
 //!
-//! for the velocities `M` and the displacements `V` that constraints allow. The Lagrange-d'Alembert equation along `w`
-//! is the one of the quotient along `Phi w` then: `Phi` takes motions to motions. Components of the coordinates of
+//! for the velocities `M` and the displacements `V` that constraints allow. A form `alpha` is the gyroscopic force
+//! `-dalpha(y, .)`, which has no power: none where it is closed, as for Lagrangians that differ by a rate. The
+//! Lagrange-d'Alembert equation along `w` is the one of the quotient along `Phi w` then: `Phi` takes motions to motions,
+//! and energies are related. Components of the coordinates of
 //! a group are rational functions of free symbols where something has to vanish.
 //!
 //! Source: Cortes, de Leon, Marrero, Martinez 2009, theorems 4.6 and 7.8. Does not know: equations of motion, texts.
@@ -89,6 +91,8 @@ struct Map<'a> {
     velocities: Vec<Vec<ExprId>>,
     /// `Phi_0`.
     offsets: Vec<ExprId>,
+    /// `alpha`, zero along `d/dt`, which is number 0.
+    gyroscopic: Vec<ExprId>,
     /// Dimensions of the displacements of both.
     displacements: (usize, usize),
     violated: Vec<NotQuotient>,
@@ -272,6 +276,7 @@ impl<'a> Map<'a> {
             base: Vec::new(),
             velocities: Vec::new(),
             offsets: Vec::new(),
+            gyroscopic: Vec::new(),
             displacements: (0, 0),
             violated: Vec::new(),
             n_conditions: 0,
@@ -516,12 +521,53 @@ impl<'a> Map<'a> {
         [vec![along_time], self.image(section)].concat()
     }
 
-    /// `L(x, y, t) = Lbar(phi, Phi y + Phi_0, t)`.
+    /// `L(x, y, t) = Lbar(phi, Phi y + Phi_0, t) + alpha_a(x, t) y^a`.
     fn lagrangians(&mut self) -> Result<(), NotQuotient> {
         let pulled = self.pulled(&[self.quotient.lagrangian])?[0];
-        let residual = self.g.sub(self.total.lagrangian, pulled);
+        let difference = self.g.sub(self.total.lagrangian, pulled);
+        let on_groups = self.on_groups(difference);
+        let residual = match self.g.affine_parts(difference, &self.total.velocities) {
+            Some((alpha, at_rest)) if !self.g.is_zero(on_groups) => {
+                self.gyroscopic = [vec![self.g.zero()], alpha].concat();
+                // A difference that is there at rest is told whole.
+                let at_rest_on_groups = self.on_groups(at_rest);
+                if self.g.is_zero(at_rest_on_groups) { at_rest } else { difference }
+            }
+            _ => difference,
+        };
         self.vanishes(residual, || "the Lagrangian".to_owned());
         Ok(())
+    }
+
+    /// `dalpha(y, e_a)` for each section `e_a`: the rate of `alpha_a`, less the derivative of `alpha(y)` along `e_a` and
+    /// `alpha([y, e_a])`.
+    fn gyroscopic_forces(&mut self) -> Vec<ExprId> {
+        let rank = self.total.algebroid.rank();
+        if self.gyroscopic.is_empty() {
+            return vec![self.g.zero(); rank];
+        }
+        let alpha = self.gyroscopic.clone();
+        let velocities = self.total.velocities.iter().map(|y| self.g.sym(*y)).collect::<Vec<_>>();
+        let motion = [vec![self.g.one()], velocities].concat();
+        let own: BTreeMap<SymbolId, ExprId> =
+            self.total.own_rates.iter().map(|own| (own.symbol, own.rate)).collect();
+        let mut forces = Vec::with_capacity(rank);
+        for a in 1..=rank {
+            let mut terms = vec![self.g.derivative_along(alpha[a], &own)];
+            for b in 0..=rank {
+                let (forward, back) = (self.along(b, alpha[a]), self.along(a, alpha[b]));
+                let mut of_pair = vec![forward, self.g.neg(back)];
+                let (pair, is_turned) = if a < b { ((a, b), true) } else { ((b, a), false) };
+                for (c, e) in bracket(&self.total.algebroid, &mut self.g, pair) {
+                    let term = self.g.mul(e, alpha[c + 1]);
+                    of_pair.push(if is_turned { term } else { self.g.neg(term) });
+                }
+                let sum = self.g.sum(&of_pair);
+                terms.push(self.g.mul(motion[b], sum));
+            }
+            forces.push(self.g.sum(&terms));
+        }
+        forces
     }
 
     /// A form of the quotient on velocities of the total system, or on displacements.
@@ -625,14 +671,19 @@ impl<'a> Map<'a> {
         Ok(())
     }
 
-    /// `F_a w^a = Fbar_A Phi^A_a w^a` for displacements `w`.
+    /// `F_a w^a = Fbar_A Phi^A_a w^a + dalpha(y, w)` for displacements `w`.
     fn forces(&mut self) -> Result<(), NotQuotient> {
         let zero = self.other.zero();
         let of_quotient = self.quotient.forces.clone();
         let form = Form { text: String::new(), velocities: of_quotient, quasi: Vec::new(), offset: zero };
         let pulled = self.pulled_form(&form, Along::Displacements)?.velocities;
-        let pairs = self.total.forces.iter().zip(pulled);
-        let power: Vec<ExprId> = pairs.map(|(own, other)| self.g.sub(*own, other)).collect();
+        let gyroscopic = self.gyroscopic_forces();
+        let mut power = Vec::with_capacity(pulled.len());
+        for ((own, other), of_alpha) in self.total.forces.iter().zip(pulled).zip(gyroscopic) {
+            let rest = self.g.sub(*own, other);
+            let rest = self.g.sub(rest, of_alpha);
+            power.push(self.g.cancel_zero(rest));
+        }
         let forms = reactions(&mut self.g, self.total);
         let offset = self.g.zero();
         let power = Form { text: String::new(), velocities: power, quasi: Vec::new(), offset };
