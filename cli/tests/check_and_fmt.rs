@@ -153,6 +153,11 @@ fn a_reduced_model_is_held_to_the_file_that_it_was_made_from() {
     assert!(text.contains("reduces \"../../planar.hamel\" {"), "{text}");
     let (status, out, err) = try_run(&folder, &["check", made], "");
     assert!(status == 0 && out.contains("conditions proved"), "{out}{err}");
+    // A model that is there may have been edited.
+    let (status, _, err) = try_run(&folder, &["reduce", "planar.hamel", "-o", made], "");
+    assert!(status != 0 && err.contains("add --force to replace it"), "{err}");
+    let (status, _, err) = try_run(&folder, &["reduce", "planar.hamel", "-o", made, "--force"], "");
+    assert_eq!(status, 0, "{err}");
     let wrong = text.replace("v_theta = theta_dot;", "v_theta = -theta_dot;");
     assert_ne!(wrong, text);
     std::fs::write(folder.join(made), wrong).unwrap();

@@ -37,6 +37,9 @@ pub struct Arguments {
     /// The root moves freely; it is at rest otherwise
     #[arg(long)]
     pub floating: bool,
+    /// Replace a file that is there
+    #[arg(long, requires = "output")]
+    pub force: bool,
     /// What becomes of the limits of joints
     #[arg(long, value_enum, default_value_t)]
     pub limits: Limits,
@@ -103,10 +106,10 @@ pub fn read(
 /// # Errors
 /// As [`read`]; [`Error::Io`] where the model cannot be written.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let Arguments { file, output, floating, limits, lock, frame } = arguments;
+    let Arguments { file, output, force, floating, limits, lock, frame } = arguments;
     let (lock, frames) = (lock.clone(), frame.clone());
     let choices = Choices { floating: *floating, limits: *limits, lock, frames };
-    let opened = output.as_deref().map(Opened::new).transpose()?;
+    let opened = output.as_deref().map(|path| Opened::new_text(path, *force)).transpose()?;
     let (imported, warnings) = read(session, file, choices)?;
     model::show_warnings(&imported.notes);
     model::show_warnings(&warnings);

@@ -35,6 +35,9 @@ pub struct Arguments {
     /// File of the reduced model
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Replace a file that is there
+    #[arg(long, requires = "output")]
+    pub force: bool,
     /// Print text, report and dimension of the group as JSON
     #[arg(long)]
     pub json: bool,
@@ -46,7 +49,8 @@ pub struct Arguments {
 /// Problems of the model, what cannot be looked into, and files that cannot be written.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = session.find(&arguments.model)?;
-    let opened = arguments.output.as_deref().map(Opened::new).transpose()?;
+    let opened =
+        arguments.output.as_deref().map(|path| Opened::new_text(path, arguments.force)).transpose()?;
     let model = file.model()?;
     let reduced = symmetry::reduce(model)?;
     let text = match file.path() {

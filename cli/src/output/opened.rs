@@ -50,6 +50,18 @@ impl Opened {
         Ok(Opened { path: path.to_owned(), temporary, file })
     }
 
+    /// As [`Opened::new`] for a text that people go on with: one that is there stays, unless by force.
+    ///
+    /// # Errors
+    /// As [`Opened::new`]; [`Error::Request`] for a file that is there and not empty.
+    pub(crate) fn new_text(path: &Path, by_force: bool) -> Result<Opened, Error> {
+        if !by_force && std::fs::metadata(path).is_ok_and(|there| there.is_file() && there.len() > 0) {
+            let shown = path.display().to_string();
+            return Err(Error::unusable(shown, "is there: give another name, or add --force to replace it"));
+        }
+        Opened::new(path)
+    }
+
     /// Where it will be.
     pub(crate) fn path(&self) -> &Path {
         &self.path
