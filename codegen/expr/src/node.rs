@@ -230,7 +230,7 @@ pub(super) fn content(constant: &Rational, terms: &[(ExprId, Rational)]) -> Opti
     Some(if terms.first().is_some_and(|(_, q)| q.is_negative()) { -magnitude } else { magnitude })
 }
 
-/// Their content without its sign; none where one of them is long.
+/// Their content without its sign, where all of them are short.
 fn content_of_short(constant: &Rational, terms: &[(ExprId, Rational)]) -> Option<Rational> {
     let numerator = |q: &Rational| Some(q.numer().to_i64()?.unsigned_abs());
     let denominator = |q: &Rational| q.denom().to_u64();

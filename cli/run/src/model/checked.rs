@@ -24,11 +24,11 @@ pub struct Checked {
     cache: Cache,
     /// Equations, each formulation derived once, and the scenes built from them.
     derived: Mutex<Derived>,
-    /// What was made of the model, by what it is and its scene.
+    /// Results of the model by their kinds and scenes.
     made: Mutex<BTreeMap<(String, String), Value>>,
 }
 
-/// What was derived, and the scenes built from it by their names.
+/// Equations, and the scenes built from them by their names.
 type Derived = (Scenes, BTreeMap<String, Arc<BuiltScene>>);
 
 /// A value of any type.
@@ -102,8 +102,8 @@ impl Checked {
         scene::names_of(&self.model, has_some)
     }
 
-    /// Derives and lowers a scene, once in a process: also the one of derivatives, which is emitted only for models that
-    /// declare it.
+    /// Derives and lowers a scene, once in a process: also the one of derivatives, which is emitted only for models
+    /// that declare it.
     ///
     /// # Errors
     /// [`Error::UnknownScene`], [`Error::Models`].

@@ -7,7 +7,7 @@
 
 use super::tokens::{Kind, Token, tokens};
 
-/// What is made of a model, by what of its text decides about it.
+/// Results of a model, by the parts of its text that decide about them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Made<'a> {
     /// What all scenes have in common, as it is written down: comments, views and scenes decide about nothing.
@@ -18,7 +18,7 @@ pub enum Made<'a> {
     Program(&'a str),
 }
 
-/// The words and marks of a text that decide about what is made of its model, in their order, with documentation and a
+/// The words and marks of a text that decide about a result of its model, in their order, with documentation and a
 /// blank for any number of these. Equal lists make equal programs.
 ///
 /// ```
