@@ -225,3 +225,62 @@ fn a_changed_model_is_another_and_warnings_stay() {
     };
     assert_eq!([rate(1), rate(2), rate(1), rate(2)], [-2.0, -4.0, -2.0, -4.0]);
 }
+
+/// A pendulum with everything that decides about no program, and what does.
+const PENDULUM: &str = "model pendulum {
+    param g = 9.81; // gravity
+    coordinate x in angle;
+    initial x = 0.3;
+    lagrangian = 1/2*x_dot^2 + g*cos(x);
+    output height = -cos(x);
+    view bob = point([sin(x), -cos(x), 0]);
+    scene light { fix g = 1.62; want rhs; }
+}";
+
+#[test]
+fn what_decides_about_no_program_derives_nothing_anew() {
+    let folder = Folder::new("decisive");
+    let path = folder.0.join("pendulum.hamel");
+    let name = path.to_str().unwrap();
+    // What a simulation from the initial values says, and how much was kept since the one before.
+    let mut n_before = 0;
+    let mut run = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        let out = folder.run(&["simulate", name, "--t-final", "0.5"], "");
+        let cold = folder.run(&["simulate", name, "--t-final", "0.5", "--no-cache"], "");
+        assert!(out.status.success(), "{out:?}");
+        assert_eq!(without_times(&out), without_times(&cold), "{text}");
+        let n_kept = folder.kept().len();
+        let n_new = n_kept - n_before;
+        n_before = n_kept;
+        (without_times(&out), n_new)
+    };
+    let (first, n_new) = run(PENDULUM);
+    assert!(n_new > 0);
+    let silent = [
+        ("// gravity", "// of the Earth"),
+        ("view bob = point", "view weight = point"),
+        ("    view bob = point([sin(x), -cos(x), 0]);\n", ""),
+        ("want rhs;", "want rhs, energy;"),
+        ("coordinate x", "\n\n  coordinate   x"),
+    ];
+    for (from, to) in silent {
+        let changed = PENDULUM.replace(from, to);
+        assert_ne!(changed, PENDULUM);
+        assert_eq!(run(&changed), (first.clone(), 0), "{to}");
+    }
+    let (other, n_new) = run(&PENDULUM.replace("x = 0.3", "x = 0.4"));
+    assert!(other != first && n_new == 0, "{n_new}");
+    let decisive = [
+        ("g = 9.81", "g = 9.82"),
+        ("1/2*x_dot^2", "2/3*x_dot^2"),
+        ("in angle", "in real"),
+        ("height = -cos(x)", "height = 2 - cos(x)"),
+        ("output", "force x_dot = -x_dot; output"),
+        ("x = 0.3", "x = sqrt(0.09)"),
+        ("model pendulum", "/// Swings.\nmodel pendulum"),
+    ];
+    for (from, to) in decisive {
+        assert!(run(&PENDULUM.replace(from, to)).1 > 0, "{to}");
+    }
+}

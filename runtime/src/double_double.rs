@@ -86,6 +86,39 @@ impl DoubleDouble {
     ];
     /// Natural logarithm of 2 in three parts.
     const LN_2: [f64; 3] = [core::f64::consts::LN_2, 2.319_046_813_846_299_6e-17, 5.707_708_438_416_212e-34];
+    /// `1/n!`, upper and lower part.
+    const RECIPROCAL_FACTORIALS: [(f64, f64); 30] = [
+        (1.0, 0.0),
+        (1.0, 0.0),
+        (0.5, 0.0),
+        (0.166_666_666_666_666_66, 9.251_858_538_542_97e-18),
+        (0.041_666_666_666_666_664, 2.312_964_634_635_742_7e-18),
+        (0.008_333_333_333_333_333, 1.156_482_317_317_871_4e-19),
+        (0.001_388_888_888_888_889, -5.300_543_954_373_577e-20),
+        (0.000_198_412_698_412_698_4, 1.720_955_829_342_070_5e-22),
+        (2.480_158_730_158_73e-5, 2.151_194_786_677_588_2e-23),
+        (2.755_731_922_398_589_3e-6, -1.858_393_274_046_472e-22),
+        (2.755_731_922_398_589e-7, 2.376_771_462_225_029_7e-23),
+        (2.505_210_838_544_172e-8, -1.448_814_070_935_912e-24),
+        (2.087_675_698_786_81e-9, -1.207_345_059_113_26e-25),
+        (1.605_904_383_682_161_3e-10, 1.258_529_458_875_209_8e-26),
+        (1.147_074_559_772_972_5e-11, 2.065_551_275_283_074_5e-28),
+        (7.647_163_731_819_816e-13, 7.038_728_777_334_53e-30),
+        (4.779_477_332_387_385e-14, 4.399_205_485_834_081e-31),
+        (2.811_457_254_345_520_6e-15, 1.650_884_273_086_143_3e-31),
+        (1.561_920_696_858_622_5e-16, 1.191_067_966_027_375_4e-32),
+        (8.220_635_246_624_33e-18, 2.214_189_411_960_426_5e-34),
+        (4.110_317_623_312_165e-19, 1.441_297_337_865_952_7e-36),
+        (1.957_294_106_339_126_3e-20, -1.364_350_383_008_790_8e-36),
+        (8.896_791_392_450_574e-22, -7.911_402_614_872_376e-38),
+        (3.868_170_170_630_684e-23, -8.843_177_655_482_344e-40),
+        (1.611_737_571_096_118_4e-24, -3.684_657_356_450_976_6e-41),
+        (6.446_950_284_384_474e-26, -1.933_040_423_370_346_5e-42),
+        (2.479_596_263_224_797_6e-27, -1.295_373_096_476_522_9e-43),
+        (9.183_689_863_795_546e-29, 1.430_315_039_678_732_2e-45),
+        (3.279_889_237_069_838e-30, 1.511_754_274_402_987_9e-46),
+        (1.130_996_288_644_771_6e-31, 1.049_801_541_295_950_6e-47),
+    ];
     /// The largest angle whose functions are computed: `2^50`.
     const LARGEST_ANGLE: f64 = 1_125_899_906_842_624.0;
 
@@ -147,12 +180,17 @@ impl DoubleDouble {
         parts.iter().fold(self, |rest, &part| rest - Self::product_of(n, part))
     }
 
+    /// `sum_k self^k/(first + k step)!`, its first `n` terms.
+    fn factorial_series(self, first: usize, step: usize, n: usize) -> Self {
+        let terms = Self::RECIPROCAL_FACTORIALS[first..].iter().step_by(step).take(n);
+        terms.rev().fold(Self::ZERO, |sum, &(hi, lo)| Self { hi, lo } + self * sum)
+    }
+
     /// `exp(self) - 1` with its relative error for `|self| <= 0.7`, by the series at `self/32` and five doublings.
     fn small_exp_m1(self) -> Self {
         let r = self.scaled(1.0 / 32.0);
-        let series = (2..=14).rev().fold(Self::ONE, |sum, n| Self::ONE + r * sum / f64::from(n).into());
         // e^2x - 1 = (e^x - 1) (e^x - 1 + 2)
-        (0..5).fold(r * series, |p, _| p * (p + Self::from(2.0)))
+        (0..5).fold(r * r.factorial_series(1, 1, 14), |p, _| p * (p + Self::from(2.0)))
     }
 
     /// An odd function from its values for positive numbers; a zero keeps its sign.
@@ -175,11 +213,14 @@ impl DoubleDouble {
         (self.minus_multiple(n, &Self::HALF_PI), n as i64)
     }
 
-    /// `first (1 - z/(n (n+1)) (1 - z/((n+2) (n+3)) (1 - ..)))` with `z = self^2`, for `|self| < 0.8`.
-    fn alternating(self, n: u32, first: Self) -> Self {
-        let z = self * self;
-        let factor = |k: u32| Self::from(f64::from((n + 2 * k) * (n + 2 * k + 1)));
-        first * (0..14).rev().fold(Self::ONE, |sum, k| Self::ONE - z * sum / factor(k))
+    /// The sine of `|self| < 0.8`.
+    fn small_sin(self) -> Self {
+        self * (-(self * self)).factorial_series(1, 2, 15)
+    }
+
+    /// The cosine of `|self| < 0.8`.
+    fn small_cos(self) -> Self {
+        (-(self * self)).factorial_series(0, 2, 15)
     }
 
     /// `sqrt(1 - self^2)`.
@@ -278,16 +319,20 @@ impl Real for DoubleDouble {
     }
 
     fn sin(self) -> Self {
-        self.sin_cos().0
+        let (r, n) = self.reduced();
+        let value = if n & 1 == 0 { r.small_sin() } else { r.small_cos() };
+        if n & 2 == 0 { value } else { -value }
     }
 
     fn cos(self) -> Self {
-        self.sin_cos().1
+        let (r, n) = self.reduced();
+        let value = if n & 1 == 0 { r.small_cos() } else { r.small_sin() };
+        if (n + 1) & 2 == 0 { value } else { -value }
     }
 
     fn sin_cos(self) -> (Self, Self) {
         let (r, n) = self.reduced();
-        let (sine, cosine) = (r.alternating(2, r), r.alternating(1, Self::ONE));
+        let (sine, cosine) = (r.small_sin(), r.small_cos());
         match n & 3 {
             0 => (sine, cosine),
             1 => (cosine, -sine),

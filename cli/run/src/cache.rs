@@ -1,7 +1,7 @@
 //! What was derived once, kept in the user's cache folder.
 //!
-//! A value is kept under a hash of everything that it depends on: the text of the model, what was made of it, the
-//! budget, and which program it was, so that another version never reads it.
+//! A value is kept under a hash of everything that it depends on: what decides of the model's text, what was made of
+//! it, the budget, and which program it was, so that another version never reads it.
 //!
 //! Does not know: what is kept.
 

@@ -73,7 +73,7 @@ pub struct Forms {
 }
 
 /// A scene that carries momenta or velocities along levels, as far as conversions need it.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Carrying {
     executable: Executable,
     state: Vec<String>,

@@ -109,7 +109,7 @@ pub struct Built {
     drive: Drive,
     info: Info,
     /// The scene with its equations, when something else is to be derived from them.
-    derived: OnceLock<Option<BuiltScene>>,
+    derived: OnceLock<Option<Arc<BuiltScene>>>,
     /// The right-hand side on circles, made when first asked for; none where it does not pay.
     circles: OnceLock<Option<RunnableCircles>>,
     /// The same with its invariants, when first asked for; none if there are none.
@@ -147,11 +147,11 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<Built, Error> {
     // Not the scene of this name that a cache keeps.
     let model = Arc::new(Checked::new(model.clone(), Cache::none()));
     let stored = Stored::of(&model.name, &built);
-    Ok(Built::new(&model, stored, OnceLock::from(Some(built))))
+    Ok(Built::new(&model, stored, OnceLock::from(Some(Arc::new(built)))))
 }
 
 impl Built {
-    fn new(model: &Arc<Checked>, stored: Stored, derived: OnceLock<Option<BuiltScene>>) -> Built {
+    fn new(model: &Arc<Checked>, stored: Stored, derived: OnceLock<Option<Arc<BuiltScene>>>) -> Built {
         let Stored { executable, info } = stored;
         Built::of(model, Arc::new(Runnable::new(executable, false)), None, info, derived)
     }
@@ -161,7 +161,7 @@ impl Built {
         executable: Arc<Runnable>,
         drive: Drive,
         info: Info,
-        derived: OnceLock<Option<BuiltScene>>,
+        derived: OnceLock<Option<Arc<BuiltScene>>>,
     ) -> Built {
         Built {
             model: Arc::clone(model),
@@ -236,7 +236,7 @@ impl Built {
 
     /// The scene with its equations; none only by a bug, because it was derived before.
     fn derived(&self) -> Option<&BuiltScene> {
-        self.derived.get_or_init(|| self.model.derive(&self.info.scene).ok()).as_ref()
+        self.derived.get_or_init(|| self.model.derive(&self.info.scene).ok()).as_deref()
     }
 
     /// The scene with the same parameters and state that has the residuals of the constraints that a state can violate,

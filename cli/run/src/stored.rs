@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::info::{Info, OutputEntry, ParamEntry};
 
 /// What is kept of a scene.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Stored {
     pub(super) executable: Executable,
     pub(super) info: Info,

@@ -96,7 +96,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         model = Arc::new(Checked::new(model::with_one_stage(&model), Cache::none()));
     }
     let built = model.derive(&arguments.scene)?;
-    model::show_warnings(&scene::warnings(&model, std::slice::from_ref(&built)));
+    model::show_warnings(&scene::warnings(&model, std::slice::from_ref(&*built)));
     if arguments.ops {
         return Ok(built.operation_columns());
     }

@@ -10,7 +10,7 @@ use std::fmt;
 use std::time::Instant;
 
 use super::node::Node;
-use super::rational::Rational;
+use super::rational::{MAX_BITS, Rational};
 use super::trace::{self, Topic};
 
 /// Limits on the way from the text of a model to the program of one scene.
@@ -223,6 +223,17 @@ impl Meter {
         self.spent.bytes = self.spent.bytes.saturating_add(bytes);
         if self.spent.bytes > self.limit.bytes {
             self.give_up(Resource::Bytes, self.limit.bytes);
+        }
+    }
+
+    /// Counts an operation that made a number; nothing more is made when it is too long.
+    pub(super) fn made_number(&mut self, q: &Rational) {
+        let words = words(q);
+        if words > 1 {
+            self.work(work_with(words));
+            if words > MAX_BITS / 64 {
+                self.give_up(Resource::NumberBits, MAX_BITS);
+            }
         }
     }
 

@@ -2,10 +2,11 @@
 //!
 //! Deliberately does not know: what is a state, a velocity, a parameter.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 
 use num_bigint::BigInt;
 use num_traits::{One, Signed};
+use rustc_hash::FxHashMap;
 
 use super::arena::Arena;
 use super::graph::{DivisionByZero, Graph};
@@ -31,7 +32,7 @@ impl Graph {
     }
 
     fn derivatives(&mut self, roots: &[ExprId], rates: &BTreeMap<SymbolId, ExprId>) -> Vec<ExprId> {
-        let mut derivative: HashMap<ExprId, ExprId> = HashMap::new();
+        let mut derivative: FxHashMap<ExprId, ExprId> = FxHashMap::default();
         let order = self.reachable(roots);
         self.charge(order.len());
         for e in order {
@@ -45,7 +46,7 @@ impl Graph {
         &mut self,
         e: ExprId,
         rates: &BTreeMap<SymbolId, ExprId>,
-        derivative: &HashMap<ExprId, ExprId>,
+        derivative: &FxHashMap<ExprId, ExprId>,
     ) -> ExprId {
         match self.node(e).clone() {
             Node::Constant(_) | Node::Pi => Arena::ZERO,
@@ -199,7 +200,7 @@ impl Graph {
         replacements: &BTreeMap<SymbolId, ExprId>,
         mut function: impl FnMut(&mut Graph, Func, ExprId) -> ExprId,
     ) -> Result<Vec<ExprId>, DivisionByZero> {
-        let mut image: HashMap<ExprId, ExprId> = HashMap::new();
+        let mut image: FxHashMap<ExprId, ExprId> = FxHashMap::default();
         let order = self.reachable(roots);
         self.charge(order.len());
         for e in order {

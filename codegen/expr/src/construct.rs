@@ -3,6 +3,7 @@
 //! Deliberately does not know: derivatives, how zeros are found that no constructor folds.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use num_bigint::BigInt;
 use num_traits::{One, Signed, ToPrimitive, Zero};
@@ -11,7 +12,7 @@ use super::arena::Arena;
 use super::budget::Resource;
 use super::graph::{DivisionByZero, Graph};
 use super::node::{ExprId, Func, Node, content};
-use super::rational::{MAX_BITS, Rational};
+use super::rational::{MAX_BITS, Rational, plus, times};
 
 impl Graph {
     /// `a + b`.
@@ -55,18 +56,23 @@ impl Graph {
         if self.meter.is_exhausted() {
             return Arena::ONE;
         }
-        match self.node(a).clone() {
+        match self.node(a) {
             Node::Constant(c) => {
-                let product = c * q;
+                let product = times(c, q);
                 self.made_number(&product);
                 self.rational(product)
             }
             Node::Sum { constant, terms } => {
-                self.charge(terms.len());
-                let terms = terms.iter().map(|(e, c)| (*e, c * q)).collect();
-                self.intern(Node::Sum { constant: constant * q, terms })
+                let n_terms = terms.len();
+                let terms = terms.iter().map(|(e, c)| (*e, times(c, q))).collect();
+                let constant = times(constant, q);
+                self.charge(n_terms);
+                self.intern(Node::Sum { constant, terms })
             }
-            Node::Product { coefficient, factors } => self.product_node(coefficient * q, factors),
+            Node::Product { coefficient, factors } => {
+                let (coefficient, factors) = (times(coefficient, q), factors.clone());
+                self.product_node(coefficient, factors)
+            }
             _ => self.product_node(q.clone(), Box::new([(a, Rational::one())])),
         }
     }
@@ -92,26 +98,24 @@ impl Graph {
                 return Arena::ONE;
             }
             self.charge(1);
-            match self.node(*e).clone() {
+            let Graph { arena, meter, .. } = self;
+            match arena.node(*e) {
                 Node::Constant(c) => {
-                    constant += c * q;
-                    self.made_number(&constant);
+                    constant = plus(&constant, &times(c, q));
+                    meter.made_number(&constant);
                 }
                 Node::Sum { constant: inner, terms } => {
-                    constant += inner * q;
-                    self.made_number(&constant);
-                    self.charge(terms.len());
-                    for (term, c) in terms.iter() {
-                        let total = merged.entry(*term).or_insert_with(Rational::zero);
-                        *total += c * q;
-                        self.made_number(total);
+                    constant = plus(&constant, &times(inner, q));
+                    meter.made_number(&constant);
+                    meter.work(terms.len() as u64);
+                    for (term, c) in terms {
+                        meter.made_number(add_to(&mut merged, *term, times(c, q)));
                     }
                 }
                 _ => {
                     let (coefficient, monic) = self.split_coefficient(*e);
-                    let total = merged.entry(monic).or_insert_with(Rational::zero);
-                    *total += coefficient * q;
-                    self.made_number(total);
+                    let total = add_to(&mut merged, monic, times(&coefficient, q));
+                    self.meter.made_number(total);
                 }
             }
         }
@@ -179,7 +183,7 @@ impl Graph {
                 if q.is_zero() {
                     continue;
                 }
-                match self.node(e).clone() {
+                match self.node(e) {
                     Node::Constant(c) if c.is_zero() => {
                         if q.is_negative() {
                             return Err(DivisionByZero);
@@ -187,28 +191,28 @@ impl Graph {
                         return Ok(Arena::ZERO);
                     }
                     Node::Constant(c) if q.is_integer() => {
-                        coefficient *= self.integer_power(&c, &q);
-                        self.made_number(&coefficient);
+                        let c = c.clone();
+                        self.multiply(&mut coefficient, &c, &q);
                     }
                     Node::Constant(c) => {
-                        if let Some(root) = exact_root(&c, &q) {
+                        if let Some(root) = exact_root(c, &q) {
                             coefficient *= root;
                         } else {
-                            *merged.entry(e).or_insert_with(Rational::zero) += q;
+                            add_to(&mut merged, e, q);
                         }
                     }
                     Node::Product { coefficient: c, factors } if q.is_integer() => {
-                        coefficient *= self.integer_power(&c, &q);
-                        self.made_number(&coefficient);
-                        pending.extend(factors.iter().rev().map(|(base, exponent)| (*base, exponent * &q)));
+                        let raised = factors.iter().rev().map(|(base, power)| (*base, times(power, &q)));
+                        pending.extend(raised);
+                        let c = c.clone();
+                        self.multiply(&mut coefficient, &c, &q);
                     }
                     Node::Sum { .. } if q.is_integer() && !self.primitive.contains(&e) => {
                         let (content, primitive) = self.primitive_part(e);
-                        coefficient *= self.integer_power(&content, &q);
-                        self.made_number(&coefficient);
-                        *merged.entry(primitive).or_insert_with(Rational::zero) += q;
+                        self.multiply(&mut coefficient, &content, &q);
+                        add_to(&mut merged, primitive, q);
                     }
-                    _ => *merged.entry(e).or_insert_with(Rational::zero) += q,
+                    _ => _ = add_to(&mut merged, e, q),
                 }
             }
             // Merging can turn the half-integer power of a constant or product into an integer one: flatten it again.
@@ -243,6 +247,13 @@ impl Graph {
         }
         let factors: Vec<_> = merged.into_iter().filter(|(_, q)| !q.is_zero()).collect();
         Ok(self.product_node(coefficient, factors.into()))
+    }
+
+    /// Multiplies a number by `c^q` with an integer `q`.
+    fn multiply(&mut self, number: &mut Rational, c: &Rational, q: &Rational) {
+        let power = self.integer_power(c, q);
+        *number = times(number, &power);
+        self.made_number(number);
     }
 
     fn is_primitive(&self, e: ExprId) -> bool {
@@ -425,6 +436,18 @@ impl Graph {
             Node::Constant(c) | Node::Product { coefficient: c, .. } => c.is_negative(),
             Node::Sum { terms, .. } => terms.first().is_some_and(|(_, c)| c.is_negative()),
             _ => false,
+        }
+    }
+}
+
+/// Adds to the number of an expression, and returns what it is then.
+fn add_to(merged: &mut BTreeMap<ExprId, Rational>, e: ExprId, q: Rational) -> &Rational {
+    match merged.entry(e) {
+        Entry::Vacant(place) => place.insert(q),
+        Entry::Occupied(place) => {
+            let total = place.into_mut();
+            *total = plus(total, &q);
+            total
         }
     }
 }

@@ -1,8 +1,7 @@
 //! Expansion to a sum of monomials, the exact normal form of polynomials and the fallback of the zero test.
 
-use std::collections::HashMap;
-
 use num_traits::{Signed, ToPrimitive};
+use rustc_hash::FxHashMap;
 
 use super::graph::Graph;
 use super::node::{ExprId, Node};
@@ -18,7 +17,7 @@ impl Graph {
     ///
     /// Two polynomials are equal exactly when their expansions have the same handle.
     pub fn expand(&mut self, e: ExprId) -> ExprId {
-        let mut image: HashMap<ExprId, ExprId> = HashMap::new();
+        let mut image: FxHashMap<ExprId, ExprId> = FxHashMap::default();
         let order = self.reachable(&[e]);
         self.charge(order.len());
         for e in order {
@@ -46,7 +45,7 @@ impl Graph {
 
     /// How many terms `e` has multiplied out, before any of them cancel.
     pub fn n_terms_expanded(&self, e: ExprId) -> usize {
-        let mut n_terms: HashMap<ExprId, usize> = HashMap::new();
+        let mut n_terms: FxHashMap<ExprId, usize> = FxHashMap::default();
         for e in self.reachable(&[e]) {
             let n = match self.node(e) {
                 Node::Constant(_) | Node::Pi | Node::Symbol(_) | Node::Function(..) | Node::Atan2(..) => 1,

@@ -90,6 +90,22 @@ pub(super) fn inverse(a: u64) -> Option<u64> {
     (a != 0).then(|| pow(a, P - 2))
 }
 
+/// The inverses of several elements, none of them zero, by that of their product (Montgomery, 1987).
+pub(super) fn inverses<const N: usize>(elements: [u64; N]) -> [u64; N] {
+    let mut before = [ONE; N];
+    let mut product = ONE;
+    for (before, element) in before.iter_mut().zip(elements) {
+        *before = product;
+        product = mul(product, element);
+    }
+    let mut rest = pow(product, P - 2);
+    for (before, element) in before.iter_mut().zip(elements).rev() {
+        *before = mul(*before, rest);
+        rest = mul(rest, element);
+    }
+    before
+}
+
 /// Whether an element is the square of another one that is not zero.
 pub(super) fn is_square(a: u64) -> bool {
     pow(a, (P - 1) / 2) == ONE
@@ -97,6 +113,11 @@ pub(super) fn is_square(a: u64) -> bool {
 
 /// The integer `n`; none for a multiple of `p` other than zero, of which the field would tell a lie.
 pub(super) fn integer(n: &BigInt) -> Option<u64> {
+    if let Some(short) = n.to_i64() {
+        let reduced = short.unsigned_abs() % P;
+        let reduced = if short < 0 { negate(reduced) } else { reduced };
+        return (reduced != 0 || short == 0).then(|| mul(reduced, SCALE));
+    }
     let reduced = n.mod_floor(&BigInt::from(P)).to_u64()?;
     (reduced != 0 || n.is_zero()).then(|| mul(reduced, SCALE))
 }
@@ -294,6 +315,8 @@ mod tests {
                 assert_eq!(add(add(*a, *b), negate(*b)), *a);
             }
             assert!(inverse(*a).is_none_or(|b| mul(*a, b) == ONE));
+            let several = [*a, hash(7), ONE].map(|x| if x == 0 { ONE } else { x });
+            assert_eq!(inverses(several).map(Some), several.map(inverse));
             for (n, d) in [(1, 2), (1, 3), (-2, 5), (3, 4), (1, 53)] {
                 let square = mul(*a, *a);
                 let root = power(square, &ratio(n, d));
@@ -304,6 +327,11 @@ mod tests {
             assert_eq!(as_small_rational(rational(&ratio(n, d)).unwrap()), Some(ratio(n, d)));
         }
         assert_eq!(integer(&(BigInt::from(P) * 3)), None);
+        for n in [i64::MIN, i64::MIN + 1, -(P as i64), -1, 0, 1, P as i64, P as i64 + 1, i64::MAX] {
+            let reduced = BigInt::from(n).mod_floor(&BigInt::from(P)).to_u64().unwrap();
+            let expected = (reduced != 0 || n == 0).then(|| mul(reduced, SCALE));
+            assert_eq!(integer(&BigInt::from(n)), expected, "{n}");
+        }
         assert_eq!(rational(&Rational::new(1.into(), P.into())), None);
     }
 }

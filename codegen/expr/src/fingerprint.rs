@@ -497,7 +497,52 @@ pub(super) fn is_character(f: Func) -> bool {
     matches!(f, Func::Sin | Func::Cos | Func::Tan | Func::Exp | Func::Sinh | Func::Cosh | Func::Tanh)
 }
 
-/// Values of a node at the first points, given those of other nodes.
+/// Values of a node at the first points, given those of other nodes: as [`Arena::value_of`] finds them, with everything
+/// done once that is the same at all points.
 pub(super) fn first_values(arena: &Arena, node: &Node) -> Fingerprint {
-    std::array::from_fn(|k| arena.value_of(node, k, &|e| arena.fingerprint(e)[k], None))
+    match node {
+        Node::Constant(q) => [field::rational(q); POINTS],
+        Node::Sum { constant, terms } => sums(arena, constant, terms),
+        Node::Product { coefficient, factors } if factors.iter().all(|(_, q)| q.is_integer()) => {
+            products(arena, coefficient, factors)
+        }
+        _ => std::array::from_fn(|k| arena.value_of(node, k, &|e| arena.fingerprint(e)[k], None)),
+    }
+}
+
+/// `constant + sum_k q_k e_k`.
+fn sums(arena: &Arena, constant: &Rational, terms: &[(ExprId, Rational)]) -> Fingerprint {
+    let mut totals = [field::rational(constant); POINTS];
+    for (e, q) in terms {
+        let Some(q) = field::rational(q) else { return [None; POINTS] };
+        for (total, value) in totals.iter_mut().zip(arena.fingerprint(*e)) {
+            *total = total.zip(*value).map(|(total, value)| field::add(total, field::mul(q, value)));
+        }
+    }
+    totals
+}
+
+/// `coefficient prod_k e_k^(q_k)` with integers `q_k`: divided by all denominators at once.
+fn products(arena: &Arena, coefficient: &Rational, factors: &[(ExprId, Rational)]) -> Fingerprint {
+    let mut totals = [field::rational(coefficient); POINTS];
+    let mut denominators = [field::ONE; POINTS];
+    for (e, q) in factors {
+        let Some(n) = field::small_exponent(q.numer()) else { return [None; POINTS] };
+        for ((total, denominator), value) in
+            totals.iter_mut().zip(&mut denominators).zip(arena.fingerprint(*e))
+        {
+            let power = value.map(|value| if n == 1 { value } else { field::pow(value, n.unsigned_abs()) });
+            match power.filter(|power| n > 0 || *power != 0) {
+                None => *total = None,
+                Some(power) if n > 0 => *total = total.map(|total| field::mul(total, power)),
+                Some(power) => *denominator = field::mul(*denominator, power),
+            }
+        }
+    }
+    if denominators != [field::ONE; POINTS] {
+        for (total, inverse) in totals.iter_mut().zip(field::inverses(denominators)) {
+            *total = total.map(|total| field::mul(total, inverse));
+        }
+    }
+    totals
 }

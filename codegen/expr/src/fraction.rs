@@ -6,11 +6,12 @@
 //! fewer digits; see [`super::Samples`].
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::BTreeMap;
 
 use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::{One, Signed, ToPrimitive, Zero};
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::graph::Graph;
 use super::node::{ExprId, Node};
@@ -106,14 +107,14 @@ impl Fraction {
 pub struct Fractions {
     /// What is not taken apart: symbols, functions, roots, and sums that are too long.
     atoms: Vec<ExprId>,
-    atom_index: HashMap<ExprId, u32>,
+    atom_index: FxHashMap<ExprId, u32>,
     factors: Vec<Polynomial>,
-    factor_index: HashMap<Polynomial, u32>,
+    factor_index: FxHashMap<Polynomial, u32>,
     /// Factors as sums.
-    written: HashMap<u32, ExprId>,
-    read: HashMap<ExprId, Fraction>,
+    written: FxHashMap<u32, ExprId>,
+    read: FxHashMap<ExprId, Fraction>,
     /// Sums in which terms of opposite signs met, themselves or in what they are made of.
-    cancelled: HashSet<ExprId>,
+    cancelled: FxHashSet<ExprId>,
     /// Products of terms made for the number at hand, and for all before.
     work: usize,
     total_work: usize,
@@ -202,7 +203,7 @@ impl Fractions {
     /// The sum over the common denominator, and whether terms cancelled in it.
     fn sum(&mut self, terms: &[Fraction]) -> Option<(Fraction, bool)> {
         let lowest = |of: fn(&Fraction) -> &BTreeMap<u32, i32>| -> BTreeMap<u32, i32> {
-            let keys: HashSet<u32> = terms.iter().flat_map(|t| of(t).keys().copied()).collect();
+            let keys: FxHashSet<u32> = terms.iter().flat_map(|t| of(t).keys().copied()).collect();
             let least = |k: u32| terms.iter().map(|t| of(t).get(&k).copied().unwrap_or(0)).min();
             keys.into_iter().filter_map(|k| least(k).filter(|q| *q != 0).map(|q| (k, q))).collect()
         };

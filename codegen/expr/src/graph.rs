@@ -2,15 +2,15 @@
 //!
 //! Deliberately does not know: canonical forms, derivatives, the zero test.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use num_bigint::BigInt;
 use num_traits::{One, ToPrimitive, Zero};
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::arena::Arena;
-use super::budget::{Budget, Exhausted, Meter, Resource, Stage, words, work_with};
+use super::budget::{Budget, Exhausted, Meter, Resource, Stage, work_with};
 use super::fingerprint::first_values;
 use super::knowledge::{Fingerprint, Vanishing};
 use super::node::{ExprId, Node, SymbolId};
@@ -51,7 +51,7 @@ pub struct Graph {
     /// The one made before it with the same hash.
     pub(super) earlier: Vec<Option<ExprId>>,
     /// Sums whose content was found to be one.
-    pub(super) primitive: HashSet<ExprId>,
+    pub(super) primitive: FxHashSet<ExprId>,
     pub(super) meter: Meter,
 }
 
@@ -69,7 +69,7 @@ impl Graph {
             verdicts: FxHashMap::default(),
             index: FxHashMap::default(),
             earlier: Vec::new(),
-            primitive: HashSet::new(),
+            primitive: FxHashSet::default(),
             meter: Meter::new(),
         };
         graph.intern(Node::Constant(Rational::zero()));
@@ -167,7 +167,7 @@ impl Graph {
         match (exponent, n_bits) {
             (Some(n), Some(n_bits)) if n_bits <= MAX_BITS => {
                 self.meter.work(work_with(n_bits / 64));
-                num_traits::Pow::pow(c, n)
+                if n == 1 { c.clone() } else { num_traits::Pow::pow(c, n) }
             }
             // One and minus one have no bits to multiply.
             _ if bits == 0 => {
@@ -181,15 +181,9 @@ impl Graph {
         }
     }
 
-    /// Counts an operation that made a number; nothing more is made when it is too long.
+    /// As [`Meter::made_number`].
     pub(super) fn made_number(&mut self, q: &Rational) {
-        let words = words(q);
-        if words > 1 {
-            self.meter.work(work_with(words));
-            if words > MAX_BITS / 64 {
-                self.meter.give_up(Resource::NumberBits, MAX_BITS);
-            }
-        }
+        self.meter.made_number(q);
     }
 
     /// A new symbol, distinct from every other one.
@@ -267,7 +261,7 @@ impl Graph {
 
     /// Every node that the roots need, in ascending (operands first) order.
     pub fn reachable(&self, roots: &[ExprId]) -> Vec<ExprId> {
-        let mut seen: HashSet<ExprId> = HashSet::new();
+        let mut seen: FxHashSet<ExprId> = FxHashSet::default();
         let mut pending: Vec<ExprId> = roots.to_vec();
         while let Some(e) = pending.pop() {
             if seen.insert(e) {
@@ -297,7 +291,7 @@ impl Graph {
         roots: &[ExprId],
         replacement: &BTreeMap<SymbolId, ExprId>,
     ) -> Result<Vec<ExprId>, DivisionByZero> {
-        let mut here: HashMap<ExprId, ExprId> = HashMap::new();
+        let mut here: FxHashMap<ExprId, ExprId> = FxHashMap::default();
         let order = other.reachable(roots);
         self.charge(order.len());
         for e in order {
@@ -339,7 +333,7 @@ impl Graph {
 
     /// Whether `e` depends on any of `symbols`.
     pub fn depends_on(&self, e: ExprId, symbols: &BTreeSet<SymbolId>) -> bool {
-        let (mut seen, mut pending) = (HashSet::from([e]), vec![e]);
+        let (mut seen, mut pending) = (FxHashSet::from_iter([e]), vec![e]);
         while let Some(e) = pending.pop() {
             match self.node(e) {
                 Node::Symbol(s) if symbols.contains(s) => return true,

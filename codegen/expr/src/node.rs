@@ -5,7 +5,8 @@
 use std::hash::{Hash as _, Hasher as _};
 
 use hamel_runtime::Real;
-use num_traits::Signed;
+use num_integer::Integer as _;
+use num_traits::{Signed, ToPrimitive};
 use rustc_hash::FxHasher;
 
 use super::rational::{MAX_BITS, Rational};
@@ -222,15 +223,40 @@ impl Node {
 /// The largest number that divides all of these with whole quotients, with the sign of the first; none where it is too
 /// long.
 pub(super) fn content(constant: &Rational, terms: &[(ExprId, Rational)]) -> Option<Rational> {
+    let magnitude = match content_of_short(constant, terms) {
+        Some(magnitude) => magnitude,
+        None => content_of_long(constant, terms)?,
+    };
+    Some(if terms.first().is_some_and(|(_, q)| q.is_negative()) { -magnitude } else { magnitude })
+}
+
+/// Their content without its sign, where all of them are short.
+fn content_of_short(constant: &Rational, terms: &[(ExprId, Rational)]) -> Option<Rational> {
+    let numerator = |q: &Rational| Some(q.numer().to_i64()?.unsigned_abs());
+    let denominator = |q: &Rational| q.denom().to_u64();
+    let (mut above, mut below) = (numerator(constant)?, denominator(constant)?);
+    for (_, q) in terms {
+        let (n, d) = (numerator(q)?, denominator(q)?);
+        if above != 1 {
+            above = above.gcd(&n);
+        }
+        if below != d {
+            below = (below / below.gcd(&d)).checked_mul(d)?;
+        }
+    }
+    Some(Rational::new(above.into(), below.into()))
+}
+
+/// Their content without its sign.
+fn content_of_long(constant: &Rational, terms: &[(ExprId, Rational)]) -> Option<Rational> {
     let mut numerator = constant.numer().clone();
     let mut denominator = constant.denom().clone();
     for (_, q) in terms {
-        numerator = num_integer::Integer::gcd(&numerator, q.numer());
-        denominator = num_integer::Integer::lcm(&denominator, q.denom());
+        numerator = numerator.gcd(q.numer());
+        denominator = denominator.lcm(q.denom());
         if denominator.bits() > MAX_BITS {
             return None;
         }
     }
-    let magnitude = Rational::new(numerator, denominator);
-    Some(if terms.first().is_some_and(|(_, q)| q.is_negative()) { -magnitude } else { magnitude })
+    Some(Rational::new(numerator, denominator))
 }

@@ -1,6 +1,7 @@
 //! Exact rationals and their two borders with text and floating point.
 
 use num_bigint::BigInt;
+use num_integer::Integer;
 use num_traits::{One, Signed, ToPrimitive, Zero};
 
 /// Largest exact number: longer ones take seconds to reduce, each time.
@@ -8,6 +9,46 @@ pub(super) const MAX_BITS: u64 = 1 << 18;
 
 /// Exact rational number; the only kind of literal coefficient an expression can hold.
 pub type Rational = num_rational::BigRational;
+
+/// Numerator and denominator of a short number.
+fn short(q: &Rational) -> Option<(i128, i128)> {
+    Some((q.numer().to_i64()?.into(), q.denom().to_i64()?.into()))
+}
+
+/// `n/d` for a positive `d`.
+fn ratio(n: i128, d: i128) -> Rational {
+    if d == 1 {
+        return Rational::from(BigInt::from(n));
+    }
+    let common = match (u64::try_from(n.unsigned_abs()), u64::try_from(d)) {
+        (Ok(n), Ok(d)) => n.gcd(&d).into(),
+        _ => n.gcd(&d),
+    };
+    Rational::new_raw(BigInt::from(n / common), BigInt::from(d / common))
+}
+
+/// `a b`, without arithmetic of long numbers where both are short.
+pub(super) fn times(a: &Rational, b: &Rational) -> Rational {
+    if a.is_one() {
+        return b.clone();
+    }
+    if b.is_one() {
+        return a.clone();
+    }
+    match (short(a), short(b)) {
+        (Some((n, d)), Some((m, e))) => ratio(n * m, d * e),
+        _ => a * b,
+    }
+}
+
+/// `a + b`, without arithmetic of long numbers where both are short.
+pub(super) fn plus(a: &Rational, b: &Rational) -> Rational {
+    let of_short = || {
+        let ((n, d), (m, e)) = (short(a)?, short(b)?);
+        Some(if d == e { ratio(n + m, d) } else { ratio((n * e).checked_add(m * d)?, d * e) })
+    };
+    of_short().unwrap_or_else(|| a + b)
+}
 
 /// Reads a decimal literal such as `12`, `0.35` or `1e-3` exactly.
 ///
@@ -83,5 +124,27 @@ fn power_of_two(exponent: i64) -> f64 {
         e if e > 1023 => f64::INFINITY,
         e if e < -1022 => 0.0,
         e => f64::from_bits(((e + 1023) as u64) << 52),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arithmetic_of_short_numbers_is_that_of_long_ones() {
+        let whole = [0, 1, -1, 2, 3, -6, 10, 1 << 40, i64::MAX, i64::MIN];
+        let mut numbers = Vec::new();
+        for n in whole {
+            numbers.extend([1, 2, 3, 12, i64::MAX].map(|d| Rational::new(n.into(), d.into())));
+        }
+        numbers.push(Rational::new(BigInt::from(1) << 80u32, BigInt::from(3).pow(60)));
+        for a in &numbers {
+            for b in &numbers {
+                for (fast, plain) in [(times(a, b), a * b), (plus(a, b), a + b)] {
+                    assert_eq!((fast.numer(), fast.denom()), (plain.numer(), plain.denom()), "{a}, {b}");
+                }
+            }
+        }
     }
 }

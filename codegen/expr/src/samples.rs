@@ -2,10 +2,11 @@
 //!
 //! Deliberately does not know: what an expression is for, how else it could be written.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use hamel_runtime::{DoubleDouble, Real};
 use num_traits::{FromPrimitive, Zero};
+use rustc_hash::FxHashMap;
 
 use super::graph::Graph;
 use super::node::{ExprId, Func, Node, SymbolId};
@@ -33,7 +34,7 @@ pub struct Measured {
 #[derive(Clone, Debug)]
 pub struct Samples {
     points: Vec<BTreeMap<SymbolId, DoubleDouble>>,
-    measured: HashMap<ExprId, Option<Vec<Measured>>>,
+    measured: FxHashMap<ExprId, Option<Vec<Measured>>>,
 }
 
 /// A rational number to 31 digits.
@@ -57,7 +58,7 @@ impl Samples {
             (*symbol, DoubleDouble::from(if is_negative { -size } else { size }))
         };
         let points = (0..n).map(|_| symbols.iter().map(&mut draw).collect()).collect();
-        Samples { points, measured: HashMap::new() }
+        Samples { points, measured: FxHashMap::default() }
     }
 
     /// Keeps only points at which `greater > less`; does nothing where one of the two has no value.
@@ -87,7 +88,7 @@ impl Samples {
                 point
             }));
         }
-        Samples { points, measured: HashMap::new() }
+        Samples { points, measured: FxHashMap::default() }
     }
 
     /// Value and error at every point; none where a symbol has no value, or too much was measured before.
@@ -181,10 +182,18 @@ impl Measured {
     /// A function of it.
     pub fn function(self, f: Func) -> Measured {
         let size = |x: DoubleDouble| x.hi().abs();
-        let value = f.of(self.value);
-        // The slope by a difference quotient: it weighs an error and need not be exact.
-        let shift = DoubleDouble::from(size(self.value) * 1e-10 + 1e-300);
-        let slope = (f.of(self.value + shift) - value) / shift;
+        let (value, slope) = match f {
+            Func::Sin | Func::Cos => {
+                let (sine, cosine) = self.value.sin_cos();
+                if f == Func::Sin { (sine, cosine) } else { (cosine, sine) }
+            }
+            _ => {
+                let value = f.of(self.value);
+                // By a difference quotient: it weighs an error and need not be exact.
+                let shift = DoubleDouble::from(size(self.value) * 1e-10 + 1e-300);
+                (value, (f.of(self.value + shift) - value) / shift)
+            }
+        };
         Measured { value, error: size(slope) * self.error + size(value) }
     }
 }

@@ -1,7 +1,7 @@
 //! Scenes that an earlier run of a build script has generated, by what they were made from.
 //!
-//! A scene is known by the text of its model without the blocks of scenes, its own block, its name, the way it is
-//! written down, the budget, and the sources of the generator. A scene that warns is not kept, so that its warnings are
+//! A scene is known by what of its model's text decides about it, its name, the way it is written down, the budget, and
+//! the sources of the generator. A scene that warns is not kept, so that its warnings are
 //! found again. Does not know: how a scene is made.
 
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use super::store::{Key, Store};
 use crate::scene::Writing;
 use hamel_expr::Budget;
-use hamel_lang::spec::Model;
+use hamel_lang::spec::{Made, Model, decisive};
 use hamel_program::emit::SceneEntry;
 
 /// Bytes of all scenes together.
@@ -25,7 +25,7 @@ pub(super) struct Kept<'a> {
     store: &'a Store,
     model: &'a Model,
     text: &'a str,
-    /// Of what all scenes are made from.
+    /// Of the generator and how it writes.
     key: Key,
 }
 
@@ -38,30 +38,15 @@ impl Cache {
     pub(super) fn of<'a>(&'a self, model: &'a Model, writing: &Writing, budget: &Budget) -> Option<Kept<'a>> {
         let text = model.origin.as_ref()?.text.as_str();
         let generator = (env!("CARGO_PKG_VERSION"), env!("HAMEL_CODEGEN_SOURCES"));
-        let key = Key::of(&(generator, without_scenes(model, text)?, writing, budget));
+        let key = Key::of(&(generator, writing, budget));
         Some(Kept { store: &self.0, model, text, key })
     }
-}
-
-/// The parts of a text between the blocks of scenes; parts that are empty, as between two blocks, are left out.
-fn without_scenes<'a>(model: &Model, text: &'a str) -> Option<Vec<&'a str>> {
-    let mut blocks: Vec<_> = model.scenes.iter().filter_map(|scene| scene.extent).collect();
-    blocks.sort_by_key(|span| span.start);
-    let mut parts = Vec::new();
-    let mut start = 0;
-    for block in blocks {
-        parts.push(text.get(start..block.start)?.trim());
-        start = block.end;
-    }
-    parts.push(text.get(start..)?.trim());
-    parts.retain(|part| !part.is_empty());
-    Some(parts)
 }
 
 impl Kept<'_> {
     /// Whether the model has coordinates on which nothing depends, or what `find` finds, which is kept then.
     pub(super) fn has_ignorable_coordinates(&self, find: impl FnOnce() -> bool) -> bool {
-        let key = self.key.with(&"has ignorable coordinates");
+        let key = self.key.with(&("has ignorable coordinates", decisive(self.text, Made::Common)));
         match self.store.read(key).as_deref() {
             Some("yes") => true,
             Some("no") => false,
@@ -95,8 +80,6 @@ impl Kept<'_> {
     }
 
     fn key_of(&self, scene: &str) -> Key {
-        let own = self.model.scenes.iter().find(|own| own.name == scene).and_then(|own| own.extent);
-        let block = own.and_then(|span| self.text.get(span.start..span.end));
-        self.key.with(&(scene, block))
+        self.key.with(&(scene, decisive(self.text, Made::Scene(scene))))
     }
 }

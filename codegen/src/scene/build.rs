@@ -30,10 +30,8 @@ use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
-pub(super) struct Derivations<'m> {
-    pub(super) model: &'m Model,
-    /// The same, for scenes that outlive the borrow.
-    shared: Arc<Model>,
+pub(super) struct Derivations {
+    pub(super) model: Arc<Model>,
     done: Vec<(Formulation, Result<Derived, Diagnostics>)>,
 }
 
@@ -50,9 +48,9 @@ impl From<Arc<Equations>> for Derived {
     }
 }
 
-impl<'m> Derivations<'m> {
-    pub(super) fn new(model: &'m Model) -> Derivations<'m> {
-        Derivations { model, shared: Arc::new(model.clone()), done: Vec::new() }
+impl Derivations {
+    pub(super) fn new(model: Arc<Model>) -> Derivations {
+        Derivations { model, done: Vec::new() }
     }
 
     /// Derives the equations in several formulations, side by side, unless they are there.
@@ -81,7 +79,7 @@ impl<'m> Derivations<'m> {
     }
 
     fn derived(&self, formulation: &Formulation) -> Result<Derived, Diagnostics> {
-        let model = self.model;
+        let model = &*self.model;
         let system = reduce(model, formulation)?;
         let is_open = formulation.squares && formulation.recursive.is_none();
         let found =
@@ -137,11 +135,11 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Derived
 }
 
 /// Builds a scene by its plan; problems without a place of their own are at the scene.
-pub(super) fn build_planned(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, Diagnostics> {
-    let model = derivations.model;
+pub(super) fn build_planned(derivations: &Derivations, plan: Plan) -> Result<BuiltScene, Diagnostics> {
+    let model = &*derivations.model;
     let scene = plan.name.clone();
     let built = build_scene(derivations, plan).and_then(|built| {
-        let certified = built.certified(Arc::clone(&derivations.shared));
+        let certified = built.certified(Arc::clone(&derivations.model));
         certified.map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
     });
     built.map_err(|problems| {
@@ -159,8 +157,8 @@ pub(super) fn build_planned(derivations: &Derivations<'_>, plan: Plan) -> Result
     })
 }
 
-fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, Diagnostics> {
-    let model = derivations.model;
+fn build_scene(derivations: &Derivations, plan: Plan) -> Result<BuiltScene, Diagnostics> {
+    let model = &*derivations.model;
     let own = model.scenes.iter().find(|s| s.name == plan.name);
     let place_of = |name: &str| own.and_then(|s| s.places.get(name).copied());
     let fail_at = |span: Option<spec::Span>, message: String, help: String| {

@@ -89,27 +89,32 @@ pub use velocities::in_velocities;
 /// # Ok::<(), spec::Diagnostics>(())
 /// ```
 #[derive(Debug)]
-pub struct Scenes<'m> {
-    derivations: Derivations<'m>,
+pub struct Scenes {
+    derivations: Derivations,
     /// What every scene has besides what it wants.
     derivatives: Vec<Derivative>,
     positions: bool,
 }
 
-impl<'m> Scenes<'m> {
+impl Scenes {
     /// None of them built.
-    pub fn new(model: &'m Model) -> Scenes<'m> {
+    pub fn new(model: &Model) -> Scenes {
+        Scenes::of(Arc::new(model.clone()))
+    }
+
+    /// As [`new`](Self::new), of a model that others share.
+    pub fn of(model: Arc<Model>) -> Scenes {
         Scenes { derivations: Derivations::new(model), derivatives: Vec::new(), positions: false }
     }
 
     /// The same with derivatives of the right-hand side in every scene, besides those that it wants.
-    pub fn with_derivatives(mut self, derivatives: &[Derivative]) -> Scenes<'m> {
+    pub fn with_derivatives(mut self, derivatives: &[Derivative]) -> Scenes {
         self.derivatives = derivatives.to_vec();
         self
     }
 
     /// The same with the equations between coordinates, where a scene carries these, besides what it wants.
-    pub fn with_positions(mut self, positions: bool) -> Scenes<'m> {
+    pub fn with_positions(mut self, positions: bool) -> Scenes {
         self.positions = positions;
         self
     }
@@ -119,15 +124,22 @@ impl<'m> Scenes<'m> {
     /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it, [`CONTROLLED`] where
     /// it has inputs; then its own, of which one may be the default.
     pub fn names(&mut self) -> Vec<String> {
-        names_of(self.derivations.model, || self.has_ignorable_coordinates())
+        names_of(&Arc::clone(&self.derivations.model), || self.has_ignorable_coordinates())
     }
 
     /// Whether there are coordinates on which neither the rest of the motion nor the energy depends.
-    pub(crate) fn has_ignorable_coordinates(&mut self) -> bool {
-        let formulation = Formulation::of(self.derivations.model);
+    pub fn has_ignorable_coordinates(&mut self) -> bool {
+        let formulation = Formulation::of(&self.derivations.model);
         self.derivations.derive_all([&formulation]);
         let derived = self.derivations.equations(&formulation);
         derived.is_ok_and(|equations| !ignorable(&equations, &[equations.energy]).is_empty())
+    }
+
+    /// Whether there is a scene of this name, or could be: see [`has_scene`].
+    pub fn has(&mut self, name: &str) -> bool {
+        let model = &*Arc::clone(&self.derivations.model);
+        let has_minimal = || name == MINIMAL && self.has_ignorable_coordinates();
+        name == DERIVATIVES || names_of(model, has_minimal).iter().any(|known| known == name)
     }
 
     /// Builds one scene.
@@ -170,12 +182,12 @@ impl<'m> Scenes<'m> {
         let plan = self.written_plan(scene)?;
         let own = self.derivations.model.scenes.iter().find(|own| own.name == scene);
         let Some(search) = own.and_then(|own| own.formulation) else { return Ok(plan) };
-        Ok(formulations::chosen(self.derivations.model, plan, search))
+        Ok(formulations::chosen(&self.derivations.model, plan, search))
     }
 
     /// What a scene asks for as it is written.
     fn written_plan(&mut self, scene: &str) -> Result<Plan, Diagnostics> {
-        let model = self.derivations.model;
+        let model = &*Arc::clone(&self.derivations.model);
         let plan = Plan::of(model, scene).map(|mut plan| {
             // There are none by inputs where the scene takes none.
             let by_inputs = |d: Derivative| matches!(d, Derivative::InputJacobian | Derivative::Feedthrough);
@@ -195,8 +207,9 @@ impl<'m> Scenes<'m> {
     }
 }
 
-/// As [`Scenes::names`], with the one answer that takes a derivation from elsewhere.
-pub(crate) fn names_of(model: &Model, has_ignorable_coordinates: impl FnOnce() -> bool) -> Vec<String> {
+/// As [`Scenes::names`], with the one answer that takes a derivation, [`Scenes::has_ignorable_coordinates`], from
+/// elsewhere.
+pub fn names_of(model: &Model, has_ignorable_coordinates: impl FnOnce() -> bool) -> Vec<String> {
     let mut names = vec![DEFAULT.to_owned()];
     let own = |name: &str| model.scenes.iter().any(|s| s.name == name);
     if !own(MINIMAL) && has_ignorable_coordinates() {
@@ -220,8 +233,7 @@ pub fn names(model: &Model) -> Vec<String> {
 /// Whether a model has a scene, or could have it: see [`Scenes::names`], and [`DERIVATIVES`]. Derives the model only
 /// where the answer takes that, for [`MINIMAL`].
 pub fn has_scene(model: &Model, name: &str) -> bool {
-    let has_minimal = || name == MINIMAL && Scenes::new(model).has_ignorable_coordinates();
-    name == DERIVATIVES || names_of(model, has_minimal).iter().any(|known| known == name)
+    Scenes::new(model).has(name)
 }
 
 /// Names of the coordinates that the scene [`RECONSTRUCTION`] adds to the state, in its order: those of the group, and

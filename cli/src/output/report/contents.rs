@@ -146,7 +146,7 @@ fn titled(doc: &[String], name: &str) -> String {
 /// # Errors
 /// As [`Checked::derive`], and a bug of the emitter.
 pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
-    let scene = &model.derive(scene_name)?;
+    let scene = &*model.derive(scene_name)?;
     show_warnings(&scene::warnings(model, std::slice::from_ref(scene)));
     let quantity = |name: &str, value: Option<f64>, doc: &str| {
         let (doc, unit) = split_unit(doc, 0);

@@ -1,6 +1,6 @@
 //! What an expression depends on: nothing but parameters, time, or the state.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::{Inputs, Request};
 use hamel_expr::error::Error;
@@ -19,8 +19,8 @@ pub(super) enum Class {
 /// Classes of expressions, in the light of the inputs and definitions.
 #[derive(Clone, Debug)]
 pub(super) struct Classes {
-    symbols: HashMap<SymbolId, Class>,
-    expressions: HashMap<ExprId, Class>,
+    symbols: FxHashMap<SymbolId, Class>,
+    expressions: FxHashMap<ExprId, Class>,
 }
 
 impl Classes {
@@ -34,13 +34,13 @@ impl Classes {
         sections: &[Section],
         requests: &[Request],
     ) -> Result<Classes, Error> {
-        let mut symbols: HashMap<SymbolId, Class> = HashMap::new();
+        let mut symbols: FxHashMap<SymbolId, Class> = FxHashMap::default();
         symbols.extend(inputs.params.iter().map(|s| (*s, Class::Param)));
         symbols.insert(inputs.time, Class::Time);
         symbols.extend(inputs.held.iter().map(|(s, _)| (*s, Class::Time)));
         symbols.extend(inputs.state.iter().map(|s| (*s, Class::State)));
         symbols.extend(inputs.arguments.values().flatten().map(|s| (*s, Class::State)));
-        let mut classes = Classes { symbols, expressions: HashMap::new() };
+        let mut classes = Classes { symbols, expressions: FxHashMap::default() };
         for definition in sections.iter().flat_map(|s| &s.definitions) {
             let class = classes.add(graph, definition.expr)?;
             if classes.symbols.insert(definition.symbol, class).is_some() {
@@ -84,7 +84,7 @@ impl Classes {
 
 /// The nodes behind `roots` for which `done` is false, operands first; does not look behind those that are done.
 pub(super) fn post_order(graph: &Graph, roots: &[ExprId], done: impl Fn(ExprId) -> bool) -> Vec<ExprId> {
-    let mut seen = std::collections::HashSet::new();
+    let mut seen = rustc_hash::FxHashSet::default();
     let mut pending = roots.to_vec();
     while let Some(e) = pending.pop() {
         if !done(e) && seen.insert(e) {

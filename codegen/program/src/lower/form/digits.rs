@@ -3,10 +3,10 @@
 //! What depends on parameters alone is computed once, so that the number of operations does not count: the form with
 //! the least cancellation is taken. Does not know: what a number is for, how a call uses it.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use hamel_runtime::DoubleDouble;
-use num_traits::ToPrimitive;
+use rustc_hash::FxHashMap;
 
 use super::polynomial::{Atom, Entry, System, needed};
 use crate::lower::classes::Class;
@@ -63,7 +63,7 @@ pub(in crate::lower) struct Digits {
     states: Points,
     /// Parameter-only definitions, written in the parameters.
     values: BTreeMap<SymbolId, ExprId>,
-    best: HashMap<ExprId, ExprId>,
+    best: FxHashMap<ExprId, ExprId>,
     /// Terms measured so far, times points.
     n_measured: usize,
 }
@@ -98,7 +98,7 @@ impl Digits {
             numbers: Points::new(&samples, &inputs.params),
             states: Points::new(&samples, &symbols),
             values,
-            best: HashMap::new(),
+            best: FxHashMap::default(),
             n_measured: 0,
         }
     }
@@ -118,8 +118,8 @@ impl Digits {
         if system.effort.has_measured_enough_errors(self.n_measured) {
             return None;
         }
-        let mut found: HashMap<usize, Vec<Measured>> = HashMap::new();
-        let mut atoms: HashMap<u32, Vec<Measured>> = HashMap::new();
+        let mut found: FxHashMap<usize, Vec<Measured>> = FxHashMap::default();
+        let mut atoms: FxHashMap<u32, Vec<Measured>> = FxHashMap::default();
         for k in order {
             let mut sum: Option<Vec<Measured>> = None;
             for (m, c) in entries[k].value.iter() {
@@ -128,7 +128,7 @@ impl Digits {
                 let number = graph.subs(number, &self.values).ok()?;
                 let mut product = self.states.samples.measure(graph, number)?.to_vec();
                 for (atom, q) in m {
-                    let q = q.to_f64()?;
+                    let q = f64::from(q.numerator()) / f64::from(q.denominator());
                     if !atoms.contains_key(atom) {
                         let values = self.of_atom(graph, system.atom(*atom), &found)?;
                         atoms.insert(*atom, values);
@@ -150,7 +150,7 @@ impl Digits {
         &mut self,
         graph: &Graph,
         atom: Atom,
-        found: &HashMap<usize, Vec<Measured>>,
+        found: &FxHashMap<usize, Vec<Measured>>,
     ) -> Option<Vec<Measured>> {
         let of = |k: u32| found.get(&(k as usize));
         Some(match atom {

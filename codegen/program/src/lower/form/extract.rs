@@ -11,13 +11,13 @@ mod site;
 use std::cell::RefMut;
 use std::rc::Rc;
 
-use num_traits::Signed;
 use rustc_hash::FxHashMap;
 
+use super::exponent::Exponent;
 use super::facts::{Candidates, Facts, Occurrence};
 use super::numbers::Coefficient;
 use super::polynomial::{
-    Atom, Entry, Exponent, Monomial, Polynomial, System, Terms, common, needed, power, quotient, times,
+    Atom, Entry, Monomial, Polynomial, System, Terms, common, needed, power, quotient, times,
 };
 use super::price::{Shape, n_literals, n_mul};
 use crate::program::cost::thirds::{FLOP, INSTRUCTION};
@@ -35,11 +35,34 @@ enum Literal {
     Atom(u32, bool),
 }
 
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Divisor {
-    /// `p first + q second`; one of the numbers is one where that takes no unsafe division.
-    Sum([Monomial; 2], [Coefficient; 2]),
+    /// `p first + q second`, monomials by their numbers; `p` or `q` is one where that takes no unsafe division.
+    Sum([u32; 2], [Coefficient; 2]),
     Product(Literal, Literal),
+}
+
+/// Monomials, each once, by the order in which they were met.
+#[derive(Default)]
+struct Monomials {
+    index: FxHashMap<Monomial, u32>,
+    list: Vec<Monomial>,
+}
+
+impl Monomials {
+    fn number(&mut self, m: &Monomial) -> u32 {
+        if let Some(known) = self.index.get(m) {
+            return *known;
+        }
+        let number = u32::try_from(self.list.len()).expect("fewer than 2^32 monomials fit in memory");
+        self.index.insert(m.clone(), number);
+        self.list.push(m.clone());
+        number
+    }
+
+    fn get(&self, number: u32) -> &Monomial {
+        &self.list[number as usize]
+    }
 }
 
 /// A divisor that is there already: `divisor = number * atom^1`, or plainly one.
@@ -52,6 +75,7 @@ enum Known {
 /// What is known of one term, whichever polynomials it stands in.
 #[derive(Debug)]
 struct Term {
+    monomial: u32,
     n_mul: i64,
     /// Products of two of its literals; none before they are asked for.
     products: Option<Rc<[u32]>>,
@@ -70,6 +94,7 @@ struct Pair {
 /// ones again and again.
 #[derive(Default)]
 pub(super) struct Extractor {
+    monomials: Monomials,
     index: FxHashMap<Divisor, u32>,
     divisors: Vec<Divisor>,
     own_cost: Vec<i64>,
@@ -298,13 +323,14 @@ impl Pass<'_> {
             u32::try_from(self.extractor.divisors.len()).expect("fewer than 2^32 divisors fit in memory");
         let own_cost = match &divisor {
             Divisor::Sum(..) if self.is_one(&divisor) => 0,
-            Divisor::Sum([a, b], numbers) => {
-                Shape::of(&[(a.clone(), numbers[0]), (b.clone(), numbers[1])]).cost()
+            Divisor::Sum([a, b], [p, q]) => {
+                let monomial = |number: u32| self.extractor.monomials.get(number);
+                Shape::default().with(monomial(*a), *p).with(monomial(*b), *q).cost()
             }
             Divisor::Product(..) => INSTRUCTION + FLOP,
         };
         self.extractor.bytes += 360;
-        self.extractor.index.insert(divisor.clone(), id);
+        self.extractor.index.insert(divisor, id);
         self.extractor.divisors.push(divisor);
         self.extractor.own_cost.push(own_cost);
         self.extractor.totals.push(0);
@@ -315,7 +341,10 @@ impl Pass<'_> {
     /// Whether a divisor is `sin^2 a + cos^2 a`.
     fn is_one(&self, divisor: &Divisor) -> bool {
         match divisor {
-            Divisor::Sum([a, b], numbers) => *numbers == [Coefficient::ONE; 2] && self.system.is_circle(a, b),
+            Divisor::Sum([a, b], numbers) => {
+                let monomial = |number: u32| self.extractor.monomials.get(number);
+                *numbers == [Coefficient::ONE; 2] && self.system.is_circle(monomial(*a), monomial(*b))
+            }
             Divisor::Product(..) => false,
         }
     }
@@ -340,7 +369,10 @@ impl Pass<'_> {
     /// The divisor that a polynomial is: `value = scale * divisor`.
     fn divisor_of(&mut self, value: &Polynomial) -> Option<(u32, Coefficient)> {
         let (divisor, scale) = match &**value {
-            [(a, p), (b, q)] => self.sum_divisor((a.clone(), *p), (b.clone(), *q)),
+            [(a, p), (b, q)] => {
+                let monomials = [a, b].map(|m| self.extractor.monomials.number(m));
+                self.sum_divisor(monomials, [*p, *q])
+            }
             [(m, c)] => {
                 let literals = literals(m, *c);
                 let [(a, n), rest @ ..] = literals.as_slice() else { return None };
@@ -349,7 +381,7 @@ impl Pass<'_> {
                     [(b, 1)] if *n == 1 => (*a, *b),
                     _ => return None,
                 };
-                if m.iter().any(|(_, q)| !q.is_integer()) {
+                if m.iter().any(|(_, q)| !q.is_whole()) {
                     return None;
                 }
                 (Divisor::Product(pair.0, pair.1), Coefficient::ONE.signed_by(c.negative))
@@ -362,13 +394,9 @@ impl Pass<'_> {
     }
 
     /// `p a + q b = scale * divisor`, the common factor of `a` and `b` left in both.
-    fn sum_divisor(
-        &mut self,
-        (a, p): (Monomial, Coefficient),
-        (b, q): (Monomial, Coefficient),
-    ) -> (Divisor, Coefficient) {
-        let (first, second, p, q) = if a <= b { (a, b, p, q) } else { (b, a, q, p) };
-        let monomials = [first, second];
+    fn sum_divisor(&mut self, [a, b]: [u32; 2], [p, q]: [Coefficient; 2]) -> (Divisor, Coefficient) {
+        let are_sorted = self.extractor.monomials.get(a) <= self.extractor.monomials.get(b);
+        let (monomials, p, q) = if are_sorted { ([a, b], p, q) } else { ([b, a], q, p) };
         let one = Coefficient::ONE;
         if let Some(ratio) = self.system.numbers.div(self.graph, q, p) {
             return (Divisor::Sum(monomials, [one, ratio]), p);
@@ -435,7 +463,8 @@ impl Pass<'_> {
         let id = u32::try_from(self.extractor.terms.len()).expect("fewer than 2^32 terms fit in memory");
         self.extractor.bytes += 96 + 12 * term.0.len();
         self.extractor.term_index.insert(term.clone(), id);
-        self.extractor.terms.push(Term { n_mul: n_mul(&term.0, term.1), products: None });
+        let monomial = self.extractor.monomials.number(&term.0);
+        self.extractor.terms.push(Term { monomial, n_mul: n_mul(&term.0, term.1), products: None });
         id
     }
 
@@ -471,7 +500,12 @@ impl Pass<'_> {
             return *known;
         }
         let common = common(a, b);
-        let (divisor, scale) = self.sum_divisor((quotient(a, &common), *p), (quotient(b, &common), *q));
+        let monomials = if common.is_empty() {
+            [first, second].map(|term| self.extractor.terms[term as usize].monomial)
+        } else {
+            [a, b].map(|m| self.extractor.monomials.number(&quotient(m, &common)))
+        };
+        let (divisor, scale) = self.sum_divisor(monomials, [*p, *q]);
         let literals: i64 = common.iter().map(|(_, q)| n_literals(*q)).sum();
         let n_left = u32::try_from(literals + i64::from(!scale.is_unit())).expect("few literals");
         let pair = Pair { divisor: self.id(divisor), scale, n_left };
@@ -500,7 +534,10 @@ impl Pass<'_> {
 
     fn value_of(&self, id: u32) -> Polynomial {
         let terms = match &self.extractor.divisors[id as usize] {
-            Divisor::Sum([a, b], [p, q]) => vec![(a.clone(), *p), (b.clone(), *q)],
+            Divisor::Sum([a, b], [p, q]) => {
+                let monomial = |number: u32| self.extractor.monomials.get(number).clone();
+                vec![(monomial(*a), *p), (monomial(*b), *q)]
+            }
             Divisor::Product(a, b) => {
                 let mut c = Coefficient::ONE;
                 let mut m = Monomial::new();
@@ -519,7 +556,7 @@ impl Pass<'_> {
     fn replaced(&mut self, value: &Polynomial, hits: &[Occurrence], id: u32, known: Known) -> Polynomial {
         let mut gone = vec![false; value.len()];
         let mut terms = Terms::with_capacity(value.len());
-        let divisor = self.extractor.divisors[id as usize].clone();
+        let divisor = self.extractor.divisors[id as usize];
         let hits = &hits[hits.partition_point(|o| o.divisor < id)..];
         let hits = hits.iter().take_while(|o| o.divisor == id);
         let (inner, scale) = match known {
@@ -560,14 +597,14 @@ impl Pass<'_> {
 }
 
 fn unit(atom: u32, positive: bool) -> Monomial {
-    power(atom, Exponent::from_integer(if positive { 1 } else { -1 }))
+    power(atom, Exponent::whole(if positive { 1 } else { -1 }))
 }
 
 /// Literals of a term and how often each occurs.
 fn literals(m: &Monomial, c: Coefficient) -> Vec<(Literal, i64)> {
     let number = (!c.is_unit()).then_some((Literal::Number(c.number), 1));
     let atoms = m.iter().filter_map(|(atom, q)| {
-        let n = q.abs().to_integer();
+        let n = q.truncated().abs();
         (n > 0).then_some((Literal::Atom(*atom, q.is_positive()), i64::from(n)))
     });
     number.into_iter().chain(atoms).collect()

@@ -7,6 +7,7 @@
 
 mod digits;
 mod effort;
+mod exponent;
 mod extract;
 mod facts;
 mod numbers;
@@ -17,7 +18,9 @@ mod search;
 mod units;
 mod write;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
+
+use rustc_hash::FxHashMap;
 
 use super::classes::Class;
 use super::roll::Rolled;
@@ -94,7 +97,7 @@ pub(super) fn cheapest(
     let extractor = Extractor::default();
     let search = Search { graph, system: &mut system, digits, roots: &kept, keeps_digits, extractor };
     let entries = search.run(entries);
-    let (exprs, units) = (HashMap::new(), BTreeMap::new());
+    let (exprs, units) = (FxHashMap::default(), BTreeMap::new());
     let mut writer = Writer { graph, system: &system, entries: &entries, digits, exprs, units };
     let sections = writer.sections(source, &needed_symbols, &kept)?;
     let values = results.iter().zip(&roots).map(|(k, root)| k.map_or(*root, |k| writer.exprs[&k]));

@@ -3,7 +3,7 @@
 //! A number is identified by its fingerprint, so that equal numbers are one however they were written. Does not know:
 //! what a number is multiplied with.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use num_traits::{One, Signed};
 use rustc_hash::FxHashMap;
@@ -34,8 +34,8 @@ impl Coefficient {
 #[derive(Debug, Default)]
 pub(super) struct Numbers {
     exprs: Vec<ExprId>,
-    by_fingerprint: HashMap<Fingerprint, u32>,
-    by_expr: HashMap<ExprId, Option<Coefficient>>,
+    by_fingerprint: FxHashMap<Fingerprint, u32>,
+    by_expr: FxHashMap<ExprId, Option<Coefficient>>,
     products: FxHashMap<(u32, u32), Coefficient>,
     quotients: FxHashMap<(u32, u32), Option<Coefficient>>,
     /// Reciprocals; none of what is zero everywhere.

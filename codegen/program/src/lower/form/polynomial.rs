@@ -5,22 +5,20 @@
 //! for, how expressions are read.
 
 use std::cell::{OnceCell, RefCell};
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
 use std::rc::Rc;
 
-use num_rational::Ratio;
-use num_traits::{Signed, Zero};
 use smallvec::SmallVec;
 
+use rustc_hash::{FxHashMap, FxHashSet};
+
 use super::effort::Effort;
+use super::exponent::Exponent;
 use super::facts::{Facts, Price};
 use super::numbers::{Coefficient, Numbers};
 use crate::lower::SearchBudget;
 use hamel_expr::{ExprId, Func, Graph, Sign, SymbolId};
-
-/// Exponent of an atom.
-pub(super) type Exponent = Ratio<i32>;
 
 /// Something that changes from call to call and is not taken apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -187,13 +185,13 @@ pub(super) fn common(a: &Monomial, b: &Monomial) -> Monomial {
 
 /// `a / b`.
 pub(super) fn quotient(a: &Monomial, b: &Monomial) -> Monomial {
-    let inverse: Monomial = b.iter().map(|(atom, q)| (*atom, -q)).collect();
+    let inverse: Monomial = b.iter().map(|(atom, q)| (*atom, -*q)).collect();
     times(a, &inverse)
 }
 
 /// `m^q` with an integer or fractional `q` other than zero.
 fn raised(m: &Monomial, q: Exponent) -> Monomial {
-    m.iter().map(|(atom, e)| (*atom, e * q)).collect()
+    m.iter().map(|(atom, e)| (*atom, *e * q)).collect()
 }
 
 /// Polynomials that build on one another, and the numbers and atoms in them.
@@ -201,7 +199,7 @@ fn raised(m: &Monomial, q: Exponent) -> Monomial {
 pub(super) struct System {
     pub(super) numbers: Numbers,
     atoms: Vec<Atom>,
-    atom_index: HashMap<Atom, u32>,
+    atom_index: FxHashMap<Atom, u32>,
     /// Pairs of atoms `sin a`, `cos a`, and of inputs that lie on a circle.
     circles: Vec<(u32, u32)>,
     pub(super) effort: Effort,
@@ -219,7 +217,7 @@ impl System {
         System {
             numbers: Numbers::new(graph, signs),
             atoms: Vec::new(),
-            atom_index: HashMap::new(),
+            atom_index: FxHashMap::default(),
             circles: Vec::new(),
             effort: Effort::new(budget),
             hidden: Vec::new(),
@@ -287,7 +285,7 @@ impl System {
 
     /// Whether `sin^2 a` and `cos^2 a` are the two monomials.
     pub(super) fn is_circle(&self, a: &Monomial, b: &Monomial) -> bool {
-        let two = Exponent::from_integer(2);
+        let two = Exponent::whole(2);
         let ([(x, p)], [(y, q)]) = (a.as_slice(), b.as_slice()) else { return false };
         *p == two && *q == two && (self.circles.contains(&(*x, *y)) || self.circles.contains(&(*y, *x)))
     }
@@ -303,16 +301,16 @@ impl System {
             self.effort.terms += 1;
             self.add_term(graph, &mut sum, m, c);
         }
-        let two = Exponent::from_integer(2);
+        let two = Exponent::whole(2);
         // What is put in below has no powers that are not there by now.
-        let is_square = |q: &Exponent| *q >= two && q.is_integer();
+        let is_square = |q: &Exponent| *q >= two && q.is_whole();
         let squares: BTreeSet<u32> =
             sum.keys().flatten().filter(|(_, q)| is_square(q)).map(|(atom, _)| *atom).collect();
         for (s, c) in self.circles.clone().into_iter().filter(|(s, _)| squares.contains(s)) {
             loop {
                 let without = |m: &Monomial, atom: u32| -> Option<Monomial> {
                     let (_, q) = m.iter().find(|(a, _)| *a == atom)?;
-                    (*q >= two && q.is_integer()).then(|| times(m, &power(atom, -two)))
+                    (*q >= two && q.is_whole()).then(|| times(m, &power(atom, -two)))
                 };
                 let found = sum.iter().find_map(|(m, coefficient)| {
                     let rest = without(m, s)?;
@@ -376,8 +374,8 @@ impl System {
             match &**value {
                 [] if q.is_positive() => {}
                 [] => return None,
-                [(inner, number)] if q.is_integer() => {
-                    let n = q.to_integer().unsigned_abs();
+                [(inner, number)] if q.is_whole() => {
+                    let n = q.truncated().unsigned_abs();
                     let total = if q.is_positive() {
                         (0..n).fold(*c, |total, _| self.numbers.mul(graph, total, *number))
                     } else {
@@ -385,9 +383,9 @@ impl System {
                     };
                     terms.push((times(&rest, &raised(inner, q)), total));
                 }
-                several if q.is_integer() && q.is_positive() && q.to_integer() <= MAX_POWER => {
+                several if q.is_whole() && q.is_positive() && q.truncated() <= MAX_POWER => {
                     let mut product = vec![(rest, *c)];
-                    for _ in 0..q.to_integer() {
+                    for _ in 0..q.truncated() {
                         if product.len() * several.len() > 2 * MAX_TERMS {
                             return None;
                         }
@@ -432,7 +430,7 @@ impl System {
     ) -> Option<Polynomial> {
         let mut scaled = |(m, r): &(Monomial, Coefficient)| {
             let Some((_, q)) = m.iter().find(|(a, _)| *a == atom) else { return Some((m.clone(), *r)) };
-            let n = q.is_integer().then(|| q.to_integer().unsigned_abs())?;
+            let n = q.is_whole().then(|| q.truncated().unsigned_abs())?;
             let total = if q.is_positive() {
                 (0..n).fold(*r, |total, _| self.numbers.mul(graph, total, c))
             } else {
@@ -477,19 +475,18 @@ impl System {
         denominator: &Polynomial,
     ) -> Option<Polynomial> {
         let atom = self.atom_of(Atom::Poly(k));
-        let exponent =
-            |m: &Monomial| m.iter().find(|(a, _)| *a == atom).map_or(Exponent::zero(), |(_, q)| *q);
+        let exponent = |m: &Monomial| m.iter().find(|(a, _)| *a == atom).map_or(Exponent::ZERO, |(_, q)| *q);
         let lowest = target.iter().map(|(m, _)| exponent(m)).min()?;
         let mut terms = Terms::new();
         for (m, c) in target.iter() {
             let q = exponent(m);
             let n = q - lowest;
-            if !n.is_integer() || n > Exponent::from_integer(MAX_POWER) {
+            if !n.is_whole() || n > Exponent::whole(MAX_POWER) {
                 return None;
             }
             let rest: Monomial = m.iter().filter(|(a, _)| *a != atom).copied().collect();
             let mut product = vec![(rest, *c)];
-            for _ in 0..n.to_integer() {
+            for _ in 0..n.truncated() {
                 let factors = product.iter().flat_map(|x| denominator.iter().map(move |y| (x, y)));
                 let factors: Vec<_> = factors.collect();
                 if terms.len() + factors.len() > 2 * MAX_TERMS {
@@ -503,7 +500,7 @@ impl System {
             }
             terms.extend(product);
         }
-        let n_monomials = terms.iter().map(|(m, _)| m).collect::<HashSet<_>>().len();
+        let n_monomials = terms.iter().map(|(m, _)| m).collect::<FxHashSet<_>>().len();
         let sum = self.collect(graph, terms);
         if sum.len() >= n_monomials {
             return None;

@@ -4,11 +4,10 @@
 
 use std::collections::BTreeSet;
 
-use num_traits::{Signed, Zero};
-
+use super::exponent::Exponent;
 use super::facts::{Costly, Price};
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, needed};
+use super::polynomial::{Atom, Entry, Monomial, Polynomial, System, needed};
 use crate::program::cost::thirds::{FLOP, INSTRUCTION};
 use hamel_expr::Func;
 
@@ -31,7 +30,7 @@ impl Price {
             if q.is_negative() {
                 costly.insert(Costly::Division(*atom));
             }
-            if !q.is_integer() {
+            if !q.is_whole() {
                 costly.insert(Costly::Root(*atom));
             }
             match system.atom(*atom) {
@@ -65,6 +64,12 @@ impl Shape {
         shape
     }
 
+    /// The same with a term more.
+    pub(super) fn with(mut self, m: &Monomial, c: Coefficient) -> Shape {
+        self.add(n_mul(m, c), 1);
+        self
+    }
+
     pub(super) fn add(&mut self, n_mul: i64, sign: i64) {
         self.n_mul += sign * n_mul;
         self.n_terms += sign;
@@ -96,8 +101,8 @@ pub(super) fn price_of_number(value: &Polynomial, position: usize) -> i64 {
 
 /// Literals of a power: `x x x` for a cube, fewer for higher powers by squaring.
 pub(super) fn n_literals(q: Exponent) -> i64 {
-    let whole = q.abs().to_integer();
-    let fraction = i64::from(!q.fract().is_zero());
+    let whole = q.truncated().abs();
+    let fraction = i64::from(!q.is_whole());
     let chain = if whole <= 3 { i64::from(whole) } else { 2 * i64::from(whole.ilog2()) };
     chain + fraction
 }

@@ -2,12 +2,12 @@
 //!
 //! Does not know: what polynomials are good for.
 
-use std::collections::{HashMap, HashSet};
-
 use num_traits::{One, ToPrimitive, Zero};
+use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::exponent::Exponent;
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, power, times};
+use super::polynomial::{Atom, Entry, Monomial, Polynomial, System, power, times};
 use crate::lower::SearchBudget;
 use crate::lower::classes::{Class, Classes, post_order};
 use crate::lower::source::Source;
@@ -19,9 +19,9 @@ pub(super) struct Reader<'a> {
     pub(super) system: System,
     pub(super) entries: Vec<Entry>,
     classes: &'a Classes,
-    symbols: HashMap<SymbolId, usize>,
+    symbols: FxHashMap<SymbolId, usize>,
     /// Polynomials of inner sums, and those that only name what a function is applied to.
-    inner: HashMap<ExprId, usize>,
+    inner: FxHashMap<ExprId, usize>,
 }
 
 impl<'a> Reader<'a> {
@@ -30,8 +30,8 @@ impl<'a> Reader<'a> {
             system: System::new(graph, &source.signs, budget),
             entries: Vec::new(),
             classes: &source.classes,
-            symbols: HashMap::new(),
-            inner: HashMap::new(),
+            symbols: FxHashMap::default(),
+            inner: FxHashMap::default(),
         }
     }
 
@@ -60,7 +60,7 @@ impl<'a> Reader<'a> {
     pub(super) fn read(&mut self, graph: &mut Graph, root: ExprId) -> Result<usize, Error> {
         // Inner sums first: operands precede the nodes that use them.
         let order = post_order(graph, &[root], |e| self.inner.contains_key(&e) || !self.changes(e));
-        let mut separate: HashSet<ExprId> = HashSet::from([root]);
+        let mut separate: FxHashSet<ExprId> = FxHashSet::from_iter([root]);
         for e in &order {
             match graph.node(*e) {
                 Node::Product { factors, .. } => {

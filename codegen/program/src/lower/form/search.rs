@@ -8,12 +8,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use num_traits::{One, Signed, Zero};
-
 use super::digits::Digits;
+use super::exponent::Exponent;
 use super::extract::{Extractor, Site};
 use super::numbers::Coefficient;
-use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, needed, power, times};
+use super::polynomial::{Atom, Entry, Monomial, Polynomial, System, needed, power, times};
 use super::price::cost;
 use super::units;
 use hamel_expr::Graph;
@@ -361,23 +360,21 @@ impl Search<'_> {
     /// The numerator of polynomial `k` as one of its own: what is divided by `k` is multiplied by the denominator then.
     fn with_numerator(&mut self, mut entries: Vec<Entry>, k: usize) -> Vec<Entry> {
         let lowest = |atom: u32| {
-            let power =
-                |m: &Monomial| m.iter().find(|(a, _)| *a == atom).map_or(Exponent::zero(), |(_, q)| *q);
+            let power = |m: &Monomial| m.iter().find(|(a, _)| *a == atom).map_or(Exponent::ZERO, |(_, q)| *q);
             entries[k].value.iter().map(|(m, _)| power(m)).max()
         };
         let atoms: BTreeSet<u32> = entries[k].value.iter().flat_map(|(m, _)| m).map(|(a, _)| *a).collect();
-        let shared = atoms.into_iter().filter_map(|a| Some((a, lowest(a).filter(Signed::is_negative)?)));
+        let shared = atoms.into_iter().filter_map(|a| Some((a, lowest(a).filter(|q| q.is_negative())?)));
         let shared: Monomial = shared.collect();
         if shared.is_empty() || entries[k].value.len() < 2 {
             return entries;
         }
-        let inverse: Monomial = shared.iter().map(|(a, q)| (*a, -q)).collect();
+        let inverse: Monomial = shared.iter().map(|(a, q)| (*a, -*q)).collect();
         let terms: Vec<_> = entries[k].value.iter().map(|(m, c)| (times(m, &inverse), *c)).collect();
         let value = self.system.collect(self.graph, terms);
         let numerator = self.system.atom_of(Atom::Poly(entries.len() as u32));
         entries.push(Entry { value, definition: None, unit: Coefficient::ONE });
-        entries[k].value =
-            vec![(times(&shared, &power(numerator, Exponent::one())), Coefficient::ONE)].into();
+        entries[k].value = vec![(times(&shared, &power(numerator, Exponent::ONE)), Coefficient::ONE)].into();
         entries
     }
 

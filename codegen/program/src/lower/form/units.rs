@@ -10,8 +10,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use num_integer::Integer;
-use num_traits::One;
 
+use super::exponent::Exponent;
 use super::numbers::Coefficient;
 use super::polynomial::{Atom, Entry, Monomial, System, needed};
 use super::price::price_of_number;
@@ -79,7 +79,7 @@ fn equations(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<Equatio
     for (atom, q) in factors() {
         match system.atom(*atom) {
             Atom::Function(..) | Atom::Atan2(..) => fixed.extend(system.needs(*atom)),
-            Atom::Poly(k) if !q.is_integer() => _ = fixed.insert(k as usize),
+            Atom::Poly(k) if !q.is_whole() => _ = fixed.insert(k as usize),
             Atom::Poly(_) | Atom::Input(_) => {}
         }
     }
@@ -92,7 +92,7 @@ fn equations(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<Equatio
             if let Atom::Poly(j) = system.atom(*atom)
                 && !fixed.contains(&(j as usize))
             {
-                *powers.entry(j as usize).or_insert(0) += q.to_integer();
+                *powers.entry(j as usize).or_insert(0) += q.truncated();
             }
         }
         powers.retain(|_, n| *n != 0);
@@ -219,7 +219,7 @@ impl Units {
         // What is another value by now is replaced by it.
         for k in needed(system, &scaled, roots) {
             let [(m, c)] = &*scaled[k].value else { continue };
-            let is_other = c.is_unit() && matches!(m.as_slice(), [(_, q)] if q.is_one());
+            let is_other = c.is_unit() && matches!(m.as_slice(), [(_, q)] if *q == Exponent::ONE);
             if roots.contains(&k) || !is_other {
                 continue;
             }

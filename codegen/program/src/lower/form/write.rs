@@ -2,7 +2,9 @@
 //!
 //! Does not know: why polynomials have the form that they have.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
+
+use rustc_hash::FxHashMap;
 
 use super::digits::Digits;
 use super::numbers::Coefficient;
@@ -19,7 +21,7 @@ pub(super) struct Writer<'a> {
     pub(super) entries: &'a [Entry],
     pub(super) digits: &'a mut Digits,
     /// What stands for each polynomial: a symbol, or the expression itself where that is no sum.
-    pub(super) exprs: HashMap<usize, ExprId>,
+    pub(super) exprs: FxHashMap<usize, ExprId>,
     /// Units of the definitions that have one.
     pub(super) units: BTreeMap<SymbolId, ExprId>,
 }
@@ -105,7 +107,7 @@ impl Writer<'_> {
                         self.graph.atan2(self.exprs[&(y as usize)], self.exprs[&(x as usize)])
                     }
                 };
-                factors.push((base, Rational::new((*q.numer()).into(), (*q.denom()).into())));
+                factors.push((base, Rational::new(q.numerator().into(), q.denominator().into())));
             }
             let product = self.graph.power_product(&factors);
             terms.push(product.map_err(|_| Error::DivisionByZero { place: "a rewritten sum".into() })?);
