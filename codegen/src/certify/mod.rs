@@ -15,6 +15,7 @@
 //! zero, which no drawn point meets; a fault is seen at the first point. The second and the third are for conditions
 //! and branches (`abs`, `atan2`, intervals) that hold on a part of the domain.
 
+mod centroid;
 mod claim;
 mod definition;
 mod derived;

@@ -56,7 +56,8 @@ impl ModelBuilder {
         let events = self.check_events();
         let reconstruction = self.check_reconstructions(connection.as_deref());
         if !self.broken.contains("frame of a body") {
-            self.check_frames(&reconstruction);
+            let frames = self.check_frames(&reconstruction);
+            self.check_bodies(&frames, &reconstruction);
         }
         let initial = self.check_initial();
         let totals = self.check_totals();

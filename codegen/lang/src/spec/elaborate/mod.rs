@@ -127,7 +127,10 @@ impl Elaboration<'_> {
             self.reconstruct(item);
         }
         for item in &file.items {
-            self.named_frame(item);
+            match &item.kind {
+                ItemKind::Body(body) => self.weighed_body(body),
+                _ => self.named_frame(item),
+            }
         }
         for item in &file.items {
             let ItemKind::Initial { name, value } = &item.kind else { continue };
@@ -155,9 +158,13 @@ impl Elaboration<'_> {
     }
 }
 
-/// The views, and the bodies where there are none.
+/// The views, and where there are none the bodies that say where they are in space.
 fn pictured(items: &[Item], has_bodies: bool) -> Vec<&Item> {
     let of = |kind: fn(&ItemKind) -> bool| items.iter().filter(|item| kind(&item.kind)).collect::<Vec<_>>();
     let views = of(|kind| matches!(kind, ItemKind::View { .. }));
-    if views.is_empty() && has_bodies { of(|kind| matches!(kind, ItemKind::Body(_))) } else { views }
+    if views.is_empty() && has_bodies {
+        of(|kind| matches!(kind, ItemKind::Body(body) if body.on.is_none()))
+    } else {
+        views
+    }
 }
