@@ -190,7 +190,7 @@ fn jacobians_are_those_of_velocity_and_momentum() {
     }
 }
 
-/// Of a free system in space both momenta are those of the Lagrangian, turned and moved to the mass centre.
+/// Of a free system in space both momenta follow from the Lagrangian, turned and moved to the mass centre.
 #[test]
 fn momenta_of_a_free_system_follow_from_its_lagrangian() {
     let scene = built(FLOATER, "bodies");

@@ -527,24 +527,15 @@ impl Scene {
         mut out: PyReadwriteArrayDyn<'_, f64>,
         threads: Option<bool>,
     ) -> PyResult<()> {
-        let (dynamics, n, m) = (self.dynamics(), self.info().state.len(), self.info().velocities.len());
-        let n_twists = 6 * self.info().frames.len();
-        let (want, size) = match Want::from_name(name) {
-            Some(want @ Want::MassMatrix) => (want, m * m),
-            Some(want @ Want::FrameJacobians) => (want, n_twists * m),
-            Some(want @ Want::OperationalSpace) => (want, n_twists * 6),
-            Some(want @ Want::CenterOfMassJacobian) => (want, 3 * m),
-            Some(want @ Want::CentroidalMomentumMatrix) => (want, 6 * m),
-            _ => return Err(other_shapes()),
-        };
-        if out.shape().get(1) != Some(&size) {
+        let (dynamics, n) = (self.dynamics(), self.info().state.len());
+        let (Some(want), Some(size)) = (Want::from_name(name), out.shape().get(1).copied()) else {
             return Err(other_shapes());
-        }
-        let matrix = |y: &[f64], result: &mut [f64]| {
-            write(dynamics.matrix(want, t, y).map(|rows| rows.concat()).as_deref(), result);
         };
         self.on_states(py, (&y, t), &mut out, (self.cost(), threads), |rows, out, n_states| {
-            by_row(rows, out, n_states, (n, size), matrix)
+            by_row(rows, out, n_states, (n, size), |y, result| {
+                let found = dynamics.matrix(want, t, y).map(|rows| rows.concat());
+                write(found.filter(|entries| entries.len() == size).as_deref(), result)
+            })
         })
     }
 

@@ -140,7 +140,7 @@ impl Results<'_, '_> {
         let (inertia, forms) = (self.inertia()?, self.forms_of_multipliers()?);
         for (k, frame) in (0..matrix.shape.0).step_by(TWIST).enumerate() {
             let wrench = random.vector(TWIST);
-            let mut answer = vec![Wide::ZERO; TWIST];
+            let mut answer = [Wide::ZERO; TWIST];
             let own = matrix.pattern.iter().zip(entries).filter(|((i, _), _)| i / TWIST == k);
             for ((i, j), e) in own {
                 answer[i - frame] += *e * wrench[*j];

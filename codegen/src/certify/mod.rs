@@ -21,6 +21,7 @@ mod definition;
 mod derived;
 mod frames;
 mod group;
+mod implied;
 mod linear;
 mod motion;
 mod point;
@@ -119,6 +120,9 @@ fn compared(setting: &Setting<'_>, point: &Point, random: &mut Random) -> (Sheet
         Ok(motion) => {
             if let Err(missing) = motion.check(setting, &mut sheet, random) {
                 open(motion::RATES, missing.into());
+            }
+            if let Some(reason) = implied::check(setting, &mut sheet, random) {
+                open(motion::RATES, Open::Because(reason));
             }
             let results = Results { setting, point, motion: &motion };
             results.check(&mut sheet, random, &mut open);

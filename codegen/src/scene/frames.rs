@@ -21,7 +21,7 @@ const TWIST: usize = 6;
 const BODY: usize = 22;
 const MASS: usize = 3;
 
-/// What is made of frames and bodies, with the definitions that it needs.
+/// Functions of frames and bodies, with the definitions that they need.
 #[derive(Default)]
 pub(super) struct OfFrames {
     pub(super) outputs: Vec<Output>,
@@ -30,8 +30,9 @@ pub(super) struct OfFrames {
     pub(super) sections: Vec<Section>,
 }
 
-/// What is wanted of functions `V(t, x, u)` of the model: derivatives by the velocities `u` of the state, `J = dV/du`,
-/// along the motion at zero accelerations, `dV/dt + dV/dx xdot`, and `J A^-1 J^T` with the matrix `A` of `A udot = f`.
+/// The wanted functions of values `V(t, x, u)` of the model: derivatives by the velocities `u` of the state,
+/// `J = dV/du`, along the motion at zero accelerations, `dV/dt + dV/dx xdot`, and `J A^-1 J^T` with the matrix `A` of
+/// `A udot = f`.
 ///
 /// # Errors
 /// [`Error::Unsupported`] where the state has momenta, the model gives the motion, reactions do work along
@@ -238,7 +239,7 @@ pub(super) fn names(equations: &Equations) -> Vec<String> {
     twists.filter_map(|(name, _)| Some(name.strip_suffix("_w1")?.to_owned())).collect()
 }
 
-/// What is wanted of frames or bodies that are not there, with what the model has instead, and the fix.
+/// A wanted function of frames or bodies that the model lacks, the reason, and the fix.
 pub(super) fn missing<'w>(
     available: &[Output],
     wanted: &'w BTreeSet<Want>,
@@ -255,7 +256,7 @@ pub(super) fn missing<'w>(
     })
 }
 
-/// Whether an output is one of those that scenes have that ask for them.
+/// Whether scenes have an output only where they ask for it.
 pub(super) fn is_asked_for(output: &Output) -> bool {
     let wants = [Want::FramePoses, Want::FrameTwists, Want::CenterOfMass, Want::CentroidalMomentum];
     wants.into_iter().any(|want| output.kind == OutputKind::Group(want))

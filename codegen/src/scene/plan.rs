@@ -50,7 +50,7 @@ pub(super) struct Plan {
     pub(super) implicit: bool,
     /// Mass matrix, inverse dynamics and forces at rest, as far as they are wanted.
     pub(super) dynamics: BTreeSet<Want>,
-    /// What is made of frames and bodies, as far as it is wanted.
+    /// The wanted functions of frames and bodies.
     pub(super) of_frames: BTreeSet<Want>,
     /// Functions that lose digits carry their rounding errors along.
     pub(super) digits: bool,

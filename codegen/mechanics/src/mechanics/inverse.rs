@@ -93,12 +93,12 @@ impl Equations {
 pub type Responses = (Vec<Vec<ExprId>>, Vec<Section>);
 
 impl Equations {
-    /// What forces along the velocities of the state add to the rates of these, `A^-1 b` for each `b` of `forces`; where
-    /// multipliers keep a constraint, with their answer. `named` has the names of the forces, `before` the definitions
-    /// that they are written in besides those of the equations.
+    /// What forces along the velocities of the state add to the rates of these, `A^-1 b` for each `b` of `forces`;
+    /// where multipliers keep a constraint, with their answer. `named` has the names of the forces, `before` the
+    /// definitions that they are written in beside the equations.
     ///
     /// None where [`Equations::balanced_system`] has none, and where reactions do work along virtual displacements: `A`
-    /// is not symmetric, or the one-forms of reactions are not those of the constraint.
+    /// is not symmetric, or the one-forms of reactions differ from the rows of the constraint.
     ///
     /// # Errors
     /// [`Error::SingularMassMatrix`].

@@ -1,8 +1,8 @@
 //! Bodies in space: the place and the velocity of their mass centre, and their momentum about it.
 //!
 //! With masses `m_b`, mass centres `p_b` with velocities `v_b`, rotations `R_b`, angular velocities `w_b` and inertias
-//! `I_b` in the bodies' own axes: `c = sum m_b p_b/m`, `c' = sum m_b v_b/m`, linear momentum `l = sum m_b v_b`, and about
-//! the mass centre `k = sum R_b I_b w_b + (p_b - c) x m_b v_b`.
+//! `I_b` in the bodies' own axes: `c = sum m_b p_b/m`, `c' = sum m_b v_b/m`, linear momentum `l = sum m_b v_b`, and
+//! about the mass centre `k = sum R_b I_b w_b + (p_b - c) x m_b v_b`.
 //!
 //! Deliberately does not know: syntax, derivatives by velocities, which scene wants what.
 //!

@@ -467,6 +467,8 @@ pub struct ModelBuilder {
     pub(super) views_graph: Option<Graph>,
     pub(super) named_frames: Vec<NamedFrameDraft>,
     pub(in crate::spec) bodies: Vec<BodyDraft>,
+    /// Equations that always hold, which are told.
+    pub(super) left_out: Vec<Diagnostic>,
 }
 
 impl ModelBuilder {
@@ -548,6 +550,7 @@ impl ModelBuilder {
             views_graph: None,
             named_frames: Vec::new(),
             bodies: Vec::new(),
+            left_out: Vec::new(),
         }
     }
 

@@ -46,8 +46,8 @@ impl Elaboration<'_> {
         }
     }
 
-    /// A body among all of them: one on a frame, or any where a scene wants what they are together. What is wrong with
-    /// another has been told by what it declares.
+    /// A body among all of them: one on a frame, or any where a scene wants their mass centre or momentum. Problems of
+    /// another have been told by the names that it declares.
     pub(super) fn weighed_body(&mut self, body: &BodyItem) {
         if body.on.is_none() && !(self.builder.wants_centroid() && self.builder.problems.is_empty()) {
             return;

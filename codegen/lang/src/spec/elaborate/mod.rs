@@ -60,6 +60,7 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
     let mut model = built.map_err(|problems| problems.once_for(&loops))?;
     // Beside errors they would be noise: a name that is misspelt once is unused as well.
     let mut warnings = told;
+    warnings.extend(model.warnings.iter().cloned());
     warnings.extend(unused::warnings(&file.items));
     let (known, contradictions) = units::examine(&model, &definitions);
     model.units = known;
