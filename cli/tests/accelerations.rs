@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hamel::commands::eval::eval_text;
-use hamel_codegen::spec;
+use hamel_codegen::spec::{self, Want};
 use hamel_run::cache::Cache;
 use hamel_run::dynamics::Factory as _;
 use hamel_run::error::Error;
@@ -59,11 +59,11 @@ fn eval_answers_with_the_forces_of_accelerations() {
 fn the_mass_matrix_is_whole() {
     let built = scene("dynamics");
     let prepared = built.prepare(&built.info().defaults()).expect("default parameters");
-    let matrix = prepared.mass_matrix(0.0, &[1.0, 2.0, 3.0]).expect("wanted");
+    let matrix = prepared.matrix(Want::MassMatrix, 0.0, &[1.0, 2.0, 3.0]).expect("wanted");
     assert_eq!(matrix, [[2.0, 0.0, 0.0], [0.0, 1.5, 0.0], [0.0, 0.0, 0.8]]);
     let others = scene("default");
     let prepared = others.prepare(&others.info().defaults()).expect("default parameters");
-    assert_eq!(prepared.mass_matrix(0.0, &[1.0, 2.0, 3.0]), None);
+    assert_eq!(prepared.matrix(Want::MassMatrix, 0.0, &[1.0, 2.0, 3.0]), None);
 }
 
 #[test]

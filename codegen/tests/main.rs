@@ -10,6 +10,7 @@ mod bad;
 mod bicycle;
 mod bodies;
 mod c;
+mod centroid;
 mod certify;
 mod chains;
 mod circles;

@@ -2,7 +2,7 @@
 //! and forces at rest.
 
 use hamel_codegen::scene::{self, BuiltScene, Made, build_tampered};
-use hamel_codegen::spec::{self, Model};
+use hamel_codegen::spec::{self, Model, Want};
 use hamel_expr::rational_to_f64;
 use hamel_program::program::{Operand, Role};
 
@@ -135,7 +135,7 @@ fn jacobians_and_drifts_are_derivatives_of_twists() {
     let prepared = scene.prepare(&params(&scene)).expect("default parameters");
     let executable = scene.executable();
     let interpreter = executable.prepare(&params(&scene)).expect("default parameters");
-    let jacobian = interpreter.frame_jacobians(0.0, &y).expect("wanted");
+    let jacobian = interpreter.matrix_of(Want::FrameJacobians, 0.0, &y).expect("wanted");
     assert_eq!((jacobian.len(), jacobian[0].len()), (24, 3));
     let times = |u: &[f64]| -> Vec<f64> {
         jacobian.iter().map(|row| row.iter().zip(u).map(|(j, u)| j * u).sum()).collect()

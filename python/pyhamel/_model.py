@@ -72,18 +72,20 @@ def import_robot(
     limits: str = "interval",
     lock: Sequence[str] = (),
     frames: Sequence[str] = (),
+    bodies: bool = False,
 ) -> str:
     """The text of the model of a robot, for :func:`load`, from its description in URDF, MJCF or SDF.
 
     ``floating`` has the root move freely, which is at rest otherwise. ``limits`` says what becomes of the limits of
     joints: ``"interval"``, a motion that leaves them ends; ``"spring"``, smooth springs behind them; ``"none"``.
-    ``lock`` names joints that are fixed where their coordinates are zero, ``frames`` links whose frames the model names.
+    ``lock`` names joints that are fixed where their coordinates are zero, ``frames`` links whose frames the model names;
+    with ``bodies`` the model has a body for each link with mass, for ``center_of_mass``, ``centroidal_momentum`` and so on.
     ``docs/book/robots.md`` says what is taken.
 
     Raises :class:`ModelError` with every problem of the file and its place, :class:`InputError` for other limits,
     :class:`FileError`. Warns of contents that the model lacks, each kind once, as :class:`ModelWarning`.
     """
-    text, notes = _hamel.import_robot(os.fspath(path), floating, limits, list(lock), list(frames))
+    text, notes = _hamel.import_robot(os.fspath(path), floating, limits, list(lock), list(frames), bodies)
     if notes:
         warnings.warn(notes, ModelWarning, stacklevel=2)
     return text
@@ -491,6 +493,48 @@ class Model:
         Raises :class:`InputError` unless the scene says ``want frame_drifts;``.
         """
         return self._of_frames("frame_drifts", y, t, 6, threads)
+
+    def operational_space(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Inverses of the inertias at :attr:`frames`, ``J A^-1 J^T``, ``(.., k, 6, 6)``: what a moment and a force on a frame,
+        in its own axes, add to the rate of its twist.
+
+        They have a value at every state. The inertia that a task of the rows ``r`` meets is
+        ``numpy.linalg.inv(L[r][:, r])``, which exists where the task can be moved freely: not for all six rows of an arm
+        of fewer than six joints, nor at singular positions. Raises :class:`InputError` unless the scene says
+        ``want operational_space;``. Khatib 1987, equations 11 and 51.
+        """
+        return self._matrix("operational_space", y, t, (len(self.frames), 6, 6), threads)
+
+    def center_of_mass(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Place and velocity of the mass centre of all bodies in space, ``(.., 2, 3)``.
+
+        Raises :class:`InputError` unless the scene says ``want center_of_mass;``.
+        """
+        self._wanted("center_of_mass")
+        numbers = self.outputs(y, t, threads=threads)["center_of_mass"]
+        return numbers.reshape(*numbers.shape[:-1], 2, 3)
+
+    def center_of_mass_jacobian(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Derivatives of the velocity of the mass centre by :attr:`velocities`, ``(.., 3, m)``.
+
+        Raises :class:`InputError` unless the scene says ``want center_of_mass_jacobian;``.
+        """
+        return self._matrix("center_of_mass_jacobian", y, t, (3, len(self.velocities)), threads)
+
+    def centroidal_momentum(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Momentum of all bodies in the axes of space, ``(.., 6)``: the angular one about the mass centre, then the linear one.
+
+        Raises :class:`InputError` unless the scene says ``want centroidal_momentum;``. Orin, Goswami, Lee 2013.
+        """
+        self._wanted("centroidal_momentum")
+        return self.outputs(y, t, threads=threads)["centroidal_momentum"]
+
+    def centroidal_momentum_matrix(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Derivatives of :meth:`centroidal_momentum` by :attr:`velocities`, ``(.., 6, m)``.
+
+        Raises :class:`InputError` unless the scene says ``want centroidal_momentum_matrix;``.
+        """
+        return self._matrix("centroidal_momentum_matrix", y, t, (6, len(self.velocities)), threads)
 
     def energy(self, y: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
         """The energy of states, ``(..)``; raises :class:`InputError` where the scene has none."""

@@ -20,6 +20,7 @@ pub(crate) fn import_robot(
     limits: &str,
     lock: Vec<String>,
     frames: Vec<String>,
+    bodies: bool,
 ) -> PyResult<(String, String)> {
     let import = || -> Result<(String, String), Error> {
         let limits = match limits {
@@ -32,7 +33,7 @@ pub(crate) fn import_robot(
             }
         };
         let session = Session::of_shipped(&[]);
-        let (imported, warnings) = read(&session, &path, Choices { floating, limits, lock, frames })?;
+        let (imported, warnings) = read(&session, &path, Choices { floating, limits, lock, frames, bodies })?;
         let lines: Vec<String> = imported.notes.lines().chain(warnings.lines()).collect();
         Ok((imported.text, lines.join("\n")))
     };

@@ -518,7 +518,7 @@ impl Scene {
         done.or_raise(py)
     }
 
-    /// Writes mass matrices or Jacobians of frames, `[n_rows, m]` each, row by row, to the rows of `out`.
+    /// Writes a matrix of each state, `[n_rows, n_columns]`, row by row, to the rows of `out`.
     fn matrix(
         &self,
         py: Python<'_>,
@@ -528,19 +528,15 @@ impl Scene {
         mut out: PyReadwriteArrayDyn<'_, f64>,
         threads: Option<bool>,
     ) -> PyResult<()> {
-        let (dynamics, n, m) = (self.dynamics(), self.info().state.len(), self.info().velocities.len());
-        let is_mass_matrix = name == Want::MassMatrix.name();
-        let n_rows = if is_mass_matrix { m } else { 6 * self.info().frames.len() };
-        if out.shape().get(1) != Some(&(n_rows * m)) {
+        let (dynamics, n) = (self.dynamics(), self.info().state.len());
+        let (Some(want), Some(size)) = (Want::from_name(name), out.shape().get(1).copied()) else {
             return Err(other_shapes());
-        }
-        let matrix = |y: &[f64], result: &mut [f64]| {
-            let found =
-                if is_mass_matrix { dynamics.mass_matrix(t, y) } else { dynamics.frame_jacobians(t, y) };
-            write(found.map(|rows| rows.concat()).as_deref(), result);
         };
         self.on_states(py, (&y, t), &mut out, (self.cost(), threads), |rows, out, n_states| {
-            by_row(rows, out, n_states, (n, n_rows * m), matrix)
+            by_row(rows, out, n_states, (n, size), |y, result| {
+                let found = dynamics.matrix(want, t, y).map(|rows| rows.concat());
+                write(found.filter(|entries| entries.len() == size).as_deref(), result)
+            })
         })
     }
 

@@ -66,6 +66,29 @@ def test_frames_are_those_of_pinocchio():
         arm.with_scene("default").frame_poses(y[0, 0])
 
 
+def test_mass_centre_and_momentum_of_all_bodies():
+    text = pyhamel.import_robot(ROBOTS / "flyer.urdf", floating=True, frames=["rod"], bodies=True)
+    wants = """scene control { want rhs, reconstruction, frames, mass_matrix, operational_space, center_of_mass,
+        center_of_mass_jacobian, centroidal_momentum, centroidal_momentum_matrix; }"""
+    flyer = pyhamel.load(text.rstrip().removesuffix("}") + wants + "}", scene="control")
+    y = np.random.default_rng(3).uniform(0.1, 0.4, size=(2, 3, len(flyer.state)))
+    quaternions = [flyer.state.index(f"attitude{c}") for c in "wxyz"]
+    y[..., quaternions] /= np.linalg.norm(y[..., quaternions], axis=-1, keepdims=True)
+    u = y[..., [flyer.state.index(name) for name in flyer.velocities]]
+    centre, momentum = flyer.center_of_mass(y), flyer.centroidal_momentum(y)
+    jacobian, matrix = flyer.center_of_mass_jacobian(y), flyer.centroidal_momentum_matrix(y)
+    assert centre.shape == (2, 3, 2, 3) and jacobian.shape == (2, 3, 3, 7) and matrix.shape == (2, 3, 6, 7)
+    np.testing.assert_allclose(np.einsum("...ij,...j", jacobian, u), centre[..., 1, :], atol=1e-13)
+    np.testing.assert_allclose(np.einsum("...ij,...j", matrix, u), momentum, atol=1e-13)
+    mass = flyer.params["mass_body"] + flyer.params["mass_rod"]
+    np.testing.assert_allclose(momentum[..., 3:], mass * centre[..., 1, :], atol=1e-13)
+    frames, responses = flyer.frame_jacobians(y), flyer.operational_space(y)
+    inverse = np.linalg.inv(flyer.mass_matrix(y))[..., None, :, :]
+    np.testing.assert_allclose(responses, frames @ inverse @ np.swapaxes(frames, -1, -2), rtol=1e-9, atol=1e-9)
+    with pytest.raises(pyhamel.InputError, match="want center_of_mass;"):
+        flyer.with_scene("default").center_of_mass(y[0, 0, : len(flyer.with_scene("default").state)])
+
+
 def test_what_a_file_leaves_open_is_chosen():
     with pytest.warns(pyhamel.ModelWarning, match="joint `thumb` is locked at zero"):
         locked = pyhamel.import_robot(str(ROBOTS / "arm.urdf"), lock=["thumb"], limits="spring")

@@ -4,8 +4,9 @@
     python tests/peers/robots.py [ROBOT ..]
 
 Per robot, at 20 states: rates (aba), inverse dynamics (rnea), mass matrix (crba), forces at zero accelerations (nle)
-and at rest (generalized gravity); and of the frames of up to four last links poses, twists, Jacobians in the frames'
-own axes and drifts. Damping and friction are zero, as Pinocchio's algorithms leave them out. Joints that follow others
+and at rest (generalized gravity); mass centre with its velocity and Jacobian (centerOfMass, jacobianCenterOfMass),
+momentum about it and its matrix (ccrba); and of the frames of up to four last links poses, twists, Jacobians in the
+frames' own axes, drifts, and `J M^-1 J^T`. Damping and friction are zero, as Pinocchio's algorithms leave them out. Joints that follow others
 are eliminated by the matrix `S` of their rates, `v = S u`, and rates are those of `S^T M S u' = -S^T h` then. A robot is
 a path in the folder of the package `example-robot-data`, with `+` for a floating base. Exit status 1 where something
 differs.
@@ -30,6 +31,9 @@ ROBOTS = {
     "anymal_c": "+anymal_c_simple_description/urdf/anymal.urdf",
     "simple_humanoid": "+simple_humanoid_description/urdf/simple_humanoid.urdf",
 }
+MORE = (
+    "center_of_mass, center_of_mass_jacobian, centroidal_momentum, centroidal_momentum_matrix, operational_space"
+)
 N_STATES = 20
 TOLERANCE = 1e-12
 
@@ -90,7 +94,7 @@ def plain(name):
 class Robot:
     """A robot in both tools, and how the numbers of one are those of the other."""
 
-    def __init__(self, path, floats, folder, n_frames=4, more=""):
+    def __init__(self, path, floats, folder, n_frames=4, more="", bodies=False):
         path = with_quarter_turns(path, folder)
         free = [pin.JointModelFreeFlyer()] if floats else []
         self.pin = pin.buildModelFromUrdf(str(path), *free)
@@ -98,7 +102,7 @@ class Robot:
         self.links = leaves(path)[:n_frames]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pyhamel.ModelWarning)
-            text = pyhamel.import_robot(path, floating=floats, limits="none", frames=self.links)
+            text = pyhamel.import_robot(path, floating=floats, limits="none", frames=self.links, bodies=bodies)
         end = text.rindex("}")
         wants = ["rhs, inverse_dynamics, mass_matrix, bias, gravity, frames", "reconstruction" if floats else "", more]
         wanted = ", ".join(filter(None, wants))
@@ -176,7 +180,16 @@ class Robot:
             compare("bias", self.model.bias(y), bias)
             compare("gravity", self.model.gravity(y), s.T @ pin.computeGeneralizedGravity(model, data, q))
             compare("mass_matrix", self.model.mass_matrix(y), mass)
+            pin.ccrba(model, data, q, v)
+            momentum, matrix = data.hg.vector[twist], data.Ag[twist] @ s
+            compare("centroidal_momentum", self.model.centroidal_momentum(y), momentum)
+            compare("centroidal_momentum_matrix", self.model.centroidal_momentum_matrix(y), matrix)
+            pin.centerOfMass(model, data, q, v)
+            compare("center_of_mass", self.model.center_of_mass(y), [data.com[0], data.vcom[0]])
+            jacobian = pin.jacobianCenterOfMass(model, data, q) @ s
+            compare("center_of_mass_jacobian", self.model.center_of_mass_jacobian(y), jacobian)
             poses, twists = self.model.frame_poses(y), self.model.frame_twists(y)
+            responses = self.model.operational_space(y)
             jacobians, drifts = self.model.frame_jacobians(y), self.model.frame_drifts(y)
             pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
             pin.computeJointJacobians(model, data, q)
@@ -189,7 +202,9 @@ class Robot:
                 compare("frame_poses", poses[k], data.oMf[frame].homogeneous)
                 compare("frame_twists", twists[k], pin.getFrameVelocity(model, data, frame, local).vector[twist])
                 jacobian = pin.getFrameJacobian(model, data, frame, local)
-                compare("frame_jacobians", jacobians[k], jacobian[twist] @ s)
+                jacobian = jacobian[twist] @ s
+                compare("frame_jacobians", jacobians[k], jacobian)
+                compare("operational_space", responses[k], jacobian @ np.linalg.solve(mass, jacobian.T))
                 drift = pin.getFrameAcceleration(model, data, frame, local).vector[twist]
                 compare("frame_drifts", drifts[k], drift)
         return found
@@ -201,13 +216,13 @@ def main():
     for name in chosen:
         path = ROBOTS.get(name, name)
         with tempfile.TemporaryDirectory() as temporary:
-            robot = Robot(place / path.removeprefix("+"), path.startswith("+"), pathlib.Path(temporary))
+            robot = Robot(place / path.removeprefix("+"), path.startswith("+"), pathlib.Path(temporary), more=MORE, bodies=True)
         found = robot.differences(np.random.default_rng(7))
         bad = {what for what, difference in found.items() if not difference < TOLERANCE}
         differs |= bool(bad)
         print(f"{name}: {robot.pin.nv} velocities, {N_STATES} states" + (": DIFFERS" if bad else ""))
         for what, difference in found.items():
-            print(f"    {what:18} {difference:.1e}")
+            print(f"    {what:26} {difference:.1e}")
     sys.exit(1 if differs else 0)
 
 

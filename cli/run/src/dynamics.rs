@@ -11,6 +11,8 @@ use hamel_runtime::{
     Positions, Real, SquareStorage, StateVector, System,
 };
 
+use hamel_codegen::spec::Want;
+
 use super::info::Info;
 
 /// A scene with parameter values, ready to be evaluated.
@@ -86,17 +88,10 @@ pub trait Dynamics: Send + Sync {
         None
     }
 
-    /// The mass matrix `A` of `A udot = f`, row by row, in the order of [`Info::velocities`], where the scene wants
-    /// `mass_matrix`.
-    fn mass_matrix(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
-        let _ = (t, y);
-        None
-    }
-
-    /// The derivatives of the twists of frames, six rows for each, by the velocities in the order of
-    /// [`Info::velocities`], where the scene wants `frame_jacobians`.
-    fn frame_jacobians(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
-        let _ = (t, y);
+    /// A matrix that scenes want, row by row; velocities are in the order of [`Info::velocities`]. None where the scene
+    /// does not want it.
+    fn matrix(&self, want: Want, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let _ = (want, t, y);
         None
     }
 

@@ -537,12 +537,8 @@ impl Dynamics for Interpreted<'_> {
         self.interpreter.at(t).inverse_dynamics(t, y, a)
     }
 
-    fn mass_matrix(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
-        self.interpreter.at(t).mass_matrix(t, y)
-    }
-
-    fn frame_jacobians(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
-        self.interpreter.at(t).frame_jacobians(t, y)
+    fn matrix(&self, want: Want, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.interpreter.at(t).matrix_of(want, t, y)
     }
 
     fn rhs_cost(&self) -> u64 {

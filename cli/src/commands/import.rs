@@ -49,6 +49,9 @@ pub struct Arguments {
     /// A link whose frame the model names, for the wants `frames`, `frame_jacobians` and so on; may be repeated
     #[arg(long, value_name = "LINK")]
     pub frame: Vec<String>,
+    /// The model has a `body` for each link with mass, for the wants `center_of_mass`, `centroidal_momentum` and so on
+    #[arg(long)]
+    pub bodies: bool,
 }
 
 /// What becomes of the limits of joints.
@@ -74,6 +77,8 @@ pub struct Choices {
     pub lock: Vec<String>,
     /// Links with named frames.
     pub frames: Vec<String>,
+    /// Whether bodies are items.
+    pub bodies: bool,
 }
 
 /// The checked model of a robot's description, with the notes on what the model lacks and the warnings about it.
@@ -96,6 +101,7 @@ pub fn read(
     };
     options.locked = choices.lock;
     options.frames = choices.frames;
+    options.bodies = choices.bodies;
     let imported = import::import_with(&shown, &text, &options, &import::beside(file))?;
     let checked = session.parse(&format!("{}.hamel", imported.name), &imported.text)?;
     Ok((imported, checked.warnings))
@@ -106,9 +112,9 @@ pub fn read(
 /// # Errors
 /// As [`read`]; [`Error::Io`] where the model cannot be written.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let Arguments { file, output, force, floating, limits, lock, frame } = arguments;
+    let Arguments { file, output, force, floating, limits, lock, frame, bodies } = arguments;
     let (lock, frames) = (lock.clone(), frame.clone());
-    let choices = Choices { floating: *floating, limits: *limits, lock, frames };
+    let choices = Choices { floating: *floating, limits: *limits, lock, frames, bodies: *bodies };
     let opened = output.as_deref().map(|path| Opened::new_text(path, *force)).transpose()?;
     let (imported, warnings) = read(session, file, choices)?;
     model::show_warnings(&imported.notes);

@@ -27,4 +27,6 @@ pub struct Options {
     pub locked: Vec<String>,
     /// Links that have a named frame, the one of the file.
     pub frames: Vec<String>,
+    /// Whether bodies are items of the model, for their mass centre and momentum.
+    pub bodies: bool,
 }

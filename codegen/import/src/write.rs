@@ -86,6 +86,8 @@ struct Writer<'a> {
     out: String,
     kinetic: Vec<String>,
     potential: Vec<String>,
+    /// Links with a body, and whether that has a mass and moments of inertia.
+    bodies: Vec<(usize, bool, bool)>,
     motion: Motion,
     /// Places and rotations of links in the frames of their joints, by joint, where that has a coordinate.
     moved: Vec<Option<(Option<String>, Option<String>)>>,
@@ -126,6 +128,7 @@ pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -
         out: String::new(),
         kinetic: Vec::new(),
         potential: Vec::new(),
+        bodies: Vec::new(),
         motion,
         moved: vec![None; robot.joints.len()],
         is_declared: vec![false; robot.joints.len()],
@@ -372,6 +375,38 @@ impl Writer<'_> {
             let file_name = self.robot.links[link].name.clone();
             self.line(&format!("/// {file_name}\n{item};"));
         }
+        if self.options.bodies {
+            self.place_bodies(&mut placed, problems);
+        }
+    }
+
+    /// The bodies, each on the frame of the link at rest or of the one that moves freely.
+    fn place_bodies(&mut self, placed: &mut Vec<Option<Carried>>, problems: &mut Problems) {
+        self.line("\n// Bodies.");
+        let root = self.robot.root;
+        let mut lacks_frame =
+            !self.is_free(root) && !self.options.frames.contains(&self.robot.links[root].name);
+        for (link, has_mass, has_moments) in self.bodies.clone() {
+            let frame = self.placed(link, placed, problems);
+            let (own, carrier) = (self.links[link].clone(), self.links[frame.carrier].clone());
+            if frame.carrier == root && std::mem::take(&mut lacks_frame) {
+                let file_name = self.robot.links[root].name.clone();
+                self.line(&format!("/// {file_name}, at rest\nframe {carrier};"));
+            }
+            let mut item = format!("body {own} on {carrier} {{ ");
+            if has_mass {
+                let turned = frame.turn.as_ref().map_or(format!("c_{own}"), |turn| format!("{turn}*c_{own}"));
+                let place = frame.place.as_ref().map(|place| format!("{place} + ")).unwrap_or_default();
+                item.push_str(&format!("mass m_{own}; place {place}{turned}; "));
+            }
+            if has_moments {
+                item.push_str(&format!("inertia I_{own}; "));
+                if let Some(turn) = &frame.turn {
+                    item.push_str(&format!("attitude {turn}; "));
+                }
+            }
+            self.line(&format!("{item}}}"));
+        }
     }
 
     /// Whether a link moves without a joint.
@@ -509,6 +544,7 @@ impl Writer<'_> {
         if !moments.is_empty() {
             self.line(&format!("let I_{name} = {};", moments.join("\n    + ")));
         }
+        self.bodies.push((link, has_mass, !moments.is_empty()));
         let mut energies = Vec::new();
         if has_mass {
             self.line(&format!("let u_{name} = v_{name} + cross(w_{name}, c_{name});"));

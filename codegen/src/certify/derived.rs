@@ -109,6 +109,9 @@ impl Results<'_, '_> {
         if matrix.name == Want::Bracket.name() {
             return self.bracket(matrix, &entries, sheet);
         }
+        if matrix.name == Want::OperationalSpace.name() {
+            return self.operational_space(matrix, &entries, sheet, random);
+        }
         let is_gradient = matrix.name.ends_with("_gradients");
         let mut v = random.vector(matrix.shape.1);
         if is_gradient {
@@ -135,6 +138,11 @@ impl Results<'_, '_> {
             let unknowns = self.setting.claim.equations.system.unknowns.iter().map(|unknown| unknown.symbol);
             let changes: Vec<(SymbolId, Wide)> = unknowns.zip(v).collect();
             Some(self.slopes_of_twists(&changes)?)
+        } else if name(Want::CenterOfMassJacobian) || name(Want::CentroidalMomentumMatrix) {
+            let want = Want::from_name(matrix.name).unwrap_or(Want::CentroidalMomentumMatrix);
+            let unknowns = self.setting.claim.equations.system.unknowns.iter().map(|unknown| unknown.symbol);
+            let changes: Vec<(SymbolId, Wide)> = unknowns.zip(v).collect();
+            Some(self.centroid_by(want, &changes, random)?)
         } else if name(Want::OutputJacobian) {
             let changes: Vec<(SymbolId, Wide)> = self.setting.state.iter().copied().zip(v).collect();
             Some(self.slopes_of_outputs(&changes)?)
@@ -157,11 +165,9 @@ impl Results<'_, '_> {
     /// What the equations of motion leave over at accelerations, term by term along every velocity of the state.
     pub(super) fn forces(&self, accelerations: &[Wide]) -> Result<Vec<[Wide; 4]>, Open> {
         let setting = self.setting;
-        let unknowns = &setting.claim.equations.system.unknowns;
         let motion = Motion::with_rates(setting, self.point, self.rates_with(accelerations)?)?;
-        let mut forces = Vec::with_capacity(unknowns.len());
-        for k in 0..unknowns.len() {
-            let w = motion.displacement_of(setting, &motion.at, k)?;
+        let mut forces = Vec::new();
+        for w in self.displacements(&motion)? {
             forces.push(motion.unbalanced(setting, &w)?);
         }
         Ok(forces)

@@ -22,7 +22,7 @@ const POSE: usize = 12;
 const TWIST: usize = 6;
 
 impl Results<'_, '_> {
-    fn of_frames(&self, part: OutputPart) -> Vec<ExprId> {
+    pub(super) fn of_frames(&self, part: OutputPart) -> Vec<ExprId> {
         let outputs = self.setting.definition.model.outputs.iter().filter(|o| o.part == part);
         outputs.flat_map(|o| o.components.iter().map(|(_, e)| *e)).collect()
     }
@@ -66,7 +66,7 @@ impl Results<'_, '_> {
     }
 
     /// The symbols of the model along the motion, with an element of the group where the state has none.
-    fn moving_group(&self, random: &mut Random) -> Result<Env<Dual<Wide>>, Open> {
+    pub(super) fn moving_group(&self, random: &mut Random) -> Result<Env<Dual<Wide>>, Open> {
         let model = self.setting.definition.model;
         let mut env = self.motion.moving.env.clone();
         for item in &model.reconstruction {

@@ -15,11 +15,13 @@
 //! zero, which no drawn point meets; a fault is seen at the first point. The second and the third are for conditions
 //! and branches (`abs`, `atan2`, intervals) that hold on a part of the domain.
 
+mod centroid;
 mod claim;
 mod definition;
 mod derived;
 mod frames;
 mod group;
+mod implied;
 mod linear;
 mod motion;
 mod point;
@@ -118,6 +120,9 @@ fn compared(setting: &Setting<'_>, point: &Point, random: &mut Random) -> (Sheet
         Ok(motion) => {
             if let Err(missing) = motion.check(setting, &mut sheet, random) {
                 open(motion::RATES, missing.into());
+            }
+            if let Some(reason) = implied::check(setting, &mut sheet, random) {
+                open(motion::RATES, Open::Because(reason));
             }
             let results = Results { setting, point, motion: &motion };
             results.check(&mut sheet, random, &mut open);

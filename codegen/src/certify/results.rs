@@ -284,6 +284,10 @@ impl Results<'_, '_> {
                 self.of_model(output, found, sheet)?;
                 self.twists(output, found, sheet, random)?;
             }
+            Want::CenterOfMass | Want::CentroidalMomentum => {
+                self.of_model(output, found, sheet)?;
+                self.of_bodies(want, output, found, sheet, random)?;
+            }
             Want::FrameDrifts => self.drifts(output, found, sheet)?,
             Want::Bias | Want::Gravity => self.forces_at_rest(want, found, sheet)?,
             Want::Events | Want::Outputs => self.of_model(output, found, sheet)?,

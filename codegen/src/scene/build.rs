@@ -208,15 +208,14 @@ fn lower_derived(
         model.diagnostics(vec![spec::diagnose(model, span, message, help)])
     };
     let available = available_outputs(&equations);
-    let of_frames = |o: &Output| matches!(o.kind, OutputKind::Group(Want::FramePoses | Want::FrameTwists));
-    if let Some(want) = plan.of_frames.first().filter(|_| !available.iter().any(of_frames)) {
-        let message = format!("scene {scene} wants {}, and {} has no named frame", want.name(), model.name);
+    if let Some((want, message, help)) = frames::missing(&available, &plan.of_frames) {
+        let message = format!("scene {scene} wants {}, and {} has {message}", want.name(), model.name);
         let place = place_of(want.name()).or_else(|| place_of(Want::Frames.name()));
-        return Err(fail_at(place, message, "declare one, such as `frame tool at p attitude R;`".to_owned()));
+        return Err(fail_at(place, message, help.to_owned()));
     }
     let outputs = match &plan.outputs {
-        // Frames are for those who ask.
-        Outputs::All => available.into_iter().filter(|o| !of_frames(o)).collect(),
+        // Frames and bodies are for those who ask.
+        Outputs::All => available.into_iter().filter(|o| !frames::is_asked_for(o)).collect(),
         Outputs::Named(wants) => {
             let mut selected = Vec::new();
             for wanted in wants {
@@ -235,12 +234,10 @@ fn lower_derived(
             selected
         }
     };
-    if frames::needs_group(&equations, &outputs, plan.reconstructs) {
-        let place = place_of(Want::FramePoses.name()).or_else(|| place_of(Want::Frames.name()));
-        let message =
-            format!("scene {scene} wants poses of frames that the group moves, and its state has no group");
-        let help =
-            "add `want reconstruction;`, or want `frame_twists`, `frame_jacobians` and `frame_drifts` alone";
+    let in_space = frames::needs_group(&equations, &outputs, &plan.of_frames);
+    if let Some((want, help)) = in_space.filter(|_| !plan.reconstructs) {
+        let place = place_of(want.name()).or_else(|| place_of(Want::Frames.name()));
+        let message = format!("scene {scene} wants {}, and its state has no group", want.name());
         return Err(fail_at(place, message, help.to_owned()));
     }
     let mut results: Vec<ExprId> =

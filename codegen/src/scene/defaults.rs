@@ -327,6 +327,8 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
             let constraint = &model.constraints[k];
             (format!("constraint `{}`", constraint.text), constraint.span)
         }
+        // It has values where the others hold.
+        ExpressionRole::Implied(_) => return None,
         ExpressionRole::VirtualConstraint(k) => {
             let condition = &model.virtual_constraints[k];
             (format!("condition `{}`", condition.text), condition.span)

@@ -627,21 +627,12 @@ impl Interpreter<'_> {
         self.values(&Role::Output(REMAINDER.to_owned()), t, y)
     }
 
-    /// The mass matrix `A` of `A udot = f`, when the scene wants it, row by row.
+    /// A matrix that scenes want, such as the mass matrix or the Jacobians of frames, row by row, when this one does.
     ///
     /// # Panics
     /// When the size of `y` is wrong.
-    pub fn mass_matrix(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
-        self.matrix_named(Want::MassMatrix.name(), t, y)
-    }
-
-    /// The derivatives of the twists of the frames by the velocities of the state, when the scene wants them: six rows
-    /// for each frame, its angular velocity first.
-    ///
-    /// # Panics
-    /// When the size of `y` is wrong.
-    pub fn frame_jacobians(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
-        self.matrix_named(Want::FrameJacobians.name(), t, y)
+    pub fn matrix_of(&self, want: Want, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.matrix_named(want.name(), t, y)
     }
 
     fn matrix_named(&self, name: &str, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {

@@ -50,7 +50,7 @@ pub(super) struct Plan {
     pub(super) implicit: bool,
     /// Mass matrix, inverse dynamics and forces at rest, as far as they are wanted.
     pub(super) dynamics: BTreeSet<Want>,
-    /// Jacobians and drifts of frames, as far as they are wanted.
+    /// The wanted functions of frames and bodies.
     pub(super) of_frames: BTreeSet<Want>,
     /// Functions that lose digits carry their rounding errors along.
     pub(super) digits: bool,
@@ -148,8 +148,16 @@ impl Plan {
                     Wanted::Want(
                         want @ (Want::MassMatrix | Want::InverseDynamics | Want::Bias | Want::Gravity),
                     ) => _ = plan.dynamics.insert(*want),
-                    Wanted::Want(want @ (Want::FrameJacobians | Want::FrameDrifts)) => {
+                    Wanted::Want(
+                        want @ (Want::FrameJacobians
+                        | Want::FrameDrifts
+                        | Want::OperationalSpace
+                        | Want::CenterOfMassJacobian
+                        | Want::CentroidalMomentumMatrix),
+                    ) => _ = plan.of_frames.insert(*want),
+                    Wanted::Want(want @ (Want::CenterOfMass | Want::CentroidalMomentum)) => {
                         plan.of_frames.insert(*want);
+                        outputs.push(wanted.clone());
                     }
                     Wanted::Want(Want::Frames) => {
                         outputs.extend([Want::FramePoses, Want::FrameTwists].map(Wanted::Want));

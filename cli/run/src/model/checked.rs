@@ -77,7 +77,10 @@ impl Checked {
         let made = match &self.model.origin {
             Some(Origin { text, .. }) => {
                 let budget = format!("{:?}", self.model.graph.budget());
-                let text = decisive(text, Made::Program(scene));
+                // Which of several equations between coordinates is left out is found next to the initial values.
+                let is_of_loops = self.model.constraints.iter().any(|c| c.position.is_some());
+                let made = if is_of_loops { Made::Scene(scene) } else { Made::Program(scene) };
+                let text = decisive(text, made);
                 let key: Vec<&str> =
                     [what, scene, &budget].into_iter().chain(text.iter().map(String::as_str)).collect();
                 self.cache.get_or_make(&key, is_sound, make)?

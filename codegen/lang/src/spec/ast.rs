@@ -157,6 +157,8 @@ pub(super) struct EventItem {
 #[derive(Clone, Debug)]
 pub(super) struct BodyItem {
     pub(super) name: Name,
+    /// The frame in the axes of which place and attitude are.
+    pub(super) on: Option<Name>,
     pub(super) mass: Option<Expr>,
     pub(super) inertia: Option<Expr>,
     /// The place of its mass centre.

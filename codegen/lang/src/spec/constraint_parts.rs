@@ -16,6 +16,20 @@ pub struct PositionEquation {
     pub determines: Option<usize>,
 }
 
+/// An equation between coordinates that follows from the others of the model, next to a place: it was left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Implied {
+    /// As written, with the component of a vector equation.
+    pub text: String,
+    /// Left side minus right side.
+    pub residual: ExprId,
+    /// Coordinates that meet all equations, in the order of the model: equations may have other branches, where it
+    /// does not follow.
+    pub at: Vec<f64>,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
 /// The acceleration `s = w . ydot + offset(x, y, t)` along a constraint of third order, whose rate the constraint gives
 /// and which is a component of the state.
 #[derive(Clone, Debug, PartialEq)]

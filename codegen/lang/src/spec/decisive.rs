@@ -2,7 +2,8 @@
 //!
 //! Views are expressions of a graph of their own. Numbers in other scenes and in initial values are constants of the
 //! model's graph that its equations do not contain; only the order of factors that are roots of the same numbers could
-//! be another one. A default of a parameter decides: signs that are not known are told
+//! be another one. Equations between coordinates are told apart next to the initial values: for models that have such
+//! equations, initial values decide. A default of a parameter decides: signs that are not known are told
 //! apart there, and conditions are made of them. Deliberately does not know: what items mean, programs.
 
 use super::tokens::{Kind, Token, tokens};

@@ -18,6 +18,13 @@ pub enum OutputPart {
     Poses,
     /// The twists of all named frames in their own axes: for each the angular velocity, then the velocity.
     Twists,
+    /// All bodies in space, for those who compare: for each the place of its mass centre, its mass, its rotation by
+    /// rows, and its inertia in its own axes by rows.
+    Bodies,
+    /// Place and velocity of the mass centre of all bodies in space.
+    CenterOfMass,
+    /// Their momentum in the axes of space: the angular one about the mass centre, then the linear one.
+    CentroidalMomentum,
 }
 
 /// Which changes of sign of a function are an event.

@@ -39,6 +39,8 @@ pub enum ExpressionRole {
     ConstraintResidual(usize),
     /// Left side minus right side of an equation between positions.
     ConstraintPosition(usize),
+    /// Left side minus right side of an equation between positions that was left out.
+    Implied(usize),
     /// A coefficient of the highest derivatives in a constraint on accelerations or their rates, and what is added to
     /// the acceleration that the state carries for it.
     ConstraintAcceleration(usize),
@@ -97,6 +99,7 @@ macro_rules! visit {
             lagrangian,
             hamiltonian,
             constraints,
+            implied,
             derived_connection: _,
             accelerations: _,
             virtual_constraints,
@@ -209,6 +212,9 @@ macro_rules! visit {
         for (k, rate) in given.into_iter().flatten().enumerate() {
             let (Given::Velocity(e) | Given::Acceleration(e)) = rate;
             $visit(ExpressionRole::Given(k), e);
+        }
+        for (k, Implied { text: _, residual, at: _, span: _ }) in implied.into_iter().enumerate() {
+            $visit(ExpressionRole::Implied(k), residual);
         }
         for (k, constraint) in constraints.into_iter().enumerate() {
             let Constraint { name: _, text: _, kind, residual, position, gives: _, span: _ } = constraint;

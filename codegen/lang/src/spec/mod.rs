@@ -59,7 +59,7 @@ mod written;
 pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
 pub use configuration::Configuration;
-pub use constraint_parts::{CarriedAcceleration, PositionEquation, VirtualConstraint};
+pub use constraint_parts::{CarriedAcceleration, Implied, PositionEquation, VirtualConstraint};
 pub use context::Context;
 pub use decisive::{Made, decisive};
 pub use diagnostic::{Diagnostic, Diagnostics, Help, Origin, Replacement, Severity, Span};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 pub(super) use super::configuration::Configuration;
-pub(super) use super::constraint_parts::{CarriedAcceleration, PositionEquation, VirtualConstraint};
+pub(super) use super::constraint_parts::{CarriedAcceleration, Implied, PositionEquation, VirtualConstraint};
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
 pub(super) use super::first_order::FirstOrderState;
@@ -556,8 +556,7 @@ pub struct Model {
     pub accelerations: Vec<SymbolId>,
     /// Conditions on virtual displacements; when there are none, the constraints give them.
     pub virtual_constraints: Vec<VirtualConstraint>,
-    /// Chosen independent velocities: indices into the base velocities, the velocities in the algebra and the
-    /// quasi-velocities, in this order.
+    /// Chosen independent velocities: indices into base velocities, velocities in the algebra, quasi-velocities.
     pub independent: Option<Vec<usize>>,
     /// Whether the multiplier form was asked for.
     pub force_multipliers: bool,
@@ -585,7 +584,9 @@ pub struct Model {
     pub places: Places,
     /// Units that doc comments say, and that follow from them; none for a model built in Rust.
     pub units: Units,
-    /// Declarations of the text that have no effect. A model built in Rust has none: rustc finds unused values there.
+    /// Equations between coordinates that follow from [`Model::constraints`] and are left out.
+    pub implied: Vec<Implied>,
+    /// Equations that are left out, and declarations of a text without effect; rustc finds unused values of Rust.
     pub warnings: Diagnostics,
     /// The text, when the model was read from one.
     pub origin: Option<Origin>,
@@ -686,9 +687,8 @@ pub fn circle_names(angle: &str) -> [String; 2] {
     [format!("{angle}_c"), format!("{angle}_s")]
 }
 
-/// A problem that a later phase found, at a span of the model's text.
-///
-/// The span is dropped when the model has no text. Show it with [`Model::diagnostics`].
+/// A problem that a later phase found, at a span of the model's text, which is dropped when the model has none. Show it
+/// with [`Model::diagnostics`].
 pub fn diagnose(
     model: &Model,
     span: Option<Span>,

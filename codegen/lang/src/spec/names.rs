@@ -211,7 +211,7 @@ pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>)
     if let Some((_, name)) = near {
         return Help::replacing(wrong, name, format!("did you mean `{name}`?"));
     }
-    if known.is_empty() || known.len() > 48 {
+    if known.is_empty() || known.len() > 60 {
         return Help::default();
     }
     format!("legal here: {}", list(&known)).into()

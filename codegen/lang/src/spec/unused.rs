@@ -130,7 +130,7 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
         ItemKind::Representation { name, algebra, .. } => {
             add("representation", name, vec![of_algebras(&name.text)], algebras(algebra));
         }
-        ItemKind::Body(body) => {
+        ItemKind::Body(body) if body.on.is_none() => {
             let parts = body.parts.iter().map(|(_, name)| name.text.clone()).collect();
             add("body", &body.name, parts, mentions(body.expressions()));
         }
@@ -231,6 +231,7 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::View { arguments, around, at, attitude, .. } => {
             mentions(arguments.iter().chain([around, at, attitude].into_iter().flatten()))
         }
+        ItemKind::Body(body) if body.on.is_some() => mentions(body.expressions()),
         ItemKind::NamedFrame { at, attitude, .. } => mentions([at, attitude].into_iter().flatten()),
         ItemKind::Source(_)
         | ItemKind::Topic(_)

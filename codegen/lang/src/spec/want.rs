@@ -68,6 +68,16 @@ pub enum Want {
     FrameJacobians,
     /// The rates of the twists at zero accelerations.
     FrameDrifts,
+    /// The inverses of the inertias at the named frames, `J A^-1 J^T`.
+    OperationalSpace,
+    /// Place and velocity of the mass centre of all bodies.
+    CenterOfMass,
+    /// The derivatives of its velocity by the velocities of the state.
+    CenterOfMassJacobian,
+    /// The momentum of all bodies, the angular one about the mass centre.
+    CentroidalMomentum,
+    /// The derivatives of this momentum by the velocities of the state.
+    CentroidalMomentumMatrix,
     /// The coordinates of the group as part of the state.
     Reconstruction,
     /// All casimirs of the model.
@@ -104,7 +114,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 45] = [
+    pub const ALL: [Want; 50] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -134,6 +144,11 @@ impl Want {
         Want::FrameTwists,
         Want::FrameJacobians,
         Want::FrameDrifts,
+        Want::OperationalSpace,
+        Want::CenterOfMass,
+        Want::CenterOfMassJacobian,
+        Want::CentroidalMomentum,
+        Want::CentroidalMomentumMatrix,
         Want::Reconstruction,
         Want::Casimirs,
         Want::Circles,
@@ -184,6 +199,11 @@ impl Want {
             Want::FrameTwists => "frame_twists",
             Want::FrameJacobians => "frame_jacobians",
             Want::FrameDrifts => "frame_drifts",
+            Want::OperationalSpace => "operational_space",
+            Want::CenterOfMass => "center_of_mass",
+            Want::CenterOfMassJacobian => "center_of_mass_jacobian",
+            Want::CentroidalMomentum => "centroidal_momentum",
+            Want::CentroidalMomentumMatrix => "centroidal_momentum_matrix",
             Want::Reconstruction => "reconstruction",
             Want::Casimirs => "casimirs",
             Want::Circles => "circles",
@@ -208,15 +228,27 @@ impl Want {
         Want::ALL.into_iter().find(|want| want.name() == name)
     }
 
+    /// Whether it is made of all bodies of the model.
+    pub const fn is_of_bodies(self) -> bool {
+        matches!(
+            self,
+            Want::CenterOfMass
+                | Want::CenterOfMassJacobian
+                | Want::CentroidalMomentum
+                | Want::CentroidalMomentumMatrix
+        )
+    }
+
     /// Whether it may stand beside the state in a table, so that nothing in a model can be called so. The others can
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Bias, Bracket, Casimirs, Circles, Constraint, Digits, Events, Feedthrough, FrameDrifts,
+            Bias, Bracket, Casimirs, CenterOfMass, CenterOfMassJacobian, CentroidalMomentum,
+            CentroidalMomentumMatrix, Circles, Constraint, Digits, Events, Feedthrough, FrameDrifts,
             FrameJacobians, FramePoses, FrameTwists, Frames, Gravity, HamiltonianTime, Implicit,
             InputJacobian, Invariants, InverseDynamics, Linearization, MassMatrix, Matrices,
-            MomentumEquation, NonholonomicMomentum, OutputJacobian, Outputs, Phases, Positions, Sections,
-            Splitting, Taylor, Velocities,
+            MomentumEquation, NonholonomicMomentum, OperationalSpace, OutputJacobian, Outputs, Phases,
+            Positions, Sections, Splitting, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -252,6 +284,11 @@ impl Want {
                 | FrameTwists
                 | FrameJacobians
                 | FrameDrifts
+                | OperationalSpace
+                | CenterOfMass
+                | CenterOfMassJacobian
+                | CentroidalMomentum
+                | CentroidalMomentumMatrix
         )
     }
 }

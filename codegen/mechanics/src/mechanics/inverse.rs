@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_traits::Zero;
 
 use crate::reduction::SolvedConstraint;
-use hamel_expr::differentiate::Solved;
+use hamel_expr::differentiate::{Linear, Solved};
 use hamel_expr::error::Error;
 use hamel_expr::{Definition, ExprId, Graph, Node, Section, SectionWriter, Sign, SymbolId, needed_sections};
 
@@ -22,7 +22,7 @@ use super::balance::{Balance, Border, Factors, Kept};
 use super::derive::Derivation;
 use super::equations::Equations;
 use super::recursion::Recursion;
-use super::solve::Factorisation;
+use super::solve::{Factorisation, is_symmetric};
 
 impl Equations {
     /// What tells derivatives of the accelerations: their balance at the motion, its factors, and the definitions of
@@ -86,6 +86,58 @@ impl Equations {
         let labels = labels.chain((0..n_multipliers).map(|k| format!("multiplier{}", k + 1))).collect();
         let solved = Solved { symbols, residual, held, sections: renewed, labels };
         Ok(Some((solved, factors, writer.finish().0)))
+    }
+}
+
+/// Rates of the velocities of the state for each of some forces, and definitions that the equations do not have.
+pub type Responses = (Vec<Vec<ExprId>>, Vec<Section>);
+
+impl Equations {
+    /// What forces along the velocities of the state add to the rates of these, `A^-1 b` for each `b` of `forces`;
+    /// where multipliers keep a constraint, with their answer. `named` has the names of the forces, `before` the
+    /// definitions that they are written in beside the equations.
+    ///
+    /// None where [`Equations::balanced_system`] has none, and where reactions do work along virtual displacements: `A`
+    /// is not symmetric, or the one-forms of reactions differ from the rows of the constraint.
+    ///
+    /// # Errors
+    /// [`Error::SingularMassMatrix`].
+    pub fn responses(
+        &self,
+        g: &mut Graph,
+        (named, before): (&[String], &[Section]),
+        forces: &[Vec<ExprId>],
+    ) -> Result<Option<Responses>, Error> {
+        let Some((system, balance)) = self.balanced_system() else { return Ok(None) };
+        let is_same = |g: &mut Graph, Kept { rows, forms }: &Kept| {
+            rows.iter().flatten().zip(forms.iter().flatten()).all(|(a, b)| g.is_equal(*a, *b))
+        };
+        let kept = balance.kept.clone();
+        if !is_symmetric(g, &system.mass_matrix) || kept.as_ref().is_some_and(|kept| !is_same(g, kept)) {
+            return Ok(None);
+        }
+        let balance =
+            Balance { matrix: system.mass_matrix.clone(), names: system.unknowns.clone(), ..balance.clone() };
+        let mut writer = SectionWriter::after(g, self.varying.clone(), &self.sections);
+        let beside: Vec<SymbolId> =
+            before.iter().flat_map(|section| &section.definitions).map(|d| d.symbol).collect();
+        writer.vary(g, &beside);
+        let factors = balance.factors(g, &mut writer, &self.system.signs)?;
+        let n_multipliers = kept.map_or(0, |kept| kept.forms.len());
+        writer.begin("responses to forces");
+        let mut responses = Vec::with_capacity(forces.len());
+        for (name, force) in named.iter().zip(forces) {
+            let labels = balance.names.iter().map(|unknown| format!("response_{unknown}_to_{name}"));
+            let reactions = (0..n_multipliers).map(|k| format!("reaction{}_to_{name}", k + 1));
+            let labels: Vec<String> = labels.chain(reactions).collect();
+            let right: Vec<ExprId> =
+                force.iter().copied().chain((0..n_multipliers).map(|_| g.zero())).collect();
+            let mut found = factors.solve(g, &mut writer, &labels, &right);
+            found.truncate(force.len());
+            responses.push(found);
+        }
+        g.within_budget()?;
+        Ok(Some((responses, writer.finish().0)))
     }
 }
 

@@ -69,7 +69,7 @@ pub use equivalence::{ChangeOfState, Unrelated, same_motion};
 pub use gauge::{ConservedMomenta, ConservedMomentum};
 pub use hamiltonization::{BracketFacts, Jacobi};
 pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};
-pub use inverse::{AtRest, Forces};
+pub use inverse::{AtRest, Forces, Responses};
 pub use limits::EXPANDED;
 pub use measure::{Density, Factor};
 pub use pairings::{Pairing, PairingKind};

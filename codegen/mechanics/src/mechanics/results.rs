@@ -365,19 +365,21 @@ impl Derivation<'_> {
             outputs.push(Output::group(Want::Casimirs, components, "conserved quantities"));
         }
         for output in &system.outputs {
-            let mut components = Vec::new();
-            for (name, e) in &output.components {
-                components.push((name.clone(), self.replace(*e)?));
-            }
-            let (name, doc) = (output.name.clone(), output.doc.clone());
             let kind = match output.part {
                 OutputPart::Own => OutputKind::OfModel,
                 OutputPart::Events => OutputKind::Group(Want::Events),
                 OutputPart::After => OutputKind::After,
                 OutputPart::Poses => OutputKind::Group(Want::FramePoses),
                 OutputPart::Twists => OutputKind::Group(Want::FrameTwists),
+                OutputPart::CenterOfMass => OutputKind::Group(Want::CenterOfMass),
+                OutputPart::CentroidalMomentum => OutputKind::Group(Want::CentroidalMomentum),
+                OutputPart::Bodies => continue,
             };
-            outputs.push(Output { kind, name, components, doc });
+            let mut components = Vec::new();
+            for (name, e) in &output.components {
+                components.push((name.clone(), self.replace(*e)?));
+            }
+            outputs.push(Output { kind, name: output.name.clone(), components, doc: output.doc.clone() });
         }
         let (along_sections, momenta_along) = self.along_sections(&motion)?;
         outputs.extend(momenta_along);

@@ -398,6 +398,7 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             ExpressionRole::AdvectedAction(_) => false,
             ExpressionRole::Hamiltonian
             | ExpressionRole::ConstraintPosition(_)
+            | ExpressionRole::Implied(_)
             | ExpressionRole::Algebroid
             | ExpressionRole::Frame
             | ExpressionRole::Given(_)

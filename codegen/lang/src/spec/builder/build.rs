@@ -9,7 +9,7 @@ use crate::algebra::LieAlgebra;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};
 use crate::spec::model::*;
 use crate::spec::names;
-use crate::spec::redundant::redundant;
+use crate::spec::redundant::leave_out;
 use crate::spec::unit::Units;
 use crate::spec::value::Value;
 use crate::spec::view::Views;
@@ -56,7 +56,8 @@ impl ModelBuilder {
         let events = self.check_events();
         let reconstruction = self.check_reconstructions(connection.as_deref());
         if !self.broken.contains("frame of a body") {
-            self.check_frames(&reconstruction);
+            let frames = self.check_frames(&reconstruction);
+            self.check_bodies(&frames, &reconstruction);
         }
         let initial = self.check_initial();
         let totals = self.check_totals();
@@ -126,6 +127,7 @@ impl ModelBuilder {
             lagrangian,
             hamiltonian,
             constraints,
+            implied: Vec::new(),
             accelerations,
             virtual_constraints,
             independent,
@@ -139,7 +141,7 @@ impl ModelBuilder {
             initial,
             scenes,
             places,
-            warnings: Diagnostics::new(None, Vec::new()),
+            warnings: Diagnostics::new(None, self.left_out),
             origin,
         };
         let mut problems = misplaced_inputs(&model);
@@ -148,7 +150,7 @@ impl ModelBuilder {
             problems.extend(close(&mut model, &drives));
         }
         if problems.is_empty() {
-            problems.extend(redundant(&model));
+            problems.extend(leave_out(&mut model));
         }
         if problems.is_empty() { Ok(model) } else { Err(Diagnostics::new(model.origin, problems)) }
     }

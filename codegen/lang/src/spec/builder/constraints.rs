@@ -176,12 +176,29 @@ impl ModelBuilder {
                 format!("{what} `{text}`")
             };
             if self.graph.is_zero(*e) {
+                if n > 1 && self.is_between_positions([&left, &right]) {
+                    let told = Diagnostic::new(draft.span, format!("{place} always holds: it is left out"));
+                    self.left_out.push(told.with_help("write the other components alone"));
+                    continue;
+                }
                 self.problem(draft.span, format!("{place} always holds"), "remove it");
                 continue;
             }
             rows.push((name, place, *e));
         }
         rows
+    }
+
+    /// Whether nothing is in an equation that moves by itself: no velocity, no acceleration. A component of it that
+    /// always holds is a loop in the plane that is written in space, and no mistake.
+    fn is_between_positions(&self, sides: [&Value; 2]) -> bool {
+        let base = self.base.iter().map(|c| c.symbol).chain(self.params.iter().map(|p| p.symbol));
+        let advected = self.advected.iter().flat_map(|a| a.components.iter().map(|(_, symbol)| *symbol));
+        let known: BTreeSet<SymbolId> = base.chain(advected).chain([self.time]).collect();
+        sides
+            .into_iter()
+            .flat_map(|side| side.entries())
+            .all(|e| self.graph.free_symbols(*e).is_subset(&known))
     }
 
     /// `advected` and `connection` say how positions move.

@@ -184,11 +184,26 @@ pub(super) struct SceneDraft {
 /// A frame beside the frame that it is on: place and rotation in the axes of that, and its motion against it.
 #[derive(Clone, Debug)]
 pub(in crate::spec) struct NamedFrameDraft {
+    /// `frame`, or `body` for the frame of one.
+    pub(in crate::spec) what: &'static str,
     pub(in crate::spec) name: String,
     pub(in crate::spec) on: Option<(String, Option<Span>)>,
     pub(in crate::spec) motion: FrameMotion,
     pub(in crate::spec) doc: String,
     pub(in crate::spec) span: Option<Span>,
+}
+
+/// A body, for what all bodies are together.
+#[derive(Clone, Debug)]
+pub(in crate::spec) struct BodyDraft {
+    /// Its own frame, with the mass centre as origin.
+    pub(in crate::spec) frame: NamedFrameDraft,
+    /// The rate of its place, where that is shorter than the velocity in its own axes.
+    pub(in crate::spec) rate: Option<[ExprId; 3]>,
+    /// Zero for a body without one.
+    pub(in crate::spec) mass: ExprId,
+    /// About the mass centre, in the body's axes.
+    pub(in crate::spec) inertia: [[ExprId; 3]; 3],
 }
 
 /// How a frame moves against the frame that it is on.
@@ -453,6 +468,9 @@ pub struct ModelBuilder {
     /// The graph without the views while they are declared, the one with them afterwards.
     pub(super) views_graph: Option<Graph>,
     pub(super) named_frames: Vec<NamedFrameDraft>,
+    pub(in crate::spec) bodies: Vec<BodyDraft>,
+    /// Equations that always hold, which are told.
+    pub(super) left_out: Vec<Diagnostic>,
 }
 
 impl ModelBuilder {
@@ -534,6 +552,8 @@ impl ModelBuilder {
             views: Vec::new(),
             views_graph: None,
             named_frames: Vec::new(),
+            bodies: Vec::new(),
+            left_out: Vec::new(),
         }
     }
 

@@ -155,6 +155,7 @@ fn of_geometry(model: &Model, role: ExpressionRole) -> Option<(String, Option<Sp
         | ExpressionRole::Given(_)
         | ExpressionRole::ConstraintResidual(_)
         | ExpressionRole::ConstraintPosition(_)
+        | ExpressionRole::Implied(_)
         | ExpressionRole::ConstraintAcceleration(_)
         | ExpressionRole::VirtualConstraint(_)
         | ExpressionRole::Reconstruction(_)

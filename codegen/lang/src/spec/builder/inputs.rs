@@ -244,6 +244,10 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
             }
         },
         ExpressionRole::ConstraintAcceleration(k) | ExpressionRole::ConstraintPosition(k) => of_constraint(k),
+        ExpressionRole::Implied(k) => {
+            let implied = &model.implied[k];
+            (format!("constraint `{}`", implied.text), implied.span, PLACE)
+        }
         ExpressionRole::Lagrangian => ("the Lagrangian".to_owned(), places.lagrangian, FORCE),
         ExpressionRole::Hamiltonian => ("the Hamiltonian".to_owned(), places.lagrangian, FORCE),
         ExpressionRole::DomainEnd(k) => {

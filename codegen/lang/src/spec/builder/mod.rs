@@ -6,6 +6,7 @@ mod advected;
 mod algebroid;
 mod applied;
 mod build;
+mod centroid;
 mod configuration;
 mod connection;
 mod constraints;
@@ -34,6 +35,6 @@ mod view;
 
 pub(super) use algebroid::SectionBracket;
 pub use draft::ModelBuilder;
-pub(super) use draft::{CarryDraft, DeclaredAs, EventSet, FrameMotion, NamedFrameDraft};
+pub(super) use draft::{BodyDraft, CarryDraft, DeclaredAs, EventSet, FrameMotion, NamedFrameDraft};
 pub(in crate::spec) use view::FIELD;
 pub use view::Placement;

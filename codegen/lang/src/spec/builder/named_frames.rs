@@ -7,6 +7,7 @@
 //! change of frames.
 
 use super::draft::{FrameMotion, ModelBuilder, NamedFrameDraft, ReconstructionDraft, Way};
+use crate::spec::diagnostic::Span;
 use crate::spec::event::OutputPart;
 use crate::spec::group::Group;
 use crate::spec::model::*;
@@ -15,17 +16,17 @@ use crate::spec::value::Value;
 use crate::spec::want::Want;
 use hamel_expr::{ExprId, Node, SymbolId};
 
-type Vector = [ExprId; 3];
+pub(super) type Vector = [ExprId; 3];
 type Rotation = [Vector; 3];
 
 /// A frame in space.
 #[derive(Clone, Debug)]
-struct Placed {
+pub(super) struct Placed {
     name: String,
-    place: Vector,
-    rotation: Rotation,
-    spin: Vector,
-    velocity: Vector,
+    pub(super) place: Vector,
+    pub(super) rotation: Rotation,
+    pub(super) spin: Vector,
+    pub(super) velocity: Vector,
 }
 
 impl ModelBuilder {
@@ -61,7 +62,7 @@ impl ModelBuilder {
     }
 
     /// Places all frames in space; their poses and twists become outputs.
-    pub(super) fn check_frames(&mut self, reconstruction: &[Reconstruction]) {
+    pub(super) fn check_frames(&mut self, reconstruction: &[Reconstruction]) -> Vec<Placed> {
         let mut placed: Vec<Placed> = Vec::new();
         let (mut poses, mut twists) = (Vec::new(), Vec::new());
         let mut docs = Vec::new();
@@ -81,7 +82,8 @@ impl ModelBuilder {
                 own.extend(named(&format!("R{}", i + 1), row));
             }
             let own_twist = [named("w", &frame.spin), named("v", &frame.velocity)].concat();
-            self.check_component_names(&draft, own.iter().chain(&own_twist).map(|(name, _)| name.as_str()));
+            let names = own.iter().chain(&own_twist).map(|(name, _)| name.as_str());
+            self.check_component_names(draft.span, &format!("frame `{}`", draft.name), names);
             poses.extend(own);
             twists.extend(own_twist);
             docs.push(if draft.doc.is_empty() {
@@ -92,7 +94,7 @@ impl ModelBuilder {
             placed.push(frame);
         }
         if placed.is_empty() {
-            return;
+            return placed;
         }
         let of = docs.join("; ");
         let output = |want: Want, components, doc: String, part| NamedVector {
@@ -110,12 +112,14 @@ impl ModelBuilder {
             "twists of frames in their own axes: angular velocity `w`, `hat(w) = R^T R'`, and velocity `v = R^T p'`; {of}"
         );
         self.outputs.push(output(Want::FrameTwists, twists, doc, OutputPart::Twists));
+        placed
     }
 
     /// Components of outputs are found by name: none may be anything else.
-    fn check_component_names<'n>(
+    pub(super) fn check_component_names<'n>(
         &mut self,
-        draft: &NamedFrameDraft,
+        span: Option<Span>,
+        whose: &str,
         components: impl Iterator<Item = &'n str>,
     ) {
         for component in components {
@@ -123,19 +127,20 @@ impl ModelBuilder {
             let mut others = self.outputs.iter().flat_map(|output| &output.components);
             let is_output = others.any(|(name, _)| name == component);
             let Some(what) = declared.or(is_output.then_some("an output")) else { continue };
-            let message = format!("frame `{}` has a component `{component}`, which is {what}", draft.name);
-            self.problem(draft.span, message, "rename one of them");
+            let message = format!("{whose} has a component `{component}`, which is {what}");
+            self.problem(span, message, "rename one of them");
             return;
         }
     }
 
-    fn placed_frame(
+    /// A frame, or that of a body, in space.
+    pub(super) fn placed_frame(
         &mut self,
         draft: &NamedFrameDraft,
         placed: &[Placed],
         reconstruction: &[Reconstruction],
     ) -> Option<Placed> {
-        let name = draft.name.clone();
+        let (what, name) = (draft.what, draft.name.clone());
         let parent = match &draft.on {
             None => None,
             Some((on, span)) => match placed.iter().find(|frame| frame.name == *on) {
@@ -146,7 +151,7 @@ impl ModelBuilder {
                         if help.is_empty() { "declare that frame before this one".into() } else { help };
                     self.problem(
                         *span,
-                        format!("frame `{name}` is on `{on}`, which is no frame before it"),
+                        format!("{what} `{name}` is on `{on}`, which is no frame before it"),
                         help,
                     );
                     return None;
@@ -160,7 +165,7 @@ impl ModelBuilder {
                     let help = "leave out `on`: the coordinates of the group place a frame in space";
                     self.problem(
                         draft.span,
-                        format!("frame `{name}` is that of the group, on another frame"),
+                        format!("{what} `{name}` is that of the group, on another frame"),
                         help,
                     );
                     return None;
@@ -171,7 +176,7 @@ impl ModelBuilder {
                     let help = "frames follow a group that acts on the left";
                     self.problem(
                         draft.span,
-                        format!("frame `{name}` is that of a group that acts on the right"),
+                        format!("{what} `{name}` is that of a group that acts on the right"),
                         help,
                     );
                     return None;

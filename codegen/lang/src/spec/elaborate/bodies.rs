@@ -4,7 +4,7 @@
 
 use super::values::Elaboration;
 use crate::spec::ast::{BodyItem, BodyPart, Expr};
-use crate::spec::builder::Placement;
+use crate::spec::builder::{BodyDraft, NamedFrameDraft, Placement};
 use crate::spec::diagnostic::Span;
 use crate::spec::eval::Weighed;
 use crate::spec::shape::Shape;
@@ -42,6 +42,59 @@ impl Elaboration<'_> {
                 let bits = terms.iter().map(|(_, bits)| *bits).max()?;
                 let entries: Vec<_> = terms.iter().flat_map(|(value, _)| value.entries().to_vec()).collect();
                 Some((Value::Scalar(self.builder.graph.sum(&entries)), bits + 8))
+            }
+        }
+    }
+
+    /// A body among all of them: one on a frame, or any where a scene wants their mass centre or momentum. Problems of
+    /// another have been told by the names that it declares.
+    pub(super) fn weighed_body(&mut self, body: &BodyItem) {
+        if body.on.is_none() && !(self.builder.wants_centroid() && self.builder.problems.is_empty()) {
+            return;
+        }
+        match self.body_draft(body) {
+            Some(draft) => self.builder.bodies.push(draft),
+            None => _ = self.builder.broken.insert("frame of a body"),
+        }
+    }
+
+    fn body_draft(&mut self, body: &BodyItem) -> Option<BodyDraft> {
+        let (motion, rate) = self.motion_of_frame(body.place.as_ref(), body.attitude.as_ref())?;
+        let zero = self.builder.graph.zero();
+        let mass = match &body.mass {
+            Some(mass) => self.mass(mass)?.0,
+            None => zero,
+        };
+        let inertia = match &body.inertia {
+            Some(inertia) => self.inertia(inertia)?,
+            None => [[zero; 3]; 3],
+        };
+        let frame = NamedFrameDraft {
+            what: "body",
+            name: body.name.text.clone(),
+            on: body.on.as_ref().map(|on| (on.text.clone(), Some(on.span))),
+            motion,
+            doc: String::new(),
+            span: Some(body.name.span),
+        };
+        Some(BodyDraft { frame, rate, mass, inertia })
+    }
+
+    /// An inertia in space; that of a body in the plane is about the third axis.
+    fn inertia(&mut self, inertia: &Expr) -> Option<[[ExprId; 3]; 3]> {
+        let zero = self.builder.graph.zero();
+        match self.weighed(inertia)?.0 {
+            Value::Scalar(i) => Some([[zero; 3], [zero; 3], [zero, zero, i]]),
+            Value::Matrix { rows: 3, columns: 3, entries: e } => {
+                Some([[e[0], e[1], e[2]], [e[3], e[4], e[5]], [e[6], e[7], e[8]]])
+            }
+            other => {
+                let message = format!(
+                    "the inertia has to be matrix(3, 3), or a number in the plane, found {}",
+                    other.shape()
+                );
+                self.problem(inertia.span, message, "write `diag([I1, I2, I3])`");
+                None
             }
         }
     }

@@ -60,6 +60,7 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
     let mut model = built.map_err(|problems| problems.once_for(&loops))?;
     // Beside errors they would be noise: a name that is misspelt once is unused as well.
     let mut warnings = told;
+    warnings.extend(model.warnings.iter().cloned());
     warnings.extend(unused::warnings(&file.items));
     let (known, contradictions) = units::examine(&model, &definitions);
     model.units = known;
@@ -127,7 +128,10 @@ impl Elaboration<'_> {
             self.reconstruct(item);
         }
         for item in &file.items {
-            self.named_frame(item);
+            match &item.kind {
+                ItemKind::Body(body) => self.weighed_body(body),
+                _ => self.named_frame(item),
+            }
         }
         for item in &file.items {
             let ItemKind::Initial { name, value } = &item.kind else { continue };
@@ -155,9 +159,13 @@ impl Elaboration<'_> {
     }
 }
 
-/// The views, and the bodies where there are none.
+/// The views, and where there are none the bodies that say where they are in space.
 fn pictured(items: &[Item], has_bodies: bool) -> Vec<&Item> {
     let of = |kind: fn(&ItemKind) -> bool| items.iter().filter(|item| kind(&item.kind)).collect::<Vec<_>>();
     let views = of(|kind| matches!(kind, ItemKind::View { .. }));
-    if views.is_empty() && has_bodies { of(|kind| matches!(kind, ItemKind::Body(_))) } else { views }
+    if views.is_empty() && has_bodies {
+        of(|kind| matches!(kind, ItemKind::Body(body) if body.on.is_none()))
+    } else {
+        views
+    }
 }

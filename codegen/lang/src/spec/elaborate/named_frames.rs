@@ -13,8 +13,9 @@ impl Elaboration<'_> {
     pub(super) fn named_frame(&mut self, item: &Item) {
         let ItemKind::NamedFrame { name, on, at, attitude } = &item.kind else { return };
         match self.motion_of_frame(at.as_ref(), attitude.as_ref()) {
-            Some(motion) => {
+            Some((motion, _)) => {
                 let draft = NamedFrameDraft {
+                    what: "frame",
                     name: name.text.clone(),
                     on: on.as_ref().map(|on| (on.text.clone(), Some(on.span))),
                     motion,
@@ -27,7 +28,12 @@ impl Elaboration<'_> {
         }
     }
 
-    fn motion_of_frame(&mut self, at: Option<&Expr>, attitude: Option<&Expr>) -> Option<FrameMotion> {
+    /// How a frame moves, and the rate of its place where the velocity in its own axes is that rate turned.
+    pub(super) fn motion_of_frame(
+        &mut self,
+        at: Option<&Expr>,
+        attitude: Option<&Expr>,
+    ) -> Option<(FrameMotion, Option<[ExprId; 3]>)> {
         let place_value = match at {
             Some(expr) => Some(self.located(expr)?),
             None => None,
@@ -48,7 +54,7 @@ impl Elaboration<'_> {
         }
         let of_group = [&place_value, &attitude_value].map(|part| part.as_ref().map(|(value, _)| value));
         if let Some(symbols) = self.builder.pose_of_group(of_group[0], of_group[1]) {
-            return Some(FrameMotion::OfGroup { place, rotation, symbols });
+            return Some((FrameMotion::OfGroup { place, rotation, symbols }, None));
         }
         let spin = match attitude {
             None => [zero; 3],
@@ -57,6 +63,7 @@ impl Elaboration<'_> {
                 w => three(&w, zero),
             },
         };
+        let mut turned = None;
         let velocity = match at {
             None => [zero; 3],
             Some(expr) => {
@@ -65,6 +72,7 @@ impl Elaboration<'_> {
                     Some((velocity, _)) => three(&velocity, zero),
                     None => {
                         let rate = three(&self.velocity(expr)?.0, zero);
+                        turned = Some(rate);
                         let g = &mut self.builder.graph;
                         std::array::from_fn(|j| {
                             g.dot(&[rotation[0][j], rotation[1][j], rotation[2][j]], &rate)
@@ -73,7 +81,7 @@ impl Elaboration<'_> {
                 }
             }
         };
-        Some(FrameMotion::Given { place, rotation, velocity, spin })
+        Some((FrameMotion::Given { place, rotation, velocity, spin }, turned))
     }
 }
 

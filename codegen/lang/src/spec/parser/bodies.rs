@@ -61,12 +61,16 @@ impl Parser<'_> {
         Ok(ItemKind::NamedFrame { name, on, at, attitude })
     }
 
-    /// `body B { mass m; inertia I; place p; attitude R; }` behind its first word.
+    /// `body B { mass m; inertia I; place p; attitude R; }` behind its first word; with `on wrist` behind the name it
+    /// declares nothing, as frames are placed after everything else.
     pub(super) fn body(&mut self) -> Parsed<ItemKind> {
         let start = self.clone();
         let name = self.labelled("the name of a body")?;
-        let (mut block, span) =
-            self.require_group(Delimiter::Brace, "`{` with mass and place, inertia and attitude")?;
+        let on = if self.word("on").is_some() { Some(self.labelled("the name of a frame")?) } else { None };
+        let (mut block, span) = self.require_group(
+            Delimiter::Brace,
+            "`on` and a frame, or `{` with mass and place, inertia and attitude",
+        )?;
         let mut values: [(&str, Option<Expr>); 4] =
             [("mass", None), ("inertia", None), ("place", None), ("attitude", None)];
         while !block.at_end() {
@@ -85,7 +89,7 @@ impl Parser<'_> {
         let missing = match (&mass, &place, &inertia, &attitude) {
             (Some(_), None, ..) => Some(("a mass and no place", "add `place p;`, of the mass centre")),
             (None, Some(_), ..) => Some(("a place and no mass", "add `mass m;`")),
-            (.., Some(_), None) => {
+            (.., Some(_), None) if on.is_none() => {
                 Some(("an inertia and no attitude", "add `attitude R;`, an angle or a matrix"))
             }
             (.., None, Some(_)) => {
@@ -100,18 +104,17 @@ impl Parser<'_> {
             let problem = Diagnostic::new(Some(span), format!("body `{}` has {what}", name.text));
             return Err(Box::new(problem.with_help(help)));
         }
-        let mut declared = vec![BodyPart::Energy];
-        if place.is_some() {
-            declared.extend([BodyPart::Velocity, BodyPart::Momentum]);
-        }
-        if attitude.is_some() {
-            declared.extend([BodyPart::Spin, BodyPart::AngularMomentum]);
+        let mut declared = Vec::new();
+        if on.is_none() {
+            declared.push(BodyPart::Energy);
+            declared.extend(place.iter().flat_map(|_| [BodyPart::Velocity, BodyPart::Momentum]));
+            declared.extend(attitude.iter().flat_map(|_| [BodyPart::Spin, BodyPart::AngularMomentum]));
         }
         let mut parts = Vec::new();
         for part in declared {
             let mut named = start.clone();
             parts.push((part, named.declared_with(part.ending())?));
         }
-        Ok(ItemKind::Body(BodyItem { name, mass, inertia, place, attitude, parts }))
+        Ok(ItemKind::Body(BodyItem { name, on, mass, inertia, place, attitude, parts }))
     }
 }

@@ -521,7 +521,11 @@ impl Check<'_> {
                 OutputPart::Own => {
                     self.documented(&format!("output `{}`", output.name), span, &output.doc, &entries);
                 }
-                OutputPart::Poses | OutputPart::Twists => {}
+                OutputPart::Poses
+                | OutputPart::Twists
+                | OutputPart::Bodies
+                | OutputPart::CenterOfMass
+                | OutputPart::CentroidalMomentum => {}
                 OutputPart::Events => {
                     for (event, e) in model.events.iter().zip(entries) {
                         let _ = self.inside(&format!("event `{}`", event.name), event.span, e);
