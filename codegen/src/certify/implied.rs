@@ -1,7 +1,7 @@
 //! Equations between coordinates that a model leaves out, where the equations that are left hold.
 //!
-//! Coordinates next to a place that meets all equations are moved by Newton's method until the others hold; the equation
-//! that was left out has to hold there. Parameters are next to their defaults, so that loops close.
+//! Coordinates next to a place that meets all equations are moved by Newton's method until the others hold; the
+//! equation that was left out has to hold there. Parameters are next to their defaults, so that loops close.
 //! Does not know: by what an equation was left out, velocities.
 
 use hamel_runtime::Real;
