@@ -12,11 +12,13 @@
 //!
 //! for the velocities `M` and the displacements `V` that constraints allow. A form `alpha` is the gyroscopic force
 //! `-dalpha(y, .)`, which has no power: none where it is closed, as for Lagrangians that differ by a rate. The
-//! Lagrange-d'Alembert equation along `w` is the one of the quotient along `Phi w` then: `Phi` takes motions to motions,
-//! and energies are related. Components of the coordinates of
+//! Lagrange-d'Alembert equation along `w` is the one of the quotient along `Phi w` then: `Phi` takes motions to
+//! motions, and energies are related. Components of the coordinates of
 //! a group are rational functions of free symbols where something has to vanish.
 //!
 //! Source: Cortes, de Leon, Marrero, Martinez 2009, theorems 4.6 and 7.8. Does not know: equations of motion, texts.
+
+mod forms;
 
 use std::collections::BTreeMap;
 
@@ -25,6 +27,8 @@ use hamel_expr::{ExprId, Graph, Style, SymbolId, Vanishing, independent_rows};
 use hamel_lang::algebra::Algebroid;
 use hamel_lang::spec::group_motion::rational_element;
 use hamel_lang::spec::{Configuration, Param};
+
+use forms::{Form, allowed, dimension, reactions};
 
 /// The proof that one system is the quotient of another, by numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -163,19 +167,6 @@ fn has_servo(system: &ReducedSystem) -> bool {
     }
 }
 
-/// `a . y + b . s + c = 0` with velocities `y` and quasi-velocities `s`: `y` is allowed where there is some `s`.
-#[derive(Clone, Debug)]
-struct Form {
-    /// The constraint as written, or its name.
-    text: String,
-    /// `a`.
-    velocities: Vec<ExprId>,
-    /// `b`.
-    quasi: Vec<ExprId>,
-    /// `c`.
-    offset: ExprId,
-}
-
 /// What a form is evaluated on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Along {
@@ -183,54 +174,6 @@ enum Along {
     Velocities,
     /// `Phi w`.
     Displacements,
-}
-
-/// The velocities that constraints allow: linear forms, and functions of velocities that are not linear, with their
-/// texts.
-fn allowed(g: &mut Graph, system: &ReducedSystem) -> (Vec<Form>, Vec<(String, ExprId)>) {
-    let (mut forms, mut functions) = (Vec::new(), Vec::new());
-    match &system.constraint {
-        KinematicConstraint::Solved(solved) => forms.extend(solved.rows.iter().map(|row| {
-            let (velocities, quasi) = row.one_form.split_at(system.velocities.len());
-            let (velocities, quasi) = (velocities.to_vec(), quasi.to_vec());
-            Form { text: row.text.clone(), velocities, quasi, offset: row.offset }
-        })),
-        KinematicConstraint::Multipliers { rows, .. } => {
-            for row in rows {
-                let AccelerationSource::Differentiated(residual) = row.source else { continue };
-                let text = row.text.clone();
-                match g.affine_parts(residual, &system.velocities) {
-                    Some((velocities, offset)) => {
-                        forms.push(Form { text, velocities, quasi: Vec::new(), offset })
-                    }
-                    None => functions.push((text, residual)),
-                }
-            }
-        }
-    }
-    (forms, functions)
-}
-
-/// Forms that vanish on the displacements.
-fn reactions(g: &mut Graph, system: &ReducedSystem) -> Vec<Form> {
-    let offset = g.zero();
-    let of_forms = |forms: &[Vec<ExprId>]| {
-        let form = |form: &Vec<ExprId>| {
-            let (velocities, quasi) = form.split_at(system.velocities.len());
-            let (velocities, quasi) = (velocities.to_vec(), quasi.to_vec());
-            Form { text: String::new(), velocities, quasi, offset }
-        };
-        forms.iter().map(form).collect()
-    };
-    match &system.constraint {
-        // The constraints, by Chetaev's rule.
-        KinematicConstraint::Solved(solved) if solved.psi == solved.virtual_displacements => {
-            let (forms, _) = allowed(g, system);
-            forms.into_iter().map(|form| Form { offset, ..form }).collect()
-        }
-        KinematicConstraint::Solved(solved) => of_forms(&solved.reactions.one_forms),
-        KinematicConstraint::Multipliers { reactions, .. } => of_forms(reactions),
-    }
 }
 
 /// A kind of conditions, which adds the ones that fail to the list of violated ones.
@@ -539,8 +482,8 @@ impl<'a> Map<'a> {
         Ok(())
     }
 
-    /// `dalpha(y, e_a)` for each section `e_a`: the rate of `alpha_a`, less the derivative of `alpha(y)` along `e_a` and
-    /// `alpha([y, e_a])`.
+    /// `dalpha(y, e_a)` for each section `e_a`: the rate of `alpha_a`, less the derivative of `alpha(y)` along `e_a`
+    /// and `alpha([y, e_a])`.
     fn gyroscopic_forces(&mut self) -> Vec<ExprId> {
         let rank = self.total.algebroid.rank();
         if self.gyroscopic.is_empty() {
@@ -697,14 +640,6 @@ impl<'a> Map<'a> {
         }
         Ok(())
     }
-}
-
-/// The dimension of the kernel of forms among velocities, whatever the quasi-velocities are.
-fn dimension(g: &Graph, forms: &[Form], n_velocities: usize) -> usize {
-    let rows: Vec<Vec<ExprId>> =
-        forms.iter().map(|form| [form.velocities.as_slice(), &form.quasi].concat()).collect();
-    let quasi: Vec<Vec<ExprId>> = forms.iter().map(|form| form.quasi.clone()).collect();
-    n_velocities + independent_rows(g, &quasi).len() - independent_rows(g, &rows).len()
 }
 
 /// The bracket of two sections, `d/dt` as number 0, sparse.
