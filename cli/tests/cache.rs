@@ -284,3 +284,23 @@ fn what_decides_about_no_program_derives_nothing_anew() {
         assert!(run(&PENDULUM.replace(from, to)).1 > 0, "{to}");
     }
 }
+
+/// Equations between coordinates are told apart next to the initial values, which are part of the key then.
+#[test]
+fn initial_values_decide_where_equations_hold_between_coordinates() {
+    let folder = Folder::new("loops");
+    let path = folder.0.join("rod.hamel");
+    let mut run = |z: &str| {
+        let text = format!(
+            "model rod {{ coordinate x, z in real; lagrangian = (x_dot^2 + z_dot^2)/2 - z; \
+             constraint x^2 + z^2 = 1; initial z = {z}; }}"
+        );
+        std::fs::write(&path, text).unwrap();
+        let out = folder.run(&["simulate", path.to_str().unwrap(), "--t-final", "0.5"], "");
+        assert!(out.status.success(), "{out:?}");
+        folder.kept().len()
+    };
+    let n_kept = run("-1");
+    assert_eq!(run("-1"), n_kept);
+    assert!(run("1") > n_kept);
+}
