@@ -290,7 +290,7 @@ fn what_decides_about_no_program_derives_nothing_anew() {
 fn initial_values_decide_where_equations_hold_between_coordinates() {
     let folder = Folder::new("loops");
     let path = folder.0.join("rod.hamel");
-    let mut run = |z: &str| {
+    let run = |z: &str| {
         let text = format!(
             "model rod {{ coordinate x, z in real; lagrangian = (x_dot^2 + z_dot^2)/2 - z; \
              constraint x^2 + z^2 = 1; initial z = {z}; }}"
