@@ -3,8 +3,9 @@
 
 use hamel_codegen::scene::{self, BuiltScene, Made, build_tampered};
 use hamel_codegen::spec::{self, Model, Want};
-use hamel_expr::rational_to_f64;
 use hamel_program::program::Role;
+
+use crate::named_frames::{params, state, values};
 
 /// An arm with skew axes, a point mass on its end, and a weight that slides by a function of time.
 const ARM: &str = "model arm {
@@ -93,30 +94,6 @@ fn built(text: &str, name: &str) -> BuiltScene {
     let scene = scene::build(&parsed(text), name).unwrap_or_else(|problems| panic!("{problems}"));
     assert!(scene.certificate().open.is_empty(), "{:?}", scene.certificate());
     scene
-}
-
-fn params(scene: &BuiltScene) -> Vec<f64> {
-    scene.params().iter().map(|p| rational_to_f64(&p.default)).collect()
-}
-
-/// A state without order, with quaternions of length one.
-fn state(scene: &BuiltScene) -> Vec<f64> {
-    let mut y: Vec<f64> = (0..scene.state().len()).map(|k| (1.7 * k as f64 + 0.4).sin()).collect();
-    if let Some(k) = scene.state_names().iter().position(|name| name == "qw") {
-        let length = y[k..k + 4].iter().map(|x| x * x).sum::<f64>().sqrt();
-        y[k..k + 4].iter_mut().for_each(|x| *x /= length);
-    }
-    y
-}
-
-fn values(scene: &BuiltScene, group: &str, t: f64, y: &[f64]) -> Vec<f64> {
-    let executable = scene.executable();
-    let role = Role::Output(group.to_owned());
-    let k = executable.program.function_idx(&role).unwrap_or_else(|| panic!("no {group}"));
-    let prepared = executable.program.prepare(&params(scene)).expect("default parameters");
-    let mut out = vec![0.0; executable.program.functions[k].results.len()];
-    executable.program.run(k, &params(scene), &prepared, t, y, &mut out);
-    out
 }
 
 fn matrix(scene: &BuiltScene, want: Want, t: f64, y: &[f64]) -> Vec<Vec<f64>> {

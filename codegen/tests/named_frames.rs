@@ -64,12 +64,12 @@ fn built(text: &str, name: &str) -> BuiltScene {
     scene::build(&parsed(text), name).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
-fn params(scene: &BuiltScene) -> Vec<f64> {
+pub(crate) fn params(scene: &BuiltScene) -> Vec<f64> {
     scene.params().iter().map(|p| rational_to_f64(&p.default)).collect()
 }
 
 /// A state without order, with quaternions of length one.
-fn state(scene: &BuiltScene) -> Vec<f64> {
+pub(crate) fn state(scene: &BuiltScene) -> Vec<f64> {
     let mut y: Vec<f64> = (0..scene.state().len()).map(|k| (1.7 * k as f64 + 0.4).sin()).collect();
     if let Some(k) = scene.state_names().iter().position(|name| name == "qw") {
         let length = y[k..k + 4].iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -79,7 +79,7 @@ fn state(scene: &BuiltScene) -> Vec<f64> {
 }
 
 /// The values of an output by name.
-fn values(scene: &BuiltScene, group: &str, t: f64, y: &[f64]) -> Vec<f64> {
+pub(crate) fn values(scene: &BuiltScene, group: &str, t: f64, y: &[f64]) -> Vec<f64> {
     let executable = scene.executable();
     let role = Role::Output(group.to_owned());
     let k = executable.program.function_idx(&role).unwrap_or_else(|| panic!("no {group}"));

@@ -1,7 +1,7 @@
 //! Systems with entropies (Gay-Balmaz, Yoshimura 2017, A Lagrangian variational formulation for nonequilibrium
 //! thermodynamics I) against equations by hand; refusals of `virtual thermo`, and faults that are planted in it.
 
-use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::scene::{self, BuiltScene, Made, build_tampered};
 use hamel_codegen::spec::{self, Model};
 
 fn model(items: &str) -> Model {
@@ -131,6 +131,19 @@ fn diffusion_through_a_membrane_heats() {
     assert_eq!(productions(&built).len(), 1);
 }
 
+/// The entropy of one gas decreases where heat leaves it: to say that it is produced is found at the points of the
+/// check.
+#[test]
+fn a_wrong_claim_of_production_is_found() {
+    let claim = |made: Made<'_>| {
+        if let Made::Equations(equations) = made {
+            equations.facts.entropies.iter_mut().for_each(|entropy| entropy.is_produced = true);
+        }
+    };
+    let problem = build_tampered(&model(PISTONS), "a", &claim).expect_err("a wrong claim").to_string();
+    assert!(problem.contains("the production of entropy S"), "{problem}");
+}
+
 #[test]
 fn what_has_no_displacement_is_told() {
     let cases = [
@@ -154,6 +167,11 @@ fn what_has_no_displacement_is_told() {
         (
             "coordinate x, S in real; lagrangian = x_dot^2 - S^2; constraint S*S_dot = x_dot^2; virtual thermo; virtual thermo;",
             "`virtual thermo` is given twice",
+        ),
+        (
+            "coordinate x, S in real; quasi_velocity u; lagrangian = x_dot^2 - S^2; constraint x_dot = 2*u;
+             constraint S*S_dot = x_dot*u; virtual thermo;",
+            "`virtual thermo` does not know the power of quasi-velocities",
         ),
     ];
     for (items, expected) in cases {

@@ -104,7 +104,24 @@ impl Motion {
             None => self.balance(setting, sheet, random)?,
         }
         self.connection(setting, sheet, random)?;
+        self.entropies(setting, sheet);
         self.reconstruction(setting, sheet)
+    }
+
+    /// Sums of entropies that are said never to decrease have no negative rate.
+    fn entropies(&self, setting: &Setting<'_>, sheet: &mut Sheet) {
+        let graph = &setting.claim.equations.system.graph;
+        for production in &setting.claim.equations.facts.entropies {
+            let own = |name: &String| setting.state.iter().position(|s| graph.name(*s) == name);
+            let rates: Option<Vec<Wide>> =
+                production.names.iter().map(|name| Some(self.rates[own(name)?])).collect();
+            let Some(rates) = rates.filter(|_| production.is_produced) else { continue };
+            let rate = rates.iter().fold(Wide::ZERO, |sum, rate| sum + *rate);
+            let negative = if rate.to_f64() < 0.0 { rate } else { Wide::ZERO };
+            let terms = rates.iter().map(|rate| rate.size()).sum();
+            let what = format!("the production of entropy {}", production.names.join(" + "));
+            sheet.vanishes(RATES, what, negative, terms);
+        }
     }
 
     /// `xdot = rho y`, also of advected parameters.

@@ -56,6 +56,13 @@ impl ModelBuilder {
             self.problem(given.or(span), message, "keep one of them");
             return Vec::new();
         }
+        if let Some(quasi) = self.quasi_velocities.first().map(|v| v.name.clone()) {
+            let message =
+                format!("`virtual thermo` does not know the power of quasi-velocities, as `{quasi}` is one");
+            let help = "write the constraints by velocities, or give their displacements by `virtual`";
+            self.problem(span, message, help);
+            return Vec::new();
+        }
         let table = self.displacement_table();
         let velocities = self.velocity_symbols();
         let mut result = Vec::new();

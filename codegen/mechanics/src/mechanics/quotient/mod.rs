@@ -13,8 +13,8 @@
 //! for the velocities `M` and the displacements `V` that constraints allow. A form `alpha` is the gyroscopic force
 //! `-dalpha(y, .)`, which has no power: none where it is closed, as for Lagrangians that differ by a rate. The
 //! Lagrange-d'Alembert equation along `w` is the one of the quotient along `Phi w` then: `Phi` takes motions to
-//! motions, and energies are related. Components of the coordinates of
-//! a group are rational functions of free symbols where something has to vanish.
+//! motions, and where `Phi_0 = 0` energies are equal. Components of the coordinates of a group are rational functions
+//! of free symbols where something has to vanish.
 //!
 //! Source: Cortes, de Leon, Marrero, Martinez 2009, theorems 4.6 and 7.8. Does not know: equations of motion, texts.
 
