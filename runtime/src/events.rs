@@ -180,6 +180,51 @@ impl<R: Real, const K: usize, S: Events<R, K> + ?Sized> Events<R, K> for &S {
     }
 }
 
+/// Carries out an event, by its position, and behind it every event that is a condition and that the one before has
+/// made true: whose function was zero or positive and is negative now. Each happens once. Gives what follows from all.
+///
+/// ```
+/// use hamel_runtime::{Action, cascade};
+///
+/// // The first event takes two off, the second, a condition, resets what is negative.
+/// let mut y = 1.5;
+/// let effect = |event: usize, y: &mut f64| {
+///     *y = if event == 0 { *y - 2.0 } else { 0.0 };
+///     Action::Restart
+/// };
+/// let action = cascade(0, [false, true], &mut y, |y| [1.0, *y], effect);
+/// assert_eq!((action, y), (Action::Restart, 0.0));
+/// ```
+pub fn cascade<R: Real, V, const K: usize>(
+    index: usize,
+    is_condition: [bool; K],
+    y: &mut V,
+    values: impl Fn(&V) -> [R; K],
+    mut effect: impl FnMut(usize, &mut V) -> Action,
+) -> Action {
+    let (mut changes, mut stops, mut done) = (false, false, [false; K]);
+    let mut next = Some(index);
+    while let Some(event) = next {
+        if let Some(done) = done.get_mut(event) {
+            *done = true;
+        }
+        let before = values(y);
+        let action = effect(event, y);
+        changes |= matches!(action, Action::Restart | Action::ChangeAndStop);
+        stops |= matches!(action, Action::Stop | Action::ChangeAndStop);
+        let after = values(y);
+        next = (0..K).find(|&k| {
+            is_condition[k] && !done[k] && signed(before[k]) >= 0.0 && signed(after[k]) < 0.0
+        });
+    }
+    match (changes, stops) {
+        (false, false) => Action::Continue,
+        (false, true) => Action::Stop,
+        (true, false) => Action::Restart,
+        (true, true) => Action::ChangeAndStop,
+    }
+}
+
 /// Whether a value is on the side of `after`, or zero, of a change of sign from `before` to `after`.
 pub(crate) fn is_after(value: f64, (before, after): (f64, f64)) -> bool {
     if after > before { value >= 0.0 } else { value <= 0.0 }

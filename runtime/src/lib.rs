@@ -114,7 +114,7 @@ pub use adjoint::{Adjoint, AdjointStats, Checkpoint, DiscreteAdjoint};
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use error::{Condition, Error, Failure, ParamError};
-pub use events::{Action, Direction, Event, Events, Observer};
+pub use events::{Action, Direction, Event, Events, Observer, cascade};
 pub use generated::{CONTRACT, fma, generated_for};
 pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
 pub use inputs::{

@@ -90,7 +90,7 @@ impl<'r, 'a> Watcher<'r, 'a> {
         for (direction, event) in directions.iter_mut().zip(self.events) {
             *direction = match event.direction {
                 EventDirection::Rising => Direction::Rising,
-                EventDirection::Falling => Direction::Falling,
+                EventDirection::Falling | EventDirection::Below => Direction::Falling,
                 EventDirection::Either => Direction::Either,
             };
         }
@@ -99,25 +99,33 @@ impl<'r, 'a> Watcher<'r, 'a> {
 
     /// Changes a state, with its derivatives if it has some, as an event does.
     fn change(&mut self, index: usize, t: f64, z: &mut [f64]) -> Result<(), Error> {
-        let (event, n) = (&self.events[index], self.n_own);
+        let (event, n, events) = (&self.events[index], self.n_own, self.events);
         let before = z[..n].to_vec();
         let stopped = |reason: String| {
             let reason = format!("event {} {reason}", event.name);
             Err(stopped_because(self.dynamics.info(), t, &before, reason))
         };
-        match (&self.saltation, &self.interpreter) {
+        let done = match (&self.saltation, &self.interpreter) {
             (Some(saltation), _) => {
                 let rates = |z: &[f64]| {
                     let mut dz = vec![0.0; z.len()];
                     self.dynamics.rhs(t, z, &mut dz);
                     dz
                 };
-                if let Err(reason) = saltation.pass((index, event), t, z, &rates) {
-                    return stopped(reason);
+                match saltation.pass((index, events), t, z, &rates) {
+                    Ok(done) => done,
+                    Err(reason) => return stopped(reason),
                 }
             }
-            (None, Some(interpreter)) => self.at(interpreter, t).apply(event, t, z),
-            (None, None) => {}
+            (None, Some(interpreter)) => self.at(interpreter, t).apply(events, index, t, z),
+            (None, None) => Vec::new(),
+        };
+        for followed in done.iter().skip(1).map(|k| &events[*k]) {
+            let state = z[..n].to_vec();
+            self.log.push(EventRecord { name: followed.name.clone(), t, state });
+            if followed.stops {
+                self.ended_by = Some(followed.name.clone());
+            }
         }
         match self.record.restart(t, &before, &z[..n])? {
             Some(reason) => stopped(reason),
@@ -187,7 +195,7 @@ impl<const K: usize> Observer<f64, VecState, K> for Watcher<'_, '_> {
         if event.stops {
             self.ended_by = Some(event.name.clone());
         }
-        match (changes, event.stops) {
+        match (changes, self.ended_by.is_some()) {
             (false, false) => Action::Continue,
             (false, true) => Action::Stop,
             (true, false) => Action::Restart,

@@ -48,17 +48,17 @@ impl<'a> Saltation<'a> {
     }
 
     /// Takes a state with its derivatives behind it through an event, by its place among all; `rates` are those of the
-    /// state with its derivatives.
+    /// state with its derivatives. Gives the events that have happened: this one, and conditions that it has made true.
     ///
     /// # Errors
     /// Why there are no derivatives behind the event.
     pub(super) fn pass(
         &self,
-        (place, event): (usize, &SceneEvent),
+        (place, events): (usize, &[SceneEvent]),
         t: f64,
         z: &mut [f64],
         rates: &dyn Fn(&[f64]) -> Vec<f64>,
-    ) -> Result<(), String> {
+    ) -> Result<Vec<usize>, String> {
         let n = z.len() / (self.along.len() + 1);
         let (y, before) = (z[..n].to_vec(), rates(z));
         let moved = |s: &[f64], by: f64| -> Vec<Dual> {
@@ -71,6 +71,7 @@ impl<'a> Saltation<'a> {
         let crossing = slope(&self.still, Dual::variable(t), &moved(&vec![0.0; n], 1.0));
         let mut delays = Vec::with_capacity(self.along.len());
         let mut tangents = Vec::with_capacity(z.len() - n);
+        let mut done = Vec::new();
         let (own, derivatives) = z.split_at_mut(n);
         for (scene, s) in self.along.iter().zip(derivatives.chunks(n)) {
             let delay = -slope(scene, Dual::constant(t), &moved(s, 0.0)) / crossing;
@@ -78,18 +79,18 @@ impl<'a> Saltation<'a> {
                 return Err("has no derivatives: the motion touches it without crossing".to_owned());
             }
             let mut after = moved(s, delay);
-            scene.apply(event, Dual::new(t, delay), &mut after);
+            done = scene.apply(events, place, Dual::new(t, delay), &mut after);
             delays.push(delay);
             tangents.push(after.iter().map(|y| y.derivative).collect::<Vec<f64>>());
             own.iter_mut().zip(&after).for_each(|(y, after)| *y = after.value);
         }
         let after = rates(z);
         for ((s, tangent), delay) in z[n..].chunks_mut(n).zip(tangents).zip(delays) {
-            let delay = if event.stops { 0.0 } else { delay };
+            let delay = if done.iter().any(|k| events[*k].stops) { 0.0 } else { delay };
             for ((s, tangent), f) in s.iter_mut().zip(tangent).zip(&after) {
                 *s = (-delay).mul_add(*f, tangent);
             }
         }
-        Ok(())
+        Ok(done)
     }
 }

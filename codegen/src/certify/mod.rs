@@ -21,6 +21,7 @@ mod definition;
 mod derived;
 mod frames;
 mod group;
+mod impacts;
 mod implied;
 mod linear;
 mod motion;

@@ -3,10 +3,12 @@
 //!
 //! Does not know: what is compared.
 
+use std::collections::BTreeMap;
+
 use hamel_runtime::{Dual, Real};
 
 use hamel_expr::{ExprId, Relation, SymbolId, needed_sections};
-use hamel_lang::spec::{Domain, Model, ReconstructionKind, Want};
+use hamel_lang::spec::{Domain, Event, Model, ReconstructionKind, Want};
 use hamel_mechanics::mechanics::Equations;
 use hamel_program::program::Role;
 
@@ -24,6 +26,8 @@ const MAX_ITERATIONS: usize = 40;
 const SOLVED: f64 = 1.0 / (1u128 << 96) as f64;
 /// Part of its default by which a parameter moves at most.
 const SPREAD: f64 = 0.4;
+/// Events for each mode that are drawn on the way to the modes of a point.
+const MAX_EVENTS: usize = 4;
 
 /// A scene, its model and its program, ready for evaluation.
 pub(super) struct Setting<'a> {
@@ -252,7 +256,9 @@ impl<'a> Setting<'a> {
         let first_order = model.first_order.iter();
         let first_order =
             first_order.flat_map(|s| s.components.iter().map(|(_, symbol)| (*symbol, s.domain)));
-        for (symbol, domain) in base.chain(first_order) {
+        let modes = self.reachable_modes(random, |symbol| initial(symbol, &*env));
+        modes.iter().for_each(|(symbol, on)| env.set(*symbol, Wide::exact(if *on { 1.0 } else { 0.0 })));
+        for (symbol, domain) in base.chain(first_order).filter(|(symbol, _)| !modes.contains_key(symbol)) {
             let start = initial(symbol, env);
             let value = match domain {
                 Domain::Interval(low, high) => {
@@ -313,13 +319,49 @@ impl<'a> Setting<'a> {
         Some(())
     }
 
+    fn is_mode(&self, symbol: SymbolId) -> bool {
+        self.claim.model.modes.iter().any(|mode| mode.symbol == symbol)
+    }
+
+    /// Which modes are on after some events, of those that are watched for then.
+    fn reachable_modes(
+        &self,
+        random: &mut Random,
+        initial: impl Fn(SymbolId) -> Option<f64>,
+    ) -> BTreeMap<SymbolId, bool> {
+        let model = self.claim.model;
+        let is_on = |symbol: SymbolId| initial(symbol).is_some_and(|s| s != 0.0);
+        let mut modes: BTreeMap<SymbolId, bool> =
+            model.modes.iter().map(|mode| (mode.symbol, is_on(mode.symbol))).collect();
+        for _ in 0..model.modes.len() * MAX_EVENTS {
+            let (k, happens) = (random.between(0.0, model.events.len() as f64) as usize, random.signed() > 0.0);
+            let Some(event) = model.events.get(k).filter(|_| happens) else { continue };
+            let is_watched = event.mode.is_none_or(|mode| modes[&model.modes[mode].symbol]);
+            let strikes = event.impact.iter().flat_map(|impact| &impact.modes);
+            let mut there = strikes.filter(|(_, e)| *e != model.graph.zero()).map(|(symbol, _)| modes[symbol]);
+            if !is_watched || there.any(|is_on| is_on) {
+                continue;
+            }
+            let after = model.outputs.iter().find(|output| output.name == Event::after(&event.name));
+            let components = after.iter().flat_map(|output| &output.components);
+            for (symbol, (_, e)) in event.sets.iter().zip(components) {
+                if let Some(on) = modes.get_mut(symbol) {
+                    *on = *e != model.graph.zero();
+                }
+            }
+        }
+        modes
+    }
+
     /// A state beside this one, which satisfies no restriction; points stay on their circles.
     pub(super) fn beside(&self, point: &Point, random: &mut Random) -> Point {
         let mut moved = point.clone();
-        let is_on_circle = |s: &SymbolId| self.circles.iter().any(|[c, sine, _]| s == c || s == sine);
+        let is_fixed = |s: &SymbolId| {
+            self.circles.iter().any(|[c, sine, _]| s == c || s == sine) || self.is_mode(*s)
+        };
         let angles = self.circles.iter().map(|[.., angle]| *angle);
         let variables: Vec<SymbolId> =
-            self.state.iter().copied().filter(|s| !is_on_circle(s)).chain(angles).collect();
+            self.state.iter().copied().filter(|s| !is_fixed(s)).chain(angles).collect();
         for symbol in variables {
             if let Some(x) = moved.env.get(symbol) {
                 moved.env.set(symbol, Wide::of(x * Wide::exact(1.0 + 0.1 * random.symmetric())));
@@ -343,7 +385,7 @@ impl<'a> Setting<'a> {
     /// Moves coordinates and velocities until all restrictions hold.
     fn satisfy(&self, env: &mut Env<Wide>) -> Option<()> {
         let on_circles: Vec<SymbolId> = self.circles.iter().flat_map(|[c, s, _]| [*c, *s]).collect();
-        let is_moved = |s: &&SymbolId| !on_circles.contains(s);
+        let is_moved = |s: &&SymbolId| !on_circles.contains(s) && !self.is_mode(**s);
         let variables: Vec<SymbolId> =
             self.state.iter().chain(&self.left_out).filter(is_moved).copied().collect();
         let angles: Vec<SymbolId> = self.circles.iter().map(|[.., angle]| *angle).collect();

@@ -38,7 +38,7 @@ impl From<Missing> for Open {
     }
 }
 
-type Outcome = Result<(), Open>;
+pub(super) type Outcome = Result<(), Open>;
 
 impl Results<'_, '_> {
     /// The values of a function at the point; none if the scene does not have it.
@@ -95,7 +95,8 @@ impl Results<'_, '_> {
     fn output(&self, output: &Output, sheet: &mut Sheet, random: &mut Random) -> Outcome {
         let Some(found) = self.call(&Role::Output(output.name.clone())) else { return Ok(()) };
         match output.kind {
-            OutputKind::OfModel | OutputKind::After => self.of_model(output, &found, sheet),
+            OutputKind::OfModel => self.of_model(output, &found, sheet),
+            OutputKind::After => self.after(output, &found, sheet, random),
             OutputKind::Component => self.component(output, &found, sheet, random),
             OutputKind::Gradients | OutputKind::Remainder => Ok(()),
             OutputKind::Group(want) => self.group(want, output, &found, sheet, random),
@@ -116,9 +117,10 @@ impl Results<'_, '_> {
         }
     }
 
-    fn of_model(&self, output: &Output, found: &[Wide], sheet: &mut Sheet) -> Outcome {
+    pub(super) fn of_model(&self, output: &Output, found: &[Wide], sheet: &mut Sheet) -> Outcome {
         let model = self.setting.definition.model;
-        let env = self.with_momenta()?;
+        let mut env = self.with_momenta()?;
+        self.add_multipliers(&mut env)?;
         for ((name, _), found) in output.components.iter().zip(found) {
             let mut components = model.outputs.iter().flat_map(|o| &o.components);
             if let Some((_, e)) = components.find(|(own, _)| own == name) {
@@ -346,6 +348,11 @@ impl Results<'_, '_> {
             terms.push(-(found[k] * along));
         }
         sheet.zero(&output.name, "the balance of forces and reactions", &terms);
+        for ((name, _), found) in output.components.iter().zip(found) {
+            if self.is_off(name) {
+                sheet.vanishes(&output.name, format!("{name} of a mode that is off"), *found, 1.0);
+            }
+        }
         Ok(())
     }
 

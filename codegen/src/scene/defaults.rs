@@ -370,6 +370,10 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
             let name = &model.outputs[k].name;
             (format!("output `{name}`"), output_span(name))
         }
+        ExpressionRole::Impact(k) => {
+            let event = &model.events[k];
+            (format!("the impact of event `{}`", event.name), event.span)
+        }
         ExpressionRole::Section(k) => {
             let name = &model.sections[k].name;
             (format!("section `{name}`"), output_span(name))

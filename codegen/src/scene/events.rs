@@ -46,7 +46,7 @@ pub(super) fn of_scene(
     }
     let system = &equations.system;
     let mut events = Vec::new();
-    for Event { name, direction, sets, stops, doc, span: _ } in &system.events {
+    for Event { name, direction, mode: _, sets, impact: _, stops, doc, span: _ } in &system.events {
         let mut places = Vec::new();
         for symbol in sets {
             let place = state.iter().position(|s| s.symbol == *symbol).ok_or_else(|| Error::EventSets {

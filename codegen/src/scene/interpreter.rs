@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use hamel_runtime::{Dual, Real};
 
 use hamel_expr::error::Error;
-use hamel_lang::spec::Want;
+use hamel_lang::spec::{EventDirection, Want};
 use hamel_program::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCondition, verify_rules};
 
 use super::bracket::REMAINDER;
@@ -403,11 +403,29 @@ impl<'a, R: Real> Interpreter<'a, R> {
         self.values(&Role::Output(Want::Events.name().to_owned()), t, y)
     }
 
-    /// Changes a state as an event of the scene does: everything that it sets takes its value at the state before.
+    /// Carries out an event of a scene, by its position among `events`, and behind it those that are conditions and that
+    /// the one before has made true, each once: puts what they set into a state. Gives them in their order.
     ///
     /// # Panics
     /// When the size of `y` is wrong.
-    pub fn apply(&self, event: &SceneEvent, t: R, y: &mut [R]) {
+    pub fn apply(&self, events: &[SceneEvent], index: usize, t: R, y: &mut [R]) -> Vec<usize> {
+        let is_condition = |event: &SceneEvent| event.direction == EventDirection::Below;
+        let conditions: Vec<usize> = (0..events.len()).filter(|k| is_condition(&events[*k])).collect();
+        let mut done = Vec::new();
+        let mut next = Some(index);
+        while let Some(event) = next {
+            done.push(event);
+            let before = if conditions.is_empty() { None } else { self.events(t, y) };
+            self.set(&events[event], t, y);
+            next = before.zip(self.events(t, y).filter(|_| !conditions.is_empty())).and_then(|(before, after)| {
+                let begins = |k: &&usize| before[**k].all_ge(R::ZERO) && R::ZERO.all_gt(after[**k]);
+                conditions.iter().filter(|k| !done.contains(k)).find(begins).copied()
+            });
+        }
+        done
+    }
+
+    fn set(&self, event: &SceneEvent, t: R, y: &mut [R]) {
         let Some(after) = self.values(&Role::Output(event.after()), t, y) else { return };
         event.sets.iter().zip(after).for_each(|(place, value)| y[*place] = value);
     }

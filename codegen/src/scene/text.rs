@@ -468,11 +468,12 @@ impl BuiltScene {
 fn event_text(event: &SceneEvent) -> EventText {
     let directions = match event.direction {
         EventDirection::Rising => (true, false),
-        EventDirection::Falling => (false, true),
+        EventDirection::Falling | EventDirection::Below => (false, true),
         EventDirection::Either => (true, true),
     };
     let sets = (!event.sets.is_empty()).then(|| (event.after(), event.sets.clone()));
-    EventText { name: event.name.clone(), directions, stops: event.stops, sets }
+    let is_condition = event.direction == EventDirection::Below;
+    EventText { name: event.name.clone(), directions, is_condition, stops: event.stops, sets }
 }
 
 fn flow_text((index, forms): (usize, &Vec<String>)) -> FlowText {

@@ -102,6 +102,8 @@ pub(super) struct Item {
     pub(super) extent: Span,
     pub(super) span: Span,
     pub(super) kind: ItemKind,
+    /// The mode that it stands in.
+    pub(super) mode: Option<Name>,
 }
 
 #[derive(Clone, Debug)]
@@ -149,8 +151,19 @@ pub(super) struct EventItem {
     pub(super) direction: EventDirection,
     /// What it sets, and to what.
     pub(super) sets: Vec<(Name, Expr)>,
+    /// What it does to modes.
+    pub(super) acts: Vec<Act>,
     /// Where it says that it ends the motion.
     pub(super) stop: Option<Span>,
+}
+
+/// What an event does to a mode, as it is written.
+#[derive(Clone, Debug)]
+pub(super) enum Act {
+    Enter(Name),
+    Leave(Name),
+    /// `impact foot with e;`
+    Impact(Name, Option<Expr>),
 }
 
 /// A body, as it is written.
@@ -379,6 +392,8 @@ pub(super) enum ItemKind {
         algebra: Option<AlgebraExpr>,
         value: Expr,
     },
+    /// `mode stance { .. }`; its items follow.
+    Mode(Name),
     /// `event impact = z falling { then v = -e*v; }`
     Event(EventItem),
     /// `configuration R, r in SE(3) velocity Omega, V;`, `configuration R in SO(3) from Omega;`

@@ -14,6 +14,8 @@ pub enum Context {
     Item,
     /// A statement of a scene.
     SceneStatement,
+    /// A mode.
+    Mode,
     /// A statement of an event.
     EventStatement,
     /// A statement of another block.
@@ -106,7 +108,7 @@ impl Context {
             }
         }
         // A loop has items, as the model around it.
-        blocks.retain(|block| *block != "for");
+        blocks.retain(|block| !matches!(*block, "for" | "mode"));
         match blocks.as_slice() {
             [] => Context::File,
             [_] => of_item(&statement),
@@ -129,6 +131,7 @@ fn of_block(block: &str, statement: &[&str]) -> Context {
         ("scene", Some("formulation")) => Context::Formulation,
         ("event", None) => Context::EventStatement,
         ("event", Some("then")) if !is_after_equals => Context::StateVariable,
+        ("event", Some("enter" | "leave" | "impact")) if last != "with" => Context::Mode,
         ("reduces", None) => Context::StateVariable,
         (_, None) => Context::BlockStatement,
         ("stage", Some("connection")) if !is_after_equals => Context::Velocity,

@@ -3,6 +3,7 @@
 //! Deliberately does not know: their functions and what they set, which are outputs; how events are located.
 
 use super::diagnostic::Span;
+use super::mode::Impact;
 use hamel_expr::SymbolId;
 
 /// What a [`NamedVector`](super::NamedVector) is in the model.
@@ -37,20 +38,27 @@ pub enum EventDirection {
     Falling,
     /// Both.
     Either,
+    /// From positive to zero or negative, and where another event leaves the function negative: a condition `f < 0` that
+    /// begins to hold.
+    Below,
 }
 
 /// An event: a change of sign of a function of time and state, and what it does.
 ///
 /// The functions of all events are the components of the output [`OutputPart::Events`], and what one of them sets is
 /// its output [`OutputPart::After`], so that both are written in the state of every formulation as outputs are.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Event {
     /// Name.
     pub name: String,
     /// Which changes of sign are events.
     pub direction: EventDirection,
+    /// The mode while which it is watched for, by its place among [`modes`](super::Model::modes).
+    pub mode: Option<usize>,
     /// What it sets: velocities, coordinates, advected parameters, by component.
     pub sets: Vec<SymbolId>,
+    /// How the velocities among these change, where constraints say so.
+    pub impact: Option<Impact>,
     /// Whether it ends the motion.
     pub stops: bool,
     /// Documentation.

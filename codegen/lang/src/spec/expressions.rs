@@ -7,6 +7,7 @@
 //! own.
 
 use super::event::Event;
+use super::mode::Impact;
 use super::model::*;
 use hamel_expr::{ExprId, Graph};
 
@@ -52,6 +53,8 @@ pub enum ExpressionRole {
     Casimir(usize),
     /// A component of an output.
     Output(usize),
+    /// What an impact has of a mode: whether its constraints are there, and how much of a velocity comes back.
+    Impact(usize),
     /// A coefficient of a section along which a momentum is wanted.
     Section(usize),
     /// A coefficient of a vector that spans an ideal of the stages.
@@ -109,6 +112,8 @@ macro_rules! visit {
             casimirs,
             outputs,
             sections,
+            modes,
+            multipliers: _,
             events,
             configurations: _,
             reconstruction,
@@ -124,7 +129,7 @@ macro_rules! visit {
         for Velocity { name: _, symbol: _, block: _, doc: _ } in velocities.iter().chain(&*quasi_velocities) {
         }
         for Momentum { name: _, components: _, doc: _, span: _ } in &*momenta {}
-        for Event { name: _, direction: _, sets: _, stops: _, doc: _, span: _ } in &*events {}
+        for Mode { name: _, symbol: _, doc: _, span: _ } in &*modes {}
         for Scene {
             name: _,
             fixed: _,
@@ -176,6 +181,7 @@ macro_rules! visit {
                 domain,
                 rates,
                 is_entropy: _,
+                is_mode: _,
                 doc: _,
                 span: _,
                 of_rate: _,
@@ -217,7 +223,7 @@ macro_rules! visit {
             $visit(ExpressionRole::Implied(k), residual);
         }
         for (k, constraint) in constraints.into_iter().enumerate() {
-            let Constraint { name: _, text: _, kind, residual, position, gives: _, span: _ } = constraint;
+            let Constraint { name: _, text: _, kind, residual, position, gives: _, mode: _, span: _ } = constraint;
             $visit(ExpressionRole::ConstraintResidual(k), residual);
             if let Some(PositionEquation { residual: position, determines: _ }) = position {
                 $visit(ExpressionRole::ConstraintPosition(k), position);
@@ -239,7 +245,7 @@ macro_rules! visit {
             }
         }
         for (k, condition) in virtual_constraints.into_iter().enumerate() {
-            let VirtualConstraint { name: _, text: _, one_form, power_of: _, span: _ } = condition;
+            let VirtualConstraint { name: _, text: _, one_form, power_of: _, mode: _, span: _ } = condition;
             for e in one_form {
                 $visit(ExpressionRole::VirtualConstraint(k), e);
             }
@@ -270,6 +276,16 @@ macro_rules! visit {
             let NamedVector { name: _, components, doc: _, part: _ } = output;
             for (_, e) in components {
                 $visit(ExpressionRole::Output(k), e);
+            }
+        }
+        for (k, event) in events.into_iter().enumerate() {
+            let Event { name: _, direction: _, mode: _, sets: _, impact, stops: _, doc: _, span: _ } = event;
+            let Some(Impact { modes, restitution, velocities: _ }) = impact else { continue };
+            for (_, e) in modes {
+                $visit(ExpressionRole::Impact(k), e);
+            }
+            for (_, e) in restitution {
+                $visit(ExpressionRole::Impact(k), e);
             }
         }
         for (k, section) in sections.into_iter().enumerate() {

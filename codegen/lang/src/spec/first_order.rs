@@ -22,6 +22,8 @@ pub struct FirstOrderState {
     pub rates: Vec<ExprId>,
     /// Whether it is the entropy of something: its rate is a power over a temperature.
     pub is_entropy: bool,
+    /// Whether it is a [`Mode`](super::Mode): zero or one, changed by events alone.
+    pub is_mode: bool,
     /// Documentation.
     pub doc: String,
     /// Where its name stands.

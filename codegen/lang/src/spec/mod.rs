@@ -12,7 +12,7 @@
 mod ast;
 mod builder;
 mod configuration;
-mod constraint_parts;
+mod constraint;
 mod context;
 mod decisive;
 mod diagnostic;
@@ -36,6 +36,7 @@ mod kind;
 mod layout;
 mod limits;
 mod matrix_group;
+mod mode;
 mod model;
 mod motions;
 mod names;
@@ -59,7 +60,9 @@ mod written;
 pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
 pub use configuration::Configuration;
-pub use constraint_parts::{CarriedAcceleration, Implied, PositionEquation, VirtualConstraint};
+pub use constraint::{
+    CarriedAcceleration, Constraint, ConstraintKind, Implied, PositionEquation, VirtualConstraint,
+};
 pub use context::Context;
 pub use decisive::{Made, decisive};
 pub use diagnostic::{Diagnostic, Diagnostics, Help, Origin, Replacement, Severity, Span};
@@ -74,8 +77,9 @@ pub use images::{ImageProblems, with_items};
 pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
+pub use mode::{Impact, Mode};
 pub use model::{
-    Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
+    Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Domain,
     FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
     OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
     Velocity, VelocitySection, circle_names, diagnose,

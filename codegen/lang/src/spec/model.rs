@@ -3,10 +3,13 @@
 use std::collections::BTreeMap;
 
 pub(super) use super::configuration::Configuration;
-pub(super) use super::constraint_parts::{CarriedAcceleration, Implied, PositionEquation, VirtualConstraint};
+pub(super) use super::constraint::{
+    CarriedAcceleration, Constraint, ConstraintKind, Implied, PositionEquation, VirtualConstraint,
+};
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
 pub(super) use super::first_order::FirstOrderState;
+pub(super) use super::mode::Mode;
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 use super::size::FamilySize;
@@ -273,48 +276,6 @@ pub enum Given {
     Acceleration(ExprId),
 }
 
-/// What a [`Constraint`] restricts, and how.
-#[derive(Clone, Debug, PartialEq)]
-pub enum ConstraintKind {
-    /// Affine in the velocities: `w(x, t) . y + w0(x, t) = 0`; it may contain quasi-velocities.
-    Linear,
-    /// Not affine in the velocities: `phi(x, y, t) = 0` with virtual displacements `dphi/dy . delta y = 0` (Chetaev).
-    Nonlinear,
-    /// Affine in the accelerations: `w(x, y, t) . ydot + w0(x, y, t) = 0`, `w0` being the residual.
-    SecondOrder {
-        /// `w`: one coefficient per velocity, in the order of [`Model::all_velocities`].
-        acceleration: Vec<ExprId>,
-    },
-    /// Affine in the rates of accelerations: `w(x, y, t) . yddot + w0(x, y, ydot, t) = 0`, `w0` being the residual, in
-    /// which [`Model::accelerations`] stand for `ydot`.
-    ThirdOrder {
-        /// `w`: one coefficient per velocity, in the order of [`Model::all_velocities`].
-        jerk: Vec<ExprId>,
-        /// What the state carries.
-        carried: CarriedAcceleration,
-    },
-}
-
-/// A scalar constraint.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Constraint {
-    /// Given name, or `c1`, `c2`, .. in order.
-    pub name: String,
-    /// As written.
-    pub text: String,
-    /// Whether it restricts velocities linearly, velocities, or accelerations.
-    pub kind: ConstraintKind,
-    /// Left side minus right side, without the highest derivatives; of an equation between positions, its derivative.
-    pub residual: ExprId,
-    /// What the model says, where that is an equation between positions.
-    pub position: Option<PositionEquation>,
-    /// The velocity that a linear constraint is solved for, when those of constraints before it are known: its place in
-    /// [`Model::all_velocities`].
-    pub gives: Option<usize>,
-    /// Where it stands.
-    pub span: Option<Span>,
-}
-
 /// How the rates of reconstructed coordinates follow from the motion.
 ///
 /// `omega` and `v` are components of the group velocity `xi`, also where the velocities of the model are
@@ -566,6 +527,10 @@ pub struct Model {
     pub casimirs: Vec<Named>,
     /// Named outputs, those of events after the model's own.
     pub outputs: Vec<NamedVector>,
+    /// Modes, whose symbols are [`Model::first_order`].
+    pub modes: Vec<Mode>,
+    /// Symbols that stand for multipliers in functions of events, by the names of constraints.
+    pub multipliers: Vec<(String, SymbolId)>,
     /// Events.
     pub events: Vec<Event>,
     /// Sections along which momenta are wanted.

@@ -39,6 +39,7 @@ pub enum DeclarationKind {
     Output,
     Section,
     Event,
+    Mode,
     Body,
     Frame,
     Reconstructed,
@@ -71,6 +72,7 @@ impl DeclarationKind {
             DeclarationKind::Output => "output",
             DeclarationKind::Section => "section",
             DeclarationKind::Event => "event",
+            DeclarationKind::Mode => "mode",
             DeclarationKind::Body => "body",
             DeclarationKind::Frame => "frame",
             DeclarationKind::Reconstructed => "coordinate of the group",
@@ -475,6 +477,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         ItemKind::Section { name, .. } => vec![one(DeclarationKind::Section, name, false)],
         ItemKind::Body(body) => vec![one(DeclarationKind::Body, &body.name, true)],
         ItemKind::Event(event) => vec![one(DeclarationKind::Event, &event.name, false)],
+        ItemKind::Mode(name) => vec![one(DeclarationKind::Mode, name, false)],
         ItemKind::Reconstruct { names, .. } => {
             names.iter().map(|name| one(DeclarationKind::Reconstructed, name, true)).collect()
         }

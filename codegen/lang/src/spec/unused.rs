@@ -9,7 +9,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::ast::{
-    AlgebraExpr, AlgebraNode, AlgebroidBlock, Carry, DomainExpr, Expr, Item, ItemKind, MovedBy, Name, Node,
+    Act, AlgebraExpr, AlgebraNode, AlgebroidBlock, Carry, DomainExpr, Expr, Item, ItemKind, MovedBy, Name, Node,
     ReconstructWay, Shape, Size,
 };
 use super::diagnostic::Diagnostic;
@@ -212,7 +212,12 @@ fn effective(item: &Item) -> Vec<String> {
             mentions([value]).into_iter().chain(algebra.iter().flat_map(algebras)).collect()
         }
         ItemKind::Event(event) => {
-            mentions(std::iter::once(&event.value).chain(event.sets.iter().map(|(_, value)| value)))
+            let returned = event.acts.iter().filter_map(|act| match act {
+                Act::Impact(_, e) => e.as_ref(),
+                Act::Enter(_) | Act::Leave(_) => None,
+            });
+            let values = event.sets.iter().map(|(_, value)| value);
+            mentions(std::iter::once(&event.value).chain(values).chain(returned))
         }
         // The coordinate moves, whoever else mentions it.
         ItemKind::Coordinate { by: Some((left, right)), .. } => mentions([left, right]),
@@ -254,6 +259,7 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::State { .. }
         | ItemKind::Independent(_)
         | ItemKind::Multipliers
+        | ItemKind::Mode(_)
         | ItemKind::VirtualThermo => Vec::new(),
     }
 }

@@ -32,16 +32,18 @@ pub struct Balance {
     pub names: Vec<String>,
 }
 
-/// A constraint `w wdot + w0 = 0` and the one-forms that its multipliers act along.
+/// A constraint `w wdot + w0 + slack lambda = 0` and the one-forms that its multipliers act along.
 ///
 /// # Shapes
-/// rows, forms: `[k][n]`.
+/// rows, forms: `[k][n]`; slack: `[k]`.
 #[derive(Clone, Debug)]
 pub struct Kept {
     /// `w`, a row for each multiplier.
     pub rows: Vec<Vec<ExprId>>,
     /// `Lambda`, a row for each multiplier.
     pub forms: Vec<Vec<ExprId>>,
+    /// `1 - s` for a constraint that holds while a mode is on, zero for others.
+    pub slack: Vec<ExprId>,
 }
 
 impl Balance {
@@ -49,7 +51,9 @@ impl Balance {
     pub(super) fn values_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
         let Balance { accelerations, residual, forces, matrix, kept, solution, names: _ } = self;
         let accelerations = accelerations.iter_mut().map(|(_, value)| value);
-        let kept = kept.iter_mut().flat_map(|Kept { rows, forms }| rows.iter_mut().chain(forms).flatten());
+        let kept = kept
+            .iter_mut()
+            .flat_map(|Kept { rows, forms, slack }| rows.iter_mut().chain(forms).flatten().chain(slack));
         accelerations
             .chain(residual)
             .chain(forces)
@@ -67,7 +71,7 @@ pub struct Factors {
     pub(super) border: Option<Border>,
 }
 
-/// What multipliers add: `S = w A^-1 Lambda^T`.
+/// What multipliers add: `S = w A^-1 Lambda^T + slack`.
 #[derive(Clone, Debug)]
 pub(super) struct Border {
     pub(super) kept: Kept,
@@ -77,7 +81,7 @@ pub(super) struct Border {
     pub(super) schur: Factorisation,
 }
 
-/// Other right-hand sides by the same factors: `A x - Lambda^T mu = b`, `w x = c`, so that
+/// Other right-hand sides by the same factors: `A x - Lambda^T mu = b`, `w x + slack mu = c`, so that
 /// `S mu = c - w A^-1 b`, `x = A^-1 b + (A^-1 Lambda^T) mu`.
 impl Linear for Factors {
     fn solve(
@@ -110,7 +114,7 @@ impl Linear for Factors {
         x
     }
 
-    /// `A^T p + w^T q = b`, `-Lambda p = c`, so that `S^T q = c + Lambda A^-T b`.
+    /// `A^T p + w^T q = b`, `-Lambda p + slack q = c`, so that `S^T q = c + Lambda A^-T b`.
     fn solve_transposed(
         &self,
         g: &mut Graph,

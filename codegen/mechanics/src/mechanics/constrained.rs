@@ -108,6 +108,7 @@ impl Derivation<'_> {
             system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names, balance }),
             pivots,
             momentum_rates: Vec::new(),
+            after: Vec::new(),
         })
     }
 
@@ -194,6 +195,7 @@ impl Derivation<'_> {
             system: Some(system),
             pivots,
             momentum_rates: Vec::new(),
+            after: Vec::new(),
         })
     }
 

@@ -53,6 +53,8 @@ pub(super) struct Motion {
     pub(super) pivots: Vec<Pivot>,
     /// The rates of [`ReducedSystem::momenta`].
     pub(super) momentum_rates: Vec<ExprId>,
+    /// Velocities after impacts, by the symbols that stand for them.
+    pub(super) after: Vec<(SymbolId, ExprId)>,
 }
 
 /// The stage of momenta in the state, from which velocities follow.

@@ -36,6 +36,7 @@ impl Derivation<'_> {
             system: None,
             pivots: Vec::new(),
             momentum_rates: Vec::new(),
+            after: Vec::new(),
         })
     }
 }

@@ -126,6 +126,7 @@ impl Derivation<'_> {
             system: None,
             pivots,
             momentum_rates: Vec::new(),
+            after: Vec::new(),
         })
     }
 }

@@ -109,7 +109,7 @@ impl Equations {
         forces: &[Vec<ExprId>],
     ) -> Result<Option<Responses>, Error> {
         let Some((system, balance)) = self.balanced_system() else { return Ok(None) };
-        let is_same = |g: &mut Graph, Kept { rows, forms }: &Kept| {
+        let is_same = |g: &mut Graph, Kept { rows, forms, slack: _ }: &Kept| {
             rows.iter().flatten().zip(forms.iter().flatten()).all(|(a, b)| g.is_equal(*a, *b))
         };
         let kept = balance.kept.clone();
@@ -216,8 +216,11 @@ impl Balance {
         for (c, row) in kept.rows.iter().enumerate() {
             let mut entries = Vec::new();
             for (other, z) in response.iter().enumerate() {
-                let product = g.dot(row, z);
-                entries.push(writer.define(g, &format!("S_{}_{}", c + 1, other + 1), product));
+                let mut entry = g.dot(row, z);
+                if other == c {
+                    entry = g.add(entry, kept.slack[c]);
+                }
+                entries.push(writer.define(g, &format!("S_{}_{}", c + 1, other + 1), entry));
             }
             matrix.push(entries);
         }
@@ -275,7 +278,7 @@ impl Derivation<'_> {
         }
     }
 
-    /// The balance `L_yy ydot - Lambda^T lambda - r`, `w ydot + w0` of a system that keeps its constraint by
+    /// The balance `L_yy ydot - Lambda^T lambda - r`, `w ydot + w0 + slack lambda` of a system that keeps its constraint by
     /// multipliers: `kept` beside `w0`, `solution` has `ydot` and `lambda`.
     pub(super) fn balance_with_multipliers(
         &mut self,
@@ -295,9 +298,10 @@ impl Derivation<'_> {
             }
         }
         let ydot: Vec<ExprId> = balance.accelerations.iter().map(|(symbol, _)| self.g.sym(*symbol)).collect();
-        for (row, offset) in kept.rows.iter().zip(offsets) {
-            let along = self.g.dot(row, &ydot);
-            balance.residual.push(self.g.add(along, *offset));
+        for (c, (row, offset)) in kept.rows.iter().zip(offsets).enumerate() {
+            let (along, multiplier) = (self.g.dot(row, &ydot), self.g.sym(given[c]));
+            let off = self.g.mul(kept.slack[c], multiplier);
+            balance.residual.push(self.g.sum(&[along, *offset, off]));
         }
         balance.accelerations.extend(given.into_iter().zip(solution[1].iter().copied()));
         balance.solution.extend(solution[1]);

@@ -134,6 +134,7 @@ impl Derivation<'_> {
             system: Some(LinearSystem { mass_matrix, force, unknowns: names, balance: None }),
             pivots,
             momentum_rates: Vec::new(),
+            after: Vec::new(),
         })
     }
 

@@ -24,6 +24,7 @@ mod gauss;
 mod given;
 mod hamilton;
 mod hamiltonization;
+mod impacts;
 mod implicit;
 mod integrable;
 mod inverse;

@@ -20,6 +20,9 @@ use super::solve::{Factorisation, Pivot};
 impl Derivation<'_> {
     /// `L_yy ydot = drive + Lambda^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 Lambda^T`: the multipliers act along
     /// the one-forms `Lambda` that vanish on virtual displacements and keep the conditions on accelerations.
+    ///
+    /// Of a mode with the symbol `s` rows and forms have the factor `s`, and its row is `w ydot + w0 + (1 - s) lambda = 0`:
+    /// the multiplier vanishes while the mode is off, and `S` gains `1 - s` on its diagonal.
     pub(super) fn solve_with_multipliers(
         &mut self,
         rows: &[AccelerationRow],
@@ -52,19 +55,27 @@ impl Derivation<'_> {
         let mut matrix = Vec::new();
         let mut right = Vec::new();
         let mut is_congruent = true;
-        let (mut forms, mut offsets) = (Vec::new(), Vec::new());
+        let (mut forms, mut offsets, mut slack) = (Vec::new(), Vec::new(), Vec::new());
         for (c, row) in rows.iter().enumerate() {
             let rate = match row.source {
                 // In raw velocities, as its derivative is taken.
                 AccelerationSource::Differentiated(residual) => self.drift(residual)?,
                 AccelerationSource::Servo(remainder) => remainder,
             };
-            let (form, rate) = self.without_common_factors(&row.one_form, rate);
+            let (form, rate) = match row.mode {
+                Some(_) => (row.one_form.clone(), rate),
+                None => self.without_common_factors(&row.one_form, rate),
+            };
+            let off = self.slack(row.mode);
             let mut entries = Vec::new();
             for (other, z) in response.iter().enumerate() {
-                let product = self.g.dot(&form, z);
-                entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), product));
+                let mut entry = self.g.dot(&form, z);
+                if other == c {
+                    entry = self.g.add(entry, off);
+                }
+                entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), entry));
             }
+            slack.push(off);
             matrix.push(entries);
             let product = self.g.dot(&form, &free);
             // S = Lambda L_yy^-1 Lambda^T where the reactions act along the constraints.
@@ -92,7 +103,8 @@ impl Derivation<'_> {
         }
         let mut pivots = factors.pivots(&inertias(&names), true);
         pivots.extend(constraint_pivots);
-        let kept = Kept { rows: forms, forms: reactions.to_vec() };
+        let after = self.velocities_after_impacts((rows, reactions), &factors)?;
+        let kept = Kept { rows: forms, forms: reactions.to_vec(), slack };
         let balance = (self.transform.is_none()).then(|| {
             let solution = [acceleration.as_slice(), &lambda];
             Box::new(self.balance_with_multipliers((&hessian, &drive), (kept, &offsets), solution))
@@ -105,7 +117,15 @@ impl Derivation<'_> {
             system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names, balance }),
             pivots,
             momentum_rates: Vec::new(),
+            after,
         })
+    }
+
+    /// `1 - s`: what the row of a constraint has on its multiplier; zero without a mode.
+    pub(super) fn slack(&mut self, mode: Option<SymbolId>) -> ExprId {
+        let Some(symbol) = mode else { return self.g.zero() };
+        let (one, s) = (self.g.one(), self.g.sym(symbol));
+        self.g.sub(one, s)
     }
 
     /// `w ydot + w0 = 0` without the factors that all its terms share and that change along a motion:

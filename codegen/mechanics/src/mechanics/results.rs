@@ -364,6 +364,12 @@ impl Derivation<'_> {
             }
             outputs.push(Output::group(Want::Casimirs, components, "conserved quantities"));
         }
+        let mut solved: BTreeMap<SymbolId, ExprId> = motion.after.iter().copied().collect();
+        for (name, symbol) in &system.multipliers {
+            let label = format!("lambda_{name}");
+            let own = motion.multipliers.iter().find(|(own, _)| *own == label);
+            solved.extend(own.map(|(_, lambda)| (*symbol, *lambda)));
+        }
         for output in &system.outputs {
             let kind = match output.part {
                 OutputPart::Own => OutputKind::OfModel,
@@ -377,7 +383,9 @@ impl Derivation<'_> {
             };
             let mut components = Vec::new();
             for (name, e) in &output.components {
-                components.push((name.clone(), self.replace(*e)?));
+                let place = || Error::DivisionByZero { place: format!("output `{}`", output.name) };
+                let e = self.g.subs(*e, &solved).map_err(|_| place())?;
+                components.push((name.clone(), self.replace(e)?));
             }
             outputs.push(Output { kind, name: output.name.clone(), components, doc: output.doc.clone() });
         }

@@ -164,6 +164,7 @@ pub(super) fn on_algebroid(
         casimirs: model.casimirs,
         outputs: model.outputs,
         events: model.events,
+        multipliers: model.multipliers,
         sections: model.sections,
         reconstruction,
         momenta_in_space,

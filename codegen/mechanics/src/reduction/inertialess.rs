@@ -189,6 +189,7 @@ fn rewritten(mut model: Model, found: Found) -> Result<Model, Diagnostics> {
         domain: coordinate.domain,
         rates: vec![rate],
         is_entropy,
+        is_mode: false,
         doc: coordinate.doc,
         span: model.places.declared.get(&coordinate.name).copied(),
         of_rate: constraint.span,

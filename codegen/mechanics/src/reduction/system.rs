@@ -177,6 +177,8 @@ pub struct ReducedSystem {
     pub outputs: Vec<NamedVector>,
     /// Events; their functions and what they set are outputs.
     pub events: Vec<Event>,
+    /// Symbols that stand for multipliers in outputs, by the names of constraints.
+    pub multipliers: Vec<(String, SymbolId)>,
     /// Sections along which momenta are wanted, by the sections of the frame.
     pub sections: Vec<VelocitySection>,
     /// Coordinates of the group, which only scenes that ask for them carry.
@@ -274,6 +276,7 @@ impl ReducedSystem {
             casimirs,
             outputs,
             events: _,
+            multipliers: _,
             sections,
             reconstruction,
             momenta_in_space,

@@ -284,6 +284,8 @@ pub struct EventText {
     pub name: String,
     /// Whether it is told where its function rises, and where it falls.
     pub directions: (bool, bool),
+    /// Whether it happens as well where another event leaves its function negative.
+    pub is_condition: bool,
     /// Whether it ends the motion.
     pub stops: bool,
     /// The output with what it sets, and the positions in the state of its components; none where it sets nothing.

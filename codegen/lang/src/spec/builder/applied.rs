@@ -30,7 +30,8 @@ impl ModelBuilder {
     /// ```
     pub fn force_along(&mut self, velocity: &Value, force: &Value) -> &mut Self {
         let span = self.here;
-        self.applied.push(AppliedForce { velocity: velocity.clone(), force: force.clone(), span });
+        let force = self.while_on(force);
+        self.applied.push(AppliedForce { velocity: velocity.clone(), force, span });
         self
     }
 
@@ -38,7 +39,10 @@ impl ModelBuilder {
     pub fn force_at(&mut self, place: &Value, force: &Value) -> &mut Self {
         let span = self.here;
         match self.rate(place) {
-            Ok(velocity) => self.applied.push(AppliedForce { velocity, force: force.clone(), span }),
+            Ok(velocity) => {
+                let force = self.while_on(force);
+                self.applied.push(AppliedForce { velocity, force, span });
+            }
             Err(symbol) => {
                 let name = self.graph.name(symbol).to_owned();
                 let message = format!("the place of the force contains `{name}`, whose rate is not known");

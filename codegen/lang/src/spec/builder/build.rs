@@ -132,6 +132,8 @@ impl ModelBuilder {
             virtual_constraints,
             independent,
             force_multipliers: self.multipliers.is_some(),
+            modes: self.modes,
+            multipliers: self.multiplier_symbols,
             forces,
             casimirs: self.casimirs,
             outputs: self.outputs,

@@ -40,6 +40,7 @@ impl ModelBuilder {
             text: text.to_owned(),
             left: left.clone(),
             right: right.clone(),
+            mode: self.current_mode,
             span,
         });
         self
@@ -129,6 +130,7 @@ impl ModelBuilder {
             text: text.to_owned(),
             left: left.clone(),
             right: right.clone(),
+            mode: self.current_mode,
             span,
         });
         self
@@ -216,11 +218,12 @@ impl ModelBuilder {
         for draft in self.constraints.clone() {
             let first = result.len();
             for (name, place, e) in self.rows(&draft, "constraint", "c", &mut taken, &mut n_unnamed) {
-                if let Some((residual, kind, position)) = self.classify(e, &name, &place, draft.span, &rates)
-                {
-                    let (text, span) = (draft.text.clone(), draft.span);
-                    result.push(Constraint { name, text, kind, residual, position, gives: None, span });
-                }
+                let classified = self.classify(e, &name, &place, draft.span, &rates);
+                let Some((residual, kind, position)) = classified else { continue };
+                let (text, mode, span) = (draft.text.clone(), draft.mode, draft.span);
+                let gives = None;
+                let constraint = Constraint { name, text, kind, residual, position, gives, mode, span };
+                result.extend(self.constraint_of_mode(constraint, &place));
             }
             self.give(&draft, &mut result[first..], &mut all_given);
         }
@@ -443,11 +446,13 @@ impl ModelBuilder {
                     );
                     continue;
                 };
-                let one_form = self.spread(&occurring, slopes, &unknowns);
-                let text = draft.text.clone();
-                result.push(VirtualConstraint { name, text, one_form, power_of: None, span });
+                let mut one_form = self.spread(&occurring, slopes, &unknowns);
+                self.scale_by_mode(draft.mode, &mut one_form);
+                let (text, mode) = (draft.text.clone(), draft.mode);
+                result.push(VirtualConstraint { name, text, one_form, power_of: None, mode, span });
             }
         }
+        self.check_pairs_of_modes(constraints, &result);
         result
     }
 
@@ -479,13 +484,16 @@ impl ModelBuilder {
         if !self.problems.is_empty() {
             return Some(chosen);
         }
-        if let Some(c) = constraints.iter().find(|c| c.kind != ConstraintKind::Linear) {
-            let problem = Diagnostic::new(
-                span,
-                "a nonlinear or higher-order constraint leaves all velocities in the state",
-            )
-            .with_place(c.span, "this one")
-            .with_help("remove `independent`");
+        let of_mode = constraints.iter().find(|c| c.mode.is_some());
+        let general = constraints.iter().find(|c| c.kind != ConstraintKind::Linear);
+        if let Some(c) = of_mode.or(general) {
+            let what = match c.mode {
+                Some(_) => "a constraint of a mode",
+                None => "a nonlinear or higher-order constraint",
+            };
+            let problem = Diagnostic::new(span, format!("{what} leaves all velocities in the state"))
+                .with_place(c.span, "this one")
+                .with_help("remove `independent`");
             self.problems.push(problem);
             return None;
         }

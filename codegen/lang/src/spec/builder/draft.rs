@@ -44,6 +44,8 @@ pub(in crate::spec) enum DeclaredAs {
     CarriedAcceleration,
     Levels,
     Size,
+    Mode,
+    Multiplier,
 }
 
 impl DeclaredAs {
@@ -69,6 +71,8 @@ impl DeclaredAs {
             DeclaredAs::FrameVelocity => "a quasi-velocity of the frame",
             DeclaredAs::Levels => "the momenta along the levels of stages",
             DeclaredAs::Size => "a size",
+            DeclaredAs::Mode => "a mode",
+            DeclaredAs::Multiplier => "the multiplier of a constraint",
             DeclaredAs::Section => "a basis element of the algebroid",
             DeclaredAs::CarriedAcceleration => "the acceleration along a constraint of third order",
         }
@@ -167,6 +171,8 @@ pub(super) struct ConstraintDraft {
     pub(super) text: String,
     pub(super) left: Value,
     pub(super) right: Value,
+    /// The mode that it belongs to.
+    pub(super) mode: Option<usize>,
     pub(super) span: Option<Span>,
 }
 
@@ -261,6 +267,17 @@ pub(in crate::spec) struct EventSet {
     pub(in crate::spec) span: Option<Span>,
 }
 
+/// What an event does to a mode.
+#[derive(Clone, Debug)]
+pub(in crate::spec) enum ModeAct {
+    /// Its constraints begin to hold, by an impact without return.
+    Enter(Located),
+    /// They hold no longer.
+    Leave(Located),
+    /// They are struck, with the part of the velocity that comes back.
+    Impact(Located, Option<(Value, Option<Span>)>),
+}
+
 /// An event.
 #[derive(Clone, Debug)]
 pub(super) struct EventDraft {
@@ -270,7 +287,10 @@ pub(super) struct EventDraft {
     pub(super) of_value: Option<Span>,
     pub(super) direction: EventDirection,
     pub(super) sets: Vec<EventSet>,
+    pub(super) acts: Vec<ModeAct>,
     pub(super) stops: bool,
+    /// The mode while which it is watched for.
+    pub(super) mode: Option<usize>,
     pub(super) doc: String,
     /// Where its name stands.
     pub(super) span: Option<Span>,
@@ -460,6 +480,11 @@ pub struct ModelBuilder {
     pub(super) outputs: Vec<NamedVector>,
     pub(super) output_names: BTreeMap<String, Option<Span>>,
     pub(super) sections: Vec<SectionDraft>,
+    pub(super) modes: Vec<Mode>,
+    /// The mode that constraints, conditions, forces and events belong to that are declared now.
+    pub(super) current_mode: Option<usize>,
+    /// Symbols of multipliers, by the names of constraints.
+    pub(super) multiplier_symbols: Vec<(String, SymbolId)>,
     pub(super) events: Vec<EventDraft>,
     pub(super) reconstructions: Vec<ReconstructionDraft>,
     pub(super) initial: Vec<(String, Value, Option<Span>)>,
@@ -545,6 +570,9 @@ impl ModelBuilder {
             outputs: Vec::new(),
             output_names: BTreeMap::new(),
             sections: Vec::new(),
+            modes: Vec::new(),
+            current_mode: None,
+            multiplier_symbols: Vec::new(),
             events: Vec::new(),
             reconstructions: Vec::new(),
             initial: Vec::new(),

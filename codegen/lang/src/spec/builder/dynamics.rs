@@ -47,7 +47,8 @@ impl ModelBuilder {
     /// An external force paired with a velocity (a vector or a component).
     pub fn force(&mut self, velocity: &str, value: &Value) -> &mut Self {
         let here = self.here;
-        self.forces.push((velocity.to_owned(), value.clone(), here));
+        let value = self.while_on(value);
+        self.forces.push((velocity.to_owned(), value, here));
         self
     }
 

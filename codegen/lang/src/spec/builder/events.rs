@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 
-use super::draft::{DeclaredAs, EventDraft, EventSet, ModelBuilder};
+use super::draft::{DeclaredAs, EventDraft, EventSet, ModeAct, ModelBuilder};
 use super::symbols::Special;
 use crate::spec::diagnostic::Span;
 use crate::spec::event::{Event, EventDirection, OutputPart};
@@ -15,7 +15,7 @@ use crate::spec::want::Want;
 use hamel_expr::{ExprId, SymbolId};
 
 /// What functions of events, and what they set, may mention besides state, time and parameters.
-const ALLOWED: &[Special] = &[Special::QuasiVelocity, Special::Momentum];
+const ALLOWED: &[Special] = &[Special::QuasiVelocity, Special::Momentum, Special::Multiplier];
 
 impl ModelBuilder {
     /// An event: a change of sign of `function` in a direction, where everything in `sets`, named as it is declared,
@@ -53,7 +53,7 @@ impl ModelBuilder {
             span: here,
         };
         let sets = sets.iter().map(set).collect();
-        self.located_event(name, (function.clone(), here), direction, (sets, stops), doc)
+        self.located_event(name, (function.clone(), here), direction, (sets, Vec::new(), stops), doc)
     }
 
     pub(in crate::spec) fn located_event(
@@ -61,15 +61,16 @@ impl ModelBuilder {
         name: &str,
         (value, of_value): (Value, Option<Span>),
         direction: EventDirection,
-        (sets, stops): (Vec<EventSet>, bool),
+        (sets, acts, stops): (Vec<EventSet>, Vec<ModeAct>, bool),
         doc: &str,
     ) -> &mut Self {
         self.output_name(name);
-        if !sets.is_empty() {
+        if !(sets.is_empty() && acts.is_empty()) {
             self.output_name(&Event::after(name));
         }
         let (name, doc, span) = (name.to_owned(), doc.to_owned(), self.here);
-        self.events.push(EventDraft { name, value, of_value, direction, sets, stops, doc, span });
+        let mode = self.current_mode;
+        self.events.push(EventDraft { name, value, of_value, direction, sets, acts, stops, mode, doc, span });
         self
     }
 
@@ -81,10 +82,19 @@ impl ModelBuilder {
         }
         let state = self.settable();
         let (mut events, mut functions, mut after) = (Vec::new(), Vec::new(), Vec::new());
-        for EventDraft { name, value, of_value, direction, sets, stops, doc, span } in self.events.clone() {
+        for draft in self.events.clone() {
+            let EventDraft { name, value, of_value, direction, sets, acts, stops, mode, doc, span } = draft;
             let place = format!("event `{name}`");
             let Some(function) = self.event_function(&place, &value, of_value, &state) else { continue };
+            let function = self.watched(mode, &acts, function);
             let (mut symbols, mut components) = (Vec::new(), Vec::new());
+            let (of_modes, impact) = self.check_acts(&name, &acts);
+            if let (Some(_), Some(set)) = (&impact, sets.iter().find(|set| !self.is_first_order(&set.target.0))) {
+                let message = format!("{place} sets `{}` beside an impact", set.target.0);
+                let help = "the impact gives all velocities where the coordinates are; use another event";
+                self.problem(set.target.1, message, help);
+                continue;
+            }
             for EventSet { target, value, span } in sets {
                 let Some(targets) = self.event_targets(&place, &target, &state) else { continue };
                 let found = value.shape();
@@ -107,6 +117,11 @@ impl ModelBuilder {
                     components.push((format!("{}_{own}", Event::after(&name)), *e));
                 }
             }
+            for (symbol, e) in of_modes {
+                let own = self.graph.name(symbol).to_owned();
+                components.push((format!("{}_{own}", Event::after(&name)), e));
+                symbols.push(symbol);
+            }
             if !components.is_empty() {
                 let doc = format!("what event `{name}` sets, in its order");
                 after.push(NamedVector {
@@ -117,7 +132,7 @@ impl ModelBuilder {
                 });
             }
             functions.push((name.clone(), function));
-            events.push(Event { name, direction, sets: symbols, stops, doc, span });
+            events.push(Event { name, direction, mode, sets: symbols, impact, stops, doc, span });
         }
         if !functions.is_empty() {
             let name = Want::Events.name().to_owned();
@@ -162,6 +177,7 @@ impl ModelBuilder {
         }
         let mut moving = state.clone();
         moving.insert(self.time);
+        moving.extend(self.multiplier_symbols.iter().map(|(_, symbol)| *symbol));
         if !self.graph.depends_on(e, &moving) {
             let message = format!("{place} watches a function without state and time");
             self.problem(span, message, "it never changes its sign");
@@ -217,5 +233,7 @@ fn is_of_state(what: DeclaredAs) -> bool {
             | DeclaredAs::Reconstructed
             | DeclaredAs::CarriedAcceleration
             | DeclaredAs::Levels
+            | DeclaredAs::Mode
+            | DeclaredAs::Multiplier
     )
 }

@@ -51,7 +51,7 @@ impl ModelBuilder {
         value
     }
 
-    fn first_order_draft(
+    pub(super) fn first_order_draft(
         &mut self,
         name: &str,
         components: Vec<(String, SymbolId)>,
@@ -62,7 +62,8 @@ impl ModelBuilder {
             self.check_interval(low, high);
         }
         let (name, doc, span) = (name.to_owned(), doc.to_owned(), self.here);
-        self.first_order.push(FirstOrderDraft { name, components, domain, rate: None, doc, span });
+        let rate = None;
+        self.first_order.push(FirstOrderDraft { name, components, domain, rate, doc, span });
     }
 
     /// The rate of a state of first order: a function of the state, inputs and the time.
@@ -90,12 +91,14 @@ impl ModelBuilder {
             if rate.entries().iter().any(|e| self.reports_stray(*e, of_rate, &place, &[])) {
                 continue;
             }
+            let is_mode = self.modes.iter().any(|mode| mode.name == draft.name);
             result.push(FirstOrderState {
                 name: draft.name,
                 components: draft.components,
                 domain: draft.domain,
                 rates: rate.into_entries(),
                 is_entropy: false,
+                is_mode,
                 doc: draft.doc,
                 span: draft.span,
                 of_rate,
@@ -161,6 +164,7 @@ fn of_geometry(model: &Model, role: ExpressionRole) -> Option<(String, Option<Sp
         | ExpressionRole::Reconstruction(_)
         | ExpressionRole::Casimir(_)
         | ExpressionRole::Output(_)
+        | ExpressionRole::Impact(_)
         | ExpressionRole::DomainEnd(_)
         | ExpressionRole::Condition(_)
         | ExpressionRole::Initial(_) => return None,

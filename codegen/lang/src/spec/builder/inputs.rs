@@ -236,6 +236,7 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
         | ExpressionRole::FirstOrderRate(_)
         | ExpressionRole::Given(_)
         | ExpressionRole::Output(_)
+        | ExpressionRole::Impact(_)
         | ExpressionRole::Reconstruction(_) => return None,
         ExpressionRole::ConstraintResidual(k) => match model.constraints[k].kind {
             ConstraintKind::SecondOrder { .. } => return None,

@@ -17,6 +17,7 @@ mod first_order;
 mod frame;
 mod given;
 mod inputs;
+mod modes;
 mod momenta;
 mod named_frames;
 mod outputs;
@@ -35,6 +36,8 @@ mod view;
 
 pub(super) use algebroid::SectionBracket;
 pub use draft::ModelBuilder;
-pub(super) use draft::{BodyDraft, CarryDraft, DeclaredAs, EventSet, FrameMotion, NamedFrameDraft};
+pub(super) use draft::{
+    BodyDraft, CarryDraft, DeclaredAs, EventSet, FrameMotion, ModeAct, NamedFrameDraft,
+};
 pub(in crate::spec) use view::FIELD;
 pub use view::Placement;

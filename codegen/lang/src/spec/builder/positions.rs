@@ -38,7 +38,7 @@ impl ModelBuilder {
         let (text, left, right) = (text.to_owned(), left.clone(), right.clone());
         let names = names.iter().map(|name| (*name).to_owned()).collect();
         self.determined
-            .push((names, ConstraintDraft { name: None, gives: Vec::new(), text, left, right, span }));
+            .push((names, ConstraintDraft { name: None, gives: Vec::new(), text, left, right, mode: None, span }));
         self
     }
 
@@ -87,7 +87,8 @@ impl ModelBuilder {
                 }
                 let kind = ConstraintKind::Linear;
                 let position = Some(position);
-                result.push(Constraint { name, text, kind, residual, position, gives: None, span });
+                let (gives, mode) = (None, None);
+                result.push(Constraint { name, text, kind, residual, position, gives, mode, span });
             }
         }
         result

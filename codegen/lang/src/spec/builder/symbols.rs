@@ -21,6 +21,7 @@ pub(super) enum Special {
     Displacement,
     Acceleration,
     Jerk,
+    Multiplier,
 }
 
 impl ModelBuilder {
@@ -141,7 +142,8 @@ impl ModelBuilder {
             && self.momenta.is_empty()
             && self.reconstructions.is_empty()
             && self.displacements.is_empty()
-            && self.accelerations.is_empty();
+            && self.accelerations.is_empty()
+            && self.multiplier_symbols.is_empty();
         if none {
             return false;
         }
@@ -170,6 +172,8 @@ impl ModelBuilder {
                 Some((Special::Acceleration, "the acceleration", "accelerations belong in `constraint`"))
             } else if self.jerks.values().any(|d| d == s) {
                 Some((Special::Jerk, "the rate of an acceleration", "it belongs in `constraint`"))
+            } else if self.multiplier_symbols.iter().any(|(_, own)| own == s) {
+                Some((Special::Multiplier, "the multiplier", "multipliers belong in functions of events"))
             } else {
                 None
             }

@@ -17,9 +17,8 @@ use hamel_expr::{ExprId, Rational, Style, SymbolId, rational_relations};
 use num_traits::Zero;
 
 use super::draft::ModelBuilder;
-use crate::spec::constraint_parts::VirtualConstraint;
 use crate::spec::diagnostic::Span;
-use crate::spec::model::{Constraint, ConstraintKind};
+use crate::spec::model::{Constraint, ConstraintKind, VirtualConstraint};
 
 impl ModelBuilder {
     /// Virtual displacements of thermodynamic type, `A(x, y) delta = 0` for each constraint
@@ -95,7 +94,8 @@ impl ModelBuilder {
             let sum = self.graph.sum(&terms);
             let text = format!("{} = 0", self.graph.display(sum, Style::Plain));
             let name = constraint.name.clone();
-            result.push(VirtualConstraint { power_of: Some(name.clone()), name, text, one_form, span });
+            let power_of = Some(name.clone());
+            result.push(VirtualConstraint { power_of, name, text, one_form, mode: None, span });
         }
         result
     }

@@ -3,8 +3,8 @@
 //! Deliberately does not know: in which order names become known.
 
 use super::values::Elaboration;
-use crate::spec::ast::{Carry, Comparison, EventItem, Expr, Item, ItemKind, Name, ReducesItem};
-use crate::spec::builder::{CarryDraft, EventSet, FIELD, Placement};
+use crate::spec::ast::{Act, Carry, Comparison, EventItem, Expr, Item, ItemKind, Name, ReducesItem};
+use crate::spec::builder::{CarryDraft, EventSet, FIELD, ModeAct, Placement};
 use crate::spec::eval::is_poisoned;
 use crate::spec::model::{ConnectionKind, FormulationSearch};
 use crate::spec::names;
@@ -14,6 +14,7 @@ use crate::spec::value::Value;
 impl Elaboration<'_> {
     pub(super) fn use_values(&mut self, item: &Item) {
         let span = Some(item.span);
+        self.builder.within(item.mode.as_ref().map(|mode| mode.text.as_str()));
         match &item.kind {
             ItemKind::Param { name, conditions, .. } => {
                 if !self.poisoned.contains(&name.text) {
@@ -165,7 +166,6 @@ impl Elaboration<'_> {
                     _ => _ = self.builder.broken.insert("section"),
                 }
             }
-            ItemKind::Event(event) => self.event(event, &item.doc.join("\n")),
             ItemKind::Acceleration { name, value } => match self.eval(value) {
                 Some(value) => _ = self.builder.at(Some(name.span)).acceleration(&name.text, &value),
                 None => _ = self.builder.broken.insert("acceleration"),
@@ -209,6 +209,8 @@ impl Elaboration<'_> {
             | ItemKind::Reconstruct { .. }
             | ItemKind::Initial { .. }
             | ItemKind::View { .. }
+            | ItemKind::Mode(_)
+            | ItemKind::Event(_)
             | ItemKind::Coordinate { by: None, .. } => {}
         }
     }
@@ -226,8 +228,24 @@ impl Elaboration<'_> {
         self.builder.located_reduces(total);
     }
 
+    /// Events, which may mention multipliers of all constraints.
+    pub(super) fn events(&mut self, items: &[Item]) {
+        let events = || items.iter().filter_map(|item| match &item.kind {
+            ItemKind::Event(event) => Some((item, event)),
+            _ => None,
+        });
+        if events().next().is_some() {
+            self.builder.declare_multipliers();
+        }
+        for (item, event) in events() {
+            self.builder.within(item.mode.as_ref().map(|mode| mode.text.as_str()));
+            self.event(event, &item.doc.join("\n"));
+        }
+        self.builder.within(None);
+    }
+
     fn event(&mut self, event: &EventItem, doc: &str) {
-        let EventItem { name, value, direction, sets, stop } = event;
+        let EventItem { name, value, direction, sets, acts, stop } = event;
         let value = self.located(value);
         let sets: Vec<Option<_>> = sets
             .iter()
@@ -236,10 +254,24 @@ impl Elaboration<'_> {
                 Some(EventSet { target: (target.text.clone(), Some(target.span)), value, span })
             })
             .collect();
-        match (value, sets.into_iter().collect::<Option<Vec<_>>>()) {
-            (Some(value), Some(sets)) => {
+        let place = |name: &Name| (name.text.clone(), Some(name.span));
+        let acts: Vec<Option<_>> = acts
+            .iter()
+            .map(|act| {
+                Some(match act {
+                    Act::Enter(mode) => ModeAct::Enter(place(mode)),
+                    Act::Leave(mode) => ModeAct::Leave(place(mode)),
+                    Act::Impact(mode, None) => ModeAct::Impact(place(mode), None),
+                    Act::Impact(mode, Some(e)) => ModeAct::Impact(place(mode), Some(self.located(e)?)),
+                })
+            })
+            .collect();
+        let sets: Option<Vec<EventSet>> = sets.into_iter().collect();
+        let acts: Option<Vec<ModeAct>> = acts.into_iter().collect();
+        match (value, sets, acts) {
+            (Some(value), Some(sets), Some(acts)) => {
                 let builder = self.builder.at(Some(name.span));
-                builder.located_event(&name.text, value, *direction, (sets, stop.is_some()), doc);
+                builder.located_event(&name.text, value, *direction, (sets, acts, stop.is_some()), doc);
             }
             _ => _ = self.builder.broken.insert("event"),
         }

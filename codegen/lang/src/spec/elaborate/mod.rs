@@ -140,6 +140,7 @@ impl Elaboration<'_> {
                 None => _ = self.builder.broken.insert("initial"),
             }
         }
+        self.events(&file.items);
         // What figures show lives in a graph of its own, so that it leaves no trace in generated code.
         // What is wrong with a body has been said.
         let has_bodies = self.builder.problems.is_empty();

@@ -217,6 +217,9 @@ impl Elaboration<'_> {
                 ItemKind::State { name, shape, domain, rate: _ } => {
                     self.declare_first_order(item, name, shape, domain);
                 }
+                ItemKind::Mode(name) => {
+                    self.builder.at(Some(name.span)).mode(&name.text, &item.doc.join("\n"));
+                }
                 ItemKind::Advected { name, space, labels, .. } => {
                     self.declare_advected(item, name, space, labels.first());
                 }

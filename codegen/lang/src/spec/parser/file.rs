@@ -66,7 +66,7 @@ impl<'a> Parser<'a> {
         outcome.file = Some(File { doc, name, items, indices, families });
     }
 
-    fn items(&mut self, outcome: &mut Outcome, items: &mut Vec<Item>) {
+    pub(super) fn items(&mut self, outcome: &mut Outcome, items: &mut Vec<Item>) {
         loop {
             let start = self.cursor;
             let first = self.here();
@@ -103,6 +103,16 @@ impl<'a> Parser<'a> {
                 }
                 continue;
             }
+            if self.peek_ident().as_deref() == Some("mode") {
+                let read = doc.and_then(|doc| self.mode(doc, outcome, items));
+                if let Err(mut problem) = read {
+                    problem.help = problem.help.or(names::item_form("mode"));
+                    outcome.problems.push(*problem);
+                    self.skip_item();
+                    poison(start, self.cursor, &mut outcome.poisoned);
+                }
+                continue;
+            }
             let keyword = self.here();
             let word = self.peek_ident();
             let form = word.as_ref().and_then(|word| names::item_form(word));
@@ -111,7 +121,7 @@ impl<'a> Parser<'a> {
                 Ok((doc, (kind, block))) => {
                     let span = Span::new(keyword.start, self.last);
                     let extent = Span::new(first.start, self.last);
-                    items.push(Item { doc, extent, span, kind });
+                    items.push(Item { doc, extent, span, kind, mode: None });
                     if !block && self.punct(";").is_none() {
                         let at = Span::new(self.last, self.last);
                         let found = self.found();

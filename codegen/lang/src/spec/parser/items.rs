@@ -8,7 +8,6 @@ use super::cursor::Parser;
 use super::lexer::{Parsed, too_deep};
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
-use crate::spec::event::EventDirection;
 use crate::spec::limits::{MAX_DEPTH, MAX_MATRIX};
 use crate::spec::model::ConnectionKind;
 use crate::spec::names;
@@ -537,45 +536,6 @@ impl<'a> Parser<'a> {
             self.require_punct(":")?;
         }
         Ok((name, gives))
-    }
-
-    /// An event, and whether it ends with a block.
-    fn event(&mut self) -> Parsed<(ItemKind, bool)> {
-        let name = self.labelled("the name of the event")?;
-        self.equals()?;
-        let value = self.expr()?;
-        let direction = if self.word("rising").is_some() {
-            EventDirection::Rising
-        } else if self.word("falling").is_some() {
-            EventDirection::Falling
-        } else {
-            EventDirection::Either
-        };
-        let (mut sets, mut stop) = (Vec::new(), None);
-        let Some((mut body, _)) = self.group(Delimiter::Brace) else {
-            if self.peek_ident().is_some() {
-                return self.expected("`rising`, `falling`, `{` or `;`");
-            }
-            return Ok((ItemKind::Event(EventItem { name, value, direction, sets, stop }), false));
-        };
-        while !body.at_end() {
-            let here = body.here();
-            if body.word("then").is_some() {
-                let target = body.named("the name of what the event sets")?;
-                body.equals()?;
-                sets.push((target, body.expr()?));
-            } else if body.word("stop").is_some() {
-                if stop.is_some() {
-                    let problem = Diagnostic::new(Some(here), "`stop` is written twice");
-                    return Err(Box::new(problem.with_help("keep one of them")));
-                }
-                stop = Some(here);
-            } else {
-                return body.expected("`then` or `stop`");
-            }
-            body.require_punct(";")?;
-        }
-        Ok((ItemKind::Event(EventItem { name, value, direction, sets, stop }), true))
     }
 
     fn reconstruct(&mut self) -> Parsed<ItemKind> {

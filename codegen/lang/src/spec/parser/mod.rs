@@ -14,6 +14,7 @@ mod frames;
 mod items;
 mod lexer;
 mod loops;
+mod modes;
 mod recovery;
 mod scope;
 mod sizes;

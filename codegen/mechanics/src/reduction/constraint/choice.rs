@@ -115,7 +115,12 @@ pub(in crate::reduction) fn solve_rows(
         other => other.filter(|_| !keep_all),
     };
     (solver.quasi, solver.is_by_rows) = (&[], false);
-    let allowed = solver.solve(&displacements, None, Said::default())?;
+    // Those of modes may be the same where these are never on together.
+    let has_modes = general.iter().any(|row| row.mode.is_some());
+    let allowed = match has_modes {
+        true => None,
+        false => solver.solve(&displacements, None, Said::default())?,
+    };
     if !displacements.is_empty() {
         // As many as the motion has constraints; quasi-velocities may be more than those leave.
         let n_unknowns = solved.as_ref().map(|s| s.psi.first().map_or(0, Vec::len));
@@ -266,8 +271,9 @@ fn all_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRow>) {
     for c in &model.constraints {
         let g = &mut model.graph;
         let parts = match c.kind {
-            ConstraintKind::Linear => g.affine_parts(c.residual, &columns),
-            ConstraintKind::Nonlinear
+            ConstraintKind::Linear if c.mode.is_none() => g.affine_parts(c.residual, &columns),
+            ConstraintKind::Linear
+            | ConstraintKind::Nonlinear
             | ConstraintKind::SecondOrder { .. }
             | ConstraintKind::ThirdOrder { .. } => None,
         };
@@ -293,7 +299,8 @@ fn all_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRow>) {
                 (slopes, AccelerationSource::Differentiated(c.residual))
             }
         };
-        general.push(AccelerationRow { name, text, one_form, source });
+        let mode = c.mode.map(|mode| model.modes[mode].symbol);
+        general.push(AccelerationRow { name, text, one_form, source, mode });
     }
     (linear, general)
 }

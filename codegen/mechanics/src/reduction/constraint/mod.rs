@@ -116,10 +116,12 @@ pub struct AccelerationRow {
     pub name: String,
     /// The constraint as written.
     pub text: String,
-    /// `w`.
+    /// `w`; of a constraint of a mode `s w`.
     pub one_form: Vec<ExprId>,
     /// What `w0` comes from.
     pub source: AccelerationSource,
+    /// `s`, for a constraint that holds while a mode is on: `(1 - s) lambda = 0`.
+    pub mode: Option<SymbolId>,
 }
 
 /// Where a condition on accelerations comes from.
@@ -179,7 +181,7 @@ impl KinematicConstraint {
             }
             KinematicConstraint::Multipliers { rows, reactions } => {
                 for (k, row) in rows.iter_mut().enumerate() {
-                    let AccelerationRow { name: _, text: _, one_form, source } = row;
+                    let AccelerationRow { name: _, text: _, one_form, source, mode: _ } = row;
                     let (AccelerationSource::Differentiated(e) | AccelerationSource::Servo(e)) = source;
                     list.extend(one_form.iter_mut().chain([e]).map(|e| (Part::Constraint(k), e)));
                 }

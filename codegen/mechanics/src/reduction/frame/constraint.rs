@@ -226,7 +226,8 @@ fn acceleration_row(g: &mut Graph, row: &ConstraintRow, eta: &[Unknown]) -> Acce
     let product = contract(g, &one_form, &symbols);
     let residual = g.add(product, row.offset);
     let (name, text) = (row.name.clone(), row.text.clone());
-    AccelerationRow { name, text, one_form, source: AccelerationSource::Differentiated(residual) }
+    let source = AccelerationSource::Differentiated(residual);
+    AccelerationRow { name, text, one_form, source, mode: None }
 }
 
 fn substituted(

@@ -76,8 +76,39 @@ impl Writer<'_> {
         ];
         let (name, prepared, n) =
             (self.name("event_apply"), self.name("prepared"), length(module.state.len()));
-        let signature = format!("int {name}(const {prepared} *p, int event, double t, double y[{n}])");
-        self.function(&doc, &signature, &body);
+        let signature =
+            |name: &str| format!("int {name}(const {prepared} *p, int event, double t, double y[{n}])");
+        if events.iter().all(|event| !event.is_condition) {
+            self.function(&doc, &signature(&name), &body);
+            return Ok(());
+        }
+        let effect = self.name("event_effect");
+        let of_one = ["Carries out one event, and none that follow.".to_owned()];
+        self.function(&of_one, &signature(&effect), &body);
+        let conditions: Vec<String> =
+            events.iter().map(|event| i32::from(event.is_condition).to_string()).collect();
+        let body = format!(
+            "    static const int is_condition[{k}] = {{{conditions}}};\n    \
+             int done[{k}] = {{0}}, action = 0;\n    \
+             double before[{k}], after[{k}];\n    \
+             while (event >= 0 && event < {k}) {{\n        \
+             done[event] = 1;\n        \
+             {values}(p, t, y, before);\n        \
+             action |= {effect}(p, event, t, y);\n        \
+             {values}(p, t, y, after);\n        \
+             event = 0;\n        \
+             while (event < {k} && !(is_condition[event] && !done[event] && before[event] >= 0.0 && after[event] < 0.0)) {{\n            \
+             event++;\n        \
+             }}\n    \
+             }}\n    \
+             return action;\n",
+            k = events.len(),
+            conditions = conditions.join(", "),
+            values = self.name(values),
+        );
+        let follows = "Conditions that it has made true follow, each once.".to_owned();
+        let doc = [doc[0].clone(), follows, doc[1].clone(), doc[2].clone()];
+        self.function(&doc, &signature(&name), &body);
         Ok(())
     }
 }

@@ -281,6 +281,7 @@ impl Dialect for C {
             "domain",
             "event_apply",
             "event_directions",
+            "event_effect",
             "event_names",
             "pivot_names",
             "param_names",

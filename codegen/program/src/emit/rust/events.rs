@@ -25,8 +25,24 @@ impl Writer<'_> {
         for (index, event) in events.iter().enumerate() {
             arms.extend(self.effect(index, event)?);
         }
+        let has_conditions = events.iter().any(|event| event.is_condition);
+        let conditions = events.iter().map(|event| event.is_condition);
         let sets_nothing = events.iter().all(|event| event.sets.is_none());
         let unused = sets_nothing.then(|| quote! { let _ = (t, y); });
+        let effects = quote! {
+            #unused
+            match index {
+                #arms
+                _ => #rt::Action::Continue,
+            }
+        };
+        let apply = match has_conditions {
+            false => effects,
+            true => quote! {
+                let effect = |index: usize, y: &mut [R; #n]| { #effects };
+                #rt::cascade(index, [#(#conditions),*], y, |y| self.event_values(t, y), effect)
+            },
+        };
         Ok(quote! {
             impl<R: #rt::Real> #rt::Events<R, #k> for Prepared<R> {
                 const DIRECTIONS: [#rt::Direction; #k] = [#(#directions),*];
@@ -37,11 +53,7 @@ impl Writer<'_> {
                 }
 
                 fn event_apply(&self, index: usize, t: R, y: &mut [R; #n]) -> #rt::Action {
-                    #unused
-                    match index {
-                        #arms
-                        _ => #rt::Action::Continue,
-                    }
+                    #apply
                 }
             }
         })
