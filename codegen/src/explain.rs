@@ -556,10 +556,10 @@ impl Page {
                 self.begin(SectionKind::Constraint);
                 for row in rows {
                     let text = self.prose(&row.text);
-                    self.line(&format!(
-                        "{text}   (multiplier {})",
-                        self.inline(&self.name(&format!("lambda_{}", row.name)))
-                    ));
+                    let multiplier = self.inline(&self.name(&format!("lambda_{}", row.name)));
+                    let mode = row.mode.map(|mode| self.inline(&self.name(system.graph.name(mode))));
+                    let mode = mode.map_or_else(String::new, |mode| format!(", while {mode} is 1"));
+                    self.line(&format!("{text}   (multiplier {multiplier}{mode})"));
                 }
                 self.kept(system, rows.iter().map(|row| row.name.as_str()).collect());
                 let is_servo = |row: &AccelerationRow| matches!(row.source, AccelerationSource::Servo(_));
@@ -570,6 +570,9 @@ impl Page {
                 }
                 if rows.iter().any(is_servo) {
                     self.line("Constraints on accelerations leave all velocities in the state, and multipliers keep them.");
+                } else if rows.iter().any(|row| row.mode.is_some()) {
+                    self.line("All velocities stay in the state. The multiplier of a mode that is off vanishes: its row is");
+                    self.line("multiplied by the mode and has one minus the mode on the multiplier.");
                 } else if system.hamiltonian.is_some() {
                     self.line("Multipliers keep the constraint on the velocities dh/dp.");
                 } else {

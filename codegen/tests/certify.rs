@@ -5,7 +5,7 @@ use hamel_codegen::scene::{self, Made, build_tampered};
 use hamel_codegen::spec::{self, Model};
 use hamel_expr::{ExprId, Graph, Rational};
 use hamel_mechanics::mechanics::Equations;
-use hamel_mechanics::reduction::{KinematicConstraint, ReducedSystem};
+use hamel_mechanics::reduction::{AccelerationRow, KinematicConstraint, ReducedSystem};
 use hamel_program::program::{Op, Operand, Program, Role};
 
 /// A heavy top with friction and a drive: bracket, advected parameter, force, explicit time, attitude.
@@ -151,6 +151,14 @@ fn change_operation(p: &mut Program, role: &Role, change: fn(Op) -> Option<Op>) 
     instruction.op = op;
 }
 
+/// The graph, and rows and reactions of a constraint that multipliers keep.
+fn kept(s: &mut ReducedSystem) -> (&mut Graph, &mut Vec<AccelerationRow>, &mut Vec<Vec<ExprId>>) {
+    let KinematicConstraint::Multipliers { rows, reactions } = &mut s.constraint else {
+        panic!("multipliers keep it")
+    };
+    (&mut s.graph, rows, reactions)
+}
+
 fn product(name: &str) -> Role {
     Role::Product(name.to_owned())
 }
@@ -180,6 +188,23 @@ macro_rules! faults {
         }),*]
     };
 }
+
+/// A disk that falls on its edge, which grips and gives a part of the velocity back: constraints of modes, a condition
+/// on a multiplier, an impact.
+const MODES: &str = "model falls {
+    param m = 2 where m > 0; param l = 0.8 where l > 0; param e = 0.4;
+    coordinate x, z in real; coordinate theta in angle;
+    lagrangian = m*(x_dot^2 + z_dot^2)/2 + m*l^2*theta_dot^2/24 - 9.81*m*z;
+    mode ground {
+        constraint n: z - l/2*cos(theta) = 0;
+        event lift when lambda_n < 0 { leave ground; leave grip; }
+    }
+    mode grip { constraint h: x - l/2*sin(theta) = 0; force x_dot = -x_dot; }
+    event touch = z - l/2*cos(theta) falling { impact ground with e; enter grip; }
+    event caught = z - l falling { enter ground; }
+    initial theta = 0.4; initial z = 1;
+    scene all { want rhs, energy, energy_rate, events, multipliers, constraint, momentum, jacobian, jvp, vjp; }
+}";
 
 /// Deliberate faults: in the system, in its equations, in the program.
 fn faults() -> Vec<Fault> {
@@ -351,6 +376,46 @@ fn faults() -> Vec<Fault> {
         "an energy that is said to stay" in TOP "brief": Equations(e) => e.facts.energy_is_conserved = true;
         "a component that is said to be constant" in TOP "all": Equations(e) =>
             e.facts.constants.push("Omega1".to_owned());
+        "the sign of a constraint of a mode" in MODES "all": System(s) => {
+            let (_, rows, _) = kept(s);
+            rows[0].one_form[2] = rows[0].one_form[1];
+        };
+        "a constraint that another mode lets go" in MODES "all": System(s) => {
+            let (_, rows, _) = kept(s);
+            (rows[0].mode, rows[1].mode) = (rows[1].mode, rows[0].mode);
+        };
+        "multipliers of modes, exchanged in a condition" in MODES "all": Equations(e) => {
+            let (_, components) = output(e, "events");
+            let kept = components[0].1;
+            components[0].1 = components[1].1;
+            components[1].1 = kept;
+        };
+        "the multiplier of a mode that is off" in MODES "all": Equations(e) => {
+            let grip = e.state.iter().find(|s| s.name == "grip").expect("a mode").symbol;
+            let (g, components) = output(e, "multipliers");
+            let (one, s) = (g.one(), g.sym(grip));
+            let off = g.sub(one, s);
+            components[1].1 = g.add(components[1].1, off);
+        };
+        "an impact that leaves a velocity" in MODES "all": Equations(e) => {
+            let velocity = e.state.iter().find(|s| s.name == "theta_dot").expect("a velocity").symbol;
+            let (g, components) = output(e, "after_caught");
+            let place = components.iter().position(|(name, _)| name == "after_caught_theta_dot").expect("it");
+            components[place].1 = g.sym(velocity);
+        };
+        "an impact that gives back nothing" in MODES "all": Equations(e) => {
+            let (_, caught) = output(e, "after_caught");
+            let caught = caught.clone();
+            let (_, components) = output(e, "after_touch");
+            for (name, value) in components {
+                let own = name.replace("touch", "caught");
+                *value = caught.iter().find(|(name, _)| *name == own).map_or(*value, |(_, e)| *e);
+            }
+        };
+        "an impact that enters another mode" in MODES "all": Equations(e) => {
+            let (g, components) = output(e, "after_caught");
+            components[0].1 = g.zero();
+        };
         "a row of the implicit form" in BALL "all": Program(p) =>
             drop_result(p, &Role::OfVariables("implicit_rhs".to_owned()), 1);
         "an entry of the Jacobian of the implicit form" in BALL "all": Program(p) =>
@@ -388,6 +453,7 @@ fn scenes_without_a_fault_are_held_to_their_definitions() {
         (LOOP, "all"),
         (LOOP, "points"),
         (STAGES, "all"),
+        (MODES, "all"),
     ] {
         let built = build_tampered(&model(text), scene, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         let certificate = built.certificate();

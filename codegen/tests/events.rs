@@ -97,10 +97,11 @@ fn emitted_events_have_the_bits_of_the_interpreter() {
             values.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
         );
         let expected = [Action::Restart, Action::Continue, Action::Stop, Action::ChangeAndStop];
-        for (k, event) in built.events().iter().enumerate() {
+        let events = built.events();
+        for (k, event) in events.iter().enumerate() {
             let (mut own, mut other) = (y, y);
             assert_eq!(compiled.event_apply(k, t, &mut own), expected[k]);
-            interpreter.apply(event, t, &mut other);
+            assert_eq!(interpreter.apply(events, k, t, &mut other), [k]);
             assert_eq!(own.map(f64::to_bits), other.map(f64::to_bits), "{}", event.name);
             assert_eq!(own != y, !event.sets.is_empty());
         }

@@ -30,6 +30,7 @@ mod linkages;
 mod logarithm;
 mod loops;
 mod malformed;
+mod modes;
 mod named_frames;
 mod quotients;
 mod random_models;

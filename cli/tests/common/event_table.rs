@@ -237,6 +237,31 @@ pub(crate) fn cases() -> Vec<Case> {
     let end = End::Reached(vec![9.0, 1.0]);
     add("a line that is passed", passed, &[("x", 0.0), ("x_dot", 0.5)], 10.0, (vec![("line", 2.0)], end));
 
+    // A ground that holds until a force pulls stronger, and one that gives way as soon as it is met.
+    let pulled = "coordinate z in real; lagrangian = z_dot^2/2 - 2*z; force z_dot = t;
+        mode ground { constraint hold: z = 0; event lift when lambda_hold < 0 { leave ground; } }
+        event touch = z falling { enter ground; }";
+    let (start, end) = ([("z", 0.0), ("z_dot", 0.0), ("ground", 1.0)], End::Reached(vec![4.0 / 3.0, 2.0, 0.0]));
+    add("a ground that lets go", pulled, &start, 4.0, (vec![("lift", 2.0)], end));
+    let weak = "coordinate z in real; lagrangian = z_dot^2/2 - 2*z;
+        mode ground {
+            constraint hold: z = 0;
+            event sink when lambda_hold < 3 { leave ground; enter mud; }
+        }
+        mode mud { constraint slow: z_dot = -0.5; }
+        event touch = z falling { enter ground; }";
+    let start = [("z", 1.0), ("z_dot", 0.0), ("ground", 0.0), ("mud", 0.0)];
+    let (events, end) = (vec![("touch", 1.0), ("sink", 1.0)], End::Reached(vec![-1.0, -0.5, 0.0, 1.0]));
+    add("a ground that gives way", weak, &start, 3.0, (events, end));
+    // What comes back of the speed at the ground, and what is pushed off a wall: two impacts of one mode.
+    let ball = "coordinate z in real; lagrangian = z_dot^2/2 - 2*z;
+        mode ground { constraint hold: z_dot = 0; }
+        event bounce = z falling { impact ground with 1/2; }";
+    let start = [("z", 1.0), ("z_dot", 0.0), ("ground", 0.0)];
+    // Down in one second, at a speed of two; up again with one, for a second.
+    let (events, end) = (vec![("bounce", 1.0), ("bounce", 2.0)], End::Reached(vec![0.0625, 0.0, 0.0]));
+    add("an impact that gives back half", ball, &start, 2.25, (events, end));
+
     // A ball just above a height, for a ten thousandth of its flight on both sides of the top.
     let thrown = "param g = 9.81; coordinate z in real; lagrangian = z_dot^2/2 - g*z;
         event high = z - 4.90499995095;";

@@ -14,6 +14,7 @@ use hamel_expr::{ExprId, SymbolId};
 use hamel_lang::spec::{Constraint, ConstraintKind, Model, Side};
 use hamel_mechanics::mechanics::Equations;
 
+use super::linear::Reduced;
 use super::tape::{Env, Tape};
 
 /// An evaluation that needs the value of a symbol which the point does not have.
@@ -436,6 +437,16 @@ impl<'a> Definition<'a> {
             (constraint.name.clone(), form)
         };
         Ok(self.model.constraints.iter().enumerate().map(form).collect())
+    }
+
+    /// Whether the constraints that modes leave there restrict different things: two that say the same, or contradict each
+    /// other, have no multipliers.
+    pub(super) fn modes_agree<R: Real>(&self, at: &Place<R>) -> Result<bool, Missing> {
+        let there = |form: &[R]| form.iter().any(|e| e.magnitude() > 0.0);
+        let forms = self.one_forms(at)?.into_iter().map(|(_, form)| form).filter(|form| there(form));
+        let rows: Vec<Vec<R>> = forms.map(|form| form.into_iter().chain([R::ZERO]).collect()).collect();
+        let n_rows = rows.len();
+        Ok(Reduced::new(rows, self.n_displacements()).rank() == n_rows)
     }
 
     /// `phi(y) - phi(y/2)` and `f(y) y - f(y/2) y/2` for each condition `f delta = 0` that is the power of a constraint

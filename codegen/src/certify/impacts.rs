@@ -113,6 +113,9 @@ impl Results<'_, '_> {
             there.set(*symbol, Tape::new(&model.graph, &[*e]).eval(&at.env)?.roots[0]);
         }
         let before = definition.place(there.clone(), at.of_system.clone())?;
+        if !definition.modes_agree(&before)? {
+            return Ok(());
+        }
         let symbols = self.setting.velocity_symbols.iter();
         let after: Vec<Wide> =
             symbols.zip(&at.of_system).map(|(s, y)| set.get(s).copied().unwrap_or(*y)).collect();

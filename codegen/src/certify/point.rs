@@ -202,7 +202,7 @@ impl<'a> Setting<'a> {
         self.draw_state(&mut env, random)?;
         self.satisfy(&mut env)?;
         let point = Point { params, slots, inputs, t, env };
-        self.is_inside(&point).then_some(point)
+        (self.is_inside(&point) && self.modes_agree(&point)).then_some(point)
     }
 
     fn draw_params(&self, env: &mut Env<Wide>, random: &mut Random, attempt: usize) -> Option<()> {
@@ -317,6 +317,12 @@ impl<'a> Setting<'a> {
             }
         }
         Some(())
+    }
+
+    /// Whether modes that are on do not contradict each other.
+    fn modes_agree(&self, point: &Point) -> bool {
+        let agree = || self.definition.modes_agree(&self.place(&point.env).ok()?).ok();
+        self.claim.model.modes.is_empty() || agree() == Some(true)
     }
 
     fn is_mode(&self, symbol: SymbolId) -> bool {

@@ -36,6 +36,8 @@ pub struct Executable {
     pub program: Program,
     /// The events, whose functions are the output `events`.
     pub events: Vec<SceneEvent>,
+    /// Positions in the state of modes, which are zero or one.
+    pub modes: Vec<usize>,
     /// How the equations between coordinates are solved, where the scene wants them.
     pub positions: Option<PositionLayout>,
     patterns: Vec<Pattern>,
@@ -227,7 +229,11 @@ impl BuiltScene {
     /// What it takes to run the scene.
     pub fn executable(&self) -> Executable {
         let (program, events) = (self.program.clone(), self.events().to_vec());
-        Executable { program, events, positions: self.positions().cloned(), patterns: self.patterns() }
+        let system = &self.equations.system;
+        let modes = system.own_rates.iter().filter(|own| own.is_mode).map(|own| system.graph.name(own.symbol));
+        let modes = modes.filter_map(|name| program.state.iter().position(|own| own == name)).collect();
+        let (positions, patterns) = (self.positions().cloned(), self.patterns());
+        Executable { program, events, modes, positions, patterns }
     }
 
     fn patterns(&self) -> Vec<Pattern> {

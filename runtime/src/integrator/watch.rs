@@ -525,7 +525,8 @@ impl<R: Real, const K: usize> Watch<R, K> {
             }
             self.restarts[index] = Some(t);
             // Elsewhere the event has moved the state away from its own zero.
-            let is_level = was.abs().all_ge(is.abs());
+            let noise = NOISE * R::EPSILON * self.largest[index];
+            let is_level = is.magnitude() <= was.magnitude() + noise;
             self.levels[index] = if is_level { is } else { R::ZERO };
             self.phases[index] = if is_level { Phase::Restarted } else { Phase::Apart };
         }

@@ -400,7 +400,8 @@ impl Derivation<'_> {
                 StateKind::Momentum { place, .. } => motion.momentum_rates[place],
             };
             let name = self.g.name(symbol).to_owned();
-            if derivative == self.g.zero() {
+            let is_mode = system.own_rates.iter().any(|own| own.symbol == symbol && own.is_mode);
+            if derivative == self.g.zero() && !is_mode {
                 facts.constants.push(name.clone());
             }
             state.push(StateEquation { symbol, name, doc: doc.clone(), derivative });

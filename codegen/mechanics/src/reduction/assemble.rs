@@ -96,7 +96,8 @@ pub(super) fn on_algebroid(
     let mut own_rates = Vec::new();
     for of_first_order in &model.first_order {
         for ((_, symbol), rate) in of_first_order.components.iter().zip(&of_first_order.rates) {
-            own_rates.push(OwnRate { symbol: *symbol, rate: *rate, is_entropy: of_first_order.is_entropy });
+            let spec::FirstOrderState { is_entropy, is_mode, .. } = *of_first_order;
+            own_rates.push(OwnRate { symbol: *symbol, rate: *rate, is_entropy, is_mode });
             state.push((StateKind::Base(algebroid.n_base()), of_first_order.doc.clone()));
             algebroid.extend_base(&model.graph, [*symbol]);
         }

@@ -85,6 +85,8 @@ pub struct OwnRate {
     pub rate: ExprId,
     /// Whether it is the entropy of something.
     pub is_entropy: bool,
+    /// Whether it is a mode, which events alone change.
+    pub is_mode: bool,
 }
 
 /// An equation between coordinates.

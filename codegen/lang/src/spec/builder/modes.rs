@@ -213,15 +213,20 @@ impl ModelBuilder {
             }
             named.push(mode);
             let symbol = self.modes[mode].symbol;
+            let has_constraints = self.constraints.iter().any(|constraint| constraint.mode == Some(mode));
             match act {
                 ModeAct::Enter(_) => {
-                    strikes = true;
+                    strikes |= has_constraints;
                     modes.push((symbol, one));
                     sets.push((symbol, one));
                 }
                 ModeAct::Leave(_) => {
                     modes.push((symbol, zero));
                     sets.push((symbol, zero));
+                }
+                ModeAct::Impact(name, _) if !has_constraints => {
+                    let message = format!("{place} strikes the mode `{}`, which has no constraint", name.0);
+                    self.problem(name.1, message, "an impact is along the constraints of a mode");
                 }
                 ModeAct::Impact(_, e) => {
                     strikes = true;
@@ -231,8 +236,7 @@ impl ModelBuilder {
                 }
             }
         }
-        let has_constraints = self.constraints.iter().any(|constraint| constraint.mode.is_some());
-        if !(strikes && has_constraints) {
+        if !strikes {
             return (sets, None);
         }
         let mut velocities = Vec::new();

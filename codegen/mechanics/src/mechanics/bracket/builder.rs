@@ -86,6 +86,9 @@ impl<'a> Builder<'a> {
             }
             KinematicConstraint::Multipliers { rows, reactions } => {
                 let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
+                if rows.iter().any(|row| row.mode.is_some()) {
+                    return Err(no_bracket("constraints of modes hold at some times and not at others"));
+                }
                 for (row, reaction) in rows.iter().zip(reactions) {
                     if matches!(row.source, AccelerationSource::Servo(_)) {
                         let reason = format!("{} is a constraint on accelerations", row.text);

@@ -97,7 +97,7 @@ static bool carry_out(Data *d, const bool *due, const double *sides, bool *accum
         w->last = d->t;
         w->value = now[k];
         /* Elsewhere the event has moved the state away from its own zero. */
-        const bool is_level = fabs(now[k]) <= fabs(before[k]);
+        const bool is_level = fabs(now[k]) <= fabs(before[k]) + noise(w);
         w->level = is_level ? now[k] : 0.0;
         w->phase = is_level ? RESTARTED : APART;
     }
