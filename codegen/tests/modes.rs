@@ -77,14 +77,25 @@ fn emitted_modes_have_the_bits_of_the_interpreter() {
     let names: Vec<&str> = built.events().iter().map(|e| e.name.as_str()).collect();
     assert_eq!(names, ["lift", "slip_left", "slip_right", "touch", "stops", "flat"]);
     let params = [1.3, 0.9, 9.7, 0.27];
-    let (interpreter, compiled) = (built.prepare(&params).unwrap(), module::Prepared::prepare(&params).unwrap());
+    let (interpreter, compiled) =
+        (built.prepare(&params).unwrap(), module::Prepared::prepare(&params).unwrap());
     let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     let mut followed = 0;
     for seed in 0..200 {
         let x = f64::from(seed);
         let on = |k: i32| f64::from(seed >> k & 1);
         let wave = |a: f64| (a * x + a).sin();
-        let y = [wave(0.7), wave(1.1), wave(0.3), 2.0 * wave(1.7), wave(2.3), 3.0 * wave(1.3), 2.0 * on(3) - 1.0, on(0), on(1)];
+        let y = [
+            wave(0.7),
+            wave(1.1),
+            wave(0.3),
+            2.0 * wave(1.7),
+            wave(2.3),
+            3.0 * wave(1.3),
+            2.0 * on(3) - 1.0,
+            on(0),
+            on(1),
+        ];
         let t = 0.1 * x;
         let (mut dy, mut other) = ([0.0; 9], [0.0; 9]);
         System::rhs(&compiled, t, &y, &mut dy);
@@ -123,8 +134,7 @@ fn a_rod_that_is_dropped_grips_and_slides_as_its_phases_by_hand() {
     // Free fall until the end meets the ground.
     let (w0, a0) = (-1.0_f64, 0.3_f64);
     let mut fall = [1.0, 0.0, a0];
-    let t_touch =
-        until(|y| [y[1], -g, w0], &mut fall, |y| -(y[0] - 0.5 * l * y[2].cos()), 1.0);
+    let t_touch = until(|y| [y[1], -g, w0], &mut fall, |y| -(y[0] - 0.5 * l * y[2].cos()), 1.0);
     // Angular momentum about the end is kept.
     let (z, vz, a) = (fall[0], fall[1], fall[2]);
     let foot = -0.5 * l * a.sin();
@@ -158,8 +168,7 @@ fn a_rod_that_is_dropped_grips_and_slides_as_its_phases_by_hand() {
     };
     let mut slide = [foot, grip[0], 0.0, grip[1]];
     // It begins to move with the first step.
-    let t_stop = t_slip
-        + until(sliding(-1.0), &mut slide, |y| if y[2] < 0.0 { 1.0 } else { -1.0 }, 1.0);
+    let t_stop = t_slip + until(sliding(-1.0), &mut slide, |y| if y[2] < 0.0 { 1.0 } else { -1.0 }, 1.0);
     let t_end = 1.2;
     let _ = until(sliding(1.0), &mut slide, |_| -1.0, t_end - t_stop);
 
@@ -348,8 +357,10 @@ fn a_sleigh_lets_go_at_its_largest_force() {
         // Free: nothing acts on the mass centre, which sees v1 and v2 + a w turn.
         let free = [w, v, 0.4, 0.0];
         interpreter.rhs(0.0, &free, &mut dy);
-        assert!(dy[0].abs() < 1e-14 && (dy[1] - w * (0.4 + a * w)).abs() < 1e-14 && (dy[2] + w * v).abs() < 1e-14);
-        // What is off is not watched for.
+        assert!(
+            dy[0].abs() < 1e-14 && (dy[1] - w * (0.4 + a * w)).abs() < 1e-14 && (dy[2] + w * v).abs() < 1e-14
+        );
+        // Conditions of a mode that is off are not watched for.
         assert_eq!(interpreter.events(0.0, &free).unwrap(), [1.0, 1.0]);
     }
 }

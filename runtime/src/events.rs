@@ -186,7 +186,7 @@ impl<R: Real, const K: usize, S: Events<R, K> + ?Sized> Events<R, K> for &S {
 /// ```
 /// use hamel_runtime::{Action, cascade};
 ///
-/// // The first event takes two off, the second, a condition, resets what is negative.
+/// // The first event takes two off, the second, a condition, makes a negative number zero.
 /// let mut y = 1.5;
 /// let effect = |event: usize, y: &mut f64| {
 ///     *y = if event == 0 { *y - 2.0 } else { 0.0 };
@@ -213,9 +213,8 @@ pub fn cascade<R: Real, V, const K: usize>(
         changes |= matches!(action, Action::Restart | Action::ChangeAndStop);
         stops |= matches!(action, Action::Stop | Action::ChangeAndStop);
         let after = values(y);
-        next = (0..K).find(|&k| {
-            is_condition[k] && !done[k] && signed(before[k]) >= 0.0 && signed(after[k]) < 0.0
-        });
+        next = (0..K)
+            .find(|&k| is_condition[k] && !done[k] && signed(before[k]) >= 0.0 && signed(after[k]) < 0.0);
     }
     match (changes, stops) {
         (false, false) => Action::Continue,

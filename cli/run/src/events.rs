@@ -60,12 +60,16 @@ impl<'r, 'a> Watcher<'r, 'a> {
                 return Err(refused(format!("mode {name} is {value}: a mode is 1 while it is on, and 0")));
             }
             let interpreter = interpreter.as_ref().filter(|_| *has_own);
-            let values = interpreter.and_then(|own| own.events(0.0, &request.initial[..executable.program.state.len()]));
+            let values = interpreter
+                .and_then(|own| own.events(0.0, &request.initial[..executable.program.state.len()]));
             let holds = |k: &usize| events[*k].direction == EventDirection::Below;
-            let holds = (0..n_own).filter(holds).find(|k| values.as_ref().is_some_and(|values| values[*k] < 0.0));
+            let holds =
+                (0..n_own).filter(holds).find(|k| values.as_ref().is_some_and(|values| values[*k] < 0.0));
             if let Some(k) = holds {
                 let name = &events[k].name;
-                return Err(refused(format!("condition {name} holds already, and happens where it begins to hold")));
+                return Err(refused(format!(
+                    "condition {name} holds already, and happens where it begins to hold"
+                )));
             }
             own = (0..events.len()).map(|k| (k < n_own, k >= n_own || *has_own)).collect();
         }

@@ -169,7 +169,9 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
             found.language(WordKind::Part, |word| words.contains(&word));
             found.language(WordKind::Item, |word| matches!(word, "carry" | "routh" | "input" | "for"));
         }
-        Context::EventStatement => found.language(WordKind::Part, |word| matches!(word, "then" | "stop")),
+        Context::EventStatement => found
+            .language(WordKind::Part, |word| matches!(word, "then" | "enter" | "leave" | "impact" | "stop")),
+        Context::Mode => found.declared(document, |kind| kind == Kind::Mode),
         Context::BlockStatement => {
             found.language(WordKind::Part, |word| {
                 matches!(word, "basis" | "velocities" | "anchor" | "mass" | "place" | "inertia" | "attitude")
@@ -232,7 +234,7 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
         Context::Formulation => found.words(&["auto"]),
         Context::Expression => {
             found.values(document, model);
-            let words = ["where", "rising", "falling", "around", "at", "attitude"];
+            let words = ["where", "when", "rising", "falling", "with", "around", "at", "attitude"];
             found.language(WordKind::Part, |word| words.contains(&word));
         }
         _ => {}

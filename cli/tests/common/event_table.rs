@@ -241,7 +241,8 @@ pub(crate) fn cases() -> Vec<Case> {
     let pulled = "coordinate z in real; lagrangian = z_dot^2/2 - 2*z; force z_dot = t;
         mode ground { constraint hold: z = 0; event lift when lambda_hold < 0 { leave ground; } }
         event touch = z falling { enter ground; }";
-    let (start, end) = ([("z", 0.0), ("z_dot", 0.0), ("ground", 1.0)], End::Reached(vec![4.0 / 3.0, 2.0, 0.0]));
+    let (start, end) =
+        ([("z", 0.0), ("z_dot", 0.0), ("ground", 1.0)], End::Reached(vec![4.0 / 3.0, 2.0, 0.0]));
     add("a ground that lets go", pulled, &start, 4.0, (vec![("lift", 2.0)], end));
     let weak = "coordinate z in real; lagrangian = z_dot^2/2 - 2*z;
         mode ground {
@@ -253,7 +254,7 @@ pub(crate) fn cases() -> Vec<Case> {
     let start = [("z", 1.0), ("z_dot", 0.0), ("ground", 0.0), ("mud", 0.0)];
     let (events, end) = (vec![("touch", 1.0), ("sink", 1.0)], End::Reached(vec![-1.0, -0.5, 0.0, 1.0]));
     add("a ground that gives way", weak, &start, 3.0, (events, end));
-    // What comes back of the speed at the ground, and what is pushed off a wall: two impacts of one mode.
+    // The ground gives half of the speed back: two impacts of one mode.
     let ball = "coordinate z in real; lagrangian = z_dot^2/2 - 2*z;
         mode ground { constraint hold: z_dot = 0; }
         event bounce = z falling { impact ground with 1/2; }";

@@ -439,8 +439,8 @@ impl<'a> Definition<'a> {
         Ok(self.model.constraints.iter().enumerate().map(form).collect())
     }
 
-    /// Whether the constraints that modes leave there restrict different things: two that say the same, or contradict each
-    /// other, have no multipliers.
+    /// Whether the constraints that modes leave there restrict different things: two that say the same, or contradict
+    /// each other, have no multipliers.
     pub(super) fn modes_agree<R: Real>(&self, at: &Place<R>) -> Result<bool, Missing> {
         let there = |form: &[R]| form.iter().any(|e| e.magnitude() > 0.0);
         let forms = self.one_forms(at)?.into_iter().map(|(_, form)| form).filter(|form| there(form));

@@ -24,6 +24,7 @@ mod group;
 mod impacts;
 mod implied;
 mod linear;
+mod modes;
 mod motion;
 mod point;
 mod random;
@@ -56,21 +57,31 @@ pub(crate) fn certify(claim: &Claim<'_>) -> Result<Certificate, Error> {
     let setting = Setting::new(claim);
     let mut random = Random::new(seed(claim));
     let mut certificate = Certificate::default();
-    for _ in 0..claim.n_points {
+    let has_modes = setting.modes.len() > 1;
+    for turn in 0..claim.n_points.max(setting.modes.len()) {
+        let mut blunt = None;
         for attempt in 0..MAX_DRAWS {
-            let Some(point) = setting.draw(&mut random, attempt) else { continue };
+            let Some(point) = setting.draw(&mut random, attempt, turn) else { continue };
             let (sheet, open) = compared(&setting, &point, &mut random);
             let scale = point.scale(&setting);
             if let Some(row) = sheet.rows.iter().find(|row| !row.is_sharp(scale)) {
                 let reason = format!("at no point enough digits are left of {}", row.what);
                 certificate.open.insert(row.function.clone(), reason);
+                blunt.get_or_insert((row.function.clone(), row.what.clone(), row.relative(scale)));
                 continue;
             }
+            blunt = None;
             settle(claim, (&sheet, scale), &mut certificate)?;
             certificate.n_points += 1;
             certificate.open.retain(|function, _| !certificate.held.contains_key(function));
             certificate.open.extend(open);
             break;
+        }
+        // Points of other modes say nothing about these.
+        if let Some((function, what, residual)) = blunt.filter(|_| has_modes) {
+            let scene = claim.scene.to_owned();
+            let what = format!("at no state with {}: {what}", setting.names_of_modes(turn));
+            return Err(Error::Disagrees { scene, function, what, residual });
         }
     }
     if certificate.n_points == 0 && certificate.open.is_empty() {
@@ -96,7 +107,7 @@ pub(crate) fn samples(claim: &Claim<'_>) -> Vec<Sample> {
         t: point.t.to_f64(),
         state: point.state(&setting).iter().map(|x| x.to_f64()).collect(),
     };
-    let drawn = (0..MAX_DRAWS).filter_map(|attempt| setting.draw(&mut random, attempt));
+    let drawn = (0..MAX_DRAWS).filter_map(|attempt| setting.draw(&mut random, attempt, attempt));
     drawn.map(sample).take(claim.n_points).collect()
 }
 

@@ -3,18 +3,17 @@
 //!
 //! Does not know: what is compared.
 
-use std::collections::BTreeMap;
-
 use hamel_runtime::{Dual, Real};
 
 use hamel_expr::{ExprId, Relation, SymbolId, needed_sections};
-use hamel_lang::spec::{Domain, Event, Model, ReconstructionKind, Want};
+use hamel_lang::spec::{Domain, Model, ReconstructionKind, Want};
 use hamel_mechanics::mechanics::Equations;
 use hamel_program::program::Role;
 
 use super::claim::Claim;
 use super::definition::{Definition, Missing, Place};
 use super::linear::Reduced;
+use super::modes;
 use super::random::Random;
 use super::runner::{At, Runner};
 use super::tape::{Env, PI, Tape, rational};
@@ -26,8 +25,6 @@ const MAX_ITERATIONS: usize = 40;
 const SOLVED: f64 = 1.0 / (1u128 << 96) as f64;
 /// Part of its default by which a parameter moves at most.
 const SPREAD: f64 = 0.4;
-/// Events for each mode that are drawn on the way to the modes of a point.
-const MAX_EVENTS: usize = 4;
 
 /// A scene, its model and its program, ready for evaluation.
 pub(super) struct Setting<'a> {
@@ -50,6 +47,8 @@ pub(super) struct Setting<'a> {
     pub(super) positions: Tape,
     of_degeneracy: Tape,
     initial: Vec<(SymbolId, Tape)>,
+    /// Which modes are on together; one entry without any in a model that has none.
+    pub(super) modes: Vec<modes::On>,
 }
 
 /// A point, without what follows from it.
@@ -111,7 +110,14 @@ impl<'a> Setting<'a> {
             let (_, symbol) = by_name.iter().find(|(known, _)| known == name)?;
             Some((*symbol, Tape::new(&model.graph, &[*e])))
         });
+        let initial: Vec<(SymbolId, Tape)> = initial.collect();
+        let is_on = |symbol: SymbolId| {
+            let own = initial.iter().find(|(known, _)| *known == symbol);
+            own.and_then(|(_, tape)| tape.eval::<Wide>(&Env::new()).ok())
+                .is_some_and(|e| e.roots[0].size() > 0.0)
+        };
         Setting {
+            modes: modes::reachable(model, is_on),
             definition: Definition::new(model, equations),
             runner: Runner::new(claim.program),
             velocities,
@@ -122,7 +128,7 @@ impl<'a> Setting<'a> {
             quasi: model.quasi_velocities.iter().map(|v| v.symbol).collect(),
             positions: Tape::new(&model.graph, &positions),
             of_degeneracy: Tape::new(&system.graph, &of_degeneracy),
-            initial: initial.collect(),
+            initial,
             claim,
         }
     }
@@ -181,8 +187,9 @@ impl<'a> Setting<'a> {
         Ok(all)
     }
 
-    /// A point; none where parameters, the domain or Newton's method do not allow it.
-    pub(super) fn draw(&self, random: &mut Random, attempt: usize) -> Option<Point> {
+    /// A point; none where parameters, the domain or Newton's method do not allow it. Points of consecutive turns go
+    /// through the modes that may be on together.
+    pub(super) fn draw(&self, random: &mut Random, attempt: usize, turn: usize) -> Option<Point> {
         let model = self.claim.model;
         let system = &self.claim.equations.system;
         let mut env: Env<Wide> = Env::new();
@@ -199,7 +206,7 @@ impl<'a> Setting<'a> {
         let params: Vec<Wide> = system.params.iter().filter_map(|p| env.get(p.symbol)).collect();
         let slots = self.runner.slots(&params);
         self.conditions_hold(&params, &slots)?;
-        self.draw_state(&mut env, random)?;
+        self.draw_state(&mut env, random, turn)?;
         self.satisfy(&mut env)?;
         let point = Point { params, slots, inputs, t, env };
         (self.is_inside(&point) && self.modes_agree(&point)).then_some(point)
@@ -245,7 +252,7 @@ impl<'a> Setting<'a> {
         (finite && conditions.into_iter().all(|(relation, a, b)| compare(relation, a, b))).then_some(())
     }
 
-    fn draw_state(&self, env: &mut Env<Wide>, random: &mut Random) -> Option<()> {
+    fn draw_state(&self, env: &mut Env<Wide>, random: &mut Random, turn: usize) -> Option<()> {
         let model = self.claim.model;
         let system = &self.claim.equations.system;
         let initial = |symbol: SymbolId, env: &Env<Wide>| {
@@ -256,9 +263,10 @@ impl<'a> Setting<'a> {
         let first_order = model.first_order.iter();
         let first_order =
             first_order.flat_map(|s| s.components.iter().map(|(_, symbol)| (*symbol, s.domain)));
-        let modes = self.reachable_modes(random, |symbol| initial(symbol, &*env));
-        modes.iter().for_each(|(symbol, on)| env.set(*symbol, Wide::exact(if *on { 1.0 } else { 0.0 })));
-        for (symbol, domain) in base.chain(first_order).filter(|(symbol, _)| !modes.contains_key(symbol)) {
+        for (symbol, on) in &self.modes[turn % self.modes.len()] {
+            env.set(*symbol, if *on { Wide::ONE } else { Wide::ZERO });
+        }
+        for (symbol, domain) in base.chain(first_order).filter(|(symbol, _)| !self.is_mode(*symbol)) {
             let start = initial(symbol, env);
             let value = match domain {
                 Domain::Interval(low, high) => {
@@ -319,6 +327,14 @@ impl<'a> Setting<'a> {
         Some(())
     }
 
+    /// The modes that are on at the points of a turn, for people.
+    pub(super) fn names_of_modes(&self, turn: usize) -> String {
+        let graph = &self.claim.model.graph;
+        let on = self.modes[turn % self.modes.len()].iter().filter(|(_, on)| **on);
+        let names: Vec<&str> = on.map(|(symbol, _)| graph.name(*symbol)).collect();
+        if names.is_empty() { "all modes off".to_owned() } else { format!("{} on", names.join(", ")) }
+    }
+
     /// Whether modes that are on do not contradict each other.
     fn modes_agree(&self, point: &Point) -> bool {
         let agree = || self.definition.modes_agree(&self.place(&point.env).ok()?).ok();
@@ -329,42 +345,11 @@ impl<'a> Setting<'a> {
         self.claim.model.modes.iter().any(|mode| mode.symbol == symbol)
     }
 
-    /// Which modes are on after some events, of those that are watched for then.
-    fn reachable_modes(
-        &self,
-        random: &mut Random,
-        initial: impl Fn(SymbolId) -> Option<f64>,
-    ) -> BTreeMap<SymbolId, bool> {
-        let model = self.claim.model;
-        let is_on = |symbol: SymbolId| initial(symbol).is_some_and(|s| s != 0.0);
-        let mut modes: BTreeMap<SymbolId, bool> =
-            model.modes.iter().map(|mode| (mode.symbol, is_on(mode.symbol))).collect();
-        for _ in 0..model.modes.len() * MAX_EVENTS {
-            let (k, happens) = (random.between(0.0, model.events.len() as f64) as usize, random.signed() > 0.0);
-            let Some(event) = model.events.get(k).filter(|_| happens) else { continue };
-            let is_watched = event.mode.is_none_or(|mode| modes[&model.modes[mode].symbol]);
-            let strikes = event.impact.iter().flat_map(|impact| &impact.modes);
-            let mut there = strikes.filter(|(_, e)| *e != model.graph.zero()).map(|(symbol, _)| modes[symbol]);
-            if !is_watched || there.any(|is_on| is_on) {
-                continue;
-            }
-            let after = model.outputs.iter().find(|output| output.name == Event::after(&event.name));
-            let components = after.iter().flat_map(|output| &output.components);
-            for (symbol, (_, e)) in event.sets.iter().zip(components) {
-                if let Some(on) = modes.get_mut(symbol) {
-                    *on = *e != model.graph.zero();
-                }
-            }
-        }
-        modes
-    }
-
     /// A state beside this one, which satisfies no restriction; points stay on their circles.
     pub(super) fn beside(&self, point: &Point, random: &mut Random) -> Point {
         let mut moved = point.clone();
-        let is_fixed = |s: &SymbolId| {
-            self.circles.iter().any(|[c, sine, _]| s == c || s == sine) || self.is_mode(*s)
-        };
+        let is_fixed =
+            |s: &SymbolId| self.circles.iter().any(|[c, sine, _]| s == c || s == sine) || self.is_mode(*s);
         let angles = self.circles.iter().map(|[.., angle]| *angle);
         let variables: Vec<SymbolId> =
             self.state.iter().copied().filter(|s| !is_fixed(s)).chain(angles).collect();

@@ -230,7 +230,8 @@ impl BuiltScene {
     pub fn executable(&self) -> Executable {
         let (program, events) = (self.program.clone(), self.events().to_vec());
         let system = &self.equations.system;
-        let modes = system.own_rates.iter().filter(|own| own.is_mode).map(|own| system.graph.name(own.symbol));
+        let modes =
+            system.own_rates.iter().filter(|own| own.is_mode).map(|own| system.graph.name(own.symbol));
         let modes = modes.filter_map(|name| program.state.iter().position(|own| own == name)).collect();
         let (positions, patterns) = (self.positions().cloned(), self.patterns());
         Executable { program, events, modes, positions, patterns }
@@ -409,8 +410,9 @@ impl<'a, R: Real> Interpreter<'a, R> {
         self.values(&Role::Output(Want::Events.name().to_owned()), t, y)
     }
 
-    /// Carries out an event of a scene, by its position among `events`, and behind it those that are conditions and that
-    /// the one before has made true, each once: puts what they set into a state. Gives them in their order.
+    /// Carries out an event of a scene, by its position among `events`, and behind it every condition that the one
+    /// before has made true, each once: puts the values that they set into a state. Gives their positions in their
+    /// order.
     ///
     /// # Panics
     /// When the size of `y` is wrong.
@@ -423,10 +425,12 @@ impl<'a, R: Real> Interpreter<'a, R> {
             done.push(event);
             let before = if conditions.is_empty() { None } else { self.events(t, y) };
             self.set(&events[event], t, y);
-            next = before.zip(self.events(t, y).filter(|_| !conditions.is_empty())).and_then(|(before, after)| {
-                let begins = |k: &&usize| before[**k].all_ge(R::ZERO) && R::ZERO.all_gt(after[**k]);
-                conditions.iter().filter(|k| !done.contains(k)).find(begins).copied()
-            });
+            next = before.zip(self.events(t, y).filter(|_| !conditions.is_empty())).and_then(
+                |(before, after)| {
+                    let begins = |k: &&usize| before[**k].all_ge(R::ZERO) && R::ZERO.all_gt(after[**k]);
+                    conditions.iter().filter(|k| !done.contains(k)).find(begins).copied()
+                },
+            );
         }
         done
     }

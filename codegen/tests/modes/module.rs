@@ -70,7 +70,7 @@ pub const INFO: ::hamel_runtime::SceneInfo =
 ///
 /// Its end meets the ground, grips while friction holds, slides when it gives way, and lifts off when nothing pushes.
 ///
-/// Held to its definition at 3 points: 14 functions.
+/// Held to its definition at 4 points: 14 functions.
 ///
 /// # State
 ///

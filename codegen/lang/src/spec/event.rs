@@ -38,8 +38,8 @@ pub enum EventDirection {
     Falling,
     /// Both.
     Either,
-    /// From positive to zero or negative, and where another event leaves the function negative: a condition `f < 0` that
-    /// begins to hold.
+    /// From positive to zero or negative, and where another event leaves the function negative: a condition `f < 0`
+    /// that begins to hold.
     Below,
 }
 

@@ -223,7 +223,8 @@ macro_rules! visit {
             $visit(ExpressionRole::Implied(k), residual);
         }
         for (k, constraint) in constraints.into_iter().enumerate() {
-            let Constraint { name: _, text: _, kind, residual, position, gives: _, mode: _, span: _ } = constraint;
+            let Constraint { name: _, text: _, kind, residual, position, gives: _, mode: _, span: _ } =
+                constraint;
             $visit(ExpressionRole::ConstraintResidual(k), residual);
             if let Some(PositionEquation { residual: position, determines: _ }) = position {
                 $visit(ExpressionRole::ConstraintPosition(k), position);

@@ -79,10 +79,10 @@ pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use mode::{Impact, Mode};
 pub use model::{
-    Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Domain,
-    FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
-    OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
-    Velocity, VelocitySection, circle_names, diagnose,
+    Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Domain, FormulationSearch, Given,
+    IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid, OwnBracket, Param,
+    ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side, Velocity,
+    VelocitySection, circle_names, diagnose,
 };
 pub use names::LEVEL_MOMENTUM;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};

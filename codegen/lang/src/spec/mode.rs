@@ -8,8 +8,8 @@ use hamel_expr::{ExprId, SymbolId};
 /// A mode: while it is on its constraints hold and its forces act.
 ///
 /// Its symbol `s`, one while it is on and zero otherwise, is a component of the state that only events change. A
-/// constraint `phi = 0` of the mode is `s phi = 0` with the multiplier `s lambda`, and `(1 - s) lambda = 0` says what the
-/// multiplier is while the mode is off.
+/// constraint `phi = 0` of the mode is `s phi = 0` with the multiplier `s lambda`, and `(1 - s) lambda = 0` says what
+/// the multiplier is while the mode is off.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mode {
     /// Name, which stands for `s` in expressions.

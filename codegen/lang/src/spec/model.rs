@@ -9,9 +9,9 @@ pub(super) use super::constraint::{
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
 pub(super) use super::first_order::FirstOrderState;
-pub(super) use super::mode::Mode;
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
+pub(super) use super::mode::Mode;
 use super::size::FamilySize;
 use super::total::Total;
 use super::unit::Units;

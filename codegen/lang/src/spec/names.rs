@@ -54,7 +54,10 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("output", "output name = expression;"),
     ("section", "section s = [1, 0, x];` or `section s in so(3) = Gamma;"),
     ("mode", "mode stance { constraint foot: v = 0; }` or `mode flight;"),
-    ("event", "event impact = z falling { then v = -e*v; }` or `event lift when lambda_foot < 0 { leave stance; }"),
+    (
+        "event",
+        "event impact = z falling { then v = -e*v; }` or `event lift when lambda_foot < 0 { leave stance; }",
+    ),
     ("reconstruct", "reconstruct q in SO(3) from Omega;` or `reconstruct x by v;"),
     ("initial", "initial Omega = [0, 0, 1];"),
     ("view", "view name = ball(r) at [x, y, r] attitude q;"),

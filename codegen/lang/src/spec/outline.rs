@@ -83,8 +83,8 @@ impl DeclarationKind {
 
     /// Whether it is a state variable or follows from the state: what has an equation of motion.
     pub fn is_of_state(self) -> bool {
-        use DeclarationKind::{Advected, Coordinate, Momentum, QuasiVelocity, State, Velocity};
-        matches!(self, Velocity | QuasiVelocity | Momentum | Coordinate | Advected | State)
+        use DeclarationKind::{Advected, Coordinate, Mode, Momentum, QuasiVelocity, State, Velocity};
+        matches!(self, Velocity | QuasiVelocity | Momentum | Coordinate | Advected | State | Mode)
     }
 
     /// Whether expressions of the model may mention it.

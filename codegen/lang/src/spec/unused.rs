@@ -9,8 +9,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::ast::{
-    Act, AlgebraExpr, AlgebraNode, AlgebroidBlock, Carry, DomainExpr, Expr, Item, ItemKind, MovedBy, Name, Node,
-    ReconstructWay, Shape, Size,
+    Act, AlgebraExpr, AlgebraNode, AlgebroidBlock, Carry, DomainExpr, Expr, Item, ItemKind, MovedBy, Name,
+    Node, ReconstructWay, Shape, Size,
 };
 use super::diagnostic::Diagnostic;
 use super::layout::Layout;

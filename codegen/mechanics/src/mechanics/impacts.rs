@@ -40,7 +40,7 @@ impl Derivation<'_> {
     fn requires_quadratic(&self, event: &Event) -> Result<(), Error> {
         let velocities = self.system.velocities.iter().copied().collect();
         let what = if self.system.frame.is_some() || !self.system.momenta.is_empty() {
-            "in other velocities than those of the model, or in momenta"
+            "in other velocities than the model has, or in momenta"
         } else if self.hessian.iter().flatten().any(|e| self.g.depends_on(*e, &velocities)) {
             "with a Lagrangian that is not quadratic in the velocities"
         } else {
@@ -48,7 +48,9 @@ impl Derivation<'_> {
         };
         Err(Error::Unsupported {
             what: format!("the impact of event `{}` {what}", event.name),
-            possible: "a Lagrangian that is quadratic in the velocities of the model, which the state carries".into(),
+            possible:
+                "a Lagrangian that is quadratic in the velocities of the model, which the state carries"
+                    .into(),
         })
     }
 
@@ -74,7 +76,8 @@ impl Derivation<'_> {
         let (mut matrix, mut right, mut is_congruent) = (Vec::new(), Vec::new(), true);
         for (c, row) in rows.iter().enumerate() {
             let AccelerationSource::Differentiated(residual) = row.source else {
-                let what = format!("the impact of event `{}` beside constraints on accelerations", event.name);
+                let what =
+                    format!("the impact of event `{}` beside constraints on accelerations", event.name);
                 let possible = "constraints on velocities".into();
                 return Err(Error::Unsupported { what, possible });
             };

@@ -278,8 +278,8 @@ impl Derivation<'_> {
         }
     }
 
-    /// The balance `L_yy ydot - Lambda^T lambda - r`, `w ydot + w0 + slack lambda` of a system that keeps its constraint by
-    /// multipliers: `kept` beside `w0`, `solution` has `ydot` and `lambda`.
+    /// The balance `L_yy ydot - Lambda^T lambda - r`, `w ydot + w0 + slack lambda` of a system that keeps its
+    /// constraint by multipliers: `kept` beside `w0`, `solution` has `ydot` and `lambda`.
     pub(super) fn balance_with_multipliers(
         &mut self,
         (hessian, drive): (&[Vec<ExprId>], &[ExprId]),

@@ -21,8 +21,9 @@ impl Derivation<'_> {
     /// `L_yy ydot = drive + Lambda^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 Lambda^T`: the multipliers act along
     /// the one-forms `Lambda` that vanish on virtual displacements and keep the conditions on accelerations.
     ///
-    /// Of a mode with the symbol `s` rows and forms have the factor `s`, and its row is `w ydot + w0 + (1 - s) lambda = 0`:
-    /// the multiplier vanishes while the mode is off, and `S` gains `1 - s` on its diagonal.
+    /// Of a mode with the symbol `s` rows and forms have the factor `s`, and its row is
+    /// `w ydot + w0 + (1 - s) lambda = 0`: the multiplier vanishes while the mode is off, and `S` gains `1 - s` on its
+    /// diagonal.
     pub(super) fn solve_with_multipliers(
         &mut self,
         rows: &[AccelerationRow],

@@ -4,9 +4,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::event_drafts::EventDraft;
+pub(super) use super::event_drafts::Located;
 use crate::algebra::LieAlgebra;
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
-use crate::spec::event::EventDirection;
 use crate::spec::group::Group;
 use crate::spec::matrix_group::MatrixGroup;
 use crate::spec::model::*;
@@ -108,9 +109,6 @@ pub(super) struct Declared {
     pub(super) span: Option<Span>,
     pub(super) what: DeclaredAs,
 }
-
-/// A name and where it was used.
-pub(in crate::spec) type Located = (String, Option<Span>);
 
 #[derive(Clone, Debug)]
 pub(super) struct StageDraft {
@@ -256,44 +254,6 @@ pub(super) struct SectionDraft {
     pub(super) span: Option<Span>,
     /// Where its value stands.
     pub(super) of_value: Option<Span>,
-}
-
-/// What an event sets, and to what.
-#[derive(Clone, Debug)]
-pub(in crate::spec) struct EventSet {
-    pub(in crate::spec) target: Located,
-    pub(in crate::spec) value: Value,
-    /// Where the value stands.
-    pub(in crate::spec) span: Option<Span>,
-}
-
-/// What an event does to a mode.
-#[derive(Clone, Debug)]
-pub(in crate::spec) enum ModeAct {
-    /// Its constraints begin to hold, by an impact without return.
-    Enter(Located),
-    /// They hold no longer.
-    Leave(Located),
-    /// They are struck, with the part of the velocity that comes back.
-    Impact(Located, Option<(Value, Option<Span>)>),
-}
-
-/// An event.
-#[derive(Clone, Debug)]
-pub(super) struct EventDraft {
-    pub(super) name: String,
-    pub(super) value: Value,
-    /// Where the function stands.
-    pub(super) of_value: Option<Span>,
-    pub(super) direction: EventDirection,
-    pub(super) sets: Vec<EventSet>,
-    pub(super) acts: Vec<ModeAct>,
-    pub(super) stops: bool,
-    /// The mode while which it is watched for.
-    pub(super) mode: Option<usize>,
-    pub(super) doc: String,
-    /// Where its name stands.
-    pub(super) span: Option<Span>,
 }
 
 /// What the model gives of the motion of a velocity.

@@ -4,7 +4,8 @@
 
 use std::collections::BTreeSet;
 
-use super::draft::{DeclaredAs, EventDraft, EventSet, ModeAct, ModelBuilder};
+use super::draft::{DeclaredAs, ModelBuilder};
+use super::event_drafts::{EventDraft, EventSet, ModeAct};
 use super::symbols::Special;
 use crate::spec::diagnostic::Span;
 use crate::spec::event::{Event, EventDirection, OutputPart};
@@ -89,7 +90,9 @@ impl ModelBuilder {
             let function = self.watched(mode, &acts, function);
             let (mut symbols, mut components) = (Vec::new(), Vec::new());
             let (of_modes, impact) = self.check_acts(&name, &acts);
-            if let (Some(_), Some(set)) = (&impact, sets.iter().find(|set| !self.is_first_order(&set.target.0))) {
+            if let (Some(_), Some(set)) =
+                (&impact, sets.iter().find(|set| !self.is_first_order(&set.target.0)))
+            {
                 let message = format!("{place} sets `{}` beside an impact", set.target.0);
                 let help = "the impact gives all velocities where the coordinates are; use another event";
                 self.problem(set.target.1, message, help);

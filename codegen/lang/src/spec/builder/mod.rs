@@ -12,6 +12,7 @@ mod connection;
 mod constraints;
 mod draft;
 mod dynamics;
+mod event_drafts;
 mod events;
 mod first_order;
 mod frame;
@@ -36,8 +37,7 @@ mod view;
 
 pub(super) use algebroid::SectionBracket;
 pub use draft::ModelBuilder;
-pub(super) use draft::{
-    BodyDraft, CarryDraft, DeclaredAs, EventSet, FrameMotion, ModeAct, NamedFrameDraft,
-};
+pub(super) use draft::{BodyDraft, CarryDraft, DeclaredAs, FrameMotion, NamedFrameDraft};
+pub(super) use event_drafts::{EventSet, ModeAct};
 pub(in crate::spec) use view::FIELD;
 pub use view::Placement;

@@ -2,7 +2,8 @@
 //!
 //! Deliberately does not know: how impacts are solved.
 
-use super::draft::{DeclaredAs, Located, ModeAct, ModelBuilder};
+use super::draft::{DeclaredAs, ModelBuilder};
+use super::event_drafts::{Located, ModeAct};
 use super::symbols::Special;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::mode::Impact;
@@ -13,8 +14,8 @@ use crate::spec::value::Value;
 use hamel_expr::{ExprId, SymbolId};
 
 impl ModelBuilder {
-    /// A mode, with constraints, forces and events between two calls of [`ModelBuilder::within`]. Its value is one while
-    /// it is on, and zero otherwise.
+    /// A mode, with constraints, forces and events between two calls of [`ModelBuilder::within`]. Its value is one
+    /// while it is on, and zero otherwise.
     ///
     /// ```
     /// use hamel_lang::spec::{Domain, ModelBuilder, Value};
@@ -62,8 +63,8 @@ impl ModelBuilder {
         entries.iter_mut().for_each(|e| *e = self.graph.mul(s, *e));
     }
 
-    /// `w f + 1 - w`: a function of an event that is watched for where `w` is one, while its mode is on and those are off
-    /// that it enters or strikes.
+    /// `w f + 1 - w`: a function of an event that is watched for where `w` is one, while its mode is on and those are
+    /// off that it enters or strikes.
     pub(super) fn watched(&mut self, mode: Option<usize>, acts: &[ModeAct], function: ExprId) -> ExprId {
         let mut factors = Vec::new();
         let one = self.graph.one();
@@ -86,7 +87,11 @@ impl ModelBuilder {
     }
 
     /// A constraint, multiplied by the symbol of its mode if it has one.
-    pub(super) fn constraint_of_mode(&mut self, mut constraint: Constraint, place: &str) -> Option<Constraint> {
+    pub(super) fn constraint_of_mode(
+        &mut self,
+        mut constraint: Constraint,
+        place: &str,
+    ) -> Option<Constraint> {
         let Some(mode) = constraint.mode else { return Some(constraint) };
         let span = constraint.span;
         let what = match &constraint.kind {
@@ -139,7 +144,8 @@ impl ModelBuilder {
             return;
         }
         let message = "conditions on displacements do not stand beside the constraints of modes one by one";
-        let help = "give in each mode, and outside of modes, as many conditions as constraints, in their order";
+        let help =
+            "give in each mode, and outside of modes, as many conditions as constraints, in their order";
         let problem = Diagnostic::new(conditions[0].span, message).with_help(help);
         self.problems.push(problem);
     }

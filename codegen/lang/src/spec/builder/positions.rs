@@ -37,8 +37,10 @@ impl ModelBuilder {
         let span = self.here;
         let (text, left, right) = (text.to_owned(), left.clone(), right.clone());
         let names = names.iter().map(|name| (*name).to_owned()).collect();
-        self.determined
-            .push((names, ConstraintDraft { name: None, gives: Vec::new(), text, left, right, mode: None, span }));
+        self.determined.push((
+            names,
+            ConstraintDraft { name: None, gives: Vec::new(), text, left, right, mode: None, span },
+        ));
         self
     }
 

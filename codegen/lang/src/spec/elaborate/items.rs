@@ -230,10 +230,12 @@ impl Elaboration<'_> {
 
     /// Events, which may mention multipliers of all constraints.
     pub(super) fn events(&mut self, items: &[Item]) {
-        let events = || items.iter().filter_map(|item| match &item.kind {
-            ItemKind::Event(event) => Some((item, event)),
-            _ => None,
-        });
+        let events = || {
+            items.iter().filter_map(|item| match &item.kind {
+                ItemKind::Event(event) => Some((item, event)),
+                _ => None,
+            })
+        };
         if events().next().is_some() {
             self.builder.declare_multipliers();
         }

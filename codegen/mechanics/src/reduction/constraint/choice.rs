@@ -115,7 +115,7 @@ pub(in crate::reduction) fn solve_rows(
         other => other.filter(|_| !keep_all),
     };
     (solver.quasi, solver.is_by_rows) = (&[], false);
-    // Those of modes may be the same where these are never on together.
+    // Conditions of modes that are never on together may be the same.
     let has_modes = general.iter().any(|row| row.mode.is_some());
     let allowed = match has_modes {
         true => None,
