@@ -322,6 +322,25 @@ fn impacts_give_back_what_they_say_and_keep_the_rest() {
     assert_eq!(y[6..], [1.0, 0.0], "it rolls, and the ground does not hold it");
 }
 
+#[test]
+fn loops_declare_modes_with_their_multipliers() {
+    let built = build(
+        "model feet {
+            size n = 2;
+            coordinate z: vector(n) in real;
+            lagrangian = sum(k*z_dot[k]^2/2 - 9*k*z[k] for k in 1..n);
+            for k in 1..n {
+                mode down[k] { constraint hold[k]: z[k] = 0; event lift[k] when lambda_hold[k] < 1; }
+                event touch[k] = z[k] falling { enter down[k]; }
+            }
+        }",
+    );
+    let interpreter = built.prepare(&[]).unwrap();
+    // Both hold what lies on them; an event in a mode that is off has the value one.
+    assert_eq!(interpreter.events(0.0, &[0.0, 0.5, 0.0, 0.0, 1.0, 0.0]).unwrap(), [8.0, 1.0, 1.0, 0.5]);
+    assert_eq!(interpreter.events(0.0, &[0.2, 0.0, 0.0, 0.0, 0.0, 1.0]).unwrap(), [1.0, 0.2, 17.0, 1.0]);
+}
+
 /// A Chaplygin sleigh whose blade holds a force at most: it goes on straight from there, and turns as it did.
 #[test]
 fn a_sleigh_lets_go_at_its_largest_force() {

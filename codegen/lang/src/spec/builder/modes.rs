@@ -2,6 +2,8 @@
 //!
 //! Deliberately does not know: how impacts are solved.
 
+use std::collections::BTreeMap;
+
 use super::draft::{DeclaredAs, ModelBuilder};
 use super::event_drafts::{Located, ModeAct};
 use super::symbols::Special;
@@ -181,6 +183,27 @@ impl ModelBuilder {
                 self.bind(&whole, &residual.with_entries(entries));
             }
             self.here = here;
+        }
+        self.gather_multipliers();
+    }
+
+    /// The vector `lambda_hold` of constraints `hold1`, `hold2`, .. that a loop has declared.
+    fn gather_multipliers(&mut self) {
+        let mut families: BTreeMap<String, Vec<(usize, ExprId)>> = BTreeMap::new();
+        for (name, symbol) in &self.multiplier_symbols {
+            let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
+            if let (Ok(k), false) = (name[stem.len()..].parse(), stem.is_empty()) {
+                families.entry(stem.to_owned()).or_default().push((k, self.graph.sym(*symbol)));
+            }
+        }
+        for (stem, mut members) in families {
+            members.sort_unstable_by_key(|(k, _)| *k);
+            let whole = format!("lambda_{stem}");
+            let is_whole = members.iter().enumerate().all(|(place, (k, _))| *k == place + 1);
+            if is_whole && !self.names.contains_key(&whole) {
+                self.declare(&whole, DeclaredAs::Multiplier);
+                self.bind(&whole, &Value::Vector(members.into_iter().map(|(_, e)| e).collect()));
+            }
         }
     }
 
