@@ -177,26 +177,46 @@ fn options_of_the_command_give_what_json_gives() {
 }
 
 #[test]
-fn ensembles_bound_their_steps_and_refuse_events_that_act() {
-    let case = &cases()[0];
+fn ensembles_bound_their_steps_and_carry_events_out() {
     let out = folder().join("case_ensemble.csv");
-    let run = |path: &str, more: &[&str]| {
-        let mut arguments = vec![
-            "ensemble",
-            path,
-            "--sweep",
-            "x=0.1..0.2:5",
-            "--t-final",
-            "0.5",
-            "-o",
-            out.to_str().unwrap(),
-        ];
+    let sweep = |path: &str, sweep: &str, t_final: f64, more: &[&str]| {
+        let t_final = t_final.to_string();
+        let mut arguments =
+            vec!["ensemble", path, "--sweep", sweep, "--t-final", &t_final, "-o", out.to_str().unwrap()];
         arguments.extend(more);
         let out = program::output(&mut program::command(&arguments), "");
         (out.status.success(), text(&out.stdout) + &text(&out.stderr))
     };
-    let (is_done, told) = run(&file(case), &[]);
-    assert!(!is_done && told.contains("has events that change the state"), "{told}");
+    let run = |path: &str, more: &[&str]| sweep(path, "x=0.1..0.2:5", 0.5, more);
+    for case in cases().into_iter().filter(|case| case.t_final > 0.0) {
+        let (name, start) = case.initial[0];
+        // The motion of the case, and one beside it.
+        let around = format!("{name}={start}..{}:2", start + 0.25);
+        let (is_done, told) =
+            sweep(&file(&case), &around, case.t_final, &["--rtol", "1e-11", "--atol", "1e-12"]);
+        let table = std::fs::read_to_string(&out).unwrap_or_default();
+        let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|line| line.split(',').collect()).collect();
+        match &case.end {
+            End::Accumulates(_) => {
+                assert!(told.contains("accumulate") || table.contains("accumulate"), "{}: {told}", case.name)
+            }
+            End::By(event) => {
+                assert!(is_done || told.contains(event), "{}: {told}", case.name);
+                assert!(
+                    table.contains(&format!("event {event} has ended the motion")),
+                    "{}: {table}",
+                    case.name
+                );
+            }
+            End::Reached(last) => {
+                assert!(is_done, "{}: {told}", case.name);
+                let found: Vec<f64> = rows[0].iter().filter_map(|x| x.parse().ok()).collect();
+                let is_there = |x: &f64| found.iter().any(|found| is_close(*found, *x));
+                assert!(last.iter().all(is_there), "{}: {:?}, not {last:?}", case.name, rows[0]);
+            }
+        }
+        let _ = std::fs::remove_file(&out);
+    }
     let free = folder().join("case_free.hamel");
     std::fs::write(
         &free,

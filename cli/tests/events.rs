@@ -270,7 +270,11 @@ fn events_are_summarised_and_written() {
     assert_eq!(picture.matches("<circle").count(), 13 + 4);
     let out = hamel(&["simulate", &model, "--events", "events.txt"], "");
     assert!(text(&out.stderr).contains("let the name end in .csv or .svg"));
-    // Ensembles do not carry events out.
-    let out = hamel(&["ensemble", &model, "--spread", "e=0.1", "--count", "3", "-o", "never.csv"], "");
-    assert!(text(&out.stderr).contains("which ensembles do not carry out"), "{}", text(&out.stderr));
+    // Ensembles carry events out, each trajectory its own.
+    let many = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("many_impacts.csv");
+    let many = many.to_str().unwrap();
+    let out = hamel(&["ensemble", &model, "--spread", "e=0.1", "--count", "3", "-o", many], "");
+    assert!(!out.status.success(), "{}", text(&out.stdout));
+    let table = std::fs::read_to_string(many).unwrap();
+    assert_eq!(table.matches("event impact: events of function 0 accumulate").count(), 3, "{table}");
 }

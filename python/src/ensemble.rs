@@ -71,11 +71,6 @@ pub(crate) fn integrate(
 ) -> Result<Trajectories, Error> {
     let (built, info) = (scene.built(), scene.info());
     has_room(info, values.nrows(), asked.samples)?;
-    if built.watched().is_some_and(|watched| watched.acts()) {
-        let reason = "has events that change the state or end the motion, which ensembles do not carry out: choose a \
-                      scene without `events`";
-        return Err(Error::unusable("scene", reason));
-    }
     if asked.samples == 0 {
         return Err(Error::unusable("samples", "is 0, but the end is a sample: give at least 1"));
     }
@@ -154,6 +149,7 @@ pub(crate) fn integrate(
         width: asked.width,
         max_steps: asked.max_steps,
         threads: asked.threads,
+        watched: built.watched().filter(|watched| watched.acts()),
         progress: Progress { all: values.nrows(), ..Progress::default() },
         cancel: cancel.clone(),
     };

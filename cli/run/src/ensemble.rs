@@ -3,6 +3,7 @@
 //! Does not know: whether the scene is compiled or interpreted, how a trajectory is integrated, what varies, files.
 
 use std::fmt;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -11,15 +12,18 @@ use hamel_ensemble::{Ensemble, Lanes, Motions, Source};
 use hamel_runtime::{F64x4, Method, Options};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use rayon::ThreadPool;
+use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use serde::{Deserialize, Serialize};
 
 use super::any_method::AnyMethod;
 use super::auto::Purpose;
 use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
-use super::members::{Beginnings, Members};
+use super::integrate::{self, Unfinished};
+use super::members::{Beginnings, Followed, Members};
 use super::method::{MethodName, Steps};
-use super::simulation::sample_time;
+use super::simulation::{MAX_EVENTS, SimulateRequest, sample_time};
 use super::solver::method_of;
+use super::watched::Watched;
 use crate::error::Error;
 use crate::signs::{self, Instead};
 
@@ -55,6 +59,8 @@ pub struct EnsembleRequest {
     pub max_steps: Option<u64>,
     /// Number of threads; none for that of the cores.
     pub threads: Option<usize>,
+    /// Events that change the state or end motions; each trajectory has steps of its own then.
+    pub watched: Option<Watched>,
     /// How far the whole ensemble is.
     pub progress: Progress,
     /// Whether it is called off.
@@ -124,6 +130,9 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
     let bar = progress_bar(request.progress);
     let progress = |n: usize| bar.inc(n as u64);
     let members = pool.install(|| {
+        if let Some(watched) = &request.watched {
+            return Ok(through_events(factory, request, watched, (&times, &progress)));
+        }
         let job = Job { factory, request, options, times: &times, progress: &progress };
         // What a scene can do depends on the scene alone, but takes parameters that are allowed.
         let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
@@ -146,6 +155,79 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
         return Err(Error::Options { reason: "the ensemble was called off".into() });
     }
     members
+}
+
+/// All members with a start through their events, each with steps of its own: the bits of `simulate`.
+fn through_events(
+    factory: &dyn Factory,
+    request: &EnsembleRequest,
+    watched: &Watched,
+    (times, progress): (&[f64], &(dyn Fn(usize) + Sync)),
+) -> Members {
+    let EnsembleRequest { members, t_final, method, steps, max_steps, samples, cancel, .. } = request;
+    let single = |(params, initial): (&[f64], &[f64])| SimulateRequest {
+        // What inputs are held at stands behind the parameters, and the dynamics have it.
+        params: params[..params.len().min(watched.n_params())].to_vec(),
+        initial: initial.to_vec(),
+        t_final: *t_final,
+        method: *method,
+        steps: *steps,
+        samples: *samples,
+        with_outputs: false,
+        n_group: 0,
+        max_steps: max_steps.unwrap_or(steps.max_steps()),
+        max_events: MAX_EVENTS,
+        watched: Some(watched.clone()),
+        along: Vec::new(),
+        tangents: Vec::new(),
+    };
+    let all: Vec<(&[f64], &[f64])> = members.iter().collect();
+    let follow = |member: &(&[f64], &[f64])| {
+        let followed = followed_of((factory, member.0), &single(*member), times, cancel);
+        progress(1);
+        followed
+    };
+    let motions: Vec<Followed> = all.par_iter().map(follow).collect();
+    Members::through_events(factory, members, motions, times)
+}
+
+fn followed_of(
+    (factory, params): (&dyn Factory, &[f64]),
+    request: &SimulateRequest,
+    times: &[f64],
+    cancel: &Cancel,
+) -> Followed {
+    let never = |reason: String| Followed { samples: Vec::new(), steps: 0, stop: Some((reason, None)) };
+    if cancel.is_off() {
+        return never("going on".into());
+    }
+    let dynamics = match factory.prepare(params) {
+        Ok(dynamics) => dynamics,
+        Err(bad) => return never(bad.to_string()),
+    };
+    let at = |t: f64, state: &[f64]| {
+        let energy = dynamics.energy(t, state).filter(|energy| energy.is_finite());
+        Some((t, state.to_vec(), energy))
+    };
+    match integrate::followed(&dynamics, request, times, &mut |_| ControlFlow::Continue(())) {
+        Ok(found) => {
+            let by = found.ended_by.filter(|_| found.t != request.t_final);
+            let stop =
+                by.map(|event| (format!("event {event} has ended the motion"), at(found.t, &found.last)));
+            Followed { samples: found.samples, steps: found.steps, stop }
+        }
+        Err(unfinished) => {
+            let Unfinished { error, samples } = *unfinished;
+            let (reason, last) = match error {
+                Error::Stopped { t, state, reason } => {
+                    let state: Vec<f64> = state.into_iter().map(|(_, value)| value).collect();
+                    (reason, at(t, &state))
+                }
+                other => (other.to_string(), None),
+            };
+            Followed { samples, steps: 0, stop: Some((reason, last)) }
+        }
+    }
 }
 
 /// The scenes of a factory for all parameters, none once the ensemble is called off.

@@ -16,7 +16,7 @@ use super::length::method_of_long;
 use super::method::{MethodName, Steps};
 use super::record::Record;
 use super::sensitivity::Along;
-use super::simulation::{SimulateRequest, SimulateResponse, stopped_because};
+use super::simulation::{Sample, SimulateRequest, SimulateResponse, stopped_because};
 use super::solver::method_of;
 use super::watched::MAX_EVENTS;
 use crate::error::Error;
@@ -71,12 +71,37 @@ pub fn simulate_at(
     Ok(response)
 }
 
+/// A motion that has not come to its end: why, and the samples on the way.
+pub(super) struct Unfinished {
+    pub(super) error: Error,
+    pub(super) samples: Vec<Sample>,
+}
+
+impl From<Error> for Box<Unfinished> {
+    fn from(error: Error) -> Self {
+        Box::new(Unfinished { error, samples: Vec::new() })
+    }
+}
+
 fn motion(
     dynamics: &PreparedScene<'_>,
     request: &SimulateRequest,
     times: &[f64],
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<SimulateResponse, Error> {
+    followed(dynamics, request, times, progress).map_err(|unfinished| unfinished.error)
+}
+
+/// The motion of a prepared scene through its events.
+///
+/// # Errors
+/// As [`simulate`], with what there is of the motion.
+pub(super) fn followed(
+    dynamics: &PreparedScene<'_>,
+    request: &SimulateRequest,
+    times: &[f64],
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<SimulateResponse, Box<Unfinished>> {
     let purpose = Purpose::of(request.samples, request.watched.is_some());
     let method =
         method_of(request.method, request.steps, purpose, &**dynamics, &request.initial)?.of_scenes();
@@ -104,18 +129,19 @@ fn motion(
         }
     };
     let Watcher { record, log, ended_by, error, .. } = watcher;
+    let samples = record.samples;
     if let Some(error) = error {
-        return Err(error);
+        return Err(Box::new(Unfinished { error, samples }));
     }
     if let Err(error) = reached {
         let (t, y) = (solver.t(), &solver.state().0);
         let (SolverError::EventNotFinite { index, .. } | SolverError::EventsAccumulate { index, .. }) = error
         else {
-            return Err(stopped(info, t, y, &error));
+            return Err(Box::new(Unfinished { error: stopped(info, t, y, &error), samples }));
         };
         let event = request.watched.as_ref().and_then(|watched| watched.name(index));
         let reason = format!("event {}: {}", event.unwrap_or_default(), why_stopped(info, &error));
-        return Err(stopped_because(info, t, y, reason));
+        return Err(Box::new(Unfinished { error: stopped_because(info, t, y, reason), samples }));
     }
     let last = solver.state().0.clone();
     let stats = solver.stats();
@@ -136,7 +162,7 @@ fn motion(
         energy_at_steps: record.energy_at_steps,
         initial_residual: record.initial_residual,
         constraint_residual: record.residual,
-        samples: record.samples,
+        samples,
         seconds: clock.elapsed().as_secs_f64(),
     })
 }

@@ -8,6 +8,7 @@ use hamel_ensemble::{Motions, Stop, Stopped};
 
 use super::dynamics::{BadParams, Factory};
 use super::evaluate::why_stopped;
+use super::simulation::Sample;
 
 /// Parameters and initial states of trajectories; behind the parameters, or not, what their inputs are held at.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,6 +110,15 @@ pub struct Members {
     ended: BTreeMap<usize, Ended>,
 }
 
+/// A trajectory through events.
+pub(super) struct Followed {
+    /// As far as they were reached.
+    pub(super) samples: Vec<Sample>,
+    pub(super) steps: u64,
+    /// Why it has ended before its time, and where, if anywhere: time, state and energy.
+    pub(super) stop: Option<(String, Option<(f64, Vec<f64>, Option<f64>)>)>,
+}
+
 /// A trajectory that stopped, or lacks a value.
 #[derive(Clone, Debug, PartialEq)]
 struct Ended {
@@ -157,6 +167,49 @@ impl Members {
         let steps = motions.stats.iter().map(|stats| stats.steps).collect();
         let energies = if has_energy { motions.measures } else { Vec::new() };
         let all = Members { n_state, times: times.to_vec(), states: motions.states, energies, steps, ended };
+        match &started {
+            None => all,
+            Some(started) => all.among(starts, started),
+        }
+    }
+
+    /// What became of trajectories that events change, one by one in the order of those with a start.
+    pub(super) fn through_events(
+        factory: &dyn Factory,
+        starts: &Beginnings,
+        motions: Vec<Followed>,
+        times: &[f64],
+    ) -> Members {
+        let started = starts.started();
+        let (n_state, n_times) = (starts.n_state, times.len());
+        let has_energy = factory.info().has_energy;
+        let mut all = Members {
+            n_state,
+            times: times.to_vec(),
+            states: vec![f64::NAN; motions.len() * n_times * n_state],
+            energies: if has_energy { vec![f64::NAN; motions.len() * n_times] } else { Vec::new() },
+            steps: Vec::new(),
+            ended: BTreeMap::new(),
+        };
+        for (k, Followed { samples, steps, stop }) in motions.into_iter().enumerate() {
+            for (time, sample) in samples.iter().take(n_times).enumerate() {
+                let at = k * n_times + time;
+                all.states[at * n_state..(at + 1) * n_state].copy_from_slice(&sample.state);
+                if let (Some(out), Some(energy)) = (all.energies.get_mut(at), sample.energy) {
+                    *out = energy;
+                }
+            }
+            all.steps.push(steps);
+            if let Some((reason, last)) = stop {
+                let is_sample =
+                    last.as_ref().is_some_and(|(t, ..)| samples.last().is_some_and(|s| s.t == *t));
+                let (n_samples, last) = (samples.len(), last.filter(|_| !is_sample));
+                all.ended.insert(
+                    started.as_ref().map_or(k, |started| started[k]),
+                    Ended { reason, n_samples, last },
+                );
+            }
+        }
         match &started {
             None => all,
             Some(started) => all.among(starts, started),

@@ -87,6 +87,7 @@ fn allocations_of(scene: &Built, method: MethodName, n: usize) -> usize {
         samples: if method == MethodName::Gbs14 { 1 } else { 3 },
         width: Width::Four,
         max_steps: None,
+        watched: None,
         threads: Some(1),
         progress: Progress { all: n, ..Progress::default() },
         cancel: Cancel::default(),

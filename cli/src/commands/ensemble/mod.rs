@@ -37,6 +37,7 @@ use hamel_run::session::Session;
 use hamel_run::simulation::sample_time;
 use hamel_run::start::Starts;
 use hamel_run::streams::note;
+use hamel_run::watched::Watched;
 use plan::{Plan, Row};
 use work::{Item, Work};
 
@@ -108,11 +109,7 @@ pub fn of_scene(
     let Subject { model, built, .. } = *subject;
     has_state(built.info())?;
     let forms = Forms::of(model, built.info())?;
-    if built.watched().is_some_and(|watched| watched.acts()) {
-        let reason = "has events that change the state or end the motion, which ensembles do not carry out: choose a \
-                      scene without `events`";
-        return Err(Error::unusable("--scene", reason));
-    }
+    let watched = built.watched().filter(Watched::acts);
     let plan = Plan::new(built.info(), &forms, arguments, lines)?;
     let info = scene.info().clone();
     let n_numbers = arguments.samples.saturating_mul(info.state.len() + 2);
@@ -135,6 +132,7 @@ pub fn of_scene(
         width: arguments.lanes,
         max_steps: motion.max_steps,
         threads: arguments.threads,
+        watched,
         progress: Progress { all: plan.len(), ..Progress::default() },
         cancel: subject.cancel.clone(),
     };
