@@ -263,6 +263,36 @@ pub(crate) fn cases() -> Vec<Case> {
     let (events, end) = (vec![("bounce", 1.0), ("bounce", 2.0)], End::Reached(vec![0.0625, 0.0, 0.0]));
     add("an impact that gives back half", ball, &start, 2.25, (events, end));
 
+    // A disk of mass and radius one that is thrown along the ground, slides until it rolls, and rolls until a moment that
+    // grows spins it: accelerations -1, 0.2 t, 1 of the mass centre, 2(0.3 t + 1), 0.2 t, 2(0.3 t - 1) of the angle.
+    let disk = "param mu = 0.5; param k = 0.3;
+        coordinate x in real; coordinate phi in real;
+        lagrangian = x_dot^2/2 + phi_dot^2/4;
+        state side in real by side_dot = 0;
+        mode rolling {
+            constraint roll: x_dot = phi_dot;
+            event spins when 2*mu < lambda_roll { then side = -1; leave rolling; }
+        }
+        force x_dot = -2*mu*side*(1 - rolling);
+        force phi_dot = k*t + 2*mu*side*(1 - rolling);
+        event rolls = side*(x_dot - phi_dot) falling { enter rolling; }";
+    let start = [("x", 0.0), ("phi", 0.0), ("x_dot", 3.0), ("phi_dot", 0.0), ("side", 1.0), ("rolling", 0.0)];
+    let (t1, t2, t3) = ((12.6_f64.sqrt() - 3.0) / 0.6, 5.0, 6.0);
+    let (x, phi, v) = (3.0 * t1 - t1 * t1 / 2.0, 0.1 * t1.powi(3) + t1 * t1, 3.0 - t1);
+    let rolled = v * (t2 - t1) + (t2.powi(3) - t1.powi(3)) / 30.0 - 0.1 * t1 * t1 * (t2 - t1);
+    let (x, phi, v) = (x + rolled, phi + rolled, v + 0.1 * (t2 * t2 - t1 * t1));
+    let (d, cube) = (t3 - t2, t3.powi(3) - t2.powi(3));
+    let last = [
+        x + v * d + d * d / 2.0,
+        phi + v * d + 0.1 * cube - 7.5 * d - d * d,
+        v + d,
+        v + 0.3 * (t3 * t3 - t2 * t2) - 2.0 * d,
+        -1.0,
+        0.0,
+    ];
+    let events = vec![("rolls", t1), ("spins", t2)];
+    add("a disk that rolls and slides", disk, &start, t3, (events, End::Reached(last.to_vec())));
+
     // A ball just above a height, for a ten thousandth of its flight on both sides of the top.
     let thrown = "param g = 9.81; coordinate z in real; lagrangian = z_dot^2/2 - g*z;
         event high = z - 4.90499995095;";

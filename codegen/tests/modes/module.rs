@@ -390,7 +390,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// Components: `[lift, slip_left, slip_right, touch, stops, flat]`.
     ///
-    /// Operations: 22 additions, 42 multiplications (19 fused), 2 divisions, 1 elementary function.
+    /// Operations: 22 additions, 40 multiplications (18 fused), 2 divisions, 1 elementary function.
     #[inline]
     #[must_use]
     pub fn events(&self, t: R, y: &[R; 9]) -> [R; 6] {
@@ -400,27 +400,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = R::ONE - ground;
         let (t1, t2) = theta.sin_cos();
         let t3 = R::ONE - grip;
-        let t4 = t2 * t3;
-        let t5 = fma(side, t4, self.c15 * t1);
+        let t4 = side * t3;
+        let t5 = fma(t1, self.c15, t2 * t4);
         let t6 = ground * t1;
         let S_1_1 = fma(fma(t5, self.c16 * t6, ground), self.Z1_z_dot_touch * ground, t0);
         // factors of S
         let t7 = grip * grip;
         let t8 = ground / S_1_1;
-        let t9 = fma(t5, R::from_f64(3.0) * t2, side * t3) * t8;
+        let t9 = fma(t5, R::from_f64(3.0) * t2, t4) * t8;
         let S_s1_2_2 = fma(fma(t6, t9, self.c12 * t2), self.c17 * t7 * t2, fma(t7, self.Z1_z_dot_touch, t3));
         let t10 = theta_dot * theta_dot;
         let t11 = fma(-t2, t10, self.c18);
         let t12 = t7 * fma(t9, ground * t11, t1 * (self.c12 * t10)) / S_s1_2_2;
         let t13 = t8 * fma(t12, t1 * t2, self.c19 * t11);
         let t14 = fma(t13, self.c21 * grip, t3);
-        let t15 = self.c0 * t4;
+        let t15 = self.c0 * t2;
         [
             fma(t13, self.c20 * ground, t0),
             fma(t12, self.c22, t14),
             fma(-t12, self.c22, t14),
-            fma(t0, fma(z, t3, -t15), fma(ground, t3, grip)),
-            fma(-theta_dot, t15, fma(x_dot, t3, grip)),
+            fma(t3, fma(t0, z - t15, ground), grip),
+            fma(t4, fma(theta_dot, t15, -x_dot), grip),
             theta - self.c23,
         ]
     }
@@ -639,7 +639,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Events<R, 6> for Prepared<R> {
         ::hamel_runtime::Direction::Falling,
         ::hamel_runtime::Direction::Falling,
         ::hamel_runtime::Direction::Falling,
-        ::hamel_runtime::Direction::Either,
+        ::hamel_runtime::Direction::Falling,
         ::hamel_runtime::Direction::Rising,
     ];
     #[inline]
