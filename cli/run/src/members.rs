@@ -110,13 +110,16 @@ pub struct Members {
     ended: BTreeMap<usize, Ended>,
 }
 
+/// Where a trajectory has stopped: time, state and energy.
+pub(super) type Stopping = (f64, Vec<f64>, Option<f64>);
+
 /// A trajectory through events.
 pub(super) struct Followed {
     /// As far as they were reached.
     pub(super) samples: Vec<Sample>,
     pub(super) steps: u64,
-    /// Why it has ended before its time, and where, if anywhere: time, state and energy.
-    pub(super) stop: Option<(String, Option<(f64, Vec<f64>, Option<f64>)>)>,
+    /// Why it has ended before its time, and where, if anywhere.
+    pub(super) stop: Option<(String, Option<Stopping>)>,
 }
 
 /// A trajectory that stopped, or lacks a value.
@@ -125,8 +128,8 @@ struct Ended {
     reason: String,
     /// Number of samples that were reached.
     n_samples: usize,
-    /// Where it stopped beyond them: time, state and energy.
-    last: Option<(f64, Vec<f64>, Option<f64>)>,
+    /// Where it stopped beyond them.
+    last: Option<Stopping>,
 }
 
 impl Members {
