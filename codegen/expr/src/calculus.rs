@@ -48,6 +48,12 @@ impl Graph {
         rates: &BTreeMap<SymbolId, ExprId>,
         derivative: &FxHashMap<ExprId, ExprId>,
     ) -> ExprId {
+        // Most parts do not move: nothing of them is copied.
+        let mut moves = false;
+        self.node(e).for_each_operand(|operand| moves |= derivative[&operand] != Arena::ZERO);
+        if !moves && !matches!(self.node(e), Node::Symbol(_)) {
+            return Arena::ZERO;
+        }
         match self.node(e).clone() {
             Node::Constant(_) | Node::Pi => Arena::ZERO,
             Node::Symbol(s) => rates.get(&s).copied().unwrap_or(Arena::ZERO),
@@ -204,29 +210,28 @@ impl Graph {
         let order = self.reachable(roots);
         self.charge(order.len());
         for e in order {
+            let is_combined = matches!(self.node(e), Node::Sum { .. } | Node::Product { .. });
+            let mut is_same = is_combined;
+            self.node(e).for_each_operand(|operand| is_same &= image[&operand] == operand);
+            if is_same {
+                image.insert(e, e);
+                continue;
+            }
             let replaced = match self.node(e).clone() {
                 Node::Constant(_) | Node::Pi => e,
                 Node::Symbol(s) => replacements.get(&s).copied().unwrap_or(e),
                 Node::Sum { constant, terms } => {
-                    if terms.iter().all(|(t, _)| image[t] == *t) {
-                        e
-                    } else {
-                        let mut list: Vec<_> = terms.iter().map(|(t, q)| (image[t], q.clone())).collect();
-                        list.push((Arena::ONE, constant));
-                        self.linear_combination(&list)
-                    }
+                    let mut list: Vec<_> = terms.iter().map(|(t, q)| (image[t], q.clone())).collect();
+                    list.push((Arena::ONE, constant));
+                    self.linear_combination(&list)
                 }
                 Node::Product { coefficient, factors } => {
-                    if factors.iter().all(|(b, _)| image[b] == *b) {
-                        e
-                    } else {
-                        let list: Vec<_> = factors.iter().map(|(b, q)| (image[b], q.clone())).collect();
-                        if list.iter().any(|(b, q)| q.is_negative() && self.is_zero(*b)) {
-                            return Err(DivisionByZero);
-                        }
-                        let product = self.power_product(&list)?;
-                        self.scale(product, &coefficient)
+                    let list: Vec<_> = factors.iter().map(|(b, q)| (image[b], q.clone())).collect();
+                    if list.iter().any(|(b, q)| q.is_negative() && self.is_zero(*b)) {
+                        return Err(DivisionByZero);
                     }
+                    let product = self.power_product(&list)?;
+                    self.scale(product, &coefficient)
                 }
                 Node::Function(f, a) => function(self, f, image[&a]),
                 Node::Atan2(y, x) => self.atan2(image[&y], image[&x]),
@@ -242,11 +247,17 @@ impl Graph {
     pub fn affine_parts(&mut self, e: ExprId, unknowns: &[SymbolId]) -> Option<(Vec<ExprId>, ExprId)> {
         let all: BTreeSet<SymbolId> = unknowns.iter().copied().collect();
         let mut slopes = Vec::with_capacity(unknowns.len());
+        let mentioned = self.free_symbols(e);
         for x in unknowns {
+            if !mentioned.contains(x) {
+                slopes.push(Arena::ZERO);
+                continue;
+            }
             let slope = self.diff(e, *x);
             // A slope may mention the unknowns structurally and still not depend on them.
             let mut constant = true;
-            for y in &all {
+            let of_slope = self.free_symbols(slope);
+            for y in all.intersection(&of_slope) {
                 let second = self.diff(slope, *y);
                 constant &= self.is_zero(second);
             }

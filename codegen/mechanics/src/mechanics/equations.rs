@@ -374,7 +374,7 @@ impl Equations {
 }
 
 /// The degree of a polynomial in the `symbols`, as it is written; none where it is no polynomial in them.
-fn degree_in(g: &Graph, symbols: &BTreeSet<SymbolId>, e: ExprId) -> Option<usize> {
+pub(super) fn degree_in(g: &Graph, symbols: &BTreeSet<SymbolId>, e: ExprId) -> Option<usize> {
     let mut degrees: BTreeMap<ExprId, Option<usize>> = BTreeMap::new();
     for e in g.reachable(&[e]) {
         let degree = match g.node(e) {

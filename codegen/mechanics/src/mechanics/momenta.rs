@@ -101,8 +101,19 @@ impl Derivation<'_> {
         let base: Vec<ExprId> = self.system.algebroid.base().iter().map(|x| self.g.sym(*x)).collect();
         let symbols: BTreeSet<SymbolId> = self.system.algebroid.base().iter().copied().collect();
         let mut behind: BTreeMap<ExprId, Vec<ExprId>> = BTreeMap::from([(l, vec![self.g.one()])]);
-        for e in self.g.reachable(&[l]).into_iter().rev() {
-            if base.contains(&e) || !self.g.depends_on(e, &symbols) {
+        let reachable = self.g.reachable(&[l]);
+        // Found in one pass: a part depends on the coordinates where an operand does.
+        let mut depends: BTreeSet<ExprId> = BTreeSet::new();
+        for e in &reachable {
+            let node = self.g.node(*e);
+            let mut is_one = matches!(node, Node::Symbol(s) if symbols.contains(s));
+            node.for_each_operand(|operand| is_one |= depends.contains(&operand));
+            if is_one {
+                depends.insert(*e);
+            }
+        }
+        for e in reachable.into_iter().rev() {
+            if matches!(self.g.node(e), Node::Symbol(_)) || !depends.contains(&e) {
                 continue;
             }
             let Some(terms) = behind.remove(&e) else { continue };

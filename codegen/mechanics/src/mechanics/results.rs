@@ -11,7 +11,7 @@ use hamel_lang::spec::{OutputPart, Want};
 
 use super::derive::{Derivation, Motion};
 use super::entropies::productions;
-use super::equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
+use super::equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation, degree_in};
 use super::solve::{Pivot, is_symmetric};
 use super::{integrable, legendre, origin};
 
@@ -28,7 +28,9 @@ impl Derivation<'_> {
         let zeros: BTreeMap<SymbolId, ExprId> = velocities.iter().map(|s| (*s, g.zero())).collect();
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| g.diff(system.lagrangian, *s)).collect();
         let mut quadratic = true;
-        for p in &raw {
+        // Where the degree shows it, nothing is differentiated.
+        let is_seen = degree_in(g, &velocities, system.lagrangian).is_some_and(|degree| degree <= 2);
+        for p in raw.iter().filter(|_| !is_seen) {
             for s in &velocities {
                 let h = g.diff(*p, *s);
                 if !g.depends_on(h, &velocities) {

@@ -421,12 +421,29 @@ impl Component {
                 return None;
             }
         }
+        // What each section moves and what each slope mentions: of a chain most slopes mention nothing that moves.
+        let movers: Vec<Vec<(SymbolId, ExprId)>> = (0..m)
+            .map(|alpha| {
+                let rates =
+                    algebroid.base().iter().enumerate().map(|(i, x)| (*x, algebroid.anchor(i, alpha)));
+                rates.filter(|(_, rate)| *rate != g.zero()).collect()
+            })
+            .collect();
+        let mentioned: Vec<BTreeSet<SymbolId>> = slopes.iter().map(|e| g.free_symbols(*e)).collect();
+        let along = |g: &mut Graph, section: usize, of: usize| {
+            let mut terms = Vec::new();
+            for (x, rate) in movers[section].iter().filter(|(x, _)| mentioned[of].contains(x)) {
+                let slope = g.diff(slopes[of], *x);
+                terms.push(g.mul(*rate, slope));
+            }
+            g.sum(&terms)
+        };
         let mut torsion = Vec::with_capacity(m);
         for beta in 0..m {
             let mut row = Vec::with_capacity(beta);
             for alpha in 0..beta {
-                let forward = algebroid.derivative_along(g, beta, slopes[alpha]);
-                let backward = algebroid.derivative_along(g, alpha, slopes[beta]);
+                let forward = along(g, beta, alpha);
+                let backward = along(g, alpha, beta);
                 let mut terms = vec![forward, g.neg(backward)];
                 for (gamma, c) in algebroid.bracket(g, alpha, beta) {
                     terms.push(g.mul(c, slopes[gamma]));
