@@ -263,8 +263,9 @@ pub(crate) fn cases() -> Vec<Case> {
     let (events, end) = (vec![("bounce", 1.0), ("bounce", 2.0)], End::Reached(vec![0.0625, 0.0, 0.0]));
     add("an impact that gives back half", ball, &start, 2.25, (events, end));
 
-    // A disk of mass and radius one that is thrown along the ground, slides until it rolls, and rolls until a moment that
-    // grows spins it: accelerations -1, 0.2 t, 1 of the mass centre, 2(0.3 t + 1), 0.2 t, 2(0.3 t - 1) of the angle.
+    // A disk of mass and radius one that is thrown along the ground, slides until it rolls, and rolls until a moment
+    // that grows spins it: accelerations -1, 0.2 t, 1 of the mass centre, 2(0.3 t + 1), 0.2 t, 2(0.3 t - 1) of the
+    // angle.
     let disk = "param mu = 0.5; param k = 0.3;
         coordinate x in real; coordinate phi in real;
         lagrangian = x_dot^2/2 + phi_dot^2/4;
