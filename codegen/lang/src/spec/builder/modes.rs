@@ -2,7 +2,7 @@
 //!
 //! Deliberately does not know: how impacts are solved.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::draft::{DeclaredAs, ModelBuilder};
 use super::event_drafts::{Located, ModeAct};
@@ -24,13 +24,12 @@ impl ModelBuilder {
     ///
     /// let mut b = ModelBuilder::new("stick");
     /// let (_, v) = b.coordinate("x", Domain::Real, "");
-    /// let stuck = b.mode("stuck", "");
-    /// let zero = Value::Scalar(b.graph().zero());
+    /// b.mode("stuck", "");
+    /// let (zero, one) = (Value::Scalar(b.graph().zero()), Value::Scalar(b.graph().one()));
     /// let energy = v.mul(b.graph(), &v).unwrap();
     /// b.lagrangian(&energy);
     /// b.within(Some("stuck")).constraint(Some("hold"), "x_dot = 0", &v, &zero).within(None);
-    /// b.initial("stuck", &Value::Scalar(b.graph().one()));
-    /// # let _ = stuck;
+    /// b.initial("stuck", &one);
     /// assert_eq!(b.build().unwrap().constraints[0].mode, Some(0));
     /// ```
     pub fn mode(&mut self, name: &str, doc: &str) -> Value {
@@ -287,6 +286,12 @@ impl ModelBuilder {
             self.problem(*span, message, "write a number, such as `impact foot with 0.8;`");
             return None;
         };
-        (!self.reports_stray(e, *span, place, &[])).then_some(e)
+        let params: BTreeSet<SymbolId> = self.params.iter().map(|param| param.symbol).collect();
+        if !self.graph.free_symbols(e).is_subset(&params) {
+            let message = format!("{place} gives back a part of a velocity that is not made of parameters");
+            self.problem(*span, message, "write a number or a parameter");
+            return None;
+        }
+        Some(e)
     }
 }
