@@ -157,7 +157,7 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
     members
 }
 
-/// All members with a start through their events, each with steps of its own: the bits of `simulate`.
+/// All members with a start through their events, each in the steps that `simulate` takes by the same method.
 fn through_events(
     factory: &dyn Factory,
     request: &EnsembleRequest,
@@ -217,7 +217,7 @@ fn followed_of(
             Followed { samples: found.samples, steps: found.steps, stop }
         }
         Err(unfinished) => {
-            let Unfinished { error, samples } = *unfinished;
+            let Unfinished { error, samples, steps } = *unfinished;
             let (reason, last) = match error {
                 Error::Stopped { t, state, reason } => {
                     let state: Vec<f64> = state.into_iter().map(|(_, value)| value).collect();
@@ -225,7 +225,7 @@ fn followed_of(
                 }
                 other => (other.to_string(), None),
             };
-            Followed { samples, steps: 0, stop: Some((reason, last)) }
+            Followed { samples, steps, stop: Some((reason, last)) }
         }
     }
 }

@@ -75,11 +75,13 @@ pub fn simulate_at(
 pub(super) struct Unfinished {
     pub(super) error: Error,
     pub(super) samples: Vec<Sample>,
+    /// Accepted steps.
+    pub(super) steps: u64,
 }
 
 impl From<Error> for Box<Unfinished> {
     fn from(error: Error) -> Self {
-        Box::new(Unfinished { error, samples: Vec::new() })
+        Box::new(Unfinished { error, samples: Vec::new(), steps: 0 })
     }
 }
 
@@ -129,19 +131,19 @@ pub(super) fn followed(
         }
     };
     let Watcher { record, log, ended_by, error, .. } = watcher;
-    let samples = record.samples;
+    let (samples, steps) = (record.samples, solver.stats().steps);
     if let Some(error) = error {
-        return Err(Box::new(Unfinished { error, samples }));
+        return Err(Box::new(Unfinished { error, samples, steps }));
     }
     if let Err(error) = reached {
         let (t, y) = (solver.t(), &solver.state().0);
         let (SolverError::EventNotFinite { index, .. } | SolverError::EventsAccumulate { index, .. }) = error
         else {
-            return Err(Box::new(Unfinished { error: stopped(info, t, y, &error), samples }));
+            return Err(Box::new(Unfinished { error: stopped(info, t, y, &error), samples, steps }));
         };
         let event = request.watched.as_ref().and_then(|watched| watched.name(index));
         let reason = format!("event {}: {}", event.unwrap_or_default(), why_stopped(info, &error));
-        return Err(Box::new(Unfinished { error: stopped_because(info, t, y, reason), samples }));
+        return Err(Box::new(Unfinished { error: stopped_because(info, t, y, reason), samples, steps }));
     }
     let last = solver.state().0.clone();
     let stats = solver.stats();
