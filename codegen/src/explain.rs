@@ -763,6 +763,10 @@ impl Page {
             let list = self.prose(&facts.casimirs.join(", "));
             self.line(&format!("Conserved quantities of the model, verified: {list}."));
         }
+        if !facts.casimirs_on_constraint.is_empty() {
+            let list = self.prose(&facts.casimirs_on_constraint.join(", "));
+            self.line(&format!("Conserved where the constraint holds, verified: {list}."));
+        }
         for production in &facts.entropies {
             let names: Vec<String> = production.names.iter().map(|n| self.name(n)).collect();
             let sum = self.inline(&names.join(" + "));
@@ -773,7 +777,7 @@ impl Page {
         }
         match facts.holonomic {
             Some(true) => {
-                self.line("The constraint is holonomic: the allowed velocities form a subalgebroid.")
+                self.line("The constraint is holonomic: brackets of allowed velocities stay in it.")
             }
             Some(false) => {
                 self.line("The constraint is nonholonomic: brackets of allowed velocities leave it.")

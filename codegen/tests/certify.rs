@@ -58,7 +58,8 @@ const BALL: &str = "model ball {
     constraint first: x_dot - r*omega_y = -w*y;
     constraint second: y_dot + r*omega_x = w*x;
     independent x_dot, y_dot, omega_z;
-    scene all { want rhs, energy, multipliers, nonholonomic_momentum, momentum_equation, implicit; }
+    section across = [0, x, 0, 0, 1];
+    scene all { want rhs, energy, multipliers, nonholonomic_momentum, momentum_equation, section_rates, implicit; }
     scene plain { want rhs, energy; }
 }";
 /// A closed loop: equations between positions, circles.
@@ -306,6 +307,10 @@ fn faults() -> Vec<Fault> {
             let (g, components) = output(e, "momentum_equation");
             let one = g.one();
             components[0].1 = g.add(components[0].1, one);
+        };
+        "the rate of a momentum along a section" in BALL "all": Equations(e) => {
+            let (g, components) = output(e, "section_rates");
+            negate(g, &mut components[0].1);
         };
         "velocities by momenta, with another sign" in FREE "plain": Equations(e) => {
             let (g, components) = output(e, "velocities");

@@ -180,6 +180,53 @@ fn affine_constraints_with_multipliers_have_a_remainder() {
     assert!(model.is_ok(), "time and coordinates in the offset: {:?}", model.err());
 }
 
+/// Cortes, de Leon, Marrero, Martinez 2009, section 7.2: nonlinear constraints with displacements of Chetaev.
+/// Homogeneous ones have no remainder.
+#[test]
+fn nonlinear_constraints_have_a_bracket() {
+    let scene = of_model("appell_machine", "").unwrap();
+    assert!(scene.outputs().iter().all(|o| o.name != "bracket_remainder"));
+    let rising = worst(&scene, |y| y[5] = 0.5 * y[3].hypot(y[4]));
+    assert!(rising < 1e-8, "{rising:e}");
+    // (velocities, constraint, its solution for a component of the state, whether it is homogeneous)
+    type Solved = fn(&mut [f64]);
+    let cases: [(&str, &str, Solved, bool); 5] = [
+        ("velocity w in so(3);", "w1^2 + w2^2 = w3^2", |y| y[4] = y[2].hypot(y[3]), true),
+        (
+            "velocity w in so(3); action right;",
+            "w1*w2 + x*w2*w3 = 2 + x_dot",
+            |y| y[2] = (2.0 + y[1]) / y[3] - y[0] * y[4],
+            false,
+        ),
+        (
+            "velocity w in so(3);",
+            "dot(w, w) + x_dot^2 = 9 + x^2",
+            |y| y[4] = (9.0 + y[0] * y[0] - y[1] * y[1] - y[2] * y[2] - y[3] * y[3]).sqrt(),
+            false,
+        ),
+        (
+            "velocity w in so(3); force w1 = x - w2;",
+            "x*w1 + w2^2*(1 + x^2)/w3 = x_dot",
+            |y| y[1] = y[0] * y[2] + y[3] * y[3] * (1.0 + y[0] * y[0]) / y[4],
+            true,
+        ),
+        ("velocity w in so(3);", "w1^2 = x_dot*w2 + w3", |y| y[4] = y[2] * y[2] - y[1] * y[3], false),
+    ];
+    for (velocities, constraint, solve, is_homogeneous) in cases {
+        let text = format!(
+            "model body {{ {velocities} coordinate x in real;
+            lagrangian = (2 + x^2/3)*w1^2 + 2*w2^2 + 3/2*w3^2 + w1*w2/2 + x_dot^2 + x_dot*w1/3 + w2*x/4 - x^2;
+            constraint {constraint}; scene brackets {{ want rhs, energy, bracket; }} }}"
+        );
+        let scene = built(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        assert_eq!(scene.state_names(), ["x", "x_dot", "w1", "w2", "w3"]);
+        let has_remainder = scene.outputs().iter().any(|o| o.name == "bracket_remainder");
+        assert_eq!(has_remainder, !is_homogeneous || text.contains("force"), "{text}");
+        let worst = worst(&scene, solve);
+        assert!(worst < 1e-8, "{worst:e}\n{text}");
+    }
+}
+
 #[test]
 fn what_has_no_bracket_is_refused_with_the_reason() {
     let problem = |name: &str| of_model(name, "").unwrap_err();
@@ -189,10 +236,6 @@ fn what_has_no_bracket_is_refused_with_the_reason() {
         problem("skew_sleigh")
     );
     assert!(problem("servo_ball").contains("there is no nonholonomic bracket"), "{}", problem("servo_ball"));
-    let nonlinear = "model rod { velocity v in R^3; lagrangian = dot(v, v)/2 - v3;
-        constraint v1^2 + v2^2 = v3^2; scene brackets { want bracket; } }";
-    let problem = built(nonlinear).unwrap_err();
-    assert!(problem.contains("is not linear in the velocities"), "{problem}");
     let given = "model oscillator { param mu = 1; coordinate x in real;
         acceleration x_dot = mu*(1 - x^2)*x_dot - x; scene brackets { want bracket; } }";
     let problem = built(given).unwrap_err();

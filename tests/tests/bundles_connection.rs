@@ -253,6 +253,25 @@ fn constraints_are_holonomic_exactly_where_their_distribution_is_closed() {
     let base = "coordinate x, y, z in real; lagrangian = x_dot^2 + y_dot^2 + z_dot^2;";
     assert_eq!(holonomic(&format!("{base} constraint z_dot = x*y_dot - y*x_dot;")), Some(false));
     assert_eq!(holonomic(&format!("{base} constraint z_dot = x*y_dot + y*x_dot;")), Some(true));
+    // With multipliers, and with an offset, which time is a coordinate of: d(dz - x dt) = -dx dt.
+    assert_eq!(equations("veselova").facts.holonomic, Some(false));
+    assert_eq!(equations("ball_on_rotating_table").facts.holonomic, Some(false));
+    assert_eq!(equations("appell_machine").facts.holonomic, None, "not affine in the velocities");
+    for (constraint, expected) in [
+        ("x*x_dot + y*y_dot + z*z_dot = 0; multipliers", true),
+        ("x*x_dot + y*y_dot + z*x_dot = 0; multipliers", false),
+        ("z_dot = 3 + x*y_dot + y*x_dot", true),
+        ("z_dot = t + x*y_dot + y*x_dot; multipliers", true),
+        ("z_dot = x", false),
+        ("z_dot = x + t*x_dot", true),
+        ("x_dot = y; constraint y_dot = x", true),
+    ] {
+        assert_eq!(holonomic(&format!("{base} constraint {constraint};")), Some(expected), "{constraint}");
+    }
+    // A body that may turn about the vertical alone.
+    let upright = "velocity w in so(3); advected g in R^3 by cross(w, g); lagrangian = dot(w, w) - g3;
+        constraint w1*g2 = w2*g1; constraint w1*g3 = w3*g1; multipliers;";
+    assert_eq!(holonomic(upright), Some(true));
     // A connection makes the same constraint v = 0 holonomic or not: that is its curvature.
     let connected = |a: &str| {
         format!(
@@ -275,6 +294,7 @@ fn constraints_are_holonomic_exactly_where_their_distribution_is_closed() {
     };
     assert_eq!(moving("v = 0"), Some(false));
     assert_eq!(moving("v = t*x_dot"), Some(true));
-    // An affine constraint is no distribution.
-    assert_eq!(holonomic(&format!("{plane} constraint v1 = 0; constraint v2 = 1;")), None);
+    // Who walks to the left, and turns, comes everywhere; who turns at a given rate and does not walk stays.
+    assert_eq!(holonomic(&format!("{plane} constraint v1 = 0; constraint v2 = 1;")), Some(false));
+    assert_eq!(holonomic(&format!("{plane} constraint omega = 1; constraint v = 0;")), Some(true));
 }

@@ -161,6 +161,13 @@ fn a_momentum_may_be_conserved_only_where_the_constraint_holds() {
     assert!(found.is_on_constraint && found.momenta.len() == 2, "{:?}", found.momenta);
     let pushed = derived(&format!("model sleigh {{ {sleigh} force omega = 1; }}"));
     assert!(!pushed.vanishes_on_constraint(pushed.along_sections[0].rate));
+    // So may what a model claims.
+    let claimed = derived(&format!("model sleigh {{ {sleigh} casimir C = omega; casimir D = 3; }}"));
+    assert_eq!(claimed.facts.casimirs_on_constraint, ["C"]);
+    assert_eq!(claimed.facts.casimirs, ["D"]);
+    let refused = equations_of(&format!("model sleigh {{ {sleigh} force omega = 1; casimir C = omega; }}"));
+    let refused = refused.map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("casimir `C`") || refused.contains("`C`"), "{refused}");
 }
 
 /// The sections that were found, as text.

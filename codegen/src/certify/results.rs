@@ -259,6 +259,15 @@ impl Results<'_, '_> {
                     sheet.equal(function, name, found, definition.momentum_along(&self.motion.at, &s)?);
                 }
             }
+            Want::SectionRates => {
+                let at = &self.motion.moving;
+                for (name, found) in named() {
+                    let section = model.sections.iter().find(|s| name.strip_prefix("dot_") == Some(&s.name));
+                    let section = section.ok_or(Open::Because("the model has no such section"))?;
+                    let s = Tape::new(&model.graph, &section.coefficients).eval(&at.env)?.roots;
+                    sheet.equal(function, name, found, definition.momentum_along(at, &s)?.derivative);
+                }
+            }
             Want::NonholonomicMomentum | Want::MomentumEquation => {
                 for (name, found) in named() {
                     let is_rate = want == Want::MomentumEquation;

@@ -51,7 +51,7 @@ impl Page {
         let rows: Vec<(String, String)> = rows.collect();
         self.readable_formulas(rows);
         if !facts.remainder.is_empty() {
-            self.line("R, by an affine constraint, explicit time or forces:");
+            self.line("R, by inhomogeneous constraints, explicit time or forces:");
             let rows = facts.remainder.iter();
             let rows = rows.map(|(name, e)| {
                 let name = format!("R_{name}");

@@ -88,6 +88,8 @@ pub enum Want {
     Outputs,
     /// The momenta along the sections of the model.
     Sections,
+    /// The rates of these momenta by the momentum equation, without conserved ones.
+    SectionRates,
     /// The functions whose changes of sign are events, and what the events set.
     Events,
     /// Rates of geometric and dynamic phases.
@@ -114,7 +116,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 50] = [
+    pub const ALL: [Want; 51] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -154,6 +156,7 @@ impl Want {
         Want::Circles,
         Want::Outputs,
         Want::Sections,
+        Want::SectionRates,
         Want::Events,
         Want::Phases,
         Want::Taylor,
@@ -209,6 +212,7 @@ impl Want {
             Want::Circles => "circles",
             Want::Outputs => "outputs",
             Want::Sections => "sections",
+            Want::SectionRates => "section_rates",
             Want::Events => "events",
             Want::Phases => "phases",
             Want::Taylor => "taylor",
@@ -248,7 +252,7 @@ impl Want {
             FrameJacobians, FramePoses, FrameTwists, Frames, Gravity, HamiltonianTime, Implicit,
             InputJacobian, Invariants, InverseDynamics, Linearization, MassMatrix, Matrices,
             MomentumEquation, NonholonomicMomentum, OperationalSpace, OutputJacobian, Outputs, Phases,
-            Positions, Sections, Splitting, Taylor, Velocities,
+            Positions, SectionRates, Sections, Splitting, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -261,6 +265,7 @@ impl Want {
                 | Events
                 | Phases
                 | Sections
+                | SectionRates
                 | Taylor
                 | Velocities
                 | Invariants

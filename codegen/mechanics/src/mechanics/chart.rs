@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 
 use crate::reduction::StateKind;
 use hamel_expr::error::Error;
-use hamel_expr::{Definition, ExprId, Graph, Section, SymbolId, independent_rows, inlined};
+use hamel_expr::{
+    Definition, ExprId, Graph, Rational, Section, SymbolId, Vanishing, independent_rows, inlined,
+};
 use hamel_lang::algebra::tableau::{determinant_of, solve_symbolic};
 use hamel_lang::spec::Want;
 
@@ -30,7 +32,8 @@ impl Chart {
     /// The coordinates of a system.
     ///
     /// # Errors
-    /// [`Error::NoBracket`] for residuals that are not affine in velocities or momenta, or depend on each other.
+    /// [`Error::NoBracket`] for residuals that depend on each other, and for ones that are neither affine in velocities
+    /// or momenta together, nor one after the other affine or quadratic in one of them.
     pub(super) fn new(g: &mut Graph, equations: &Equations) -> Result<Chart, Error> {
         let definitions = inlined(g, equations.sections.iter().flat_map(|s| &s.definitions));
         let n = equations.state.len();
@@ -53,13 +56,13 @@ impl Chart {
             .map(|(place, _)| place)
             .collect();
         let symbols: Vec<SymbolId> = moving.iter().map(|place| equations.state[*place].symbol).collect();
-        let (mut slopes, mut offsets) = (Vec::new(), Vec::new());
-        for residual in residuals {
-            let whole = g.subs(residual, &chart.definitions).map_err(|_| singular())?;
-            let (row, offset) = g.affine_parts(whole, &symbols).ok_or_else(singular)?;
-            slopes.push(row);
-            offsets.push(offset);
-        }
+        let whole = g.subs_all(&residuals, &chart.definitions).map_err(|_| singular())?;
+        let parts: Option<Vec<_>> = whole.iter().map(|e| g.affine_parts(*e, &symbols)).collect();
+        let Some(parts) = parts else {
+            chart.one_by_one(g, whole, &moving, &symbols).ok_or_else(singular)?;
+            return Ok(chart);
+        };
+        let (slopes, offsets): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
         // Columns on which the residuals can be solved, the last ones where there is a choice.
         let columns: Vec<Vec<ExprId>> =
             (0..moving.len()).rev().map(|k| slopes.iter().map(|row| row[k]).collect()).collect();
@@ -89,6 +92,44 @@ impl Chart {
         Ok(chart)
     }
 
+    /// Solves residuals for one component after the other, an affine one where there is one. Of the two solutions of a
+    /// quadratic equation the one with the positive root is taken: an identity between algebraic functions that holds
+    /// on it holds on the other one as well.
+    fn one_by_one(
+        &mut self,
+        g: &mut Graph,
+        residuals: Vec<ExprId>,
+        moving: &[usize],
+        symbols: &[SymbolId],
+    ) -> Option<()> {
+        let mut slopes = Vec::new();
+        for residual in residuals {
+            let residual = g.subs(residual, &self.values).ok()?;
+            let mentioned = g.free_symbols(residual);
+            let open = symbols.iter().rev().copied().filter(|s| mentioned.contains(s));
+            let open: Vec<SymbolId> = open.filter(|s| !self.values.contains_key(s)).collect();
+            let affine = open.iter().find_map(|s| Some((*s, root_of_affine(g, residual, *s)?)));
+            let (symbol, root) = match affine {
+                Some(found) => found,
+                None => open.iter().find_map(|s| Some((*s, root_of_quadratic(g, residual, *s)?)))?,
+            };
+            slopes.push(g.diff(residual, symbol));
+            let step = BTreeMap::from([(symbol, root)]);
+            for value in self.values.values_mut() {
+                *value = g.subs(*value, &step).ok()?;
+            }
+            self.values.insert(symbol, root);
+        }
+        let determinant = g.product(&slopes);
+        self.determinant = g.subs(determinant, &self.values).ok()?;
+        let is_chosen = |place: &usize| {
+            let at = moving.iter().position(|k| k == place);
+            at.is_some_and(|k| self.values.contains_key(&symbols[k]))
+        };
+        self.coordinates.retain(|place| !is_chosen(place));
+        Some(())
+    }
+
     /// An expression where the constraints hold; the expression itself where every state satisfies them.
     ///
     /// # Errors
@@ -116,4 +157,32 @@ impl Chart {
         let inlined = g.subs_all(list, &values).map_err(place)?;
         g.subs_all(&inlined, &self.values).map_err(place)
     }
+}
+
+/// `x` with `a x + b = 0`; `None` for an equation that is not affine in `x`, or does not contain it.
+fn root_of_affine(g: &mut Graph, equation: ExprId, x: SymbolId) -> Option<ExprId> {
+    let (slope, offset) = g.affine_parts(equation, &[x])?;
+    if g.vanishing(slope[0]) != Vanishing::NonZero {
+        return None;
+    }
+    let root = g.div(offset, slope[0]).ok()?;
+    Some(g.neg(root))
+}
+
+/// `x = (sqrt(b^2 - a c) - b)/a` with `a x^2 + 2 b x + c = 0`; `None` for an equation that is not quadratic in `x`.
+fn root_of_quadratic(g: &mut Graph, equation: ExprId, x: SymbolId) -> Option<ExprId> {
+    let half = g.rational(Rational::new(1.into(), 2.into()));
+    let slope = g.diff(equation, x);
+    let slope = g.mul(half, slope);
+    let (a, b) = g.affine_parts(slope, &[x])?;
+    if g.vanishing(a[0]) != Vanishing::NonZero {
+        return None;
+    }
+    let c = g.subs(equation, &BTreeMap::from([(x, g.zero())])).ok()?;
+    let square = g.mul(b, b);
+    let product = g.mul(a[0], c);
+    let discriminant = g.sub(square, product);
+    let root = g.sqrt(discriminant);
+    let difference = g.sub(root, b);
+    g.div(difference, a[0]).ok()
 }

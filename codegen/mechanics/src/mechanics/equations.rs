@@ -77,11 +77,13 @@ pub struct Facts {
     pub taken_at_origin: Vec<String>,
     /// In the multiplier form: whether it vanishes once the constraint holds.
     pub energy_is_conserved_on_constraint: bool,
-    /// For linear constraints: whether they are integrable, i.e. the allowed velocities form a subalgebroid at all
-    /// times, and the same one.
+    /// For constraints that are affine in the velocities: whether they are integrable in space and time. Linear ones
+    /// are where the allowed velocities form a subalgebroid at all times, and the same one.
     pub holonomic: Option<bool>,
     /// Casimirs, all verified to be conserved.
     pub casimirs: Vec<String>,
+    /// In the multiplier form: Casimirs that are conserved where the constraints hold, verified.
+    pub casimirs_on_constraint: Vec<String>,
     /// Entropies that `virtual thermo` gives, and their sum where there are several.
     pub entropies: Vec<Production>,
     /// Whether the frame's bracket is that of an almost algebra or almost algebroid, of which the Jacobi identity is

@@ -186,24 +186,10 @@ impl Derivation<'_> {
         }
         let (mut momenta, mut rates) = (Vec::new(), Vec::new());
         for (b, unknown) in solved.unknowns.iter().enumerate() {
-            let (mut momentum, mut rate) = (Vec::new(), Vec::new());
-            for alpha in 0..self.y.len() {
-                let w = solved.virtual_displacements[alpha][b];
-                if w == self.g.zero() {
-                    continue;
-                }
-                momentum.push(self.g.mul(w, self.momentum[alpha]));
-                // drive = forces - dp/dx xdot - dp/dt; the momentum equation wants the forces alone.
-                let p = self.g.diff(system.lagrangian, system.velocities[alpha]);
-                let drift = self.drift(p)?;
-                let force = self.g.add(self.forces.drive[alpha], drift);
-                rate.push(self.g.mul(w, force));
-                let turning = self.drift(w)?;
-                rate.push(self.g.mul(turning, self.momentum[alpha]));
-            }
-            let (momentum, rate) = (self.g.sum(&momentum), self.g.sum(&rate));
-            momenta.push((format!("J_{}", unknown.name), self.g.cancel_zero(momentum)));
-            rates.push((format!("dot_J_{}", unknown.name), self.g.cancel_zero(rate)));
+            let section: Vec<ExprId> = solved.virtual_displacements.iter().map(|row| row[b]).collect();
+            let (momentum, rate) = self.momentum_and_rate(&section)?;
+            momenta.push((format!("J_{}", unknown.name), momentum));
+            rates.push((format!("dot_J_{}", unknown.name), rate));
         }
         Ok(vec![
             Output::group(
@@ -213,6 +199,28 @@ impl Derivation<'_> {
             ),
             Output::group(Want::MomentumEquation, rates, "their rates by the nonholonomic momentum equation"),
         ])
+    }
+
+    /// `<p, s>` of a section of virtual displacements, and its rate without accelerations,
+    /// `s^a (rho^i_a dL/dx^i + F_a + (N^c_a - C^c_ab y^b) p_c) + <p, ds/dt>`.
+    pub(super) fn momentum_and_rate(&mut self, section: &[ExprId]) -> Result<(ExprId, ExprId), Error> {
+        let system = self.system;
+        let (mut momentum, mut rate) = (Vec::new(), Vec::new());
+        for (alpha, &s) in section.iter().enumerate() {
+            if s == self.g.zero() {
+                continue;
+            }
+            momentum.push(self.g.mul(s, self.momentum[alpha]));
+            // drive = forces - dp/dx xdot - dp/dt; the momentum equation wants the forces alone.
+            let p = self.g.diff(system.lagrangian, system.velocities[alpha]);
+            let drift = self.drift(p)?;
+            let force = self.g.add(self.forces.drive[alpha], drift);
+            rate.push(self.g.mul(s, force));
+            let turning = self.drift(s)?;
+            rate.push(self.g.mul(turning, self.momentum[alpha]));
+        }
+        let (momentum, rate) = (self.g.sum(&momentum), self.g.sum(&rate));
+        Ok((self.g.cancel_zero(momentum), self.g.cancel_zero(rate)))
     }
 
     /// Power of forces, explicit time, states of first order, the drift of the frame and constraint reactions:
@@ -344,23 +352,27 @@ impl Derivation<'_> {
             let doc = "residual of the conditions on positions that follow from a degenerate Lagrangian";
             outputs.push(Output::group(Want::Constraint, positions, doc));
         }
+        if system.degeneracy.is_none() && system.hamiltonian.is_none() {
+            facts.holonomic = integrable::is_holonomic(&mut self.g, system);
+        }
         if let KinematicConstraint::Solved(solved) = &system.constraint
             && !solved.rows.is_empty()
             && system.degeneracy.is_none()
             && system.hamiltonian.is_none()
         {
-            let states = system.own_rates.iter().map(|own| own.symbol).collect();
-            let beside = (system.time, &states);
-            facts.holonomic = integrable::is_subalgebroid(&mut self.g, &system.algebroid, beside, solved);
             outputs.extend(self.momentum_equation(solved)?);
         }
         facts.entropies = productions(system);
+        // Claims that do not hold at every state, each with its error unless it holds on the constraint.
+        let mut claims = Vec::new();
         if !system.casimirs.is_empty() {
             let mut components = Vec::new();
             for casimir in &system.casimirs {
                 let rate = self.rate_of(casimir.expr, &motion)?;
-                self.require_conserved(&casimir.name, rate)?;
-                facts.casimirs.push(casimir.name.clone());
+                match self.require_conserved(&casimir.name, rate) {
+                    Ok(()) => facts.casimirs.push(casimir.name.clone()),
+                    Err(error) => claims.push((casimir.name.clone(), rate, error)),
+                }
                 let value = self.replace(casimir.expr)?;
                 components.push((casimir.name.clone(), value));
             }
@@ -450,6 +462,13 @@ impl Derivation<'_> {
             facts,
             varying,
         };
+        let is_kept = matches!(equations.system.constraint, KinematicConstraint::Multipliers { .. });
+        for (name, rate, error) in claims {
+            if !is_kept || !equations.vanishes_on_constraint(rate) {
+                return Err(error);
+            }
+            equations.facts.casimirs_on_constraint.push(name);
+        }
         origin::evaluate_at_origin(&mut equations);
         legendre::check_cyclic(&equations)?;
         // Equal to one on the circle, hence not to be evaluated at the origin.

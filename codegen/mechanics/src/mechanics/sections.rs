@@ -6,7 +6,8 @@
 //! Does not know: which sections there are, and why.
 //!
 //! # Source
-//! Bates and Sniatycki 1993; Bloch, Krishnaprasad, Marsden, Murray 1996; Fasso, Ramos, Sansonetto 2007.
+//! Cortes, de Leon, Marrero, Martinez 2009, equation (5.6); Bates and Sniatycki 1993; Bloch, Krishnaprasad, Marsden,
+//! Murray 1996; Fasso, Ramos, Sansonetto 2007.
 
 use crate::reduction::KinematicConstraint;
 use hamel_expr::error::Error;
@@ -18,18 +19,19 @@ use super::derive::{Derivation, Motion};
 use super::equations::{Equations, Output, SectionMomentum};
 
 impl Derivation<'_> {
-    /// The momenta along the sections of the model, and their rates.
+    /// The momenta along the sections of the model, and their rates, with an output of each. The output of rates is
+    /// without momenta that are proved to be conserved.
     pub(super) fn along_sections(
         &mut self,
         motion: &Motion,
-    ) -> Result<(Vec<SectionMomentum>, Option<Output>), Error> {
+    ) -> Result<(Vec<SectionMomentum>, Vec<Output>), Error> {
         let system = self.system;
         let raw: Vec<ExprId> = match &system.hamiltonian {
             Some(hamiltonian) => hamiltonian.momenta.iter().map(|s| self.g.sym(*s)).collect(),
             None if system.sections.is_empty() => Vec::new(),
             None => system.velocities.iter().map(|y| self.g.diff(system.lagrangian, *y)).collect(),
         };
-        let (mut found, mut components) = (Vec::new(), Vec::new());
+        let (mut found, mut components, mut rates) = (Vec::new(), Vec::new(), Vec::new());
         for section in &system.sections {
             let value = self.g.dot(&section.coefficients, &self.momentum);
             components.push((section.name.clone(), self.g.cancel_zero(value)));
@@ -37,11 +39,46 @@ impl Derivation<'_> {
             let rate = self.rate_of(momentum, motion)?;
             let is_displacement = self.is_displacement(&section.coefficients)?;
             let verdict = self.g.vanishing(rate);
+            let mut rate = rate;
+            if verdict != Vanishing::Zero {
+                rate = self.without_accelerations(&section.coefficients, is_displacement, motion, rate)?;
+                rates.push((format!("dot_{}", section.name), rate));
+            }
             found.push(SectionMomentum { name: section.name.clone(), rate, verdict, is_displacement });
         }
         let doc = "momenta `<p, s>` along the sections of the model";
-        let output = (!components.is_empty()).then(|| Output::group(Want::Sections, components, doc));
-        Ok((found, output))
+        let doc_of_rates = "rates of momenta along sections by the momentum equation, without conserved ones";
+        let outputs = [(Want::Sections, components, doc), (Want::SectionRates, rates, doc_of_rates)];
+        let outputs = outputs.into_iter().filter(|(_, components, _)| !components.is_empty());
+        let outputs = outputs.map(|(want, components, doc)| Output::group(want, components, doc)).collect();
+        Ok((found, outputs))
+    }
+
+    /// The rate of the momentum along a section by the momentum equation, with the work of reactions where they act
+    /// along the section; the rate `by_motion` where the equation is not proved to give the same.
+    fn without_accelerations(
+        &mut self,
+        section: &[ExprId],
+        is_displacement: Option<bool>,
+        motion: &Motion,
+        by_motion: ExprId,
+    ) -> Result<ExprId, Error> {
+        let system = self.system;
+        if system.hamiltonian.is_some() || system.degeneracy.is_some() {
+            return Ok(by_motion);
+        }
+        let (_, mut rate) = self.momentum_and_rate(section)?;
+        if is_displacement != Some(true) {
+            for (form, (_, lambda)) in motion.reactions.iter().zip(&motion.multipliers) {
+                let work = self.g.dot(form, section);
+                let work = self.replace(work)?;
+                let work = self.g.cancel_zero(work);
+                let term = self.g.mul(*lambda, work);
+                rate = self.g.add(rate, term);
+            }
+        }
+        let difference = self.g.sub(rate, by_motion);
+        Ok(if self.g.is_zero(difference) { rate } else { by_motion })
     }
 
     /// Whether a section is one of virtual displacements.

@@ -2,7 +2,7 @@
 //!
 //! Does not know: how the sections along a constraint are found, which coordinates a state has.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use crate::mechanics::equations::Equations;
 use crate::reduction::{AccelerationSource, KinematicConstraint};
@@ -70,7 +70,8 @@ impl<'a> Builder<'a> {
         Ok(b)
     }
 
-    /// Refuses constraints that are not linear, and displacements that are not those which they allow.
+    /// Refuses constraints on accelerations, and displacements other than the allowed velocities:
+    /// Chetaev's, where constraints are nonlinear.
     fn check_constraint(&mut self) -> Result<(), Error> {
         let displaced = "virtual displacements are not the velocities that the constraints allow, and the energy is no \
                          Hamilton function of the motion";
@@ -85,17 +86,12 @@ impl<'a> Builder<'a> {
                 }
             }
             KinematicConstraint::Multipliers { rows, reactions } => {
-                let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
                 if rows.iter().any(|row| row.mode.is_some()) {
                     return Err(no_bracket("constraints of modes hold at some times and not at others"));
                 }
                 for (row, reaction) in rows.iter().zip(reactions) {
                     if matches!(row.source, AccelerationSource::Servo(_)) {
                         let reason = format!("{} is a constraint on accelerations", row.text);
-                        return Err(no_bracket(&reason));
-                    }
-                    if row.one_form.iter().any(|e| self.g.depends_on(*e, &velocities)) {
-                        let reason = format!("{} is not linear in the velocities", row.text);
                         return Err(no_bracket(&reason));
                     }
                     for (a, b) in row.one_form.iter().zip(reaction) {

@@ -13,10 +13,16 @@
 //! projection `P` of momenta. Momenta and velocities `u` are related by `d pi = A du + ..`, which takes the bracket to
 //! the coordinates of the state.
 //!
+//! A nonlinear constraint `psi(x, y) = 0` has the allowed displacements of Chetaev, `<d psi/dy, w> = 0`, and its states
+//! are no vector space. Pointwise the same formulas hold with the forms `a_A = d psi_A/dy`: `Pi dE` has the velocity
+//! `y - z`, where `z = n_A S^AB a_B y` vanishes for homogeneous constraints, by Euler, and `R` is the section of the
+//! symplectic complement of the allowed vectors whose velocity is `z`.
+//!
 //! Does not know: which coordinates a scene leaves out, what is found out about a bracket.
 //!
 //! # Source
-//! van der Schaft, Maschke 1994; de Leon, Marrero, Martin de Diego 2010.
+//! van der Schaft, Maschke 1994; de Leon, Marrero, Martin de Diego 2010; nonlinear constraints: Cortes, de Leon,
+//! Marrero, Martinez 2009, section 7.
 
 mod builder;
 mod coordinates;
@@ -40,8 +46,8 @@ use coordinates::{OnState, dense};
 pub struct Bracket {
     /// `{z_i, z_j}` for `i < j`, without those that vanish identically; row by row.
     pub entries: Vec<(usize, usize, ExprId)>,
-    /// `R`, one number for each state variable: zero unless the constraint is affine, something depends on time, or a
-    /// force acts.
+    /// `R`, one number for each state variable: zero unless a constraint is not homogeneous in the velocities,
+    /// something depends on time, or a force acts.
     pub remainder: Vec<ExprId>,
     /// Definitions that the entries use, to come after those of the equations.
     pub sections: Vec<Section>,
@@ -55,13 +61,14 @@ impl Bracket {
     /// proved.
     pub fn new(g: &mut Graph, equations: &Equations) -> Result<Bracket, Error> {
         let mut b = Builder::new(g, equations)?;
+        let chart = Chart::new(b.g, equations)?;
         let momentum_form = match &equations.system.constraint {
             KinematicConstraint::Solved(solved) => b.of_solved(solved)?,
-            KinematicConstraint::Multipliers { rows, .. } => b.of_projection(rows)?,
+            KinematicConstraint::Multipliers { rows, .. } => b.of_projection(rows, &chart)?,
         };
         let OnState { entries, remainder, sections } = b.on_state(&momentum_form)?;
         let bracket = Bracket { entries, remainder, sections };
-        bracket.prove(g, equations)?;
+        bracket.prove(g, equations, &chart)?;
         Ok(bracket)
     }
 
@@ -76,8 +83,7 @@ impl Bracket {
     }
 
     /// `z' = Pi dE + R` by values of both sides.
-    fn prove(&self, g: &mut Graph, equations: &Equations) -> Result<(), Error> {
-        let chart = Chart::new(g, equations)?;
+    fn prove(&self, g: &mut Graph, equations: &Equations, chart: &Chart) -> Result<(), Error> {
         let (slopes, scratch) = gradient(g, equations, &self.sections, equations.energy);
         let own = [self.sections.as_slice(), scratch.as_slice()].concat();
         let matrix = self.matrix(g);

@@ -2,12 +2,11 @@
 //!
 //! Does not know: which coordinates a state has.
 
-use std::collections::BTreeMap;
-
+use crate::mechanics::chart::Chart;
 use crate::mechanics::solve::Factorisation;
 use crate::reduction::{AccelerationRow, AccelerationSource};
+use hamel_expr::ExprId;
 use hamel_expr::error::Error;
-use hamel_expr::{ExprId, SymbolId};
 
 use super::builder::{Builder, MomentumForm};
 
@@ -15,17 +14,21 @@ use super::builder::{Builder, MomentumForm};
 type Solve<'s, T> = dyn Fn(&mut T, &str, &[ExprId]) -> Vec<ExprId> + 's;
 
 impl Builder<'_> {
-    /// The bracket of `p o P`, `P(x, p) = p - a^T S^-1 psi` with `psi_A = a_A y + b_A`, `S = a L_yy^-1 a^T`:
+    /// The bracket of `p o P`, `P(x, p) = p - a^T S^-1 psi` with `a_A = d psi_A/dy`, `S = a L_yy^-1 a^T`:
     ///
     /// ```text
     /// W_a = e_a - a_Aa S^AB n_B,   n_A = L_yy^-1 a_A
     /// {p_a, p_b} = -<p, [W_a, W_b]_0> + a_Bb G_B(W_a) - a_Ba G_B(W_b)
     /// R_x = r - kappa_B rho(n_B),   R_p = W (F + N p + kappa_B (<p, [., n_B]_0> + rho dpsi_B))
-    ///       - a^T S^-1 (dpsi(R_x) + dpsi/dt),   kappa = S^-1 b
+    ///       - a^T S^-1 (dpsi(R_x) + dpsi/dt),   kappa = S^-1 b,   b_A = psi_A - a_A y
     /// ```
     ///
     /// with `G(W) = S^-1 dpsi(rho W)` at fixed `p`, and `[,]_0` the bracket of the frame with constant coefficients.
-    pub(super) fn of_projection(&mut self, rows: &[AccelerationRow]) -> Result<MomentumForm, Error> {
+    pub(super) fn of_projection(
+        &mut self,
+        rows: &[AccelerationRow],
+        chart: &Chart,
+    ) -> Result<MomentumForm, Error> {
         let system = &self.equations.system;
         let (m, n_rows) = (self.momentum.len(), rows.len());
         let names: Vec<String> = system.algebroid.frame().to_vec();
@@ -118,8 +121,17 @@ impl Builder<'_> {
                 momenta[b][a] = self.g.neg(named);
             }
         }
-        let [along_x, along_pi, lag] =
-            self.remainder_of_projection(&residuals, &forms, &normals, &sections, &structure, &solved)?;
+        self.writer.begin("remainder R");
+        let offsets = self.offsets(&residuals, chart)?;
+        let kappa = offsets.iter().any(|e| *e != self.g.zero()).then(|| solved(self, "kappa", &offsets));
+        let [along_x, along_pi, lag] = self.remainder_of_projection(
+            &residuals,
+            &forms,
+            &normals,
+            &sections,
+            &structure,
+            (kappa, &solved),
+        )?;
         let anchor = (0..system.algebroid.n_base()).map(|i| anchors.iter().map(|v| v[i]).collect()).collect();
         let moving_energy = self.g.zero();
         Ok(MomentumForm { anchor, momenta, turning, remainder: [along_x, along_pi], lag, moving_energy })
@@ -150,6 +162,31 @@ impl Builder<'_> {
             factors.solve(self.g, &mut self.writer, &labels, form)
         };
         Ok(forms.iter().enumerate().map(solve).collect())
+    }
+
+    /// `b_A = psi_A - <d psi_A/dy, y>` where the constraints hold: what a constraint is at rest where it is affine, and
+    /// zero where it is homogeneous.
+    fn offsets(&mut self, residuals: &[ExprId], chart: &Chart) -> Result<Vec<ExprId>, Error> {
+        let velocities = &self.equations.system.velocities;
+        let mut offsets = Vec::new();
+        for residual in residuals {
+            if let Some((_, offset)) = self.g.affine_parts(*residual, velocities) {
+                offsets.push(offset);
+                continue;
+            }
+            let mut terms = Vec::new();
+            for y in velocities {
+                let (slope, y) = (self.g.diff(*residual, *y), self.g.sym(*y));
+                terms.push(self.g.mul(slope, y));
+            }
+            let sum = self.g.sum(&terms);
+            let offset = self.g.neg(sum);
+            let offset = self.replace(offset)?;
+            let own = self.writer.clone().finish().0;
+            let whole = chart.restricted(self.g, &own, offset)?;
+            offsets.push(if self.g.is_zero(whole) { self.g.zero() } else { offset });
+        }
+        Ok(offsets)
     }
 
     /// `dpsi_A` along a vector of the base at fixed momenta, of which `turned` are the changes at fixed velocities.
@@ -192,31 +229,20 @@ impl Builder<'_> {
         normals: &[Vec<ExprId>],
         sections: &[Vec<ExprId>],
         structure: &[Vec<ExprId>],
-        solved: &Solve<'_, Self>,
+        (kappa, solved): (Option<Vec<ExprId>>, &Solve<'_, Self>),
     ) -> Result<[Vec<ExprId>; 3], Error> {
         let system = &self.equations.system;
         let is_hamiltonian = system.hamiltonian.is_some();
         let m = self.momentum.len();
-        self.writer.begin("remainder R");
-        let at_rest: BTreeMap<SymbolId, ExprId> =
-            system.velocities.iter().map(|y| (*y, self.g.zero())).collect();
-        let mut offsets = Vec::new();
-        for residual in residuals {
-            let offset = self.g.subs(*residual, &at_rest);
-            offsets
-                .push(offset.map_err(|_| Error::DivisionByZero { place: "the constraint at rest".into() })?);
-        }
-        let kappa = solved(self, "kappa", &offsets);
-        let is_affine = offsets.iter().any(|e| *e != self.g.zero());
         let mut along_x = vec![self.g.zero(); system.algebroid.n_base()];
-        for (normal, kappa) in normals.iter().zip(&kappa) {
+        for (normal, kappa) in normals.iter().zip(kappa.iter().flatten()) {
             for (sum, e) in along_x.iter_mut().zip(self.anchor_of(normal)) {
                 let product = self.g.mul(*kappa, e);
                 *sum = self.g.sub(*sum, product);
             }
         }
         let mut pushed = self.forces()?;
-        for alpha in (0..m).filter(|_| is_affine) {
+        for (alpha, kappa) in (0..m).filter_map(|alpha| Some((alpha, kappa.as_ref()?))) {
             let direction: Vec<ExprId> =
                 (0..along_x.len()).map(|i| system.algebroid.anchor(i, alpha)).collect();
             let mut turned = vec![self.g.zero(); m];
@@ -226,7 +252,7 @@ impl Builder<'_> {
                 }
             }
             let changes = self.changes(residuals, normals, forms, &direction, &turned)?;
-            for ((normal, kappa), change) in normals.iter().zip(&kappa).zip(changes) {
+            for ((normal, kappa), change) in normals.iter().zip(kappa).zip(changes) {
                 let algebraic = self.g.dot(&structure[alpha], normal);
                 let sum = self.g.add(algebraic, change);
                 let term = self.g.mul(*kappa, sum);
