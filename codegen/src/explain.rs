@@ -9,6 +9,7 @@ mod by_stages;
 mod connection;
 mod dirac;
 mod displacements;
+mod events;
 mod frame;
 mod implicit;
 mod labels;
@@ -76,6 +77,8 @@ pub enum SectionKind {
     Findings,
     /// Momenta along the sections of the model, and what of that kind is conserved.
     Sections,
+    /// Modes and events of the model: when events happen and what they do.
+    Events,
     /// The nonholonomic bracket, what it is and what it says about the motion.
     Bracket,
     /// The motion as a sum of motions with flows in closed form, where the scene wants them.
@@ -119,6 +122,7 @@ impl SectionKind {
             SectionKind::Dirac => "Dirac structure D/G",
             SectionKind::Findings => "Found exactly",
             SectionKind::Sections => "Momenta along sections",
+            SectionKind::Events => "Events",
             SectionKind::Bracket => "Nonholonomic bracket",
             SectionKind::Splitting => "Exact flows",
             SectionKind::Counts => "Operation counts",
@@ -200,6 +204,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.connection(model, &scene.equations);
     page.kinematics(&scene.equations);
     page.constraint(&scene.equations);
+    page.implied(model);
     page.displacements(model, &scene.equations);
     page.degeneracy(&scene.equations);
     page.equations(&scene.equations);
@@ -208,6 +213,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.findings(&scene.equations);
     page.certificate(scene);
     page.along_sections(&scene.equations);
+    page.events(model, &scene.equations);
     page.bracket_of(model, scene);
     page.splitting(scene);
     page.counts(scene);
@@ -366,6 +372,16 @@ impl Page {
         for source in &model.sources {
             let source = self.prose(source);
             self.line(&format!("Source: {source}."));
+        }
+        for total in &model.totals {
+            let file = self.prose(&total.file);
+            let images: Vec<String> =
+                total.images.iter().map(|image| format!("{} = {}", image.name, image.text)).collect();
+            let images = match images.is_empty() {
+                true => "with variables of the same names".to_owned(),
+                false => format!("by {}", self.prose(&images.join("; "))),
+            };
+            self.line(&format!("Quotient of {file}, {images} (proved by check and generate)."));
         }
     }
 
@@ -540,12 +556,9 @@ impl Page {
             KinematicConstraint::Solved(s) if s.reactions.names.is_empty() => {}
             KinematicConstraint::Solved(s) => {
                 self.begin(SectionKind::Constraint);
-                for row in &s.rows[..s.reactions.names.len()] {
-                    let text = self.prose(&row.text);
-                    self.line(&format!(
-                        "{text}   (multiplier {})",
-                        self.inline(&self.name(&format!("lambda_{}", row.name)))
-                    ));
+                for rows in s.rows[..s.reactions.names.len()].chunk_by(|a, b| a.text == b.text) {
+                    let names: Vec<String> = rows.iter().map(|row| row.name.clone()).collect();
+                    self.row(&rows[0].text, &names, "");
                 }
                 self.kept(system, s.rows.iter().map(|row| row.name.as_str()).collect());
                 if system.degeneracy.is_none() {
@@ -554,12 +567,11 @@ impl Page {
             }
             KinematicConstraint::Multipliers { rows, .. } => {
                 self.begin(SectionKind::Constraint);
-                for row in rows {
-                    let text = self.prose(&row.text);
-                    let multiplier = self.inline(&self.name(&format!("lambda_{}", row.name)));
-                    let mode = row.mode.map(|mode| self.inline(&self.name(system.graph.name(mode))));
+                for rows in rows.chunk_by(|a, b| a.text == b.text && a.mode == b.mode) {
+                    let names: Vec<String> = rows.iter().map(|row| row.name.clone()).collect();
+                    let mode = rows[0].mode.map(|mode| self.inline(&self.name(system.graph.name(mode))));
                     let mode = mode.map_or_else(String::new, |mode| format!(", while {mode} is 1"));
-                    self.line(&format!("{text}   (multiplier {multiplier}{mode})"));
+                    self.row(&rows[0].text, &names, &mode);
                 }
                 self.kept(system, rows.iter().map(|row| row.name.as_str()).collect());
                 let is_servo = |row: &AccelerationRow| matches!(row.source, AccelerationSource::Servo(_));
@@ -581,6 +593,23 @@ impl Page {
                 }
             }
         }
+    }
+
+    /// Equations that follow from the others.
+    fn implied(&mut self, model: &Model) {
+        for implied in &model.implied {
+            let text = self.prose(&implied.text);
+            self.line(&format!("{text}   (follows from the others, and is left out)"));
+        }
+    }
+
+    /// A constraint with its multipliers, by components where there are several.
+    fn row(&mut self, text: &str, multipliers: &[String], mode: &str) {
+        let text = self.prose(text);
+        let names: Vec<String> =
+            multipliers.iter().map(|m| self.inline(&self.name(&format!("lambda_{m}")))).collect();
+        let s = if names.len() > 1 { "s" } else { "" };
+        self.line(&format!("{text}   (multiplier{s} {}{mode})", names.join(", ")));
     }
 
     /// Equations between positions that have none of the `rows`.

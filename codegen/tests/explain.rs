@@ -226,3 +226,42 @@ fn a_number_that_vanishes_nowhere_is_no_condition() {
     assert!(parameter.contains("There is one where all of these vanish:"), "{parameter}");
     assert!(!number.contains("There is one where"), "{number}");
 }
+
+#[test]
+fn events_say_when_they_happen_and_what_they_do() {
+    let items = "param e = 0.5 where e > 0; coordinate x, z in real; lagrangian = (x_dot^2 + z_dot^2)/2 - z;
+        /// It rests.
+        mode ground { constraint n: z = 0; event lift when lambda_n < x { leave ground; } }
+        event touch = z falling { impact ground with e; }
+        event rest = z + z_dot^2 - 1/100 falling { enter ground; }
+        event far = x - 3 rising { then x = 0; stop; }
+        initial z = 1;";
+    let text = explained(items, Style::Unicode);
+    assert_eq!(
+        lines(&text, &["Mode ", "Event "]),
+        [
+            "Mode ground, 1 while it is on and 0 otherwise: It rests.",
+            "Event lift, where λ_n - x becomes negative, by the motion or by another event, while ground is 1: ground becomes 0.",
+            "Event touch, where z falls through zero, while ground is 0: velocities change by impulses in the kinetic metric with ground as it sets them, and with restitution along the constraints of ground.",
+            "Event rest, where z + z\u{307}² - 1/100 falls through zero, while ground is 0: ground becomes 1; velocities change by impulses in the kinetic metric with ground as it sets them.",
+            "Event far, where x - 3 rises through zero: x becomes 0; the motion ends.",
+        ]
+    );
+    for style in [Style::Latex, Style::MathMl] {
+        assert!(explained(items, style).contains("falls through zero"));
+    }
+}
+
+#[test]
+fn equations_left_out_and_quotients_are_told() {
+    let cranks = "param a = 0.3; param b = 1; coordinate al, be, ga in angle;
+        lagrangian = al_dot^2/2 + be_dot^2/2 + ga_dot^2;
+        constraint along: a*cos(al) + b*cos(be) - a*cos(ga) = b;
+        constraint across: a*sin(al) + b*sin(be) - a*sin(ga) = 0; constraint same: al - ga = 0;
+        initial al = 1; initial be = 0; initial ga = 1; initial al_dot = 0.7; multipliers;";
+    let text = explained(cranks, Style::Unicode);
+    assert!(text.contains("al - ga = 0   (follows from the others, and is left out)"), "{text}");
+    let text =
+        explained("velocity v in R; lagrangian = v^2; reduces \"m.hamel\" { v = x_dot; }", Style::Unicode);
+    assert!(text.contains("Quotient of m.hamel, by v = x_dot (proved by check and generate)."), "{text}");
+}

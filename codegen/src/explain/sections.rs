@@ -3,7 +3,7 @@
 //!
 //! Does not know: how any of it was found.
 
-use super::{MAX_FORMULA, Page, SectionKind};
+use super::{Page, SectionKind};
 use hamel_expr::{Graph, Vanishing};
 use hamel_lang::spec::Want;
 use hamel_mechanics::mechanics::{ConservedMomenta, ConservedMomentum, Equations, OutputKind};
@@ -74,11 +74,7 @@ impl Page {
             };
             let is_constrained = equations.system.constraint.texts().next().is_some();
             let kind = if is_constrained { format!(", {kind}") } else { String::new() };
-            let rate = g.display(section.rate, self.style);
-            let rate = match rate.len() <= MAX_FORMULA {
-                true => self.inline(&rate),
-                false => format!("a formula of more than {MAX_FORMULA} characters"),
-            };
+            let rate = self.short(g, section.rate);
             let verdict = match section.verdict {
                 Vanishing::Zero => "conserved, proved".to_owned(),
                 _ if equations.vanishes_on_constraint(section.rate) => {
