@@ -236,6 +236,10 @@ fn what_has_no_bracket_is_refused_with_the_reason() {
         problem("skew_sleigh")
     );
     assert!(problem("servo_ball").contains("there is no nonholonomic bracket"), "{}", problem("servo_ball"));
+    let cubic = "model body { velocity w in so(3); lagrangian = dot(w, w)/2; constraint w1^3 + w2^3 = w3^3;
+        scene brackets { want bracket; } }";
+    let problem = built(cubic).unwrap_err();
+    assert!(problem.contains("neither affine nor quadratic in one of the velocities"), "{problem}");
     let given = "model oscillator { param mu = 1; coordinate x in real;
         acceleration x_dot = mu*(1 - x^2)*x_dot - x; scene brackets { want bracket; } }";
     let problem = built(given).unwrap_err();

@@ -24,24 +24,19 @@ impl Page {
             self.line(&format!("Mode {name}, 1 while it is on and 0 otherwise{doc}."));
         }
         for event in &model.events {
-            let of = |kind: OutputKind, component: Option<&str>| -> Vec<ExprId> {
-                let outputs = equations.outputs.iter().filter(|o| o.kind == kind);
-                let named = outputs.filter(|o| component.is_some() || o.name == Event::after(&event.name));
-                let components = named.flat_map(|o| &o.components);
-                components
-                    .filter(|(name, _)| component.is_none_or(|own| own == name))
-                    .map(|(_, e)| *e)
-                    .collect()
-            };
-            let function = of(OutputKind::Group(Want::Events), Some(&event.name));
-            let after = of(OutputKind::After, None);
-            if let [function] = function[..] {
+            let outputs = |kind: OutputKind| equations.outputs.iter().filter(move |o| o.kind == kind);
+            let mut functions = outputs(OutputKind::Group(Want::Events)).flat_map(|o| &o.components);
+            let function = functions.find(|(name, _)| *name == event.name).map(|(_, e)| *e);
+            let after = outputs(OutputKind::After).filter(|o| o.name == Event::after(&event.name));
+            let after: Vec<ExprId> = after.flat_map(|o| &o.components).map(|(_, e)| *e).collect();
+            if let Some(function) = function {
                 let (function, modes) = watched(&mut g, model, function);
                 self.event(model, event, &g, (function, &modes), &after);
             }
         }
     }
 
+    /// One event: its function, the modes with which it is watched for, what it sets.
     fn event(
         &mut self,
         model: &Model,

@@ -59,7 +59,10 @@ impl Chart {
         let whole = g.subs_all(&residuals, &chart.definitions).map_err(|_| singular())?;
         let parts: Option<Vec<_>> = whole.iter().map(|e| g.affine_parts(*e, &symbols)).collect();
         let Some(parts) = parts else {
-            chart.one_by_one(g, whole, &moving, &symbols).ok_or_else(singular)?;
+            let reason = "a constraint is neither affine nor quadratic in one of the velocities, so that nothing is \
+                          proved where it holds";
+            let unsolved = || Error::NoBracket { reason: reason.into() };
+            chart.one_by_one(g, whole, &moving, &symbols).ok_or_else(unsolved)?;
             return Ok(chart);
         };
         let (slopes, offsets): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
@@ -92,9 +95,9 @@ impl Chart {
         Ok(chart)
     }
 
-    /// Solves residuals for one component after the other, an affine one where there is one. Of the two solutions of a
-    /// quadratic equation the one with the positive root is taken: an identity between algebraic functions that holds
-    /// on it holds on the other one as well.
+    /// Solves residuals for one component after the other, an affine one where there is one. Of a quadratic equation
+    /// the solution with the positive root is taken. An identity between algebraic functions that holds on it holds on
+    /// the other one too: the two are conjugate, or the root is an absolute value, which meets both.
     fn one_by_one(
         &mut self,
         g: &mut Graph,
