@@ -236,10 +236,29 @@ fn what_has_no_bracket_is_refused_with_the_reason() {
         problem("skew_sleigh")
     );
     assert!(problem("servo_ball").contains("there is no nonholonomic bracket"), "{}", problem("servo_ball"));
-    let cubic = "model body { velocity w in so(3); lagrangian = dot(w, w)/2; constraint w1^3 + w2^3 = w3^3;
-        scene brackets { want bracket; } }";
-    let problem = built(cubic).unwrap_err();
-    assert!(problem.contains("neither affine nor quadratic in one of the velocities"), "{problem}");
+    // A cubic, products, two squares.
+    let unsolved = [
+        "constraint w1^3 + w2^3 = w3^3;",
+        "constraint w3*(w1 - 2*w2) = 0;",
+        "constraint w1*w2*(w1 + w3) = 0;",
+        "constraint w1^2 + w2^2 = w3^2; constraint w1^2 - w2^2 = 4*w3^2;",
+    ];
+    for constraint in unsolved {
+        let text = format!(
+            "model body {{ velocity w in so(3); lagrangian = dot(w, w)/2; {constraint}
+            scene brackets {{ want bracket; }} }}"
+        );
+        let problem = built(&text).map(drop).unwrap_err();
+        assert!(problem.contains("not solved for one velocity after the other"), "{problem}\n{text}");
+    }
+    // A slope that is a velocity is no factor where the rest differs from zero without it.
+    let scene = built(
+        "model body { velocity w in so(3); coordinate x in real; lagrangian = w1^2 + 2*w2^2 + w3^2*3 + x_dot^2 - x^2;
+        constraint w1*x_dot = w2*w3; scene brackets { want rhs, energy, bracket; } }",
+    )
+    .unwrap();
+    let worst = worst(&scene, |y| y[4] = y[2] * y[1] / y[3]);
+    assert!(worst < 1e-8, "{worst:e}");
     let given = "model oscillator { param mu = 1; coordinate x in real;
         acceleration x_dot = mu*(1 - x^2)*x_dot - x; scene brackets { want bracket; } }";
     let problem = built(given).unwrap_err();

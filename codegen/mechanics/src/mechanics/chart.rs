@@ -59,8 +59,8 @@ impl Chart {
         let whole = g.subs_all(&residuals, &chart.definitions).map_err(|_| singular())?;
         let parts: Option<Vec<_>> = whole.iter().map(|e| g.affine_parts(*e, &symbols)).collect();
         let Some(parts) = parts else {
-            let reason = "a constraint is neither affine nor quadratic in one of the velocities, so that nothing is \
-                          proved where it holds";
+            let reason = "the constraints are not solved for one velocity after the other, each without factors, \
+                          affine in the velocity, or one of them quadratic, so that nothing is proved where they hold";
             let unsolved = || Error::NoBracket { reason: reason.into() };
             chart.one_by_one(g, whole, &moving, &symbols).ok_or_else(unsolved)?;
             return Ok(chart);
@@ -95,9 +95,11 @@ impl Chart {
         Ok(chart)
     }
 
-    /// Solves residuals for one component after the other, an affine one where there is one. Of a quadratic equation
-    /// the solution with the positive root is taken. An identity between algebraic functions that holds on it holds on
-    /// the other one too: the two are conjugate, or the root is an absolute value, which meets both.
+    /// Solves residuals for one component after the other, an affine one where there is one. A residual that may have
+    /// a factor is not solved: it would be zero for one of the factors only. Of a quadratic equation the solution with
+    /// the positive root is taken. An identity between algebraic functions that holds on it holds on the other one
+    /// too: the two are conjugate, or the root is an absolute value, which meets both. Two roots may depend on each
+    /// other, so that only one equation may be quadratic.
     fn one_by_one(
         &mut self,
         g: &mut Graph,
@@ -106,15 +108,20 @@ impl Chart {
         symbols: &[SymbolId],
     ) -> Option<()> {
         let mut slopes = Vec::new();
+        let mut has_root = false;
         for residual in residuals {
             let residual = g.subs(residual, &self.values).ok()?;
             let mentioned = g.free_symbols(residual);
             let open = symbols.iter().rev().copied().filter(|s| mentioned.contains(s));
             let open: Vec<SymbolId> = open.filter(|s| !self.values.contains_key(s)).collect();
-            let affine = open.iter().find_map(|s| Some((*s, root_of_affine(g, residual, *s)?)));
+            let affine = open.iter().find_map(|s| Some((*s, root_of_affine(g, residual, *s, &open)?)));
             let (symbol, root) = match affine {
                 Some(found) => found,
-                None => open.iter().find_map(|s| Some((*s, root_of_quadratic(g, residual, *s)?)))?,
+                None if has_root => return None,
+                None => {
+                    has_root = true;
+                    open.iter().find_map(|s| Some((*s, root_of_quadratic(g, residual, *s, &open)?)))?
+                }
             };
             slopes.push(g.diff(residual, symbol));
             let step = BTreeMap::from([(symbol, root)]);
@@ -162,18 +169,19 @@ impl Chart {
     }
 }
 
-/// `x` with `a x + b = 0`; `None` for an equation that is not affine in `x`, or does not contain it.
-fn root_of_affine(g: &mut Graph, equation: ExprId, x: SymbolId) -> Option<ExprId> {
+/// `x` with `a x + b = 0`; `None` for an equation that is not affine in `x`, does not contain it, or may be a product.
+fn root_of_affine(g: &mut Graph, equation: ExprId, x: SymbolId, open: &[SymbolId]) -> Option<ExprId> {
     let (slope, offset) = g.affine_parts(equation, &[x])?;
-    if g.vanishing(slope[0]) != Vanishing::NonZero {
+    if g.vanishing(slope[0]) != Vanishing::NonZero || !has_no_factor_of(g, offset, slope[0], open) {
         return None;
     }
     let root = g.div(offset, slope[0]).ok()?;
     Some(g.neg(root))
 }
 
-/// `x = (sqrt(b^2 - a c) - b)/a` with `a x^2 + 2 b x + c = 0`; `None` for an equation that is not quadratic in `x`.
-fn root_of_quadratic(g: &mut Graph, equation: ExprId, x: SymbolId) -> Option<ExprId> {
+/// `x = (sqrt(b^2 - a c) - b)/a` with `a x^2 + 2 b x + c = 0`; `None` for an equation that is not quadratic in `x`, or
+/// may be a product with a factor without `x`.
+fn root_of_quadratic(g: &mut Graph, equation: ExprId, x: SymbolId, open: &[SymbolId]) -> Option<ExprId> {
     let half = g.rational(Rational::new(1.into(), 2.into()));
     let slope = g.diff(equation, x);
     let slope = g.mul(half, slope);
@@ -182,10 +190,26 @@ fn root_of_quadratic(g: &mut Graph, equation: ExprId, x: SymbolId) -> Option<Exp
         return None;
     }
     let c = g.subs(equation, &BTreeMap::from([(x, g.zero())])).ok()?;
+    if ![b, c].into_iter().any(|e| has_no_factor_of(g, e, a[0], open)) {
+        return None;
+    }
     let square = g.mul(b, b);
     let product = g.mul(a[0], c);
     let discriminant = g.sub(square, product);
     let root = g.sqrt(discriminant);
     let difference = g.sub(root, b);
     g.div(difference, a[0]).ok()
+}
+
+/// Whether `e` and `divisor` are known to have no factor with an open symbol in common. The divisor has none, or is
+/// `a x + b` with `a`, `b` without a common factor, hence irreducible, and `e` differs from zero at its root.
+fn has_no_factor_of(g: &mut Graph, e: ExprId, divisor: ExprId, open: &[SymbolId]) -> bool {
+    let mentioned = g.free_symbols(divisor);
+    let open: Vec<SymbolId> = open.iter().copied().filter(|s| mentioned.contains(s)).collect();
+    if open.is_empty() {
+        return true;
+    }
+    let root = open.iter().find_map(|x| Some((*x, root_of_affine(g, divisor, *x, &open)?)));
+    let at_root = root.and_then(|step| g.subs(e, &BTreeMap::from([step])).ok());
+    at_root.is_some_and(|e| g.vanishing(e) == Vanishing::NonZero)
 }
