@@ -2,6 +2,7 @@
 //! coordinates. What is chosen never costs more than what the scene says.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::Path;
 
 use hamel_codegen::scene::{self, BuiltScene, Formulations};
@@ -11,8 +12,10 @@ use hamel_mechanics::mechanics::{ChangeOfState, Unrelated, derive, same_motion};
 use hamel_mechanics::reduction::{Formulation, reduce};
 use hamel_program::program::Role;
 use hamel_tests::algebras::{FAMILIES, Transported};
+use hamel_tests::at_length;
 use hamel_tests::bundle::Bundle;
 use hamel_tests::draws::{for_all, one};
+use hamel_tests::models::{derived, generated, names};
 use hamel_tests::problem::Problem;
 use hamel_tests::stages::{chain_text, with_items};
 
@@ -328,6 +331,33 @@ fn models_with_a_hamiltonian_and_at_levels_of_momenta_have_formulations() {
     );
     let titles = hold_to_one_motion(&pendulum, scene::DEFAULT, END);
     assert!(titles.contains(&"circle theta".to_owned()), "{titles:?}");
+}
+
+/// A scene is shipped, of everything that the default scene has, whose right-hand side costs at most a tenth more than
+/// the cheapest that the search finds and may choose. The other models take seconds each.
+#[test]
+fn what_ships_is_as_cheap_as_what_the_search_finds() {
+    let few = ["chaplygin_sleigh", "servo_ball", "skew_sleigh", "snakeboard", "suslov"];
+    let names = if at_length() { names() } else { few.map(str::to_owned).to_vec() };
+    let mut dearer = String::new();
+    for name in names {
+        let model = shipped(&name);
+        let is_whole = |scene: &str| {
+            let said = model.scenes.iter().find(|s| s.name == scene);
+            scene == scene::DEFAULT
+                || said.is_some_and(|s| s.fixed.is_empty() && s.drops.is_empty() && s.inputs.is_empty())
+        };
+        let scenes = generated().into_iter().filter(|(of, scene)| *of == name && is_whole(scene));
+        let costs = scenes.map(|(_, scene)| {
+            let program = &derived(&name, scene).program;
+            program.function(&Role::Rate).unwrap().counts().cost()
+        });
+        let (least, best) = (costs.min().unwrap(), found(&model, scene::DEFAULT).best(false).counts.cost());
+        if 10 * least > 11 * best {
+            let _ = writeln!(dearer, "{name}: shipped {least}, found {best}");
+        }
+    }
+    assert!(dearer.is_empty(), "{dearer}add `scene fast {{ formulation auto(state); }}`\n");
 }
 
 /// Algebras with a metric that couples everything, and the most operations of the right-hand side that

@@ -22,11 +22,15 @@ pub mod chaplygin_ball_taylor;
 /// Chaplygin gyro
 pub mod chaplygin_gyro;
 /// Chaplygin gyro
+pub mod chaplygin_gyro_fast;
+/// Chaplygin gyro
 pub mod chaplygin_gyro_reconstruction;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh_derivatives;
+/// Chaplygin sleigh
+pub mod chaplygin_sleigh_fast;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh_implicit;
 /// Chaplygin sleigh
@@ -42,6 +46,8 @@ pub mod charged_particle_implicit;
 /// Double spherical pendulum
 pub mod double_spherical_pendulum;
 /// Double spherical pendulum
+pub mod double_spherical_pendulum_fast;
+/// Double spherical pendulum
 pub mod double_spherical_pendulum_reconstruction;
 /// Euler's disk
 pub mod euler_disk;
@@ -53,6 +59,8 @@ pub mod euler_disk_advected_invariants;
 pub mod euler_disk_advected_reconstruction;
 /// Euler's disk
 pub mod euler_disk_circle;
+/// Euler's disk
+pub mod euler_disk_fast;
 /// Euler's disk
 pub mod euler_disk_flat;
 /// Euler's disk
@@ -106,6 +114,8 @@ pub mod heisenberg_body_as_written;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body;
 /// Kirchhoff's underwater body
+pub mod kirchhoff_body_fast;
+/// Kirchhoff's underwater body
 pub mod kirchhoff_body_invariants;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_momenta;
@@ -148,15 +158,21 @@ pub mod second_grade_fluid_3c;
 /// Servo ball
 pub mod servo_ball;
 /// Servo ball
+pub mod servo_ball_fast;
+/// Servo ball
 pub mod servo_ball_minimal;
 /// Servo ball
 pub mod servo_ball_reconstruction;
 /// Skew sleigh
 pub mod skew_sleigh;
 /// Skew sleigh
+pub mod skew_sleigh_fast;
+/// Skew sleigh
 pub mod skew_sleigh_reconstruction;
 /// Wheeled snake
 pub mod snake;
+/// Wheeled snake
+pub mod snake_fast;
 /// Wheeled snake
 pub mod snake_reconstruction;
 /// Snakeboard
@@ -165,6 +181,8 @@ pub mod snakeboard;
 pub mod snakeboard_circle;
 /// Snakeboard
 pub mod snakeboard_controlled;
+/// Snakeboard
+pub mod snakeboard_fast;
 /// Snakeboard
 pub mod snakeboard_invariants;
 /// Snakeboard
@@ -252,9 +270,11 @@ macro_rules! for_each_scene {
             (chaplygin_ball_reconstruction, "chaplygin_ball", "reconstruction", 13)
             (chaplygin_ball_taylor, "chaplygin_ball", "taylor", 6)
             (chaplygin_gyro, "chaplygin_gyro", "default", 10)
+            (chaplygin_gyro_fast, "chaplygin_gyro", "fast", 12)
             (chaplygin_gyro_reconstruction, "chaplygin_gyro", "reconstruction", 16)
             (chaplygin_sleigh, "chaplygin_sleigh", "default", 2)
             (chaplygin_sleigh_derivatives, "chaplygin_sleigh", "derivatives", 2)
+            (chaplygin_sleigh_fast, "chaplygin_sleigh", "fast", 2)
             (chaplygin_sleigh_implicit, "chaplygin_sleigh", "implicit", 2)
             (chaplygin_sleigh_invariants, "chaplygin_sleigh", "invariants", 2)
             (chaplygin_sleigh_reconstruction, "chaplygin_sleigh", "reconstruction", 5)
@@ -262,12 +282,14 @@ macro_rules! for_each_scene {
             (charged_particle_drift, "charged_particle", "drift", 2)
             (charged_particle_implicit, "charged_particle", "implicit", 2)
             (double_spherical_pendulum, "double_spherical_pendulum", "default", 6)
+            (double_spherical_pendulum_fast, "double_spherical_pendulum", "fast", 9)
             (double_spherical_pendulum_reconstruction, "double_spherical_pendulum", "reconstruction", 7)
             (euler_disk, "euler_disk", "default", 5)
             (euler_disk_advected, "euler_disk_advected", "default", 6)
             (euler_disk_advected_invariants, "euler_disk_advected", "invariants", 6)
             (euler_disk_advected_reconstruction, "euler_disk_advected", "reconstruction", 13)
             (euler_disk_circle, "euler_disk", "circle", 5)
+            (euler_disk_fast, "euler_disk", "fast", 6)
             (euler_disk_flat, "euler_disk", "flat", 4)
             (euler_disk_minimal, "euler_disk", "minimal", 4)
             (euler_disk_reconstruction, "euler_disk", "reconstruction", 8)
@@ -294,6 +316,7 @@ macro_rules! for_each_scene {
             (heisenberg_body, "heisenberg_body", "default", 3)
             (heisenberg_body_as_written, "heisenberg_body", "as_written", 3)
             (kirchhoff_body, "kirchhoff_body", "default", 6)
+            (kirchhoff_body_fast, "kirchhoff_body", "fast", 6)
             (kirchhoff_body_invariants, "kirchhoff_body", "invariants", 13)
             (kirchhoff_body_momenta, "kirchhoff_body", "momenta", 6)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
@@ -315,15 +338,19 @@ macro_rules! for_each_scene {
             (second_grade_fluid, "second_grade_fluid", "default", 24)
             (second_grade_fluid_3c, "second_grade_fluid_3c", "default", 16)
             (servo_ball, "servo_ball", "default", 7)
+            (servo_ball_fast, "servo_ball", "fast", 7)
             (servo_ball_minimal, "servo_ball", "minimal", 6)
             (servo_ball_reconstruction, "servo_ball", "reconstruction", 11)
             (skew_sleigh, "skew_sleigh", "default", 2)
+            (skew_sleigh_fast, "skew_sleigh", "fast", 2)
             (skew_sleigh_reconstruction, "skew_sleigh", "reconstruction", 5)
             (snake, "snake", "default", 4)
+            (snake_fast, "snake", "fast", 6)
             (snake_reconstruction, "snake", "reconstruction", 7)
             (snakeboard, "snakeboard", "default", 5)
             (snakeboard_circle, "snakeboard", "circle", 5)
             (snakeboard_controlled, "snakeboard", "controlled", 5)
+            (snakeboard_fast, "snakeboard", "fast", 6)
             (snakeboard_invariants, "snakeboard", "invariants", 5)
             (snakeboard_minimal, "snakeboard", "minimal", 4)
             (snakeboard_reconstruction, "snakeboard", "reconstruction", 8)
