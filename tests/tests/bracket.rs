@@ -186,6 +186,7 @@ fn affine_constraints_with_multipliers_have_a_remainder() {
 fn nonlinear_constraints_have_a_bracket() {
     let scene = of_model("appell_machine", "").unwrap();
     assert!(scene.outputs().iter().all(|o| o.name != "bracket_remainder"));
+    assert!(facts("appell_machine", "").is_of_one_root);
     let rising = worst(&scene, |y| y[5] = 0.5 * y[3].hypot(y[4]));
     assert!(rising < 1e-8, "{rising:e}");
     // (velocities, constraint, its solution for a component of the state, whether it is homogeneous)
@@ -347,7 +348,8 @@ fn the_sleigh_keeps_no_measure_unless_it_is_balanced() {
 #[test]
 fn veselova_is_hamiltonian_in_another_time() {
     let facts = facts("veselova", "");
-    assert_eq!(facts.dependent, ["Omega3"]);
+    assert_eq!(facts.dependent.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["Omega3"]);
+    assert!(!facts.is_of_one_root);
     assert!(matches!(facts.jacobi, Jacobi::Fails(_)));
     let root = "(gamma1^2/I1 + gamma2^2/I2 + gamma3^2/I3)^1/2";
     assert_eq!(shown(&facts, &facts.measure), root);

@@ -36,11 +36,17 @@ impl Page {
 
     fn bracket_facts(&mut self, model: &Model, facts: &BracketFacts) {
         let n = facts.coordinates.len();
-        let motion = match (facts.remainder.is_empty(), facts.dependent.is_empty()) {
-            (true, true) => "The motion is y' = Pi dE, which is proved",
-            (false, true) => "The motion is y' = Pi dE + R, which is proved",
-            (true, false) => "On the constraint the motion is y' = Pi dE, which is proved",
-            (false, false) => "On the constraint the motion is y' = Pi dE + R, which is proved",
+        let remainder = if facts.remainder.is_empty() { "" } else { " + R" };
+        let motion = match facts.dependent.is_empty() {
+            true => format!("The motion is y' = Pi dE{remainder}, which is proved"),
+            false => {
+                self.line("On the constraint, with");
+                let rows = facts.dependent.iter();
+                let rows = rows.map(|(name, e)| (self.name(name), facts.graph.display(*e, self.style)));
+                let rows: Vec<(String, String)> = rows.collect();
+                self.readable_formulas(rows);
+                format!("the motion is y' = Pi dE{remainder}, which is proved")
+            }
         };
         let zeros = n * n.saturating_sub(1) / 2 - facts.entries.len();
         self.line(&format!("{motion}; the entries of Pi are {{y_i, y_j}}, {zeros} of them zero:"));
@@ -60,8 +66,11 @@ impl Page {
             let rows: Vec<(String, String)> = rows.collect();
             self.readable_formulas(rows);
         }
+        if facts.is_of_one_root {
+            self.line("States with the other root of the constraint have every root with the opposite sign.");
+        }
         if !facts.dependent.is_empty() {
-            let list: Vec<String> = facts.dependent.iter().map(|name| self.name(name)).collect();
+            let list: Vec<String> = facts.dependent.iter().map(|(name, _)| self.name(name)).collect();
             let list = self.inline(&self.list(&list));
             self.line(&format!("What follows is about the constraint surface, without {list}."));
         }

@@ -223,8 +223,8 @@ impl Bench {
     /// # Errors
     /// Those of the part.
     pub(crate) fn run(self, repository: &Repository, session: &Session) -> Result<String, Error> {
-        // Times of generating, compiling in memory and interpreting are those of this program.
-        if cfg!(debug_assertions) {
+        // Times of generating, compiling in memory and interpreting are those of this program. `formulations` counts.
+        if cfg!(debug_assertions) && !matches!(self, Bench::Formulations { .. }) {
             return restart_optimised(repository);
         }
         let or_host = |cpu: Option<TargetCpu>| cpu.unwrap_or_else(TargetCpu::of_host);

@@ -22,6 +22,8 @@ pub(super) struct Chart {
     pub(super) coordinates: Vec<usize>,
     /// `d residual/d z` by the components that are none: what a density by all components is divided by.
     pub(super) determinant: ExprId,
+    /// Whether a component that is none is a root of a quadratic equation.
+    pub(super) has_root: bool,
     /// The components that are none.
     values: BTreeMap<SymbolId, ExprId>,
     /// The definitions of the equations without names of others in them.
@@ -38,8 +40,13 @@ impl Chart {
         let definitions = inlined(g, equations.sections.iter().flat_map(|s| &s.definitions));
         let n = equations.state.len();
         let determinant = g.one();
-        let mut chart =
-            Chart { coordinates: (0..n).collect(), determinant, values: BTreeMap::new(), definitions };
+        let mut chart = Chart {
+            coordinates: (0..n).collect(),
+            determinant,
+            has_root: false,
+            values: BTreeMap::new(),
+            definitions,
+        };
         let residuals = equations.outputs.iter().filter(|o| o.kind == OutputKind::Group(Want::Constraint));
         // The equations of motion are what they are beside equations between coordinates as well.
         let positions: Vec<ExprId> = equations.system.positions.iter().map(|p| p.residual).collect();
@@ -108,7 +115,6 @@ impl Chart {
         symbols: &[SymbolId],
     ) -> Option<()> {
         let mut slopes = Vec::new();
-        let mut has_root = false;
         for residual in residuals {
             let residual = g.subs(residual, &self.values).ok()?;
             let mentioned = g.free_symbols(residual);
@@ -117,9 +123,9 @@ impl Chart {
             let affine = open.iter().find_map(|s| Some((*s, root_of_affine(g, residual, *s, &open)?)));
             let (symbol, root) = match affine {
                 Some(found) => found,
-                None if has_root => return None,
+                None if self.has_root => return None,
                 None => {
-                    has_root = true;
+                    self.has_root = true;
                     open.iter().find_map(|s| Some((*s, root_of_quadratic(g, residual, *s, &open)?)))?
                 }
             };

@@ -35,8 +35,11 @@ pub struct BracketFacts {
     pub graph: Graph,
     /// Names of the components of the state that are coordinates of such states.
     pub coordinates: Vec<String>,
-    /// Names of the components that the constraints determine.
-    pub dependent: Vec<String>,
+    /// The components that the constraints determine, by names, as functions of the coordinates.
+    pub dependent: Vec<(String, ExprId)>,
+    /// Whether one of these is a root of a quadratic equation: the states with the other root have it with the opposite
+    /// sign in everything here.
+    pub is_of_one_root: bool,
     /// The entries that do not vanish identically, by names.
     pub entries: Vec<([String; 2], ExprId)>,
     /// `R` of `z' = Pi dE + R`; empty where it vanishes.
@@ -126,12 +129,16 @@ impl BracketFacts {
         };
         let is_dependent =
             |i: &usize| !chart.coordinates.contains(i) && !left_out.contains(&equations.state[*i].symbol);
-        let dependent = (0..equations.state.len()).filter(is_dependent).map(name).collect();
+        let dependent: Vec<usize> = (0..equations.state.len()).filter(is_dependent).collect();
+        let values: Vec<ExprId> = dependent.iter().map(|i| g.sym(equations.state[*i].symbol)).collect();
+        let values = chart.whole(&mut g, &[], &values)?;
+        let dependent = dependent.into_iter().map(name).zip(values).collect();
         g.within_budget()?;
         Ok(BracketFacts {
             graph: g,
             coordinates,
             dependent,
+            is_of_one_root: chart.has_root,
             entries,
             remainder,
             jacobi,
