@@ -5,9 +5,11 @@
 use std::collections::BTreeSet;
 
 use hamel_lang::spec::{Model, Want, Wanted};
+use hamel_mechanics::mechanics::Extent;
 use hamel_mechanics::reduction::{Formulation, StageUse, carried_by_momenta};
 use hamel_program::lower::SearchBudget;
 
+use super::build::Asked;
 use super::derivatives::Derivative;
 
 /// Name of the scene that every model has.
@@ -91,6 +93,40 @@ pub(super) enum Drops {
 }
 
 impl Plan {
+    /// The equations that the scene is made from: of a scene that wants the right-hand side alone, no more than its
+    /// rates.
+    pub(super) fn asked(&self) -> Asked {
+        let Plan {
+            name: _,
+            formulation,
+            outputs,
+            energy,
+            derivatives,
+            invariants,
+            positions,
+            phases,
+            bracket,
+            hamiltonian_time,
+            splitting,
+            implicit,
+            dynamics,
+            of_frames,
+            digits: _,
+            taylor: _,
+            reconstructs: _,
+            drops: _,
+            search: _,
+            doc: _,
+            chosen: _,
+        } = self;
+        let has_outputs = !matches!(outputs, Outputs::Named(wanted) if wanted.is_empty());
+        let wants = [*energy, *invariants, *phases, *bracket, *hamiltonian_time, *splitting, *implicit];
+        let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
+        let is_more = has_outputs || has_sets || *positions != Share::None || wants.contains(&true);
+        let extent = if is_more { Extent::Whole } else { Extent::Rates };
+        Asked { formulation: formulation.clone(), extent }
+    }
+
     /// The right-hand side alone, in a formulation.
     pub(super) fn bare(name: String, formulation: Formulation) -> Plan {
         Plan {

@@ -9,6 +9,12 @@
 /// recursion costs less in both (`LINKAGES="snake:5:auto" cargo test -p hamel-codegen --test main linkages::measured`).
 pub const EXPANDED: u64 = 2;
 
+/// Most work of a derivation of multiplied-out equations, as a multiple of that by recursion: where there is more, they
+/// are not tried. Of chains whose multiplied-out equations cost less, five bodies and fewer, it is at most 1.5 (spherical
+/// pendulums); of ten it is two and more (`HAMEL_TRACE=derive`, "derivation of momenta and forces" and "solution for the
+/// accelerations", models of `codegen/tests/linkages/families.rs`).
+pub const LABORIOUS: u64 = 3;
+
 /// Most rates along which partial velocities are tried: their number grows with the square of the bodies. Arms in the
 /// plane take more operations that way from four rates on (`LINKAGES="arm:4" cargo test -p hamel-codegen --test
 /// main linkages::measured`), and systems of more rates than this are taken for such.

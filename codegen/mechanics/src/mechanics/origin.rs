@@ -9,7 +9,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hamel_expr::{Definition, ExprId, Graph, Section, SymbolId, needed_sections};
+use hamel_expr::{Definition, ExprId, Graph, RealValues, Section, SymbolId, needed_sections};
 
 use super::equations::Equations;
 use super::written::n_operations;
@@ -65,16 +65,19 @@ fn moves(g: &Graph, sections: &[Section], roots: &[ExprId], coordinates: &[Symbo
 struct Mentions {
     definitions: Vec<BTreeSet<SymbolId>>,
     roots: Vec<BTreeSet<SymbolId>>,
+    values: RealValues,
 }
 
 impl Mentions {
     fn of(equations: &mut Equations) -> Mentions {
         let results = equations.results();
+        let values = RealValues::new(&mut equations.system.graph, &results);
         let g = &equations.system.graph;
         let definitions = equations.sections.iter().flat_map(|s| &s.definitions);
         Mentions {
             definitions: definitions.map(|d| g.free_symbols(d.expr)).collect(),
             roots: results.into_iter().map(|e| g.free_symbols(e)).collect(),
+            values,
         }
     }
 }
@@ -95,7 +98,21 @@ fn set_to(
             concerned.insert(definition.symbol);
         }
     }
-    if mentions.roots.iter().all(|symbols| symbols.is_disjoint(&concerned)) {
+    let is_concerned = |symbols: &BTreeSet<SymbolId>| !symbols.is_disjoint(&concerned);
+    let before: Vec<ExprId> = equations.results();
+    let roots: Vec<ExprId> = before
+        .iter()
+        .zip(&mentions.roots)
+        .filter(|(_, symbols)| is_concerned(symbols))
+        .map(|(e, _)| *e)
+        .collect();
+    if roots.is_empty() {
+        return false;
+    }
+    // Pivots are computed as the rates are: they stay with these.
+    let pivots: BTreeSet<ExprId> = equations.pivots.iter().map(|pivot| pivot.expr).collect();
+    let changing = mentions.values.seen_to_change(&mut equations.system.graph, &roots, &values);
+    if roots.iter().all(|e| changing.contains(e) || (pivots.contains(e) && !equations.is_whole())) {
         return false;
     }
     // In a copy: where every result depends on the coordinate, nothing of the trial is left over for the next one.
@@ -137,8 +154,6 @@ fn set_to(
         }
         sections.push(Section { title: section.title.clone(), definitions });
     }
-    let before: Vec<ExprId> = equations.results();
-    let is_concerned = |symbols: &BTreeSet<SymbolId>| !symbols.is_disjoint(&concerned);
     let after: Vec<ExprId> = (before.iter().zip(&mentions.roots))
         .map(|(root, symbols)| match is_concerned(symbols) {
             true => at_origin(&mut g, *root, &image),
