@@ -242,7 +242,7 @@ impl RealValues {
         RealValues { order, values }
     }
 
-    /// Those of `roots` that are seen to change with the symbols, when these get other values.
+    /// The `roots` that are seen to change with the symbols, when these get other values.
     pub fn seen_to_change(
         &self,
         g: &mut Graph,
@@ -284,7 +284,7 @@ impl RealValues {
 }
 
 impl Graph {
-    /// The value of a node in doubles from those of its operands; symbols are numbers between one half and two.
+    /// The value of a node in doubles from the values of its operands; symbols are numbers between one half and two.
     fn real_value(&self, e: ExprId, at: &dyn Fn(ExprId) -> f64) -> f64 {
         let power = |base: f64, q: &Rational| match q.is_integer().then(|| q.numer().to_i32()).flatten() {
             Some(n) => base.powi(n),
@@ -306,5 +306,29 @@ impl Graph {
             Node::Function(f, a) => f.eval(at(*a)),
             Node::Atan2(y, x) => at(*y).atan2(at(*x)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `y = x + 1` by a name, `x - x cos(0)` that cancels only in value, and what does not mention `x`.
+    #[test]
+    fn what_changes_with_a_symbol_is_seen_through_names_and_what_cancels_is_not() {
+        let mut g = Graph::new();
+        let [x, z] = ["x", "z"].map(|name| g.symbol(name));
+        let (xe, ze, one) = (g.sym(x), g.sym(z), g.one());
+        let sum = g.add(xe, one);
+        let y = g.define("y", sum);
+        let ye = g.sym(y);
+        let moving = g.mul(ye, ze);
+        // (x + 1) z - y z
+        let product = g.mul(sum, ze);
+        let still = g.sub(product, moving);
+        let values = RealValues::new(&mut g, &[moving, still, ze]);
+        let zero = g.zero();
+        let found = values.seen_to_change(&mut g, &[moving, still, ze], &BTreeMap::from([(x, zero)]));
+        assert_eq!(found, BTreeSet::from([moving]));
     }
 }

@@ -131,19 +131,20 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem, extent: Extent) -
     trials.attempt(&mut (), 0, |()| Some((cost, by_recursion)));
     // What takes more than recursion took does not cost less; searches stop at half of the work.
     let least = |own: u64, spent: u64| own.min(spent.saturating_mul(2));
+    let least = Budget {
+        expressions: least(own.expressions, spent.expressions),
+        bytes: least(own.bytes, spent.bytes),
+        work: least(own.work, spent.work),
+    };
     let mut expanded = in_form(false);
     // Before any search, what the derivation took tells.
-    let work = reduced + LABORIOUS * (derived - reduced);
-    expanded.graph.set_budget(Budget { work: own.work.min(work), ..own });
+    let work = least.work.min(reduced + LABORIOUS * (derived - reduced));
+    expanded.graph.set_budget(Budget { work, ..least });
     let n_expanded = operations_of_motion(&expanded);
     if !n_expanded.is_ok_and(|n| n <= EXPANDED * n_by_recursion) {
         return trials.finish(&mut ());
     }
-    expanded.graph.set_budget(Budget {
-        expressions: least(own.expressions, spent.expressions),
-        bytes: least(own.bytes, spent.bytes),
-        work: least(own.work, spent.work),
-    });
+    expanded.graph.set_budget(least);
     trials.attempt(&mut (), 0, |()| {
         let (cost, _, mut derived) = lowered(derive(&expanded).ok()?, &expanded.formulation)?;
         Arc::get_mut(&mut derived.equations)?.system.graph.set_budget(own);

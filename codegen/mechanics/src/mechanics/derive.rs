@@ -50,7 +50,8 @@ pub fn derive_to(system: &ReducedSystem, extent: Extent) -> Result<Equations, Er
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
     /// Of linked bodies the rates and what they divide by: for a scene that wants nothing else. Their mass matrix,
-    /// momenta and the rate of their energy have terms for each pair of bodies, where the rates have some for each body.
+    /// momenta and the rate of their energy have terms for each pair of bodies, where the rates have some for each
+    /// body.
     Rates,
     /// Everything.
     Whole,

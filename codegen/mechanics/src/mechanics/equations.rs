@@ -131,8 +131,8 @@ pub struct SectionMomentum {
 pub enum Form {
     /// `A udot = f` for the accelerations of the velocities that the state carries.
     Accelerations(LinearSystem),
-    /// Accelerations of linked bodies, found body by body: no `A udot = f`, and no energy, momenta or multipliers, which
-    /// nobody asked for.
+    /// Accelerations of linked bodies, found body by body: no `A udot = f`, and no energy, momenta or multipliers,
+    /// which nobody asked for.
     Rates {
         /// Names of the unknowns `u`.
         unknowns: Vec<String>,
@@ -185,8 +185,8 @@ pub struct Equations {
     pub taken_at: BTreeMap<SymbolId, String>,
     /// The form that was solved for the rates of the velocities.
     pub form: Form,
-    /// `E = p.y - L`; zero where the motion has none, see [`Equations::has_energy`], and where it was not asked for, see
-    /// [`Equations::is_whole`].
+    /// `E = p.y - L`; zero where the motion has none, see [`Equations::has_energy`], and where it was not asked for,
+    /// see [`Equations::is_whole`].
     pub energy: ExprId,
     /// `dE/dt` along the motion.
     pub energy_rate: ExprId,

@@ -50,6 +50,12 @@ fn rates(equations: &Equations) -> Vec<ExprId> {
     equations.state.iter().map(|s| s.derivative).collect()
 }
 
+/// Rates of the velocities in the state.
+fn accelerations(equations: &Equations) -> impl Iterator<Item = ExprId> {
+    let unknowns: BTreeSet<SymbolId> = equations.system.unknowns.iter().map(|u| u.symbol).collect();
+    equations.state.iter().filter(move |s| unknowns.contains(&s.symbol)).map(|s| s.derivative)
+}
+
 /// Whether an expression mentions some coordinates, also by definitions.
 fn moves(g: &Graph, sections: &[Section], roots: &[ExprId], coordinates: &[SymbolId]) -> bool {
     let mut concerned: BTreeSet<SymbolId> = coordinates.iter().copied().collect();
@@ -109,10 +115,13 @@ fn set_to(
     if roots.is_empty() {
         return false;
     }
-    // Pivots are computed as the rates are: they stay with these.
-    let pivots: BTreeSet<ExprId> = equations.pivots.iter().map(|pivot| pivot.expr).collect();
     let changing = mentions.values.seen_to_change(&mut equations.system.graph, &roots, &values);
-    if roots.iter().all(|e| changing.contains(e) || (pivots.contains(e) && !equations.is_whole())) {
+    let stays = match equations.is_whole() {
+        true => roots.iter().all(|e| changing.contains(e)),
+        // What linked bodies share is there for all of them: a coordinate that one acceleration needs stays in all.
+        false => accelerations(equations).any(|e| changing.contains(&e)),
+    };
+    if stays {
         return false;
     }
     // In a copy: where every result depends on the coordinate, nothing of the trial is left over for the next one.

@@ -353,7 +353,7 @@ impl Derivation<'_> {
             let doc = "residual of the conditions on positions that follow from a degenerate Lagrangian";
             outputs.push(Output::group(Want::Constraint, positions, doc));
         }
-        if system.degeneracy.is_none() && system.hamiltonian.is_none() {
+        if is_whole && system.degeneracy.is_none() && system.hamiltonian.is_none() {
             facts.holonomic = integrable::is_holonomic(&mut self.g, system);
         }
         if let KinematicConstraint::Solved(solved) = &system.constraint
