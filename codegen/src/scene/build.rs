@@ -24,7 +24,7 @@ use super::built::{BuiltScene, legendre_role};
 use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::domain::domain;
 use super::pivots::sorted_pivots;
-use super::plan::{DEFAULT, Drops, Outputs, Plan, Share};
+use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
 use super::roles::{VariableRole, all_params, variable_roles};
 use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants, positions, splitting};
 
@@ -33,20 +33,6 @@ use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants
 pub(super) struct Derivations {
     pub(super) model: Arc<Model>,
     done: Vec<(Asked, Result<Derived, Diagnostics>)>,
-}
-
-/// Equations that a scene asks for.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Asked {
-    pub(super) formulation: Formulation,
-    pub(super) extent: Extent,
-}
-
-impl Asked {
-    /// All that there is of a formulation.
-    pub(super) fn whole(formulation: Formulation) -> Asked {
-        Asked { formulation, extent: Extent::Whole }
-    }
 }
 
 /// Equations, with their rates in a form that was searched before, by the graph of the equations.

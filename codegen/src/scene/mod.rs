@@ -49,9 +49,9 @@ use hamel_mechanics::mechanics::{Output, OutputKind};
 use hamel_mechanics::reduction::{AccelerationSource, Formulation, KinematicConstraint, StageUse, reduce};
 use hamel_program::lower::SearchBudget;
 
-use build::{Asked, Derivations, build_planned, lower_scene};
+use build::{Derivations, build_planned, lower_scene};
 use dependence::{ignorable, left_out, needs};
-use plan::{Drops, Outputs, Plan, Share};
+use plan::{Asked, Drops, Outputs, Plan, Share};
 
 pub use crate::certify::Certificate;
 pub use built::BuiltScene;

@@ -9,7 +9,6 @@ use hamel_mechanics::mechanics::Extent;
 use hamel_mechanics::reduction::{Formulation, StageUse, carried_by_momenta};
 use hamel_program::lower::SearchBudget;
 
-use super::build::Asked;
 use super::derivatives::Derivative;
 
 /// Name of the scene that every model has.
@@ -90,6 +89,20 @@ pub(super) enum Drops {
     Ignorable,
     /// These components.
     Components(Vec<String>),
+}
+
+/// Equations that a scene asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Asked {
+    pub(super) formulation: Formulation,
+    pub(super) extent: Extent,
+}
+
+impl Asked {
+    /// All that there is of a formulation.
+    pub(super) fn whole(formulation: Formulation) -> Asked {
+        Asked { formulation, extent: Extent::Whole }
+    }
 }
 
 impl Plan {
