@@ -155,6 +155,8 @@ pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
 
 /// The reduced Dirac structure of a scene, in the styles of [`explain`].
 pub fn dirac(model: &Model, scene: &BuiltScene, style: Style) -> String {
+    let whole = scene.whole();
+    let scene = whole.as_deref().unwrap_or(scene);
     let head = Section { kind: SectionKind::Head, text: String::new() };
     let mut page = Page { style, head, rest: Vec::new() };
     page.header(model, scene);
@@ -189,6 +191,8 @@ fn written(sections: Vec<Section>, style: Style) -> String {
 
 /// The same by sections: the head first, then those that the scene has.
 pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section> {
+    let whole = scene.whole();
+    let scene = whole.as_deref().unwrap_or(scene);
     let head = Section { kind: SectionKind::Head, text: String::new() };
     let mut page = Page { style, head, rest: Vec::new() };
     page.header(model, scene);
@@ -727,7 +731,7 @@ impl Page {
             .map(|s| (self.rate(&self.name(&s.name)), g.display(s.derivative, self.style)))
             .collect();
         self.formulas(&rows);
-        if !equations.has_energy() {
+        if !equations.has_energy() || !equations.is_whole() {
             return;
         }
         let is_hamiltonian = equations.system.hamiltonian.is_some();
@@ -773,6 +777,8 @@ impl Page {
         self.begin(SectionKind::Findings);
         let energy = if !equations.has_energy() {
             "The motion is given: it follows from no Lagrangian, and has no energy."
+        } else if !equations.is_whole() {
+            "The energy is not derived: it takes more than the budget."
         } else if facts.energy_is_conserved {
             "Energy is conserved: its rate vanishes identically."
         } else if facts.energy_is_conserved_on_constraint {

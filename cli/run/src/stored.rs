@@ -31,10 +31,7 @@ impl Stored {
             momenta: momenta(scene),
             params: scene.params().iter().map(param).collect(),
             inputs: scene.equations().system.inputs.iter().map(param).collect(),
-            velocities: scene
-                .equations()
-                .balanced_system()
-                .map_or_else(Vec::new, |(s, _)| s.unknowns.clone()),
+            velocities: scene.equations().names_of_velocities().to_vec(),
             frames: scene.frame_names(),
             outputs: scene.outputs().iter().map(output_entry).collect(),
             has_energy: scene.has_energy(),

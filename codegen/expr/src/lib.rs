@@ -52,6 +52,7 @@ pub use print::Style;
 pub use print::{SPELLED, identifier};
 pub use random::{split_mix, uniform};
 pub use rational::{Rational, parse_decimal, rational_to_f64};
+pub use real_point::RealValues;
 pub use relations::rational_relations;
 pub use samples::{Measured, Samples};
 pub use sign::remembered_sign_of;

@@ -4,11 +4,13 @@
 //! errors. A ball of the whole expression that leaves zero out proves that it does not vanish identically.
 //! Deliberately does not know: the prime field.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use num_traits::ToPrimitive;
 use rustc_hash::FxHashMap;
 
 use super::graph::Graph;
-use super::node::{ExprId, Func, Node};
+use super::node::{ExprId, Func, Node, SymbolId};
 use super::rational::{Rational, rational_to_f64};
 
 /// Points that are tried.
@@ -201,5 +203,132 @@ impl Graph {
             balls.insert(e, ball);
         }
         balls.get(&e).copied()
+    }
+}
+
+/// Values of expressions at a real point in doubles, without enclosures: where two of them are far apart, so are the
+/// functions; where they are not, nothing is known.
+#[derive(Clone, Debug)]
+pub struct RealValues {
+    /// What the values are computed from, operands first, also behind names.
+    order: Vec<ExprId>,
+    values: FxHashMap<ExprId, f64>,
+}
+
+/// Relative distance from which on two values are not one value with rounding errors.
+const APART: f64 = 1e-6;
+
+impl RealValues {
+    /// The values of expressions and of all that they are made of.
+    pub fn new(g: &mut Graph, roots: &[ExprId]) -> RealValues {
+        let mut seen = rustc_hash::FxHashSet::default();
+        let mut pending = roots.to_vec();
+        while let Some(e) = pending.pop() {
+            if seen.insert(e) {
+                match g.node(e) {
+                    Node::Symbol(s) => pending.extend(g.definition(*s)),
+                    node => node.for_each_operand(|operand| pending.push(operand)),
+                }
+            }
+        }
+        let mut order: Vec<ExprId> = seen.into_iter().collect();
+        order.sort_unstable();
+        g.charge(order.len());
+        let mut values = FxHashMap::default();
+        for e in &order {
+            let value = g.real_value(*e, &|operand| values[&operand]);
+            values.insert(*e, value);
+        }
+        RealValues { order, values }
+    }
+
+    /// The `roots` that are seen to change with the symbols, when these get other values.
+    pub fn seen_to_change(
+        &self,
+        g: &mut Graph,
+        roots: &[ExprId],
+        symbols: &BTreeMap<SymbolId, ExprId>,
+    ) -> BTreeSet<ExprId> {
+        let mut changed: FxHashMap<ExprId, f64> = FxHashMap::default();
+        let mut n_visited = 0;
+        for e in &self.order {
+            let given = match g.node(*e) {
+                Node::Symbol(s) => symbols.get(s),
+                _ => None,
+            };
+            let mut is_touched = given.is_some();
+            match g.node(*e) {
+                Node::Symbol(s) => is_touched |= g.definition(*s).is_some_and(|d| changed.contains_key(&d)),
+                node => node.for_each_operand(|operand| is_touched |= changed.contains_key(&operand)),
+            }
+            if !is_touched {
+                continue;
+            }
+            n_visited += 1;
+            let at = |operand: ExprId| changed.get(&operand).copied().unwrap_or(self.values[&operand]);
+            let value = match given {
+                Some(given) => g.as_rational(*given).map_or(f64::NAN, rational_to_f64),
+                None => g.real_value(*e, &at),
+            };
+            changed.insert(*e, value);
+        }
+        g.charge(n_visited);
+        let is_apart = |e: &ExprId| {
+            changed.get(e).is_some_and(|value| {
+                let own = self.values[e];
+                (value - own).abs() > APART * (value.abs() + own.abs())
+            })
+        };
+        roots.iter().copied().filter(is_apart).collect()
+    }
+}
+
+impl Graph {
+    /// The value of a node in doubles from the values of its operands; symbols are numbers between one half and two.
+    fn real_value(&self, e: ExprId, at: &dyn Fn(ExprId) -> f64) -> f64 {
+        let power = |base: f64, q: &Rational| match q.is_integer().then(|| q.numer().to_i32()).flatten() {
+            Some(n) => base.powi(n),
+            None => base.powf(rational_to_f64(q)),
+        };
+        match self.node(e) {
+            Node::Constant(c) => rational_to_f64(c),
+            Node::Pi => std::f64::consts::PI,
+            Node::Symbol(s) => match self.definition(*s) {
+                Some(definition) => at(definition),
+                None => 0.5 + (super::field::hash(s.index() as u64) % 1024) as f64 / 683.0,
+            },
+            Node::Sum { constant, terms } => {
+                terms.iter().fold(rational_to_f64(constant), |sum, (e, q)| sum + rational_to_f64(q) * at(*e))
+            }
+            Node::Product { coefficient, factors } => factors
+                .iter()
+                .fold(rational_to_f64(coefficient), |product, (base, q)| product * power(at(*base), q)),
+            Node::Function(f, a) => f.eval(at(*a)),
+            Node::Atan2(y, x) => at(*y).atan2(at(*x)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `y = x + 1` by a name, `x - x cos(0)` that cancels only in value, and what does not mention `x`.
+    #[test]
+    fn what_changes_with_a_symbol_is_seen_through_names_and_what_cancels_is_not() {
+        let mut g = Graph::new();
+        let [x, z] = ["x", "z"].map(|name| g.symbol(name));
+        let (xe, ze, one) = (g.sym(x), g.sym(z), g.one());
+        let sum = g.add(xe, one);
+        let y = g.define("y", sum);
+        let ye = g.sym(y);
+        let moving = g.mul(ye, ze);
+        // (x + 1) z - y z
+        let product = g.mul(sum, ze);
+        let still = g.sub(product, moving);
+        let values = RealValues::new(&mut g, &[moving, still, ze]);
+        let zero = g.zero();
+        let found = values.seen_to_change(&mut g, &[moving, still, ze], &BTreeMap::from([(x, zero)]));
+        assert_eq!(found, BTreeSet::from([moving]));
     }
 }

@@ -398,7 +398,8 @@ impl Results<'_, '_> {
         let program = self.setting.claim.program;
         let Some(rate) = program.function_idx(&Role::Rate) else { return };
         // A rate that has no recurrence is refused where series are asked for.
-        let Ok(jet) = Jet::new(program, rate) else { return };
+        let jet = self.setting.jet.get_or_init(|| Jet::new(program, rate).ok());
+        let Some(jet) = jet else { return };
         const ORDER: usize = 3;
         let n = self.motion.state.len();
         let mut out = vec![vec![Wide::ZERO; n]; ORDER + 1];
@@ -437,11 +438,11 @@ impl Results<'_, '_> {
     /// Rates with cosines and sines of angles behind the state: those of the state, and those of the points.
     fn on_circles(&self, sheet: &mut Sheet) {
         let program = self.setting.claim.program;
-        let Some(circles) = Circles::of(program) else { return };
+        let Some(circles) = self.setting.on_circles.get_or_init(|| Circles::of(program)) else { return };
         let runner = Runner::new(&circles.program);
         let function = "rhs on circles";
         let slots = runner.slots(&self.point.params);
-        let whole = self.whole_state(&circles, &runner, &slots, &constants(&self.motion.state));
+        let whole = self.whole_state(circles, &runner, &slots, &constants(&self.motion.state));
         let values: Vec<Wide> = whole.iter().map(|z| z.value).collect();
         let at = At {
             params: &self.point.params,
@@ -454,7 +455,7 @@ impl Results<'_, '_> {
         let own = self.call(&Role::Rate).unwrap_or_default();
         rows(function, &rates[..circles.n_state], &own, sheet);
         let moving = along(&self.motion.state, &own);
-        let moving = self.whole_state(&circles, &runner, &slots, &moving);
+        let moving = self.whole_state(circles, &runner, &slots, &moving);
         let slopes: Vec<Wide> = moving.iter().map(|z| z.derivative).collect();
         rows(function, &rates[circles.n_state..], &slopes[circles.n_state..], sheet);
     }

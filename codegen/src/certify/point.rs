@@ -3,12 +3,14 @@
 //!
 //! Does not know: what is compared.
 
+use std::cell::OnceCell;
+
 use hamel_runtime::{Dual, Real};
 
 use hamel_expr::{ExprId, Relation, SymbolId, needed_sections};
 use hamel_lang::spec::{Domain, Model, ReconstructionKind, Want};
 use hamel_mechanics::mechanics::Equations;
-use hamel_program::program::Role;
+use hamel_program::program::{Circles, Jet, Role};
 
 use super::claim::Claim;
 use super::definition::{Definition, Missing, Place};
@@ -49,6 +51,10 @@ pub(super) struct Setting<'a> {
     initial: Vec<(SymbolId, Tape)>,
     /// Which modes are on together; one entry without any in a model that has none.
     pub(super) modes: Vec<modes::On>,
+    /// The recurrence of the rates' Taylor coefficients, and the rates with angles on circles, where there are such:
+    /// for all points.
+    pub(super) jet: OnceCell<Option<Jet>>,
+    pub(super) on_circles: OnceCell<Option<Circles>>,
 }
 
 /// A point, without what follows from it.
@@ -130,6 +136,8 @@ impl<'a> Setting<'a> {
             of_degeneracy: Tape::new(&system.graph, &of_degeneracy),
             initial,
             claim,
+            jet: OnceCell::new(),
+            on_circles: OnceCell::new(),
         }
     }
 

@@ -91,6 +91,8 @@ const HORIZONTAL: [General; 2] = [
 /// [`Error::Unsupported`] for a scene without stages, with a Hamiltonian or with momenta that are parameters, and where
 /// a block is not seen to be that of the motion.
 pub fn by_paper(model: &Model, scene: &BuiltScene, style: Style) -> Result<String, Error> {
+    let whole = scene.whole()?;
+    let scene = &*whole;
     let in_velocities = in_velocities(model, scene)?;
     let equations = in_velocities.as_ref().unwrap_or(&scene.equations);
     let Some(stages) = &equations.system.stages else {

@@ -14,6 +14,8 @@ use crate::scene::BuiltScene;
 /// Expressions that are zero are left out. Names of roles and parts are those of
 /// [`ExpressionRole`](hamel_lang::spec::ExpressionRole) and [`Part`](hamel_mechanics::reduction::Part).
 pub fn stages(model: &Model, scene: &BuiltScene) -> String {
+    let whole = scene.whole();
+    let scene = whole.as_deref().unwrap_or(scene);
     let mut text = String::new();
     title(&mut text, "model");
     let roles = model.expressions();

@@ -11,8 +11,8 @@ use hamel_expr::parallel::side_by_side;
 use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
 use hamel_lang::spec::{self, Diagnostics, Model, Param, Want, Wanted};
 use hamel_mechanics::mechanics::{
-    EXPANDED, Equations, Output, OutputKind, Phase, StateEquation, derive, is_recursive,
-    operations_of_motion, phases,
+    EXPANDED, Equations, Extent, LABORIOUS, Output, OutputKind, Phase, StateEquation, derive, derive_to,
+    is_recursive, operations_of_motion, phases,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_program::lower::{
@@ -24,7 +24,7 @@ use super::built::{BuiltScene, legendre_role};
 use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::domain::domain;
 use super::pivots::sorted_pivots;
-use super::plan::{DEFAULT, Drops, Outputs, Plan, Share};
+use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
 use super::roles::{VariableRole, all_params, variable_roles};
 use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants, positions, splitting};
 
@@ -32,7 +32,7 @@ use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants
 #[derive(Debug)]
 pub(super) struct Derivations {
     pub(super) model: Arc<Model>,
-    done: Vec<(Formulation, Result<Derived, Diagnostics>)>,
+    done: Vec<(Asked, Result<Derived, Diagnostics>)>,
 }
 
 /// Equations, with their rates in a form that was searched before, by the graph of the equations.
@@ -53,48 +53,47 @@ impl Derivations {
         Derivations { model, done: Vec::new() }
     }
 
-    /// Derives the equations in several formulations, side by side, unless they are there.
-    pub(super) fn derive_all<'f>(&mut self, formulations: impl IntoIterator<Item = &'f Formulation>) {
-        let mut missing: Vec<Formulation> = Vec::new();
-        for formulation in formulations {
-            let is_known = self.done.iter().map(|(known, _)| known).chain(&missing).any(|k| k == formulation);
-            if !is_known {
-                missing.push(formulation.clone());
+    /// Derives the equations that several scenes ask for, side by side, unless they are there.
+    pub(super) fn derive_all(&mut self, asked: impl IntoIterator<Item = Asked>) {
+        let mut missing: Vec<Asked> = Vec::new();
+        for asked in asked {
+            if !self.done.iter().map(|(known, _)| known).chain(&missing).any(|known| *known == asked) {
+                missing.push(asked);
             }
         }
-        let derived = side_by_side(&missing, |formulation| self.derived(formulation));
+        let derived = side_by_side(&missing, |asked| self.derived(asked));
         self.done.extend(missing.into_iter().zip(derived));
     }
 
-    /// The equations in a formulation.
+    /// All equations in a formulation.
     pub(super) fn equations(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
-        self.derivation(formulation).map(|derived| derived.equations)
+        self.derivation(&Asked::whole(formulation.clone())).map(|derived| derived.equations)
     }
 
-    fn derivation(&self, formulation: &Formulation) -> Result<Derived, Diagnostics> {
-        match self.done.iter().find(|(other, _)| other == formulation) {
+    fn derivation(&self, asked: &Asked) -> Result<Derived, Diagnostics> {
+        match self.done.iter().find(|(other, _)| other == asked) {
             Some((_, known)) => known.clone(),
-            None => self.derived(formulation),
+            None => self.derived(asked),
         }
     }
 
-    fn derived(&self, formulation: &Formulation) -> Result<Derived, Diagnostics> {
+    fn derived(&self, Asked { formulation, extent }: &Asked) -> Result<Derived, Diagnostics> {
         let model = &*self.model;
         let system = reduce(model, formulation)?;
         let is_open = formulation.squares && formulation.recursive.is_none();
-        let found =
-            if is_open && is_recursive(&system) { cheaper_by_recursion(model, &system) } else { None };
+        let is_tried = is_open && is_recursive(&system);
+        let found = if is_tried { cheaper_by_recursion(model, &system, *extent) } else { None };
         if let Some(found) = found {
             return Ok(found);
         }
-        let derived = derive(&system).map(|equations| Derived::from(Arc::new(equations)));
+        let derived = derive_to(&system, *extent).map(|equations| Derived::from(Arc::new(equations)));
         derived.map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
     }
 }
 
 /// The equations by recursion or multiplied out, whichever right-hand side costs less; none where those by recursion
 /// cannot be derived.
-fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Derived> {
+fn cheaper_by_recursion(model: &Model, system: &ReducedSystem, extent: Extent) -> Option<Derived> {
     // The scene's graph goes on from the one in which the search for the rates ended.
     let lowered = |mut equations: Equations, formulation: &Formulation| {
         let plan = Plan::bare(DEFAULT.to_owned(), formulation.clone());
@@ -110,23 +109,29 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem) -> Option<Derived
     };
     let own = system.graph.budget();
     let by_recursion = in_form(true);
-    let equations = derive(&by_recursion).ok()?;
+    let equations = derive_to(&by_recursion, extent).ok()?;
     let n_by_recursion = equations.n_operations();
+    let (reduced, derived) = (system.graph.spent().work, equations.system.graph.spent().work);
     let (cost, spent, by_recursion) = lowered(equations, &by_recursion.formulation)?;
     let mut trials = Trials::new(&());
     trials.attempt(&mut (), 0, |()| Some((cost, by_recursion)));
     // What takes more than recursion took does not cost less; searches stop at half of the work.
     let least = |own: u64, spent: u64| own.min(spent.saturating_mul(2));
-    let mut expanded = in_form(false);
-    expanded.graph.set_budget(Budget {
+    let least = Budget {
         expressions: least(own.expressions, spent.expressions),
         bytes: least(own.bytes, spent.bytes),
         work: least(own.work, spent.work),
-    });
+    };
+    let mut expanded = in_form(false);
+    // Before any search, what the derivation took tells.
+    let work = least.work.min(reduced + LABORIOUS * (derived - reduced));
+    expanded.graph.set_budget(Budget { work, ..least });
+    let n_expanded = operations_of_motion(&expanded);
+    if !n_expanded.is_ok_and(|n| n <= EXPANDED * n_by_recursion) {
+        return trials.finish(&mut ());
+    }
+    expanded.graph.set_budget(least);
     trials.attempt(&mut (), 0, |()| {
-        if operations_of_motion(&expanded).ok()? > EXPANDED * n_by_recursion {
-            return None;
-        }
         let (cost, _, mut derived) = lowered(derive(&expanded).ok()?, &expanded.formulation)?;
         Arc::get_mut(&mut derived.equations)?.system.graph.set_budget(own);
         Some((cost, derived))
@@ -169,7 +174,7 @@ fn build_scene(derivations: &Derivations, plan: Plan) -> Result<BuiltScene, Diag
         let message = format!("{} has nothing to reconstruct in this formulation", model.name);
         return Err(fail_at(place_of(Want::Reconstruction.name()), message, help));
     }
-    let derived = derivations.derivation(&plan.formulation).map_err(|problems| {
+    let derived = derivations.derivation(&plan.asked()).map_err(|problems| {
         let on_lines = Formulation { circles: Vec::new(), ..plan.formulation.clone() };
         if plan.formulation.circles.is_empty() || reduce(model, &on_lines).is_err() {
             return problems;

@@ -2,13 +2,15 @@
 //!
 //! Does not know: how it came about, what is made of it.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use crate::certify::Certificate;
+use hamel_expr::error::Error;
 use hamel_expr::{Budget, SymbolId};
 use hamel_lang::spec::{Model, Param, Want};
-use hamel_mechanics::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation};
+use hamel_mechanics::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation, derive};
 use hamel_program::program::{Program, Role};
 
 use super::dependence::{left_out, outputs_of_model};
@@ -53,12 +55,28 @@ pub(super) fn legendre_role() -> Role {
 }
 
 impl BuiltScene {
+    /// The scene with all that there is of its equations: one that wants its rates alone is made without the rest.
+    ///
+    /// # Errors
+    /// As [`derive`](hamel_mechanics::mechanics::derive).
+    pub(crate) fn whole(&self) -> Result<Cow<'_, BuiltScene>, Error> {
+        if self.equations.is_whole() {
+            return Ok(Cow::Borrowed(self));
+        }
+        let equations = Arc::new(derive(&self.equations.system)?);
+        let state = self.state.iter().map(|s| {
+            let all = equations.state.iter().chain(&equations.reconstruction);
+            all.into_iter().find(|own| own.symbol == s.symbol).unwrap_or(s).clone()
+        });
+        Ok(Cow::Owned(BuiltScene { state: state.collect(), equations, ..self.clone() }))
+    }
+
     /// Name of the scene.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The equations of motion.
+    /// The equations of motion, as far as the scene asks for them: [`Equations::is_whole`].
     pub fn equations(&self) -> &Arc<Equations> {
         &self.equations
     }
@@ -166,7 +184,7 @@ impl BuiltScene {
     ///
     /// # Errors
     /// [`Error::Disagrees`](hamel_expr::error::Error::Disagrees).
-    pub fn certify(&self, n_points: usize) -> Result<Certificate, hamel_expr::error::Error> {
+    pub fn certify(&self, n_points: usize) -> Result<Certificate, Error> {
         match &self.model {
             Some(model) => self.held_to(model, n_points),
             None => Ok(self.certificate.clone()),

@@ -51,7 +51,7 @@ use hamel_program::lower::SearchBudget;
 
 use build::{Derivations, build_planned, lower_scene};
 use dependence::{ignorable, left_out, needs};
-use plan::{Drops, Outputs, Plan, Share};
+use plan::{Asked, Drops, Outputs, Plan, Share};
 
 pub use crate::certify::Certificate;
 pub use built::BuiltScene;
@@ -130,7 +130,7 @@ impl Scenes {
     /// Whether there are coordinates on which neither the rest of the motion nor the energy depends.
     pub fn has_ignorable_coordinates(&mut self) -> bool {
         let formulation = Formulation::of(&self.derivations.model);
-        self.derivations.derive_all([&formulation]);
+        self.derivations.derive_all([Asked::whole(formulation.clone())]);
         let derived = self.derivations.equations(&formulation);
         derived.is_ok_and(|equations| !ignorable(&equations, &[equations.energy]).is_empty())
     }
@@ -148,7 +148,7 @@ impl Scenes {
     /// As [`build`].
     pub fn build(&mut self, scene: &str) -> Result<BuiltScene, Diagnostics> {
         let plan = self.plan(scene)?;
-        self.derivations.derive_all([&plan.formulation]);
+        self.derivations.derive_all([plan.asked()]);
         build_planned(&self.derivations, plan)
     }
 
@@ -160,7 +160,7 @@ impl Scenes {
         let mut built = Vec::new();
         let mut problems: Vec<spec::Diagnostic> = Vec::new();
         let plans: Vec<Result<Plan, Diagnostics>> = scenes.iter().map(|name| self.plan(name)).collect();
-        self.derivations.derive_all(plans.iter().flatten().map(|plan| &plan.formulation));
+        self.derivations.derive_all(plans.iter().flatten().map(Plan::asked));
         let outcomes = side_by_side(&plans, |plan| build_planned(&self.derivations, plan.clone()?));
         for outcome in outcomes {
             match outcome {
@@ -344,7 +344,7 @@ pub fn build_carrying(
     let bare = Plan::bare(own.name.clone(), formulation);
     let outputs = Outputs::Named(vec![Wanted::Want(Want::Velocities)]);
     let plan = Plan { outputs, drops: own.drops, ..bare };
-    scenes.derivations.derive_all([&plan.formulation]);
+    scenes.derivations.derive_all([plan.asked()]);
     build_planned(&scenes.derivations, plan)
 }
 
@@ -437,7 +437,7 @@ pub fn build_events(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostic
     let outputs = Outputs::Named(vec![Wanted::Want(Want::Events)]);
     let bare = Plan::bare(own.name.clone(), own.formulation.clone());
     let plan = Plan { outputs, drops: own.drops, reconstructs: own.reconstructs, ..bare };
-    scenes.derivations.derive_all([&plan.formulation]);
+    scenes.derivations.derive_all([plan.asked()]);
     build_planned(&scenes.derivations, plan)
 }
 
@@ -453,7 +453,7 @@ pub fn build_linearized(model: &Model, scene: &str) -> Result<BuiltScene, Diagno
     let derivatives = Derivative::LINEARIZATION.into();
     let (drops, reconstructs, hamiltonian_time) = (own.drops, own.reconstructs, own.hamiltonian_time);
     let plan = Plan { derivatives, drops, reconstructs, hamiltonian_time, ..bare };
-    scenes.derivations.derive_all([&plan.formulation]);
+    scenes.derivations.derive_all([plan.asked()]);
     build_planned(&scenes.derivations, plan)
 }
 
@@ -501,23 +501,25 @@ impl BuiltScene {
     /// # Errors
     /// What lowering can find.
     pub fn with_residuals(&self) -> Result<Option<BuiltScene>, Error> {
-        let graph = &self.equations.system.graph;
-        let left_out = left_out(&self.equations, &self.state);
+        let whole = self.whole()?;
+        let graph = &whole.equations.system.graph;
+        let left_out = left_out(&whole.equations, &whole.state);
         let group = |want: Want| {
-            let found = self.equations.outputs.iter().find(|o| o.kind == OutputKind::Group(want))?;
+            let found = whole.equations.outputs.iter().find(|o| o.kind == OutputKind::Group(want))?;
             let is_known =
-                found.components.iter().all(|(_, e)| !needs(graph, &self.equations, *e, &left_out));
+                found.components.iter().all(|(_, e)| !needs(graph, &whole.equations, *e, &left_out));
             is_known.then(|| found.clone())
         };
         let Some(residuals) = group(Want::Constraint) else { return Ok(None) };
         let outputs = [residuals].into_iter().chain(group(Want::Momentum)).collect();
-        self.beside(&self.bare_plan(), outputs).map(Some)
+        whole.beside(&self.bare_plan(), outputs).map(Some)
     }
 
     /// Another scene in the same state, held to the same model.
     fn beside(&self, plan: &Plan, outputs: Vec<Output>) -> Result<BuiltScene, Error> {
+        let whole = self.whole()?;
         let (built, ..) =
-            lower_scene(self.equations.clone().into(), plan, self.state.clone(), (outputs, None))?;
+            lower_scene(whole.equations.clone().into(), plan, whole.state.clone(), (outputs, None))?;
         match &self.model {
             Some(model) => built.certified(Arc::clone(model)),
             None => Ok(built),

@@ -5,6 +5,7 @@
 use std::collections::BTreeSet;
 
 use hamel_lang::spec::{Model, Want, Wanted};
+use hamel_mechanics::mechanics::Extent;
 use hamel_mechanics::reduction::{Formulation, StageUse, carried_by_momenta};
 use hamel_program::lower::SearchBudget;
 
@@ -90,7 +91,55 @@ pub(super) enum Drops {
     Components(Vec<String>),
 }
 
+/// Equations that a scene asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Asked {
+    pub(super) formulation: Formulation,
+    pub(super) extent: Extent,
+}
+
+impl Asked {
+    /// All that there is of a formulation.
+    pub(super) fn whole(formulation: Formulation) -> Asked {
+        Asked { formulation, extent: Extent::Whole }
+    }
+}
+
 impl Plan {
+    /// The equations that the scene is made from: of a scene that wants the right-hand side alone, no more than its
+    /// rates.
+    pub(super) fn asked(&self) -> Asked {
+        let Plan {
+            name: _,
+            formulation,
+            outputs,
+            energy,
+            derivatives,
+            invariants,
+            positions,
+            phases,
+            bracket,
+            hamiltonian_time,
+            splitting,
+            implicit,
+            dynamics,
+            of_frames,
+            digits: _,
+            taylor: _,
+            reconstructs: _,
+            drops: _,
+            search: _,
+            doc: _,
+            chosen: _,
+        } = self;
+        let has_outputs = !matches!(outputs, Outputs::Named(wanted) if wanted.is_empty());
+        let wants = [*energy, *invariants, *phases, *bracket, *hamiltonian_time, *splitting, *implicit];
+        let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
+        let is_more = has_outputs || has_sets || *positions != Share::None || wants.contains(&true);
+        let extent = if is_more { Extent::Whole } else { Extent::Rates };
+        Asked { formulation: formulation.clone(), extent }
+    }
+
     /// The right-hand side alone, in a formulation.
     pub(super) fn bare(name: String, formulation: Formulation) -> Plan {
         Plan {

@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use hamel_lang::spec::{Diagnostics, Model};
-use hamel_mechanics::mechanics::{Equations, derive};
+use hamel_mechanics::mechanics::{Equations, derive_to};
 use hamel_mechanics::reduction::{ReducedSystem, reduce};
 use hamel_program::program::Program;
 
@@ -36,7 +36,7 @@ pub fn build_tampered(
     let mut system = reduce(model, &plan.formulation)?;
     fault(Made::System(&mut system));
     let told = |e| model.diagnostics(vec![model.diagnose(&e)]);
-    let mut equations = derive(&system).map_err(told)?;
+    let mut equations = derive_to(&system, plan.asked().extent).map_err(told)?;
     fault(Made::Equations(&mut equations));
     let mut built = build_derived(model, Arc::new(equations), &plan)?;
     fault(Made::Program(&mut built.program));

@@ -56,7 +56,7 @@ impl Derivation<'_> {
         // Momenta in the state have rates of their own.
         let is_solved = self.transform.is_none();
         let balance = is_solved.then(|| Box::new(self.balance_of(&mass_matrix, &force, &unknowns, &udot)));
-        let system = LinearSystem { mass_matrix, force, unknowns, balance };
+        let system = Some(LinearSystem { mass_matrix, force, unknowns, balance });
         let psi = self.psi_by_names(solved);
         let added = self.along(&psi, &udot);
         self.motion_of(solved, system, (udot, pivots), (&added, &lag))
@@ -174,7 +174,7 @@ impl Derivation<'_> {
     pub(super) fn motion_of(
         &mut self,
         solved: &SolvedConstraint,
-        system: LinearSystem,
+        system: Option<LinearSystem>,
         (unknown_rates, pivots): (Vec<ExprId>, Vec<Pivot>),
         (added, lag): (&[ExprId], &[ExprId]),
     ) -> Result<Motion, Error> {
@@ -192,7 +192,7 @@ impl Derivation<'_> {
             unknown_rates,
             multipliers,
             reactions,
-            system: Some(system),
+            system,
             pivots,
             momentum_rates: Vec::new(),
             after: Vec::new(),
@@ -277,7 +277,7 @@ impl Derivation<'_> {
         acceleration: &[ExprId],
     ) -> Result<Vec<(String, ExprId)>, Error> {
         let reactions = &solved.reactions;
-        if reactions.names.is_empty() {
+        if reactions.names.is_empty() || !self.is_whole() {
             return Ok(Vec::new());
         }
         self.writer.begin("multipliers E = lambda a");

@@ -3,7 +3,7 @@
 //! [`derive`] reads as the derivation does: velocities, kinematics, momenta (`momenta`), accelerations (`constrained`
 //! or `multipliers`), results (`results`). Does not know: where the algebroid came from.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use crate::reduction::{KinematicConstraint, ReducedSystem};
@@ -28,14 +28,46 @@ use super::solve::{Factorisation, Pivot};
 /// # Source
 /// Cortes, de Leon, Marrero, Martinez 2009, equations (3.5) and (3.7); Cendra, Marsden, Ratiu 2001.
 pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
+    derive_to(system, Extent::Whole)
+}
+
+/// As [`derive`], as far as somebody asks.
+///
+/// # Errors
+/// As [`derive`].
+pub fn derive_to(system: &ReducedSystem, extent: Extent) -> Result<Equations, Error> {
     system.graph.within_budget()?;
-    let mut d = Derivation::new(system);
+    let mut d = Derivation { extent: extent.of(system), ..Derivation::new(system) };
     let equations = d.run();
     // Beside a graph that is past its budget, whatever else seems wrong says nothing.
     d.g.within_budget()?;
     let equations = equations?;
     equations.system.graph.within_budget()?;
     Ok(equations)
+}
+
+/// How much of the equations is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// Of linked bodies the rates and what they divide by: for a scene that wants nothing else. Their mass matrix,
+    /// momenta and the rate of their energy have terms for each pair of bodies, where the rates have some for each
+    /// body.
+    Rates,
+    /// Everything.
+    Whole,
+}
+
+impl Extent {
+    /// All of a system that names momenta or the values of multipliers, whatever is asked for.
+    fn of(self, system: &ReducedSystem) -> Extent {
+        let multipliers: BTreeSet<SymbolId> = system.multipliers.iter().map(|(_, symbol)| *symbol).collect();
+        let mut outputs = system.outputs.iter().flat_map(|output| &output.components);
+        let has_multipliers = outputs.any(|(_, e)| system.graph.depends_on(*e, &multipliers));
+        if has_multipliers || !system.sections.is_empty() || !system.casimirs.is_empty() {
+            return Extent::Whole;
+        }
+        self
+    }
 }
 
 /// The accelerations and what else the solve gives.
@@ -48,7 +80,7 @@ pub(super) struct Motion {
     pub(super) multipliers: Vec<(String, ExprId)>,
     /// The one-forms that they act along.
     pub(super) reactions: Vec<Vec<ExprId>>,
-    /// What was solved for the accelerations; none for a Hamiltonian.
+    /// What was solved for the accelerations; none for a Hamiltonian, and where the rates alone are asked for.
     pub(super) system: Option<LinearSystem>,
     pub(super) pivots: Vec<Pivot>,
     /// The rates of [`ReducedSystem::momenta`].
@@ -116,6 +148,7 @@ pub(super) struct Forces {
 /// What every stage writes to, and the stages that are done.
 pub(super) struct Derivation<'a> {
     pub(super) system: &'a ReducedSystem,
+    extent: Extent,
     pub(super) g: Graph,
     pub(super) writer: SectionWriter,
     pub(super) names: Vec<String>,
@@ -142,6 +175,11 @@ impl<'a> Derivation<'a> {
         let motion = self.motion()?;
         self.g.enter(Stage::Results);
         self.finish(motion)
+    }
+
+    /// Whether more is made than the rates: always, but along a recursion.
+    pub(super) fn is_whole(&self) -> bool {
+        self.extent == Extent::Whole || self.way.recursion().is_none()
     }
 
     /// Velocities, their rates and those of the coordinates, before anything is asked about them.
@@ -194,6 +232,7 @@ impl<'a> Derivation<'a> {
         let writer = SectionWriter::new(&g, varying, &units);
         Derivation {
             system,
+            extent: Extent::Whole,
             g,
             writer,
             names: system.algebroid.frame().to_vec(),

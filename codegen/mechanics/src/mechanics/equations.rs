@@ -131,6 +131,12 @@ pub struct SectionMomentum {
 pub enum Form {
     /// `A udot = f` for the accelerations of the velocities that the state carries.
     Accelerations(LinearSystem),
+    /// Accelerations of linked bodies, found body by body: no `A udot = f`, and no energy, momenta or multipliers,
+    /// which nobody asked for.
+    Rates {
+        /// Names of the unknowns `u`.
+        unknowns: Vec<String>,
+    },
     /// The momentum equation of all momenta that the state carries: nothing is solved for accelerations.
     Momenta,
     /// Rates that the model gives: nothing is derived from a Lagrangian.
@@ -179,7 +185,8 @@ pub struct Equations {
     pub taken_at: BTreeMap<SymbolId, String>,
     /// The form that was solved for the rates of the velocities.
     pub form: Form,
-    /// `E = p.y - L`; zero where the motion has none, see [`Equations::has_energy`].
+    /// `E = p.y - L`; zero where the motion has none, see [`Equations::has_energy`], and where it was not asked for,
+    /// see [`Equations::is_whole`].
     pub energy: ExprId,
     /// `dE/dt` along the motion.
     pub energy_rate: ExprId,
@@ -215,7 +222,21 @@ impl Equations {
     pub fn linear_system(&self) -> Option<&LinearSystem> {
         match &self.form {
             Form::Accelerations(system) => Some(system),
-            Form::Momenta | Form::Given => None,
+            Form::Rates { .. } | Form::Momenta | Form::Given => None,
+        }
+    }
+
+    /// Whether everything was made, and not the rates alone: see [`Extent`](super::Extent).
+    pub fn is_whole(&self) -> bool {
+        !matches!(self.form, Form::Rates { .. })
+    }
+
+    /// Names of the velocities along which forces are told, where all velocities of the state are the model's own.
+    pub fn names_of_velocities(&self) -> &[String] {
+        match (&self.form, self.balanced_system()) {
+            (Form::Rates { unknowns }, _) => unknowns,
+            (_, Some((system, _))) => &system.unknowns,
+            (_, None) => &[],
         }
     }
 
@@ -299,7 +320,7 @@ impl Equations {
         let outputs = outputs.iter_mut().flat_map(|o| o.components.iter_mut().map(|(_, e)| e));
         let linear = match form {
             Form::Accelerations(system) => Some(system),
-            Form::Momenta | Form::Given => None,
+            Form::Rates { .. } | Form::Momenta | Form::Given => None,
         };
         let matrix =
             linear.into_iter().flat_map(|LinearSystem { mass_matrix, force, unknowns: _, balance }| {

@@ -9,6 +9,13 @@
 /// recursion costs less in both (`LINKAGES="snake:5:auto" cargo test -p hamel-codegen --test main linkages::measured`).
 pub const EXPANDED: u64 = 2;
 
+/// Most work of a derivation of multiplied-out equations, as a multiple of that by recursion: where there is more, they
+/// are not tried. Of chains of five bodies, where they still cost less, it is 0.7 (pendulums in the plane), 0.8 (arms)
+/// and 0.9 (pendulums in space), of snakes 1.3 before they are solved (`HAMEL_TRACE=derive`, "derivation of momenta and
+/// forces" and "solution for the accelerations", models of `codegen/tests/linkages/families.rs`); the rest is room for
+/// others.
+pub const LABORIOUS: u64 = 2;
+
 /// Most rates along which partial velocities are tried: their number grows with the square of the bodies. Arms in the
 /// plane take more operations that way from four rates on (`LINKAGES="arm:4" cargo test -p hamel-codegen --test
 /// main linkages::measured`), and systems of more rates than this are taken for such.

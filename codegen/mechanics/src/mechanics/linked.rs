@@ -12,11 +12,12 @@ use super::equations::LinearSystem;
 use super::gauss::Order;
 use super::kane::{Accelerated, Kane};
 use super::limits::{CLOSE, MAX_PARTIAL};
+use super::order::work_of_factors;
 use super::recursion::Recursion;
 use super::solve::{Pivot, PivotMatrix};
 
 /// How accelerations of linked bodies are found.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Way {
     /// From the first body to the last, once for every rate: few rates for many bodies.
     PartialVelocities,
@@ -27,14 +28,14 @@ enum Way {
 /// Accelerations found in some way.
 struct Found {
     motion: Motion,
-    /// The mass matrix along the rates of the recursion.
+    /// The mass matrix along the rates of the recursion; empty where the rates alone are asked for.
     matrix: Vec<Vec<ExprId>>,
     /// Their rates of change.
     wdot: Vec<ExprId>,
 }
 
-const WAYS: [Way; 3] =
-    [Way::PartialVelocities, Way::Eliminated(Order::Composite), Way::Eliminated(Order::Articulated)];
+const COMPOSITE: Way = Way::Eliminated(Order::Composite);
+const ARTICULATED: Way = Way::Eliminated(Order::Articulated);
 
 impl Derivation<'_> {
     /// The motion along the rates of a recursion, in the way that takes the fewest operations.
@@ -47,13 +48,17 @@ impl Derivation<'_> {
         let mut trials = Trials::new(self);
         let mut margin = 0;
         let mut failure = None;
-        for way in WAYS {
-            let is_first = matches!(way, Way::PartialVelocities);
-            if is_first && solved.unknowns.len() > MAX_PARTIAL {
-                continue;
-            }
+        let n_rates = solved.unknowns.len();
+        // Among many rates the factors of a dense matrix take longer to write than everything else does.
+        let ways: &[Way] = match n_rates > MAX_PARTIAL {
+            true => &[ARTICULATED, COMPOSITE],
+            false => &[Way::PartialVelocities, COMPOSITE, ARTICULATED],
+        };
+        for way in ways.iter().copied() {
+            let is_first = way == Way::PartialVelocities;
+            let least = trials.cost().filter(|_| n_rates > MAX_PARTIAL).map(|cost| cost / 2);
             let is_kept = trials.attempt(self, margin, |d| {
-                let found = match d.solve_in(way, recursion, solved, &rest) {
+                let found = match d.solve_in(way, (recursion, solved), &rest, least) {
                     Ok(found) => found?,
                     Err(e) => {
                         failure = Some(e);
@@ -62,28 +67,31 @@ impl Derivation<'_> {
                 };
                 let Motion { acceleration, unknown_rates, .. } = &found.motion;
                 let roots: Vec<ExprId> = acceleration.iter().chain(unknown_rates).copied().collect();
-                Some((d.n_operations(&roots), found))
+                // Of two ways with as many operations, composite bodies are kept.
+                Some((2 * d.n_operations(&roots) + u64::from(way == ARTICULATED), found))
             });
             self.g.within_budget()?;
             if is_kept {
-                margin = trials.cost().filter(|_| is_first).map_or(0, |n| n / CLOSE);
+                margin = trials.cost().filter(|_| is_first).map_or(0, |cost| 2 * (cost / 2 / CLOSE));
             }
         }
         let nothing = || failure.unwrap_or(Error::SingularMassMatrix { direction: "every rate".into() });
         let Found { mut motion, matrix, wdot } = trials.finish(self).ok_or_else(nothing)?;
-        let balance = self.balance_of_linked(recursion, solved, &matrix, &wdot)?;
         if let Some(system) = &mut motion.system {
+            let balance = self.balance_of_linked(recursion, solved, &matrix, &wdot)?;
             system.balance = Some(Box::new(balance));
         }
         Ok(motion)
     }
 
+    /// None where a pivot could vanish, and where a mass matrix takes more operations to factor than the `least` of
+    /// another way.
     fn solve_in(
         &mut self,
         way: Way,
-        recursion: &Recursion,
-        solved: &SolvedConstraint,
+        (recursion, solved): (&Recursion, &SolvedConstraint),
         rest: &Accelerated,
+        least: Option<u64>,
     ) -> Result<Option<Found>, Error> {
         let order = match way {
             Way::PartialVelocities => {
@@ -99,20 +107,28 @@ impl Derivation<'_> {
             }
             Way::Eliminated(order) => order,
         };
-        let Some(composite) = self.eliminate(recursion, solved, rest, Order::Composite)? else {
-            return Ok(None);
+        let composite = match order == Order::Composite || self.is_whole() {
+            true => self.eliminate(recursion, solved, rest, Order::Composite)?,
+            false => None,
         };
-        let (mass_matrix, force) = self.composite(&composite);
+        let (mass_matrix, force) = composite.as_ref().map(|c| self.composite(c)).unwrap_or_default();
         let system = self.along_unknowns(recursion, solved, (&mass_matrix, &force));
         let names: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
         let labels: Vec<String> = names.iter().map(|name| format!("dot_{name}")).collect();
         let (wdot, pivots, added) = match order {
             Order::Composite => {
+                let Some(composite) = composite else { return Ok(None) };
+                if least.is_some_and(|least| work_of_factors(&self.g, &self.writer, &mass_matrix) > least) {
+                    return Ok(None);
+                }
                 let (wdot, pivots) = self.solve_assembled(solved, &mass_matrix, &force)?;
                 let (_, _, added) = self.rates_of(&composite, &labels, Some(&wdot));
                 (wdot, pivots, added)
             }
             Order::Articulated => {
+                if composite.is_none() && self.is_whole() {
+                    return Ok(None);
+                }
                 let Some(articulated) = self.eliminate(recursion, solved, rest, order)? else {
                     return Ok(None);
                 };
@@ -139,7 +155,7 @@ impl Derivation<'_> {
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
-        system: LinearSystem,
+        system: Option<LinearSystem>,
         (wdot, pivots): (&[ExprId], Vec<Pivot>),
         (added, rest): (&[ExprId], &Accelerated),
     ) -> Result<Motion, Error> {
@@ -148,13 +164,16 @@ impl Derivation<'_> {
         self.motion_of(solved, system, (udot, pivots), (added, &rest.velocities))
     }
 
-    /// `T^T A T udot = T^T f`, for those who ask for them.
+    /// `T^T A T udot = T^T f`, where somebody asks for them.
     fn along_unknowns(
         &mut self,
         recursion: &Recursion,
         solved: &SolvedConstraint,
         (mass_matrix, force): (&[Vec<ExprId>], &[ExprId]),
-    ) -> LinearSystem {
+    ) -> Option<LinearSystem> {
+        if !self.is_whole() {
+            return None;
+        }
         let rates = &recursion.directions.rates;
         let columns: Vec<Vec<Rational>> =
             (0..rates.len()).map(|a| rates.iter().map(|row| row[a].clone()).collect()).collect();
@@ -172,7 +191,7 @@ impl Derivation<'_> {
         let mass_matrix: Vec<Vec<ExprId>> = rows.collect();
         let force = columns.iter().map(|column| self.combined(column, force)).collect();
         let unknowns = solved.unknowns.iter().map(|u| u.name.clone()).collect();
-        LinearSystem { mass_matrix, force, unknowns, balance: None }
+        Some(LinearSystem { mass_matrix, force, unknowns, balance: None })
     }
 
     fn combined(&mut self, weights: &[Rational], values: &[ExprId]) -> ExprId {

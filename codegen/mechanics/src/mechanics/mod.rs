@@ -59,7 +59,7 @@ pub use balance::{Balance, Factors, Kept};
 pub use bracket::Bracket;
 pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use curvature::{ConnectionName, LiftBracket, NamedConnection};
-pub use derive::derive;
+pub use derive::{Extent, derive, derive_to};
 pub use dirac::DiracStructure;
 pub use displacements::{BothEquations, DisplacementForms};
 pub use equations::{
@@ -71,7 +71,7 @@ pub use gauge::{ConservedMomenta, ConservedMomentum};
 pub use hamiltonization::{BracketFacts, Jacobi};
 pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};
 pub use inverse::{AtRest, Forces, Responses};
-pub use limits::EXPANDED;
+pub use limits::{EXPANDED, LABORIOUS};
 pub use measure::{Density, Factor};
 pub use pairings::{Pairing, PairingKind};
 pub use phases::{Phase, phases};

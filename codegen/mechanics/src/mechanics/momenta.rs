@@ -15,22 +15,11 @@ impl Derivation<'_> {
     /// `p = dL/dy`, its Hessian, and the part of `-E` without accelerations.
     pub(super) fn momenta(&mut self) -> Result<Forces, Error> {
         let system = self.system;
-        let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(system.lagrangian, *s)).collect();
-        self.writer.begin("momenta p = dL/dy");
-        let carried: Vec<Option<usize>> = (0..raw.len()).map(|alpha| self.carried_along(alpha)).collect();
-        self.momentum = vec![self.g.zero(); raw.len()];
-        for (alpha, p) in raw.iter().enumerate().filter(|(alpha, _)| carried[*alpha].is_none()) {
-            let value = self.replace(*p)?;
-            let name = format!("p_{}", self.names[alpha]);
-            self.momentum[alpha] = self.define(&name, value);
+        self.momentum = vec![self.g.zero(); self.y.len()];
+        if self.is_whole() {
+            self.momenta_of_velocities()?;
+            self.hessian()?;
         }
-        for (alpha, place) in carried.iter().enumerate() {
-            let Some(place) = *place else { continue };
-            let value = self.momentum_along(alpha, place);
-            let name = format!("p_{}", self.names[alpha]);
-            self.momentum[alpha] = self.define(&name, value);
-        }
-        self.hessian()?;
         let recursion = self.way.recursion();
         let (squares, l) = match (&recursion, system.formulation.squares) {
             (Some(recursion), _) => (recursion.squares.clone(), recursion.rest),
@@ -38,7 +27,7 @@ impl Derivation<'_> {
             (None, false) => (Vec::new(), system.lagrangian),
         };
         let lag = self.lag_of_rows()?;
-        let inertia_forces = if recursion.is_some() && !self.has_reactions() {
+        let inertia_forces = if recursion.is_some() && !(self.is_whole() && self.has_reactions()) {
             vec![self.g.zero(); self.y.len()]
         } else {
             self.inertia_forces(&squares, lag.as_deref())?
@@ -90,6 +79,26 @@ impl Derivation<'_> {
             forces.at_rest = Some((lag, net));
         }
         Ok(forces)
+    }
+
+    /// `p = dL/dy`.
+    fn momenta_of_velocities(&mut self) -> Result<(), Error> {
+        let system = self.system;
+        let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(system.lagrangian, *s)).collect();
+        self.writer.begin("momenta p = dL/dy");
+        let carried: Vec<Option<usize>> = (0..raw.len()).map(|alpha| self.carried_along(alpha)).collect();
+        for (alpha, p) in raw.iter().enumerate().filter(|(alpha, _)| carried[*alpha].is_none()) {
+            let value = self.replace(*p)?;
+            let name = format!("p_{}", self.names[alpha]);
+            self.momentum[alpha] = self.define(&name, value);
+        }
+        for (alpha, place) in carried.iter().enumerate() {
+            let Some(place) = *place else { continue };
+            let value = self.momentum_along(alpha, place);
+            let name = format!("p_{}", self.names[alpha]);
+            self.momentum[alpha] = self.define(&name, value);
+        }
+        Ok(())
     }
 
     /// `dl/dx` for all coordinates at once, from the last value that others are computed from to the first: what linked
@@ -152,6 +161,10 @@ impl Derivation<'_> {
         let mut hessian = Vec::with_capacity(system.velocities.len());
         for y in &system.velocities {
             let p = self.g.diff(l, *y);
+            if p == self.g.zero() {
+                hessian.push(vec![p; system.velocities.len()]);
+                continue;
+            }
             let row = system.velocities.iter().map(|s| self.g.diff(p, *s)).collect::<Vec<_>>();
             hessian.push(row.into_iter().map(|e| self.replace(e)).collect::<Result<Vec<_>, _>>()?);
         }

@@ -9,7 +9,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hamel_expr::{Definition, ExprId, Graph, Section, SymbolId, needed_sections};
+use hamel_expr::{Definition, ExprId, Graph, RealValues, Section, SymbolId, needed_sections};
 
 use super::equations::Equations;
 use super::written::n_operations;
@@ -50,6 +50,12 @@ fn rates(equations: &Equations) -> Vec<ExprId> {
     equations.state.iter().map(|s| s.derivative).collect()
 }
 
+/// Rates of the velocities in the state.
+fn accelerations(equations: &Equations) -> impl Iterator<Item = ExprId> {
+    let unknowns: BTreeSet<SymbolId> = equations.system.unknowns.iter().map(|u| u.symbol).collect();
+    equations.state.iter().filter(move |s| unknowns.contains(&s.symbol)).map(|s| s.derivative)
+}
+
 /// Whether an expression mentions some coordinates, also by definitions.
 fn moves(g: &Graph, sections: &[Section], roots: &[ExprId], coordinates: &[SymbolId]) -> bool {
     let mut concerned: BTreeSet<SymbolId> = coordinates.iter().copied().collect();
@@ -65,16 +71,19 @@ fn moves(g: &Graph, sections: &[Section], roots: &[ExprId], coordinates: &[Symbo
 struct Mentions {
     definitions: Vec<BTreeSet<SymbolId>>,
     roots: Vec<BTreeSet<SymbolId>>,
+    values: RealValues,
 }
 
 impl Mentions {
     fn of(equations: &mut Equations) -> Mentions {
         let results = equations.results();
+        let values = RealValues::new(&mut equations.system.graph, &results);
         let g = &equations.system.graph;
         let definitions = equations.sections.iter().flat_map(|s| &s.definitions);
         Mentions {
             definitions: definitions.map(|d| g.free_symbols(d.expr)).collect(),
             roots: results.into_iter().map(|e| g.free_symbols(e)).collect(),
+            values,
         }
     }
 }
@@ -95,7 +104,24 @@ fn set_to(
             concerned.insert(definition.symbol);
         }
     }
-    if mentions.roots.iter().all(|symbols| symbols.is_disjoint(&concerned)) {
+    let is_concerned = |symbols: &BTreeSet<SymbolId>| !symbols.is_disjoint(&concerned);
+    let before: Vec<ExprId> = equations.results();
+    let roots: Vec<ExprId> = before
+        .iter()
+        .zip(&mentions.roots)
+        .filter(|(_, symbols)| is_concerned(symbols))
+        .map(|(e, _)| *e)
+        .collect();
+    if roots.is_empty() {
+        return false;
+    }
+    let changing = mentions.values.seen_to_change(&mut equations.system.graph, &roots, &values);
+    let stays = match equations.is_whole() {
+        true => roots.iter().all(|e| changing.contains(e)),
+        // What linked bodies share is there for all of them: a coordinate that one acceleration needs stays in all.
+        false => accelerations(equations).any(|e| changing.contains(&e)),
+    };
+    if stays {
         return false;
     }
     // In a copy: where every result depends on the coordinate, nothing of the trial is left over for the next one.
@@ -137,8 +163,6 @@ fn set_to(
         }
         sections.push(Section { title: section.title.clone(), definitions });
     }
-    let before: Vec<ExprId> = equations.results();
-    let is_concerned = |symbols: &BTreeSet<SymbolId>| !symbols.is_disjoint(&concerned);
     let after: Vec<ExprId> = (before.iter().zip(&mentions.roots))
         .map(|(root, symbols)| match is_concerned(symbols) {
             true => at_origin(&mut g, *root, &image),

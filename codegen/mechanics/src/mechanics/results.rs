@@ -293,16 +293,17 @@ impl Derivation<'_> {
 
     pub(super) fn finish(&mut self, motion: Motion) -> Result<Equations, Error> {
         let system = self.system;
-        let has_energy = system.accelerations.is_none();
-        let raw_energy = self.energy()?;
-        let mut energy_rate = self.rate_of(raw_energy, &motion)?;
-        let energy = self.replace(raw_energy)?;
-        let mut facts = Facts {
-            energy_is_conserved: has_energy && energy_rate == self.g.zero(),
-            energy_is_unverified: self.g.vanishing(energy_rate) == Vanishing::Unknown,
-            bracket_is_almost: system.algebroid.is_almost(),
-            ..Facts::default()
-        };
+        let is_whole = self.is_whole();
+        let has_energy = system.accelerations.is_none() && is_whole;
+        let mut facts = Facts { bracket_is_almost: system.algebroid.is_almost(), ..Facts::default() };
+        let (mut energy, mut energy_rate) = (self.g.zero(), self.g.zero());
+        if is_whole {
+            let raw_energy = self.energy()?;
+            energy_rate = self.rate_of(raw_energy, &motion)?;
+            energy = self.replace(raw_energy)?;
+            facts.energy_is_conserved = has_energy && energy_rate == self.g.zero();
+            facts.energy_is_unverified = self.g.vanishing(energy_rate) == Vanishing::Unknown;
+        }
         if let Some(LinearSystem { mass_matrix, .. }) = &motion.system {
             facts.mass_matrix_is_symmetric = is_symmetric(&mut self.g, mass_matrix);
             facts.mass_matrix_is_constant =
@@ -352,10 +353,11 @@ impl Derivation<'_> {
             let doc = "residual of the conditions on positions that follow from a degenerate Lagrangian";
             outputs.push(Output::group(Want::Constraint, positions, doc));
         }
-        if system.degeneracy.is_none() && system.hamiltonian.is_none() {
+        if is_whole && system.degeneracy.is_none() && system.hamiltonian.is_none() {
             facts.holonomic = integrable::is_holonomic(&mut self.g, system);
         }
         if let KinematicConstraint::Solved(solved) = &system.constraint
+            && is_whole
             && !solved.rows.is_empty()
             && system.degeneracy.is_none()
             && system.hamiltonian.is_none()
@@ -434,6 +436,9 @@ impl Derivation<'_> {
                     || system.momenta.is_empty() =>
             {
                 Form::Accelerations(linear)
+            }
+            _ if !is_whole => {
+                Form::Rates { unknowns: system.unknowns.iter().map(|u| u.name.clone()).collect() }
             }
             _ if !has_energy => Form::Given,
             _ => Form::Momenta,

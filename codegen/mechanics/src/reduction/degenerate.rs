@@ -191,12 +191,18 @@ impl Search<'_> {
 
     /// `w^T L_yy Psi`.
     fn mass_row(&self, g: &mut Graph, w: &[ExprId]) -> Result<Vec<ExprId>, Error> {
+        // Of a chain of bodies most displacements are along one velocity.
+        let zero = g.zero();
+        let displaced: Vec<usize> = (0..w.len()).filter(|alpha| w[*alpha] != zero).collect();
         let mut row = Vec::new();
         for a in 0..self.form.unknowns.len() {
+            let moved: Vec<usize> =
+                (0..self.form.psi.len()).filter(|beta| self.form.psi[*beta][a] != zero).collect();
             let mut terms = Vec::new();
-            for (alpha, along) in self.hessian.iter().enumerate() {
-                for (beta, h) in along.iter().enumerate() {
-                    terms.push(g.product(&[w[alpha], *h, self.form.psi[beta][a]]));
+            for alpha in &displaced {
+                for beta in &moved {
+                    let h = self.hessian[*alpha][*beta];
+                    terms.push(g.product(&[w[*alpha], h, self.form.psi[*beta][a]]));
                 }
             }
             row.push(g.sum(&terms));

@@ -53,7 +53,7 @@ impl Chain {
     pub(super) fn sizes(self, short: bool) -> &'static [usize] {
         let sizes: &[usize] = match self {
             Chain::SpatialArm => &[2, 3, 5, 7],
-            _ => &[2, 3, 5, 8, 10, 14, 20],
+            _ => &[2, 3, 5, 8, 10, 14, 20, 40],
         };
         if short { &sizes[..2] } else { sizes }
     }
