@@ -258,7 +258,7 @@ impl Derivation<'_> {
             right.push(vec![self.g.cancel_zero(difference)]);
         }
         let solution =
-            hamel_lang::algebra::solve_symbolic(&mut self.g, &matrix, &right).map_err(|_| by_velocities())?;
+            hamel_lang::algebra::solve_symmetric(&mut self.g, &matrix, &right).map_err(|_| by_velocities())?;
         Ok(symbols.into_iter().zip(solution.into_iter().map(|row| row[0])).collect())
     }
 

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use crate::reduction::{KinematicConstraint, ReducedSystem};
 use hamel_expr::{DivisionByZero, ExprId, Graph, SymbolId};
-use hamel_lang::algebra::solve_symbolic;
+use hamel_lang::algebra::solve_symmetric;
 
 use super::equations::Equations;
 
@@ -104,7 +104,7 @@ impl<'a> Writer<'a> {
             let difference = g.sub(*momentum, b);
             row.push(g.cancel_zero(difference));
         }
-        let Ok(solution) = solve_symbolic(g, &inertia, &right) else { return Ok(None) };
+        let Ok(solution) = solve_symmetric(g, &inertia, &right) else { return Ok(None) };
         let solution: Vec<Vec<ExprId>> =
             solution.into_iter().map(|row| row.into_iter().map(|e| g.cancel_zero(e)).collect()).collect();
         // The same by names, for people.
