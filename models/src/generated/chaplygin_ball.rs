@@ -74,11 +74,11 @@ pub const INITIAL: [f64; 6] = [0.5, -1.0, 1.5, 0.0, 0.6, -0.8];
 ///
 /// Held to its definition at 3 points: 8 functions.
 ///
-/// Function `rhs` has rounding errors of up to 1 times what rounding the inputs does, next to singular states or with speeds far apart, and 2e7 with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `rhs` has rounding errors of up to 2e7 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
-/// Function `multipliers` has rounding errors of up to 2 times what rounding the inputs does, next to singular states or with speeds far apart, and 7e3 with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `multipliers` has rounding errors of up to 7e3 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
-/// Function `momentum_equation` has rounding errors of up to 4e7 times what rounding the inputs does, next to singular states or with speeds far apart, and 586 with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `momentum_equation` has rounding errors of up to 4e7 times what rounding the inputs does, 586 times with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///

@@ -56,11 +56,11 @@ pub const INITIAL: [f64; 4] = [0.6, 0.6, 0.2, 1.0];
 ///
 /// Held to its definition at 3 points: 8 functions.
 ///
-/// Function `rhs` has rounding errors of up to 6e3 times what rounding the inputs does, next to singular states or with speeds far apart, and 4e3 with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `rhs` has rounding errors of up to 6e3 times what rounding the inputs does, 4e3 times with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
-/// Function `momentum` has rounding errors of up to 9e7 times what rounding the inputs does, next to singular states or with speeds far apart, and 771 with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `momentum` has rounding errors of up to 9e7 times what rounding the inputs does, 771 times with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
-/// Function `multipliers` has rounding errors of up to 15 times what rounding the inputs does, next to singular states or with speeds far apart, and 1e4 with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `multipliers` has rounding errors of up to 1e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///

@@ -80,7 +80,7 @@ pub const FEEDTHROUGH_PATTERN: [(usize, usize); 0] = [];
 ///
 /// Held to its definition at 3 points: 10 functions.
 ///
-/// Function `jacobian` has rounding errors of up to 1 times what rounding the inputs does, next to singular states or with speeds far apart, and 9e4 with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `jacobian` has rounding errors of up to 9e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///

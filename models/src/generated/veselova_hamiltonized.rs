@@ -68,7 +68,7 @@ pub const BRACKET_PATTERN: [(usize, usize); 12] = [(0, 1), (0, 2), (0, 3), (0, 4
 ///
 /// Held to its definition at 3 points: 4 functions; not held: hamiltonian_time.
 ///
-/// Function `bracket` has rounding errors of up to 1 times what rounding the inputs does, next to singular states or with speeds far apart, and 1e4 with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `bracket` has rounding errors of up to 1e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///

@@ -177,7 +177,7 @@ const BUILT_OUTPUTS: &str = "outputs at parameters 10^+-3";
 /// Functions of a model that exceed [`MOST`].
 struct Losing {
     model: &'static str,
-    /// Which terms cancel; `findings.md` has what was tried.
+    /// Which terms cancel; `findings.md` says more.
     reason: &'static str,
     /// Scene, function, and by how much it may: a power of ten at least 20 times larger than measured.
     functions: &'static [(&'static str, &'static str, f64)],

@@ -1,6 +1,6 @@
 //! What became of the searches for the cheapest form of every function, and the digits that functions lose.
 //!
-//! Does not know: how anything is searched for or measured, what is done about a search that stopped early.
+//! Does not know: how anything is searched for or measured, what follows from a search that stopped early.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -27,10 +27,10 @@ pub struct Report {
 pub struct Loss {
     /// The function.
     pub role: Role,
-    /// With parameters within a factor of two of their defaults.
-    pub near: u64,
-    /// With each parameter moved by up to three decades.
-    pub moved: u64,
+    /// With parameters within a factor of two of their defaults, where digits are lost there.
+    pub near: Option<u64>,
+    /// With each parameter moved by up to three decades, where digits are lost there.
+    pub moved: Option<u64>,
     /// Whether carrying rounding errors along was tried, as scenes that want `digits` do.
     pub was_tried: bool,
 }
@@ -38,18 +38,22 @@ pub struct Loss {
 impl fmt::Display for Loss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let size = |x: u64| if x < 1000 { x.to_string() } else { format!("{:.0e}", x as f64) };
-        write!(
-            f,
-            "rounding errors of up to {} times what rounding the inputs does, next to singular states or with speeds far \
-             apart, and {} with parameters moved by three decades; {}",
-            size(self.near),
-            size(self.moved),
-            if self.was_tried {
-                "also with errors carried along"
-            } else {
-                "a scene that wants `digits` keeps them"
+        let near = self.near.map(|x| format!("{} times what rounding the inputs does", size(x)));
+        let moved = self.moved.map(|x| match self.near {
+            Some(_) => format!(", {} times with parameters moved by three decades", size(x)),
+            None => {
+                format!(
+                    "{} times what rounding the inputs does with parameters moved by three decades",
+                    size(x)
+                )
             }
-        )
+        });
+        let remedy = match self.was_tried {
+            true => "also with errors carried along",
+            false => "a scene that wants `digits` keeps them",
+        };
+        let [near, moved] = [near, moved].map(Option::unwrap_or_default);
+        write!(f, "rounding errors of up to {near}{moved}; {remedy}")
     }
 }
 

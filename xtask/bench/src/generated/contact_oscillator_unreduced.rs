@@ -78,7 +78,7 @@ pub const IMPLICIT_JACOBIAN_PATTERN: [(usize, usize); 24] = [
 ///
 /// Held to its definition at 3 points: 6 functions.
 ///
-/// Function `implicit` has rounding errors of up to 54 times what rounding the inputs does, next to singular states or with speeds far apart, and 0 with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `implicit` has rounding errors of up to 54 times what rounding the inputs does; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///

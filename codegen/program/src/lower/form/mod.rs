@@ -126,8 +126,8 @@ pub(super) fn cheapest(
 
 /// Why a value cannot take the place of the one that was asked for; none where both are equal.
 ///
-/// Values at random points see through definitions, so that functions of the inputs are compared. Roots that are tied by
-/// more than their squares, as `sqrt(a b)` and `sqrt(a) sqrt(b)`, are known up to their signs there: then
+/// Values at random points see through definitions, so that functions of the inputs are compared. Roots that are tied
+/// by more than their squares, as `sqrt(a b)` and `sqrt(a) sqrt(b)`, are known up to their signs there: then
 /// `(v - a) (v + a) = 0` with `v + a` other than zero says that both are equal, as both are analytic where roots are
 /// positive, and no real point was found at which they differ.
 fn difference(graph: &mut Graph, value: ExprId, asked: ExprId) -> Option<FallBack> {
