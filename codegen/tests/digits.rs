@@ -244,7 +244,7 @@ fn wanting_digits<'a>(text: &str, scene: &'a str) -> (String, &'a str) {
         _ => None,
     }));
     let end = text.trim_end().strip_suffix('}').unwrap();
-    (format!("{end}\n    scene exact {{ want {}; }}\n}}\n", wants.join(", ")), "exact")
+    (format!("{end}\n    scene keeps_digits {{ want {}; }}\n}}\n", wants.join(", ")), "keeps_digits")
 }
 
 /// Every right-hand side, output and energy of scenes that lost up to all their digits, within 64 epsilon of what

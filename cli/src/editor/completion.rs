@@ -178,6 +178,7 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
             });
             found.language(WordKind::Item, |word| word == "connection");
         }
+        Context::WantOfAll => found.add(Want::Digits.name(), CompletionItemKind::KEYWORD, "", ""),
         Context::Want => {
             found.declared(document, |kind| matches!(kind, Kind::Casimir | Kind::Output | Kind::Section));
             Want::ALL.iter().for_each(|want| found.add(want.name(), CompletionItemKind::KEYWORD, "", ""));

@@ -292,8 +292,8 @@ fn lower_derived(
     if plan.reconstructs {
         state.extend(equations.reconstruction.iter().cloned());
     }
-    let sampling = plan.digits.then(|| sampling(model, &plan.name, &equations, &state));
-    lower_scene(derived, plan, state, (outputs, sampling)).map_err(|e| {
+    let sampling = sampling(model, plan, (&equations, &state));
+    lower_scene(derived, plan, state, (outputs, Some(sampling))).map_err(|e| {
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
@@ -374,8 +374,8 @@ fn phases_of(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> R
 }
 
 /// Where the functions of a scene are measured: about the defaults of its parameters, by the roles of its variables.
-fn sampling(model: &Model, scene: &str, equations: &Equations, state: &[StateEquation]) -> Sampling {
-    let params = all_params(model, scene, &BTreeMap::new());
+fn sampling(model: &Model, plan: &Plan, (equations, state): (&Equations, &[StateEquation])) -> Sampling {
+    let params = all_params(model, &plan.name, &BTreeMap::new());
     let roles = variable_roles(model, &params);
     let kind = |s: &StateEquation| match roles.get(&s.name).copied() {
         Some(VariableRole::Bounded { from, to }) => VariableKind::Bounded { from, to },
@@ -386,7 +386,7 @@ fn sampling(model: &Model, scene: &str, equations: &Equations, state: &[StateEqu
     };
     let default = |p: &Param| params.get(&p.name).copied().unwrap_or_else(|| rational_to_f64(&p.default));
     let params = equations.system.params.iter().map(default).collect();
-    Sampling { params, state: state.iter().map(kind).collect() }
+    Sampling { carries_errors: plan.digits, params, state: state.iter().map(kind).collect() }
 }
 
 /// Lowers what a scene asks for of its equations.

@@ -170,6 +170,7 @@ impl Plan {
     /// The plan of a scene that the model has by a block of its own, or that every model has.
     pub(super) fn of(model: &Model, scene: &str) -> Option<Plan> {
         let bare = Plan::bare(scene.to_owned(), Formulation::of(model));
+        let bare = Plan { digits: model.wants_digits, ..bare };
         if let Some(own) = model.scenes.iter().find(|s| s.name == scene) {
             let mut plan = Plan { doc: own.doc.clone(), ..bare };
             plan.formulation.fixed.clone_from(&own.fixed);

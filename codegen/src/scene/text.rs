@@ -244,6 +244,10 @@ impl BuiltScene {
         }
         doc.push(String::new());
         doc.push(self.certificate.sentence());
+        for loss in &self.program.report.losses {
+            doc.push(String::new());
+            doc.push(format!("Function `{}` has {loss}.", loss.role));
+        }
         let energy = "E = p.y - L".to_owned();
         let motion = self.motion_in_lines().unwrap_or_else(|| {
             let form = match self.equations.has_energy() {

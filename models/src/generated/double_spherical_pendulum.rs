@@ -58,6 +58,8 @@ pub const INITIAL: [f64; 6] = [0.35, 0.45, 0.3, 0.2, -0.3, 0.4];
 ///
 /// Held to its definition at 3 points: 6 functions.
 ///
+/// Function `rhs` has rounding errors of up to 4e7 times what rounding the inputs does, 5e10 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
 /// # State
 ///
 /// ```text

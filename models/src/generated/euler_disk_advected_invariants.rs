@@ -65,6 +65,8 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 8] = [(0, 3), (0, 4), (0
 ///
 /// Held to its definition at 3 points: 5 functions.
 ///
+/// Function `invariant_gradients` has rounding errors of up to 4e5 times what rounding the inputs does; a scene that wants `digits` keeps them.
+///
 /// # State
 ///
 /// ```text

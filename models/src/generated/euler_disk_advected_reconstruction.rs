@@ -74,6 +74,8 @@ pub const INITIAL: [f64; 13] = [0.3, 0.8, -6.0, 0.8, 0.0, 0.6, 0.894427190999915
 ///
 /// Held to its definition at 3 points: 8 functions.
 ///
+/// Function `multipliers` has rounding errors of up to 4e5 times what rounding the inputs does, 2e6 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
 /// # State
 ///
 /// ```text

@@ -23,6 +23,7 @@ pub mod chaplygin_ball_taylor;
 pub mod chaplygin_gyro;
 /// Chaplygin gyro
 pub mod chaplygin_gyro_fast;
+pub mod chaplygin_gyro_exact;
 /// Chaplygin gyro
 pub mod chaplygin_gyro_reconstruction;
 /// Chaplygin sleigh
@@ -47,6 +48,7 @@ pub mod charged_particle_implicit;
 pub mod double_spherical_pendulum;
 /// Double spherical pendulum
 pub mod double_spherical_pendulum_fast;
+pub mod double_spherical_pendulum_exact;
 /// Double spherical pendulum
 pub mod double_spherical_pendulum_reconstruction;
 /// Euler's disk
@@ -173,6 +175,7 @@ pub mod skew_sleigh_reconstruction;
 pub mod snake;
 /// Wheeled snake
 pub mod snake_fast;
+pub mod snake_exact;
 /// Wheeled snake
 pub mod snake_reconstruction;
 /// Snakeboard
@@ -211,6 +214,8 @@ pub mod two_arm_satellite;
 pub mod two_arm_satellite_controlled;
 /// Satellite with two arms
 pub mod two_arm_satellite_dynamics;
+/// Satellite with two arms
+pub mod two_arm_satellite_exact;
 /// Satellite with two arms
 pub mod two_arm_satellite_invariants;
 /// Satellite with two arms
@@ -271,6 +276,7 @@ macro_rules! for_each_scene {
             (chaplygin_ball_taylor, "chaplygin_ball", "taylor", 6)
             (chaplygin_gyro, "chaplygin_gyro", "default", 10)
             (chaplygin_gyro_fast, "chaplygin_gyro", "fast", 12)
+            (chaplygin_gyro_exact, "chaplygin_gyro", "exact", 10)
             (chaplygin_gyro_reconstruction, "chaplygin_gyro", "reconstruction", 16)
             (chaplygin_sleigh, "chaplygin_sleigh", "default", 2)
             (chaplygin_sleigh_derivatives, "chaplygin_sleigh", "derivatives", 2)
@@ -283,6 +289,7 @@ macro_rules! for_each_scene {
             (charged_particle_implicit, "charged_particle", "implicit", 2)
             (double_spherical_pendulum, "double_spherical_pendulum", "default", 6)
             (double_spherical_pendulum_fast, "double_spherical_pendulum", "fast", 9)
+            (double_spherical_pendulum_exact, "double_spherical_pendulum", "exact", 6)
             (double_spherical_pendulum_reconstruction, "double_spherical_pendulum", "reconstruction", 7)
             (euler_disk, "euler_disk", "default", 5)
             (euler_disk_advected, "euler_disk_advected", "default", 6)
@@ -346,6 +353,7 @@ macro_rules! for_each_scene {
             (skew_sleigh_reconstruction, "skew_sleigh", "reconstruction", 5)
             (snake, "snake", "default", 4)
             (snake_fast, "snake", "fast", 6)
+            (snake_exact, "snake", "exact", 4)
             (snake_reconstruction, "snake", "reconstruction", 7)
             (snakeboard, "snakeboard", "default", 5)
             (snakeboard_circle, "snakeboard", "circle", 5)
@@ -365,6 +373,7 @@ macro_rules! for_each_scene {
             (two_arm_satellite, "two_arm_satellite", "default", 7)
             (two_arm_satellite_controlled, "two_arm_satellite", "controlled", 7)
             (two_arm_satellite_dynamics, "two_arm_satellite", "dynamics", 7)
+            (two_arm_satellite_exact, "two_arm_satellite", "exact", 7)
             (two_arm_satellite_invariants, "two_arm_satellite", "invariants", 11)
             (two_arm_satellite_momenta, "two_arm_satellite", "momenta", 7)
             (two_arm_satellite_reconstruction, "two_arm_satellite", "reconstruction", 11)

@@ -56,6 +56,12 @@ pub const INITIAL: [f64; 4] = [0.6, 0.6, 0.2, 1.0];
 ///
 /// Held to its definition at 3 points: 8 functions.
 ///
+/// Function `rhs` has rounding errors of up to 6e3 times what rounding the inputs does, 4e3 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
+/// Function `momentum` has rounding errors of up to 9e7 times what rounding the inputs does, 771 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
+/// Function `multipliers` has rounding errors of up to 1e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
 /// # State
 ///
 /// ```text

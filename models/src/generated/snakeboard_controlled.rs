@@ -80,6 +80,8 @@ pub const FEEDTHROUGH_PATTERN: [(usize, usize); 0] = [];
 ///
 /// Held to its definition at 3 points: 10 functions.
 ///
+/// Function `jacobian` has rounding errors of up to 9e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
 /// # State
 ///
 /// ```text

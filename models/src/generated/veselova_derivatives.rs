@@ -92,6 +92,18 @@ pub const SENSITIVITY_PATTERN: [(usize, usize); 21] = [
 ///
 /// Held to its definition at 3 points: 10 functions.
 ///
+/// Function `jacobian` has rounding errors of up to 2e13 times what rounding the inputs does, 2e13 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
+/// Function `sensitivity` has rounding errors of up to 3e13 times what rounding the inputs does, 7e10 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
+/// Function `jvp` has rounding errors of up to 2e5 times what rounding the inputs does, 2e5 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
+/// Function `vjp` has rounding errors of up to 7e5 times what rounding the inputs does, 9e5 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
+/// Function `sensitivity_jvp` has rounding errors of up to 3e11 times what rounding the inputs does, 3e11 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
+/// Function `sensitivity_vjp` has rounding errors of up to 8e4 times what rounding the inputs does, 4e3 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
 /// # State
 ///
 /// ```text

@@ -19,6 +19,9 @@ use hamel_measure::both::Both;
 const CLEAR: f64 = 16.0;
 /// Results whose terms are smaller are next to underflow, where double-double numbers have lost digits, too.
 const TINY: f64 = 1e-250;
+/// A result is known to double-double numbers, whose roundoff is 2^-105, up to so much of the largest term that entered
+/// it, with digits enough to hold one of `f64` to: smaller results are zero for all that they tell.
+const UNKNOWN: f64 = 1.0 / (1u64 << 46) as f64;
 /// Relative change of inputs for difference quotients in double-double numbers.
 const SHIFT: f64 = 1.0 / (1u128 << 64) as f64;
 
@@ -184,12 +187,14 @@ impl Accuracy {
         let (at, multiple) = largest(results.iter().map(|r| over(r.error(), r.tracked.term)));
         self.terms.add(multiple, || worst(at));
 
-        let bound = largest(results.iter().map(|r| over(r.error(), r.exact.hi().abs())));
+        let unknown = |r: &Both| UNKNOWN * r.tracked.term;
+        let bound = largest(results.iter().map(|r| over(r.error(), r.exact.hi().abs().max(unknown(r)))));
         let (at, multiple) = if bound.1 <= CLEAR {
             bound
         } else {
             let conditions = conditions(subject, function, sample, &results);
-            largest(results.iter().zip(conditions).map(|(r, condition)| over(r.error(), condition)))
+            let scales = conditions.into_iter().zip(&results).map(|(c, r)| c.max(unknown(r)));
+            largest(results.iter().zip(scales).map(|(r, scale)| over(r.error(), scale)))
         };
         self.inputs.add(multiple, || worst(at));
         let largest_result = results.iter().fold(0.0, |max: f64, r| max.max(r.exact.hi().abs()));

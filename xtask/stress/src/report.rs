@@ -87,11 +87,12 @@ fn title(scene: &SceneResult) -> String {
     format!("{} {}", scene.info.model, scene.info.scene)
 }
 
-/// Where the largest error by inputs of every scene is, and the first place without a result.
+/// Where the largest errors by inputs above [`LARGE`] are, and the first places without a result.
 fn places(scenes: &[SceneResult], of: impl Fn(&SceneResult) -> &Accuracy) -> String {
     let mut text = String::new();
     for scene in scenes {
-        if let Some(worst) = &of(scene).inputs.worst {
+        let inputs = &of(scene).inputs;
+        if let Some(worst) = inputs.worst.as_ref().filter(|_| inputs.max() > LARGE) {
             let _ = writeln!(
                 text,
                 "- {}, {} = {:e} instead of {}: `{}`",
@@ -110,7 +111,9 @@ fn places(scenes: &[SceneResult], of: impl Fn(&SceneResult) -> &Accuracy) -> Str
     text
 }
 
-const PLACES: &str = "\nWhere the largest error by inputs is, as `cargo xtask eval` reads it:\n\n";
+const PLACES: &str = "\nWhere the largest errors by inputs above 64 are, as `cargo xtask eval` reads it:\n\n";
+/// Errors are shown with their places from so many multiples on.
+const LARGE: f64 = 64.0;
 
 fn digits(accuracy: &Accuracy) -> String {
     if accuracy.measured() == 0 {
@@ -127,6 +130,36 @@ fn sweep_rows(text: &mut String, sweeps: &[SweepResult]) {
         let (model, scene) = result.sweep.scene;
         let cells: String = shown.iter().map(|k| format!(" {} |", digits(&result.at[*k]))).collect();
         let _ = writeln!(text, "| {model} {scene} | {} |{cells}", result.sweep.what);
+    }
+}
+
+/// Right-hand sides, and outputs with energy, where parameters are moved by three decades.
+fn built_rows(text: &mut String, results: &Results) {
+    let parts = [
+        (BUILT, (|s| &s.built) as fn(&SceneResult) -> &Accuracy),
+        ("\nOutputs and energy, at one state in eight:\n", |s| &s.built_outputs),
+    ];
+    for (head, of) in parts {
+        text.push_str(head);
+        text.push_str(
+            "\n| scene | by terms | by inputs | measured | rejected | refused | beyond |\n|---|---|---|---|---|---|---|\n",
+        );
+        for scene in &results.scenes {
+            let a = of(scene);
+            let _ = writeln!(
+                text,
+                "| {} | {} | {} | {} | {} | {} | {} |",
+                title(scene),
+                long_cell(&a.terms),
+                long_cell(&a.inputs),
+                a.measured(),
+                a.rejected,
+                a.refused,
+                a.unmeasured
+            );
+        }
+        text.push_str(PLACES);
+        text.push_str(&places(&results.scenes, of));
     }
 }
 
@@ -155,26 +188,7 @@ pub fn markdown(results: &Results, samples: u64) -> String {
         text.push_str(PLACES);
         text.push_str(&places(&results.scenes, of));
     }
-    text.push_str(BUILT);
-    text.push_str(
-        "\n| scene | by terms | by inputs | measured | rejected | refused | beyond |\n|---|---|---|---|---|---|---|\n",
-    );
-    for scene in &results.scenes {
-        let a = &scene.built;
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {} | {} | {} |",
-            title(scene),
-            long_cell(&a.terms),
-            long_cell(&a.inputs),
-            a.measured(),
-            a.rejected,
-            a.refused,
-            a.unmeasured
-        );
-    }
-    text.push_str(PLACES);
-    text.push_str(&places(&results.scenes, |s| &s.built));
+    built_rows(&mut text, results);
     text.push_str(EXTREME);
     text.push_str("\n| scene | by inputs | measured | rejected | refused | beyond | silent |\n|---|---|---|---|---|---|---|\n");
     for scene in &results.scenes {
@@ -252,6 +266,7 @@ pub fn csv(results: &Results) -> String {
             ("rhs", &scene.rhs),
             ("outputs", &scene.outputs),
             ("10^+-3", &scene.built),
+            ("outputs 10^+-3", &scene.built_outputs),
             ("extreme", &scene.extreme),
         ];
         for (part, a) in parts {
@@ -297,6 +312,7 @@ pub fn detailed_summary(results: &Results) -> String {
         ("right-hand side", (|s| &s.rhs) as fn(&SceneResult) -> &Accuracy),
         ("outputs", |s| &s.outputs),
         ("parameters 10^+-3", |s| &s.built),
+        ("outputs at parameters 10^+-3", |s| &s.built_outputs),
         ("extreme parameters", |s| &s.extreme),
     ] {
         let _ = write!(text, "\n{what}:\n{}", places(&results.scenes, of));
@@ -304,33 +320,26 @@ pub fn detailed_summary(results: &Results) -> String {
     text
 }
 
-/// The largest errors, one line per scene.
+/// The errors, one line per scene.
 pub fn summary(results: &Results) -> String {
-    let mut text = format!(
-        "{:42} {:>16} {:>16} {:>20} {:>20}\n{:42} {:>16} {:>16} {:>20} {:>20}",
-        "largest errors in multiples of epsilon",
-        "right-hand side",
-        "outputs",
-        "10^+-3",
-        "extreme parameters",
-        "",
-        "terms / inputs",
-        "terms / inputs",
-        "99.99 % / largest",
-        "inputs / silent"
-    );
+    let heads = [
+        ["", "largest by terms", "99.9 % / largest by inputs", "", "parameters 10^+-3", "", "extreme"],
+        ["", "rhs, outputs", "rhs", "outputs", "rhs", "outputs", "inputs / silent"],
+    ];
+    let line = |cells: [&str; 7]| {
+        let [title, cells @ ..] = cells;
+        format!("{title:40}{}", cells.map(|cell| format!(" {cell:>17}")).concat())
+    };
+    let mut text = format!("multiples of epsilon\n{}\n{}", line(heads[0]), line(heads[1]));
     for scene in &results.scenes {
-        let pair = |a: &Accuracy| format!("{} / {}", short(a.terms.max()), short(a.inputs.max()));
+        let inputs = |a: &Accuracy| format!("{} / {}", short(a.inputs.most()), short(a.inputs.max()));
+        let terms = format!("{} / {}", short(scene.rhs.terms.max()), short(scene.outputs.terms.max()));
+        let [rhs, outputs, built, built_outputs] =
+            [&scene.rhs, &scene.outputs, &scene.built, &scene.built_outputs].map(inputs);
         let extreme = format!("{} / {}", short(scene.extreme.inputs.max()), scene.extreme.silent);
-        let built =
-            format!("{} / {}", short(scene.built.inputs.nearly_all()), short(scene.built.inputs.max()));
-        let _ = write!(
-            text,
-            "\n{:42} {:>16} {:>16} {built:>20} {extreme:>20}",
-            title(scene),
-            pair(&scene.rhs),
-            pair(&scene.outputs)
-        );
+        let title = title(scene);
+        let _ =
+            write!(text, "\n{}", line([&title, &terms, &rhs, &outputs, &built, &built_outputs, &extreme]));
     }
     for result in &results.sweeps {
         let (model, scene) = result.sweep.scene;

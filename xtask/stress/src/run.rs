@@ -64,6 +64,8 @@ pub struct SceneResult {
     pub outputs: Accuracy,
     /// The right-hand side with every parameter moved by a factor from 1e-3 to 1e3 of its own.
     pub built: Accuracy,
+    /// Outputs and energy there.
+    pub built_outputs: Accuracy,
     /// The right-hand side at extreme parameters.
     pub extreme: Accuracy,
 }
@@ -126,8 +128,8 @@ fn scene_result(subject: &Subject, scene: &SceneRequest, samples: u64) -> SceneR
     let mut random = random(&format!("{} {}", info.model, info.scene));
     // A sequence of its own, so that the states of one part do not depend on the draws of another.
     let mut random_built = self::random(&format!("{} {} built", info.model, info.scene));
-    let [rhs, outputs, built, extreme] = [(); 4].map(|()| Accuracy::default());
-    let mut result = SceneResult { info: info.clone(), rhs, outputs, built, extreme };
+    let [rhs, outputs, built, built_outputs, extreme] = [(); 5].map(|()| Accuracy::default());
+    let mut result = SceneResult { info: info.clone(), rhs, outputs, built, built_outputs, extreme };
     for k in 0..samples {
         let region = Region::ALL[k as usize % Region::ALL.len()];
         let y = state(scene, region, &mut random);
@@ -138,15 +140,18 @@ fn scene_result(subject: &Subject, scene: &SceneRequest, samples: u64) -> SceneR
         if k % OUTPUTS_EVERY == 0 {
             result.outputs.add(subject, Function::Outputs, &sample);
         }
-        result.built.add(subject, Function::Rhs, &built_sample(subject, scene, region, &mut random_built));
+        let of_machine = built_sample(subject, scene, region, &mut random_built);
+        result.built.add(subject, Function::Rhs, &of_machine);
+        if k % OUTPUTS_EVERY == 0 {
+            result.built_outputs.add(subject, Function::Outputs, &of_machine);
+        }
         if k % EXTREME_EVERY == 0 {
             let params = scaled_params(&defaults, EXTREME, &mut random);
             result.extreme.add(subject, Function::Rhs, &Sample { params, ..sample });
         }
     }
-    for accuracy in [&mut result.rhs, &mut result.outputs, &mut result.built, &mut result.extreme] {
-        accuracy.finish();
-    }
+    let SceneResult { rhs, outputs, built, built_outputs, extreme, .. } = &mut result;
+    [rhs, outputs, built, built_outputs, extreme].into_iter().for_each(Accuracy::finish);
     result
 }
 

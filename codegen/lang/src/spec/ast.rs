@@ -310,6 +310,8 @@ pub(super) enum ItemKind {
         labels: Vec<Name>,
     },
     Carry(Vec<Carry>),
+    /// `want digits;` of all scenes.
+    Want(Vec<Name>),
     Action(Name),
     Stage {
         name: Name,

@@ -22,6 +22,8 @@ pub enum Context {
     BlockStatement,
     /// What a scene wants.
     Want,
+    /// What all scenes of a model want.
+    WantOfAll,
     /// A parameter of which a scene says the value.
     FixedParameter,
     /// An input.
@@ -178,6 +180,7 @@ fn of_item(statement: &[&str]) -> Context {
         "independent" => Context::Velocity,
         "constraint" if has("for") && !has(":") => Context::Velocity,
         "carry" | "routh" => Context::Carried,
+        "want" => Context::WantOfAll,
         "view" if last == "=" => Context::Solid,
         "frame" if !(has("at") || has("attitude")) => Context::Anything,
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"

@@ -91,6 +91,7 @@ macro_rules! visit {
             quasi_velocities,
             momenta,
             carries: _,
+            wants_digits: _,
             action: _,
             connection,
             algebroid,

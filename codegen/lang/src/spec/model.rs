@@ -167,8 +167,7 @@ pub struct IdealChain {
     pub ideals: Vec<Vec<Vec<ExprId>>>,
     /// The inner product; absent for the one in which the basis of the algebra is orthonormal.
     pub inner_product: Option<InnerProduct>,
-    /// The sum of the connections of the stages, `A^a_i` by element of the algebra and base coordinate; absent where no
-    /// stage has one.
+    /// The sum of the connections of the stages, `A^a_i` by element and base coordinate, where there are any.
     pub connection: Option<Vec<Vec<ExprId>>>,
     /// What momenta along the levels are called, before the names of the stages.
     pub momentum: String,
@@ -232,8 +231,7 @@ pub struct QuasiFrame {
     pub matrix: Vec<Vec<ExprId>>,
     /// The inverse of `T`: what the model declares.
     pub inverse: Vec<Vec<ExprId>>,
-    /// Documentation of the quasi-velocities, in the order of [`Model::all_velocities`]; absent for velocities that
-    /// stay.
+    /// Documentation of the quasi-velocities, in the order of [`Model::all_velocities`].
     pub docs: Vec<Option<String>>,
     /// The determinant of the inverse, which vanishes nowhere; absent where it is too large to be written down.
     pub determinant: Option<ExprId>,
@@ -487,6 +485,8 @@ pub struct Model {
     pub momenta: Vec<Momentum>,
     /// What the state carries, where that is not the velocity.
     pub carries: Vec<Carried>,
+    /// Whether all functions of all scenes keep their digits: they carry rounding errors where they lose some.
+    pub wants_digits: bool,
     /// Side of the group action.
     pub action: Side,
     /// Components `A^a_i(x, t)` of the principal connection: the velocities in the algebra are `xi + A(x, t) xdot`.

@@ -61,6 +61,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("reconstruct", "reconstruct q in SO(3) from Omega;` or `reconstruct x by v;"),
     ("initial", "initial Omega = [0, 0, 1];"),
     ("view", "view name = ball(r) at [x, y, r] attitude q;"),
+    ("want", "want digits;"),
     ("scene", "scene name { fix m = 1; want energy; drop x; }"),
 ];
 

@@ -495,6 +495,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         | ItemKind::Connection { .. }
         | ItemKind::DerivedConnection(_)
         | ItemKind::Carry(_)
+        | ItemKind::Want(_)
         | ItemKind::Action(_)
         | ItemKind::InnerProduct(_)
         | ItemKind::LagrangianInnerProduct

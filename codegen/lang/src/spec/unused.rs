@@ -240,6 +240,7 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::NamedFrame { at, attitude, .. } => mentions([at, attitude].into_iter().flatten()),
         ItemKind::Source(_)
         | ItemKind::Topic(_)
+        | ItemKind::Want(_)
         | ItemKind::Reduces(_)
         | ItemKind::Size { .. }
         | ItemKind::Param { .. }

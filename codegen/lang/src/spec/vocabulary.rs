@@ -209,6 +209,7 @@ const OF_ITEMS: &[(&str, &str)] = &[
         "What a figure in space shows, such as that of `hamel report`; equations and generated code do \
          not depend on it.",
     ),
+    ("want", "`want digits;` beside the scenes is a want of all scenes of the model, also without a block."),
     (
         "scene",
         "The model with some parameters fixed to numbers, which are folded into the code, and some \
@@ -294,7 +295,11 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("velocities", "velocities u, v;", "Names of the velocities along the basis."),
     ("anchor", "anchor x_dot = u;", "The rate of a coordinate by the velocities."),
     ("fix", "fix m = 1;", "Parameters that are numbers in this scene."),
-    ("want", "want energy;", "Functions and outputs that the scene has."),
+    (
+        "want",
+        "want energy;",
+        "Functions and outputs that the scene has, `digits` also for all scenes of a model.",
+    ),
     ("drop", "drop x;", "Coordinates and advected parameters that the scene leaves out."),
     ("circle", "circle q;", "Angles that are carried as points of the circle."),
     ("formulation", "formulation auto;", "Searches for a formulation that costs less."),

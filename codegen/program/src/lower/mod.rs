@@ -210,7 +210,14 @@ fn lowered(
         return Err(check.of_passes(numbered).err().unwrap_or(error));
     }
     if let Some(sampling) = &source.inputs.sampling {
+        trace::at("rounding errors of functions");
+        let since = trace::start(Topic::Lower);
         compensate(&mut program, sampling);
+        if let Some(since) = since {
+            let mut counts = Counts::default();
+            program.functions.iter().for_each(|function| counts += function.counts());
+            trace::tell(since, "rounding errors", counts);
+        }
         check.after("compensation", &program)?;
     }
     verify(&program)?;

@@ -32,7 +32,7 @@ pub use ir::{
     Condition, Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program, Signs, Slot,
     completes_pair, place_of_two,
 };
-pub use report::{FallBack, Limit, Report, Search};
+pub use report::{FallBack, Limit, Loss, Report, Search};
 pub use role::Role;
 pub use round_trip::Symbols;
 pub use rounding::Bounded;

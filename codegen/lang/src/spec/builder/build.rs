@@ -114,6 +114,7 @@ impl ModelBuilder {
             quasi_velocities: self.quasi_velocities,
             momenta: self.momenta,
             carries,
+            wants_digits: self.wants_digits,
             connection,
             algebroid,
             frame: self.frame.map(|(frame, _)| frame),

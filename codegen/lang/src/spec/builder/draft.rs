@@ -404,6 +404,7 @@ pub struct ModelBuilder {
     /// Rates in the place of a Lagrangian.
     pub(super) given: Vec<GivenDraft>,
     pub(super) momenta: Vec<Momentum>,
+    pub(super) wants_digits: bool,
     pub(super) carries: Vec<CarryDraft>,
     pub(super) connection: Vec<(String, Value, Option<Span>)>,
     pub(super) derived_connection: Option<(ConnectionKind, Option<Span>)>,
@@ -502,6 +503,7 @@ impl ModelBuilder {
             algebroid: None,
             given: Vec::new(),
             momenta: Vec::new(),
+            wants_digits: false,
             carries: Vec::new(),
             connection: Vec::new(),
             derived_connection: None,

@@ -28,6 +28,23 @@ impl ModelBuilder {
         self.located_scene(name, fixed, [wants, Vec::new(), Vec::new(), Vec::new()], Vec::new(), (doc, None))
     }
 
+    /// What all scenes want besides their own wants: `digits`, and nothing else.
+    pub(in crate::spec) fn want_of_all_scenes(&mut self, name: &str) -> &mut Self {
+        let here = self.here;
+        if name == Want::Digits.name() {
+            self.wants_digits = true;
+        } else {
+            let help = "all scenes together can want `digits` alone; write the others into a `scene name { want ..; }`";
+            self.problem(here, format!("`{name}` is wanted by a scene, not by the model"), help);
+        }
+        self
+    }
+
+    /// All scenes want `digits`: their functions carry rounding errors where they lose digits.
+    pub fn want_digits(&mut self) -> &mut Self {
+        self.want_of_all_scenes(Want::Digits.name())
+    }
+
     pub(in crate::spec) fn located_scene(
         &mut self,
         name: &str,

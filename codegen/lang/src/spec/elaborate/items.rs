@@ -184,6 +184,11 @@ impl Elaboration<'_> {
                 let list = located_carries(list);
                 self.builder.at(span).located_carries(list);
             }
+            ItemKind::Want(list) => {
+                for name in list {
+                    self.builder.at(Some(name.span)).want_of_all_scenes(&name.text);
+                }
+            }
             ItemKind::Scene { name, fixed, inputs, wants, drops, circles, carries, formulation } => {
                 self.scene(item, name, fixed, [wants, drops, circles, inputs], carries);
                 self.formulation(&name.text, formulation);

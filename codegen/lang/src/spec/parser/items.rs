@@ -81,6 +81,7 @@ impl<'a> Parser<'a> {
                     _ => return self.expected("`of` and a velocity, or `in` and an algebra"),
                 }
             }
+            "want" => ItemKind::Want(self.comma_separated(|p| p.named("`digits`"))?),
             "carry" => ItemKind::Carry(self.carried()?),
             "routh" => ItemKind::Carry(self.routhian()?),
             "quasi_velocity" => {

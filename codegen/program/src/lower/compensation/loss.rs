@@ -14,8 +14,8 @@ use crate::program::edit::{operand, position};
 use crate::program::{Constant, Function, Op, Operand, Program};
 use hamel_expr::Func;
 
-/// Errors of this many units of the roundoff of the result itself are not looked at.
-const CLEAR: f64 = 16.0;
+/// Errors of this many units of the machine epsilon, of the result itself, are not looked at: they are left alone.
+pub(super) const CLEAR: f64 = 32.0;
 /// Results below so much of the largest term that enters them have no digits in double-double numbers that `f64` could
 /// be held to: `2^-105` is their roundoff, and `2^-53` that of `f64`.
 const UNKNOWN: f64 = 1.0 / (1u64 << 46) as f64;
@@ -55,8 +55,8 @@ pub(super) struct Losses {
     /// The largest loss of a result at a place, in multiples of the machine epsilon; infinite where a result is finite
     /// in double-double numbers alone.
     pub(super) largest: f64,
-    /// The loss that 999 of 1000 places do not exceed.
-    pub(super) most: f64,
+    /// The loss that 999 of 1000 places do not exceed, with parameters near their defaults, and moved by decades.
+    pub(super) most: [f64; 2],
     pub(super) weights: Weights,
 }
 
@@ -146,11 +146,15 @@ impl<'a> Tape<'a> {
     pub(super) fn losses(&self, places: &[Place]) -> Losses {
         let n = self.ops.len();
         let mut weights = Weights { own: vec![0.0; n], operands: vec![[0.0; 3]; n] };
-        let mut losses: Vec<f64> = places.iter().map(|place| self.loss(place, &mut weights)).collect();
-        losses.sort_by(f64::total_cmp);
-        let at = |k: usize| losses.get(k).copied().unwrap_or(0.0);
-        let last = losses.len().saturating_sub(1);
-        Losses { largest: at(last), most: at(last * 999 / 1000), weights }
+        let mut losses = [Vec::new(), Vec::new()];
+        for place in places {
+            losses[usize::from(place.is_machine)].push(self.loss(place, &mut weights));
+        }
+        losses.iter_mut().for_each(|of| of.sort_by(f64::total_cmp));
+        let last = |of: &Vec<f64>| of.len().saturating_sub(1);
+        let largest = losses.iter().filter_map(|of| of.last()).fold(0.0, |max: f64, x| max.max(*x));
+        let most = losses.map(|of| of.get(last(&of) * 999 / 1000).copied().unwrap_or(0.0));
+        Losses { largest, most, weights }
     }
 
     fn loss(&self, place: &Place, weights: &mut Weights) -> f64 {

@@ -1,11 +1,12 @@
-//! Functions that lose digits which their inputs have carry their rounding errors along.
+//! Digits that functions lose which their inputs have: they are told, or kept by carrying rounding errors along.
 //!
-//! The search for the cheapest form removes cancellations where another form has fewer. Where none was found, values
-//! whose rounding shows in a result are pairs: `sampling` draws states and parameters of the scene, `loss` measures the
-//! digits that each function loses there and which operations lose them, `pairs` writes these with their errors. A
-//! function that loses nothing stays as it is. The errors are zero as formulas, so that a comparison of formulas does
-//! not see a wrong one: each function is measured again, and one that did not gain stays as it was. Does not know:
-//! expressions, mechanics.
+//! The search for the cheapest form removes cancellations where another form has fewer. What is lost all the same is
+//! measured here: `sampling` draws states and parameters of the scene, `loss` measures the digits that each function
+//! loses there and which operations lose them. The report tells the losses, unless the scene keeps digits at a cost:
+//! then values whose rounding shows in a result are pairs, and `pairs` writes these with their errors. A function that
+//! loses nothing stays as it is. The errors are zero as formulas, so that a comparison of formulas does not see a wrong
+//! one: each function is measured again, and one that did not gain stays as it was. Does not know: expressions,
+//! mechanics.
 
 mod loss;
 mod pairs;
@@ -19,16 +20,25 @@ use loss::Tape;
 use pairs::{Kept, compensated, without_dead};
 use sampling::{Draw, Place};
 
-use crate::program::{Program, Role};
+use crate::program::{Loss, Program, Role};
 
-/// Places at which a function is measured, and operations at all of them together.
-const PLACES: usize = 4096;
-const FEWEST_PLACES: usize = 64;
-const OPERATIONS: usize = 1_000_000;
+/// At how many places functions are measured: those, the fewest of a large function, and operations at all of them
+/// together.
+#[derive(Clone, Copy)]
+struct Extent {
+    places: usize,
+    fewest: usize,
+    operations: usize,
+}
+
+/// Where functions carry errors: the weights of these are the largest of all places.
+const WHOLE: Extent = Extent { places: 4096, fewest: 64, operations: 1_000_000 };
+/// Where losses are told alone: 3.5 % of the time in which the shipped scenes are generated (profile `dev`).
+const SCREEN: Extent = Extent { places: 256, fewest: 32, operations: 25_000 };
 /// Places drawn for each that the program has to accept.
 const DRAWN: usize = 4;
 /// A function that loses more than so many units of the machine epsilon at one place of a thousand is mended ..
-const WORTH_MENDING: f64 = 32.0;
+const WORTH_MENDING: f64 = loss::CLEAR;
 /// .. and stays as it is unless it loses so many times less then.
 const GAIN: f64 = 4.0;
 /// Errors are kept from so many units of the roundoff on, of the result or of what rounding the inputs does to it;
@@ -69,20 +79,20 @@ fn is_allowed(program: &Program, place: &Place) -> bool {
     values.iter().zip(scales).all(is_clear) && inside.iter().all(|value| *value > 0.0)
 }
 
-/// The loss of a function at the first of the places, and what makes it; of a large function at fewer places.
-fn measured(program: &Program, k: usize, places: &[Place]) -> Option<loss::Losses> {
+/// The losses of a function at the first of the places, of a large function at fewer of them.
+fn measured(program: &Program, k: usize, (extent, places): (Extent, &[Place])) -> Option<loss::Losses> {
     let tape = Tape::new(program, &program.functions[k])?;
-    Some(tape.losses(&places[..n_places(&tape).min(places.len())]))
+    Some(tape.losses(&places[..n_places(&tape, extent).min(places.len())]))
 }
 
-fn n_places(tape: &Tape<'_>) -> usize {
-    (OPERATIONS / tape.n_needed().max(1)).clamp(FEWEST_PLACES, PLACES)
+fn n_places(tape: &Tape<'_>, extent: Extent) -> usize {
+    (extent.operations / tape.n_needed().max(1)).clamp(extent.fewest, extent.places)
 }
 
 /// Places that the program accepts, as many as a function is measured at.
-fn places(program: &Program, functions: &[usize], sampling: &Sampling) -> Vec<Place> {
+fn places(program: &Program, functions: &[usize], sampling: &Sampling, extent: Extent) -> Vec<Place> {
     let tapes = functions.iter().filter_map(|k| Tape::new(program, &program.functions[*k]));
-    let n = tapes.map(|tape| n_places(&tape)).max().unwrap_or(0);
+    let n = tapes.map(|tape| n_places(&tape, extent)).max().unwrap_or(0);
     let n_others = program.functions.iter().map(|f| f.argument.len()).max().unwrap_or(0);
     let n_others = n_others.max(program.inputs.len());
     let mut draw = Draw(0x5eed);
@@ -90,39 +100,66 @@ fn places(program: &Program, functions: &[usize], sampling: &Sampling) -> Vec<Pl
     drawn.filter(|place| is_allowed(program, place)).take(n).collect()
 }
 
-/// Writes the functions that lose digits with their rounding errors.
+/// What a function loses, where that is more than is left alone.
+fn told(role: &Role, losses: &loss::Losses, was_tried: bool) -> Option<Loss> {
+    // Saturating.
+    let [near, moved] = losses.most.map(|most| (most > WORTH_MENDING).then(|| most.ceil() as u64));
+    (near.is_some() || moved.is_some()).then(|| Loss { role: role.clone(), near, moved, was_tried })
+}
+
+/// Measures the digits that functions lose, writes these functions with their rounding errors where the scene asks for
+/// it, and reports the losses that are left.
 pub(super) fn compensate(program: &mut Program, sampling: &Sampling) {
     let functions: Vec<usize> =
         (0..program.functions.len()).filter(|k| is_measured(&program.functions[*k].role)).collect();
-    let drawn = places(program, &functions, sampling);
-    let mut open: Vec<(usize, loss::Losses)> = Vec::new();
+    let extent = if sampling.carries_errors { WHOLE } else { SCREEN };
+    let drawn = places(program, &functions, sampling, extent);
+    let mut open: Vec<Open> = Vec::new();
     for k in functions {
-        let losses = measured(program, k, &drawn);
-        open.extend(losses.filter(|losses| losses.most > WORTH_MENDING).map(|losses| (k, losses)));
+        let Some(losses) = measured(program, k, (extent, &drawn)) else { continue };
+        if let Some(loss) = told(&program.functions[k].role, &losses, false) {
+            open.push(Open { k, losses, loss, attempt: 0 });
+        }
     }
-    if open.is_empty() {
-        return;
-    }
-    let mut thresholds = vec![0; open.len()];
+    program.report.losses = match open.is_empty() || !sampling.carries_errors {
+        true => open.into_iter().map(|open| open.loss).collect(),
+        false => mend(program, &mut open, (extent, &drawn)),
+    };
+}
+
+/// A function that loses digits.
+struct Open {
+    k: usize,
+    losses: loss::Losses,
+    loss: Loss,
+    /// Which of the thresholds is tried.
+    attempt: usize,
+}
+
+/// Writes the functions that lose digits with their rounding errors, and tells what they lose all the same.
+fn mend(program: &mut Program, open: &mut [Open], places: (Extent, &[Place])) -> Vec<Loss> {
+    let mut left = Vec::new();
     let mut best: Option<Program> = None;
     for _ in THRESHOLDS {
         let mut kept = Kept::new(program.prepare.instructions.len());
-        for ((k, losses), threshold) in open.iter().zip(&thresholds) {
-            kept.add(*k, &losses.weights, THRESHOLDS[*threshold]);
+        for of in open.iter() {
+            kept.add(of.k, &of.losses.weights, THRESHOLDS[of.attempt]);
         }
         let mut new = compensated(program, &kept);
         let mut is_done = true;
-        for ((k, before), threshold) in open.iter().zip(&mut thresholds) {
-            let after = measured(&new, *k, &drawn);
-            let is_better = after.as_ref().is_some_and(|after| after.largest * GAIN <= before.largest);
-            if !is_better {
-                new.functions[*k] = program.functions[*k].clone();
+        left.clear();
+        for of in open.iter_mut() {
+            let after = measured(&new, of.k, places);
+            let after = after.filter(|after| after.largest * GAIN <= of.losses.largest);
+            if after.is_none() {
+                new.functions[of.k] = program.functions[of.k].clone();
             }
-            let is_enough = after.is_some_and(|after| after.most <= WORTH_MENDING);
-            if !is_enough && *threshold + 1 < THRESHOLDS.len() {
-                *threshold += 1;
+            let still = told(&of.loss.role, after.as_ref().unwrap_or(&of.losses), true);
+            if still.is_some() && of.attempt + 1 < THRESHOLDS.len() {
+                of.attempt += 1;
                 is_done = false;
             }
+            left.extend(still);
         }
         best = Some(new);
         if is_done {
@@ -133,15 +170,19 @@ pub(super) fn compensate(program: &mut Program, sampling: &Sampling) {
         without_dead(&mut new);
         *program = new;
     }
+    left
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Draw, Sampling, VariableKind, compensate, measured};
+    use super::{Draw, Sampling, VariableKind, WHOLE, compensate, measured};
     use crate::program::{Function, Instruction, Op, Operand, Prepare, Program, Report, Role, verify};
 
-    const SAMPLING: fn() -> Sampling =
-        || Sampling { params: Vec::new(), state: vec![VariableKind::Velocity; 3] };
+    const SAMPLING: fn(bool) -> Sampling = |carries_errors| Sampling {
+        carries_errors,
+        params: Vec::new(),
+        state: vec![VariableKind::Velocity; 3],
+    };
 
     fn program(ops: &[Op]) -> Program {
         let instructions = ops.iter().map(|op| Instruction { op: *op, section: 0, name: None }).collect();
@@ -175,24 +216,41 @@ mod tests {
 
     fn loss(program: &Program) -> f64 {
         let mut draw = Draw(7);
-        let places: Vec<_> = (0..400).map(|k| draw.place(k, &SAMPLING(), 0)).collect();
-        measured(program, 0, &places).unwrap().largest
+        let places: Vec<_> = (0..400).map(|k| draw.place(k, &SAMPLING(true), 0)).collect();
+        measured(program, 0, (WHOLE, &places)).unwrap().largest
     }
 
     #[test]
     fn a_difference_of_products_keeps_the_digits_of_its_inputs() {
         let mut kept = cancelling();
         assert!(loss(&kept) > 1e6, "{}", loss(&kept));
-        compensate(&mut kept, &SAMPLING());
+        compensate(&mut kept, &SAMPLING(true));
         verify(&kept).unwrap();
         assert!(kept.functions[0].carries_errors());
         assert!(loss(&kept) < 8.0, "{}", loss(&kept));
     }
 
     #[test]
+    fn a_loss_is_told_and_costs_nothing_unless_the_scene_keeps_digits() {
+        for role in [Role::Rate, Role::Energy, Role::Output("f".into())] {
+            let mut told = cancelling();
+            told.functions[0].role = role.clone();
+            let before = told.functions.clone();
+            compensate(&mut told, &SAMPLING(false));
+            assert_eq!(told.functions, before);
+            let [loss] = told.report.losses.as_slice() else { panic!("{:?}", told.report) };
+            assert!(loss.role == role && loss.near > Some(1_000) && loss.moved > Some(1_000), "{loss:?}");
+            assert!(told.report.to_string().contains("a scene that wants `digits`"), "{}", told.report);
+            compensate(&mut told, &SAMPLING(true));
+            assert!(told.functions[0].carries_errors());
+            assert_eq!(told.report.losses, []);
+        }
+    }
+
+    #[test]
     fn a_rest_that_is_wrong_is_measured() {
         let mut kept = cancelling();
-        compensate(&mut kept, &SAMPLING());
+        compensate(&mut kept, &SAMPLING(true));
         let mut n = 0;
         for k in 0..kept.functions[0].instructions.len() {
             let mut faulty = kept.clone();
@@ -213,7 +271,9 @@ mod tests {
         let [a, b, c] = [0, 1, 2].map(Operand::State);
         let mut healthy = program(&[Op::Mul(a, b), Op::Add(Operand::Value(0), c)]);
         let before = healthy.clone();
-        compensate(&mut healthy, &SAMPLING());
-        assert_eq!(healthy, before);
+        for carries_errors in [false, true] {
+            compensate(&mut healthy, &SAMPLING(carries_errors));
+            assert_eq!(healthy, before);
+        }
     }
 }

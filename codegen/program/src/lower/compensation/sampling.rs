@@ -34,6 +34,8 @@ pub enum VariableKind {
 /// Where a scene is measured: defaults of its parameters, kinds of the components of its state.
 #[derive(Clone, Debug)]
 pub struct Sampling {
+    /// Whether functions that lose digits carry their rounding errors; otherwise their losses are told.
+    pub carries_errors: bool,
     /// Values of the parameters, in the order of the program.
     pub params: Vec<f64>,
     /// The state, component by component.
@@ -44,6 +46,8 @@ pub struct Sampling {
 #[derive(Clone, Debug)]
 pub(super) struct Place {
     pub(super) params: Vec<f64>,
+    /// Whether parameters are moved by decades.
+    pub(super) is_machine: bool,
     pub(super) t: f64,
     pub(super) state: Vec<f64>,
     pub(super) others: Vec<f64>,
@@ -133,7 +137,7 @@ impl Draw {
         let state = state.collect();
         let others =
             (0..n_others).map(|_| if region == Region::Still { 0.0 } else { self.number() }).collect();
-        Place { params, t: self.number(), state, others }
+        Place { params, is_machine, t: self.number(), state, others }
     }
 }
 
@@ -141,7 +145,7 @@ impl Draw {
 impl PartialEq for Sampling {
     fn eq(&self, other: &Sampling) -> bool {
         self.params.iter().map(|x| x.to_bits()).eq(other.params.iter().map(|x| x.to_bits()))
-            && self.state == other.state
+            && (self.carries_errors, &self.state) == (other.carries_errors, &other.state)
     }
 }
 impl Eq for Sampling {}

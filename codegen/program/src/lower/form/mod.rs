@@ -126,7 +126,10 @@ pub(super) fn cheapest(
 
 /// Why a value cannot take the place of the one that was asked for; none where both are equal.
 ///
-/// Values at random points see through definitions, so that functions of the inputs are compared.
+/// Values at random points see through definitions, so that functions of the inputs are compared. Roots that are tied
+/// by more than their squares, as `sqrt(a b)` and `sqrt(a) sqrt(b)`, are known up to their signs there: then
+/// `(v - a) (v + a) = 0` with `v + a` other than zero says that both are equal, as both are analytic where roots are
+/// positive, and no real point was found at which they differ.
 fn difference(graph: &mut Graph, value: ExprId, asked: ExprId) -> Option<FallBack> {
     if graph.fingerprints_agree(value, asked) {
         return None;
@@ -135,7 +138,13 @@ fn difference(graph: &mut Graph, value: ExprId, asked: ExprId) -> Option<FallBac
     match graph.vanishing(difference) {
         Vanishing::Zero => None,
         Vanishing::NonZero => Some(FallBack::Differs),
-        Vanishing::Unknown => Some(FallBack::Unknown),
+        Vanishing::Unknown => {
+            let (sum, squares) = (graph.add(value, asked), [value, asked].map(|e| graph.powi(e, 2)));
+            let difference = graph.sub(squares[0], squares[1]);
+            let is_either = graph.vanishing(difference) == Vanishing::Zero;
+            let is_equal = is_either && graph.vanishing(sum) == Vanishing::NonZero;
+            (!is_equal).then_some(FallBack::Unknown)
+        }
     }
 }
 
@@ -159,5 +168,28 @@ mod tests {
         let (whole, pi) = (g.add(inverse_cosine, inverse_sine), g.pi());
         let half = g.scale(pi, &Rational::new(1.into(), 2.into()));
         assert_eq!(difference(&mut g, whole, half), Some(FallBack::Unknown));
+    }
+
+    #[test]
+    fn roots_that_are_tied_by_more_than_their_squares_are_compared() {
+        let mut g = Graph::new();
+        let [x, y, z] = ["x", "y", "z"].map(|name| g.symbol(name)).map(|s| g.sym(s));
+        let half = Rational::new(1.into(), 2.into());
+        // sqrt(x (y + z)), multiplied out and by factors.
+        let sum = g.add(y, z);
+        let (xy, xz) = (g.mul(x, y), g.mul(x, z));
+        let flat = g.add(xy, xz);
+        let [whole, first, second] = [flat, x, sum].map(|e| g.pow(e, &half).unwrap());
+        let parts = g.mul(first, second);
+        let open = g.sub(parts, whole);
+        assert_eq!(g.vanishing(open), Vanishing::Unknown);
+        assert_eq!(difference(&mut g, parts, whole), None);
+        let negative = g.neg(parts);
+        assert!(difference(&mut g, negative, whole).is_some());
+        // sqrt((x + y)^2) is not x + y where that is negative.
+        let (xx, yy, two_xy) = (g.powi(x, 2), g.powi(y, 2), g.scale(xy, &Rational::from_integer(2.into())));
+        let square = [xx, two_xy, yy].into_iter().reduce(|a, b| g.add(a, b)).unwrap();
+        let (root, base) = (g.pow(square, &half).unwrap(), g.add(x, y));
+        assert_eq!(difference(&mut g, root, base), Some(FallBack::Differs));
     }
 }

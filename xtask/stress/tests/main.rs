@@ -1,0 +1,3 @@
+//! What the short stress run says of models.
+
+mod bounds;
