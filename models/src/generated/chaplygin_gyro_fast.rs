@@ -72,6 +72,8 @@ pub const INITIAL: [f64; 12] = [
 ///
 /// Held to its definition at 3 points: 4 functions.
 ///
+/// Function `rhs` has rounding errors of up to 1e7 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
+///
 /// # State
 ///
 /// ```text

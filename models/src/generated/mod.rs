@@ -22,8 +22,9 @@ pub mod chaplygin_ball_taylor;
 /// Chaplygin gyro
 pub mod chaplygin_gyro;
 /// Chaplygin gyro
-pub mod chaplygin_gyro_fast;
 pub mod chaplygin_gyro_exact;
+/// Chaplygin gyro
+pub mod chaplygin_gyro_fast;
 /// Chaplygin gyro
 pub mod chaplygin_gyro_reconstruction;
 /// Chaplygin sleigh
@@ -47,8 +48,9 @@ pub mod charged_particle_implicit;
 /// Double spherical pendulum
 pub mod double_spherical_pendulum;
 /// Double spherical pendulum
-pub mod double_spherical_pendulum_fast;
 pub mod double_spherical_pendulum_exact;
+/// Double spherical pendulum
+pub mod double_spherical_pendulum_fast;
 /// Double spherical pendulum
 pub mod double_spherical_pendulum_reconstruction;
 /// Euler's disk
@@ -174,8 +176,9 @@ pub mod skew_sleigh_reconstruction;
 /// Wheeled snake
 pub mod snake;
 /// Wheeled snake
-pub mod snake_fast;
 pub mod snake_exact;
+/// Wheeled snake
+pub mod snake_fast;
 /// Wheeled snake
 pub mod snake_reconstruction;
 /// Snakeboard
@@ -275,8 +278,8 @@ macro_rules! for_each_scene {
             (chaplygin_ball_reconstruction, "chaplygin_ball", "reconstruction", 13)
             (chaplygin_ball_taylor, "chaplygin_ball", "taylor", 6)
             (chaplygin_gyro, "chaplygin_gyro", "default", 10)
-            (chaplygin_gyro_fast, "chaplygin_gyro", "fast", 12)
             (chaplygin_gyro_exact, "chaplygin_gyro", "exact", 10)
+            (chaplygin_gyro_fast, "chaplygin_gyro", "fast", 12)
             (chaplygin_gyro_reconstruction, "chaplygin_gyro", "reconstruction", 16)
             (chaplygin_sleigh, "chaplygin_sleigh", "default", 2)
             (chaplygin_sleigh_derivatives, "chaplygin_sleigh", "derivatives", 2)
@@ -288,8 +291,8 @@ macro_rules! for_each_scene {
             (charged_particle_drift, "charged_particle", "drift", 2)
             (charged_particle_implicit, "charged_particle", "implicit", 2)
             (double_spherical_pendulum, "double_spherical_pendulum", "default", 6)
-            (double_spherical_pendulum_fast, "double_spherical_pendulum", "fast", 9)
             (double_spherical_pendulum_exact, "double_spherical_pendulum", "exact", 6)
+            (double_spherical_pendulum_fast, "double_spherical_pendulum", "fast", 9)
             (double_spherical_pendulum_reconstruction, "double_spherical_pendulum", "reconstruction", 7)
             (euler_disk, "euler_disk", "default", 5)
             (euler_disk_advected, "euler_disk_advected", "default", 6)
@@ -352,8 +355,8 @@ macro_rules! for_each_scene {
             (skew_sleigh_fast, "skew_sleigh", "fast", 2)
             (skew_sleigh_reconstruction, "skew_sleigh", "reconstruction", 5)
             (snake, "snake", "default", 4)
-            (snake_fast, "snake", "fast", 6)
             (snake_exact, "snake", "exact", 4)
+            (snake_fast, "snake", "fast", 6)
             (snake_reconstruction, "snake", "reconstruction", 7)
             (snakeboard, "snakeboard", "default", 5)
             (snakeboard_circle, "snakeboard", "circle", 5)
