@@ -13,8 +13,8 @@ use super::graph::{DivisionByZero, Graph};
 use super::node::{ExprId, Func, Node, SymbolId};
 use super::rational::Rational;
 
-/// Partial derivatives of expressions that are made of each other, in one graph: each is found from those of its parts
-/// that were found before.
+/// Partial derivatives of expressions that are made of each other, in one graph: each by the derivatives of its parts,
+/// where these are known.
 #[derive(Clone, Debug, Default)]
 pub struct Partials {
     by_symbol: FxHashMap<SymbolId, FxHashMap<ExprId, ExprId>>,
