@@ -13,6 +13,22 @@ use super::graph::{DivisionByZero, Graph};
 use super::node::{ExprId, Func, Node, SymbolId};
 use super::rational::Rational;
 
+/// Partial derivatives of expressions that are made of each other, in one graph: each by the derivatives of its parts,
+/// where these are known.
+#[derive(Clone, Debug, Default)]
+pub struct Partials {
+    by_symbol: FxHashMap<SymbolId, FxHashMap<ExprId, ExprId>>,
+}
+
+impl Partials {
+    /// The partial derivative of `e` by `x`, as [`Graph::diff`] has it. The graph is the same one at every call.
+    pub fn diff(&mut self, g: &mut Graph, e: ExprId, x: SymbolId) -> ExprId {
+        let known = self.by_symbol.entry(x).or_default();
+        g.differentiate(&[e], &BTreeMap::from([(x, Arena::ONE)]), known);
+        known[&e]
+    }
+}
+
 impl Graph {
     /// The partial derivative of `e` by `x`.
     pub fn diff(&mut self, e: ExprId, x: SymbolId) -> ExprId {
@@ -33,13 +49,23 @@ impl Graph {
 
     fn derivatives(&mut self, roots: &[ExprId], rates: &BTreeMap<SymbolId, ExprId>) -> Vec<ExprId> {
         let mut derivative: FxHashMap<ExprId, ExprId> = FxHashMap::default();
-        let order = self.reachable(roots);
+        self.differentiate(roots, rates, &mut derivative);
+        roots.iter().map(|e| derivative[e]).collect()
+    }
+
+    /// The derivatives of expressions and of all that they are made of, where these are not known.
+    fn differentiate(
+        &mut self,
+        roots: &[ExprId],
+        rates: &BTreeMap<SymbolId, ExprId>,
+        derivative: &mut FxHashMap<ExprId, ExprId>,
+    ) {
+        let order = self.reachable_beside(roots, |e| derivative.contains_key(&e));
         self.charge(order.len());
         for e in order {
-            let d = self.diff_node(e, rates, &derivative);
+            let d = self.diff_node(e, rates, derivative);
             derivative.insert(e, d);
         }
-        roots.iter().map(|e| derivative[e]).collect()
     }
 
     fn diff_node(
@@ -245,6 +271,16 @@ impl Graph {
     ///
     /// Returns `None` when `e` is not affine in them.
     pub fn affine_parts(&mut self, e: ExprId, unknowns: &[SymbolId]) -> Option<(Vec<ExprId>, ExprId)> {
+        self.affine_parts_by(&mut Partials::default(), e, unknowns)
+    }
+
+    /// The same, by partial derivatives that are known.
+    pub fn affine_parts_by(
+        &mut self,
+        partials: &mut Partials,
+        e: ExprId,
+        unknowns: &[SymbolId],
+    ) -> Option<(Vec<ExprId>, ExprId)> {
         let all: BTreeSet<SymbolId> = unknowns.iter().copied().collect();
         let mut slopes = Vec::with_capacity(unknowns.len());
         let mentioned = self.free_symbols(e);
@@ -253,12 +289,12 @@ impl Graph {
                 slopes.push(Arena::ZERO);
                 continue;
             }
-            let slope = self.diff(e, *x);
+            let slope = partials.diff(self, e, *x);
             // A slope may mention the unknowns structurally and still not depend on them.
             let mut constant = true;
             let of_slope = self.free_symbols(slope);
             for y in all.intersection(&of_slope) {
-                let second = self.diff(slope, *y);
+                let second = partials.diff(self, slope, *y);
                 constant &= self.is_zero(second);
             }
             if !constant {

@@ -261,10 +261,19 @@ impl Graph {
 
     /// Every node that the roots need, in ascending (operands first) order.
     pub fn reachable(&self, roots: &[ExprId]) -> Vec<ExprId> {
+        self.reachable_beside(roots, |_| false)
+    }
+
+    /// Every node that the roots need and that is not known, nor needed by known ones alone, in ascending order.
+    pub(super) fn reachable_beside(
+        &self,
+        roots: &[ExprId],
+        is_known: impl Fn(ExprId) -> bool,
+    ) -> Vec<ExprId> {
         let mut seen: FxHashSet<ExprId> = FxHashSet::default();
         let mut pending: Vec<ExprId> = roots.to_vec();
         while let Some(e) = pending.pop() {
-            if seen.insert(e) {
+            if !is_known(e) && seen.insert(e) {
                 self.node(e).for_each_operand(|operand| pending.push(operand));
             }
         }

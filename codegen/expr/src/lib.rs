@@ -41,6 +41,7 @@ mod without_value;
 mod zero;
 
 pub use budget::{Budget, Exhausted, Resource, Stage};
+pub use calculus::Partials;
 pub use definition::{Definition, Section, SectionWriter, inlined, needed_sections};
 pub use fraction::Fractions;
 pub use graph::{DivisionByZero, Graph};

@@ -243,3 +243,26 @@ fn what_was_found_constant_in_a_trial_that_was_given_up_is_asked_again() {
     assert_eq!(varying, constant);
     assert!(writer.varies(&g, varying));
 }
+
+#[test]
+fn partial_derivatives_that_are_kept_are_the_ones_that_are_made_anew() {
+    let mut g = Graph::new();
+    let symbols = ["x", "y"].map(|name| g.symbol(name));
+    let [x, y] = symbols.map(|s| g.sym(s));
+    let mut partials = Partials::default();
+    let mut sum = g.mul(x, y);
+    for k in 1..6 {
+        let angle = g.func(Func::Sin, sum);
+        let scaled = g.scale(y, &Rational::from_integer(k.into()));
+        let product = g.mul(angle, scaled);
+        sum = g.add(product, x);
+        for s in symbols {
+            let anew = g.diff(sum, s);
+            assert_eq!(partials.diff(&mut g, sum, s), anew);
+        }
+    }
+    // What is known is not visited again.
+    let spent = g.spent().work;
+    symbols.map(|s| partials.diff(&mut g, sum, s));
+    assert_eq!(g.spent().work, spent);
+}

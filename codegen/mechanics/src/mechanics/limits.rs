@@ -40,7 +40,7 @@ pub(super) const MAX_EXPANDED: usize = 1000;
 /// Operands up to which rates of momenta are multiplied out. A guess.
 pub(super) const MAX_LENGTH: usize = 2000;
 
-/// Most frames that are tried for one square of velocities. A guess.
+/// Most frames that are tried for one square of velocities and do not fit. A guess.
 pub(super) const MAX_TRIALS: usize = 500;
 
 /// Components of one weight that are tried together as a square of velocities. A guess.

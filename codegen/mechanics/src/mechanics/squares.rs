@@ -3,11 +3,12 @@
 //! Deliberately does not know: constraints, which way of writing the forces is shorter.
 
 use std::collections::BTreeSet;
+use std::rc::Rc;
 
 use num_traits::{One, Signed};
 
 use crate::reduction::ReducedSystem;
-use hamel_expr::{ExprId, Graph, Node, Rational, SymbolId};
+use hamel_expr::{ExprId, Graph, Node, Partials, Rational, SymbolId};
 
 use super::limits::{MAX_RANK, MAX_SINGLES, MAX_TRIALS};
 
@@ -41,7 +42,7 @@ pub(super) struct Square {
     /// alone.
     pub(super) masses: Vec<(usize, usize, ExprId)>,
     /// The components of `v`.
-    pub(super) components: Vec<Component>,
+    pub(super) components: Vec<Rc<Component>>,
     turning: Turning,
 }
 
@@ -142,7 +143,7 @@ pub(super) fn cross(g: &mut Graph, a: [ExprId; 3], b: [ExprId; 3]) -> [ExprId; 3
 #[derive(Clone, Debug)]
 struct Single {
     weight: ExprId,
-    component: Component,
+    component: Rc<Component>,
     /// The product of velocities that it was distributed from.
     origin: Option<usize>,
 }
@@ -166,17 +167,19 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
     let varying: BTreeSet<SymbolId> =
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
     let mut squares = Vec::new();
+    let mut partials = Partials::default();
     let mut rest: Vec<Other> = Vec::new();
     let (summands, products) = summands(g, system, &velocities, &varying);
     // A vector with a number for its mass is part of the Lagrangian's own sum, and several of one mass may be one sum.
     let mut singles: Vec<Single> = Vec::new();
-    let mut vectors: Vec<(ExprId, Vec<Component>, Other)> = Vec::new();
+    let mut vectors: Vec<(ExprId, Vec<Rc<Component>>, Other)> = Vec::new();
     for summand in summands {
         let Other { term, factor: ref q, origin } = summand;
         let found = squared(g, term, q, &varying);
         let found = found.filter(|(_, v)| v.iter().any(|v| g.depends_on(*v, &velocities)));
         let found = found.and_then(|(weight, v)| {
-            let components = v.into_iter().map(|v| Component::new(g, system, v)).collect::<Option<Vec<_>>>();
+            let components = v.into_iter().map(|v| Component::new(g, &mut partials, system, v).map(Rc::new));
+            let components = components.collect::<Option<Vec<_>>>();
             Some((weight, components?))
         });
         match found {
@@ -195,7 +198,7 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
         }
     }
     let half = Rational::new(1.into(), 2.into());
-    let mut spins: Vec<[Component; 3]> = Vec::new();
+    let mut spins: Vec<[Rc<Component>; 3]> = Vec::new();
     if with_spins {
         let mut first = 0;
         while first + 2 < singles.len() {
@@ -327,18 +330,22 @@ fn vector(g: &mut Graph, singles: &[Single]) -> Option<(Square, Vec<usize>)> {
     // In the unit of the first weight, where that is a rational one.
     let mut scaled = vec![(0, first.component.clone())];
     for (k, other) in singles.iter().enumerate().skip(1) {
+        if scaled.len() == MAX_SINGLES {
+            break;
+        }
         let Ok(ratio) = g.div(other.weight, first.weight) else { continue };
         let ratio = g.as_rational(ratio).cloned();
         if let Some(root) = ratio.and_then(|ratio| rational_root(g, &ratio)) {
-            scaled.push((k, other.component.times(g, root)));
+            let is_one = root == g.one();
+            let own = Rc::clone(&other.component);
+            scaled.push((k, if is_one { own } else { Rc::new(own.times(g, root)) }));
         }
     }
-    scaled.truncate(MAX_SINGLES);
     let n = scaled.len();
     let triples = (1..n).flat_map(|a| (a + 1..n).map(move |b| vec![0, a, b]));
     let choices: Vec<Vec<usize>> = triples.chain((1..n).map(|a| vec![0, a])).chain([vec![0]]).collect();
     choices.into_iter().find_map(|choice| {
-        let components: Vec<Component> = choice.iter().map(|k| scaled[*k].1.clone()).collect();
+        let components: Vec<Rc<Component>> = choice.iter().map(|k| scaled[*k].1.clone()).collect();
         let square = square(g, first.weight, &components)?;
         Some((square, choice.iter().map(|k| scaled[*k].0).collect()))
     })
@@ -399,13 +406,18 @@ fn rational_root(g: &mut Graph, q: &Rational) -> Option<ExprId> {
 impl Component {
     /// None where the value is not affine in the velocities, or changes with time other than with the frame:
     /// `dv_alpha/dt = N^gamma_alpha v_gamma`, which is the torsion with `d/dt`.
-    fn new(g: &mut Graph, system: &ReducedSystem, value: ExprId) -> Option<Component> {
+    fn new(
+        g: &mut Graph,
+        partials: &mut Partials,
+        system: &ReducedSystem,
+        value: ExprId,
+    ) -> Option<Component> {
         let algebroid = &system.algebroid;
         let m = algebroid.rank();
-        let (slopes, offset) = g.affine_parts(value, &system.velocities)?;
-        let mut apart = vec![g.diff(offset, system.time)];
+        let (slopes, offset) = g.affine_parts_by(partials, value, &system.velocities)?;
+        let mut apart = vec![partials.diff(g, offset, system.time)];
         for (alpha, slope) in slopes.iter().enumerate() {
-            let mut rate = g.diff(*slope, system.time);
+            let mut rate = partials.diff(g, *slope, system.time);
             for (gamma, n) in algebroid.drift(alpha) {
                 let carried = g.mul(*n, slopes[*gamma]);
                 rate = g.sub(rate, carried);
@@ -430,10 +442,10 @@ impl Component {
             })
             .collect();
         let mentioned: Vec<BTreeSet<SymbolId>> = slopes.iter().map(|e| g.free_symbols(*e)).collect();
-        let along = |g: &mut Graph, section: usize, of: usize| {
+        let mut along = |g: &mut Graph, section: usize, of: usize| {
             let mut terms = Vec::new();
             for (x, rate) in movers[section].iter().filter(|(x, _)| mentioned[of].contains(x)) {
-                let slope = g.diff(slopes[of], *x);
+                let slope = partials.diff(g, slopes[of], *x);
                 terms.push(g.mul(*rate, slope));
             }
             g.sum(&terms)
@@ -467,7 +479,7 @@ impl Component {
 }
 
 /// The square with the frame of its components, if they have one; symbols alone gain nothing.
-fn square(g: &mut Graph, weight: ExprId, components: &[Component]) -> Option<Square> {
+fn square(g: &mut Graph, weight: ExprId, components: &[Rc<Component>]) -> Option<Square> {
     if components.iter().all(|c| matches!(g.node(c.value), Node::Symbol(_))) {
         return None;
     }
@@ -483,10 +495,10 @@ fn square(g: &mut Graph, weight: ExprId, components: &[Component]) -> Option<Squ
 fn turned_with(
     g: &mut Graph,
     weight: ExprId,
-    components: Vec<Component>,
-    spins: &[[Component; 3]],
+    components: Vec<Rc<Component>>,
+    spins: &[[Rc<Component>; 3]],
 ) -> Option<Square> {
-    let v: &[Component; 3] = components.as_slice().try_into().ok()?;
+    let v: &[Rc<Component>; 3] = components.as_slice().try_into().ok()?;
     if v.iter().any(|c| c.has_offset) {
         return None;
     }
@@ -560,7 +572,7 @@ fn spin(g: &mut Graph, singles: &[Single], first: usize) -> Option<[usize; 3]> {
 /// The square of an angular velocity, with the products of its components that `rest` has.
 fn spinning(
     g: &mut Graph,
-    components: &[Component; 3],
+    components: &[Rc<Component>; 3],
     weights: [ExprId; 3],
     varying: &BTreeSet<SymbolId>,
     rest: &mut Vec<Other>,
@@ -595,14 +607,15 @@ fn spinning(
 const PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
 
 /// The `K_beta`, if there are any: tried one velocity after the other, each against those before it.
-fn turning(g: &mut Graph, components: &[Component]) -> Option<Vec<Turn>> {
+fn turning(g: &mut Graph, components: &[Rc<Component>]) -> Option<Vec<Turn>> {
     let n = components.len();
     let m = components.first()?.slopes.len();
     let planes = (0..n).flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| Some((i, j))));
     let candidates: Vec<Turn> = [None].into_iter().chain(planes).collect();
     // Position of the candidate of each velocity so far.
     let mut chosen = vec![0];
-    for _ in 0..MAX_TRIALS {
+    let mut n_left = MAX_TRIALS;
+    while n_left > 0 {
         let beta = chosen.len() - 1;
         let turn = candidates[chosen[beta]];
         let fits = (0..beta).all(|alpha| {
@@ -622,6 +635,7 @@ fn turning(g: &mut Graph, components: &[Component]) -> Option<Vec<Turn>> {
             chosen.push(0);
             continue;
         }
+        n_left -= 1;
         while let Some(last) = chosen.last_mut() {
             *last += 1;
             if *last < candidates.len() {
@@ -637,7 +651,7 @@ fn turning(g: &mut Graph, components: &[Component]) -> Option<Vec<Turn>> {
 }
 
 /// `(K x v_alpha)_i`.
-fn turned_component(g: &mut Graph, turn: Turn, v: &[Component], alpha: usize, i: usize) -> ExprId {
+fn turned_component(g: &mut Graph, turn: Turn, v: &[Rc<Component>], alpha: usize, i: usize) -> ExprId {
     match turn {
         Some((from, to)) if i == to => v[from].slopes[alpha],
         Some((from, to)) if i == from => g.neg(v[to].slopes[alpha]),
