@@ -154,9 +154,9 @@ fn twenty_pendulums_in_space_are_linked_bodies() {
     assert!(is_recursive(&reduce(&model, &Formulation::of(&model)).expect("reduces")));
 }
 
-/// What a long chain takes of the budget, and that it is made of its rates alone. Bounds are by the body; with energy and
-/// mass matrix forty pendulums take 9,209 expressions and 403,000 steps of work each, links of a snake of twenty 20,504
-/// and 1,073,000.
+/// What a long chain takes of the budget, and that it is made of its rates alone. Bounds are by the body; with energy
+/// and mass matrix forty pendulums take 9,209 expressions and 403,000 steps of work each, links of a snake of twenty
+/// 20,504 and 1,073,000.
 #[test]
 fn rates_of_long_chains_take_counted_work() {
     for (text, n, expressions, work) in [

@@ -53,7 +53,7 @@ impl Graph {
         roots.iter().map(|e| derivative[e]).collect()
     }
 
-    /// The derivatives of expressions and of all that they are made of, where these are not known.
+    /// Adds the derivatives of expressions and of their parts that are not known yet.
     fn differentiate(
         &mut self,
         roots: &[ExprId],

@@ -261,7 +261,7 @@ fn partial_derivatives_that_are_kept_are_the_ones_that_are_made_anew() {
             assert_eq!(partials.diff(&mut g, sum, s), anew);
         }
     }
-    // What is known is not visited again.
+    // Nothing known is visited again.
     let spent = g.spent().work;
     symbols.map(|s| partials.diff(&mut g, sum, s));
     assert_eq!(g.spent().work, spent);

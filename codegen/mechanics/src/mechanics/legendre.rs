@@ -257,8 +257,8 @@ impl Derivation<'_> {
             let difference = self.g.sub(level.value, rest);
             right.push(vec![self.g.cancel_zero(difference)]);
         }
-        let solution =
-            hamel_lang::algebra::solve_symmetric(&mut self.g, &matrix, &right).map_err(|_| by_velocities())?;
+        let solution = hamel_lang::algebra::solve_symmetric(&mut self.g, &matrix, &right)
+            .map_err(|_| by_velocities())?;
         Ok(symbols.into_iter().zip(solution.into_iter().map(|row| row[0])).collect())
     }
 
