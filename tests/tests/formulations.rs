@@ -271,7 +271,7 @@ fn cost(scene: &BuiltScene) -> u64 {
 
 #[test]
 fn a_scene_takes_the_formulation_that_costs_least() {
-    const SCENES: &str = "scene fast { formulation auto(state); } scene same { formulation auto; }";
+    const SCENES: &str = "scene quick { formulation auto(state); } scene same { formulation auto; }";
     for (name, momentum, state, title) in [
         ("chaplygin_sleigh", "momentum p of v;", ["omega", "p1"], "momenta of v"),
         // Without a name of the model the momentum is called by its velocity.
@@ -280,7 +280,7 @@ fn a_scene_takes_the_formulation_that_costs_least() {
     ] {
         let model = with_scene(name, &format!("{momentum} {SCENES}"));
         let [own, fast, same] =
-            [scene::DEFAULT, "fast", "same"].map(|scene| scene::build(&model, scene).unwrap());
+            [scene::DEFAULT, "quick", "same"].map(|scene| scene::build(&model, scene).unwrap());
         assert_eq!(same.state_names(), own.state_names(), "{name}");
         assert_eq!(fast.state_names(), state, "{name}");
         assert!(cost(&fast) <= cost(&same) && cost(&same) <= cost(&own), "{name}");
@@ -290,7 +290,7 @@ fn a_scene_takes_the_formulation_that_costs_least() {
         let chosen = format!("{title}, by `auto(state)`; its right-hand side costs {}", cost(&fast));
         assert!(lines[1].starts_with("// formulation: ") && lines[1].contains(&chosen), "{name}: {lines:?}");
         // The same bytes every time: what is written stays what it is until the model changes.
-        assert_eq!(scene::build(&model, "fast").unwrap().emit().unwrap(), text, "{name}");
+        assert_eq!(scene::build(&model, "quick").unwrap().emit().unwrap(), text, "{name}");
         assert!(!own.emit().unwrap().contains("// formulation"), "{name}");
     }
 }
@@ -299,15 +299,17 @@ fn a_scene_takes_the_formulation_that_costs_least() {
 fn conversions_come_with_another_state() {
     let model = with_scene(
         "chaplygin_sleigh",
-        "momentum p of v; scene fast { formulation auto(state); want energy; }",
+        "momentum p of v; scene quick { formulation auto(state); want energy; }",
     );
-    let fast = scene::build(&model, "fast").unwrap();
+    let fast = scene::build(&model, "quick").unwrap();
     let names: Vec<&str> = fast.outputs().iter().map(|output| output.name.as_str()).collect();
     assert_eq!(names, ["velocities"]);
     assert_eq!(fast.legendre().momenta.len(), 1);
-    let model =
-        with_scene("euler_disk", "scene fast { fix e = 0; drop phi; formulation auto(state); want energy; }");
-    let fast = scene::build(&model, "fast").unwrap();
+    let model = with_scene(
+        "euler_disk",
+        "scene quick { fix e = 0; drop phi; formulation auto(state); want energy; }",
+    );
+    let fast = scene::build(&model, "quick").unwrap();
     let names: Vec<&str> = fast.outputs().iter().map(|output| output.name.as_str()).collect();
     assert!(names.contains(&"theta"), "{names:?} {:?}", fast.state_names());
 }
