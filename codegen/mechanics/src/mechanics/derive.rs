@@ -31,10 +31,10 @@ pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
     derive_to(system, Extent::Whole)
 }
 
-/// As [`derive`], as far as somebody asks.
+/// As [`derive()`], as far as somebody asks.
 ///
 /// # Errors
-/// As [`derive`].
+/// As [`derive()`].
 pub fn derive_to(system: &ReducedSystem, extent: Extent) -> Result<Equations, Error> {
     system.graph.within_budget()?;
     let mut d = Derivation { extent: extent.of(system), ..Derivation::new(system) };
