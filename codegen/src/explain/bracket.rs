@@ -67,7 +67,7 @@ impl Page {
             self.readable_formulas(rows);
         }
         if facts.is_of_one_root {
-            self.line("States with the other root of the constraint have every root with the opposite sign.");
+            self.line("The other solution of the constraint has its root with the opposite sign, here and in the entries.");
         }
         if !facts.dependent.is_empty() {
             let list: Vec<String> = facts.dependent.iter().map(|(name, _)| self.name(name)).collect();

@@ -231,7 +231,7 @@ pub struct QuasiFrame {
     pub matrix: Vec<Vec<ExprId>>,
     /// The inverse of `T`: what the model declares.
     pub inverse: Vec<Vec<ExprId>>,
-    /// Documentation of the quasi-velocities, in the order of [`Model::all_velocities`].
+    /// Documentation of the quasi-velocities, in the order of [`Model::all_velocities`]; absent where a velocity stays.
     pub docs: Vec<Option<String>>,
     /// The determinant of the inverse, which vanishes nowhere; absent where it is too large to be written down.
     pub determinant: Option<ExprId>,
