@@ -176,7 +176,7 @@ impl Results<'_, '_> {
         let definition = &self.setting.definition;
         let mut found = Vec::new();
         for k in 0..self.setting.claim.equations.system.unknowns.len() {
-            let w = motion.displacement_of(self.setting, &motion.at, k)?;
+            let w = Motion::displacement_of(self.setting, &motion.at, k)?;
             found.push(definition.group_velocities(&motion.at.env, &w[..definition.m])?);
         }
         Ok(found)
@@ -213,7 +213,7 @@ impl Results<'_, '_> {
         let n = setting.claim.equations.system.unknowns.len();
         let mut displacements = Vec::new();
         for k in 0..n {
-            displacements.push(self.motion.displacement_of(setting, &self.motion.at, k)?);
+            displacements.push(Motion::displacement_of(setting, &self.motion.at, k)?);
         }
         let along = |form: &[Wide]| -> Vec<Wide> {
             let dot = |w: &Vec<Wide>| form.iter().zip(w).fold(Wide::ZERO, |sum, (a, b)| sum + *a * *b);

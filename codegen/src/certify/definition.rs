@@ -254,6 +254,13 @@ impl<'a> Definition<'a> {
         Ok(Place { env, of_system, group, of_model })
     }
 
+    /// The symbols of the model with other velocities, those of the group.
+    pub(super) fn moved_by<R: Real>(&self, env: &Env<R>, group: &[R]) -> Result<Env<R>, Missing> {
+        let mut moved = env.clone();
+        moved.set_all(&self.velocities, &self.model_velocities(env, group)?);
+        Ok(moved)
+    }
+
     /// `rho w`: what base coordinates and advected parameters do along `w`, in the frame of the group.
     pub(super) fn anchored<R: Real>(&self, env: &Env<R>, w: &[R]) -> Result<Displacement<R>, Missing> {
         let mut rates = Vec::new();

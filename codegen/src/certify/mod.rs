@@ -26,6 +26,7 @@ mod implied;
 mod linear;
 mod modes;
 mod motion;
+mod noise;
 mod point;
 mod random;
 mod results;

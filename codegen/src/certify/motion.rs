@@ -65,7 +65,7 @@ impl Motion {
         let state = point.state(setting);
         let definition = &setting.definition;
         let mut at = setting.place(&point.env)?;
-        let base = definition.anchored(&at.env, &at.group)?;
+        let base = definition.anchored(&at.env, &Motion::total(setting, &at)?)?;
         let mut along: Vec<(SymbolId, Wide)> =
             setting.state.iter().copied().zip(rates.iter().copied()).collect();
         along.push((definition.model.time, Wide::ONE));
@@ -128,7 +128,7 @@ impl Motion {
     fn kinematics(&self, setting: &Setting<'_>, sheet: &mut Sheet) -> Result<(), Missing> {
         let definition = &setting.definition;
         let model = definition.model;
-        let moved = definition.anchored(&self.at.env, &self.at.group)?;
+        let moved = definition.anchored(&self.at.env, &Motion::total(setting, &self.at)?)?;
         for (symbol, rate) in moved.into_iter().chain(definition.first_order(&self.at.env)?) {
             let name = model.graph.name(symbol);
             if let Some(found) = self.rate_of(setting, symbol) {
@@ -169,7 +169,7 @@ impl Motion {
             return Ok(());
         }
         for momentum in &system.momenta {
-            let displacement = self.displacement_of(setting, &self.at, momentum.unknown)?;
+            let displacement = Motion::displacement_of(setting, &self.at, momentum.unknown)?;
             let along = definition.group_velocities(&self.at.env, &displacement[..definition.m])?;
             let value = definition.lagrangian(&self.at, &along, &Vec::new())?.derivative;
             let claimed = Tape::new(&system.graph, &[momentum.value]).eval(&self.at.env)?.roots[0];
@@ -181,7 +181,6 @@ impl Motion {
     /// The virtual displacement along an unknown, with no part along others; where multipliers keep the constraints,
     /// the velocity alone.
     pub(super) fn displacement_of<R: Real>(
-        &self,
         setting: &Setting<'_>,
         at: &Place<R>,
         unknown: usize,
@@ -323,7 +322,7 @@ impl Motion {
         let definition = &setting.definition;
         let z = definition.bracket(&self.at.env, w, &self.at.group)?;
         let dx = definition.anchored(&self.at.env, w)?;
-        let work = definition.work(&self.at, w)?;
+        let work = definition.work(&self.at, w)? - Motion::power_of_noise(setting, &self.at, w)?;
         if !definition.has_hamiltonian() {
             let inertia =
                 definition.lagrangian(&self.moving, &constants(w), &Vec::new())?.derivative.derivative;
@@ -410,6 +409,13 @@ impl Motion {
     fn reconstruction(&self, setting: &Setting<'_>, sheet: &mut Sheet) -> Result<(), Missing> {
         let model = setting.definition.model;
         let side = model.action;
+        let env = match Motion::transport(setting, &self.at)? {
+            Some(_) => {
+                let total = Motion::total(setting, &self.at)?;
+                setting.definition.moved_by(&self.at.env, &total)?
+            }
+            None => self.at.env.clone(),
+        };
         for item in &model.reconstruction {
             let rates: Option<Vec<Wide>> = item.symbols.iter().map(|s| self.rate_of(setting, *s)).collect();
             let Some(rates) = rates else { continue };
@@ -417,7 +423,7 @@ impl Motion {
                 item.symbols.iter().map(|s| self.at.env.get(*s).unwrap_or_default()).collect();
             let moving: Vec<Dual<Wide>> = values.iter().zip(&rates).map(|(x, d)| Dual::new(*x, *d)).collect();
             let number = |list: &[hamel_expr::ExprId]| -> Result<Vec<Wide>, Missing> {
-                Ok(Tape::new(&model.graph, list).eval(&self.at.env)?.roots)
+                Ok(Tape::new(&model.graph, list).eval(&env)?.roots)
             };
             let mut each = |found: &[Wide], defined: &[Wide]| {
                 for ((name, found), defined) in item.names.iter().zip(found).zip(defined) {

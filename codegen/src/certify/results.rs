@@ -143,23 +143,12 @@ impl Results<'_, '_> {
     /// The symbols of the model with the momenta that the state does not carry.
     fn with_momenta(&self) -> Result<Env<Wide>, Missing> {
         let definition = &self.setting.definition;
-        let system = &self.setting.claim.equations.system;
         let mut env = self.motion.at.env.clone();
         if definition.has_hamiltonian() {
             return Ok(env);
         }
-        let n_frame = definition.m;
-        let model = definition.model;
-        for (_, symbol, velocity) in model.momenta.iter().flat_map(|m| &m.components) {
-            let is_it = |u: &hamel_mechanics::reduction::Unknown| match u.frame_idx {
-                Some(k) => k == *velocity,
-                None => *velocity >= n_frame && model.quasi_velocities[velocity - n_frame].symbol == u.symbol,
-            };
-            if let Some(unknown) = system.unknowns.iter().position(is_it) {
-                let along = self.motion.displacement_of(self.setting, &self.motion.at, unknown)?;
-                let along = definition.group_velocities(&env, &along[..n_frame])?;
-                env.set(*symbol, definition.lagrangian(&self.motion.at, &along, &Vec::new())?.derivative);
-            }
+        for momentum in Motion::named_momenta(self.setting, &self.motion.at)? {
+            env.set(momentum.symbol, Motion::momentum(self.setting, &self.motion.at, &momentum.along)?);
         }
         Ok(env)
     }
@@ -169,13 +158,7 @@ impl Results<'_, '_> {
         let definition = &self.setting.definition;
         let unit: Vec<R> = (0..definition.m).map(|j| if j == k { R::ONE } else { R::ZERO }).collect();
         let along = definition.group_velocities_before_stages(&at.env, &unit)?;
-        match definition.has_hamiltonian() {
-            true => {
-                let of_model = definition.model_velocities(&at.env, &along)?;
-                definition.momentum_along(at, &of_model)
-            }
-            false => Ok(definition.lagrangian(at, &along, &Vec::new())?.derivative),
-        }
+        Motion::momentum(self.setting, at, &along)
     }
 
     /// Names of the velocities of the model before stages.
@@ -276,7 +259,7 @@ impl Results<'_, '_> {
                         system.unknowns.iter().position(|u| name.strip_prefix(prefix) == Some(&u.name));
                     let unknown = unknown.ok_or(Open::Because("a momentum along no independent velocity"))?;
                     let at = &self.motion.moving;
-                    let along = self.motion.displacement_of(self.setting, at, unknown)?;
+                    let along = Motion::displacement_of(self.setting, at, unknown)?;
                     let along = definition.group_velocities(&at.env, &along[..definition.m])?;
                     let value = definition.lagrangian(at, &along, &Vec::new())?.derivative;
                     sheet.equal(function, name, found, if is_rate { value.derivative } else { value.value });

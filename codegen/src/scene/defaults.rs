@@ -321,6 +321,11 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
     Some(match role {
         ExpressionRole::Lagrangian => ("the lagrangian".into(), places.lagrangian),
         ExpressionRole::Hamiltonian => ("the hamiltonian".into(), places.lagrangian),
+        ExpressionRole::Noise(k) => {
+            let noise = &model.noises[k];
+            let span = noise.hamiltonian.and_then(|(_, span)| span);
+            (format!("the Hamiltonian of the noise `{}`", noise.name), span)
+        }
         ExpressionRole::ConstraintResidual(k)
         | ExpressionRole::ConstraintPosition(k)
         | ExpressionRole::ConstraintAcceleration(k) => {

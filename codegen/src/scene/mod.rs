@@ -64,7 +64,7 @@ pub use hamel_program::emit::{CModule, Fmu, WasmModule};
 pub use hamel_program::program::Role;
 pub use implicit::Implicit;
 pub use interpreter::{Executable, Interpreter};
-pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
+pub use plan::{CONTROLLED, DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION, STOCHASTIC};
 pub use positions::PositionLayout;
 pub use prior::{
     Conditions, InPositions, Origin, Prior, Told, free_coordinates, free_velocities, settle, told_in_words,
@@ -218,8 +218,11 @@ pub fn names_of(model: &Model, has_ignorable_coordinates: impl FnOnce() -> bool)
     if !own(RECONSTRUCTION) && !reconstructed(model).is_empty() {
         names.push(RECONSTRUCTION.to_owned());
     }
-    if !own(CONTROLLED) && !model.inputs.is_empty() {
+    if !own(CONTROLLED) && model.controls().next().is_some() {
         names.push(CONTROLLED.to_owned());
+    }
+    if !own(STOCHASTIC) && !model.noises.is_empty() {
+        names.push(STOCHASTIC.to_owned());
     }
     names.extend(model.scenes.iter().map(|s| s.name.clone()).filter(|name| name != DEFAULT));
     names

@@ -22,6 +22,8 @@ pub const RECONSTRUCTION: &str = Want::Reconstruction.name();
 
 /// Name of the scene that takes all inputs of its model; a model has it when it declares inputs.
 pub const CONTROLLED: &str = "controlled";
+/// Name of the scene with the inputs and the noises of its model, where it has noises.
+pub const STOCHASTIC: &str = "stochastic";
 
 /// Name of the scene with all derivatives of the right-hand side; every model has it, built when it is asked for.
 pub const DERIVATIVES: &str = "derivatives";
@@ -237,8 +239,13 @@ impl Plan {
                 let doc = "with the derivatives of the right-hand side".to_owned();
                 Some(Plan { energy, derivatives: Derivative::OF_MOTION.into(), doc, ..bare })
             }
-            CONTROLLED if !model.inputs.is_empty() => {
+            CONTROLLED if model.controls().next().is_some() => {
                 let mut plan = Plan { doc: "with inputs".to_owned(), ..everything };
+                plan.formulation.inputs = model.controls().map(|input| input.name.clone()).collect();
+                Some(plan)
+            }
+            STOCHASTIC if !model.noises.is_empty() => {
+                let mut plan = Plan { doc: "with noise".to_owned(), ..everything };
                 plan.formulation.inputs = model.inputs.iter().map(|input| input.name.clone()).collect();
                 Some(plan)
             }

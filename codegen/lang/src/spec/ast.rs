@@ -245,6 +245,11 @@ pub(super) enum ItemKind {
         shape: Shape,
         default: Option<Expr>,
     },
+    /// `noise W: h;`, or `noise W;` for one that the model mentions.
+    Noise {
+        name: Name,
+        value: Option<Expr>,
+    },
     /// `drive tau = [sin(t), 0];`
     Drive {
         name: Name,

@@ -151,6 +151,7 @@ fn of_item(statement: &[&str]) -> Context {
         "param" | "input" if last == ":" => Context::Shape,
         "size" | "for" if !(has("=") || has("in")) => Context::Anything,
         "input" if has("=") => Context::Expression,
+        "noise" if !has(":") => Context::Anything,
         "drive" if !has("=") => Context::Input,
         "param" if has("=") || has("where") => Context::Expression,
         "coordinate" | "state" if has("by") => Context::Expression,

@@ -18,6 +18,8 @@ pub enum ExpressionRole {
     Lagrangian,
     /// [`Model::hamiltonian`].
     Hamiltonian,
+    /// The function that a noise multiplies.
+    Noise(usize),
     /// The external force on a velocity, in the order of [`Model::all_velocities`].
     Force(usize),
     /// An end of the interval of a base coordinate, or behind these of a state of first order.
@@ -84,6 +86,7 @@ macro_rules! visit {
             param_arrays,
             inputs,
             input_arrays,
+            noises,
             conditions,
             base,
             algebra: _,
@@ -149,6 +152,11 @@ macro_rules! visit {
         $visit(ExpressionRole::Lagrangian, lagrangian);
         if let Some(e) = hamiltonian {
             $visit(ExpressionRole::Hamiltonian, e);
+        }
+        for (k, Noise { name: _, symbol: _, hamiltonian, span: _ }) in noises.into_iter().enumerate() {
+            if let Some((e, _)) = hamiltonian {
+                $visit(ExpressionRole::Noise(k), e);
+            }
         }
         for (k, force) in forces.into_iter().enumerate() {
             $visit(ExpressionRole::Force(k), force);

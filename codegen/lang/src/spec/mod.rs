@@ -80,7 +80,7 @@ pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use mode::{Impact, Mode};
 pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Domain, FormulationSearch, Given,
-    IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid, OwnBracket, Param,
+    IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, Noise, OwnAlgebroid, OwnBracket, Param,
     ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side, Velocity,
     VelocitySection, circle_names, diagnose,
 };

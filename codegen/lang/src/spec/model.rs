@@ -43,6 +43,20 @@ pub struct Param {
     pub doc: String,
 }
 
+/// White noise, in the sense of Stratonovich: an input that is the derivative of a Wiener process by time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Noise {
+    /// Name of the input.
+    pub name: String,
+    /// Its symbol, that of one of [`Model::inputs`].
+    pub symbol: SymbolId,
+    /// The function `h(x, p, a, t)` that it multiplies, and where that stands; none where the model mentions the noise
+    /// itself.
+    pub hamiltonian: Option<(ExprId, Option<Span>)>,
+    /// Where it is declared.
+    pub span: Option<Span>,
+}
+
 /// Parameters that form a vector or a matrix.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParamArray {
@@ -471,6 +485,8 @@ pub struct Model {
     pub inputs: Vec<Param>,
     /// Which of them form vectors and matrices.
     pub input_arrays: Vec<ParamArray>,
+    /// Inputs that are white noise.
+    pub noises: Vec<Noise>,
     /// Validity conditions on the parameters.
     pub conditions: Vec<Condition>,
     /// Base coordinates.
@@ -558,6 +574,12 @@ pub struct Model {
 }
 
 impl Model {
+    /// Inputs that something drives: those that are no white noise.
+    pub fn controls(&self) -> impl Iterator<Item = &Param> {
+        let is_noise = |input: &&Param| self.noises.iter().any(|noise| noise.symbol == input.symbol);
+        self.inputs.iter().filter(move |input| !is_noise(input))
+    }
+
     /// All velocities with their names: base velocities first, then those in the algebra.
     pub fn all_velocities(&self) -> Vec<(&str, SymbolId)> {
         let base = self.base[..self.n_shape()].iter().map(|c| (c.velocity_name.as_str(), c.velocity));

@@ -14,6 +14,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("for", "for k in 1..n { let s[k] = k*r; }"),
     ("param", "param m = 1 where m > 0;` or `param chi: vector(3) = [0, 0, 1];"),
     ("input", "input u = 0;` or `input tau: vector(2) = [0, 0];"),
+    ("noise", "noise W: h;` or `noise W;"),
     ("drive", "drive u = -k*x;"),
     ("require", "require a > b, c != 0;"),
     ("let", "let name = expression;"),

@@ -425,6 +425,7 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
     match &item.kind {
         ItemKind::Param { name, shape, .. } => vec![one(DeclarationKind::Parameter, name, is_array(shape))],
         ItemKind::Input { name, shape, .. } => vec![one(DeclarationKind::Input, name, is_array(shape))],
+        ItemKind::Noise { name, .. } => vec![one(DeclarationKind::Input, name, false)],
         ItemKind::Let { name, .. } => vec![one(DeclarationKind::Definition, name, true)],
         ItemKind::AlgebraName { name, .. } => vec![one(DeclarationKind::Algebra, name, false)],
         ItemKind::AlgebraBrackets { name, basis, .. } => {

@@ -118,6 +118,7 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
         ItemKind::Input { name, shape, .. } => {
             add("input", name, spellings(&name.text, shape), Vec::new());
         }
+        ItemKind::Noise { name, value: None } => add("noise", name, alone(name), Vec::new()),
         ItemKind::Let { name, value } => {
             add("definition", name, alone(name), mentions([value]));
         }
@@ -199,7 +200,8 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Drive { name, value } => {
             mentions([value]).into_iter().chain([name.text.clone()]).collect()
         }
-        ItemKind::InnerProduct(value)
+        ItemKind::Noise { value: Some(value), .. }
+        | ItemKind::InnerProduct(value)
         | ItemKind::Lagrangian(value)
         | ItemKind::Hamiltonian(value)
         | ItemKind::Connection { value, .. }
@@ -245,6 +247,7 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Size { .. }
         | ItemKind::Param { .. }
         | ItemKind::Input { .. }
+        | ItemKind::Noise { value: None, .. }
         | ItemKind::Require(_)
         | ItemKind::Let { .. }
         | ItemKind::AlgebraName { .. }

@@ -58,6 +58,11 @@ const OF_ITEMS: &[(&str, &str)] = &[
          written as the default of a parameter.",
     ),
     (
+        "noise",
+        "White noise moves the system along the Hamiltonian vector field of a function of the state, in the sense of \
+         Stratonovich.",
+    ),
+    (
         "drive",
         "`drive` gives an input, a vector or a component, a value in every scene: a function of time, \
          coordinates, velocities, advected parameters and parameters.",

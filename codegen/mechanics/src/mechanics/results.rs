@@ -233,6 +233,9 @@ impl Derivation<'_> {
         let mut moving: Vec<(SymbolId, ExprId)> =
             system.algebroid.base().iter().zip(&self.rates).filter_map(of_rates).collect();
         moving.push((system.time, self.g.one()));
+        for (symbol, rate) in &system.noise_rates {
+            moving.push((*symbol, self.replace(*rate)?));
+        }
         let mut terms = Vec::new();
         for (symbol, rate) in moving {
             let slope = match &system.hamiltonian {

@@ -18,6 +18,7 @@ use super::formulation::Formulation;
 use super::frame::in_quasi_frame;
 use super::given;
 use super::momenta::{self, CarriedMomentum};
+use super::noise;
 use super::reconstruction;
 use super::stages::Stages;
 use super::system::{Block, BlockKind, OwnRate, PositionResidual, ReducedSystem, StateKind};
@@ -92,6 +93,14 @@ pub(super) fn on_algebroid(
         .map_err(|problems| model.diagnostics(problems))?;
     let hamiltonian =
         momenta::hamiltonian(&model, &momenta).map_err(|problem| model.diagnostics(vec![*problem]))?;
+    let setting = noise::Setting {
+        algebroid: &algebroid,
+        constraint: &constraint,
+        unknowns: &unknowns,
+        hamiltonian: hamiltonian.as_ref(),
+    };
+    let transport =
+        noise::add_forces(&mut model, &setting).map_err(|problem| model.diagnostics(vec![*problem]))?;
     let mut state = state_order(&model, &unknowns, &momenta);
     let mut own_rates = Vec::new();
     for of_first_order in &model.first_order {
@@ -131,6 +140,10 @@ pub(super) fn on_algebroid(
         group_equations.extend(reconstruction::configuration_equations(graph, configuration, side));
     }
     reconstruction.extend(momenta::cyclic_coordinates(&mut model, &momenta));
+    if transport.moves(&mut model.graph, &mut reconstruction).is_err() {
+        let error = Error::DivisionByZero { place: "the noise".into() };
+        return Err(model.diagnostics(vec![model.diagnose(&error)]));
+    }
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
@@ -157,6 +170,7 @@ pub(super) fn on_algebroid(
         constraint,
         higher,
         own_rates,
+        noise_rates: transport.of_base,
         positions,
         degeneracy,
         unknowns,

@@ -321,6 +321,18 @@ fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> 
             algebroid.set_drift(alpha, drift);
         }
     }
+    let mut noise_rates = Vec::new();
+    for (x, rate) in &system.noise_rates {
+        match turned.iter().find(|t| t.angle == *x) {
+            Some(t) => {
+                let along = g.mul(t.point[1], *rate);
+                noise_rates.push((t.circle.cosine, g.neg(along)));
+                noise_rates.push((t.circle.sine, g.mul(t.point[0], *rate)));
+            }
+            None => noise_rates.push((*x, *rate)),
+        }
+    }
+    system.noise_rates = noise_rates;
     let mut state = Vec::new();
     for (kind, doc) in &system.state {
         match *kind {
@@ -385,6 +397,7 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
         Part::OwnRate => {
             ("the rate of a state".into(), model.first_order.iter().find_map(|state| state.of_rate))
         }
+        Part::NoiseRate => ("the rate of a coordinate by noise".into(), None),
         Part::MomentumInSpace => ("the momentum in space".into(), None),
         Part::GroupEquation => ("what a matrix group keeps".into(), None),
         Part::Momentum => ("a momentum".into(), None),

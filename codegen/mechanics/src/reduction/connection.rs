@@ -397,6 +397,7 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             // Linear in a velocity that stands for any element of the algebra.
             ExpressionRole::AdvectedAction(_) => false,
             ExpressionRole::Hamiltonian
+            | ExpressionRole::Noise(_)
             | ExpressionRole::Impact(_)
             | ExpressionRole::ConstraintPosition(_)
             | ExpressionRole::Implied(_)

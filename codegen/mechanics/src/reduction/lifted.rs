@@ -35,6 +35,7 @@ pub(super) fn over_lift(mut system: ReducedSystem, lift: Lift) -> Result<Reduced
     let of_outputs = system.outputs.iter_mut().flat_map(|o| &mut o.components).map(|(_, e)| e);
     let of_rates = system.reconstruction.iter_mut().map(|c| &mut c.rate);
     let of_rates = of_rates.chain(system.own_rates.iter_mut().map(|own| &mut own.rate));
+    let of_rates = of_rates.chain(system.noise_rates.iter_mut().map(|(_, rate)| rate));
     let all = system.casimirs.iter_mut().map(|c| &mut c.expr).chain(of_outputs).chain(of_rates);
     for e in all.chain(system.forces.iter_mut()).chain([&mut system.lagrangian]) {
         replace(g, e)?;

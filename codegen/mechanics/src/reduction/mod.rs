@@ -23,6 +23,7 @@ mod lift;
 mod lifted;
 mod matrix_group;
 mod momenta;
+mod noise;
 mod part;
 mod reconstruction;
 mod stages;

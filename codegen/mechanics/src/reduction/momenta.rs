@@ -227,7 +227,7 @@ pub fn momentum_of(
 }
 
 /// The unknown that a velocity is, by index as in [`Carried`].
-fn place_of(model: &Model, unknowns: &[Unknown], velocity: usize) -> Option<usize> {
+pub(super) fn place_of(model: &Model, unknowns: &[Unknown], velocity: usize) -> Option<usize> {
     let n_frame = model.n_shape() + model.velocities.len();
     unknowns.iter().position(|u| match u.frame_idx {
         Some(k) => k == velocity,

@@ -30,6 +30,8 @@ pub enum Part {
     CarriedRate,
     /// The rate of a state of first order.
     OwnRate,
+    /// What noises add to the rate of a base coordinate.
+    NoiseRate,
     /// An equation between coordinates.
     Position,
     /// A condition that equations without accelerations are.

@@ -163,6 +163,8 @@ pub struct ReducedSystem {
     pub higher: HigherOrder,
     /// States of first order.
     pub own_rates: Vec<OwnRate>,
+    /// What noises add to the rates of base coordinates beside the anchor.
+    pub noise_rates: Vec<(SymbolId, ExprId)>,
     /// Equations between coordinates; the constraint contains their derivatives.
     pub positions: Vec<PositionResidual>,
     /// What equations without accelerations say, where the Lagrangian is degenerate; the constraint contains it.
@@ -226,10 +228,12 @@ impl ReducedSystem {
         self.blocks.iter().filter(|b| matches!(b.kind, BlockKind::Advected | BlockKind::Attitude))
     }
 
-    /// The rates of base coordinates that no velocity moves, zero for all others: what `xdot = rho y + r` has beside
-    /// the anchor, by the velocities of the system.
+    /// What `xdot = rho y + r` has beside the anchor, by the velocities of the system: the rates of base coordinates
+    /// that no velocity moves, and what noises add.
     pub fn own_rates_of_base(&self) -> Vec<ExprId> {
-        let rate = |x: &SymbolId| self.own_rates.iter().find(|own| own.symbol == *x).map(|own| own.rate);
+        let own = self.own_rates.iter().map(|own| (own.symbol, own.rate));
+        let own: Vec<(SymbolId, ExprId)> = own.chain(self.noise_rates.iter().copied()).collect();
+        let rate = |x: &SymbolId| own.iter().find(|(symbol, _)| symbol == x).map(|(_, rate)| *rate);
         self.algebroid.base().iter().map(|x| rate(x).unwrap_or(self.graph.zero())).collect()
     }
 
@@ -270,6 +274,7 @@ impl ReducedSystem {
             constraint,
             higher: HigherOrder { carried, accelerations: _ },
             own_rates,
+            noise_rates,
             positions,
             degeneracy,
             unknowns: _,
@@ -307,6 +312,7 @@ impl ReducedSystem {
         list.extend(constraint.expressions_mut());
         list.extend(carried.iter_mut().map(|c| (Part::CarriedRate, &mut c.rate)));
         list.extend(own_rates.iter_mut().map(|own| (Part::OwnRate, &mut own.rate)));
+        list.extend(noise_rates.iter_mut().map(|(_, rate)| (Part::NoiseRate, rate)));
         list.extend(positions.iter_mut().map(|p| (Part::Position, &mut p.residual)));
         let conditions = degeneracy.iter_mut().flat_map(Degeneracy::expressions_mut);
         list.extend(conditions.map(|e| (Part::Degeneracy, e)));

@@ -5,6 +5,7 @@
 use super::draft::{ConfigurationDraft, GivenDraft, ModelBuilder};
 use super::first_order::misplaced_states;
 use super::inputs::{close, misplaced_inputs};
+use super::noise::misplaced_noises;
 use crate::algebra::LieAlgebra;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};
 use crate::spec::model::*;
@@ -65,6 +66,7 @@ impl ModelBuilder {
         let carries = self.check_carries(&carried);
         let scenes = self.check_scenes(&carries);
         let drives = self.check_drives();
+        let noises = self.check_noises();
         self.check_budget();
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
@@ -107,6 +109,7 @@ impl ModelBuilder {
             param_arrays: self.param_arrays,
             inputs: self.inputs,
             input_arrays: self.input_arrays,
+            noises,
             conditions: self.conditions,
             base: self.base,
             algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0).into(), |(algebra, _)| algebra),
@@ -149,6 +152,7 @@ impl ModelBuilder {
         };
         let mut problems = misplaced_inputs(&model);
         problems.extend(misplaced_states(&model));
+        problems.extend(misplaced_noises(&model));
         if problems.is_empty() {
             problems.extend(close(&mut model, &drives));
         }

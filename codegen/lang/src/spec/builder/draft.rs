@@ -141,6 +141,14 @@ pub(super) struct ConfigurationDraft {
     pub(super) values: Vec<Value>,
 }
 
+/// White noise, and the Hamiltonian that it multiplies.
+#[derive(Clone, Debug)]
+pub(super) struct NoiseDraft {
+    pub(super) name: String,
+    pub(super) hamiltonian: Option<(Value, Option<Span>)>,
+    pub(super) span: Option<Span>,
+}
+
 /// A state of first order.
 #[derive(Clone, Debug)]
 pub(super) struct FirstOrderDraft {
@@ -389,6 +397,7 @@ pub struct ModelBuilder {
     pub(super) drives: Vec<(Located, Value, Option<Span>)>,
     /// Positions of inputs, by the name of a component or of a vector.
     pub(super) input_blocks: BTreeMap<String, Vec<usize>>,
+    pub(super) noises: Vec<NoiseDraft>,
     pub(super) conditions: Vec<Condition>,
     pub(super) base: Vec<Coordinate>,
     pub(in crate::spec) algebra: Option<(LieAlgebra<Number>, Option<Span>)>,
@@ -491,6 +500,7 @@ impl ModelBuilder {
             input_arrays: Vec::new(),
             drives: Vec::new(),
             input_blocks: BTreeMap::new(),
+            noises: Vec::new(),
             conditions: Vec::new(),
             base: Vec::new(),
             algebra: None,

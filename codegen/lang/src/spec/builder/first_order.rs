@@ -153,6 +153,7 @@ fn of_geometry(model: &Model, role: ExpressionRole) -> Option<(String, Option<Sp
     Some(match role {
         ExpressionRole::Lagrangian
         | ExpressionRole::Hamiltonian
+        | ExpressionRole::Noise(_)
         | ExpressionRole::Force(_)
         | ExpressionRole::FirstOrderRate(_)
         | ExpressionRole::Given(_)

@@ -92,6 +92,11 @@ impl ModelBuilder {
                 self.problem(place, format!("`{name}` is driven, which is not an input"), help);
                 continue;
             };
+            if self.is_noise(&name) {
+                let message = format!("`{name}` is driven, which is a noise");
+                self.problem(place, message, "declare it with `input` to drive it");
+                continue;
+            }
             let declared = self.values.get(&name).map(Value::shape);
             if declared.is_some_and(|shape| shape != value.shape()) {
                 let message = format!(
@@ -251,6 +256,11 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
         }
         ExpressionRole::Lagrangian => ("the Lagrangian".to_owned(), places.lagrangian, FORCE),
         ExpressionRole::Hamiltonian => ("the Hamiltonian".to_owned(), places.lagrangian, FORCE),
+        ExpressionRole::Noise(k) => {
+            let noise = &model.noises[k];
+            let span = noise.hamiltonian.and_then(|(_, span)| span);
+            (format!("the Hamiltonian of the noise `{}`", noise.name), span, "its rate is not known")
+        }
         ExpressionRole::DomainEnd(k) => {
             let name = model.name_of_domain(k);
             (format!("the interval of `{name}`"), places.declared.get(name).copied(), PLACE)

@@ -21,6 +21,7 @@ mod inputs;
 mod modes;
 mod momenta;
 mod named_frames;
+mod noise;
 mod outputs;
 mod params;
 mod positions;

@@ -174,6 +174,12 @@ impl Elaboration<'_> {
                 Some(value) => _ = self.builder.at(Some(name.span)).field(&name.text, &value),
                 None => _ = self.builder.broken.insert("field"),
             },
+            ItemKind::Noise { name, value: Some(value) } => {
+                if let Some(h) = self.eval(value) {
+                    self.builder.at(Some(value.span)).noise_hamiltonian(&name.text, &h);
+                }
+            }
+            ItemKind::Noise { value: None, .. } => {}
             ItemKind::Drive { name, value } => {
                 if let Some((value, span)) = self.located(value) {
                     self.builder.at(Some(name.span)).located_drive(&name.text, (&value, span));

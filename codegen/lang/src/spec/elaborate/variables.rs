@@ -53,6 +53,9 @@ impl Elaboration<'_> {
                 ItemKind::Input { name, shape, default } => {
                     self.declare_numbers(item, "input", (name, shape), default.as_ref())
                 }
+                ItemKind::Noise { name, .. } => {
+                    _ = self.builder.at(Some(name.span)).noise(&name.text, &item.doc.join("\n"));
+                }
                 _ => {}
             }
         }

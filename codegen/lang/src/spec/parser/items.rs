@@ -28,6 +28,11 @@ impl<'a> Parser<'a> {
             "size" => self.size_item()?,
             "param" => self.param()?,
             "input" => self.input()?,
+            "noise" => {
+                let name = self.declared("the name of a noise")?;
+                let value = self.punct(":").map(|_| self.expr()).transpose()?;
+                ItemKind::Noise { name, value }
+            }
             "drive" => {
                 let name = self.named("the name of an input")?;
                 self.equals()?;

@@ -137,6 +137,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         constraint,
         higher,
         mut own_rates,
+        mut noise_rates,
         positions,
         degeneracy,
         unknowns,
@@ -214,7 +215,8 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         replace(g, e)?;
     }
     let rates = reconstruction.iter_mut().map(|c| &mut c.rate);
-    for e in rates.chain(own_rates.iter_mut().map(|own| &mut own.rate)) {
+    let own = own_rates.iter_mut().map(|own| &mut own.rate);
+    for e in rates.chain(own).chain(noise_rates.iter_mut().map(|(_, rate)| rate)) {
         replace(g, e)?;
     }
     for section in &mut sections {
@@ -243,6 +245,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         constraint,
         higher,
         own_rates,
+        noise_rates,
         positions,
         degeneracy,
         unknowns,

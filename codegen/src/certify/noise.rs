@@ -1,0 +1,144 @@
+//! What white noise does to a motion: the Hamiltonian vector fields of its functions, by their definition.
+//!
+//! Along a displacement `w`, in the frame of the group, the momentum `p` changes by `-<p, [w, v]> - dh(rho w)` for each
+//! unit of the noise, and base coordinates by `rho v`, with `v = dh/dp`. A named momentum is `<p, e_b>` along a
+//! displacement `e_b`, so that `v = dh/dp_b e_b`, and `dh(rho w)` is taken at fixed `p`.
+//!
+//! Does not know: how equations of motion are made, increments of the noise.
+//!
+//! # Source
+//! Holm 2015, equations (1.3) and (2.12).
+
+use hamel_runtime::{Dual, Real};
+
+use hamel_expr::SymbolId;
+
+use super::definition::{Missing, Place};
+use super::motion::Motion;
+use super::point::Setting;
+use super::tape::Tape;
+use super::wide::Wide;
+
+/// A momentum that the model names.
+pub(super) struct NamedMomentum<R> {
+    pub(super) symbol: SymbolId,
+    /// The displacement that it belongs to, in the frame of the group.
+    pub(super) along: Vec<R>,
+}
+
+impl Motion {
+    /// All momenta that the model names, those of velocities that constraints determine excepted.
+    pub(super) fn named_momenta<R: Real>(
+        setting: &Setting<'_>,
+        at: &Place<R>,
+    ) -> Result<Vec<NamedMomentum<R>>, Missing> {
+        let definition = &setting.definition;
+        let system = &setting.claim.equations.system;
+        let (model, n_frame) = (definition.model, definition.m);
+        let mut found = Vec::new();
+        for (_, symbol, velocity) in model.momenta.iter().flat_map(|m| &m.components) {
+            let is_it = |u: &hamel_mechanics::reduction::Unknown| match u.frame_idx {
+                Some(k) => k == *velocity,
+                None => *velocity >= n_frame && model.quasi_velocities[velocity - n_frame].symbol == u.symbol,
+            };
+            let Some(unknown) = system.unknowns.iter().position(is_it) else { continue };
+            let along = Motion::displacement_of(setting, at, unknown)?;
+            let along = definition.group_velocities(&at.env, &along[..n_frame])?;
+            found.push(NamedMomentum { symbol: *symbol, along });
+        }
+        Ok(found)
+    }
+
+    /// `<p, w>` for a displacement in the frame of the group.
+    pub(super) fn momentum<R: Real>(setting: &Setting<'_>, at: &Place<R>, w: &[R]) -> Result<R, Missing> {
+        let definition = &setting.definition;
+        match definition.has_hamiltonian() {
+            true => definition.momentum_along(at, &definition.model_velocities(&at.env, w)?),
+            false => Ok(definition.lagrangian(at, w, &Vec::new())?.derivative),
+        }
+    }
+
+    /// `sum_k W_k v_k`, in the frame of the group; none where nothing but forces comes from noise.
+    pub(super) fn transport(setting: &Setting<'_>, at: &Place<Wide>) -> Result<Option<Vec<Wide>>, Missing> {
+        let fields = Motion::noise_fields(setting, at)?;
+        let sum = |a: Vec<Wide>, b: Vec<Wide>| a.into_iter().zip(b).map(|(a, b)| a + b).collect();
+        Ok(fields.into_iter().filter_map(|field| Some(times(field.w, &field.v?))).reduce(sum))
+    }
+
+    /// The velocities that move coordinates, those of noise among them, in the frame of the group.
+    pub(super) fn total(setting: &Setting<'_>, at: &Place<Wide>) -> Result<Vec<Wide>, Missing> {
+        Ok(match Motion::transport(setting, at)? {
+            Some(v) => at.group.iter().zip(v).map(|(y, v)| *y + v).collect(),
+            None => at.group.clone(),
+        })
+    }
+
+    /// `sum_k W_k (<p, [w, v_k]> + dh_k(rho w))`.
+    pub(super) fn power_of_noise(setting: &Setting<'_>, at: &Place<Wide>, w: &[Wide]) -> Result<Wide, Missing> {
+        let definition = &setting.definition;
+        let mut sum = Wide::ZERO;
+        for field in Motion::noise_fields(setting, at)? {
+            if let Some(v) = &field.v {
+                let z = definition.bracket(&at.env, w, v)?;
+                sum += field.w * Motion::momentum(setting, at, &z)?;
+            }
+            let along = definition.anchored(&at.env, w)?;
+            let shifted = setting.place(&setting.seeded(&at.env, &along))?;
+            let mut env = shifted.env.clone();
+            for (momentum, still) in
+                Motion::named_momenta(setting, &shifted)?.iter().zip(Motion::named_momenta(setting, at)?)
+            {
+                let change: Vec<Wide> = momentum.along.iter().map(|e| e.derivative).collect();
+                let value = Motion::momentum(setting, at, &still.along)?;
+                env.set(momentum.symbol, Dual::new(value, Motion::momentum(setting, at, &change)?));
+            }
+            sum += field.w * field.h.eval(&env)?.roots[0].derivative;
+        }
+        Ok(sum)
+    }
+
+    /// The noises that the scene takes and that have a Hamiltonian.
+    fn noise_fields(setting: &Setting<'_>, at: &Place<Wide>) -> Result<Vec<NoiseField>, Missing> {
+        let model = setting.definition.model;
+        let taken = &setting.claim.equations.system.inputs;
+        let mut fields = Vec::new();
+        for noise in model.noises.iter().filter(|noise| taken.iter().any(|input| input.symbol == noise.symbol)) {
+            let Some((h, _)) = noise.hamiltonian else { continue };
+            let w = at.env.get(noise.symbol).ok_or(noise.symbol)?;
+            let h = Tape::new(&model.graph, &[h]);
+            let momenta = Motion::named_momenta(setting, at)?;
+            let mut env = at.env.map(Dual::constant);
+            for momentum in &momenta {
+                env.set(momentum.symbol, Dual::constant(Motion::momentum(setting, at, &momentum.along)?));
+            }
+            let mut v: Option<Vec<Wide>> = None;
+            for momentum in &momenta {
+                let value = env.get(momentum.symbol).ok_or(momentum.symbol)?;
+                env.set(momentum.symbol, Dual::variable(value.value));
+                let slope = h.eval(&env)?.roots[0].derivative;
+                env.set(momentum.symbol, value);
+                if slope.size() > 0.0 {
+                    let own = times(slope, &momentum.along);
+                    v = Some(match v {
+                        Some(sum) => sum.into_iter().zip(own).map(|(a, b)| a + b).collect(),
+                        None => own,
+                    });
+                }
+            }
+            fields.push(NoiseField { w, h, v });
+        }
+        Ok(fields)
+    }
+}
+
+fn times(factor: Wide, w: &[Wide]) -> Vec<Wide> {
+    w.iter().map(|w| factor * *w).collect()
+}
+
+struct NoiseField {
+    /// The noise at the point.
+    w: Wide,
+    h: Tape,
+    /// `v = dh/dp`; none where it vanishes.
+    v: Option<Vec<Wide>>,
+}
