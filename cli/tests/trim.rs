@@ -11,6 +11,7 @@ use hamel_run::equilibria::{Along, Answer, Asked, Change, End, Equilibrium, Verd
 use hamel_run::error::Error;
 use hamel_run::interpreted;
 use hamel_run::method::{MethodName, Steps};
+use hamel_run::noise::Noise;
 use hamel_run::model::Checked;
 use hamel_run::simulation::{MAX_EVENTS, SimulateRequest};
 use serde_json::Value;
@@ -121,6 +122,7 @@ fn moved(text: &str, scene: &str, start: &Equilibrium, t_final: f64) -> Vec<f64>
         max_steps: 1_000_000,
         max_events: MAX_EVENTS,
         watched: None,
+        noise: Noise::default(),
         along: Vec::new(),
         tangents: Vec::new(),
     };

@@ -227,7 +227,7 @@ pub(crate) fn write(
         motion: MotionOptions {
             set: own.filter(|(name, _)| !is_varied(name)).collect(),
             initial: Vec::new(),
-            method: asked.method,
+            method: Some(asked.method),
             rtol,
             atol,
             step,

@@ -215,10 +215,8 @@ impl Scene {
                 table = own.overlaid(&table);
             }
             let built = match gives_way(&self.model, self.info(), &table) {
-                true => {
-                    interpreted::build(&self.model, model::CONTROLLED_SCENE)?.in_memory().driven_by(&table)?
-                }
-                false => self.built().also_driven_by(&table)?,
+                Some(scene) => interpreted::build(&self.model, scene)?.in_memory().driven_by(&table)?,
+                None => self.built().also_driven_by(&table)?,
             };
             let values = self.values_of(built.info());
             Scene::new(Arc::clone(&self.model), Arc::new(built), values, Some(Arc::new(table)), self.source())

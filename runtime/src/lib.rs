@@ -12,6 +12,7 @@
 //! | `Gbs14` (feature `lanes`) | 14 | 14 | adaptive, fixed | the fastest down to 1e-14; [`OverScalar`] |
 //! | [`Taylor`] | 2 to 32 | as steps | adaptive, fixed | tolerances below 1e-6, systems with series, [`Jet`] |
 //! | [`Rk4`] | 4 | 3 | fixed | comparisons, real time |
+//! | [`Midpoint`] | 2 | 2 | fixed | noise, [`Wiener`] |
 //! | [`Gauss4`], [`Gauss6`], [`Gauss8`] | 4, 6, 8 | 3, 4, 5 | fixed | long times: symplectic, symmetric |
 //! | `Gauss16` (feature `lanes`) | 16 | 16 | fixed | the longest times: round-off is a random walk; [`OverScalar`] |
 //! | [`Dla`] | 2 | 3 | fixed | nonholonomic systems with multipliers: reversible; [`Implicit`] |
@@ -54,7 +55,7 @@
 //! # Inputs
 //!
 //! A system that is moved from outside is [`Controlled`]: its inputs are held, or driven as [`WithInput`] by a
-//! [`Signal`], a closure of time and state or a [`Table`].
+//! [`Signal`], a closure of time and state or a [`Table`]. Noise is a [`Signal`] as well, [`Wiener`].
 //!
 //! # Features
 //!
@@ -109,6 +110,7 @@ mod system;
 mod table;
 mod turn;
 mod variational;
+mod wiener;
 
 pub use adjoint::{Adjoint, AdjointStats, Checkpoint, DiscreteAdjoint};
 pub use double_double::DoubleDouble;
@@ -126,7 +128,7 @@ pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
     Constant, Dla, DlaStorage, Dop853, Dopri5, Estimate, ExactFlows, ExplicitMethod, FixedPoint, Gauss,
-    Gauss4, Gauss6, Gauss8, Invariants, Levels, Method, Newton, OfMotion, OfPositions, OnCircles, Point,
+    Gauss4, Gauss6, Gauss8, Invariants, Levels, Method, Midpoint, Newton, OfMotion, OfPositions, OnCircles, Point,
     Projected, Projection, Rk4, Row, Splitting, Splitting2, Splitting4, Splitting6, Start, Step, Tableau,
     Taylor, Tolerances, Tsit5, Turning, Vern9,
 };
@@ -147,6 +149,7 @@ pub use system::{
 };
 pub use table::{Interpolation, Table, TableError};
 pub use variational::Variational;
+pub use wiener::Wiener;
 
 /// Includes a module that a build script generated with `hamel_codegen`, by the name of the file in `OUT_DIR` without
 /// its extension: a model's name, `<model>_<scene>` for its other scenes, or the file of `Config::include_file`.

@@ -18,6 +18,7 @@ use super::forms::Forms;
 use super::info::Info;
 use super::interpreted;
 use super::method::{MethodName, Steps};
+use super::noise::Noise;
 use super::simulation::{MAX_EVENTS, SimulateRequest, samples_refusal};
 use super::start::{Alike, Starts};
 use super::watched::Watched;
@@ -81,6 +82,8 @@ pub struct Asked {
     pub max_events: Option<u64>,
     /// Functions of the state to watch, in the language of models.
     pub sections: Vec<String>,
+    /// The path of the scene's noises.
+    pub noise: Noise,
     /// Parameters and components of the initial state that the motion is differentiated by.
     pub along: Vec<String>,
 }
@@ -176,6 +179,7 @@ impl Asked {
             max_steps: self.max_steps.unwrap_or(self.steps.max_steps()),
             max_events: self.max_events.unwrap_or(MAX_EVENTS),
             watched: None,
+            noise: self.noise,
             along: Vec::new(),
             tangents: Vec::new(),
         }

@@ -107,6 +107,7 @@ fn duration(seconds: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use crate::noise::Noise;
     use std::time::Duration;
 
     use super::status;
@@ -128,6 +129,7 @@ mod tests {
             max_steps,
             max_events: MAX_EVENTS,
             watched: None,
+            noise: Noise::default(),
             along: Vec::new(),
             tangents: Vec::new(),
         };

@@ -80,8 +80,8 @@ impl Choice {
     pub fn open(&self, file: &ModelFile<'_>) -> Result<Built, Error> {
         let mut built = interpreted::build(file.model()?, &self.scene)?;
         if let Some(table) = &self.table {
-            if gives_way(file.model()?, built.info(), table) {
-                built = interpreted::build(file.model()?, model::CONTROLLED_SCENE)?;
+            if let Some(scene) = gives_way(file.model()?, built.info(), table) {
+                built = interpreted::build(file.model()?, scene)?;
             }
             built = built.driven_by(table)?;
         }
@@ -89,8 +89,12 @@ impl Choice {
     }
 }
 
-/// Whether a scene gives way to the one that takes the inputs of its model: the default scene takes none unless the
-/// model says so, and the other one has the same besides.
-pub fn gives_way(model: &Checked, scene: &Info, table: &InputTable) -> bool {
-    scene.scene == model::DEFAULT_SCENE && !table.fits(scene) && !model.inputs.is_empty()
+/// The scene that a scene gives way to, which takes the inputs of its model, or the noises as well where the table has
+/// one: the default scene takes none unless the model says so, and the other one has the same besides.
+pub fn gives_way(model: &Checked, scene: &Info, table: &InputTable) -> Option<&'static str> {
+    if scene.scene != model::DEFAULT_SCENE || table.fits(scene) || model.inputs.is_empty() {
+        return None;
+    }
+    let has_noise = model.noises.iter().any(|noise| table.has(&noise.name));
+    Some(if has_noise { model::STOCHASTIC_SCENE } else { model::CONTROLLED_SCENE })
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use hamel_runtime::{
     Differentiable, Dual, ExactFlows, F64x4, Failure, Invariants, Jet, OverScalar, ParamError, Pivot,
-    Positions, Real, SquareStorage, StateVector, System,
+    Positions, Real, SquareStorage, StateVector, System, Wiener,
 };
 
 use hamel_codegen::spec::Want;
@@ -289,6 +289,12 @@ pub trait Factory: Sync {
     /// The first condition on the parameters that does not hold.
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams>;
 
+    /// The same, moved by a path of the scene's noises.
+    ///
+    /// # Errors
+    /// As [`Factory::prepare`].
+    fn prepare_noisy(&self, values: &[f64], noise: Wiener) -> Result<PreparedScene<'_>, BadParams>;
+
     /// Fixes the parameters on four lanes; one lane after the other unless the scene has been compiled for lanes.
     ///
     /// # Errors
@@ -329,6 +335,10 @@ impl<F: Factory + ?Sized> Factory for &F {
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
         (**self).prepare(values)
+    }
+
+    fn prepare_noisy(&self, values: &[f64], noise: Wiener) -> Result<PreparedScene<'_>, BadParams> {
+        (**self).prepare_noisy(values, noise)
     }
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use hamel_ensemble::{Ensemble, Lanes, Motions, Source};
-use hamel_runtime::{F64x4, Method, Options};
+use hamel_runtime::{F64x4, Method, Options, Wiener};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use rayon::ThreadPool;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
@@ -18,9 +18,11 @@ use serde::{Deserialize, Serialize};
 use super::any_method::AnyMethod;
 use super::auto::Purpose;
 use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
+use super::info::Info;
 use super::integrate::{self, Unfinished};
 use super::members::{Beginnings, Followed, Members};
 use super::method::{MethodName, Steps};
+use super::noise::{self, Noise};
 use super::simulation::{MAX_EVENTS, SimulateRequest, sample_time};
 use super::solver::method_of;
 use super::watched::Watched;
@@ -59,6 +61,8 @@ pub struct EnsembleRequest {
     pub max_steps: Option<u64>,
     /// Number of threads; none for that of the cores.
     pub threads: Option<usize>,
+    /// The path of the first trajectory, with the seed of all; the others have the numbers behind it.
+    pub noise: Noise,
     /// Events that change the state or end motions; each trajectory has steps of its own then.
     pub watched: Option<Watched>,
     /// How far the whole ensemble is.
@@ -130,10 +134,11 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
     let bar = progress_bar(request.progress);
     let progress = |n: usize| bar.inc(n as u64);
     let members = pool.install(|| {
-        if let Some(watched) = &request.watched {
+        if let Some(watched) = request.watched.as_ref().filter(|_| factory.info().noises.is_empty()) {
             return Ok(through_events(factory, request, watched, (&times, &progress)));
         }
-        let job = Job { factory, request, options, times: &times, progress: &progress };
+        let noise = noise_of(factory.info(), request)?;
+        let job = Job { factory, request, noise, options, times: &times, progress: &progress };
         // What a scene can do depends on the scene alone, but takes parameters that are allowed.
         let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
         let method = match &any {
@@ -157,6 +162,21 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
     members
 }
 
+/// What moves the trajectories of a scene with noise.
+fn noise_of(info: &Info, request: &EnsembleRequest) -> Result<Option<Wiener>, Error> {
+    if info.noises.is_empty() {
+        return Ok(None);
+    }
+    let EnsembleRequest { members, noise, method, steps, t_final, samples, watched, .. } = request;
+    if watched.is_some() {
+        noise::refuse(info, "whose paths no event is watched for on")?;
+    }
+    if u32::try_from(members.len()).ok().and_then(|n| noise.path.checked_add(n)).is_none() {
+        return Err(Error::Options { reason: format!("noise has at most {} paths", u32::MAX) });
+    }
+    noise.wiener(info, (*method, *steps), (*t_final, *samples)).map(Some)
+}
+
 /// All members with a start through their events, each in the steps that `simulate` takes by the same method.
 fn through_events(
     factory: &dyn Factory,
@@ -178,6 +198,7 @@ fn through_events(
         max_steps: max_steps.unwrap_or(steps.max_steps()),
         max_events: MAX_EVENTS,
         watched: Some(watched.clone()),
+        noise: Noise::default(),
         along: Vec::new(),
         tangents: Vec::new(),
     };
@@ -234,6 +255,8 @@ fn followed_of(
 struct Scenes<'a> {
     factory: &'a dyn Factory,
     cancel: Cancel,
+    /// What moves them, with the number of the path behind the parameters.
+    noise: Option<Wiener>,
 }
 
 impl Scenes<'_> {
@@ -252,7 +275,12 @@ impl<'a> Source<f64> for Scenes<'a> {
 
     fn prepare(&self, params: &[f64]) -> Result<Self::System, BadParams> {
         self.go_on()?;
-        self.factory.prepare(params)
+        match (self.noise, params.split_last()) {
+            (Some(noise), Some((path, params))) => {
+                self.factory.prepare_noisy(params, noise.with_path(*path as u32))
+            }
+            _ => self.factory.prepare(params),
+        }
     }
 
     fn state(&self, components: &[f64]) -> VecState {
@@ -292,6 +320,7 @@ impl<'a> Source<F64x4> for Scenes<'a> {
 struct Job<'a, 'r> {
     factory: &'a dyn Factory,
     request: &'r EnsembleRequest,
+    noise: Option<Wiener>,
     options: Options<f64>,
     /// Times of the samples.
     times: &'r [f64],
@@ -309,8 +338,10 @@ impl<'a> Job<'a, '_> {
         Method::<f64, PreparedScene<'a>>::validate(&method, &self.options)
             .map_err(|e| Error::Options { reason: e.to_string() })?;
         let ensemble = Ensemble::new(method, self.options).with_lanes::<L>();
-        let EnsembleRequest { members, t_final, cancel, .. } = self.request;
-        let scenes = Scenes { factory: self.factory, cancel: cancel.clone() };
+        let EnsembleRequest { members, t_final, cancel, noise, .. } = self.request;
+        let scenes = Scenes { factory: self.factory, cancel: cancel.clone(), noise: self.noise };
+        let on_paths = self.noise.map(|_| members.numbered(noise.path));
+        let members = on_paths.as_ref().unwrap_or(members);
         let started = members.started();
         let member = |k: usize| members.member(started.as_ref().map_or(k, |started| started[k]));
         let n = started.as_ref().map_or(members.len(), Vec::len);

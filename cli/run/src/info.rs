@@ -21,6 +21,9 @@ pub struct Info {
     /// Inputs that the scene takes, with the values that they are held at.
     #[serde(default)]
     pub inputs: Vec<ParamEntry>,
+    /// Names of the inputs that are white noise.
+    #[serde(default)]
+    pub noises: Vec<String>,
     /// Velocities of the state that have a rate of their own, in the order of inverse dynamics and mass matrix; empty
     /// where the state has momenta in their place.
     #[serde(default)]

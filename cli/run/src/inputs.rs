@@ -5,7 +5,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use hamel_runtime::{Interpolation, PolynomialSignal, Real, Signal, Table, TableError};
+use hamel_runtime::{Interpolation, PolynomialSignal, Real, Signal, Table, TableError, Wiener};
 use serde_json::{Value, json};
 
 use super::info::{Info, ParamEntry};
@@ -50,6 +50,8 @@ enum Column {
     Held(f64),
     /// Values at times.
     Rows(Table<'static, 1>),
+    /// The rate of the Wiener process of that number.
+    Noise(Wiener, u32),
 }
 
 /// Inputs at times, column by column; some may be held.
@@ -143,6 +145,7 @@ impl InputTable {
         let of_column = |(name, column): &(String, Column)| {
             let described = match column {
                 Column::Held(value) => json!(value),
+                Column::Noise(wiener, k) => json!({"noise": format!("{wiener:?} {k}")}),
                 Column::Rows(table) => json!({"table_hash": fnv1a(format!("{table:?}").bytes())}),
             };
             (name.clone(), described)
@@ -188,11 +191,30 @@ impl InputTable {
 pub struct Driven(Vec<Column>);
 
 impl Driven {
+    /// The inputs of a scene with noise: noises that no table has are those of a path, others as they are driven, or
+    /// held at values that stand in their place.
+    pub(super) fn noisy(info: &Info, drive: Option<&Driven>, held: &[f64], wiener: Wiener) -> Driven {
+        let mut n_noises = 0;
+        let column = |(k, input): (usize, &ParamEntry)| {
+            let noise = info.noises.contains(&input.name).then(|| {
+                n_noises += 1;
+                Column::Noise(wiener, n_noises - 1)
+            });
+            let own = drive.map(|drive| drive.0[k]).filter(|own| matches!(own, Column::Rows(_)));
+            own.or(noise).unwrap_or_else(|| Column::Held(held.get(k).copied().unwrap_or(input.default)))
+        };
+        Driven(info.inputs.iter().enumerate().map(column).collect())
+    }
+
     /// The inputs at a time.
     pub fn at<R: Real>(&self, t: R) -> Vec<R> {
         let value = |column: &Column| match column {
             Column::Rows(table) => Signal::<R, (), 1>::at(table, t, &())[0],
             Column::Held(value) => R::from_f64(*value),
+            Column::Noise(wiener, k) => {
+                let t = if R::ZERO.all_gt(t) { -t.magnitude() } else { t.magnitude() };
+                R::from_f64(wiener.rate(*k, t))
+            }
         };
         self.0.iter().map(value).collect()
     }
@@ -207,6 +229,7 @@ impl Driven {
             match column {
                 Column::Rows(table) => until = table.piece((t, until), &mut own),
                 Column::Held(value) => own[0] = [*value],
+                Column::Noise(wiener, k) => own[0] = [wiener.rate(*k, t)],
             }
             orders.iter_mut().zip(own).for_each(|(order, [coefficient])| order[i] = coefficient);
         }

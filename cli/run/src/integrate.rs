@@ -9,11 +9,12 @@ use hamel_runtime::{Error as SolverError, Integrator};
 use super::admissible;
 use super::auto::Purpose;
 use super::dynamics::{Factory, PreparedScene, VecState};
-use super::evaluate::{describe, prepare, why_stopped};
+use super::evaluate::{describe, prepare, refused, why_stopped};
 use super::events::Watcher;
 use super::info::Info;
 use super::length::method_of_long;
 use super::method::{MethodName, Steps};
+use super::noise;
 use super::record::Record;
 use super::sensitivity::Along;
 use super::simulation::{Sample, SimulateRequest, SimulateResponse, stopped_because};
@@ -53,7 +54,7 @@ pub fn simulate_at(
 ) -> Result<SimulateResponse, Error> {
     has_state(factory.info())?;
     request.validate(factory.info())?;
-    let dynamics = prepare(factory, &request.params)?;
+    let dynamics = prepare_moved(factory, request)?;
     admissible::check(&*dynamics, &request.initial, request.n_group)?;
     let long = if request.method == MethodName::Auto { method_of_long(factory, request) } else { None };
     if let Some(method) = long {
@@ -69,6 +70,23 @@ pub fn simulate_at(
     let mut response = motion(&prepare(&along, &request.params)?, &extended, times, progress)?;
     along.separate(&mut response);
     Ok(response)
+}
+
+/// The scene with its parameters, moved by its noises where it has any.
+fn prepare_moved<'f>(factory: &'f dyn Factory, request: &SimulateRequest) -> Result<PreparedScene<'f>, Error> {
+    let info = factory.info();
+    if info.noises.is_empty() {
+        return prepare(factory, &request.params);
+    }
+    if request.watched.is_some() {
+        noise::refuse(info, "whose paths no event is watched for on")?;
+    }
+    if !request.along.is_empty() {
+        noise::refuse(info, "whose paths have no derivatives")?;
+    }
+    let SimulateRequest { method, steps, t_final, samples, .. } = *request;
+    let wiener = request.noise.wiener(info, (method, steps), (t_final, samples))?;
+    factory.prepare_noisy(&request.params, wiener).map_err(|bad| refused(info, &request.params, bad))
 }
 
 /// A motion that has not come to its end: why, and the samples on the way.

@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_codegen::spec::Want;
 use hamel_program::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
-use hamel_runtime::{Dual, F64x4, Failure, Pivot};
+use hamel_runtime::{Dual, F64x4, Failure, Pivot, Wiener};
 
 use super::constraint_rows::ConstraintRows;
 use super::driving::{Driving, OnLanes, bad_params};
@@ -19,7 +19,7 @@ use super::dynamics::{
 };
 use super::guards::{check, domain, pivots};
 use super::info::Info;
-use super::inputs::{Drive, InputTable};
+use super::inputs::{Drive, Driven, InputTable};
 use super::machine::{self, Compiled};
 use super::stored::{Stored, fits, output_entry};
 use super::watched::Watched;
@@ -363,19 +363,19 @@ fn why_unsplit(error: hamel_codegen::error::Error) -> String {
     }
 }
 
-impl Factory for Built {
-    fn info(&self) -> &Info {
-        &self.info
-    }
-
-    fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
-        let (params, inputs) = self.parted(values);
+impl Built {
+    /// With values for the inputs in the place of what drives them, or none.
+    fn prepare_driven(
+        &self,
+        (params, inputs): (&[f64], &[f64]),
+        drive: &Drive,
+    ) -> Result<PreparedScene<'_>, BadParams> {
         let interpreter = self.executable.prepare(params).map_err(bad_params)?;
         Ok(PreparedScene::new(Interpreted {
             built: self,
             params: params.to_vec(),
             inputs: inputs.to_vec(),
-            interpreter: Driving::held(interpreter).driven(&self.drive).holding(inputs),
+            interpreter: Driving::held(interpreter).driven(drive).holding(inputs),
             jet: OnceLock::new(),
             invariants: OnceLock::new(),
             positions: OnceLock::new(),
@@ -383,6 +383,23 @@ impl Factory for Built {
             splitting: OnceLock::new(),
             lanes: OnceLock::new(),
         }))
+    }
+}
+
+impl Factory for Built {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
+        let (params, inputs) = self.parted(values);
+        self.prepare_driven((params, inputs), &self.drive)
+    }
+
+    fn prepare_noisy(&self, values: &[f64], noise: Wiener) -> Result<PreparedScene<'_>, BadParams> {
+        let (params, held) = self.parted(values);
+        let drive = Driven::noisy(&self.info, self.drive.as_deref(), held, noise);
+        self.prepare_driven((params, &[]), &Some(Arc::new(drive)))
     }
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
@@ -436,7 +453,7 @@ impl<'a> Interpreted<'a> {
         let prepare = || {
             let [params, inputs] = [&self.params, &self.inputs]
                 .map(|values| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>());
-            self.built.executable.prepare_lanes((&params, &inputs), &self.built.drive)?.ok()
+            self.built.executable.prepare_lanes((&params, &inputs), &self.interpreter.drive)?.ok()
         };
         self.lanes.get_or_init(prepare).as_ref()
     }
@@ -470,7 +487,7 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn inputs_at(&self, t: f64) -> Option<Vec<f64>> {
-        let drive = self.built.drive.as_ref().filter(|_| self.inputs.is_empty());
+        let drive = self.interpreter.drive.as_ref();
         drive
             .map(|drive| drive.at(t))
             .or_else(|| Some(self.inputs.clone()).filter(|inputs| !inputs.is_empty()))

@@ -44,6 +44,7 @@ pub mod members;
 pub mod method;
 pub mod model;
 pub mod names;
+pub mod noise;
 pub mod ranks;
 mod record;
 pub mod repository;

@@ -29,6 +29,7 @@ pub fn info(fluid: &MatrixFluid) -> Info {
         momenta: Vec::new(),
         params: Vec::new(),
         inputs: Vec::new(),
+        noises: Vec::new(),
         velocities: Vec::new(),
         frames: Vec::new(),
         outputs: if casimirs.is_empty() { Vec::new() } else { vec![group(casimirs)] },

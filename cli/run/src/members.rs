@@ -48,6 +48,23 @@ impl Beginnings {
         self.states.resize(self.n * self.n_state, f64::NAN);
     }
 
+    /// The same with a number behind the parameters of each, that of the first and those that follow.
+    pub(super) fn numbered(&self, first: u32) -> Beginnings {
+        let mut numbered = Beginnings {
+            n: self.n,
+            n_params: self.n_params + 1,
+            n_state: self.n_state,
+            params: Vec::with_capacity(self.n * (self.n_params + 1)),
+            states: self.states.clone(),
+            failed: self.failed.clone(),
+        };
+        for k in 0..self.n {
+            numbered.params.extend_from_slice(self.member(k).0);
+            numbered.params.push(f64::from(first) + k as f64);
+        }
+        numbered
+    }
+
     /// Adds others behind these, which have as many numbers.
     pub fn append(&mut self, mut others: Beginnings) {
         self.failed.extend(others.failed.into_iter().map(|(k, reason)| (self.n + k, reason)));

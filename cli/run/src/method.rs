@@ -30,6 +30,8 @@ pub enum MethodName {
     Dopri5,
     /// The classical fourth-order method, fixed steps only.
     Rk4,
+    /// The implicit midpoint rule, of second order: symplectic, fixed steps only; for noise.
+    Midpoint,
     /// Gauss collocation of fourth order: symplectic, fixed steps only.
     Gauss4,
     /// Gauss collocation of sixth order: symplectic, fixed steps only.
@@ -38,6 +40,8 @@ pub enum MethodName {
     Gauss8,
     /// Gauss collocation of order 16 in lanes, for the longest runs: symplectic, fixed steps only.
     Gauss16,
+    /// The midpoint rule with Newton's iteration.
+    MidpointNewton,
     /// The same of fourth order with Newton's iteration, for stiff systems and long steps.
     Gauss4Newton,
     /// The same of sixth order with Newton's iteration.
@@ -86,17 +90,19 @@ enum Class {
 }
 
 /// Every method in the order of [`MethodName`], with its name in requests and on the command line.
-const METHODS: [(MethodName, &str, Class); 21] = [
+const METHODS: [(MethodName, &str, Class); 23] = [
     (MethodName::Tsit5, "tsit5", Class::Embedded),
     (MethodName::Dop853, "dop853", Class::Embedded),
     (MethodName::Vern9, "vern9", Class::Embedded),
     (MethodName::Gbs14, "gbs14", Class::Embedded),
     (MethodName::Dopri5, "dopri5", Class::Embedded),
     (MethodName::Rk4, "rk4", Class::Fixed),
+    (MethodName::Midpoint, "midpoint", Class::Fixed),
     (MethodName::Gauss4, "gauss4", Class::Fixed),
     (MethodName::Gauss6, "gauss6", Class::Fixed),
     (MethodName::Gauss8, "gauss8", Class::Fixed),
     (MethodName::Gauss16, "gauss16", Class::Fixed),
+    (MethodName::MidpointNewton, "midpoint-newton", Class::Newton),
     (MethodName::Gauss4Newton, "gauss4-newton", Class::Newton),
     (MethodName::Gauss6Newton, "gauss6-newton", Class::Newton),
     (MethodName::Gauss8Newton, "gauss8-newton", Class::Newton),
@@ -150,6 +156,15 @@ impl MethodName {
         matches!(
             self.class(),
             Class::Fixed | Class::Newton | Class::FixedProjection | Class::Flows | Class::Matrices
+        )
+    }
+
+    /// Whether all rates that a step is made of are those of times inside of it.
+    pub fn evaluates_inside(self) -> bool {
+        use MethodName::*;
+        matches!(
+            self,
+            Midpoint | Gauss4 | Gauss6 | Gauss8 | MidpointNewton | Gauss4Newton | Gauss6Newton | Gauss8Newton
         )
     }
 

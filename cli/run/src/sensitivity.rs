@@ -2,7 +2,7 @@
 //!
 //! Does not know: how anything is integrated, how a request was written.
 
-use hamel_runtime::{Dual, Failure, Pivot, Real, System, Variational};
+use hamel_runtime::{Dual, Failure, Pivot, Real, System, Variational, Wiener};
 
 use super::direction::Direction;
 use super::dynamics::{BadParams, Dynamics, Factory, PreparedDuals, PreparedScene, VecState};
@@ -89,6 +89,11 @@ impl Factory for Along<'_> {
             .map(|direction| self.prepare_duals(&direction.params(values)).map(OnDuals));
         let rates = rates.collect::<Result<_, _>>()?;
         Ok(PreparedScene::new(PreparedAlong { info: &self.info, base, rates }))
+    }
+
+    fn prepare_noisy(&self, _values: &[f64], _noise: Wiener) -> Result<PreparedScene<'_>, BadParams> {
+        let (condition, meaning) = ("a motion without noise".into(), "derivatives have none".into());
+        Err(BadParams { condition, meaning })
     }
 
     fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::direction::Direction;
 use super::info::Info;
 use super::method::{MethodName, Steps};
+use super::noise::Noise;
 use super::watched::{EventRecord, Watched};
 use crate::error::Error;
 
@@ -35,6 +36,9 @@ pub struct SimulateRequest {
     pub max_events: u64,
     /// Events to watch for.
     pub watched: Option<Watched>,
+    /// The path of the scene's noises.
+    #[serde(default)]
+    pub noise: Noise,
     /// What the motion is differentiated by.
     pub along: Vec<Direction>,
     /// Derivatives of the initial state along each direction; where there are none, everything but what a direction

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use hamel_codegen::spec::Want;
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, OnCircles, Rk4, Splitting2,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, Midpoint, OnCircles, Rk4, Splitting2,
     Splitting4, Splitting6, Taylor, Tsit5, Vern9,
 };
 
@@ -83,10 +83,12 @@ fn own_method<'a>(
         }
         MethodName::Dopri5 => AnyMethod::single(&Dopri5).with_lanes(on_lanes!(Dopri5)),
         MethodName::Rk4 => AnyMethod::single(&Rk4).with_lanes(on_lanes!(Rk4)),
+        MethodName::Midpoint => AnyMethod::single(const { &Midpoint::fixed_point() }),
         MethodName::Gauss4 => AnyMethod::single(const { &Gauss4::fixed_point() }),
         MethodName::Gauss6 => AnyMethod::single(const { &Gauss6::fixed_point() }),
         MethodName::Gauss8 => AnyMethod::single(const { &Gauss8::fixed_point() }),
         MethodName::Gauss16 => AnyMethod::single(&Gauss16),
+        MethodName::MidpointNewton => AnyMethod::single(const { &Midpoint::newton() }),
         MethodName::Gauss4Newton => AnyMethod::single(const { &Gauss4::newton() }),
         MethodName::Gauss6Newton => AnyMethod::single(const { &Gauss6::newton() }),
         MethodName::Gauss8Newton => AnyMethod::single(const { &Gauss8::newton() }),

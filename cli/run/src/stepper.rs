@@ -190,6 +190,7 @@ mod tests {
     use hamel_runtime::F64x4;
 
     use super::{Pace, Room, Stepper};
+    use crate::noise::Noise;
     use crate::cache::Cache;
     use crate::error::Error;
     use crate::interpreted::{self, Built};
@@ -241,6 +242,7 @@ mod tests {
             max_steps: 1_000_000,
             max_events: MAX_EVENTS,
             watched: None,
+            noise: Noise::default(),
             along: Vec::new(),
             tangents: Vec::new(),
         };

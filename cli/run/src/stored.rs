@@ -31,6 +31,7 @@ impl Stored {
             momenta: momenta(scene),
             params: scene.params().iter().map(param).collect(),
             inputs: scene.equations().system.inputs.iter().map(param).collect(),
+            noises: scene.noise_names(),
             velocities: scene.equations().names_of_velocities().to_vec(),
             frames: scene.frame_names(),
             outputs: scene.outputs().iter().map(output_entry).collect(),

@@ -88,6 +88,7 @@ fn allocations_of(scene: &Built, method: MethodName, n: usize) -> usize {
         width: Width::Four,
         max_steps: None,
         watched: None,
+        noise: hamel_run::noise::Noise::default(),
         threads: Some(1),
         progress: Progress { all: n, ..Progress::default() },
         cancel: Cancel::default(),

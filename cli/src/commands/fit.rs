@@ -128,7 +128,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         columns: data.columns,
         times: data.times,
         values: data.values,
-        method: motion.method,
+        method: motion.method.unwrap_or_default(),
         steps,
         max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
         n_curve: if target.is_some() { CURVE } else { 0 },

@@ -79,8 +79,7 @@ struct Linear {
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = session.find(&arguments.model)?;
     let model = file.model()?;
-    let default = if model.inputs.is_empty() { model::DEFAULT_SCENE } else { model::CONTROLLED_SCENE };
-    let scene = arguments.scene.as_deref().unwrap_or(default);
+    let scene = arguments.scene.as_deref().unwrap_or(model::scene_with_inputs(model));
     model.known_scene(scene)?;
     let built = interpreted::build(model, scene)?;
     let info = built.info().clone();

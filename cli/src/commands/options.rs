@@ -16,7 +16,8 @@ use hamel_run::forms::Forms;
 use hamel_run::info::Info;
 use hamel_run::inputs::{Between, InputTable};
 use hamel_run::method::{MethodName, Steps};
-use hamel_run::model::{CONTROLLED_SCENE, DEFAULT_SCENE};
+use hamel_run::noise::Noise;
+use hamel_run::model::{CONTROLLED_SCENE, Checked, DEFAULT_SCENE, STOCHASTIC_SCENE};
 use hamel_run::request::table::Table;
 use hamel_run::session::{ModelFile, Session};
 
@@ -117,6 +118,42 @@ impl SceneOptions {
     }
 }
 
+/// Which path of noises.
+#[derive(Clone, Debug, Default, Args)]
+pub struct NoiseOptions {
+    /// Seed of the noises of a scene that has some [default: 0]
+    #[arg(long, value_name = "N")]
+    pub noise_seed: Option<u64>,
+    /// Number of the path of noises; in an ensemble, that of the first trajectory [default: 0]
+    #[arg(long, value_name = "N")]
+    pub noise_path: Option<u32>,
+    /// Grid on which increments of noises are drawn, a whole part of the step or a multiple: with the same grid all
+    /// steps have the same path [default: the step]
+    #[arg(long, value_name = "H", value_parser = duration)]
+    pub noise_step: Option<f64>,
+}
+
+impl NoiseOptions {
+    /// The scene with noise in the place of the default one, where a path is chosen.
+    pub fn chooses(&self, choice: &mut Choice, model: &Checked) {
+        let is_given = self.noise_seed.is_some() || self.noise_path.is_some() || self.noise_step.is_some();
+        if is_given && choice.scene == DEFAULT_SCENE && !model.noises.is_empty() {
+            choice.scene = STOCHASTIC_SCENE.to_owned();
+        }
+    }
+
+    /// The path.
+    ///
+    /// # Errors
+    /// [`Error::Request`] where the scene has no noise.
+    pub fn path(&self, info: &Info) -> Result<Noise, Error> {
+        let (seed, path) = (self.noise_seed.unwrap_or_default(), self.noise_path.unwrap_or_default());
+        let noise = Noise { seed, path, step: self.noise_step };
+        noise.suits(info).map_err(|reason| Error::unusable("--noise-seed", reason))?;
+        Ok(noise)
+    }
+}
+
 /// To where.
 #[derive(Clone, Debug, Default, Args)]
 pub struct EndOptions {
@@ -134,9 +171,9 @@ pub struct MotionOptions {
     /// Components of the initial state; the others keep their default
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     pub initial: Vec<(String, f64)>,
-    /// Integration method
-    #[arg(long, value_enum, default_value_t)]
-    pub method: MethodName,
+    /// Integration method [default: dop853; midpoint where the scene has noise]
+    #[arg(long, value_enum)]
+    pub method: Option<MethodName>,
     /// Relative tolerance [default: 1e-10]
     #[arg(long, value_parser = finite)]
     pub rtol: Option<f64>,
@@ -161,7 +198,7 @@ impl MotionOptions {
     /// # Errors
     /// [`Error::Request`] for options that contradict each other.
     pub(crate) fn steps(&self) -> Result<Steps, Error> {
-        let steps = Steps::new(self.method, self.rtol, self.atol, self.step)
+        let steps = Steps::new(self.method.unwrap_or_default(), self.rtol, self.atol, self.step)
             .map_err(|reason| Error::unusable("--step", reason))?;
         steps.within(self.max_step).map_err(|reason| Error::unusable("--max-step", reason))
     }

@@ -26,6 +26,7 @@ use hamel_run::inputs::InputTable;
 use hamel_run::interpreted::{self, Built};
 use hamel_run::matrices::{self, Outcome};
 use hamel_run::method::{MethodName, Steps};
+use hamel_run::noise::Noise;
 use hamel_run::model::{self, Checked, blocks};
 use hamel_run::session::Session;
 use hamel_run::simulation::{MAX_EVENTS, SimulateRequest};
@@ -143,6 +144,7 @@ fn of_matrices(
         max_steps: report::MAX_STEPS,
         max_events: MAX_EVENTS,
         watched: None,
+        noise: Noise::default(),
         along: Vec::new(),
         tangents: Vec::new(),
     };
@@ -182,6 +184,7 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
         samples: 0,
         with_outputs: false,
         watched: bare.watched(),
+        noise: Noise::default(),
         ..motion.request.clone()
     };
     motion.precision = Precision::measure(arguments.t_final, |method, steps| {
@@ -232,6 +235,7 @@ pub fn pictured(
         max_steps: report::MAX_STEPS,
         max_events: MAX_EVENTS,
         watched,
+        noise: Noise::default(),
         along: Vec::new(),
         tangents: Vec::new(),
     };

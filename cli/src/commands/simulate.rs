@@ -11,7 +11,7 @@ use clap::Args;
 use hamel_codegen::scene::{self, Prior, told_in_words};
 use hamel_codegen::spec::{MatrixFluid, Want};
 
-use super::options::{EndOptions, MotionOptions, SceneOptions, assignments};
+use super::options::{EndOptions, MotionOptions, NoiseOptions, SceneOptions, assignments};
 use crate::output::crossings::{Crossings, EventTarget, OpenEventTarget};
 use crate::output::fields::{fields, vorticity};
 use crate::output::files::{OpenTarget, Run, Target};
@@ -32,6 +32,7 @@ use hamel_run::matrices::{self, Outcome};
 use hamel_run::method::{MethodName, Steps};
 use hamel_run::model::blocks;
 use hamel_run::model::{self, Checked, Model, roles};
+use hamel_run::noise::{Noise, method_for};
 use hamel_run::request::json::by_name;
 use hamel_run::request::simulate::Completion;
 use hamel_run::request::{read_request, sizes};
@@ -96,6 +97,9 @@ pub struct Arguments {
     /// To where.
     #[command(flatten)]
     pub end: EndOptions,
+    /// Which path.
+    #[command(flatten)]
+    pub noise: NoiseOptions,
     /// Integrate position and attitude (the coordinates of the group) as well; --initial takes them then
     #[arg(long)]
     pub reconstruct: bool,
@@ -125,7 +129,7 @@ pub struct Arguments {
     /// Read a JSON request from standard input and print a JSON answer
     #[arg(long, conflicts_with_all =
         ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_step", "max_steps", "samples", "output",
-         "section", "sensitivity", "events", "plane", "max_events"])]
+         "section", "sensitivity", "events", "plane", "max_events", "noise_seed", "noise_path", "noise_step"])]
     pub json: bool,
 }
 
@@ -177,10 +181,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         let reason = "is not possible: a fluid of matrices has no derivatives of its motion";
         return Err(Error::unusable("--sensitivity", reason));
     }
-    let method = match motion.method {
-        method if method == MethodName::default() => MethodName::Isospectral,
-        method => method,
-    };
+    let method = motion.method.unwrap_or(MethodName::Isospectral);
     if motion.max_step.is_some() {
         return Err(Error::unusable(
             "--max-step",
@@ -217,6 +218,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
         max_events: MAX_EVENTS,
         watched: None,
+        noise: Noise::default(),
         along: Vec::new(),
         tangents: Vec::new(),
     };
@@ -430,6 +432,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         of_events.iter().map(EventTarget::open).collect::<Result<_, _>>()?;
     let model = file.model()?;
     let mut choice = arguments.scene.choice_of(&file)?;
+    arguments.noise.chooses(&mut choice, model);
     if arguments.reconstruct {
         choice = choice.reconstructing(model, "--reconstruct")?;
     }
@@ -441,10 +444,10 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let steps = motion.steps()?;
     let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
     let method = match (motion.method, steps) {
-        (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
+        (Some(MethodName::Auto), Steps::Adaptive { rtol, .. }) => {
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
             let has_events = !arguments.section.is_empty() || scene::has_events(model, &choice.scene);
-            auto::choose(rtol, cost, auto::Purpose::of(samples, has_events))
+            Some(auto::choose(rtol, cost, auto::Purpose::of(samples, has_events)))
         }
         (method, _) => method,
     };
@@ -457,18 +460,19 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         set: motion.set.clone(),
         initial: motion.initial.clone(),
         t_final: arguments.end.t_final,
-        method,
+        method: method_for(&info, method),
         steps,
         samples,
         with_outputs: !targets.is_empty(),
         n_group,
         max_steps: motion.max_steps,
         max_events: arguments.max_events,
+        noise: arguments.noise.path(&info)?,
         sections: arguments.section.clone(),
         along: arguments.sensitivity.clone(),
     };
     let (mut request, told) = asked.request(&Words::OPTIONS, model, &scene)?;
-    if motion.method == MethodName::Auto
+    if motion.method == Some(MethodName::Auto)
         && choice.table.is_none()
         && let Some(method) = method_of_long(&interpreted::build(model, &choice.scene)?, &request)
     {

@@ -108,8 +108,7 @@ fn way(text: &str) -> Result<Way, String> {
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = session.find(&arguments.model)?;
     let model = file.model()?;
-    let default = if model.inputs.is_empty() { model::DEFAULT_SCENE } else { model::CONTROLLED_SCENE };
-    let scene = arguments.scene.as_deref().unwrap_or(default);
+    let scene = arguments.scene.as_deref().unwrap_or(model::scene_with_inputs(model));
     model.known_scene(scene)?;
     let target = arguments.output.as_deref().map(Target::new).transpose()?;
     let open = target.as_ref().map(Target::open).transpose()?;

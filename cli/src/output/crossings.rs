@@ -133,6 +133,7 @@ mod tests {
             momenta: Vec::new(),
             params: Vec::new(),
             inputs: Vec::new(),
+            noises: Vec::new(),
             velocities: Vec::new(),
             frames: Vec::new(),
             outputs: Vec::new(),

@@ -196,6 +196,12 @@ impl BuiltScene {
         &self.doc
     }
 
+    /// Names of the inputs that are white noise.
+    pub fn noise_names(&self) -> Vec<String> {
+        let system = &self.equations.system;
+        system.noises.iter().map(|noise| system.graph.name(*noise).to_owned()).collect()
+    }
+
     /// Names of the frames of the model, in the order of their poses and twists.
     pub fn frame_names(&self) -> Vec<String> {
         frames::names(&self.equations)

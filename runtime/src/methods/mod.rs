@@ -29,7 +29,7 @@ pub use dla::{Dla, DlaStorage};
 pub use dop853::Dop853;
 pub use dopri5::Dopri5;
 pub use explicit::ExplicitMethod;
-pub use gauss::{FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Newton};
+pub use gauss::{FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Midpoint, Newton};
 #[cfg(feature = "lanes")]
 pub use gauss::{Gauss16, Halves};
 #[cfg(feature = "lanes")]

@@ -31,6 +31,7 @@ use crate::inputs::InputTable;
 use crate::integrate::simulate;
 use crate::interpreted::{self, Built};
 use crate::method::{MethodName, Steps};
+use crate::noise::Noise;
 use crate::model::Checked;
 use crate::simulation::{MAX_EVENTS, SimulateRequest};
 use crate::start::Starts;
@@ -516,6 +517,7 @@ fn flowed(scene: &Built, at: &Point, t: f64, is_derived: bool) -> Option<(Vec<f6
         max_steps: MAX_STEPS,
         max_events: MAX_EVENTS,
         watched: scene.watched(),
+        noise: Noise::default(),
         along,
         tangents: Vec::new(),
     };

@@ -26,6 +26,14 @@ pub const DEFAULT_SCENE: &str = scene::DEFAULT;
 /// Name of the scene that takes all inputs of its model.
 pub const CONTROLLED_SCENE: &str = scene::CONTROLLED;
 
+/// Name of the scene that takes the noises of its model as well.
+pub const STOCHASTIC_SCENE: &str = scene::STOCHASTIC;
+
+/// The scene that takes what can drive a model: the default one where there is nothing.
+pub fn scene_with_inputs(model: &Model) -> &'static str {
+    if model.controls().next().is_some() { CONTROLLED_SCENE } else { DEFAULT_SCENE }
+}
+
 /// Name of the scene that a simulation with the group's coordinates runs.
 pub const RECONSTRUCTION_SCENE: &str = scene::RECONSTRUCTION;
 

@@ -12,6 +12,7 @@ use crate::error::{Error, Problem};
 use crate::forms::Forms;
 use crate::info::Info;
 use crate::method::{MethodName, Steps};
+use crate::noise::{Noise, method_for};
 use crate::simulation::{MAX_EVENTS, Sample, SimulateRequest, SimulateResponse, samples_refusal};
 use crate::watched::EventRecord;
 
@@ -142,7 +143,7 @@ impl SimulateRequest {
         defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
         model: Option<&mut Completion<'_>>,
     ) -> Result<SimulateRequest, Error> {
-        const FIELDS: [&str; 15] = [
+        const FIELDS: [&str; 18] = [
             "params",
             "initial",
             "t_final",
@@ -158,6 +159,9 @@ impl SimulateRequest {
             "max_events",
             "sensitivity",
             "sizes",
+            "noise_seed",
+            "noise_path",
+            "noise_step",
         ];
         let mut fields = Fields::new(Json::parse(text)?, &FIELDS)?;
         let params = fields.take("params");
@@ -188,7 +192,7 @@ impl SimulateRequest {
         }
         let unusable = |path: &str, reason: String| Problem::Unusable { path: path.into(), reason };
         let method = match fields.string("method") {
-            None => MethodName::default(),
+            None => method_for(info, None),
             Some(name) => MethodName::named(&name).unwrap_or_else(|reason| {
                 fields.problems.push(unusable("method", reason));
                 MethodName::default()
@@ -231,6 +235,11 @@ impl SimulateRequest {
         let samples = whole("samples", 0, 0);
         let max_steps = whole("max_steps", 1, steps.max_steps());
         let max_events = whole("max_events", 1, MAX_EVENTS);
+        let (seed, path) = (whole("noise_seed", 0, 0), whole("noise_path", 0, 0));
+        let noise = Noise { seed, path: path.try_into().unwrap_or(u32::MAX), step: fields.number("noise_step") };
+        if let Err(reason) = noise.suits(info) {
+            fields.problems.push(unusable("noise_seed", reason));
+        }
         let with_outputs = false;
         if let Some(reason) = samples_refusal(samples, info, with_outputs) {
             fields.problems.push(unusable("samples", reason));
@@ -259,6 +268,7 @@ impl SimulateRequest {
             max_steps,
             max_events,
             watched: None,
+            noise,
             along,
             tangents: Vec::new(),
         })

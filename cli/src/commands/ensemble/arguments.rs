@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::commands::options::{EndOptions, MotionOptions, SceneOptions};
+use crate::commands::options::{EndOptions, MotionOptions, NoiseOptions, SceneOptions};
 use crate::output::trajectories::Statistic;
 use hamel_run::ensemble::Width;
 use hamel_run::request::share::Share;
@@ -52,8 +52,8 @@ pub struct Arguments {
     /// uniformly from A..B, or with a uniform logarithm from log:A..B
     #[arg(long, value_name = "NAME=SIGMA|[log:]A..B", num_args = 1.., requires = "count", value_parser = Spread::parse)]
     pub spread: Vec<Spread>,
-    /// Number of draws, for each line of the table and point of the grid
-    #[arg(long, value_name = "N", requires = "spread")]
+    /// Number of draws, and of paths of noises, for each line of the table and point of the grid
+    #[arg(long, value_name = "N")]
     pub count: Option<usize>,
     /// Seed of what is drawn
     #[arg(long, default_value_t = 0, requires = "spread")]
@@ -65,6 +65,9 @@ pub struct Arguments {
     /// From where, and how.
     #[command(flatten)]
     pub motion: MotionOptions,
+    /// Which paths.
+    #[command(flatten)]
+    pub noise: NoiseOptions,
     /// To where.
     #[command(flatten)]
     pub end: EndOptions,

@@ -30,6 +30,7 @@ use hamel_run::interpreted;
 use hamel_run::interrupts;
 use hamel_run::members::Beginnings;
 use hamel_run::model;
+use hamel_run::noise::{Noise, method_for};
 use hamel_run::ranks::Ranks;
 use hamel_run::request::table::Table;
 use hamel_run::resources::{self, free_space};
@@ -65,6 +66,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         None => Lines::none(),
     };
     let model = file.model()?;
+    arguments.noise.chooses(&mut choice, model);
     // Chooses initial states, here and on all threads; it agrees bit for bit with the compiled scene.
     let mut built = interpreted::build(model, &choice.scene)?;
     let of_inputs = Plan::varied(arguments, &lines).any(|name| model.inputs.iter().any(|i| i.name == *name));
@@ -121,18 +123,24 @@ pub fn of_scene(
         );
         return Err(Error::unusable("--samples", reason));
     }
+    let noise = arguments.noise.path(&info)?;
+    if arguments.count.is_some() && arguments.spread.is_empty() && info.noises.is_empty() {
+        let reason = "is given, but nothing is drawn: give --spread, or choose a scene with noise";
+        return Err(Error::unusable("--count", reason));
+    }
     let starts = Starts::new(model, &info, forms)?;
     let pool = pool(arguments.threads)?;
     let mut asked = EnsembleRequest {
         members: Beginnings::none(0, 0),
         t_final: arguments.end.t_final,
-        method: motion.method,
+        method: method_for(&info, motion.method),
         steps,
         samples: arguments.samples,
         width: arguments.lanes,
         max_steps: motion.max_steps,
         threads: arguments.threads,
         watched,
+        noise,
         progress: Progress { all: plan.len(), ..Progress::default() },
         cancel: subject.cancel.clone(),
     };
@@ -229,6 +237,9 @@ pub fn of_scene(
                 let Row { inputs, members } = pool.install(|| plan.members(range, &starts, (built, scene)));
                 asked.progress.seconds = clock.elapsed().as_secs_f64();
                 asked.members = members;
+                if !info.noises.is_empty() {
+                    asked.noise = Noise { path: noise.path.saturating_add(path_of(first)?), ..noise };
+                }
                 let results = ensemble::integrate(scene, &asked)?;
                 asked.progress.done += n;
                 let chunk = Chunk { at: item.chunk, first, inputs, results };
@@ -267,6 +278,15 @@ pub fn of_scene(
         return Ok(format!("rank {} of {}: {made} trajectories, {seconds:.1} s", ranks.rank, ranks.size));
     }
     Ok(summary(&heading, &tally, made, &targets, seconds))
+}
+
+/// The number of a trajectory as that of a path.
+///
+/// # Errors
+/// [`Error::Options`] where there are no more paths.
+fn path_of(trajectory: usize) -> Result<u32, Error> {
+    let none = |_| Error::Options { reason: format!("noise has at most {} paths", u32::MAX) };
+    trajectory.try_into().map_err(none)
 }
 
 /// The files to write, of which a store is the only one.

@@ -91,6 +91,7 @@ impl<'a> Plan<'a> {
         };
         let mut problems = Vec::new();
         let inputs = info.inputs.iter().map(|input| input.name.as_str());
+        let inputs = inputs.filter(|name| info.noises.iter().all(|noise| noise != name));
         let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).chain(inputs).collect();
         let kind = "parameter, state variable or input";
         let set =

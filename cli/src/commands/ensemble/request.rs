@@ -81,6 +81,9 @@ pub(super) fn document(
         "lanes": match asked.width { Width::One => 1, Width::Four => 4 },
         "chunk": n_chunk,
     });
+    if !info.noises.is_empty() {
+        document["noise"] = json!(asked.noise);
+    }
     if !subject.inputs.is_null() {
         document["inputs"] = subject.inputs.clone();
     }

@@ -147,6 +147,7 @@ pub(super) fn on_algebroid(
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
+    let noises = noise::taken(&model).map(|noise| noise.symbol).collect();
     Ok(ReducedSystem {
         formulation: formulation.clone(),
         graph: model.graph,
@@ -157,6 +158,7 @@ pub(super) fn on_algebroid(
         time: model.time,
         params: model.params,
         param_arrays: model.param_arrays,
+        noises,
         inputs: model.inputs,
         conditions: model.conditions,
         algebroid,

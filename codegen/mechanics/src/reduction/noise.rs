@@ -54,13 +54,17 @@ impl Transport {
     }
 }
 
+/// The noises that are not held.
+pub(super) fn taken(model: &Model) -> impl Iterator<Item = &Noise> {
+    model.noises.iter().filter(|noise| model.inputs.iter().any(|input| input.symbol == noise.symbol))
+}
+
 /// Adds the forces of all noises that are not held, and tells what else they add.
 ///
 /// # Errors
 /// A Hamiltonian with momenta that constraints determine or multipliers change, and of a model whose motion is given.
 pub(super) fn add_forces(model: &mut Model, setting: &Setting<'_>) -> Result<Transport, Box<Diagnostic>> {
-    let taken = |noise: &Noise| model.inputs.iter().any(|input| input.symbol == noise.symbol);
-    let noises: Vec<Noise> = model.noises.iter().filter(|noise| taken(noise)).cloned().collect();
+    let noises: Vec<Noise> = taken(model).cloned().collect();
     let m = setting.algebroid.frame().len();
     let zero = model.graph.zero();
     let mut velocities = vec![Vec::new(); m];

@@ -138,6 +138,8 @@ pub struct ReducedSystem {
     pub param_arrays: Vec<ParamArray>,
     /// Inputs that are not held: arguments of every function, as time is, of which no rate is known.
     pub inputs: Vec<Param>,
+    /// Those of them that are white noise.
+    pub noises: Vec<SymbolId>,
     /// Conditions on the parameters.
     pub conditions: Vec<Condition>,
     /// Anchor and bracket in the frame of the velocities.
@@ -262,6 +264,7 @@ impl ReducedSystem {
             params: _,
             param_arrays: _,
             inputs: _,
+            noises: _,
             conditions,
             algebroid,
             velocities: _,

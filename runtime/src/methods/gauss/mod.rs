@@ -9,7 +9,7 @@ mod tableaux;
 
 #[cfg(feature = "lanes")]
 pub use self::sixteen::{Gauss16, Halves};
-use self::tableaux::{GAUSS4, GAUSS6, GAUSS8};
+use self::tableaux::{GAUSS4, GAUSS6, GAUSS8, MIDPOINT};
 use super::iteration::{Change, iterate};
 use super::{Constant, Derivatives, Method, Step, Tableau, c, compensated_advance};
 use crate::error::Error;
@@ -22,7 +22,7 @@ use crate::system::{StateVector, System};
 /// It is symmetric and symplectic and keeps quadratic invariants; rounding of its coefficients does not spoil that,
 /// because they are stored such that `b_i a_ij + b_j a_ji = b_i b_j` holds exactly. There is no error estimate: steps
 /// that vary would lose these properties. Dense output is of order `STAGES + 2`, for one more evaluation in steps
-/// where it is asked for.
+/// where it is asked for; that of the midpoint rule is Hermite's cubic, of order 2.
 ///
 /// The stages are iterated from extrapolated starting values until round-off stops the progress.
 ///
@@ -59,6 +59,8 @@ pub struct Gauss<const STAGES: usize, I = FixedPoint> {
     iteration: I,
 }
 
+/// The implicit midpoint rule, collocation at one Gauss point, of order 2: the method for [noise](crate::Wiener).
+pub type Midpoint<I = FixedPoint> = Gauss<1, I>;
 /// Collocation at two Gauss points, of order 4.
 pub type Gauss4<I = FixedPoint> = Gauss<2, I>;
 /// Collocation at three Gauss points, of order 6.
@@ -95,10 +97,11 @@ impl<const STAGES: usize> Gauss<STAGES, Newton> {
 
 impl<const STAGES: usize, I> Gauss<STAGES, I> {
     const TABLEAU: &'static Tableau = match STAGES {
+        1 => &MIDPOINT,
         2 => &GAUSS4,
         3 => &GAUSS6,
         4 => &GAUSS8,
-        _ => panic!("Gauss methods have 2, 3 or 4 stages"),
+        _ => panic!("Gauss methods have 1, 2, 3 or 4 stages"),
     };
 
     /// Weights `b_j`.
@@ -352,6 +355,7 @@ mod tests {
             check::<f64, STAGES>();
             check::<DoubleDouble, STAGES>();
         }
+        both::<1>();
         both::<2>();
         both::<3>();
         both::<4>();

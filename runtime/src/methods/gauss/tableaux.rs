@@ -1,8 +1,21 @@
-//! Tableaux of the collocation methods at two, three and four Gauss points.
+//! Tableaux of the collocation methods at one to four Gauss points.
 //!
 //! Does not know how the stages are solved for.
 
 use crate::methods::{Estimate, Tableau, c};
+
+/// The implicit midpoint rule, of order 2; its dense output is Hermite's cubic.
+pub(super) const MIDPOINT: Tableau = Tableau {
+    name: "midpoint",
+    order: 2,
+    nodes: &[c(0.0, 0.0), c(0.5, 0.0)],
+    stages: &[&[], &[(1, c(0.5, 0.0))]],
+    weights: &[(1, c(1.0, 0.0))],
+    estimate: Estimate::None,
+    dense_nodes: &[],
+    dense_stages: &[],
+    dense: &[],
+};
 
 /// The method of order 4.
 pub(super) const GAUSS4: Tableau = Tableau {
