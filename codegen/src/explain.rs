@@ -14,6 +14,7 @@ mod frame;
 mod implicit;
 mod labels;
 mod latex;
+mod noise;
 mod rates;
 mod sections;
 mod splitting;
@@ -32,7 +33,7 @@ use num_traits::One;
 use crate::scene::BuiltScene;
 use hamel_expr::error::spell_vector;
 use hamel_expr::{Budget, ExprId, Graph, Number, Style, SymbolId, identifier, rational_to_f64};
-use hamel_lang::spec::{Model, Side};
+use hamel_lang::spec::{Model, Param, Side};
 use hamel_mechanics::mechanics::{Coefficients, Equations, Form, Routhian};
 use hamel_mechanics::reduction::{
     AccelerationRow, AccelerationSource, DegenerateOutcome, KinematicConstraint, ReducedSystem,
@@ -403,15 +404,17 @@ impl Page {
             ));
         }
         self.formulas(&rows);
-        if !system.inputs.is_empty() {
+        let is_noise = |input: &&Param| system.noises.contains(&input.symbol);
+        if system.inputs.len() > system.noises.len() {
             self.line("Inputs, held at these values unless they are driven:");
             let mut rows = Vec::new();
-            for input in &system.inputs {
+            for input in system.inputs.iter().filter(|input| !is_noise(input)) {
                 let held = self.number(rational_to_f64(&input.default));
                 rows.push((self.name(&input.name), format!("{held}{}", self.remark(&input.doc))));
             }
             self.formulas(&rows);
         }
+        self.noises(model, scene);
         if !system.conditions.is_empty() {
             let list: Vec<String> = system.conditions.iter().map(|c| self.prose(&c.text)).collect();
             self.line(&format!("Valid for {}.", list.join(", ")));

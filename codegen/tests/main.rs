@@ -32,6 +32,7 @@ mod loops;
 mod malformed;
 mod modes;
 mod named_frames;
+mod noise;
 mod quotients;
 mod random_models;
 mod redundant;

@@ -566,7 +566,7 @@ class Model:
         y0: State = None,
         params: Mapping[str, float] | None = None,
         *,
-        method: str = "auto",
+        method: str | None = None,
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
@@ -580,6 +580,9 @@ class Model:
         outputs: bool = True,
         max_steps: int | None = None,
         max_events: int | None = None,
+        noise_seed: int = 0,
+        noise_path: int = 0,
+        noise_step: float | None = None,
     ) -> Motion:
         """The motion from an initial state at ``t = 0``.
 
@@ -592,6 +595,9 @@ class Model:
         ``section1``, ``section2``, .. in the result. ``sensitivity`` names parameters and components of the initial
         state to differentiate by. ``inputs`` are as :meth:`with_inputs` takes them; functions of time without an array ``t`` are called at ``knots`` times at equal
         distances from the beginning to the end, with cubics between them. An interrupt of the keyboard ends the motion.
+        ``method`` is ``"auto"`` unless it is given, and ``"midpoint"`` in a scene with noise, which takes a ``step``: the
+        increments are those of the path ``noise_path`` of the seed ``noise_seed``, on the grid ``noise_step`` or, without
+        one, the step.
 
         Raises :class:`IntegrationError` with the state reached, :class:`InputError`.
         """
@@ -604,10 +610,10 @@ class Model:
             return driven.with_params(**(params or {})).simulate(
                 t, y0, method=method, rtol=rtol, atol=atol, step=step, max_step=max_step,
                 samples=samples, events=events, sensitivity=sensitivity, outputs=outputs, max_steps=max_steps,
-                max_events=max_events,
+                max_events=max_events, noise_seed=noise_seed, noise_path=noise_path, noise_step=noise_step,
             )  # fmt: skip
         t_final, times = _times(t, samples)
-        options = _options(method, rtol, atol, step, max_step, max_steps)
+        options = _options(method, rtol, atol, step, max_step, max_steps, (noise_seed, noise_path, noise_step))
         native = _hamel.simulate(
             self._native, self._by_name(y0), t_final, times, options, list(events), list(sensitivity), max_events, outputs
         )
@@ -619,7 +625,7 @@ class Model:
         self,
         dt: float,
         *,
-        method: str = "dop853",
+        method: str | None = None,
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
@@ -657,7 +663,7 @@ class Model:
         y0: Mapping[str, ArrayLike] | ArrayLike | None = None,
         params: Mapping[str, ArrayLike] | None = None,
         *,
-        method: str = "dop853",
+        method: str | None = None,
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
@@ -667,6 +673,10 @@ class Model:
         lanes: int = 4,
         threads: int | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
+        noise_seed: int = 0,
+        noise_path: int = 0,
+        noise_step: float | None = None,
+        paths: int | None = None,
         out: None = None,
         part: tuple[int, int] | None = None,
         resume: bool = False,
@@ -682,7 +692,7 @@ class Model:
         y0: Mapping[str, ArrayLike] | ArrayLike | None = None,
         params: Mapping[str, ArrayLike] | None = None,
         *,
-        method: str = "dop853",
+        method: str | None = None,
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
@@ -692,6 +702,10 @@ class Model:
         lanes: int = 4,
         threads: int | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
+        noise_seed: int = 0,
+        noise_path: int = 0,
+        noise_step: float | None = None,
+        paths: int | None = None,
         out: str | os.PathLike[str],
         part: tuple[int, int] | None = None,
         resume: bool = False,
@@ -706,7 +720,7 @@ class Model:
         y0: Mapping[str, ArrayLike] | ArrayLike | None = None,
         params: Mapping[str, ArrayLike] | None = None,
         *,
-        method: str = "dop853",
+        method: str | None = None,
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
@@ -716,6 +730,10 @@ class Model:
         lanes: int = 4,
         threads: int | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
+        noise_seed: int = 0,
+        noise_path: int = 0,
+        noise_step: float | None = None,
+        paths: int | None = None,
         out: str | os.PathLike[str] | None = None,
         part: tuple[int, int] | None = None,
         resume: bool = False,
@@ -728,7 +746,9 @@ class Model:
         ``y0`` is an array ``(N, n)`` of complete states, or components by name; ``params`` parameters by name. Each of
         them is a number for all trajectories, or ``N`` numbers. Results depend on neither ``threads`` nor the machine.
         A trajectory that stops says why in :attr:`Ensemble.errors`, and the others go on. ``inputs`` are held at a number
-        for all trajectories, or at one for each; the scene has to take them.
+        for all trajectories, or at one for each; the scene has to take them. In a scene with noise each trajectory has
+        a path of its own, from number ``noise_path`` on, and ``paths`` is the number of trajectories where nothing else
+        says it; :meth:`simulate` has the rest.
 
         With ``out`` trajectories are written while they are integrated, and what became of them is returned as text: to
         a store (``.zarr``), CSV or NPZ, or ``statistics`` of them (``"mean"``, ``"variance"``, ``"quantiles"``,
@@ -760,11 +780,13 @@ class Model:
         if any(len(shape) > 1 for shape in shapes.values()) or len(set(shapes.values())) > 1:
             listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
             raise InputError(f"y0 and params have other shapes than (N,) or a number: {listed}")
-        n_rows = next(iter(shapes.values()))[0] if shapes else 1
+        n_rows = next(iter(shapes.values()))[0] if shapes else paths or 1
+        if paths is not None and paths != n_rows:
+            raise InputError(f"paths is {paths}, but y0 and params have {n_rows} rows: leave it out")
         values = np.empty((n_rows, len(columns)))
         for k, column in enumerate(columns.values()):
             values[:, k] = column
-        options = _options(method, rtol, atol, step, max_step, max_steps)
+        options = _options(method, rtol, atol, step, max_step, max_steps, (noise_seed, noise_path, noise_step))
         if out is not None:
             return _hamel.write_ensemble(
                 self._native, list(columns), values, float(t), int(samples), options, int(lanes), threads,
@@ -940,15 +962,17 @@ class Model:
 
 
 def _options(
-    method: str,
+    method: str | None,
     rtol: float | None,
     atol: float | None,
     step: float | None,
     max_step: float | None,
     max_steps: int | None,
+    noise: tuple[int, int, float | None] = (0, 0, None),
 ) -> dict[str, Any]:
     return {
         "method": method, "rtol": rtol, "atol": atol, "step": step, "max_step": max_step, "max_steps": max_steps,
+        "noise": noise,
     }  # fmt: skip
 
 

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use hamel::commands::ensemble::{Arguments, Lines, Subject, of_scene};
-use hamel::commands::options::{EndOptions, InputOptions, MotionOptions, SceneOptions};
+use hamel::commands::options::{EndOptions, InputOptions, MotionOptions, NoiseOptions, SceneOptions};
 use hamel::output::trajectories::Statistic;
 use hamel_run::admissible;
 use hamel_run::asked::assignments;
@@ -18,6 +18,7 @@ use hamel_run::info::{Info, ParamEntry};
 use hamel_run::interpreted::Built;
 use hamel_run::members::{Beginnings, Members};
 use hamel_run::method::{MethodName, Steps};
+use hamel_run::noise::Noise;
 use hamel_run::request::share::Share;
 use hamel_run::resources::{free_memory, shown};
 use hamel_run::simulation::sample_time;
@@ -36,6 +37,7 @@ pub(crate) struct Asked {
     pub(crate) samples: usize,
     pub(crate) method: MethodName,
     pub(crate) steps: Steps,
+    pub(crate) noise: Noise,
     pub(crate) max_steps: Option<u64>,
     pub(crate) width: Width,
     pub(crate) threads: Option<usize>,
@@ -150,6 +152,7 @@ pub(crate) fn integrate(
         max_steps: asked.max_steps,
         threads: asked.threads,
         watched: built.watched().filter(|watched| watched.acts()),
+        noise: asked.noise,
         progress: Progress { all: values.nrows(), ..Progress::default() },
         cancel: cancel.clone(),
     };
@@ -233,6 +236,11 @@ pub(crate) fn write(
             step,
             max_step,
             max_steps: asked.max_steps,
+        },
+        noise: NoiseOptions {
+            noise_seed: Some(asked.noise.seed).filter(|seed| *seed != 0),
+            noise_path: Some(asked.noise.path).filter(|path| *path != 0),
+            noise_step: asked.noise.step,
         },
         end: EndOptions { t_final: asked.t_final },
         samples: asked.samples,

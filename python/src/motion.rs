@@ -21,6 +21,7 @@ use hamel_run::inputs::InputTable;
 use hamel_run::integrate::simulate_at;
 use hamel_run::length::method_of_long;
 use hamel_run::method::{MethodName, Steps};
+use hamel_run::noise::Noise;
 use hamel_run::model::{self, Checked, blocks};
 use hamel_run::simulation::{SimulateRequest, SimulateResponse};
 use hamel_run::stepper::Pace;
@@ -61,7 +62,7 @@ pub(crate) struct Motion {
 #[derive(FromPyObject)]
 pub(crate) struct Options {
     #[pyo3(item)]
-    method: String,
+    method: Option<String>,
     #[pyo3(item)]
     rtol: Option<f64>,
     #[pyo3(item)]
@@ -72,15 +73,38 @@ pub(crate) struct Options {
     max_step: Option<f64>,
     #[pyo3(item)]
     max_steps: Option<u64>,
+    /// Seed, number of the path, grid.
+    #[pyo3(item)]
+    noise: (u64, u32, Option<f64>),
 }
 
 impl Options {
+    /// The path of the scene's noises.
+    ///
+    /// # Errors
+    /// [`Error::Request`] where the scene has none.
+    fn noise(&self, info: &Info) -> Result<Noise, Error> {
+        let (seed, path, step) = self.noise;
+        let noise = Noise { seed, path, step };
+        noise.suits(info).map_err(|reason| Error::unusable("noise_seed", reason))?;
+        Ok(noise)
+    }
+
+    /// The method: the one that is given, that of scenes with noise, or another one.
+    fn method(&self, info: &Info, otherwise: MethodName) -> Result<MethodName, Error> {
+        match &self.method {
+            Some(name) => MethodName::named(name).map_err(|reason| Error::unusable("method", reason)),
+            None if info.noises.is_empty() => Ok(otherwise),
+            None => Ok(MethodName::Midpoint),
+        }
+    }
+
     /// The method and its steps.
     ///
     /// # Errors
     /// [`Error::Request`] for what is no method, and steps that do not suit it.
-    fn steps(&self) -> Result<(MethodName, Steps), Error> {
-        let method = MethodName::named(&self.method).map_err(|reason| Error::unusable("method", reason))?;
+    fn steps(&self, info: &Info, otherwise: MethodName) -> Result<(MethodName, Steps), Error> {
+        let method = self.method(info, otherwise)?;
         let steps = Steps::new(method, self.rtol, self.atol, self.step);
         let steps = steps.map_err(|reason| Error::unusable(ARGUMENTS.step, reason))?;
         Ok((method, steps.within(self.max_step).map_err(|reason| Error::unusable("max_step", reason))?))
@@ -90,12 +114,12 @@ impl Options {
     ///
     /// # Errors
     /// As [`steps`](Self::steps).
-    pub(crate) fn pace(&self, dt: f64) -> Result<Pace, Error> {
-        let method = MethodName::named(&self.method).map_err(|reason| Error::unusable("method", reason))?;
+    pub(crate) fn pace(&self, info: &Info, dt: f64) -> Result<Pace, Error> {
+        let method = self.method(info, MethodName::default())?;
         let is_one = method.has_fixed_steps() && self.step.is_none() && dt.is_finite() && dt != 0.0;
         let steps = match is_one && self.rtol.is_none() && self.atol.is_none() && self.max_step.is_none() {
             true => Steps::Fixed { step: dt.abs() },
-            false => self.steps()?.1,
+            false => self.steps(info, method)?.1,
         };
         Ok(Pace { dt, method, steps, max_steps: self.max_steps })
     }
@@ -106,18 +130,20 @@ impl Options {
     /// As [`steps`](Self::steps), and for another number of lanes than 1 and 4.
     fn many(
         &self,
+        info: &Info,
         t_final: f64,
         samples: usize,
         lanes: usize,
         threads: Option<usize>,
     ) -> Result<many::Asked, Error> {
-        let (method, steps) = self.steps()?;
+        let (method, steps) = self.steps(info, MethodName::default())?;
+        let noise = self.noise(info)?;
         let width = match lanes {
             1 => Width::One,
             4 => Width::Four,
             _ => return Err(Error::unusable("lanes", format!("is {lanes}, but has to be 1 or 4"))),
         };
-        Ok(many::Asked { t_final, samples, method, steps, max_steps: self.max_steps, width, threads })
+        Ok(many::Asked { t_final, samples, method, steps, noise, max_steps: self.max_steps, width, threads })
     }
 }
 
@@ -139,7 +165,7 @@ pub(crate) fn simulate(
 ) -> PyResult<Motion> {
     let mut interrupts = Interrupts::new();
     let run = || -> Result<Motion, Error> {
-        let (asked_method, steps) = options.steps()?;
+        let (asked_method, steps) = options.steps(scene.info(), MethodName::Auto)?;
         let built = scene.built();
         let has_events = !sections.is_empty() || built.watched().is_some();
         let purpose = auto::Purpose::of(times.len(), has_events);
@@ -162,6 +188,7 @@ pub(crate) fn simulate(
             n_group: 0,
             max_steps: options.max_steps,
             max_events,
+            noise: options.noise(scene.info())?,
             sections,
             along: sensitivity,
         };
@@ -214,7 +241,7 @@ pub(crate) fn ensemble<'py>(
     let rows = values.as_array();
     let cancel = Cancel::default();
     let run = || {
-        let asked = options.many(t_final, samples, lanes, threads)?;
+        let asked = options.many(scene.info(), t_final, samples, lanes, threads)?;
         many::integrate(scene, &names, rows, &asked, &cancel)
     };
     let all = interruptible(py, &cancel, run)?;
@@ -260,7 +287,7 @@ pub(crate) fn write_ensemble(
     let rows: Vec<Vec<f64>> = values.as_array().rows().into_iter().map(|row| row.to_vec()).collect();
     let cancel = Cancel::default();
     let run = || {
-        let asked = options.many(t_final, samples, lanes, threads)?;
+        let asked = options.many(scene.info(), t_final, samples, lanes, threads)?;
         let to = many::Written { out, resume, part, statistics, quantiles, bins };
         many::write(scene, (names, rows), &asked, to, cancel.clone())
     };

@@ -103,7 +103,7 @@ impl Stepper {
     #[staticmethod]
     fn of(py: Python<'_>, scene: &Scene, dt: f64, options: Options) -> PyResult<Stepper> {
         let made = || -> Result<Stepper, Error> {
-            let pace = options.pace(dt)?;
+            let pace = options.pace(scene.info(), dt)?;
             if scene.built().watched().is_some_and(|watched| watched.acts()) {
                 let reason = "has events that change the state or end the motion, which a stepper does not carry out: \
                               choose a scene without `events`";

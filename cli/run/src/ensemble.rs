@@ -137,7 +137,7 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
         if let Some(watched) = request.watched.as_ref().filter(|_| factory.info().noises.is_empty()) {
             return Ok(through_events(factory, request, watched, (&times, &progress)));
         }
-        let noise = noise_of(factory.info(), request)?;
+        let noise = noise_of(factory.info(), request, &times)?;
         let job = Job { factory, request, noise, options, times: &times, progress: &progress };
         // What a scene can do depends on the scene alone, but takes parameters that are allowed.
         let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
@@ -163,18 +163,18 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
 }
 
 /// What moves the trajectories of a scene with noise.
-fn noise_of(info: &Info, request: &EnsembleRequest) -> Result<Option<Wiener>, Error> {
+fn noise_of(info: &Info, request: &EnsembleRequest, times: &[f64]) -> Result<Option<Wiener>, Error> {
     if info.noises.is_empty() {
         return Ok(None);
     }
-    let EnsembleRequest { members, noise, method, steps, t_final, samples, watched, .. } = request;
+    let EnsembleRequest { members, noise, method, steps, t_final, watched, .. } = request;
     if watched.is_some() {
         noise::refuse(info, "whose paths no event is watched for on")?;
     }
     if u32::try_from(members.len()).ok().and_then(|n| noise.path.checked_add(n)).is_none() {
         return Err(Error::Options { reason: format!("noise has at most {} paths", u32::MAX) });
     }
-    noise.wiener(info, (*method, *steps), (*t_final, *samples)).map(Some)
+    noise.wiener(info, (*method, *steps), times.iter().copied().chain([*t_final])).map(Some)
 }
 
 /// All members with a start through their events, each in the steps that `simulate` takes by the same method.

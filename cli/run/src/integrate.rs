@@ -54,7 +54,7 @@ pub fn simulate_at(
 ) -> Result<SimulateResponse, Error> {
     has_state(factory.info())?;
     request.validate(factory.info())?;
-    let dynamics = prepare_moved(factory, request)?;
+    let dynamics = prepare_moved(factory, request, times)?;
     admissible::check(&*dynamics, &request.initial, request.n_group)?;
     let long = if request.method == MethodName::Auto { method_of_long(factory, request) } else { None };
     if let Some(method) = long {
@@ -73,7 +73,11 @@ pub fn simulate_at(
 }
 
 /// The scene with its parameters, moved by its noises where it has any.
-fn prepare_moved<'f>(factory: &'f dyn Factory, request: &SimulateRequest) -> Result<PreparedScene<'f>, Error> {
+fn prepare_moved<'f>(
+    factory: &'f dyn Factory,
+    request: &SimulateRequest,
+    times: &[f64],
+) -> Result<PreparedScene<'f>, Error> {
     let info = factory.info();
     if info.noises.is_empty() {
         return prepare(factory, &request.params);
@@ -84,8 +88,8 @@ fn prepare_moved<'f>(factory: &'f dyn Factory, request: &SimulateRequest) -> Res
     if !request.along.is_empty() {
         noise::refuse(info, "whose paths have no derivatives")?;
     }
-    let SimulateRequest { method, steps, t_final, samples, .. } = *request;
-    let wiener = request.noise.wiener(info, (method, steps), (t_final, samples))?;
+    let SimulateRequest { method, steps, t_final, .. } = *request;
+    let wiener = request.noise.wiener(info, (method, steps), times.iter().copied().chain([t_final]))?;
     factory.prepare_noisy(&request.params, wiener).map_err(|bad| refused(info, &request.params, bad))
 }
 

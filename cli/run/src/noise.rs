@@ -40,7 +40,7 @@ impl Noise {
         Err(format!("is given, but scene {scene} of {model} has no noise: a model with `noise` has scene stochastic"))
     }
 
-    /// The increments for a motion until `t_final` with samples.
+    /// The increments for a motion with states at these times.
     ///
     /// # Errors
     /// [`Error::Options`] for steps and methods that go over jumps of the noise, and for times between two steps, where
@@ -49,7 +49,7 @@ impl Noise {
         &self,
         info: &Info,
         (method, steps): (MethodName, Steps),
-        (t_final, samples): (f64, usize),
+        times: impl IntoIterator<Item = f64>,
     ) -> Result<Wiener, Error> {
         let refused = |reason: String| {
             let Info { scene, model, .. } = info;
@@ -80,12 +80,9 @@ impl Noise {
                 ));
             }
         };
-        let between = t_final.abs() / samples.saturating_sub(1).max(1) as f64;
-        if between != 0.0 && whole(between / step).is_none() {
+        if let Some(t) = times.into_iter().find(|t| *t != 0.0 && whole(t.abs() / step).is_none()) {
             return refused(format!(
-                "its states are those at the ends of steps, and {between:?}, the time {}, is no multiple of the step \
-                 {step:?}",
-                if samples > 1 { "between two samples" } else { "to reach" }
+                "its states are those at the ends of steps, and the time {t:?} is no multiple of the step {step:?}"
             ));
         }
         Ok(wiener)

@@ -39,6 +39,7 @@ impl Subject {
             momenta: Vec::new(),
             params: params.collect(),
             inputs: Vec::new(),
+            noises: Vec::new(),
             velocities: Vec::new(),
             frames: Vec::new(),
             outputs: outputs.collect(),

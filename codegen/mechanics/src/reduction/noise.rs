@@ -151,8 +151,12 @@ impl Field {
                 KinematicConstraint::Solved(solved) => {
                     let column: Vec<ExprId> =
                         solved.virtual_displacements.iter().map(|row| row[unknown]).collect();
-                    if column.iter().any(|e| velocities.iter().any(|y| model.graph.free_symbols(*e).contains(y))) {
-                        let message = format!("{what} contains the momentum `{name}` beside a nonlinear constraint");
+                    let allowed = solved.psi.iter().map(|row| row[unknown]);
+                    if !column.iter().copied().eq(allowed) {
+                        let message = format!(
+                            "{what} contains the momentum `{name}`, whose displacements are no velocities that the \
+                             constraints allow"
+                        );
                         return Err(refused(model, message, "noise there is for functions of the position alone"));
                     }
                     model.graph.dot(&column, &along)

@@ -115,6 +115,11 @@ impl ModelBuilder {
                     );
                     continue;
                 };
+                if self.is_noise(&name) {
+                    let message = format!("scene `{}` fixes `{name}`, which is a noise", scene.name);
+                    self.problem(span, message, "leave it out: a scene that does not take it has no noise");
+                    continue;
+                }
                 if positions.len() != numbers.len() {
                     let message =
                         format!("`{name}` has {} components, found {}", positions.len(), numbers.len());
