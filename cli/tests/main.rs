@@ -17,6 +17,7 @@ mod forms;
 mod inputs;
 mod listed;
 mod matrices;
+mod noise;
 mod outputs;
 mod outside;
 mod pairs;
