@@ -1,4 +1,4 @@
-//! Motions with noise on the command line: paths, grids, orders, ensembles, and what is refused.
+//! Motions with noise on the command line: paths, grids, orders, ensembles, refusals.
 
 use std::path::Path;
 use std::process::Output;
@@ -174,7 +174,8 @@ fn noise_that_a_model_mentions() {
         force x_dot = -g*x_dot + s*W;
     }";
     let (model, table) = (file("langevin.hamel", text), file("langevin.csv", ""));
-    let asked = ["--scene", "stochastic", "--count", "2000", "--step", "0.02", "--t-final", "2", "-o", &table];
+    let asked =
+        ["--scene", "stochastic", "--count", "2000", "--step", "0.02", "--t-final", "2", "-o", &table];
     done(&[&["ensemble", &*model][..], &asked].concat());
     let found = rows(&table);
     let variance = found.iter().map(|row| row[1].powi(2)).sum::<f64>() / 2000.0;
@@ -201,9 +202,11 @@ fn what_noise_has_no_answer_for_is_refused() {
     refused(&["simulate", "heavy_top", "--noise-seed", "2"], "has no noise");
     let table = file("refused.csv", "");
     refused(&["ensemble", "heavy_top", "--count", "3", "-o", &table], "nothing is drawn");
-    let swept = ["ensemble", &kubo, "--scene", "stochastic", "--sweep", "W=0..1:3", "--step", "0.01", "-o", &table];
+    let swept =
+        ["ensemble", &kubo, "--scene", "stochastic", "--sweep", "W=0..1:3", "--step", "0.01", "-o", &table];
     refused(&swept, "`W`");
-    let out = run(&["simulate", "heavy_top", "--json"], "{\"initial\": {}, \"t_final\": 1, \"noise_seed\": 3}");
+    let out =
+        run(&["simulate", "heavy_top", "--json"], "{\"initial\": {}, \"t_final\": 1, \"noise_seed\": 3}");
     assert!(String::from_utf8_lossy(&out.stderr).contains("has no noise"));
 }
 

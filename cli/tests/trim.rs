@@ -11,8 +11,8 @@ use hamel_run::equilibria::{Along, Answer, Asked, Change, End, Equilibrium, Verd
 use hamel_run::error::Error;
 use hamel_run::interpreted;
 use hamel_run::method::{MethodName, Steps};
-use hamel_run::noise::Noise;
 use hamel_run::model::Checked;
+use hamel_run::noise::Noise;
 use hamel_run::simulation::{MAX_EVENTS, SimulateRequest};
 use serde_json::Value;
 

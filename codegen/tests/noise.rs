@@ -243,8 +243,16 @@ fn what_is_no_noise_is_refused() {
         assert!(problems.contains(expected), "{problems}");
     };
     let x = "coordinate x in real; momentum p of x_dot; lagrangian = x_dot^2/2;";
-    refused(&format!("{x} noise W; noise V: p; force x_dot = W*V;"), "stochastic", "is not linear in the noise `W`");
-    refused(&format!("{x} noise W; force x_dot = W^2;"), "stochastic", "the force on `x_dot` is not linear in the noise");
+    refused(
+        &format!("{x} noise W; noise V: p; force x_dot = W*V;"),
+        "stochastic",
+        "is not linear in the noise `W`",
+    );
+    refused(
+        &format!("{x} noise W; force x_dot = W^2;"),
+        "stochastic",
+        "the force on `x_dot` is not linear in the noise",
+    );
     refused(&format!("{x} noise W: x_dot;"), "stochastic", "contains the velocity `x_dot`");
     refused(&format!("{x} noise W: p; output o = W;"), "stochastic", "`o` contains the noise `W`");
     refused(&format!("{x} noise W: p; drive W = 1;"), "stochastic", "`W` is driven, which is a noise");

@@ -128,9 +128,9 @@ pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
     Constant, Dla, DlaStorage, Dop853, Dopri5, Estimate, ExactFlows, ExplicitMethod, FixedPoint, Gauss,
-    Gauss4, Gauss6, Gauss8, Invariants, Levels, Method, Midpoint, Newton, OfMotion, OfPositions, OnCircles, Point,
-    Projected, Projection, Rk4, Row, Splitting, Splitting2, Splitting4, Splitting6, Start, Step, Tableau,
-    Taylor, Tolerances, Tsit5, Turning, Vern9,
+    Gauss4, Gauss6, Gauss8, Invariants, Levels, Method, Midpoint, Newton, OfMotion, OfPositions, OnCircles,
+    Point, Projected, Projection, Rk4, Row, Splitting, Splitting2, Splitting4, Splitting6, Start, Step,
+    Tableau, Taylor, Tolerances, Tsit5, Turning, Vern9,
 };
 #[cfg(feature = "lanes")]
 pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};

@@ -5,8 +5,8 @@
 use crate::inputs::Signal;
 use crate::math;
 
-/// White noise on a grid of times: in each step of the grid the rate `dW/dt` is constant, `DW_n / step` with independent
-/// normal increments `DW_n` of variance `step`.
+/// White noise on a grid of times: in each step of the grid the rate `dW/dt` is constant, `DW_n / step` with
+/// independent normal increments `DW_n` of variance `step`.
 ///
 /// ```text
 /// dy = f(t, y) dt + sum_k g_k(t, y) o dW_k
@@ -159,8 +159,8 @@ mod tests {
         assert_eq!(philox(pi, key), [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]);
     }
 
-    /// Moments of 40,000 increments, each within five of its standard deviations, also beside those of the next step,
-    /// of another noise and of another path.
+    /// Moments of 40,000 increments, each within five of its standard deviations; and correlations with the next
+    /// step, another noise and another path.
     #[test]
     fn increments_are_normal_and_independent() {
         let n: i64 = 40_000;

@@ -191,8 +191,8 @@ impl InputTable {
 pub struct Driven(Vec<Column>);
 
 impl Driven {
-    /// The inputs of a scene with noise: noises that no table has are those of a path, others as they are driven, or
-    /// held at values that stand in their place.
+    /// The inputs of a scene with noise: a path gives the noises that no table has, and the others are driven as
+    /// before, or held at values that stand in their place.
     pub(super) fn noisy(info: &Info, drive: Option<&Driven>, held: &[f64], wiener: Wiener) -> Driven {
         let mut n_noises = 0;
         let column = |(k, input): (usize, &ParamEntry)| {

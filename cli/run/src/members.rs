@@ -48,7 +48,7 @@ impl Beginnings {
         self.states.resize(self.n * self.n_state, f64::NAN);
     }
 
-    /// The same with a number behind the parameters of each, that of the first and those that follow.
+    /// The same with a number behind the parameters of each, which counts up from that of the first.
     pub(super) fn numbered(&self, first: u32) -> Beginnings {
         let mut numbered = Beginnings {
             n: self.n,

@@ -159,7 +159,7 @@ impl MethodName {
         )
     }
 
-    /// Whether all rates that a step is made of are those of times inside of it.
+    /// Whether a step evaluates rates at times inside of it alone.
     pub fn evaluates_inside(self) -> bool {
         use MethodName::*;
         matches!(

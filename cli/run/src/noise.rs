@@ -37,7 +37,9 @@ impl Noise {
             return Ok(());
         }
         let Info { scene, model, .. } = info;
-        Err(format!("is given, but scene {scene} of {model} has no noise: a model with `noise` has scene stochastic"))
+        Err(format!(
+            "is given, but scene {scene} of {model} has no noise: a model with `noise` has scene stochastic"
+        ))
     }
 
     /// The increments for a motion with states at these times.

@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 
 use hamel_codegen::spec::Want;
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, Midpoint, OnCircles, Rk4, Splitting2,
-    Splitting4, Splitting6, Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, Midpoint, OnCircles, Rk4,
+    Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
 };
 
 use super::any_method::{AnyMethod, MAX_INVARIANTS, OfLanes, OfScenes};

@@ -190,12 +190,12 @@ mod tests {
     use hamel_runtime::F64x4;
 
     use super::{Pace, Room, Stepper};
-    use crate::noise::Noise;
     use crate::cache::Cache;
     use crate::error::Error;
     use crate::interpreted::{self, Built};
     use crate::method::{MethodName, Steps};
     use crate::model::Checked;
+    use crate::noise::Noise;
     use crate::session::Session;
     use crate::simulation::{MAX_EVENTS, SimulateRequest};
 

@@ -16,8 +16,8 @@ use hamel_run::forms::Forms;
 use hamel_run::info::Info;
 use hamel_run::inputs::{Between, InputTable};
 use hamel_run::method::{MethodName, Steps};
-use hamel_run::noise::Noise;
 use hamel_run::model::{CONTROLLED_SCENE, Checked, DEFAULT_SCENE, STOCHASTIC_SCENE};
+use hamel_run::noise::Noise;
 use hamel_run::request::table::Table;
 use hamel_run::session::{ModelFile, Session};
 

@@ -254,7 +254,7 @@ impl<'a> Definition<'a> {
         Ok(Place { env, of_system, group, of_model })
     }
 
-    /// The symbols of the model with other velocities, those of the group.
+    /// The symbols of the model with other velocities, by the velocities of the group.
     pub(super) fn moved_by<R: Real>(&self, env: &Env<R>, group: &[R]) -> Result<Env<R>, Missing> {
         let mut moved = env.clone();
         moved.set_all(&self.velocities, &self.model_velocities(env, group)?);

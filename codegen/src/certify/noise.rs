@@ -27,7 +27,7 @@ pub(super) struct NamedMomentum<R> {
 }
 
 impl Motion {
-    /// All momenta that the model names, those of velocities that constraints determine excepted.
+    /// All momenta that the model names along velocities that no constraint determines.
     pub(super) fn named_momenta<R: Real>(
         setting: &Setting<'_>,
         at: &Place<R>,
@@ -58,14 +58,14 @@ impl Motion {
         }
     }
 
-    /// `sum_k W_k v_k`, in the frame of the group; none where nothing but forces comes from noise.
+    /// `sum_k W_k v_k`, in the frame of the group, where noise is more than forces.
     pub(super) fn transport(setting: &Setting<'_>, at: &Place<Wide>) -> Result<Option<Vec<Wide>>, Missing> {
         let fields = Motion::noise_fields(setting, at)?;
         let sum = |a: Vec<Wide>, b: Vec<Wide>| a.into_iter().zip(b).map(|(a, b)| a + b).collect();
         Ok(fields.into_iter().filter_map(|field| Some(times(field.w, &field.v?))).reduce(sum))
     }
 
-    /// The velocities that move coordinates, those of noise among them, in the frame of the group.
+    /// The velocities that move coordinates, with `sum_k W_k v_k`, in the frame of the group.
     pub(super) fn total(setting: &Setting<'_>, at: &Place<Wide>) -> Result<Vec<Wide>, Missing> {
         Ok(match Motion::transport(setting, at)? {
             Some(v) => at.group.iter().zip(v).map(|(y, v)| *y + v).collect(),
@@ -74,7 +74,11 @@ impl Motion {
     }
 
     /// `sum_k W_k (<p, [w, v_k]> + dh_k(rho w))`.
-    pub(super) fn power_of_noise(setting: &Setting<'_>, at: &Place<Wide>, w: &[Wide]) -> Result<Wide, Missing> {
+    pub(super) fn power_of_noise(
+        setting: &Setting<'_>,
+        at: &Place<Wide>,
+        w: &[Wide],
+    ) -> Result<Wide, Missing> {
         let definition = &setting.definition;
         let mut sum = Wide::ZERO;
         for field in Motion::noise_fields(setting, at)? {
@@ -102,7 +106,9 @@ impl Motion {
         let model = setting.definition.model;
         let taken = &setting.claim.equations.system.inputs;
         let mut fields = Vec::new();
-        for noise in model.noises.iter().filter(|noise| taken.iter().any(|input| input.symbol == noise.symbol)) {
+        for noise in
+            model.noises.iter().filter(|noise| taken.iter().any(|input| input.symbol == noise.symbol))
+        {
             let Some((h, _)) = noise.hamiltonian else { continue };
             let w = at.env.get(noise.symbol).ok_or(noise.symbol)?;
             let h = Tape::new(&model.graph, &[h]);
@@ -139,6 +145,6 @@ struct NoiseField {
     /// The noise at the point.
     w: Wide,
     h: Tape,
-    /// `v = dh/dp`; none where it vanishes.
+    /// `v = dh/dp`, where it does not vanish.
     v: Option<Vec<Wide>>,
 }

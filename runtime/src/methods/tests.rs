@@ -4,8 +4,8 @@ use std::vec;
 use std::vec::Vec;
 
 use super::{
-    Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss4, Gauss6, Gauss8, Method, Midpoint, Rk4, Row, Tableau, Tsit5,
-    Vern9, c,
+    Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss4, Gauss6, Gauss8, Method, Midpoint, Rk4, Row,
+    Tableau, Tsit5, Vern9, c,
 };
 use crate::system::System;
 use crate::{DoubleDouble, Real};
@@ -180,7 +180,11 @@ fn first_parts_of_coefficients_do_not_satisfy_order_conditions_to_all_digits() {
         let exact = |_, density| DoubleDouble::ratio(1.0, density);
         let order = tableau.order as usize;
         let missed = defect(tableau, &weights, 1..=order, exact);
-        assert!(missed > 1e-18 || ["midpoint", "gauss4"].contains(&tableau.name), "{}: {missed:e}", tableau.name);
+        assert!(
+            missed > 1e-18 || ["midpoint", "gauss4"].contains(&tableau.name),
+            "{}: {missed:e}",
+            tableau.name
+        );
     }
 }
 

@@ -236,7 +236,8 @@ impl SimulateRequest {
         let max_steps = whole("max_steps", 1, steps.max_steps());
         let max_events = whole("max_events", 1, MAX_EVENTS);
         let (seed, path) = (whole("noise_seed", 0, 0), whole("noise_path", 0, 0));
-        let noise = Noise { seed, path: path.try_into().unwrap_or(u32::MAX), step: fields.number("noise_step") };
+        let noise =
+            Noise { seed, path: path.try_into().unwrap_or(u32::MAX), step: fields.number("noise_step") };
         if let Err(reason) = noise.suits(info) {
             fields.problems.push(unusable("noise_seed", reason));
         }

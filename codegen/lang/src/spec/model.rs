@@ -50,8 +50,8 @@ pub struct Noise {
     pub name: String,
     /// Its symbol, that of one of [`Model::inputs`].
     pub symbol: SymbolId,
-    /// The function `h(x, p, a, t)` that it multiplies, and where that stands; none where the model mentions the noise
-    /// itself.
+    /// The function `h(x, p, a, t)` that it multiplies, and where that stands. A noise that the model mentions has no
+    /// such function.
     pub hamiltonian: Option<(ExprId, Option<Span>)>,
     /// Where it is declared.
     pub span: Option<Span>,
@@ -574,7 +574,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Inputs that something drives: those that are no white noise.
+    /// Inputs that are no white noise: something drives them.
     pub fn controls(&self) -> impl Iterator<Item = &Param> {
         let is_noise = |input: &&Param| self.noises.iter().any(|noise| noise.symbol == input.symbol);
         self.inputs.iter().filter(move |input| !is_noise(input))

@@ -1,4 +1,4 @@
-//! White noise: what it adds to forces, to the rates of base coordinates and to those of the group.
+//! White noise: what it adds to forces, and to the rates of base coordinates and of the group.
 //!
 //! ```text
 //! xdot = rho (y + sum_k W_k v_k)
@@ -46,7 +46,11 @@ impl Transport {
     ///
     /// # Errors
     /// [`DivisionByZero`].
-    pub(super) fn moves(&self, g: &mut Graph, list: &mut [ReconstructedCoordinate]) -> Result<(), DivisionByZero> {
+    pub(super) fn moves(
+        &self,
+        g: &mut Graph,
+        list: &mut [ReconstructedCoordinate],
+    ) -> Result<(), DivisionByZero> {
         for coordinate in list.iter_mut().filter(|_| !self.velocities.is_empty()) {
             coordinate.rate = g.subs(coordinate.rate, &self.velocities)?;
         }
@@ -134,7 +138,8 @@ impl Field {
         let components: Vec<(String, SymbolId, usize)> =
             model.momenta.iter().flat_map(|momentum| momentum.components.iter().cloned()).collect();
         let named: Vec<_> = components.into_iter().filter(|(_, symbol, _)| free.contains(symbol)).collect();
-        let velocities: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, symbol)| symbol).collect();
+        let velocities: Vec<SymbolId> =
+            model.all_velocities().into_iter().map(|(_, symbol)| symbol).collect();
         // `p_a` by symbols that stand for all of them while `h` is differentiated.
         let p: Vec<SymbolId> = match setting.hamiltonian {
             Some(hamiltonian) => hamiltonian.momenta.clone(),
@@ -144,8 +149,13 @@ impl Field {
         let mut by_frame: BTreeMap<SymbolId, ExprId> = BTreeMap::new();
         for (name, symbol, velocity) in named {
             let Some(unknown) = place_of(model, setting.unknowns, velocity) else {
-                let message = format!("{what} contains the momentum `{name}`, which the constraints determine");
-                return Err(refused(model, message, "write it by other momenta, or choose others with `independent`"));
+                let message =
+                    format!("{what} contains the momentum `{name}`, which the constraints determine");
+                return Err(refused(
+                    model,
+                    message,
+                    "write it by other momenta, or choose others with `independent`",
+                ));
             };
             let value = match setting.constraint {
                 KinematicConstraint::Solved(solved) => {
@@ -157,13 +167,18 @@ impl Field {
                             "{what} contains the momentum `{name}`, whose displacements are no velocities that the \
                              constraints allow"
                         );
-                        return Err(refused(model, message, "noise there is for functions of the position alone"));
+                        return Err(refused(
+                            model,
+                            message,
+                            "noise there is for functions of the position alone",
+                        ));
                     }
                     model.graph.dot(&column, &along)
                 }
                 KinematicConstraint::Multipliers { rows, .. } if rows.is_empty() => along[unknown],
                 KinematicConstraint::Multipliers { .. } => {
-                    let message = format!("{what} contains the momentum `{name}`, and multipliers keep a constraint");
+                    let message =
+                        format!("{what} contains the momentum `{name}`, and multipliers keep a constraint");
                     let help = "solve the constraint, with `independent`, or let the noise depend on the position alone";
                     return Err(refused(model, message, help));
                 }
@@ -171,7 +186,9 @@ impl Field {
             by_frame.insert(symbol, value);
         }
         let g = &mut model.graph;
-        let divided = |model: &Model| refused(model, format!("{what} divides by zero"), "divide by something that does not vanish");
+        let divided = |model: &Model| {
+            refused(model, format!("{what} divides by zero"), "divide by something that does not vanish")
+        };
         let Ok(h) = g.subs(h, &by_frame) else { return Err(divided(model)) };
         let v: Vec<ExprId> = p.iter().map(|symbol| g.diff(h, *symbol)).collect();
         let slopes: Vec<ExprId> = setting.algebroid.base().iter().map(|x| g.diff(h, *x)).collect();

@@ -138,7 +138,7 @@ pub struct ReducedSystem {
     pub param_arrays: Vec<ParamArray>,
     /// Inputs that are not held: arguments of every function, as time is, of which no rate is known.
     pub inputs: Vec<Param>,
-    /// Those of them that are white noise.
+    /// The inputs that are white noise.
     pub noises: Vec<SymbolId>,
     /// Conditions on the parameters.
     pub conditions: Vec<Condition>,

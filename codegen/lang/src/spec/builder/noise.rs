@@ -19,8 +19,8 @@ const PLACE: &str = "a noise is for `force`, `acceleration`, `field`, `state` an
                      a Hamiltonian of its own, `noise W: h;`: it has increments, and no value at a time";
 
 impl ModelBuilder {
-    /// White noise: the derivative of a Wiener process `W` by time, in the sense of Stratonovich. It is an input that is
-    /// held at zero.
+    /// White noise: the derivative of a Wiener process `W` by time, in the sense of Stratonovich. It is an input that
+    /// is held at zero.
     ///
     /// ```
     /// use hamel_lang::spec::{Domain, ModelBuilder, Rational};
@@ -90,7 +90,8 @@ fn of_noise(name: &str) -> String {
 /// function of coordinates, momenta, advected parameters and time.
 pub(super) fn misplaced_noises(model: &Model) -> Vec<Diagnostic> {
     let noises: BTreeSet<SymbolId> = model.noises.iter().map(|noise| noise.symbol).collect();
-    let velocities: BTreeSet<SymbolId> = model.all_velocities().into_iter().map(|(_, symbol)| symbol).collect();
+    let velocities: BTreeSet<SymbolId> =
+        model.all_velocities().into_iter().map(|(_, symbol)| symbol).collect();
     let mut problems: Vec<Diagnostic> = Vec::new();
     let mut add = |problem: Diagnostic| {
         if !problems.iter().any(|p| p.span == problem.span && p.message == problem.message) {
