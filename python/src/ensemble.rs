@@ -224,7 +224,8 @@ pub(crate) fn write(
         },
         sweep: Vec::new(),
         spread: Vec::new(),
-        count: None,
+        // Trajectories of which nothing but the path of noises varies.
+        count: Some(rows.len()).filter(|n| names.is_empty() && *n > 1),
         seed: 0,
         table: None,
         motion: MotionOptions {

@@ -23,16 +23,17 @@ impl ModelBuilder {
     /// is held at zero.
     ///
     /// ```
-    /// use hamel_lang::spec::{Domain, ModelBuilder, Rational};
+    /// use hamel_lang::spec::{Domain, ModelBuilder};
     ///
     /// let mut b = ModelBuilder::new("kicked");
-    /// let (_, v) = b.coordinate("x", Domain::Real, "");
-    /// let energy = b.product(&[&v, &v]);
+    /// let (x, v) = b.coordinate("x", Domain::Real, "");
     /// let kick = b.noise("W", "");
-    /// b.lagrangian(&energy).force("x_dot", &kick);
-    /// let model = b.build()?;
-    /// assert_eq!(model.noises[0].name, "W");
-    /// # Ok::<(), hamel_lang::spec::Diagnostics>(())
+    /// let _stretch = b.noise("V", "");
+    /// let (energy, h) = (v.mul(b.graph(), &v).unwrap(), x.mul(b.graph(), &x).unwrap());
+    /// b.lagrangian(&energy).force("x_dot", &kick).noise_hamiltonian("V", &h);
+    /// let model = b.build().unwrap();
+    /// assert_eq!(model.noises[1].name, "V");
+    /// assert!(model.noises[0].hamiltonian.is_none());
     /// ```
     pub fn noise(&mut self, name: &str, doc: &str) -> Value {
         let value = self.input(name, Rational::zero(), doc);
