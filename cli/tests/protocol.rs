@@ -440,7 +440,7 @@ fn simulate_rejects_contradictions_and_what_it_cannot_do() {
     };
     assert!(
         text(json!({"method": "rk45"}))
-            .contains("methods: tsit5, dop853, vern9, gbs14, dopri5, rk4, gauss4, gauss6")
+            .contains("methods: tsit5, dop853, vern9, gbs14, dopri5, rk4, midpoint, gauss4, gauss6")
     );
     assert!(text(json!({"method": "rk4"})).contains("step is missing: rk4"));
     assert!(text(json!({"method": "gauss6"})).contains("step is missing: gauss6"));

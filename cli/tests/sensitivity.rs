@@ -105,8 +105,9 @@ fn every_method_that_takes_rates_alone_has_them_and_others_are_refused_by_name()
             Ok(answer) => {
                 n_fit += 1;
                 let found = at(&answer, "k", "x");
-                // The classical method at its step is the least exact.
-                assert!((found - exact).abs() < 1e-8, "{}: {found} {exact}", method.name());
+                // The classical method at its step is the least exact, but for the one of second order.
+                let bound = if method == hamel_run::method::MethodName::Midpoint { 1e-5 } else { 1e-8 };
+                assert!((found - exact).abs() < bound, "{}: {found} {exact}", method.name());
             }
             Err(error) => {
                 n_refused += 1;

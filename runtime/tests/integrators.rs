@@ -1,8 +1,8 @@
 //! Order, accuracy, direction, landing and failures of the integrators, on problems with a closed form.
 
 use hamel_runtime::{
-    Dop853, Dopri5, Error, Failure, Gauss4, Gauss6, Gauss8, Integrator, Method, Norm, Options, Progress,
-    Real, Rk4, StateVector, System, Tsit5, Vern9,
+    Dop853, Dopri5, Error, Failure, Gauss4, Gauss6, Gauss8, Integrator, Method, Midpoint, Norm, Options,
+    Progress, Real, Rk4, StateVector, System, Tsit5, Vern9,
 };
 
 /// A nonlinear system that depends on time.
@@ -84,6 +84,7 @@ fn observed_orders_are_those_of_the_methods() {
     check_orders(Tsit5, 2.0, &[40, 60, 90, 135, 200], 5.0, 5.0);
     check_orders(Dop853, 2.0, &[12, 15, 19, 24, 30], 8.0, 8.0);
     check_orders(Vern9, 40.0, &[420, 460, 500, 550, 600], 9.0, 9.0);
+    check_orders(Midpoint::fixed_point(), 2.0, &[100, 150, 230, 350, 500], 2.0, 2.0);
     check_orders(Gauss4::fixed_point(), 2.0, &[40, 60, 90, 135, 200], 4.0, 4.0);
     check_orders(Gauss6::fixed_point(), 2.0, &[20, 30, 45, 60], 6.0, 6.0);
     check_orders(Gauss8::fixed_point(), 2.0, &[8, 10, 13, 16, 20], 8.0, 7.0);

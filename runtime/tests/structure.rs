@@ -1,7 +1,7 @@
 //! What methods keep: quadratic invariants, symmetry, invariants by projection, the norm of quaternions.
 
 use hamel_runtime::{
-    Differentiable, Dop853, Error, Gauss4, Gauss6, Gauss8, Integrator, Invariants, Method, Options,
+    Differentiable, Dop853, Error, Gauss4, Gauss6, Gauss8, Integrator, Invariants, Method, Midpoint, Options,
     Projected, Rk4, System, Tsit5,
 };
 
@@ -232,6 +232,8 @@ fn gauss_methods_are_reversible_and_their_energy_does_not_drift() {
         let back = *solver.state();
         assert!(there.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-12), "{name}: {there:?} {back:?}");
     }
+    check(Midpoint::fixed_point(), 0.02, 1e-4);
+    check(Midpoint::newton(), 0.02, 1e-4);
     check(Gauss4::fixed_point(), 0.1, 2e-7);
     check(Gauss6::fixed_point(), 0.2, 5e-9);
     check(Gauss8::fixed_point(), 0.4, 1e-9);

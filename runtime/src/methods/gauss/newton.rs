@@ -4,7 +4,7 @@
 
 use core::ops::Range;
 
-use super::tableaux::{GAUSS4, GAUSS6, GAUSS8};
+use super::tableaux::{GAUSS4, GAUSS6, GAUSS8, MIDPOINT};
 use super::{Gauss, GaussStorage, Newton, evaluate_stage, finish, weigh};
 use crate::error::Error;
 use crate::methods::iteration::{Change, iterate, not_converged};
@@ -151,9 +151,11 @@ where
     S::State: SquareStorage<R>,
 {
     const TABLEAU: &'static Tableau = match STAGES {
+        1 => &Tableau { name: "midpoint-newton", ..MIDPOINT },
         2 => &Tableau { name: "gauss4-newton", ..GAUSS4 },
         3 => &Tableau { name: "gauss6-newton", ..GAUSS6 },
-        _ => &Tableau { name: "gauss8-newton", ..GAUSS8 },
+        4 => &Tableau { name: "gauss8-newton", ..GAUSS8 },
+        _ => panic!("Gauss methods have 1, 2, 3 or 4 stages"),
     };
 
     type Storage = GaussStorage<R, S::State, NewtonWorkspace<R, S::State, STAGES>, STAGES>;
