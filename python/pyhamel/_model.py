@@ -571,7 +571,7 @@ class Model:
         atol: float | None = None,
         step: float | None = None,
         max_step: float | None = None,
-        samples: int = 201,
+        samples: int | None = None,
         events: Sequence[str] = (),
         sensitivity: Sequence[str] = (),
         inputs: Mapping[str, Any] | None = None,
@@ -586,8 +586,8 @@ class Model:
     ) -> Motion:
         """The motion from an initial state at ``t = 0``.
 
-        ``t`` is the final time, with ``samples`` samples at equal distances, or a span ``(0, T)``, or an array of more
-        than two times, of which the first is zero; a motion backward has negative times. ``y0`` is a complete state, or
+        ``t`` is the final time, with ``samples`` samples at equal distances (201), or a span ``(0, T)``, or an array of
+        more than two times, of which the first is zero; a motion backward has negative times. ``y0`` is a complete state, or
         components by name: those that are left out are the model's own, or chosen such that the constraints hold.
         ``params`` differ from the model's. ``rtol`` and ``atol`` are 1e-10 and 1e-12 unless given; ``step`` is for
         methods with fixed steps, ``max_step`` bounds those of the others. Events of the model happen; ``events`` are
@@ -612,6 +612,8 @@ class Model:
                 samples=samples, events=events, sensitivity=sensitivity, outputs=outputs, max_steps=max_steps,
                 max_events=max_events, noise_seed=noise_seed, noise_path=noise_path, noise_step=noise_step,
             )  # fmt: skip
+        if samples is None:
+            samples = 201 if step is None else self._native.default_samples(_times(t, 1)[0], step)
         t_final, times = _times(t, samples)
         options = _options(method, rtol, atol, step, max_step, max_steps, (noise_seed, noise_path, noise_step))
         native = _hamel.simulate(

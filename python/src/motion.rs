@@ -105,7 +105,10 @@ impl Options {
     /// [`Error::Request`] for what is no method, and steps that do not suit it.
     fn steps(&self, info: &Info, otherwise: MethodName) -> Result<(MethodName, Steps), Error> {
         let method = self.method(info, otherwise)?;
-        let steps = Steps::new(method, self.rtol, self.atol, self.step);
+        // A scene with noise says itself which steps it takes.
+        let is_free = self.method.is_none() && !info.noises.is_empty();
+        let of_steps = if is_free { MethodName::default() } else { method };
+        let steps = Steps::new(of_steps, self.rtol, self.atol, self.step);
         let steps = steps.map_err(|reason| Error::unusable(ARGUMENTS.step, reason))?;
         Ok((method, steps.within(self.max_step).map_err(|reason| Error::unusable("max_step", reason))?))
     }

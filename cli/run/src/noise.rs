@@ -91,6 +91,19 @@ impl Noise {
     }
 }
 
+/// The number of samples of a motion for which nobody has chosen another one: `most`, or fewer where noise leaves a
+/// motion no states but those at the ends of steps.
+pub fn samples_for(info: &Info, steps: Steps, t_final: f64, most: usize) -> usize {
+    let Steps::Fixed { step } = steps else { return most };
+    let n_steps = (t_final / step).abs().round();
+    if info.noises.is_empty() || !(n_steps >= 1.0 && n_steps <= f64::from(u32::MAX)) {
+        return most;
+    }
+    let n_steps = n_steps as usize;
+    let divides = |n: &usize| n_steps.is_multiple_of(*n);
+    (1..most.min(n_steps + 1)).rev().find(divides).map_or(most, |n| n + 1)
+}
+
 /// The method of a motion: the one that somebody has chosen, if anybody has.
 pub fn method_for(info: &Info, chosen: Option<MethodName>) -> MethodName {
     let unchosen = if info.noises.is_empty() { MethodName::default() } else { MethodName::Midpoint };

@@ -32,7 +32,7 @@ use hamel_run::matrices::{self, Outcome};
 use hamel_run::method::{MethodName, Steps};
 use hamel_run::model::blocks;
 use hamel_run::model::{self, Checked, Model, roles};
-use hamel_run::noise::{Noise, method_for};
+use hamel_run::noise::{Noise, method_for, samples_for};
 use hamel_run::request::json::by_name;
 use hamel_run::request::simulate::Completion;
 use hamel_run::request::{read_request, sizes};
@@ -442,18 +442,19 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     }
     let motion = &arguments.motion;
     let steps = motion.steps()?;
-    let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
+    let most = if targets.is_empty() { 0 } else { DEFAULT_SAMPLES };
     let method = match (motion.method, steps) {
         (Some(MethodName::Auto), Steps::Adaptive { rtol, .. }) => {
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
             let has_events = !arguments.section.is_empty() || scene::has_events(model, &choice.scene);
-            Some(auto::choose(rtol, cost, auto::Purpose::of(samples, has_events)))
+            Some(auto::choose(rtol, cost, auto::Purpose::of(arguments.samples.unwrap_or(most), has_events)))
         }
         (method, _) => method,
     };
     let scene = choice.open(&file)?;
     let info = scene.info().clone();
     has_state(&info)?;
+    let samples = arguments.samples.unwrap_or_else(|| samples_for(&info, steps, arguments.end.t_final, most));
     let n_group = if arguments.reconstruct { n_group(&info, model)? } else { 0 };
     let plane = plane(&info, &arguments.plane)?;
     let asked = Asked {
