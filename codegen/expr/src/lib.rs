@@ -36,6 +36,7 @@ mod rational;
 mod real_point;
 mod relations;
 mod samples;
+mod shared;
 mod sign;
 mod trials;
 mod without_value;

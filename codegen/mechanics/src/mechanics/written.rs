@@ -6,7 +6,7 @@ use std::collections::{BTreeSet, HashSet};
 
 use num_traits::{One, Signed, Zero};
 
-use crate::reduction::ReducedSystem;
+use crate::reduction::{KinematicConstraint, ReducedSystem};
 use hamel_expr::error::Error;
 use hamel_expr::{
     ExprId, Graph, Node, Rational, Section, SectionWriter, SymbolId, Workspace, needed_sections,
@@ -69,6 +69,19 @@ pub fn operations_of_motion(system: &ReducedSystem) -> Result<u64, Error> {
     let rates: Vec<ExprId> =
         motion.acceleration.iter().chain(&motion.unknown_rates).chain(&d.rates).copied().collect();
     Ok(d.n_operations(&rates))
+}
+
+/// Fewest operations behind the rates of a system that is multiplied out, as far as its mass matrix `W^T L_yy Psi` shows
+/// them before anything is derived: every entry beside the diagonal is one of its factors in any order, and two
+/// substitutions pass through it. Zero where the Lagrangian is of a higher degree in the velocities.
+pub fn least_operations_of_motion(system: &ReducedSystem) -> u64 {
+    let KinematicConstraint::Solved(solved) = &system.constraint else { return 0 };
+    let sides = (solved.virtual_displacements.as_slice(), solved.psi.as_slice());
+    let mut g = system.graph.clone();
+    let Some(matrix) = g.second_derivatives(system.lagrangian, &system.velocities, sides) else { return 0 };
+    let n = solved.unknowns.len().min(system.velocities.len());
+    let pairs = (0..n).flat_map(|a| (0..a).map(move |b| (a, b)));
+    2 * pairs.filter(|(a, b)| !matrix.is_zero(*a, *b)).count() as u64
 }
 
 /// Ways of deriving are told apart by the definitions that they write.
