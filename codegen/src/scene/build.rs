@@ -12,7 +12,7 @@ use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections
 use hamel_lang::spec::{self, Diagnostics, Model, Param, Want, Wanted};
 use hamel_mechanics::mechanics::{
     EXPANDED, Equations, Extent, LABORIOUS, Output, OutputKind, Phase, StateEquation, derive, derive_to,
-    is_recursive, least_operations_of_motion, operations_of_motion, phases,
+    is_recursive, operations_of_factors, operations_of_motion, phases,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_program::lower::{
@@ -116,7 +116,7 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem, extent: Extent) -
     let mut trials = Trials::new(&());
     trials.attempt(&mut (), 0, |()| Some((cost, by_recursion)));
     let most = EXPANDED * n_by_recursion;
-    if least_operations_of_motion(system) > most {
+    if operations_of_factors(system) > most {
         return trials.finish(&mut ());
     }
     // What takes more than recursion took does not cost less; searches stop at half of the work.

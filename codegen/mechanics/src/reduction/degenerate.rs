@@ -152,7 +152,7 @@ pub(super) fn completed(
 fn is_seen_to_be_regular(model: &mut Model, solved: &SolvedConstraint) -> bool {
     let velocities: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, s)| s).collect();
     let sides = (solved.virtual_displacements.as_slice(), solved.psi.as_slice());
-    let matrix = model.graph.second_derivatives(model.lagrangian, &velocities, sides);
+    let matrix = model.graph.second_derivatives(model.lagrangian, &velocities, sides, &BTreeMap::new());
     matrix.is_some_and(|matrix| matrix.rank() == solved.unknowns.len())
 }
 
