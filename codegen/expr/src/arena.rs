@@ -36,11 +36,7 @@ impl Arena {
     pub(super) const ONE: ExprId = ExprId(1);
 
     pub(super) fn new() -> Arena {
-        Arena {
-            entries: SharedVec::new(),
-            symbols: Vec::new(),
-            knowledge: Knowledge::new(),
-        }
+        Arena { entries: SharedVec::new(), symbols: Vec::new(), knowledge: Knowledge::new() }
     }
 
     pub(super) fn n_nodes(&self) -> usize {
@@ -53,7 +49,8 @@ impl Arena {
 
     /// Appends a node, which must not be there yet.
     pub(super) fn push(&mut self, node: Node, fingerprint: Fingerprint, doubts: Doubts) -> ExprId {
-        let id = ExprId(u32::try_from(self.entries.len()).expect("fewer than 2^32 expressions fit in memory"));
+        let id =
+            ExprId(u32::try_from(self.entries.len()).expect("fewer than 2^32 expressions fit in memory"));
         self.entries.push(Entry { node, fingerprint, doubts });
         id
     }

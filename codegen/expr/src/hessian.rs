@@ -165,12 +165,7 @@ impl Graph {
 
     /// The parts of a polynomial of degree two at most that depend on the symbols, itself last, by all that is `behind`
     /// it.
-    fn polynomial_steps(
-        &self,
-        behind: &[ExprId],
-        symbols: &[SymbolId],
-        fixed: &Fixed,
-    ) -> Option<Vec<Step>> {
+    fn polynomial_steps(&self, behind: &[ExprId], symbols: &[SymbolId], fixed: &Fixed) -> Option<Vec<Step>> {
         let variables: FxHashMap<SymbolId, usize> = symbols.iter().copied().zip(0..).collect();
         let mut steps: Vec<Step> = Vec::new();
         // Places and degrees.
@@ -260,9 +255,7 @@ fn gradient(steps: &[Step], n: usize, point: &[(usize, Rated)]) -> Vec<Rated> {
     for step in steps {
         values.push(match step {
             Step::Variable(k) => at[*k],
-            Step::Sum(terms) => {
-                terms.iter().fold(ZERO, |sum, (a, q)| plus(sum, times(*q, values[*a])))
-            }
+            Step::Sum(terms) => terms.iter().fold(ZERO, |sum, (a, q)| plus(sum, times(*q, values[*a]))),
             Step::Multiple(factor, a) => times(*factor, values[*a]),
             Step::Product(factor, a, b) => times(*factor, times(values[*a], values[*b])),
         });
@@ -335,12 +328,14 @@ mod tests {
         assert_eq!(found.rank(), 2);
         assert!(found.varies(0, 0) && !found.is_zero(1, 1));
         // Of one square it is of rank one, and along vectors it is a product.
-        let alone = g.second_derivatives(first, &[u, v], (&unit, &unit), &BTreeMap::new()).expect("a polynomial");
+        let alone =
+            g.second_derivatives(first, &[u, v], (&unit, &unit), &BTreeMap::new()).expect("a polynomial");
         assert_eq!(alone.rank(), 1);
         assert!(!alone.is_zero(0, 1));
         let minus = g.neg(cosine);
         let kernel = vec![vec![x], vec![minus]];
-        let along = g.second_derivatives(first, &[u, v], (&unit, &kernel), &BTreeMap::new()).expect("a polynomial");
+        let along =
+            g.second_derivatives(first, &[u, v], (&unit, &kernel), &BTreeMap::new()).expect("a polynomial");
         assert_eq!((along.rank(), along.is_zero(0, 0), along.is_zero(1, 0)), (0, true, true));
     }
 
@@ -361,9 +356,11 @@ mod tests {
         let angle = g.func(crate::Func::Atan, x);
         let (weighed, beside) = (g.mul(angle, square), g.add(angle, square));
         assert_eq!(g.second_derivatives(weighed, &[u, v], (&unit, &unit), &BTreeMap::new()), None);
-        let found = g.second_derivatives(beside, &[u, v], (&unit, &unit), &BTreeMap::new()).expect("a polynomial");
+        let found =
+            g.second_derivatives(beside, &[u, v], (&unit, &unit), &BTreeMap::new()).expect("a polynomial");
         assert_eq!(found.rank(), 1);
-        let found = g.second_derivatives(angle, &[u, v], (&unit, &unit), &BTreeMap::new()).expect("a polynomial");
+        let found =
+            g.second_derivatives(angle, &[u, v], (&unit, &unit), &BTreeMap::new()).expect("a polynomial");
         assert_eq!(found.rank(), 0);
         let moved = vec![vec![of_u], vec![of_v]];
         assert_eq!(g.second_derivatives(square, &[u, v], (&unit, &moved), &BTreeMap::new()), None);

@@ -179,7 +179,8 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
         let found = squared(g, term, q, &varying);
         let found = found.filter(|(_, v)| v.iter().any(|v| g.depends_on(*v, &velocities)));
         let found = found.and_then(|(weight, v)| {
-            let components = v.into_iter().map(|v| Component::new(g, &mut partials, (system, &movers), v).map(Rc::new));
+            let components =
+                v.into_iter().map(|v| Component::new(g, &mut partials, (system, &movers), v).map(Rc::new));
             let components = components.collect::<Option<Vec<_>>>();
             Some((weight, components?))
         });
