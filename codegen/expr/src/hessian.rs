@@ -1,8 +1,8 @@
 //! Second derivatives of polynomials of degree two, by values at a point of the [field](super::field).
 //!
-//! The matrix of second derivatives of a Lagrangian of `n` velocities has `n^2` entries, and as expressions these take
+//! The matrix of second derivatives of an energy of `n` velocities has `n^2` entries, and as expressions these take
 //! more than everything else that is made of a chain of bodies. Its rank and its zeros follow from its values: a minor
-//! that is not zero at one point does not vanish. Deliberately does not know: what is differentiated.
+//! that is not zero at one point does not vanish. Deliberately does not know: Lagrangians.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -80,7 +80,7 @@ type Fixed = FxHashMap<ExprId, Rated>;
 
 impl Graph {
     /// `left^T e_yy right` for a polynomial `e` in the `symbols` y of degree two at most, as it is written, with its
-    /// derivative along the `rates` of other symbols; none where it is no such polynomial, where factors of second
+    /// derivative along the `rates` of other symbols. `None` where it is no such polynomial, where factors of second
     /// derivatives, `left` or `right` have no value or one that proves nothing, and where they depend on `y`.
     ///
     /// # Shapes
@@ -148,7 +148,7 @@ impl Graph {
         }
     }
 
-    /// Values and rates at one point; none where there is no point at which all have values that are not zero only
+    /// Values and rates at one point. `None` where there is no point at which all have values that are not zero only
     /// where the expression does not vanish.
     fn values_with_rates(&mut self, list: Vec<ExprId>, rates: &BTreeMap<SymbolId, ExprId>) -> Option<Fixed> {
         let slopes = self.derivatives(&list, rates);
@@ -215,7 +215,7 @@ impl Graph {
     }
 }
 
-/// A product with its degree; none where that is above two, and where a factor has no value.
+/// A product with its degree. `None` where that is above two, and where a factor has no value.
 fn product_step(
     coefficient: &Rational,
     factors: &[(ExprId, Rational)],
@@ -225,7 +225,7 @@ fn product_step(
     let mut factor = (field::rational(coefficient)?, 0);
     let (mut places, mut degree) = (Vec::new(), 0);
     for (base, q) in factors {
-        // Roots of what is not known to be a square prove nothing.
+        // Roots prove nothing unless their bases are known to be squares.
         let n = q.is_integer().then(|| q.to_integer().to_i32()).flatten()?;
         let Some((place, of_base)) = moving.get(base) else {
             let (value, rate) = *fixed.get(base)?;

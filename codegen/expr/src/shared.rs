@@ -1,6 +1,6 @@
 //! A list that grows at its end, and whose copies share what they have in common.
 //!
-//! A graph is copied for every trial, and most of its copies add little. Deliberately does not know: what is in it.
+//! A graph is copied for every trial, and most of its copies add little. Deliberately does not know: expressions.
 
 use std::sync::Arc;
 

@@ -73,8 +73,8 @@ pub fn operations_of_motion(system: &ReducedSystem) -> Result<u64, Error> {
 }
 
 /// Operations behind the rates of a system that is multiplied out, as far as its mass matrix `W^T L_yy Psi` shows them
-/// before anything is derived: those of its factors, from the last row to the first. Zero where values of the matrix
-/// say nothing.
+/// before anything is derived: the operations of its factors, from the last row to the first. Zero where values of the
+/// matrix say nothing.
 pub fn operations_of_factors(system: &ReducedSystem) -> u64 {
     let KinematicConstraint::Solved(solved) = &system.constraint else { return 0 };
     let sides = (solved.virtual_displacements.as_slice(), solved.psi.as_slice());
