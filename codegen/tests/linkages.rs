@@ -15,7 +15,7 @@ use articulated::{Input, Number, Origin};
 use hamel_codegen::explain::explain;
 use hamel_codegen::scene::{self, BuiltScene, Derivative, Made, build_tampered};
 use hamel_codegen::spec::{self, Model};
-use hamel_expr::{Style, rational_to_f64};
+use hamel_expr::{Budget, Style, rational_to_f64};
 use hamel_mechanics::mechanics::{derive, is_recursive, same_motion};
 use hamel_mechanics::reduction::{Formulation, reduce};
 use hamel_program::program::Role;
@@ -170,6 +170,19 @@ fn rates_of_long_chains_take_counted_work() {
         assert!(spent.expressions <= expressions * n, "{} expressions", spent.expressions);
         assert!(spent.work <= work * n, "{} steps of work", spent.work);
     }
+}
+
+/// Of pendulums no state violates anything: where expressions are left for nothing more, there is a start all the same.
+#[test]
+fn a_start_without_residuals_derives_nothing() {
+    let mut model = parsed(&planar_pendulum(8));
+    let spent = scene::build(&model, "bare").expect("builds").spent();
+    let budget = model.graph.budget();
+    model.graph.set_budget(Budget { expressions: spent.expressions, ..budget });
+    let scene = scene::build(&model, "bare").expect("within its budget");
+    assert!(!scene.equations().is_whole());
+    let start = scene::start(&model, &scene).expect("nothing is derived").expect("a start");
+    assert_eq!(start.state.len(), 16);
 }
 
 /// One that wants more gets everything, and moves alike.

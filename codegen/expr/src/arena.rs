@@ -4,6 +4,7 @@
 
 use super::knowledge::{Doubts, Fingerprint, Knowledge};
 use super::node::{ExprId, Node, SymbolId};
+use super::shared::SharedVec;
 
 #[derive(Clone, Debug)]
 struct SymbolEntry {
@@ -12,13 +13,18 @@ struct SymbolEntry {
     definition: Option<ExprId>,
 }
 
+#[derive(Clone, Debug)]
+struct Entry {
+    node: Node,
+    fingerprint: Fingerprint,
+    /// Why a fingerprint other than zero may prove nothing.
+    doubts: Doubts,
+}
+
 /// Nodes by their handles; operands precede the nodes that use them.
 #[derive(Clone, Debug)]
 pub(super) struct Arena {
-    nodes: Vec<Node>,
-    fingerprints: Vec<Fingerprint>,
-    /// Why fingerprints other than zero may prove nothing.
-    doubts: Vec<Doubts>,
+    entries: SharedVec<Entry>,
     symbols: Vec<SymbolEntry>,
     knowledge: Knowledge,
 }
@@ -30,40 +36,33 @@ impl Arena {
     pub(super) const ONE: ExprId = ExprId(1);
 
     pub(super) fn new() -> Arena {
-        Arena {
-            nodes: Vec::new(),
-            fingerprints: Vec::new(),
-            doubts: Vec::new(),
-            symbols: Vec::new(),
-            knowledge: Knowledge::new(),
-        }
+        Arena { entries: SharedVec::new(), symbols: Vec::new(), knowledge: Knowledge::new() }
     }
 
     pub(super) fn n_nodes(&self) -> usize {
-        self.nodes.len()
+        self.entries.len()
     }
 
     pub(super) fn node(&self, e: ExprId) -> &Node {
-        &self.nodes[e.index()]
+        &self.entries.at(e.index()).node
     }
 
     /// Appends a node, which must not be there yet.
     pub(super) fn push(&mut self, node: Node, fingerprint: Fingerprint, doubts: Doubts) -> ExprId {
-        let id = ExprId(u32::try_from(self.nodes.len()).expect("fewer than 2^32 expressions fit in memory"));
-        self.nodes.push(node);
-        self.fingerprints.push(fingerprint);
-        self.doubts.push(doubts);
+        let id =
+            ExprId(u32::try_from(self.entries.len()).expect("fewer than 2^32 expressions fit in memory"));
+        self.entries.push(Entry { node, fingerprint, doubts });
         id
     }
 
     /// Values at the random points.
     pub(super) fn fingerprint(&self, e: ExprId) -> &Fingerprint {
-        &self.fingerprints[e.index()]
+        &self.entries.at(e.index()).fingerprint
     }
 
     /// Why a fingerprint other than zero may prove nothing.
     pub(super) fn doubts(&self, e: ExprId) -> Doubts {
-        self.doubts[e.index()]
+        self.entries.at(e.index()).doubts
     }
 
     pub(super) fn knowledge(&self) -> &Knowledge {

@@ -47,7 +47,11 @@ impl Graph {
         self.derivatives(&[e], rates)[0]
     }
 
-    fn derivatives(&mut self, roots: &[ExprId], rates: &BTreeMap<SymbolId, ExprId>) -> Vec<ExprId> {
+    pub(super) fn derivatives(
+        &mut self,
+        roots: &[ExprId],
+        rates: &BTreeMap<SymbolId, ExprId>,
+    ) -> Vec<ExprId> {
         let mut derivative: FxHashMap<ExprId, ExprId> = FxHashMap::default();
         self.differentiate(roots, rates, &mut derivative);
         roots.iter().map(|e| derivative[e]).collect()

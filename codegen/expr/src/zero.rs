@@ -298,14 +298,20 @@ pub fn independent_rows(g: &Graph, rows: &[Vec<ExprId>]) -> Vec<usize> {
     let Some(point) = (0..POINTS).find(valid) else {
         return (0..rows.len()).filter(|k| rows[*k].iter().any(|e| *e != g.zero())).collect();
     };
+    independent(rows.iter().map(|row| row.iter().filter_map(|e| value(e, point)).collect()))
+}
+
+/// Rows of values that are no combinations of those before them.
+pub(super) fn independent(rows: impl Iterator<Item = Vec<u64>>) -> Vec<usize> {
     // Reduced rows with a one at their pivot.
     let mut basis: Vec<(usize, Vec<u64>)> = Vec::new();
     let mut kept = Vec::new();
-    for (k, row) in rows.iter().enumerate() {
-        let mut rest: Vec<u64> = row.iter().filter_map(|e| value(e, point)).collect();
+    for (k, mut rest) in rows.enumerate() {
         for (pivot, known) in &basis {
             let factor = field::negate(rest[*pivot]);
-            rest.iter_mut().zip(known).for_each(|(x, y)| *x = field::add(*x, field::mul(factor, *y)));
+            if factor != 0 {
+                rest.iter_mut().zip(known).for_each(|(x, y)| *x = field::add(*x, field::mul(factor, *y)));
+            }
         }
         let pivot = rest.iter().position(|x| *x != 0);
         if let Some((pivot, scale)) = pivot.and_then(|pivot| Some((pivot, field::inverse(rest[pivot])?))) {

@@ -12,7 +12,7 @@ use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections
 use hamel_lang::spec::{self, Diagnostics, Model, Param, Want, Wanted};
 use hamel_mechanics::mechanics::{
     EXPANDED, Equations, Extent, LABORIOUS, Output, OutputKind, Phase, StateEquation, derive, derive_to,
-    is_recursive, operations_of_motion, phases,
+    is_recursive, operations_of_factors, operations_of_motion, phases,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_program::lower::{
@@ -115,6 +115,10 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem, extent: Extent) -
     let (cost, spent, by_recursion) = lowered(equations, &by_recursion.formulation)?;
     let mut trials = Trials::new(&());
     trials.attempt(&mut (), 0, |()| Some((cost, by_recursion)));
+    let most = EXPANDED * n_by_recursion;
+    if operations_of_factors(system) > most {
+        return trials.finish(&mut ());
+    }
     // What takes more than recursion took does not cost less; searches stop at half of the work.
     let least = |own: u64, spent: u64| own.min(spent.saturating_mul(2));
     let least = Budget {
@@ -127,7 +131,7 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem, extent: Extent) -
     let work = least.work.min(reduced + LABORIOUS * (derived - reduced));
     expanded.graph.set_budget(Budget { work, ..least });
     let n_expanded = operations_of_motion(&expanded);
-    if !n_expanded.is_ok_and(|n| n <= EXPANDED * n_by_recursion) {
+    if !n_expanded.is_ok_and(|n| n <= most) {
         return trials.finish(&mut ());
     }
     expanded.graph.set_budget(least);

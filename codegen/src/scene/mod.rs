@@ -504,6 +504,11 @@ impl BuiltScene {
     /// # Errors
     /// What lowering can find.
     pub fn with_residuals(&self) -> Result<Option<BuiltScene>, Error> {
+        let residuals = OutputKind::Group(Want::Constraint);
+        // Equations have these whatever a scene asks for: without them nothing else is derived.
+        if self.equations.outputs.iter().all(|o| o.kind != residuals) {
+            return Ok(None);
+        }
         let whole = self.whole()?;
         let graph = &whole.equations.system.graph;
         let left_out = left_out(&whole.equations, &whole.state);

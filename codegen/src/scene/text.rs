@@ -204,7 +204,9 @@ impl BuiltScene {
         let budget = self.equations.system.graph.budget();
         let functions = self.program.functions.iter().map(|f| f.instructions.len()).sum::<usize>();
         let n_instructions = (functions + self.program.prepare.instructions.len()) as u64;
-        if self.spent.bytes.saturating_add(BYTES_OF_AN_INSTRUCTION * n_instructions) > budget.bytes {
+        // What lowering has made is gone by now, the equations are not.
+        let held = self.equations.system.graph.spent().bytes;
+        if held.saturating_add(BYTES_OF_AN_INSTRUCTION * n_instructions) > budget.bytes {
             let exhausted =
                 Exhausted { stage: Stage::Emission, resource: Resource::Bytes, limit: budget.bytes };
             return Err(exhausted.into());

@@ -2,6 +2,8 @@
 //!
 //! Deliberately does not know: what an order does ([`super::kane`], [`super::gauss`]), how parts are found.
 
+use num_traits::Zero;
+
 use crate::reduction::SolvedConstraint;
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Rational, Trials};
@@ -12,9 +14,10 @@ use super::equations::LinearSystem;
 use super::gauss::Order;
 use super::kane::{Accelerated, Kane};
 use super::limits::{CLOSE, MAX_PARTIAL};
-use super::order::work_of_factors;
+use super::order::{work_by_values, work_of_factors};
 use super::recursion::Recursion;
 use super::solve::{Pivot, PivotMatrix};
+use super::written::mass_matrix_by_values;
 
 /// How accelerations of linked bodies are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,6 +110,13 @@ impl Derivation<'_> {
             }
             Way::Eliminated(order) => order,
         };
+        if order == Order::Composite
+            && !self.is_whole()
+            && let Some(least) = least
+            && self.work_along_rates(recursion, solved) > least
+        {
+            return Ok(None);
+        }
         let composite = match order == Order::Composite || self.is_whole() {
             true => self.eliminate(recursion, solved, rest, Order::Composite)?,
             false => None,
@@ -148,6 +158,28 @@ impl Derivation<'_> {
         };
         let motion = self.moved(recursion, solved, system, (&wdot, pivots), (&added, rest))?;
         Ok(Some(Found { motion, matrix: mass_matrix, wdot }))
+    }
+
+    /// Operations of the factors of the mass matrix along the rates `w` with `u = B w`, before it is made; zero where
+    /// its values say nothing.
+    fn work_along_rates(&self, recursion: &Recursion, solved: &SolvedConstraint) -> u64 {
+        let inverse = &recursion.directions.inverse;
+        // In a copy: nothing of it is left over.
+        let mut g = self.g.clone();
+        let zero = g.zero();
+        let mut along = Vec::with_capacity(solved.psi.len());
+        for row in &solved.psi {
+            let mut terms: Vec<Vec<(ExprId, Rational)>> = vec![Vec::new(); inverse.len()];
+            for (entry, weights) in row.iter().zip(inverse).filter(|(entry, _)| **entry != zero) {
+                for (terms, q) in terms.iter_mut().zip(weights).filter(|(_, q)| !q.is_zero()) {
+                    terms.push((*entry, q.clone()));
+                }
+            }
+            along.push(terms.iter().map(|terms| g.linear_combination(terms)).collect());
+        }
+        let sides = (along.as_slice(), along.as_slice());
+        let matrix = mass_matrix_by_values(&mut g, self.system, sides);
+        matrix.map_or(0, |matrix| work_by_values(&matrix))
     }
 
     /// The motion by the rates `wdot`: `udot = B wdot`.

@@ -84,4 +84,4 @@ pub use splitting::{SplitFlow, Splitting};
 pub use variations::{VariationKind, VariationPart, Variations};
 pub use vertical::unused_stem;
 pub use vertical::{HorizontalEquation, ShapeConnection, VerticalEquation, VerticalEquations};
-pub use written::operations_of_motion;
+pub use written::{operations_of_factors, operations_of_motion};

@@ -2,7 +2,7 @@
 //!
 //! Deliberately does not know: how a matrix is factored, what its rows belong to.
 
-use hamel_expr::{ExprId, Graph, SectionWriter};
+use hamel_expr::{ExprId, Graph, SectionWriter, ValueMatrix};
 
 /// The order in which the pivots of a symmetric matrix are taken: parameters alone first, then rows with few entries;
 /// or always the row whose elimination takes the fewest operations at its turn, where that takes fewer in all.
@@ -46,6 +46,19 @@ pub(super) fn order_of_pivots(
 pub(super) fn work_of_factors(g: &Graph, writer: &SectionWriter, a: &[Vec<ExprId>]) -> u64 {
     let order: Vec<usize> = (0..a.len()).rev().collect();
     Pattern::new(g, writer, a).work_in(&order) as u64
+}
+
+/// As [`work_of_factors`], of a symmetric matrix by its values: no more than that of its expressions, some of which
+/// vanish or stay what they are without being seen to.
+pub(super) fn work_by_values(a: &ValueMatrix) -> u64 {
+    let order: Vec<usize> = (0..a.n_rows()).rev().collect();
+    let kind = |i: usize, j: usize| match (a.is_zero(i, j), a.varies(i, j)) {
+        (_, true) => Kind::Varying,
+        (false, false) => Kind::Constant,
+        (true, false) => Kind::Zero,
+    };
+    let row = |i: usize| (0..a.n_rows()).map(|j| kind(i, j)).collect();
+    Pattern { entries: order.iter().rev().map(|i| row(*i)).collect() }.work_in(&order) as u64
 }
 
 /// What an entry of a matrix is made of.

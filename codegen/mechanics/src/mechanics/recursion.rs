@@ -184,6 +184,10 @@ impl<'a> Parts<'a> {
             let mut best: Option<(usize, BTreeMap<ExprId, Rational>, SymbolId, Rational)> = None;
             self.g.charge(self.sums.len().min(MAX_SUMS) * left.len());
             for (other, symbol) in self.sums.iter().rev().take(MAX_SUMS) {
+                // It takes away no more terms than it has.
+                if best.as_ref().is_some_and(|(least, ..)| left.len() >= *least + other.len()) {
+                    continue;
+                }
                 let ratios: BTreeSet<Rational> =
                     other.iter().filter_map(|(e, q)| Some(left.get(e)? / q)).collect();
                 for ratio in ratios {

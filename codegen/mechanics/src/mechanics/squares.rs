@@ -168,6 +168,7 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
     let mut squares = Vec::new();
     let mut partials = Partials::default();
+    let movers = movers(g, system);
     let mut rest: Vec<Other> = Vec::new();
     let (summands, products) = summands(g, system, &velocities, &varying);
     // A vector with a number for its mass is part of the Lagrangian's own sum, and several of one mass may be one sum.
@@ -178,7 +179,8 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
         let found = squared(g, term, q, &varying);
         let found = found.filter(|(_, v)| v.iter().any(|v| g.depends_on(*v, &velocities)));
         let found = found.and_then(|(weight, v)| {
-            let components = v.into_iter().map(|v| Component::new(g, &mut partials, system, v).map(Rc::new));
+            let components =
+                v.into_iter().map(|v| Component::new(g, &mut partials, (system, &movers), v).map(Rc::new));
             let components = components.collect::<Option<Vec<_>>>();
             Some((weight, components?))
         });
@@ -403,13 +405,25 @@ fn rational_root(g: &mut Graph, q: &Rational) -> Option<ExprId> {
     Some(root)
 }
 
+/// The coordinates that each section of the frame moves, with their rates.
+type Movers = Vec<Vec<(SymbolId, ExprId)>>;
+
+fn movers(g: &Graph, system: &ReducedSystem) -> Movers {
+    let algebroid = &system.algebroid;
+    let of_section = |alpha: usize| {
+        let rates = algebroid.base().iter().enumerate().map(|(i, x)| (*x, algebroid.anchor(i, alpha)));
+        rates.filter(|(_, rate)| *rate != g.zero()).collect()
+    };
+    (0..algebroid.rank()).map(of_section).collect()
+}
+
 impl Component {
     /// None where the value is not affine in the velocities, or changes with time other than with the frame:
     /// `dv_alpha/dt = N^gamma_alpha v_gamma`, which is the torsion with `d/dt`.
     fn new(
         g: &mut Graph,
         partials: &mut Partials,
-        system: &ReducedSystem,
+        (system, movers): (&ReducedSystem, &Movers),
         value: ExprId,
     ) -> Option<Component> {
         let algebroid = &system.algebroid;
@@ -433,14 +447,7 @@ impl Component {
                 return None;
             }
         }
-        // What each section moves and what each slope mentions: of a chain most slopes mention nothing that moves.
-        let movers: Vec<Vec<(SymbolId, ExprId)>> = (0..m)
-            .map(|alpha| {
-                let rates =
-                    algebroid.base().iter().enumerate().map(|(i, x)| (*x, algebroid.anchor(i, alpha)));
-                rates.filter(|(_, rate)| *rate != g.zero()).collect()
-            })
-            .collect();
+        // Of a chain most slopes mention nothing that moves.
         let mentioned: Vec<BTreeSet<SymbolId>> = slopes.iter().map(|e| g.free_symbols(*e)).collect();
         let mut along = |g: &mut Graph, section: usize, of: usize| {
             let mut terms = Vec::new();
@@ -448,16 +455,22 @@ impl Component {
                 let slope = partials.diff(g, slopes[of], *x);
                 terms.push(g.mul(*rate, slope));
             }
-            g.sum(&terms)
+            if terms.is_empty() { g.zero() } else { g.sum(&terms) }
         };
+        let zero = g.zero();
         let mut torsion = Vec::with_capacity(m);
         for beta in 0..m {
             let mut row = Vec::with_capacity(beta);
             for alpha in 0..beta {
                 let forward = along(g, beta, alpha);
                 let backward = along(g, alpha, beta);
+                let bracket = algebroid.bracket(g, alpha, beta);
+                if forward == zero && backward == zero && bracket.is_empty() {
+                    row.push(zero);
+                    continue;
+                }
                 let mut terms = vec![forward, g.neg(backward)];
-                for (gamma, c) in algebroid.bracket(g, alpha, beta) {
+                for (gamma, c) in bracket {
                     terms.push(g.mul(c, slopes[gamma]));
                 }
                 let sum = g.sum(&terms);

@@ -2,18 +2,19 @@
 //!
 //! Deliberately does not know: what lowering does, what is computed.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 use num_traits::{One, Signed, Zero};
 
-use crate::reduction::ReducedSystem;
+use crate::reduction::{KinematicConstraint, ReducedSystem};
 use hamel_expr::error::Error;
 use hamel_expr::{
-    ExprId, Graph, Node, Rational, Section, SectionWriter, SymbolId, Workspace, needed_sections,
+    ExprId, Graph, Node, Rational, Section, SectionWriter, SymbolId, ValueMatrix, Workspace, needed_sections,
 };
 
 use super::derive::Derivation;
 use super::equations::Equations;
+use super::order::work_by_values;
 
 /// Operations behind `roots` on what is `varying`.
 pub(super) fn n_operations(
@@ -69,6 +70,38 @@ pub fn operations_of_motion(system: &ReducedSystem) -> Result<u64, Error> {
     let rates: Vec<ExprId> =
         motion.acceleration.iter().chain(&motion.unknown_rates).chain(&d.rates).copied().collect();
     Ok(d.n_operations(&rates))
+}
+
+/// Operations behind the rates of a system that is multiplied out, as far as its mass matrix `W^T L_yy Psi` shows them
+/// before anything is derived: the operations of its factors, from the last row to the first. Zero where values of the
+/// matrix say nothing.
+pub fn operations_of_factors(system: &ReducedSystem) -> u64 {
+    let KinematicConstraint::Solved(solved) = &system.constraint else { return 0 };
+    let sides = (solved.virtual_displacements.as_slice(), solved.psi.as_slice());
+    let matrix = mass_matrix_by_values(&mut system.graph.clone(), system, sides);
+    matrix.map_or(0, |matrix| work_by_values(&matrix))
+}
+
+/// `left^T L_yy right` by values, with what changes along the motion of the coordinates.
+pub(super) fn mass_matrix_by_values(
+    g: &mut Graph,
+    system: &ReducedSystem,
+    sides: (&[Vec<ExprId>], &[Vec<ExprId>]),
+) -> Option<ValueMatrix> {
+    let algebroid = &system.algebroid;
+    let mut rates = BTreeMap::from([(system.time, g.one())]);
+    for (i, x) in algebroid.base().iter().enumerate() {
+        let moving = (0..algebroid.rank()).filter(|alpha| algebroid.anchor(i, *alpha) != g.zero());
+        let terms: Vec<(usize, SymbolId)> = moving.map(|alpha| (alpha, system.velocities[alpha])).collect();
+        let terms: Vec<ExprId> = (terms.into_iter())
+            .map(|(alpha, y)| {
+                let y = g.sym(y);
+                g.mul(algebroid.anchor(i, alpha), y)
+            })
+            .collect();
+        rates.insert(*x, g.sum(&terms));
+    }
+    g.second_derivatives(system.lagrangian, &system.velocities, sides, &rates)
 }
 
 /// Ways of deriving are told apart by the definitions that they write.

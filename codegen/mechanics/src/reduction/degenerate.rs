@@ -109,6 +109,9 @@ pub(super) fn completed(
     if model.hamiltonian.is_some() || !model.quasi_velocities.is_empty() {
         return Ok(None);
     }
+    if is_seen_to_be_regular(model, solved) {
+        return Ok(None);
+    }
     // What a regular Lagrangian is does not change for having been looked at.
     let mut looked_at = model.clone();
     let hessian = hessian(&mut looked_at);
@@ -142,6 +145,15 @@ pub(super) fn completed(
     let found = search.found;
     model.graph = graph;
     Ok(Some((KinematicConstraint::Solved(constraint), found)))
+}
+
+/// Whether values prove that `W^T L_yy Psi` has an inverse: of a Lagrangian of degree two in the velocities, whose
+/// Hessian is the same on the conditions.
+fn is_seen_to_be_regular(model: &mut Model, solved: &SolvedConstraint) -> bool {
+    let velocities: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, s)| s).collect();
+    let sides = (solved.virtual_displacements.as_slice(), solved.psi.as_slice());
+    let matrix = model.graph.second_derivatives(model.lagrangian, &velocities, sides, &BTreeMap::new());
+    matrix.is_some_and(|matrix| matrix.rank() == solved.unknowns.len())
 }
 
 struct Search<'a> {
