@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use hamel_codegen::quotient::{self, Step};
-use hamel_codegen::spec::{self, MatrixFluid};
+use hamel_codegen::spec::{self, MatrixFluid, Origin};
 
 use crate::cache::Cache;
 use crate::error::Error;
@@ -173,6 +173,15 @@ impl Session {
         arguments.iter().map(|argument| self.find(argument)).collect()
     }
 
+    /// The text of a file that a model names which is part of the program: another one of these.
+    fn shipped(&self, file: &str) -> Result<Origin, String> {
+        let Models::Shipped(shipped) = &self.models else { return Err("there is no such file".to_owned()) };
+        let name = Path::new(file).file_stem().and_then(|name| name.to_str()).unwrap_or_default();
+        let text = shipped.iter().find(|(own, _)| *own == name).map(|(_, text)| (*text).to_owned());
+        let text = text.ok_or_else(|| format!("no model of the name `{name}` is part of the program"))?;
+        Ok(Origin { file: format!("{name}.hamel"), text })
+    }
+
     /// The model of an argument: a model's name, or a path that ends in `.hamel`.
     ///
     /// # Errors
@@ -315,8 +324,18 @@ impl<'s> ModelFile<'s> {
         } else {
             model
         };
+        let model = self.with_totals(model)?;
         let checked = Arc::new(Checked::new(model, self.session.cache.clone()));
         Ok(self.model.get_or_init(|| checked))
+    }
+
+    /// The model with the texts of those that it is the quotient of, where a scene wants the map.
+    fn with_totals(&self, model: Model) -> Result<Model, Error> {
+        let model = match &self.source {
+            Source::File(path) => quotient::read_totals_of_file(model, path),
+            Source::Shipped(_) => quotient::read_totals(model, &mut |_, file| self.session.shipped(file)),
+        };
+        Ok(model?)
     }
 
     /// What the model says of others that it is the quotient of, proved.
@@ -327,9 +346,7 @@ impl<'s> ModelFile<'s> {
         let model = self.checked()?;
         let steps = match &self.source {
             Source::File(path) => quotient::hold_file(model, path),
-            Source::Shipped(_) => {
-                quotient::hold(model, &mut |_, _| Err("the model is part of the program".to_owned()))
-            }
+            Source::Shipped(_) => quotient::hold(model, &mut |_, file| self.session.shipped(file)),
         };
         steps.map_err(|problems| Error::Models { problems })
     }

@@ -27,6 +27,7 @@ mod linear;
 mod modes;
 mod motion;
 mod point;
+mod quotient;
 mod random;
 mod results;
 mod runner;
@@ -38,6 +39,7 @@ use hamel_expr::error::Error;
 
 pub use claim::Certificate;
 pub(crate) use claim::{Claim, MatrixClaim};
+pub(crate) use quotient::certify_quotient;
 use motion::Motion;
 use point::{Point, Setting};
 use random::Random;

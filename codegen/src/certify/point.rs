@@ -468,7 +468,7 @@ impl Point {
     }
 }
 
-fn compare(relation: Relation, a: Wide, b: Wide) -> bool {
+pub(super) fn compare(relation: Relation, a: Wide, b: Wide) -> bool {
     let difference = (a - b).to_f64();
     match relation {
         Relation::Greater => difference > 0.0,

@@ -19,6 +19,7 @@ use super::events::SceneEvent;
 use super::frames;
 use super::implicit::Implicit;
 use super::positions::PositionLayout;
+use super::quotient::TotalSystem;
 
 /// A scene after the whole pipeline: its equations and its program.
 #[derive(Clone, Debug)]
@@ -32,6 +33,8 @@ pub struct BuiltScene {
     pub(super) products: Vec<Product>,
     pub(super) implicit: Option<Implicit>,
     pub(super) positions: Option<PositionLayout>,
+    /// The system that the model is the quotient of, where the scene wants the map.
+    pub(super) total: Option<Arc<TotalSystem>>,
     pub(super) flows: Vec<Vec<String>>,
     pub(super) events: Vec<SceneEvent>,
     /// Whether the emitted module has the Taylor coefficients of solutions.

@@ -32,6 +32,7 @@ mod places;
 mod plan;
 mod positions;
 mod prior;
+mod quotient;
 mod roles;
 mod splitting;
 mod start;
@@ -519,7 +520,7 @@ impl BuiltScene {
     fn beside(&self, plan: &Plan, outputs: Vec<Output>) -> Result<BuiltScene, Error> {
         let whole = self.whole()?;
         let (built, ..) =
-            lower_scene(whole.equations.clone().into(), plan, whole.state.clone(), (outputs, None))?;
+            lower_scene(whole.equations.clone().into(), plan, whole.state.clone(), (outputs, None, None))?;
         match &self.model {
             Some(model) => built.certified(Arc::clone(model)),
             None => Ok(built),
