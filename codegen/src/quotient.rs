@@ -97,10 +97,7 @@ fn of_total(
     read(here, &total.file).map_err(|why| {
         let message = format!("`{}` cannot be read: {why}", total.file);
         let help = "name the file from the folder of this one";
-        Diagnostics::new(
-            model.origin.clone(),
-            vec![Diagnostic::new(total.place, message).with_help(help)],
-        )
+        Diagnostics::new(model.origin.clone(), vec![Diagnostic::new(total.place, message).with_help(help)])
     })
 }
 

@@ -442,10 +442,7 @@ fn the_map_is_a_function_of_the_total_state() {
 
 #[test]
 fn scenes_without_a_map_say_why() {
-    let cases = [
-        (TOP, "still", "the scene fixes k, and the map gives it as"),
-        (TOP, "mapped", ""),
-    ];
+    let cases = [(TOP, "still", "the scene fixes k, and the map gives it as"), (TOP, "mapped", "")];
     for (text, name, said) in cases {
         let model = with_total(TOP_IN_SPACE, text).unwrap_or_else(|e| panic!("{e}"));
         let built = scene::build(&model, name).map(|_| ()).map_err(|e| e.to_string());
@@ -458,7 +455,10 @@ fn scenes_without_a_map_say_why() {
         }
     }
     // The group has no image.
-    let text = TOP.replace("    scene mapped { want rhs, quotient; }", "    reconstruct q in SO(3);\n    scene mapped { want rhs, reconstruction, quotient; }");
+    let text = TOP.replace(
+        "    scene mapped { want rhs, quotient; }",
+        "    reconstruct q in SO(3);\n    scene mapped { want rhs, reconstruction, quotient; }",
+    );
     let model = with_total(TOP_IN_SPACE, &text).unwrap_or_else(|e| panic!("{e}"));
     let problem = scene::build(&model, "mapped").expect_err("a coordinate of the group").to_string();
     assert!(problem.contains("the map gives no q"), "{problem}");
@@ -498,7 +498,15 @@ fn maps_of_every_kind_are_held() {
         let model = spec::parse(&format!("{name}.hamel"), &text).unwrap_or_else(|e| panic!("{e}"));
         let model = read_totals_of_file(model, &shared.join("quotient.hamel"));
         let model = model.unwrap_or_else(|e| panic!("{name}: {e}"));
-        let built = scene::build(&model, "mapped").unwrap_or_else(|e| panic!("{name}: {e}"));
+        let built = scene::build(&model, "mapped");
+        if *name == "roller_racer" {
+            // Where both wheels stand in line with the joint, the section of its constraint vanishes for `L1 = L2`.
+            let problem = built.expect_err("a section that may vanish").to_string();
+            let said = "s does not follow from velocities where (L2 + L1*cos(phi))^2 + sin(phi)^2 vanishes";
+            assert!(problem.contains(said), "{problem}");
+            continue;
+        }
+        let built = built.unwrap_or_else(|e| panic!("{name}: {e}"));
         let certificate = built.certificate();
         println!("{name}: {:?} {:?}", certificate.held.get("quotient"), certificate.open);
         assert!(certificate.held.contains_key("quotient"), "{name}: {certificate:?}");

@@ -39,9 +39,9 @@ use hamel_expr::error::Error;
 
 pub use claim::Certificate;
 pub(crate) use claim::{Claim, MatrixClaim};
-pub(crate) use quotient::certify_quotient;
 use motion::Motion;
 use point::{Point, Setting};
+pub(crate) use quotient::certify_quotient;
 use random::Random;
 use results::{Open, Results};
 use sheet::Sheet;

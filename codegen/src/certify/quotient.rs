@@ -5,8 +5,9 @@
 
 use hamel_runtime::{Dual, Real};
 
+use hamel_expr::SymbolId;
 use hamel_expr::error::Error;
-use hamel_mechanics::mechanics::Legendre;
+use hamel_lang::spec::Model;
 use hamel_program::program::{Constant, Role};
 
 use super::claim::{Certificate, Claim};
@@ -15,7 +16,7 @@ use super::point::{Point, Setting, compare};
 use super::random::Random;
 use super::runner::At;
 use super::sheet::Sheet;
-use super::tape::{PI, rational};
+use super::tape::{Env, PI, rational};
 use super::wide::Wide;
 use super::{MAX_DRAWS, seed, settle};
 
@@ -30,10 +31,10 @@ const PARAMS: &str = "quotient_parameters";
 pub(crate) fn certify_quotient(
     claim: &Claim<'_>,
     total: &Claim<'_>,
-    legendre: &Legendre,
     mut certificate: Certificate,
 ) -> Result<Certificate, Error> {
-    let map = Map { own: Setting::new(claim), total: Setting::new(total), legendre };
+    let mut map = Map { own: Setting::new(claim), total: Setting::new(total) };
+    map.total.on_groups = true;
     let mut random = Random::new(seed(claim) ^ seed(total));
     let mut n_held = 0;
     for turn in 0..claim.n_points.max(map.total.modes.len()) {
@@ -59,7 +60,6 @@ pub(crate) fn certify_quotient(
 struct Map<'a> {
     own: Setting<'a>,
     total: Setting<'a>,
-    legendre: &'a Legendre,
 }
 
 /// Names and values of the results of a function.
@@ -94,6 +94,11 @@ impl Map<'_> {
         if of_state.len() != program.state.len() || of_params.len() != program.params.len() {
             sheet.vanishes(STATE, "the number of components", Wide::ONE, 1.0);
         }
+        // Parameters stay, also those that are momenta of the total system.
+        for (param, moving) in &of_params {
+            let size = moving.value.size().max(point.scale(&self.total));
+            sheet.vanishes(PARAMS, format!("the rate of {param}"), moving.derivative, size);
+        }
         for ((component, moving), rate) in of_state.iter().zip(self.own.rates(&at)) {
             sheet.equal(STATE, format!("the rate of {component}"), moving.derivative, rate);
         }
@@ -124,7 +129,7 @@ impl Map<'_> {
     }
 
     /// Components are the images of the total system, which its own certificate holds to the functions as written;
-    /// momenta are those of the images of velocities.
+    /// what stands for velocities is that of the images of velocities.
     fn images(
         &self,
         point: &Point,
@@ -146,16 +151,33 @@ impl Map<'_> {
                 }
             }
         }
-        let own = self.own.claim.program;
-        let velocities: Option<Vec<Wide>> =
-            self.legendre.velocities.iter().map(|(name, _)| image(name)).collect();
-        let function = own.function_idx(&Role::Product("legendre".to_owned()));
-        let (Some(velocities), Some(k)) = (velocities, function) else { return };
-        let momenta = self.own.runner.call(k, at, &velocities);
-        for ((name, _), momentum) in own.functions[k].results.iter().zip(momenta) {
-            if let Some((_, x)) = of_state.iter().find(|(own, _)| own == name) {
-                sheet.equal(STATE, format!("the momentum {name}"), x.value, momentum);
+        self.velocities(at, &image, sheet);
+    }
+
+    /// All velocities of the scene at the image, those that its state does not carry as well.
+    fn velocities(&self, at: &At<'_, Wide>, image: &dyn Fn(&str) -> Option<Wide>, sheet: &mut Sheet) {
+        let (model, system) = (self.own.claim.model, &self.own.claim.equations.system);
+        let mut env = Env::new();
+        env.set(model.time, at.t);
+        let fixed = system.formulation.fixed.iter();
+        let fixed = fixed.filter_map(|(name, q)| Some((symbol_of(model, name)?, rational(q))));
+        let params = system.params.iter().map(|p| p.symbol).zip(at.params.iter().copied());
+        let inputs = system.inputs.iter().map(|input| input.symbol).zip(at.inputs.iter().copied());
+        let state = self.own.state.iter().copied().zip(at.state.iter().copied());
+        for (symbol, value) in fixed.chain(params).chain(inputs).chain(state) {
+            env.set(symbol, value);
+        }
+        for (name, symbol) in model.all_velocities() {
+            let Some(defined) = image(name) else { continue };
+            // Of coordinates that the scene leaves out nothing is known.
+            if let Ok(found) = self.own.velocities_of(&env, std::iter::once(symbol)) {
+                sheet.equal(STATE, format!("the velocity {name}"), found[0], defined);
             }
         }
     }
+}
+
+fn symbol_of(model: &Model, name: &str) -> Option<SymbolId> {
+    let params = model.params.iter().chain(&model.inputs);
+    params.into_iter().find(|p| p.name == name).map(|p| p.symbol)
 }

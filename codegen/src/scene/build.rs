@@ -25,8 +25,8 @@ use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::domain::domain;
 use super::pivots::sorted_pivots;
 use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
-use super::roles::{VariableRole, all_params, variable_roles};
 use super::quotient::{self, TotalSystem};
+use super::roles::{VariableRole, all_params, variable_roles};
 use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants, positions, splitting};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
@@ -614,7 +614,7 @@ impl BuiltScene {
         match (&self.total, self.total.as_ref().and_then(|total| total.scene.model.as_ref())) {
             (Some(total), Some(of_total)) => {
                 let other = total.scene.claim(of_total, n_points);
-                certify_quotient(&claim, &other, self.legendre(), certificate)
+                certify_quotient(&claim, &other, certificate)
             }
             _ => Ok(certificate),
         }

@@ -136,7 +136,8 @@ impl Plan {
             chosen: _,
         } = self;
         let has_outputs = !matches!(outputs, Outputs::Named(wanted) if wanted.is_empty());
-        let wants = [*energy, *invariants, *phases, *bracket, *hamiltonian_time, *splitting, *implicit, *quotient];
+        let wants =
+            [*energy, *invariants, *phases, *bracket, *hamiltonian_time, *splitting, *implicit, *quotient];
         let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
         let is_more = has_outputs || has_sets || *positions != Share::None || wants.contains(&true);
         let extent = if is_more { Extent::Whole } else { Extent::Rates };

@@ -5,10 +5,11 @@
 use std::collections::BTreeMap;
 
 use hamel_expr::error::Error;
-use hamel_expr::{ExprId, Func, Graph, Style, SymbolId, inlined};
+use hamel_expr::{ExprId, Func, Graph, Style, SymbolId, inlined, sign_of};
+use hamel_lang::algebra::{determinant_of, solve_over_determinant};
 use hamel_lang::spec::{Diagnostic, Diagnostics, Model, NamedVector, OutputPart, Total, Wanted};
 use hamel_mechanics::mechanics::{Equations, StateEquation};
-use hamel_mechanics::reduction::{Circle, Formulation};
+use hamel_mechanics::reduction::{Circle, Formulation, KinematicConstraint, momentum_of};
 use hamel_program::lower::Request;
 use hamel_program::program::{Program, Role, Symbols};
 
@@ -68,10 +69,7 @@ impl TotalSystem {
             let first = why.diagnostics(model, total).into_iter().next();
             first.unwrap_or_else(|| fail(Some(total), "the map is not proved".to_owned(), ""))
         })?;
-        let images = images(model, total, &mut other).map_err(|missing| {
-            let message = format!("the map gives no `{missing}`");
-            fail(Some(total), message, "give all parameters, or leave out those that stand nowhere")
-        })?;
+        let images = images(model, total, &mut other);
         let part = OutputPart::Own;
         other.outputs =
             vec![NamedVector { name: STATE.to_owned(), components: images, doc: String::new(), part }];
@@ -89,8 +87,8 @@ impl TotalSystem {
 }
 
 /// Variables and parameters of the quotient by the total system; those without a function are the ones of the same
-/// name there. The error is the name of a parameter without an image.
-fn images(model: &Model, total: &Total, other: &mut Model) -> Result<Vec<(String, ExprId)>, String> {
+/// name there.
+fn images(model: &Model, total: &Total, other: &mut Model) -> Vec<(String, ExprId)> {
     let n_own = other.outputs.len() - total.images.len();
     let names = total.images.iter().flat_map(|image| image.components.iter().cloned());
     let values = other.outputs[n_own..].iter().flat_map(|o| o.components.iter().map(|(_, e)| *e));
@@ -105,14 +103,12 @@ fn images(model: &Model, total: &Total, other: &mut Model) -> Result<Vec<(String
             images.push((name, other.graph.sym(*symbol)));
         }
     }
-    let missing = model.params.iter().find(|param| !is_given(&images, &param.name));
-    missing.map_or(Ok(images), |param| Err(param.name.clone()))
+    images
 }
 
 /// Parameters and variables of a model that functions of it may name.
 fn symbols(model: &Model) -> Vec<(String, SymbolId)> {
-    let mut all: Vec<(String, SymbolId)> =
-        model.params.iter().map(|p| (p.name.clone(), p.symbol)).collect();
+    let mut all: Vec<(String, SymbolId)> = model.params.iter().map(|p| (p.name.clone(), p.symbol)).collect();
     all.extend(model.base.iter().map(|c| (c.name.clone(), c.symbol)));
     all.extend(model.first_order.iter().flat_map(|state| state.components.iter().cloned()));
     all.extend(model.advected.iter().flat_map(|a| a.components.iter().cloned()));
@@ -143,10 +139,11 @@ pub(super) fn find(
         names.iter().map(|name| g.symbol(name)).collect()
     };
     let (of_state, of_params) = (fresh(g, &program.state), fresh(g, &program.params));
-    let images = imported(g, program, (system.time, &of_state, &of_params))?;
+    let mut images = imported(g, program, (system.time, &of_state, &of_params))?;
+    add_cyclic(g, equations, &mut images)?;
     for (name, fixed) in &system.formulation.fixed {
-        let Some(image) = images.get(name) else { continue };
-        let (image, fixed) = (*image, g.rational(fixed.clone()));
+        let Some(image) = images.get(name).copied() else { continue };
+        let fixed = g.rational(fixed.clone());
         let apart = g.sub(image, fixed);
         if !g.is_zero(apart) {
             let image = g.display(image, Style::Plain);
@@ -156,7 +153,11 @@ pub(super) fn find(
     }
     let values = state.iter().map(|s| Ok((s.name.clone(), image_of(g, equations, s, &images)?)));
     let values = values.collect::<Result<Vec<_>, Error>>()?;
-    let params = system.params.iter().filter_map(|p| Some((p.name.clone(), *images.get(&p.name)?)));
+    // A parameter without an image stands nowhere: the proof of the map would have missed it.
+    let params = system.params.iter().map(|p| {
+        let image = images.get(&p.name).copied();
+        (p.name.clone(), image.unwrap_or_else(|| g.rational(p.default.clone())))
+    });
     let params: Vec<(String, ExprId)> = params.collect();
     let variables = [of_state, of_params].concat();
     let mut requests = vec![Request { role: state_role(), results: values }];
@@ -182,6 +183,50 @@ fn imported(
     Ok(names.zip(values.into_iter().flatten()).collect())
 }
 
+fn missing(name: &str) -> Error {
+    Error::NoQuotient { reason: format!("the map gives no {name}") }
+}
+
+/// Adds the images of parameters that are momenta of cyclic coordinates: `W^a_b dL/dy^a` at the images.
+///
+/// # Errors
+/// [`Error::NoQuotient`] where a velocity has no image.
+fn add_cyclic(
+    g: &mut Graph,
+    equations: &Equations,
+    images: &mut BTreeMap<String, ExprId>,
+) -> Result<(), Error> {
+    let system = &equations.system;
+    for momentum in system.momenta.iter().filter(|m| m.symbol.is_none()) {
+        let (l, y) = (system.lagrangian, &system.velocities);
+        let value = momentum_of(g, l, y, &system.constraint, momentum.unknown);
+        let image = at_images(g, equations, value, images).ok_or_else(|| missing(&momentum.name))?;
+        images.insert(momentum.name.clone(), image);
+    }
+    Ok(())
+}
+
+/// A function of variables and parameters of the scene at their images; none where one has no image.
+fn at_images(
+    g: &mut Graph,
+    equations: &Equations,
+    value: ExprId,
+    images: &BTreeMap<String, ExprId>,
+) -> Option<ExprId> {
+    let system = &equations.system;
+    let definitions = inlined(g, equations.sections.iter().flat_map(|s| &s.definitions));
+    let value = g.subs(value, &definitions).ok()?;
+    let mut replaced = BTreeMap::from([(system.time, g.sym(system.time))]);
+    for symbol in g.free_symbols(value).into_iter().filter(|symbol| *symbol != system.time) {
+        let image = match on_circle(g, &system.circles, symbol, images) {
+            Some(point) => point,
+            None => images.get(g.name(symbol)).copied(),
+        };
+        replaced.insert(symbol, image?);
+    }
+    g.subs(value, &replaced).ok()
+}
+
 /// The image of a component of the state.
 fn image_of(
     g: &mut Graph,
@@ -190,33 +235,62 @@ fn image_of(
     images: &BTreeMap<String, ExprId>,
 ) -> Result<ExprId, Error> {
     let system = &equations.system;
-    let missing = |name: &str| Error::NoQuotient { reason: format!("the map gives no {name}") };
     if let Some(image) = images.get(&component.name) {
         return Ok(*image);
     }
     if let Some(point) = on_circle(g, &system.circles, component.symbol, images) {
         return point.ok_or_else(|| missing(&component.name));
     }
+    if system.unknowns.iter().any(|u| u.frame_idx.is_none() && u.symbol == component.symbol) {
+        return quasi_velocity(g, equations, component, images);
+    }
     let legendre = &equations.legendre;
     let momentum = legendre.momenta.iter().find(|(name, _)| *name == component.name);
     let (_, value) = momentum.ok_or_else(|| missing(&component.name))?;
-    let definitions = inlined(g, equations.sections.iter().flat_map(|s| &s.definitions));
-    let value = g.subs(*value, &definitions).map_err(|_| missing(&component.name))?;
-    let velocities = legendre.velocities.iter().map(|(name, symbol)| (name.clone(), *symbol));
-    let others = system.params.iter().map(|p| (p.name.clone(), p.symbol));
-    let base = equations.state.iter().map(|s| (s.name.clone(), s.symbol));
-    let known: Vec<(String, SymbolId)> = velocities.chain(others).chain(base).collect();
-    let mut replaced = BTreeMap::new();
-    for symbol in g.free_symbols(value) {
-        let Some((name, _)) = known.iter().find(|(_, own)| *own == symbol) else { continue };
-        let image = match on_circle(g, &system.circles, symbol, images) {
-            Some(point) => point,
-            None => images.get(name).copied(),
-        };
-        let image = image.ok_or_else(|| missing(name))?;
-        replaced.insert(symbol, image);
+    at_images(g, equations, *value, images).ok_or_else(|| missing(&component.name))
+}
+
+/// A quasi-velocity by the images of velocities: `y = Psi u + psi0` solved for it, `s = (B^T B)^-1 B^T (y - psi0 - Psi v)`
+/// with the columns `B` of `Psi` for quasi-velocities and `v` for velocities among `u`.
+fn quasi_velocity(
+    g: &mut Graph,
+    equations: &Equations,
+    component: &StateEquation,
+    images: &BTreeMap<String, ExprId>,
+) -> Result<ExprId, Error> {
+    let system = &equations.system;
+    let KinematicConstraint::Solved(solved) = &system.constraint else {
+        return Err(missing(&component.name));
+    };
+    let (mut columns, mut at, mut rests) = (Vec::new(), None, Vec::new());
+    for (k, unknown) in solved.unknowns.iter().enumerate().filter(|(_, u)| u.frame_idx.is_none()) {
+        at = at.or((unknown.symbol == component.symbol).then_some(columns.len()));
+        columns.push(solved.dependent.iter().map(|&y| solved.psi[y][k]).collect::<Vec<_>>());
     }
-    g.subs(value, &replaced).map_err(|_| missing(&component.name))
+    for &y in &solved.dependent {
+        let mut rest = vec![g.sym(system.velocities[y])];
+        let known = solved.unknowns.iter().enumerate().filter(|(_, u)| u.frame_idx.is_some());
+        for (k, unknown) in known {
+            let velocity = g.sym(unknown.symbol);
+            let part = g.mul(solved.psi[y][k], velocity);
+            rest.push(g.neg(part));
+        }
+        rest.push(g.neg(solved.psi0[y]));
+        rests.push(g.sum(&rest));
+    }
+    let matrix: Vec<Vec<ExprId>> =
+        columns.iter().map(|a| columns.iter().map(|b| g.dot(a, b)).collect()).collect();
+    let right: Vec<Vec<ExprId>> = columns.iter().map(|a| vec![g.dot(a, &rests)]).collect();
+    let determinant = determinant_of(g, &matrix);
+    if !sign_of(g, determinant, &system.signs).is_definite() {
+        let divisor = g.display(determinant, Style::Plain);
+        let reason = format!("{} does not follow from velocities where {divisor} vanishes", component.name);
+        return Err(Error::NoQuotient { reason });
+    }
+    let solution = solve_over_determinant(g, &matrix, &right).ok();
+    let value = at.zip(solution).and_then(|(at, solution)| solution.get(at)?.first().copied());
+    let value = value.ok_or_else(|| missing(&component.name))?;
+    at_images(g, equations, value, images).ok_or_else(|| missing(&component.name))
 }
 
 /// The image of a coordinate of a point of a circle, where the angle has one; none for other symbols.

@@ -11,8 +11,8 @@ use hamel_lang::spec::{EventDirection, Unit, Want};
 use hamel_mechanics::reduction::StageUse;
 use hamel_program::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText, MatrixText,
-    OutputText, ParamText, PositionsText, ProductText, QuotientText, SceneEntry, SceneText, Script, ScriptLanguage,
-    SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
+    OutputText, ParamText, PositionsText, ProductText, QuotientText, SceneEntry, SceneText, Script,
+    ScriptLanguage, SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
 };
 use hamel_program::program::{Jet, Program, Role};
 
@@ -474,7 +474,9 @@ impl BuiltScene {
 fn quotient_text(total: &TotalSystem, program: &Program) -> QuotientText {
     let ([state, params], file) = (total.variables().map(<[String]>::to_vec), total.file.clone());
     let title = |what: &str| {
-        format!("{what} by the state of `{file}`, then its parameters: `phi` of the item `reduces`, which takes motions to motions.")
+        format!(
+            "{what} by the state of `{file}`, then its parameters: `phi` of the item `reduces`, which takes motions to motions."
+        )
     };
     let of = |role: Role, what: &str| {
         let name = role.name().to_owned();

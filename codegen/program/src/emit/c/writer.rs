@@ -68,7 +68,11 @@ impl<'a> Writer<'a> {
         let products = module.products.iter().map(|p| p.name.as_str());
         let quotient = module.quotient.iter().map(|q| q.name.as_str());
         names.take(
-            outputs.chain(implicit).chain(quotient).chain(products).chain(module.flows.iter().map(|f| f.name.as_str())),
+            outputs
+                .chain(implicit)
+                .chain(quotient)
+                .chain(products)
+                .chain(module.flows.iter().map(|f| f.name.as_str())),
         );
         Writer {
             upper: prefix.to_ascii_uppercase(),

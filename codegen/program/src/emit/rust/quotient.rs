@@ -21,7 +21,8 @@ impl Writer<'_> {
             ))
         };
         let file = &text.file;
-        let state = format!("Components of the state of `{file}`, the first variables of [`Prepared::quotient`].");
+        let state =
+            format!("Components of the state of `{file}`, the first variables of [`Prepared::quotient`].");
         let params = format!("Parameters of `{file}`, the last variables of [`Prepared::quotient`].");
         let mut constants = names(TOTAL_STATE, state, &text.state);
         constants.extend(names(TOTAL_PARAMS, params, &text.params));
