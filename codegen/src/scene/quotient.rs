@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use hamel_expr::error::Error;
-use hamel_expr::{ExprId, Func, Graph, Style, SymbolId, inlined, sign_of};
+use hamel_expr::{ExprId, Func, Graph, Node, Sign, Style, SymbolId, inlined, sign_of};
 use hamel_lang::algebra::{determinant_of, solve_over_determinant};
 use hamel_lang::spec::{Diagnostic, Diagnostics, Model, NamedVector, OutputPart, Total, Wanted};
 use hamel_mechanics::mechanics::{Equations, StateEquation};
@@ -282,7 +282,7 @@ fn quasi_velocity(
         columns.iter().map(|a| columns.iter().map(|b| g.dot(a, b)).collect()).collect();
     let right: Vec<Vec<ExprId>> = columns.iter().map(|a| vec![g.dot(a, &rests)]).collect();
     let determinant = determinant_of(g, &matrix);
-    if !sign_of(g, determinant, &system.signs).is_definite() {
+    if !cannot_vanish(g, determinant, &system.signs) {
         let divisor = g.display(determinant, Style::Plain);
         let reason = format!("{} does not follow from velocities where {divisor} vanishes", component.name);
         return Err(Error::NoQuotient { reason });
@@ -291,6 +291,39 @@ fn quasi_velocity(
     let value = at.zip(solution).and_then(|(at, solution)| solution.get(at)?.first().copied());
     let value = value.ok_or_else(|| missing(&component.name))?;
     at_images(g, equations, value, images).ok_or_else(|| missing(&component.name))
+}
+
+/// Whether an expression is seen to vanish nowhere: by its sign, or as a sum of terms that are not negative with squares
+/// of sine and cosine of one angle among them.
+fn cannot_vanish(g: &mut Graph, e: ExprId, facts: &BTreeMap<ExprId, Sign>) -> bool {
+    if sign_of(g, e, facts).is_definite() {
+        return true;
+    }
+    let Node::Sum { constant, terms } = g.node(e).clone() else { return false };
+    let mut parts: Vec<ExprId> = terms.iter().map(|(term, q)| g.scale(*term, q)).collect();
+    parts.push(g.rational(constant));
+    let is_none_negative = |e: &ExprId| matches!(sign_of(g, *e, facts), Sign::Positive | Sign::NonNegative);
+    if !parts.iter().all(is_none_negative) {
+        return false;
+    }
+    let angles: Vec<ExprId> = g
+        .reachable(&[e])
+        .into_iter()
+        .filter_map(|e| match g.node(e) {
+            Node::Function(Func::Sin, angle) => Some(*angle),
+            _ => None,
+        })
+        .collect();
+    angles.into_iter().any(|angle| {
+        [Func::Sin, Func::Cos].into_iter().all(|f| {
+            let value = g.func(f, angle);
+            let inverse = g.powi(value, -2);
+            parts.iter().any(|part| {
+                let factor = g.mul(*part, inverse);
+                sign_of(g, factor, facts) == Sign::Positive
+            })
+        })
+    })
 }
 
 /// The image of a coordinate of a point of a circle, where the angle has one; none for other symbols.
