@@ -195,7 +195,7 @@ fn examples_hold() {
             n_held += 1;
         }
     }
-    assert_eq!(n_held, 2);
+    assert_eq!(n_held, 3);
 }
 
 #[test]
