@@ -87,6 +87,16 @@ pub fn read_totals_of_file(model: Model, path: &Path) -> Result<Model, Diagnosti
     read_totals(model, &mut |here, file| files.read(here, file))
 }
 
+/// The model with the texts that another reading of it has: the same text with further items.
+#[must_use]
+pub fn with_totals_of(mut model: Model, other: &Model) -> Model {
+    for total in &mut model.totals {
+        let known = other.totals.iter().find(|known| known.file == total.file);
+        total.origin = known.and_then(|known| known.origin.clone());
+    }
+    model
+}
+
 /// The text that an item names.
 fn of_total(
     model: &Model,

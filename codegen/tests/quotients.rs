@@ -512,3 +512,23 @@ fn maps_of_every_kind_are_held() {
         assert!(certificate.held.contains_key("quotient"), "{name}: {certificate:?}");
     }
 }
+
+/// Shipped models that are a chain: `Q -> Q/N` by the item of the model, `Q/N -> Q/G` to one that reduces all at once.
+#[test]
+fn shipped_stages_are_a_chain() {
+    let specs = folder().join("specs");
+    let text = |name: &str| {
+        let text = std::fs::read_to_string(specs.join(format!("{name}.hamel")));
+        text.unwrap_or_else(|e| panic!("{name}: {e}"))
+    };
+    let item = "reduces \"body_in_fluid_by_translations.hamel\" { V = transpose(R)*v; }\n";
+    let last = spec::with_items(&text("kirchhoff_body"), item);
+    let model = spec::parse("kirchhoff_body.hamel", &last).unwrap_or_else(|e| panic!("{e}"));
+    let steps = hold_file(&model, &specs.join("kirchhoff_body.hamel")).unwrap_or_else(|e| panic!("{}", e[0]));
+    let told: Vec<_> = steps.iter().map(|step| (step.proved.base, step.proved.velocities)).collect();
+    assert_eq!(told, [((9, 0), (6, 6)), ((12, 9), (6, 6))]);
+    let wrong = last.replace("V = transpose(R)*v", "V = R*v");
+    let model = spec::parse("kirchhoff_body.hamel", &wrong).unwrap_or_else(|e| panic!("{e}"));
+    let problems = hold_file(&model, &specs.join("kirchhoff_body.hamel")).expect_err("a wrong map");
+    assert!(problems[0].to_string().contains("of the bracket ["), "{}", problems[0]);
+}

@@ -108,6 +108,20 @@ impl Session {
         model::parse(file, text, self.budget)
     }
 
+    /// As [`Session::parse`], with the texts of other models that scenes need: of files beside the one that `file` is,
+    /// and otherwise of the models that are part of the program.
+    ///
+    /// # Errors
+    /// As [`Session::parse`]; a model that cannot be read.
+    pub fn parse_with_totals(&self, file: &str, text: &str) -> Result<Model, Error> {
+        let (model, path) = (self.parse(file, text)?, Path::new(file));
+        let model = match path.is_file() {
+            true => quotient::read_totals_of_file(model, path),
+            false => quotient::read_totals(model, &mut |_, file| self.shipped(file)),
+        };
+        Ok(model?)
+    }
+
     /// All models that have a name, sorted.
     ///
     /// # Errors
@@ -315,7 +329,7 @@ impl<'s> ModelFile<'s> {
             return Ok(model);
         }
         let (shown, text) = (self.shown(), self.text()?);
-        let model = self.session.parse(&shown, &text)?;
+        let model = self.with_totals(self.session.parse(&shown, &text)?)?;
         if self.repository.is_some() && model.name != self.name {
             return Err(Error::Misnamed { file: shown, model: model.name });
         }
@@ -324,7 +338,6 @@ impl<'s> ModelFile<'s> {
         } else {
             model
         };
-        let model = self.with_totals(model)?;
         let checked = Arc::new(Checked::new(model, self.session.cache.clone()));
         Ok(self.model.get_or_init(|| checked))
     }
@@ -419,6 +432,6 @@ pub fn closed(
     }
     let problem = |problems: spec::Diagnostics| Error::unusable(asked, model::first_message(&problems));
     let closed = spec::with_items(text, &items);
-    let model = spec::parse_within(model.graph.budget(), shown, &closed).map_err(problem)?;
-    Ok((closed, model))
+    let driven = spec::parse_within(model.graph.budget(), shown, &closed).map_err(problem)?;
+    Ok((closed, quotient::with_totals_of(driven, model)))
 }

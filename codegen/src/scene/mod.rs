@@ -413,6 +413,7 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnost
         derivatives: BTreeSet::new(),
         drops: Drops::Nothing,
         reconstructs,
+        quotient: false,
         ..plan
     };
     build_planned(&scenes.derivations, plan)

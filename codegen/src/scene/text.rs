@@ -475,7 +475,7 @@ fn quotient_text(total: &TotalSystem, program: &Program) -> QuotientText {
     let ([state, params], file) = (total.variables().map(<[String]>::to_vec), total.file.clone());
     let title = |what: &str| {
         format!(
-            "{what} by the state of `{file}`, then its parameters: `phi` of the item `reduces`, which takes motions to motions."
+            "{what} by the state and the parameters of `{file}`, one after the other in `z`: the map of `reduces`."
         )
     };
     let of = |role: Role, what: &str| {
