@@ -458,7 +458,7 @@ class Model:
     @property
     def reduces(self) -> tuple[str, ...]:
         """Files of the models that this one says to be the quotient of."""
-        return tuple(self._native.reduces)
+        return tuple(self._native.total()[0])
 
     @property
     def total_state(self) -> tuple[str, ...]:
@@ -948,7 +948,7 @@ class Model:
 
     def _total(self) -> tuple[list[str], list[tuple[str, float]]]:
         self._wanted("quotient")
-        total = self._native.total
+        _, total = self._native.total()
         if total is None:
             raise InputError(f"the text of the model that {self.name} is the quotient of is not known")
         return total

@@ -9,7 +9,6 @@ use std::sync::{Arc, OnceLock};
 
 use hamel::output::report::contents::contents;
 use hamel_codegen::explain::{self, SectionKind};
-use hamel_codegen::scene::Role;
 use hamel_codegen::spec::{self, ParamArray, Want};
 use hamel_expr::{Style, rational_to_f64};
 use hamel_run::cache::Cache;
@@ -26,13 +25,13 @@ use hamel_run::model::{self, Checked};
 use hamel_run::session::{Session, closed};
 use hamel_run::start::{Alike, Starts};
 use hamel_runtime::{Dual, F64x4};
-use numpy::ndarray::s;
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use self_cell::self_cell;
 
 use crate::arrays::{Rows, RowsMut, in_pieces};
 use crate::errors::{OrRaise as _, exception};
+use crate::functions;
 use crate::rows::{
     by_row, check, other_shapes, rates, refuse, two_axes, two_axes_mut, two_axes_needed, write,
 };
@@ -66,8 +65,6 @@ pub(crate) struct Scene {
 type Params = Vec<(String, f64, String)>;
 /// Names, components and meanings of groups of outputs.
 type Outputs = Vec<(String, Vec<String>, String)>;
-/// Names of the components of a state, and parameters with their defaults.
-type TotalVariables = (Vec<String>, Vec<(String, f64)>);
 type ReducedParts = (String, Vec<String>, usize, Option<BTreeMap<String, String>>);
 
 impl Scene {
@@ -500,55 +497,18 @@ impl Scene {
         mut out: PyReadwriteArrayDyn<'_, f64>,
         threads: Option<bool>,
     ) -> PyResult<()> {
-        let (dynamics, n, m) = (self.dynamics(), self.info().state.len(), self.info().velocities.len());
-        let (pairs, out) = (two_axes(pairs.as_array())?, two_axes_mut(out.as_array_mut())?);
-        if pairs.ncols() != n + m || out.dim() != (pairs.nrows(), m) {
-            return Err(other_shapes());
-        }
-        let forces = |row: &[f64], result: &mut [f64]| {
-            write(dynamics.inverse_dynamics(t, &row[..n], &row[n..]).as_deref(), result);
-        };
-        let done = py.detach(|| {
-            let work = |rows: &Rows<'_>, out: &mut RowsMut<'_>, n_rows: usize| {
-                by_row(rows, out, n_rows, (n + m, m), forces)
-            };
-            match in_pieces(pairs, out, (self.cost(), threads), work) {
-                Ok(true) => Ok(()),
-                Ok(false) => refuse(dynamics, pairs.slice(s![.., ..n]), t),
-                Err(error) => Err(error),
-            }
-        });
-        done.or_raise(py)
+        let sizes = (self.info().state.len(), self.info().velocities.len());
+        let how = (self.cost(), threads);
+        functions::forces(py, self.dynamics(), sizes, (pairs.as_array(), t, out.as_array_mut()), how)
     }
 
-    /// The files of the models that this one is the quotient of.
-    #[getter]
-    fn reduces(&self) -> Vec<String> {
-        self.model.totals.iter().map(|total| total.file.clone()).collect()
+    /// Files of the models that this one is the quotient of, and the variables of the map, where the scene has it.
+    fn total(&self, py: Python<'_>) -> PyResult<(Vec<String>, Option<functions::TotalVariables>)> {
+        py.detach(|| functions::total(&self.model, self.built().executable())).or_raise(py)
     }
 
-    /// Names of the components of the total system's state, and its parameters with their defaults; none where the scene
-    /// has no map.
-    #[getter]
-    fn total(&self, py: Python<'_>) -> PyResult<Option<TotalVariables>> {
-        let program = &self.built().executable().program;
-        let role = Role::OfVariables(Want::Quotient.name().to_owned());
-        let Some(function) = program.function(&role) else { return Ok(None) };
-        let Some(origin) = self.model.totals.iter().find_map(|total| total.origin.as_ref()) else {
-            return Ok(None);
-        };
-        let total =
-            py.detach(|| spec::parse(&origin.file, &origin.text)).map_err(Error::from).or_raise(py)?;
-        let (names, n) = (&function.argument, function.argument.len().saturating_sub(total.params.len()));
-        let default = |name: &String| {
-            let param = total.params.iter().find(|param| param.name == *name);
-            (name.clone(), param.map_or(f64::NAN, |param| rational_to_f64(&param.default)))
-        };
-        Ok(Some((names[..n].to_vec(), names[n..].iter().map(default).collect())))
-    }
-
-    /// Writes the states, or the parameters, that the map gives for the rows of `total`, `[n_states, n + k]`, to the rows
-    /// of `out`.
+    /// Writes the states, or the parameters, that the map gives for the rows of `total`, `[n_states, n + k]`, to the
+    /// rows of `out`.
     fn quotient(
         &self,
         py: Python<'_>,
@@ -558,27 +518,8 @@ impl Scene {
         mut out: PyReadwriteArrayDyn<'_, f64>,
         threads: Option<bool>,
     ) -> PyResult<()> {
-        let dynamics = self.dynamics();
-        let (total, out) = (two_axes(total.as_array())?, two_axes_mut(out.as_array_mut())?);
-        let (n, m) = (total.ncols(), out.ncols());
-        if total.nrows() != out.nrows() {
-            return Err(other_shapes());
-        }
-        let image = |row: &[f64], result: &mut [f64]| {
-            let found = dynamics.quotient(of_params, t, row).filter(|found| found.len() == m);
-            write(found.as_deref(), result);
-        };
-        let done = py.detach(|| {
-            let work = |rows: &Rows<'_>, out: &mut RowsMut<'_>, n_rows: usize| {
-                by_row(rows, out, n_rows, (n, m), image)
-            };
-            match in_pieces(total, out, (self.cost(), threads), work) {
-                Ok(true) => Ok(()),
-                Ok(false) => Err(Error::unusable("y", "has a state without an image: one is not finite")),
-                Err(error) => Err(error),
-            }
-        });
-        done.or_raise(py)
+        let at = (total.as_array(), t, out.as_array_mut());
+        functions::images(py, self.dynamics(), of_params, at, (self.cost(), threads))
     }
 
     /// Writes a matrix of each state, `[n_rows, n_columns]`, row by row, to the rows of `out`.

@@ -342,7 +342,7 @@ impl<'s> ModelFile<'s> {
         Ok(self.model.get_or_init(|| checked))
     }
 
-    /// The model with the texts of those that it is the quotient of, where a scene wants the map.
+    /// The model with the texts of the models that it is the quotient of, where a scene wants the map.
     fn with_totals(&self, model: Model) -> Result<Model, Error> {
         let model = match &self.source {
             Source::File(path) => quotient::read_totals_of_file(model, path),

@@ -49,8 +49,8 @@ pub(super) struct Setting<'a> {
     pub(super) positions: Tape,
     of_degeneracy: Tape,
     initial: Vec<(SymbolId, Tape)>,
-    /// Whether elements of groups are coordinates that are drawn as such elements: most identities hold beside the groups
-    /// as well, and are held there.
+    /// Whether elements of groups are coordinates that are drawn as such elements: most identities hold beside the
+    /// groups as well, and are held there.
     pub(super) on_groups: bool,
     /// Which modes are on together; one entry without any in a model that has none.
     pub(super) modes: Vec<modes::On>,

@@ -66,7 +66,7 @@ struct Map<'a> {
 type Named<'a, R> = Vec<(&'a str, R)>;
 
 impl Map<'_> {
-    /// The residuals at a point of the total system; none where its image is outside of the scene's domain.
+    /// The residuals at a point of the total system whose image is inside of the scene's domain.
     fn compared(&self, point: &Point) -> Option<Sheet> {
         let state = point.state(&self.total);
         let rates = self.total.rates(&point.at(&state));
@@ -94,7 +94,7 @@ impl Map<'_> {
         if of_state.len() != program.state.len() || of_params.len() != program.params.len() {
             sheet.vanishes(STATE, "the number of components", Wide::ONE, 1.0);
         }
-        // Parameters stay, also those that are momenta of the total system.
+        // Parameters stay, momenta of the total system among them.
         for (param, moving) in &of_params {
             let size = moving.value.size().max(point.scale(&self.total));
             sheet.vanishes(PARAMS, format!("the rate of {param}"), moving.derivative, size);
@@ -154,7 +154,7 @@ impl Map<'_> {
         self.velocities(at, &image, sheet);
     }
 
-    /// All velocities of the scene at the image, those that its state does not carry as well.
+    /// All velocities of the scene at the image, also beside its state.
     fn velocities(&self, at: &At<'_, Wide>, image: &dyn Fn(&str) -> Option<Wide>, sheet: &mut Sheet) {
         let (model, system) = (self.own.claim.model, &self.own.claim.equations.system);
         let mut env = Env::new();

@@ -1,8 +1,8 @@
 //! Scenes that an earlier run of a build script has generated, by what they were made from.
 //!
 //! A scene is known by what of its model's text decides about it, the texts of models that it maps from, its name, the
-//! way it is written down, the budget, and the sources of the generator. A scene that warns is not kept, so that its warnings are
-//! found again. Does not know: how a scene is made.
+//! way it is written down, the budget, and the sources of the generator. A scene that warns is not kept, so that its
+//! warnings are found again. Does not know: how a scene is made.
 
 use std::path::PathBuf;
 

@@ -20,12 +20,12 @@ use hamel_program::lower::{
 };
 use hamel_program::program::Role;
 
-use super::built::{BuiltScene, legendre_role};
+use super::built::{BuiltScene, TotalSystem, legendre_role};
 use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::domain::domain;
 use super::pivots::sorted_pivots;
 use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
-use super::quotient::{self, TotalSystem};
+use super::quotient;
 use super::roles::{VariableRole, all_params, variable_roles};
 use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants, positions, splitting};
 
@@ -294,7 +294,7 @@ fn lower_derived(
         state.extend(equations.reconstruction.iter().cloned());
     }
     let sampling = sampling(model, plan, (&equations, &state));
-    let total = if plan.quotient { Some(Arc::new(TotalSystem::of(model)?)) } else { None };
+    let total = if plan.quotient { Some(Arc::new(total_system(model)?)) } else { None };
     lower_scene(derived, plan, state, (outputs, Some(sampling), total)).map_err(|e| {
         let problem = model.diagnose(&e);
         let span = match e {
@@ -316,6 +316,15 @@ fn lower_derived(
         };
         model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
     })
+}
+
+/// The system that a model is the quotient of, held to its own model.
+fn total_system(model: &Model) -> Result<TotalSystem, Diagnostics> {
+    let other = quotient::total_model(model)?;
+    let outputs = Outputs::Named(vec![quotient::wanted()]);
+    let plan = Plan { outputs, ..Plan::bare(DEFAULT.to_owned(), Formulation::of(&other)) };
+    let file = model.totals.first().map_or(String::new(), |total| total.file.clone());
+    Ok(TotalSystem { file, scene: build_planned(&Derivations::new(Arc::new(other)), plan)? })
 }
 
 /// A group by its name, every output of the model, or a single component of a group.

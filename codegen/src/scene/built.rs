@@ -19,7 +19,6 @@ use super::events::SceneEvent;
 use super::frames;
 use super::implicit::Implicit;
 use super::positions::PositionLayout;
-use super::quotient::TotalSystem;
 
 /// A scene after the whole pipeline: its equations and its program.
 #[derive(Clone, Debug)]
@@ -47,6 +46,23 @@ pub struct BuiltScene {
     /// The model, where the scene was held to it.
     pub(super) model: Option<Arc<Model>>,
     pub(super) certificate: Certificate,
+}
+
+/// The system that a model is the quotient of: its rates, and as an output the images of variables and parameters of
+/// the quotient, by their names.
+#[derive(Clone, Debug)]
+pub(crate) struct TotalSystem {
+    /// The file that the quotient names.
+    pub(crate) file: String,
+    /// The scene, held to its own model.
+    pub(crate) scene: BuiltScene,
+}
+
+impl TotalSystem {
+    /// Names of the components of the total state, and of the total parameters.
+    pub(super) fn variables(&self) -> [&[String]; 2] {
+        [&self.scene.program.state, &self.scene.program.params]
+    }
 }
 
 /// Name of the function from velocities to the momenta that a state carries.

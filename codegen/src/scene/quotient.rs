@@ -9,13 +9,11 @@ use hamel_expr::{ExprId, Func, Graph, Node, Sign, Style, SymbolId, inlined, sign
 use hamel_lang::algebra::{determinant_of, solve_over_determinant};
 use hamel_lang::spec::{Diagnostic, Diagnostics, Model, NamedVector, OutputPart, Total, Wanted};
 use hamel_mechanics::mechanics::{Equations, StateEquation};
-use hamel_mechanics::reduction::{Circle, Formulation, KinematicConstraint, momentum_of};
+use hamel_mechanics::reduction::{Circle, KinematicConstraint, momentum_of};
 use hamel_program::lower::Request;
 use hamel_program::program::{Program, Role, Symbols};
 
-use super::build::build_planned;
-use super::plan::{DEFAULT, Outputs, Plan};
-use super::{BuiltScene, Scenes};
+use super::built::TotalSystem;
 use crate::quotient::related;
 
 /// Name of the function of the state, and of the output of the total system with all images.
@@ -38,52 +36,38 @@ pub(super) fn images_role() -> Role {
     Role::Output(STATE.to_owned())
 }
 
-/// The system that a model is the quotient of: its rates, and as an output the images of variables and parameters of
-/// the quotient, by their names.
-#[derive(Clone, Debug)]
-pub(crate) struct TotalSystem {
-    /// The file that the quotient names.
-    pub(super) file: String,
-    /// The scene, held to its own model.
-    pub(super) scene: BuiltScene,
+/// The only model that `model` is the quotient of, after the proof that it is, with the images of variables and
+/// parameters as its only output.
+///
+/// # Errors
+/// A text that nobody has read or that is wrong, conditions that do not hold.
+pub(super) fn total_model(model: &Model) -> Result<Model, Diagnostics> {
+    let fail = |total: Option<&Total>, message: String, help: &str| {
+        let place = total.and_then(|total| total.place);
+        Diagnostics::new(model.origin.clone(), vec![Diagnostic::new(place, message).with_help(help)])
+    };
+    let [total] = model.totals.as_slice() else {
+        return Err(fail(None, "`quotient` takes one `reduces`".to_owned(), "say of which model"));
+    };
+    let Some(origin) = &total.origin else {
+        let message = format!("the text of `{}` is not known, and a scene wants `quotient`", total.file);
+        return Err(fail(Some(total), message, "read the model with `quotient::read_totals`"));
+    };
+    let (mut other, _) = related(model, total, origin).map_err(|why| {
+        let first = why.diagnostics(model, total).into_iter().next();
+        first.unwrap_or_else(|| fail(Some(total), "the map is not proved".to_owned(), ""))
+    })?;
+    let images = images(model, total, &mut other);
+    let part = OutputPart::Own;
+    other.outputs =
+        vec![NamedVector { name: STATE.to_owned(), components: images, doc: String::new(), part }];
+    other.scenes.clear();
+    Ok(other)
 }
 
-impl TotalSystem {
-    /// The only model that `model` is the quotient of, after the proof that it is.
-    ///
-    /// # Errors
-    /// A text that nobody has read or that is wrong, conditions that do not hold, everything that a scene can find.
-    pub(super) fn of(model: &Model) -> Result<TotalSystem, Diagnostics> {
-        let fail = |total: Option<&Total>, message: String, help: &str| {
-            let place = total.and_then(|total| total.place);
-            Diagnostics::new(model.origin.clone(), vec![Diagnostic::new(place, message).with_help(help)])
-        };
-        let [total] = model.totals.as_slice() else {
-            return Err(fail(None, "`quotient` takes one `reduces`".to_owned(), "say of which model"));
-        };
-        let Some(origin) = &total.origin else {
-            let message = format!("the text of `{}` is not known, and a scene wants `quotient`", total.file);
-            return Err(fail(Some(total), message, "read the model with `quotient::read_totals`"));
-        };
-        let (mut other, _) = related(model, total, origin).map_err(|why| {
-            let first = why.diagnostics(model, total).into_iter().next();
-            first.unwrap_or_else(|| fail(Some(total), "the map is not proved".to_owned(), ""))
-        })?;
-        let images = images(model, total, &mut other);
-        let part = OutputPart::Own;
-        other.outputs =
-            vec![NamedVector { name: STATE.to_owned(), components: images, doc: String::new(), part }];
-        other.scenes.clear();
-        let outputs = Outputs::Named(vec![Wanted::Own(STATE.to_owned())]);
-        let plan = Plan { outputs, ..Plan::bare(DEFAULT.to_owned(), Formulation::of(&other)) };
-        let scene = build_planned(&Scenes::new(&other).derivations, plan)?;
-        Ok(TotalSystem { file: total.file.clone(), scene })
-    }
-
-    /// Names of the components of the total state, and of the total parameters.
-    pub(super) fn variables(&self) -> [&[String]; 2] {
-        [&self.scene.program.state, &self.scene.program.params]
-    }
+/// The name of that output.
+pub(super) fn wanted() -> Wanted {
+    Wanted::Own(STATE.to_owned())
 }
 
 /// Variables and parameters of the quotient by the total system; those without a function are the ones of the same
@@ -206,7 +190,7 @@ fn add_cyclic(
     Ok(())
 }
 
-/// A function of variables and parameters of the scene at their images; none where one has no image.
+/// A function of variables and parameters of the scene at their images, where all have one.
 fn at_images(
     g: &mut Graph,
     equations: &Equations,
@@ -250,8 +234,9 @@ fn image_of(
     at_images(g, equations, *value, images).ok_or_else(|| missing(&component.name))
 }
 
-/// A quasi-velocity by the images of velocities: `y = Psi u + psi0` solved for it, `s = (B^T B)^-1 B^T (y - psi0 - Psi v)`
-/// with the columns `B` of `Psi` for quasi-velocities and `v` for velocities among `u`.
+/// A quasi-velocity by the images of velocities: `y = Psi u + psi0` solved for it,
+/// `s = (B^T B)^-1 B^T (y - psi0 - Psi v)` with the columns `B` of `Psi` for quasi-velocities and `v` for velocities
+/// among `u`.
 fn quasi_velocity(
     g: &mut Graph,
     equations: &Equations,
@@ -293,8 +278,8 @@ fn quasi_velocity(
     at_images(g, equations, value, images).ok_or_else(|| missing(&component.name))
 }
 
-/// Whether an expression is seen to vanish nowhere: by its sign, or as a sum of terms that are not negative with squares
-/// of sine and cosine of one angle among them.
+/// Whether an expression is seen to vanish nowhere: by its sign, or as a sum of terms that are not negative with
+/// squares of sine and cosine of one angle among them.
 fn cannot_vanish(g: &mut Graph, e: ExprId, facts: &BTreeMap<ExprId, Sign>) -> bool {
     if sign_of(g, e, facts).is_definite() {
         return true;
@@ -326,7 +311,7 @@ fn cannot_vanish(g: &mut Graph, e: ExprId, facts: &BTreeMap<ExprId, Sign>) -> bo
     })
 }
 
-/// The image of a coordinate of a point of a circle, where the angle has one; none for other symbols.
+/// The image of a coordinate of a point of a circle, where the angle has one.
 fn on_circle(
     g: &mut Graph,
     circles: &[Circle],

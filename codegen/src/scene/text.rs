@@ -16,8 +16,7 @@ use hamel_program::emit::{
 };
 use hamel_program::program::{Jet, Program, Role};
 
-use super::built::BuiltScene;
-use super::built::legendre_role;
+use super::built::{BuiltScene, TotalSystem, legendre_role};
 use super::derivatives::{Derivative, Matrix, Product};
 use super::events::SceneEvent;
 use super::groups::groups;
@@ -25,7 +24,7 @@ use super::implicit::{self, Implicit};
 use super::interpreter;
 use super::positions::{self, PositionLayout};
 use super::prior::told_in_words;
-use super::quotient::{self, TotalSystem};
+use super::quotient;
 use super::splitting::flow_role;
 use super::start::Start;
 

@@ -395,7 +395,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// The state by the state of `body_in_fluid.hamel`, then its parameters: `phi` of the item `reduces`, which takes motions to motions.
+    /// The state by the state and the parameters of `body_in_fluid.hamel`, one after the other in `z`: the map of `reduces`.
     ///
     /// Components: `[p1, p2, p3, Omega1, Omega2, Omega3, R11, R12, R13, R21, R22, R23, R31, R32, R33]`.
     ///
@@ -417,7 +417,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// The parameters by the state of `body_in_fluid.hamel`, then its parameters: `phi` of the item `reduces`, which takes motions to motions.
+    /// The parameters by the state and the parameters of `body_in_fluid.hamel`, one after the other in `z`: the map of `reduces`.
     ///
     /// Components: `[J1, J2, J3, M1, M2, M3, C11, C12, C13, C21, C22, C23, C31, C32, C33]`.
     ///

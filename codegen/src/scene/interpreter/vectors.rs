@@ -51,7 +51,7 @@ impl Interpreter<'_> {
         self.of_variables(&state_role(), t, total)
     }
 
-    /// The parameters that it gives, in the order of the program's; none without parameters.
+    /// The parameters that it gives, in the order of the program's.
     ///
     /// # Panics
     /// When a size is wrong.
