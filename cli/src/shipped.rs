@@ -20,6 +20,8 @@ pub(crate) const SHIPPED: Shipped = shipped! {
     "specs": [
         "appell_machine",
         "ball_on_rotating_table",
+        "body_in_fluid",
+        "body_in_fluid_by_translations",
         "camassa_holm",
         "chaplygin_ball",
         "chaplygin_gyro",

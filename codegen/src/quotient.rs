@@ -10,7 +10,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use hamel_expr::ExprId;
-use hamel_lang::spec::{Diagnostic, Diagnostics, Model, Origin, Total, parse_with_images};
+use hamel_lang::spec::{
+    Diagnostic, Diagnostics, Model, Origin, Scene, Total, Want, Wanted, parse_with_images,
+};
 pub use hamel_mechanics::mechanics::Quotient;
 use hamel_mechanics::mechanics::{NotQuotient, quotient_of};
 use hamel_mechanics::reduction::{Formulation, reduce};
@@ -51,17 +53,82 @@ pub fn hold(
 /// # Errors
 /// As [`hold`].
 pub fn hold_file(model: &Model, path: &Path) -> Result<Vec<Step>, Vec<Diagnostics>> {
-    // A file may be shown by another name than its path.
-    let shown = model.origin.as_ref().map_or(String::new(), |origin| origin.file.clone());
-    let mut paths = BTreeMap::from([(shown, path.to_owned())]);
-    hold(model, &mut |here, file| {
+    let mut files = Files::of(model, path);
+    hold(model, &mut |here, file| files.read(here, file))
+}
+
+/// The model with the texts of the models that it is the quotient of, where a scene wants the map: what a scene is
+/// built from. `read` is that of [`hold`].
+///
+/// # Errors
+/// A file that cannot be read, at its name.
+pub fn read_totals(
+    mut model: Model,
+    read: &mut dyn FnMut(&str, &str) -> Result<Origin, String>,
+) -> Result<Model, Diagnostics> {
+    let wants = |scene: &Scene| scene.wants.contains(&Wanted::Want(Want::Quotient));
+    if !model.scenes.iter().any(wants) {
+        return Ok(model);
+    }
+    let here = model.origin.as_ref().map_or(String::new(), |origin| origin.file.clone());
+    for k in 0..model.totals.len() {
+        let origin = of_total(&model, &here, &model.totals[k], read)?;
+        model.totals[k].origin = Some(origin);
+    }
+    Ok(model)
+}
+
+/// As [`read_totals`] for the model of a file, as [`hold_file`].
+///
+/// # Errors
+/// As [`read_totals`].
+pub fn read_totals_of_file(model: Model, path: &Path) -> Result<Model, Diagnostics> {
+    let mut files = Files::of(&model, path);
+    read_totals(model, &mut |here, file| files.read(here, file))
+}
+
+/// The model with the texts that another reading of it has: the same text with further items.
+#[must_use]
+pub fn with_totals_of(mut model: Model, other: &Model) -> Model {
+    for total in &mut model.totals {
+        let known = other.totals.iter().find(|known| known.file == total.file);
+        total.origin = known.and_then(|known| known.origin.clone());
+    }
+    model
+}
+
+/// The text that an item names.
+fn of_total(
+    model: &Model,
+    here: &str,
+    total: &Total,
+    read: &mut dyn FnMut(&str, &str) -> Result<Origin, String>,
+) -> Result<Origin, Diagnostics> {
+    read(here, &total.file).map_err(|why| {
+        let message = format!("`{}` cannot be read: {why}", total.file);
+        let help = "name the file from the folder of this one";
+        Diagnostics::new(model.origin.clone(), vec![Diagnostic::new(total.place, message).with_help(help)])
+    })
+}
+
+/// Files by the names that they are shown by, which may not be their paths.
+struct Files(BTreeMap<String, PathBuf>);
+
+impl Files {
+    fn of(model: &Model, path: &Path) -> Files {
+        let shown = model.origin.as_ref().map_or(String::new(), |origin| origin.file.clone());
+        Files(BTreeMap::from([(shown, path.to_owned())]))
+    }
+
+    /// A file that another one names.
+    fn read(&mut self, here: &str, file: &str) -> Result<Origin, String> {
         let beside = |path: &Path| path.parent().unwrap_or(Path::new("")).join(file);
-        let path = beside(paths.get(here).map_or(Path::new(here), PathBuf::as_path));
+        let path = beside(self.0.get(here).map_or(Path::new(here), PathBuf::as_path));
         let text = std::fs::read_to_string(&path).map_err(|e| e.to_string())?;
         let shown = beside(Path::new(here)).display().to_string();
-        paths.insert(shown.clone(), path);
+        self.0.insert(shown.clone(), path);
         Ok(Origin { file: shown, text })
-    })
+    }
 }
 
 fn hold_from(
@@ -77,11 +144,9 @@ fn hold_from(
             let message = format!("more than {MAX_STEPS} models are quotients of each other");
             return Err(said(Diagnostic::new(total.place, message).with_help("end the chain")));
         }
-        let origin = read(here, &total.file).map_err(|why| {
-            let message = format!("`{}` cannot be read: {why}", total.file);
-            said(Diagnostic::new(total.place, message).with_help("name the file from the folder of this one"))
-        })?;
-        let (of_total, proved) = held(model, total, &origin)?;
+        let origin = of_total(model, here, total, read).map_err(|problems| vec![problems])?;
+        let (of_total, proved) =
+            related(model, total, &origin).map_err(|why| why.diagnostics(model, total))?;
         steps.push(Step { quotient: here.to_owned(), total: origin.file.clone(), proved });
         hold_from(&of_total, read, steps, depth + 1)?;
     }
@@ -96,19 +161,21 @@ pub(crate) enum Unrelated {
     Conditions(Vec<NotQuotient>),
 }
 
-/// One step: the other model, and the proof.
-fn held(model: &Model, total: &Total, origin: &Origin) -> Result<(Model, Quotient), Vec<Diagnostics>> {
-    related(model, total, origin).map_err(|why| match why {
-        Unrelated::Texts(problems) => problems,
-        Unrelated::Conditions(list) => {
-            let mut problems: Vec<Diagnostic> =
-                list.iter().take(MAX_TOLD).map(|problem| told(problem, total)).collect();
-            if let (Some(last), n @ 1..) = (problems.last_mut(), list.len().saturating_sub(MAX_TOLD)) {
-                last.message.push_str(&format!("; {n} more conditions do not hold"));
+impl Unrelated {
+    /// The problems of every text, at their places.
+    pub(crate) fn diagnostics(self, model: &Model, total: &Total) -> Vec<Diagnostics> {
+        match self {
+            Unrelated::Texts(problems) => problems,
+            Unrelated::Conditions(list) => {
+                let mut problems: Vec<Diagnostic> =
+                    list.iter().take(MAX_TOLD).map(|problem| told(problem, total)).collect();
+                if let (Some(last), n @ 1..) = (problems.last_mut(), list.len().saturating_sub(MAX_TOLD)) {
+                    last.message.push_str(&format!("; {n} more conditions do not hold"));
+                }
+                vec![Diagnostics::new(model.origin.clone(), problems)]
             }
-            vec![Diagnostics::new(model.origin.clone(), problems)]
         }
-    })
+    }
 }
 
 /// The model of an item, and the proof that the model is its quotient.

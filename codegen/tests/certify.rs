@@ -1,8 +1,9 @@
 //! Scenes are held to the models that they were made from: deliberate faults of every step are found, and what was
 //! wrong once is refused or right.
 
+use hamel_codegen::quotient::read_totals;
 use hamel_codegen::scene::{self, Made, build_tampered};
-use hamel_codegen::spec::{self, Model};
+use hamel_codegen::spec::{self, Model, Origin};
 use hamel_expr::{ExprId, Graph, Rational};
 use hamel_mechanics::mechanics::Equations;
 use hamel_mechanics::reduction::{AccelerationRow, KinematicConstraint, ReducedSystem};
@@ -90,8 +91,44 @@ const STAGES: &str = "model body {
     scene all { want rhs, energy, velocities, momentum; }
 }";
 
+/// A body that is thrown, and the model of its attitude and momentum that it is reduced to.
+const THROWN: &str = "model thrown {
+    param I: diagonal(3) = [1.3, 1.7, 0.6];
+    param m = 2; param g = 9; param l = 0.25;
+    configuration R in SO(3) velocity Omega;
+    lagrangian = 1/2*dot(Omega, I*Omega) - m*g*l*R31 - m*R33;
+}";
+
+const REDUCED: &str = "model reduced {
+    param I: diagonal(3) = [1.3, 1.7, 0.6] where I1 > 0, I2 > 0, I3 > 0;
+    param k = 2; param m = 1;
+    velocity Omega in so(3);
+    momentum Pi of Omega;
+    advected Gamma in R^3 by cross(Omega, Gamma);
+    lagrangian = 1/2*dot(Omega, I*Omega) - k*Gamma1 - m*Gamma3;
+    reduces \"thrown.hamel\" { k = m*g*l; Gamma = transpose(R)*[0, 0, 1]; }
+    scene all { want rhs, energy, quotient; }
+    scene carried { carry Pi; want rhs, energy, quotient; }
+}";
+
 fn model(text: &str) -> Model {
-    spec::parse("fault.hamel", text).unwrap_or_else(|e| panic!("{e}"))
+    let model = spec::parse("fault.hamel", text).unwrap_or_else(|e| panic!("{e}"));
+    let read = |_: &str, file: &str| Ok(Origin { file: file.to_owned(), text: THROWN.to_owned() });
+    read_totals(model, &mut { read }).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn map_of(name: &str) -> Role {
+    Role::OfVariables(name.to_owned())
+}
+
+/// Changes the sign of a result of a function.
+fn flip(p: &mut Program, role: &Role, i: usize) {
+    let k = idx(p, role);
+    let function = &mut p.functions[k];
+    let section = function.instructions.last().map_or(p.sections.len() as u32 - 1, |last| last.section);
+    let op = Op::Neg(function.results[i].1);
+    function.instructions.push(hamel_program::program::Instruction { op, section, name: None });
+    function.results[i].1 = Operand::Value(function.instructions.len() as u32 - 1);
 }
 
 fn negate(g: &mut Graph, e: &mut ExprId) {
@@ -425,6 +462,15 @@ fn faults() -> Vec<Fault> {
             drop_result(p, &Role::OfVariables("implicit_rhs".to_owned()), 1);
         "an entry of the Jacobian of the implicit form" in BALL "all": Program(p) =>
             drop_result(p, &Role::OfVariables("implicit_jacobian".to_owned()), 0);
+        "the sign of an advected parameter of a map" in REDUCED "all": Program(p) =>
+            flip(p, &map_of("quotient"), 5);
+        "the sign of a velocity of a map" in REDUCED "all": Program(p) => flip(p, &map_of("quotient"), 0);
+        "the sign of a momentum of a map" in REDUCED "carried": Program(p) => flip(p, &map_of("quotient"), 1);
+        "components of a map, exchanged" in REDUCED "all": Program(p) => swap(p, &map_of("quotient"), (3, 4));
+        "the sign of a parameter of a map" in REDUCED "all": Program(p) =>
+            flip(p, &map_of("quotient_parameters"), 3);
+        "parameters of a map, exchanged" in REDUCED "all": Program(p) =>
+            swap(p, &map_of("quotient_parameters"), (0, 1));
     })
 }
 
@@ -459,6 +505,8 @@ fn scenes_without_a_fault_are_held_to_their_definitions() {
         (LOOP, "points"),
         (STAGES, "all"),
         (MODES, "all"),
+        (REDUCED, "all"),
+        (REDUCED, "carried"),
     ] {
         let built = build_tampered(&model(text), scene, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         let certificate = built.certificate();

@@ -1,7 +1,8 @@
 //! Models as quotients of others: every shipped model of which there is an unreduced twin, chains of stages, and
 //! planted faults.
 
-use hamel_codegen::quotient::{Step, hold, hold_file};
+use hamel_codegen::quotient::{Step, hold, hold_file, read_totals, read_totals_of_file};
+use hamel_codegen::scene::{self, Role};
 use hamel_codegen::spec::{self, Model, Origin};
 
 fn folder() -> std::path::PathBuf {
@@ -194,7 +195,7 @@ fn examples_hold() {
             n_held += 1;
         }
     }
-    assert_eq!(n_held, 2);
+    assert_eq!(n_held, 3);
 }
 
 #[test]
@@ -342,4 +343,192 @@ fn forces_without_power_may_stand_in_the_lagrangian() {
         let problems = problems.expect_err("another energy");
         assert!(problems.contains("the Lagrangian differs by `"), "{problems}");
     }
+}
+
+/// The model of a text with the text of the model that it is the quotient of.
+fn with_total(total: &str, quotient: &str) -> Result<Model, spec::Diagnostics> {
+    let model = spec::parse("quotient.hamel", quotient)?;
+    read_totals(model, &mut |_, file| Ok(Origin { file: file.to_owned(), text: total.to_owned() }))
+}
+
+const TOP_IN_SPACE: &str = "model top_in_space {
+    param I: diagonal(3) = [1.3, 1.7, 0.6]; param chi: vector(3) = [0, 0.6, 0.8];
+    param m = 2; param g = 9; param l = 0.25;
+    configuration R in SO(3) velocity Omega;
+    lagrangian = dot(Omega, I*Omega)/2 - m*g*l*dot(transpose(R)*[0, 0, 1], chi); }";
+
+const TOP: &str = "model top {
+    param I: diagonal(3) = [1.3, 1.7, 0.6] where I1 > 0, I2 > 0, I3 > 0;
+    param chi: vector(3) = [0, 0.6, 0.8]; param k = 2;
+    velocity Omega in so(3);
+    momentum Pi of Omega;
+    advected Gamma in R^3 by cross(Omega, Gamma);
+    lagrangian = dot(Omega, I*Omega)/2 - k*dot(Gamma, chi);
+    reduces \"total.hamel\" { k = m*g*l; Gamma = transpose(R)*[0, 0, 1]; }
+    scene mapped { want rhs, quotient; }
+    scene by_momenta { carry Pi; want rhs, quotient; }
+    scene still { fix k = 2; want rhs, quotient; }
+}";
+
+/// Components of a matrix that turns by `1` about `[0, 0.6, 0.8]`.
+const TURNED: [f64; 9] = {
+    let (c, s) = (0.540_302_305_868_139_8, 0.841_470_984_807_896_5);
+    let d = 1.0 - c;
+    [c, -0.8 * s, 0.6 * s, 0.8 * s, c + 0.36 * d, 0.48 * d, -0.6 * s, 0.48 * d, c + 0.64 * d]
+};
+
+#[test]
+fn the_map_is_a_function_of_the_total_state() {
+    let model = with_total(TOP_IN_SPACE, TOP).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene::build(&model, "mapped").unwrap_or_else(|e| panic!("{e}"));
+    let certificate = built.certificate();
+    assert!(certificate.held.contains_key("quotient"), "{certificate:?}");
+    assert!(certificate.held.contains_key("quotient_parameters"), "{certificate:?}");
+    assert!(certificate.open.is_empty(), "{certificate:?}");
+    let function = built.program().function(&Role::OfVariables("quotient".to_owned())).expect("the map");
+    let is_params = |name: &String| name == "m" || name == "g" || name == "l";
+    assert_eq!(function.argument.iter().filter(|name| is_params(name)).count(), 3);
+    let total: Vec<f64> = function
+        .argument
+        .iter()
+        .map(|name| match name.strip_prefix('R') {
+            Some(place) => {
+                let (i, j) = place.split_at(1);
+                let [i, j] = [i, j].map(|k| k.parse::<usize>().expect("a number") - 1);
+                TURNED[3 * i + j]
+            }
+            None => match name.as_str() {
+                "Omega1" => 0.1,
+                "Omega2" => 0.2,
+                "Omega3" => 0.3,
+                "I1" => 1.5,
+                "I2" => 1.7,
+                "I3" => 0.6,
+                "m" => 3.0,
+                "g" => 8.0,
+                "l" => 0.5,
+                "chi1" => 0.0,
+                "chi2" => 0.6,
+                _ => 0.8,
+            },
+        })
+        .collect();
+    for name in ["mapped", "by_momenta"] {
+        let built = scene::build(&model, name).unwrap_or_else(|e| panic!("{e}"));
+        let executable = built.executable();
+        let own = vec![1.0; executable.program.params.len()];
+        let interpreter = executable.prepare(&own).unwrap_or_else(|e| panic!("{e:?}"));
+        let state = interpreter.quotient(0.0, &total).expect("the map");
+        let params = interpreter.quotient_parameters(0.0, &total).expect("the parameters");
+        for (name, x) in executable.program.state.iter().zip(state) {
+            let wanted = match name.as_str() {
+                "Gamma1" => TURNED[6],
+                "Gamma2" => TURNED[7],
+                "Gamma3" => TURNED[8],
+                "Omega1" => 0.1,
+                "Omega2" => 0.2,
+                "Omega3" => 0.3,
+                "Pi1" => 1.5 * 0.1,
+                "Pi2" => 1.7 * 0.2,
+                "Pi3" => 0.6 * 0.3,
+                name => panic!("{name}"),
+            };
+            assert!((x - wanted).abs() < 1e-15, "{name}: {x}, {wanted}");
+        }
+        let k = executable.program.params.iter().position(|name| name == "k").expect("k");
+        assert!((params[k] - 12.0).abs() < 1e-14, "{params:?}");
+    }
+}
+
+#[test]
+fn scenes_without_a_map_say_why() {
+    let cases = [(TOP, "still", "the scene fixes k, and the map gives it as"), (TOP, "mapped", "")];
+    for (text, name, said) in cases {
+        let model = with_total(TOP_IN_SPACE, text).unwrap_or_else(|e| panic!("{e}"));
+        let built = scene::build(&model, name).map(|_| ()).map_err(|e| e.to_string());
+        match said.is_empty() {
+            true => assert_eq!(built, Ok(())),
+            false => {
+                let problem = built.expect_err(said);
+                assert!(problem.contains(said) && problem.contains("--> quotient.hamel:"), "{problem}");
+            }
+        }
+    }
+    // The group has no image.
+    let text = TOP.replace(
+        "    scene mapped { want rhs, quotient; }",
+        "    reconstruct q in SO(3);\n    scene mapped { want rhs, reconstruction, quotient; }",
+    );
+    let model = with_total(TOP_IN_SPACE, &text).unwrap_or_else(|e| panic!("{e}"));
+    let problem = scene::build(&model, "mapped").expect_err("a coordinate of the group").to_string();
+    assert!(problem.contains("the map gives no q"), "{problem}");
+    // A map that is wrong makes no function.
+    let text = TOP.replace("Gamma = transpose(R)", "Gamma = -1*transpose(R)");
+    let model = with_total(TOP_IN_SPACE, &text).unwrap_or_else(|e| panic!("{e}"));
+    let problem = scene::build(&model, "mapped").expect_err("a wrong map").to_string();
+    assert!(problem.contains("the Lagrangian differs by"), "{problem}");
+    // Nobody has read the other text.
+    let model = spec::parse("quotient.hamel", TOP).unwrap_or_else(|e| panic!("{e}"));
+    let problem = scene::build(&model, "mapped").expect_err("no text").to_string();
+    assert!(problem.contains("the text of `total.hamel` is not known"), "{problem}");
+    let problem = read_totals(model, &mut |_, _| Err("gone".to_owned())).expect_err("no file").to_string();
+    assert!(problem.contains("`total.hamel` cannot be read: gone"), "{problem}");
+    let none = "model m { velocity v in R; lagrangian = v^2; scene s { want quotient; } }";
+    let problem = spec::parse("m.hamel", none).expect_err("no item").to_string();
+    assert!(problem.contains("the model is the quotient of no other"), "{problem}");
+    let twice = TOP.replace("scene mapped", "reduces \"other.hamel\" {}\n    scene mapped");
+    let problem = spec::parse("m.hamel", &twice).expect_err("two items").to_string();
+    assert!(problem.contains("the model is the quotient of several"), "{problem}");
+}
+
+/// Maps that move with time, to scenes with points of circles, behind constraints.
+#[test]
+fn maps_of_every_kind_are_held() {
+    let scenes = "scene mapped { want rhs, quotient; } scene turning { circle psi; want rhs, quotient; }";
+    let text = spec::with_items(TURNING, scenes);
+    let model = with_total(SKATE, &text).unwrap_or_else(|e| panic!("{e}"));
+    for name in ["mapped", "turning"] {
+        let built = scene::build(&model, name).unwrap_or_else(|e| panic!("{e}"));
+        assert!(built.certificate().held.contains_key("quotient"), "{:?}", built.certificate());
+    }
+    let shared = folder().join("unreduced");
+    for (name, images) in TWINS {
+        let (text, _) = as_quotient(name, images);
+        let text = spec::with_items(&text, "scene mapped { want rhs, quotient; }\n");
+        let model = spec::parse(&format!("{name}.hamel"), &text).unwrap_or_else(|e| panic!("{e}"));
+        let model = read_totals_of_file(model, &shared.join("quotient.hamel"));
+        let model = model.unwrap_or_else(|e| panic!("{name}: {e}"));
+        let built = scene::build(&model, "mapped");
+        if *name == "roller_racer" {
+            // Where both wheels stand in line with the joint, the section of its constraint vanishes for `L1 = L2`.
+            let problem = built.expect_err("a section that may vanish").to_string();
+            let said = "s does not follow from velocities where (L2 + L1*cos(phi))^2 + sin(phi)^2 vanishes";
+            assert!(problem.contains(said), "{problem}");
+            continue;
+        }
+        let built = built.unwrap_or_else(|e| panic!("{name}: {e}"));
+        let certificate = built.certificate();
+        println!("{name}: {:?} {:?}", certificate.held.get("quotient"), certificate.open);
+        assert!(certificate.held.contains_key("quotient"), "{name}: {certificate:?}");
+    }
+}
+
+/// Shipped models that are a chain: `Q -> Q/N` by the item of the model, `Q/N -> Q/G` to one that reduces all at once.
+#[test]
+fn shipped_stages_are_a_chain() {
+    let specs = folder().join("specs");
+    let text = |name: &str| {
+        let text = std::fs::read_to_string(specs.join(format!("{name}.hamel")));
+        text.unwrap_or_else(|e| panic!("{name}: {e}"))
+    };
+    let item = "reduces \"body_in_fluid_by_translations.hamel\" { V = transpose(R)*v; }\n";
+    let last = spec::with_items(&text("kirchhoff_body"), item);
+    let model = spec::parse("kirchhoff_body.hamel", &last).unwrap_or_else(|e| panic!("{e}"));
+    let steps = hold_file(&model, &specs.join("kirchhoff_body.hamel")).unwrap_or_else(|e| panic!("{}", e[0]));
+    let told: Vec<_> = steps.iter().map(|step| (step.proved.base, step.proved.velocities)).collect();
+    assert_eq!(told, [((9, 0), (6, 6)), ((12, 9), (6, 6))]);
+    let wrong = last.replace("V = transpose(R)*v", "V = R*v");
+    let model = spec::parse("kirchhoff_body.hamel", &wrong).unwrap_or_else(|e| panic!("{e}"));
+    let problems = hold_file(&model, &specs.join("kirchhoff_body.hamel")).expect_err("a wrong map");
+    assert!(problems[0].to_string().contains("of the bracket ["), "{}", problems[0]);
 }

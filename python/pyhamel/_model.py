@@ -456,6 +456,63 @@ class Model:
         return self.outputs(y, t, threads=threads)["gravity"]
 
     @property
+    def reduces(self) -> tuple[str, ...]:
+        """Files of the models that this one says to be the quotient of."""
+        return tuple(self._native.total()[0])
+
+    @property
+    def total_state(self) -> tuple[str, ...]:
+        """Components of the state of the model that this one is the quotient of; of scenes that ``want quotient;``."""
+        return tuple(self._total()[0])
+
+    @property
+    def total_params(self) -> dict[str, float]:
+        """Its parameters, with their defaults."""
+        return dict(self._total()[1])
+
+    def quotient(
+        self,
+        y: ArrayLike,
+        params: Mapping[str, float] | None = None,
+        t: float = 0.0,
+        *,
+        threads: bool | None = None,
+    ) -> Array:
+        """States of this scene, ``(.., n)``, by states ``y`` of the total system, ``(.., N)``: the map ``phi`` of ``reduces``.
+
+        ``y`` has the components of :attr:`total_state`; ``params`` are parameters of the total system beside the defaults
+        of :attr:`total_params`. The map takes motions to motions, of this scene with :meth:`quotient_params` as its
+        parameters (Cortes, de Leon, Marrero, Martinez 2009, theorem 4.6).
+
+        Raises :class:`InputError` unless the scene says ``want quotient;``, for names and shapes that do not fit, and
+        where a state has no finite image.
+        """
+        rows, shape = self._of_total(y, params)
+        out = np.empty((rows.shape[0], self._n))
+        self._native.quotient(False, rows, t, out, threads)
+        return out.reshape(*shape, self._n)
+
+    def quotient_params(
+        self, params: Mapping[str, float] | None = None, y: ArrayLike | None = None, t: float = 0.0
+    ) -> dict[str, float]:
+        """The parameters of this scene by those of the total system, for :meth:`with_params`.
+
+        ``params`` are parameters of the total system beside the defaults of :attr:`total_params`. ``y`` is its state,
+        ``(N,)``, which parameters that are momenta of the state need (``routh``).
+
+        Raises :class:`InputError` as :meth:`quotient`.
+        """
+        self._wanted("quotient")
+        if not self._params:
+            return {}
+        rows, shape = self._of_total(np.zeros(len(self.total_state)) if y is None else y, params)
+        if shape:
+            raise InputError(f"y has {len(shape) + 1} axes, but parameters are those of one state")
+        out = np.empty((1, len(self._params)))
+        self._native.quotient(True, rows, t, out, False)
+        return dict(zip(self._params, out[0].tolist(), strict=True))
+
+    @property
     def frames(self) -> tuple[str, ...]:
         """Names of the frames of the model."""
         return tuple(self._native.frames)
@@ -912,6 +969,31 @@ class Model:
             raise InputError(
                 f"scene {self.scene} of {self.name} has no {function}: take a scene that says `want {function};`"
             )
+
+    def _total(self) -> tuple[list[str], list[tuple[str, float]]]:
+        self._wanted("quotient")
+        _, total = self._native.total()
+        if total is None:
+            raise InputError(f"the text of the model that {self.name} is the quotient of is not known")
+        return total
+
+    def _of_total(self, y: ArrayLike, params: Mapping[str, float] | None) -> tuple[Array, tuple[int, ...]]:
+        state, defaults = self._total()
+        values = dict(defaults)
+        for name, value in (params or {}).items():
+            if name not in values:
+                listed = ", ".join(values)
+                raise InputError(f"the total system of {self.name} has no parameter `{name}`\n  parameters: {listed}")
+            values[name] = float(value)
+        states = np.asarray(y, dtype=np.float64)
+        if states.ndim == 0 or states.shape[-1] != len(state):
+            raise InputError(
+                f"y is of shape {states.shape}, but its last axis has to have {len(state)} components: {', '.join(state)}"
+            )
+        shape = states.shape[:-1]
+        given = np.broadcast_to(np.array(list(values.values())), (*shape, len(values)))
+        rows = np.concatenate([states, given], axis=-1)
+        return rows.reshape(-1, rows.shape[-1]), shape
 
     def _matrix(
         self, name: str, y: ArrayLike, t: float, tail: tuple[int, ...], threads: bool | None

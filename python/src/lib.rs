@@ -8,6 +8,7 @@
 mod arrays;
 mod ensemble;
 mod errors;
+mod functions;
 mod interrupts;
 mod motion;
 mod pool;

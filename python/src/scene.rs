@@ -27,13 +27,13 @@ use hamel_run::noise::samples_for;
 use hamel_run::session::{Session, closed};
 use hamel_run::start::{Alike, Starts};
 use hamel_runtime::{Dual, F64x4};
-use numpy::ndarray::s;
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use self_cell::self_cell;
 
 use crate::arrays::{Rows, RowsMut, in_pieces};
 use crate::errors::{OrRaise as _, exception};
+use crate::functions;
 use crate::rows::{
     by_row, check, other_shapes, rates, refuse, two_axes, two_axes_mut, two_axes_needed, write,
 };
@@ -177,7 +177,7 @@ impl Scene {
             let (model, file, text) = match text {
                 Some(text) => {
                     let text = spec::with_sizes(name, &text, &sizes)?;
-                    let model = Arc::new(Checked::new(session.parse(name, &text)?, cache));
+                    let model = Arc::new(Checked::new(session.parse_with_totals(name, &text)?, cache));
                     (model, name.to_owned(), text)
                 }
                 None => {
@@ -502,25 +502,29 @@ impl Scene {
         mut out: PyReadwriteArrayDyn<'_, f64>,
         threads: Option<bool>,
     ) -> PyResult<()> {
-        let (dynamics, n, m) = (self.dynamics(), self.info().state.len(), self.info().velocities.len());
-        let (pairs, out) = (two_axes(pairs.as_array())?, two_axes_mut(out.as_array_mut())?);
-        if pairs.ncols() != n + m || out.dim() != (pairs.nrows(), m) {
-            return Err(other_shapes());
-        }
-        let forces = |row: &[f64], result: &mut [f64]| {
-            write(dynamics.inverse_dynamics(t, &row[..n], &row[n..]).as_deref(), result);
-        };
-        let done = py.detach(|| {
-            let work = |rows: &Rows<'_>, out: &mut RowsMut<'_>, n_rows: usize| {
-                by_row(rows, out, n_rows, (n + m, m), forces)
-            };
-            match in_pieces(pairs, out, (self.cost(), threads), work) {
-                Ok(true) => Ok(()),
-                Ok(false) => refuse(dynamics, pairs.slice(s![.., ..n]), t),
-                Err(error) => Err(error),
-            }
-        });
-        done.or_raise(py)
+        let sizes = (self.info().state.len(), self.info().velocities.len());
+        let how = (self.cost(), threads);
+        functions::forces(py, self.dynamics(), sizes, (pairs.as_array(), t, out.as_array_mut()), how)
+    }
+
+    /// Files of the models that this one is the quotient of, and the variables of the map, where the scene has it.
+    fn total(&self, py: Python<'_>) -> PyResult<(Vec<String>, Option<functions::TotalVariables>)> {
+        py.detach(|| functions::total(&self.model, self.built().executable())).or_raise(py)
+    }
+
+    /// Writes the states, or the parameters, that the map gives for the rows of `total`, `[n_states, n + k]`, to the
+    /// rows of `out`.
+    fn quotient(
+        &self,
+        py: Python<'_>,
+        of_params: bool,
+        total: PyReadonlyArrayDyn<'_, f64>,
+        t: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+        threads: Option<bool>,
+    ) -> PyResult<()> {
+        let at = (total.as_array(), t, out.as_array_mut());
+        functions::images(py, self.dynamics(), of_params, at, (self.cost(), threads))
     }
 
     /// Writes a matrix of each state, `[n_rows, n_columns]`, row by row, to the rows of `out`.

@@ -188,3 +188,36 @@ def test_a_long_call_does_not_hold_python(top):
     thread.join()
     # Were Python held, the five calls would leave five chances.
     assert counted > 10
+
+
+def test_a_total_state_is_mapped_to_one_of_the_quotient():
+    space = pyhamel.load("body_in_fluid")
+    body = pyhamel.load("body_in_fluid_by_translations", scene="from_space")
+    assert body.reduces == ("body_in_fluid.hamel",)
+    assert body.total_state == space.state
+    assert body.total_params == dict(space.params)
+    rng = np.random.default_rng(7)
+    turns = np.linalg.qr(rng.normal(size=(5, 3, 3)))[0]
+    turns *= np.sign(np.linalg.det(turns))[:, None, None]
+    y = np.concatenate([rng.normal(size=(5, 9)), turns.reshape(5, 9)], axis=-1)
+    # The rates of the quotient are those of the total system along the map, by differences.
+    changed = {"M1": 2.4, "C12": 0.1}
+    moved, reduced = space.with_params(**changed), body.with_params(**body.quotient_params(changed))
+    assert reduced.params["M1"] == 2.4
+    h = 1e-6
+    ahead, behind = (body.quotient(y + s * h * moved.rhs(y), changed) for s in (1, -1))
+    np.testing.assert_allclose(reduced.rhs(body.quotient(y, changed)), (ahead - behind) / (2 * h), rtol=1e-7, atol=1e-7)
+    one = body.quotient(y[0])
+    assert one.shape == (15,) and np.array_equal(one, body.quotient(y)[0])
+    again = pyhamel.load("body_in_fluid_by_translations").with_scene("from_space")
+    assert np.array_equal(again.quotient(y), body.quotient(y))
+
+
+def test_maps_that_are_not_there_are_told():
+    with pytest.raises(pyhamel.InputError, match="want quotient;"):
+        pyhamel.load("heavy_top").quotient(np.zeros(18))
+    body = pyhamel.load("body_in_fluid_by_translations", scene="from_space")
+    with pytest.raises(pyhamel.InputError, match="18 components: r1"):
+        body.quotient(np.zeros(15))
+    with pytest.raises(pyhamel.InputError, match="no parameter `mass`"):
+        body.quotient(np.zeros(18), {"mass": 1})

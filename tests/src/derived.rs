@@ -9,10 +9,11 @@
 
 use std::collections::BTreeMap;
 use std::ops::Deref;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use hamel_codegen::config::store::{Key, Store};
+use hamel_codegen::quotient::read_totals_of_file;
 use hamel_codegen::scene::{self, BuiltScene, Executable};
 use hamel_codegen::spec;
 use hamel_expr::rational_to_f64;
@@ -118,6 +119,16 @@ impl Deref for Derived {
     }
 }
 
+/// A model by its text, which names others from the folder of the specifications.
+///
+/// # Panics
+/// When it has mistakes.
+pub fn model_of_text(name: &str, text: &str) -> spec::Model {
+    let specs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/specs").join(format!("{name}.hamel"));
+    let model = spec::parse(name, text);
+    model.and_then(|model| read_totals_of_file(model, &specs)).unwrap_or_else(|e| panic!("{e}"))
+}
+
 /// A scene of a model with a text: from memory, or from the folder, or derived.
 ///
 /// # Panics
@@ -125,7 +136,11 @@ impl Deref for Derived {
 pub fn scene_of_text(model: &str, text: &str, scene: &str) -> &'static Derived {
     type Scenes = BTreeMap<String, &'static OnceLock<Derived>>;
     static SCENES: Mutex<Scenes> = Mutex::new(BTreeMap::new());
-    let key = Key::of(&(env!("HAMEL_SOURCES"), model, text, scene));
+    // Maps of quotients are made from the texts of other models as well.
+    let parsed = text.contains("reduces").then(|| model_of_text(model, text));
+    let totals = parsed.iter().flat_map(|parsed| &parsed.totals);
+    let totals: Vec<&str> = totals.filter_map(|total| Some(total.origin.as_ref()?.text.as_str())).collect();
+    let key = Key::of(&(env!("HAMEL_SOURCES"), model, text, scene, totals));
     let mut scenes = SCENES.lock().unwrap_or_else(PoisonError::into_inner);
     let cell = *scenes.entry(key.name()).or_insert_with(|| Box::leak(Box::default()));
     drop(scenes);
@@ -136,8 +151,8 @@ pub fn scene_of_text(model: &str, text: &str, scene: &str) -> &'static Derived {
         if let Some(kept) = kept.filter(|kept| kept.executable.verify().is_ok()) {
             return kept;
         }
-        let parsed = spec::parse(model, text).unwrap_or_else(|e| panic!("{e}"));
-        let built = scene::build(&parsed, scene).unwrap_or_else(|e| panic!("{model} {scene}: {e}"));
+        let built = scene::build(&model_of_text(model, text), scene)
+            .unwrap_or_else(|e| panic!("{model} {scene}: {e}"));
         let derived = Derived::of(model, &built);
         if let (Some(store), Ok(text)) = (store, serde_json::to_string(&derived)) {
             store.keep(key, &text);

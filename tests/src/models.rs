@@ -9,7 +9,7 @@ use hamel_mechanics::mechanics::{Equations, derive};
 use hamel_mechanics::reduction::{Formulation, reduce};
 use hamel_runtime::{Dop853, Failure, Integrator, Options, Positions, StateVector, System};
 
-use crate::derived::{Derived, scene_of_text};
+use crate::derived::{Derived, model_of_text, scene_of_text};
 
 /// The text of a model file.
 ///
@@ -35,7 +35,7 @@ pub fn text_with(name: &str, items: &str) -> String {
 /// # Panics
 /// When it has mistakes.
 pub fn model(name: &str) -> Model {
-    spec::parse(name, &text(name)).unwrap_or_else(|e| panic!("{e}"))
+    model_of_text(name, &text(name))
 }
 
 /// Names of all model files, sorted.

@@ -16,6 +16,10 @@ const BOUNDS: &[Bound] = &[
     most("appell_machine", "default",          [  2,  10,  1,  0,  15]),
     most("appell_machine", "minimal",          [  2,  10,  1,  0,  15]),
     most("ball_on_rotating_table", "default",  [  0,   2,  0,  0,   2]),
+    most("body_in_fluid", "default",           [175, 244,  3,  0, 422]),
+    most("body_in_fluid", "minimal",           [175, 244,  3,  0, 422]),
+    most("body_in_fluid_by_translations", "default", [175, 244,  3,  0, 422]),
+    most("body_in_fluid_by_translations", "from_space", [194, 277,  6,  0, 477]),
     most("camassa_holm", "default",            [ 84, 137,  0,  0, 225]),
     most("chaplygin_ball", "default",          [ 40,  60,  3,  0, 103]),
     most("chaplygin_ball", "taylor",           [ 40,  60,  3,  0, 103]),
@@ -153,7 +157,9 @@ fn line(model: &str, scene: &str, [add, mul, div, functions, all]: [usize; 5]) -
 ///
 /// With four times the limit the Chaplygin gyroscope takes 20 s instead of 4 s to generate and the satellite 40 s
 /// instead of 2 s (optimised, one core of two shared ones).
-const STOPPED_EARLY: [(&str, &[&str], &[Limit]); 14] = [
+const STOPPED_EARLY: [(&str, &[&str], &[Limit]); 16] = [
+    ("body_in_fluid", &["rhs"], &[Limit::Divisors]),
+    ("body_in_fluid_by_translations", &["rhs"], &[Limit::Divisors, Limit::Steps]),
     ("chaplygin_ball", &["rhs"], &[Limit::Divisors]),
     ("chaplygin_gyro", &["rhs", "multipliers"], &[Limit::Divisors]),
     ("double_spherical_pendulum", &["rhs"], &[Limit::Divisors]),

@@ -88,6 +88,13 @@ pub trait Dynamics: Send + Sync {
         None
     }
 
+    /// What the map of a quotient gives for the state and the parameters of the total system, one after the other: the
+    /// state or, on request, the parameters. None where the scene does not want `quotient`.
+    fn quotient(&self, of_params: bool, t: f64, total: &[f64]) -> Option<Vec<f64>> {
+        let _ = (of_params, t, total);
+        None
+    }
+
     /// A matrix that scenes want, row by row; velocities are in the order of [`Info::velocities`]. None where the scene
     /// does not want it.
     fn matrix(&self, want: Want, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {

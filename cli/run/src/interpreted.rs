@@ -554,6 +554,14 @@ impl Dynamics for Interpreted<'_> {
         self.interpreter.at(t).inverse_dynamics(t, y, a)
     }
 
+    fn quotient(&self, of_params: bool, t: f64, total: &[f64]) -> Option<Vec<f64>> {
+        let interpreter = self.interpreter.at(t);
+        match of_params {
+            true => interpreter.quotient_parameters(t, total),
+            false => interpreter.quotient(t, total),
+        }
+    }
+
     fn matrix(&self, want: Want, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
         self.interpreter.at(t).matrix_of(want, t, y)
     }

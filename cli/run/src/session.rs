@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use hamel_codegen::quotient::{self, Step};
-use hamel_codegen::spec::{self, MatrixFluid};
+use hamel_codegen::spec::{self, MatrixFluid, Origin};
 
 use crate::cache::Cache;
 use crate::error::Error;
@@ -108,6 +108,20 @@ impl Session {
         model::parse(file, text, self.budget)
     }
 
+    /// As [`Session::parse`], with the texts of other models that scenes need: of files beside the one that `file` is,
+    /// and otherwise of the models that are part of the program.
+    ///
+    /// # Errors
+    /// As [`Session::parse`]; a model that cannot be read.
+    pub fn parse_with_totals(&self, file: &str, text: &str) -> Result<Model, Error> {
+        let (model, path) = (self.parse(file, text)?, Path::new(file));
+        let model = match path.is_file() {
+            true => quotient::read_totals_of_file(model, path),
+            false => quotient::read_totals(model, &mut |_, file| self.shipped(file)),
+        };
+        Ok(model?)
+    }
+
     /// All models that have a name, sorted.
     ///
     /// # Errors
@@ -171,6 +185,15 @@ impl Session {
             return self.all();
         }
         arguments.iter().map(|argument| self.find(argument)).collect()
+    }
+
+    /// The text of a file that a model names which is part of the program: another one of these.
+    fn shipped(&self, file: &str) -> Result<Origin, String> {
+        let Models::Shipped(shipped) = &self.models else { return Err("there is no such file".to_owned()) };
+        let name = Path::new(file).file_stem().and_then(|name| name.to_str()).unwrap_or_default();
+        let text = shipped.iter().find(|(own, _)| *own == name).map(|(_, text)| (*text).to_owned());
+        let text = text.ok_or_else(|| format!("no model of the name `{name}` is part of the program"))?;
+        Ok(Origin { file: format!("{name}.hamel"), text })
     }
 
     /// The model of an argument: a model's name, or a path that ends in `.hamel`.
@@ -306,7 +329,7 @@ impl<'s> ModelFile<'s> {
             return Ok(model);
         }
         let (shown, text) = (self.shown(), self.text()?);
-        let model = self.session.parse(&shown, &text)?;
+        let model = self.with_totals(self.session.parse(&shown, &text)?)?;
         if self.repository.is_some() && model.name != self.name {
             return Err(Error::Misnamed { file: shown, model: model.name });
         }
@@ -319,6 +342,15 @@ impl<'s> ModelFile<'s> {
         Ok(self.model.get_or_init(|| checked))
     }
 
+    /// The model with the texts of the models that it is the quotient of, where a scene wants the map.
+    fn with_totals(&self, model: Model) -> Result<Model, Error> {
+        let model = match &self.source {
+            Source::File(path) => quotient::read_totals_of_file(model, path),
+            Source::Shipped(_) => quotient::read_totals(model, &mut |_, file| self.session.shipped(file)),
+        };
+        Ok(model?)
+    }
+
     /// What the model says of others that it is the quotient of, proved.
     ///
     /// # Errors
@@ -327,9 +359,7 @@ impl<'s> ModelFile<'s> {
         let model = self.checked()?;
         let steps = match &self.source {
             Source::File(path) => quotient::hold_file(model, path),
-            Source::Shipped(_) => {
-                quotient::hold(model, &mut |_, _| Err("the model is part of the program".to_owned()))
-            }
+            Source::Shipped(_) => quotient::hold(model, &mut |_, file| self.session.shipped(file)),
         };
         steps.map_err(|problems| Error::Models { problems })
     }
@@ -402,6 +432,6 @@ pub fn closed(
     }
     let problem = |problems: spec::Diagnostics| Error::unusable(asked, model::first_message(&problems));
     let closed = spec::with_items(text, &items);
-    let model = spec::parse_within(model.graph.budget(), shown, &closed).map_err(problem)?;
-    Ok((closed, model))
+    let driven = spec::parse_within(model.graph.budget(), shown, &closed).map_err(problem)?;
+    Ok((closed, quotient::with_totals_of(driven, model)))
 }

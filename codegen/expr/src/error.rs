@@ -255,6 +255,11 @@ pub enum Error {
         /// Why not.
         reason: String,
     },
+    /// A scene wants the map of a quotient that does not lead to its state.
+    NoQuotient {
+        /// Why not.
+        reason: String,
+    },
     /// No time was found in which a motion is Hamiltonian.
     NoHamiltonianTime {
         /// Why not.
@@ -525,6 +530,10 @@ impl Error {
             Error::EventSets { event, target, scene, state } => (
                 format!("event `{event}` sets `{target}`, which the state of scene {scene} does not carry"),
                 format!("it carries {}", state.join(", ")),
+            ),
+            Error::NoQuotient { reason } => (
+                format!("there is no function `quotient`: {reason}"),
+                "want it in a scene whose state and free parameters the functions of `reduces` give".into(),
             ),
             Error::NoPhases { reason } => (
                 format!("there are no phases: {reason}"),

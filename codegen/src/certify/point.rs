@@ -49,6 +49,9 @@ pub(super) struct Setting<'a> {
     pub(super) positions: Tape,
     of_degeneracy: Tape,
     initial: Vec<(SymbolId, Tape)>,
+    /// Whether elements of groups are coordinates that are drawn as such elements: most identities hold beside the
+    /// groups as well, and are held there.
+    pub(super) on_groups: bool,
     /// Which modes are on together; one entry without any in a model that has none.
     pub(super) modes: Vec<modes::On>,
     /// The recurrence of the rates' Taylor coefficients, and the rates with angles on circles, where there are such:
@@ -136,6 +139,7 @@ impl<'a> Setting<'a> {
             of_degeneracy: Tape::new(&system.graph, &of_degeneracy),
             initial,
             claim,
+            on_groups: false,
             jet: OnceCell::new(),
             on_circles: OnceCell::new(),
         }
@@ -306,6 +310,10 @@ impl<'a> Setting<'a> {
             let vector: Vec<Wide> = vector.into_iter().map(|x| x * Wide::exact(scale)).collect();
             env.set_all(&symbols, &vector);
         }
+        for configuration in model.configurations.iter().filter(|_| self.on_groups) {
+            let element = super::group::random_element(&configuration.group, random);
+            env.set_all(&configuration.symbols, &element);
+        }
         self.set_points(env);
         let drawn = |symbol: &SymbolId, env: &Env<Wide>| env.get(*symbol).is_some();
         let others: Vec<SymbolId> = (self.state.iter().copied())
@@ -384,7 +392,10 @@ impl<'a> Setting<'a> {
     /// Moves coordinates and velocities until all restrictions hold.
     fn satisfy(&self, env: &mut Env<Wide>) -> Option<()> {
         let on_circles: Vec<SymbolId> = self.circles.iter().flat_map(|[c, s, _]| [*c, *s]).collect();
-        let is_moved = |s: &&SymbolId| !on_circles.contains(s) && !self.is_mode(**s);
+        let on_groups = self.claim.model.configurations.iter().filter(|_| self.on_groups);
+        let on_groups: Vec<SymbolId> = on_groups.flat_map(|c| c.symbols.iter().copied()).collect();
+        let is_moved =
+            |s: &&SymbolId| !on_circles.contains(s) && !on_groups.contains(s) && !self.is_mode(**s);
         let variables: Vec<SymbolId> =
             self.state.iter().chain(&self.left_out).filter(is_moved).copied().collect();
         let angles: Vec<SymbolId> = self.circles.iter().map(|[.., angle]| *angle).collect();
@@ -468,7 +479,7 @@ impl Point {
     }
 }
 
-fn compare(relation: Relation, a: Wide, b: Wide) -> bool {
+pub(super) fn compare(relation: Relation, a: Wide, b: Wide) -> bool {
     let difference = (a - b).to_f64();
     match relation {
         Relation::Greater => difference > 0.0,

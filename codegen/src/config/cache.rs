@@ -1,8 +1,8 @@
 //! Scenes that an earlier run of a build script has generated, by what they were made from.
 //!
-//! A scene is known by what of its model's text decides about it, its name, the way it is written down, the budget, and
-//! the sources of the generator. A scene that warns is not kept, so that its warnings are
-//! found again. Does not know: how a scene is made.
+//! A scene is known by what of its model's text decides about it, the texts of models that it maps from, its name, the
+//! way it is written down, the budget, and the sources of the generator. A scene that warns is not kept, so that its
+//! warnings are found again. Does not know: how a scene is made.
 
 use std::path::PathBuf;
 
@@ -38,7 +38,9 @@ impl Cache {
     pub(super) fn of<'a>(&'a self, model: &'a Model, writing: &Writing, budget: &Budget) -> Option<Kept<'a>> {
         let text = model.origin.as_ref()?.text.as_str();
         let generator = (env!("CARGO_PKG_VERSION"), env!("HAMEL_CODEGEN_SOURCES"));
-        let key = Key::of(&(generator, writing, budget));
+        let totals: Vec<_> = model.totals.iter().filter_map(|total| total.origin.as_ref()).collect();
+        let totals: Vec<&str> = totals.into_iter().map(|origin| origin.text.as_str()).collect();
+        let key = Key::of(&(generator, writing, budget, totals));
         Some(Kept { store: &self.0, model, text, key })
     }
 }

@@ -98,7 +98,8 @@ fn text_of(path: &Path) -> Result<String, Problem> {
 }
 
 fn parsed(budget: Budget, path: &Path, text: &str) -> Result<Model, Problem> {
-    spec::parse_within(budget, &path.display().to_string(), text).map_err(Problem::Model)
+    let model = spec::parse_within(budget, &path.display().to_string(), text);
+    model.and_then(|model| quotient::read_totals_of_file(model, path)).map_err(Problem::Model)
 }
 
 /// What is generated, and where it goes.

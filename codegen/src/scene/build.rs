@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use crate::certify::{Certificate, Claim, MatrixClaim, N_POINTS, certify};
+use crate::certify::{Certificate, Claim, MatrixClaim, N_POINTS, certify, certify_quotient};
 use hamel_expr::error::Error;
 use hamel_expr::parallel::side_by_side;
 use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
@@ -20,11 +20,12 @@ use hamel_program::lower::{
 };
 use hamel_program::program::Role;
 
-use super::built::{BuiltScene, legendre_role};
+use super::built::{BuiltScene, TotalSystem, legendre_role};
 use super::dependence::{ignorable, left_out, needs, outputs_of_model};
 use super::domain::domain;
 use super::pivots::sorted_pivots;
 use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
+use super::quotient;
 use super::roles::{VariableRole, all_params, variable_roles};
 use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants, positions, splitting};
 
@@ -297,7 +298,8 @@ fn lower_derived(
         state.extend(equations.reconstruction.iter().cloned());
     }
     let sampling = sampling(model, plan, (&equations, &state));
-    lower_scene(derived, plan, state, (outputs, Some(sampling))).map_err(|e| {
+    let total = if plan.quotient { Some(Arc::new(total_system(model)?)) } else { None };
+    lower_scene(derived, plan, state, (outputs, Some(sampling), total)).map_err(|e| {
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
@@ -306,6 +308,7 @@ fn lower_derived(
                 place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
             }
             Error::NoPhases { .. } => place_of(Want::Phases.name()),
+            Error::NoQuotient { .. } => place_of(Want::Quotient.name()),
             Error::NoSplitting { .. } => place_of(Want::Splitting.name()),
             Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
             Error::Unsupported { .. } if plan.implicit => place_of(Want::Implicit.name()),
@@ -317,6 +320,15 @@ fn lower_derived(
         };
         model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
     })
+}
+
+/// The system that a model is the quotient of, held to its own model.
+fn total_system(model: &Model) -> Result<TotalSystem, Diagnostics> {
+    let other = quotient::total_model(model)?;
+    let outputs = Outputs::Named(vec![quotient::wanted()]);
+    let plan = Plan { outputs, ..Plan::bare(DEFAULT.to_owned(), Formulation::of(&other)) };
+    let file = model.totals.first().map_or(String::new(), |total| total.file.clone());
+    Ok(TotalSystem { file, scene: build_planned(&Derivations::new(Arc::new(other)), plan)? })
 }
 
 /// A group by its name, every output of the model, or a single component of a group.
@@ -398,7 +410,7 @@ pub(super) fn lower_scene(
     Derived { equations, rates: known }: Derived,
     plan: &Plan,
     state: Vec<StateEquation>,
-    (mut outputs, sampling): (Vec<Output>, Option<Sampling>),
+    (mut outputs, sampling, total): (Vec<Output>, Option<Sampling>, Option<Arc<TotalSystem>>),
 ) -> Result<(BuiltScene, Option<KnownRates>, Graph), Error> {
     let system = &equations.system;
     let mut graph = system.graph.clone();
@@ -494,6 +506,12 @@ pub(super) fn lower_scene(
         own_sections.extend(found.sections);
         flow_requests.extend(found.requests);
     }
+    let mut quotient_requests = Vec::new();
+    if let Some(total) = &total {
+        let found = quotient::find(&mut graph, total, &equations, &state)?;
+        inputs.arguments.extend(found.arguments);
+        quotient_requests.extend(found.requests);
+    }
     let mut implicit_form = None;
     let mut implicit_requests = Vec::new();
     if plan.implicit {
@@ -545,6 +563,7 @@ pub(super) fn lower_scene(
         requests.push(Request { role: legendre_role(), results: legendre.momenta.clone() });
     }
     requests.extend(implicit_requests);
+    requests.extend(quotient_requests);
     requests.extend(flow_requests);
     if !domain.moving.is_empty() {
         requests.push(Request { role: Role::Domain, results: domain.moving });
@@ -573,6 +592,7 @@ pub(super) fn lower_scene(
         products,
         implicit: implicit_form,
         positions: layout,
+        total,
         flows,
         events,
         wants_taylor,
@@ -602,7 +622,15 @@ impl BuiltScene {
     /// [`Error::Disagrees`].
     pub(super) fn held_to(&self, model: &Model, n_points: usize) -> Result<Certificate, Error> {
         trace::at(format_args!("certificate of scene {}", self.name));
-        certify(&self.claim(model, n_points))
+        let claim = self.claim(model, n_points);
+        let certificate = certify(&claim)?;
+        match (&self.total, self.total.as_ref().and_then(|total| total.scene.model.as_ref())) {
+            (Some(total), Some(of_total)) => {
+                let other = total.scene.claim(of_total, n_points);
+                certify_quotient(&claim, &other, certificate)
+            }
+            _ => Ok(certificate),
+        }
     }
 
     /// The scene as it is compared with a model.

@@ -32,6 +32,8 @@ pub struct BuiltScene {
     pub(super) products: Vec<Product>,
     pub(super) implicit: Option<Implicit>,
     pub(super) positions: Option<PositionLayout>,
+    /// The system that the model is the quotient of, where the scene wants the map.
+    pub(super) total: Option<Arc<TotalSystem>>,
     pub(super) flows: Vec<Vec<String>>,
     pub(super) events: Vec<SceneEvent>,
     /// Whether the emitted module has the Taylor coefficients of solutions.
@@ -44,6 +46,23 @@ pub struct BuiltScene {
     /// The model, where the scene was held to it.
     pub(super) model: Option<Arc<Model>>,
     pub(super) certificate: Certificate,
+}
+
+/// The system that a model is the quotient of: its rates, and as an output the images of variables and parameters of
+/// the quotient, by their names.
+#[derive(Clone, Debug)]
+pub(crate) struct TotalSystem {
+    /// The file that the quotient names.
+    pub(crate) file: String,
+    /// The scene, held to its own model.
+    pub(crate) scene: BuiltScene,
+}
+
+impl TotalSystem {
+    /// Names of the components of the total state, and of the total parameters.
+    pub(super) fn variables(&self) -> [&[String]; 2] {
+        [&self.scene.program.state, &self.scene.program.params]
+    }
 }
 
 /// Name of the function from velocities to the momenta that a state carries.

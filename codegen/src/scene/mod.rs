@@ -32,6 +32,7 @@ mod places;
 mod plan;
 mod positions;
 mod prior;
+mod quotient;
 mod roles;
 mod splitting;
 mod start;
@@ -415,6 +416,7 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnost
         derivatives: BTreeSet::new(),
         drops: Drops::Nothing,
         reconstructs,
+        quotient: false,
         ..plan
     };
     build_planned(&scenes.derivations, plan)
@@ -527,7 +529,7 @@ impl BuiltScene {
     fn beside(&self, plan: &Plan, outputs: Vec<Output>) -> Result<BuiltScene, Error> {
         let whole = self.whole()?;
         let (built, ..) =
-            lower_scene(whole.equations.clone().into(), plan, whole.state.clone(), (outputs, None))?;
+            lower_scene(whole.equations.clone().into(), plan, whole.state.clone(), (outputs, None, None))?;
         match &self.model {
             Some(model) => built.certified(Arc::clone(model)),
             None => Ok(built),

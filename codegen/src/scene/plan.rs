@@ -51,6 +51,8 @@ pub(super) struct Plan {
     /// Exact flows whose generators add up to the motion.
     pub(super) splitting: bool,
     pub(super) implicit: bool,
+    /// The map of the model that this one is the quotient of.
+    pub(super) quotient: bool,
     /// Mass matrix, inverse dynamics and forces at rest, as far as they are wanted.
     pub(super) dynamics: BTreeSet<Want>,
     /// The wanted functions of frames and bodies.
@@ -124,6 +126,7 @@ impl Plan {
             hamiltonian_time,
             splitting,
             implicit,
+            quotient,
             dynamics,
             of_frames,
             digits: _,
@@ -135,7 +138,8 @@ impl Plan {
             chosen: _,
         } = self;
         let has_outputs = !matches!(outputs, Outputs::Named(wanted) if wanted.is_empty());
-        let wants = [*energy, *invariants, *phases, *bracket, *hamiltonian_time, *splitting, *implicit];
+        let wants =
+            [*energy, *invariants, *phases, *bracket, *hamiltonian_time, *splitting, *implicit, *quotient];
         let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
         let is_more = has_outputs || has_sets || *positions != Share::None || wants.contains(&true);
         let extent = if is_more { Extent::Whole } else { Extent::Rates };
@@ -157,6 +161,7 @@ impl Plan {
             hamiltonian_time: false,
             splitting: false,
             implicit: false,
+            quotient: false,
             dynamics: BTreeSet::new(),
             of_frames: BTreeSet::new(),
             digits: false,
@@ -216,6 +221,7 @@ impl Plan {
                         plan.of_frames.extend([Want::FrameJacobians, Want::FrameDrifts]);
                     }
                     Wanted::Want(Want::Implicit) => plan.implicit = true,
+                    Wanted::Want(Want::Quotient) => plan.quotient = true,
                     Wanted::Want(Want::Digits) => plan.digits = true,
                     Wanted::Want(want) => match Derivative::of(*want) {
                         Some(derivative) => _ = plan.derivatives.insert(derivative),

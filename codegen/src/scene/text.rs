@@ -11,13 +11,12 @@ use hamel_lang::spec::{EventDirection, Unit, Want};
 use hamel_mechanics::reduction::StageUse;
 use hamel_program::emit::{
     self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText, MatrixText,
-    OutputText, ParamText, PositionsText, ProductText, SceneEntry, SceneText, Script, ScriptLanguage,
-    SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
+    OutputText, ParamText, PositionsText, ProductText, QuotientText, SceneEntry, SceneText, Script,
+    ScriptLanguage, SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
 };
-use hamel_program::program::{Jet, Role};
+use hamel_program::program::{Jet, Program, Role};
 
-use super::built::BuiltScene;
-use super::built::legendre_role;
+use super::built::{BuiltScene, TotalSystem, legendre_role};
 use super::derivatives::{Derivative, Matrix, Product};
 use super::events::SceneEvent;
 use super::groups::groups;
@@ -25,6 +24,7 @@ use super::implicit::{self, Implicit};
 use super::interpreter;
 use super::positions::{self, PositionLayout};
 use super::prior::told_in_words;
+use super::quotient;
 use super::splitting::flow_role;
 use super::start::Start;
 
@@ -298,6 +298,7 @@ impl BuiltScene {
             matrices: self.matrices.iter().map(matrix_text).collect(),
             products: self.products.iter().map(product_text).chain(self.legendre_text()).collect(),
             implicit: self.implicit().map(implicit_text),
+            quotient: self.total.as_deref().map(|total| quotient_text(total, &self.program)),
             positions: self.positions().map(positions_text),
             flows: self.flows().iter().enumerate().map(flow_text).collect(),
             units: self.unit_texts(),
@@ -468,6 +469,26 @@ impl BuiltScene {
                 if has_levels { "those in `y` mean nothing" } else { "the momenta in `y` mean nothing" },
             ),
         })
+    }
+}
+
+fn quotient_text(total: &TotalSystem, program: &Program) -> QuotientText {
+    let ([state, params], file) = (total.variables().map(<[String]>::to_vec), total.file.clone());
+    let title = |what: &str| {
+        format!(
+            "{what} by the state and the parameters of `{file}`, one after the other in `z`: the map of `reduces`."
+        )
+    };
+    let of = |role: Role, what: &str| {
+        let name = role.name().to_owned();
+        program.function(&role).is_some().then(|| (name, title(what)))
+    };
+    QuotientText {
+        of_state: (quotient::state_role().name().to_owned(), title("The state")),
+        of_params: of(quotient::params_role(), "The parameters"),
+        state,
+        params,
+        file,
     }
 }
 

@@ -7,6 +7,14 @@ pub mod appell_machine_minimal;
 pub mod ball_on_rotating_table;
 /// Ball on a rotating table
 pub mod ball_on_rotating_table_reconstruction;
+/// Body in an ideal fluid by attitude and place
+pub mod body_in_fluid;
+/// Body in an ideal fluid, reduced by translations
+pub mod body_in_fluid_by_translations;
+/// Body in an ideal fluid, reduced by translations
+pub mod body_in_fluid_by_translations_from_space;
+/// Body in an ideal fluid by attitude and place
+pub mod body_in_fluid_minimal;
 /// Shallow water by the Camassa-Holm equation, 13 modes
 pub mod camassa_holm;
 /// Chaplygin ball
@@ -271,6 +279,10 @@ macro_rules! for_each_scene {
             (appell_machine_minimal, "appell_machine", "minimal", 4)
             (ball_on_rotating_table, "ball_on_rotating_table", "default", 5)
             (ball_on_rotating_table_reconstruction, "ball_on_rotating_table", "reconstruction", 9)
+            (body_in_fluid, "body_in_fluid", "default", 18)
+            (body_in_fluid_by_translations, "body_in_fluid_by_translations", "default", 15)
+            (body_in_fluid_by_translations_from_space, "body_in_fluid_by_translations", "from_space", 15)
+            (body_in_fluid_minimal, "body_in_fluid", "minimal", 15)
             (camassa_holm, "camassa_holm", "default", 13)
             (chaplygin_ball, "chaplygin_ball", "default", 6)
             (chaplygin_ball_invariants, "chaplygin_ball", "invariants", 6)

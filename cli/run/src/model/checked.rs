@@ -81,8 +81,10 @@ impl Checked {
                 let is_of_loops = self.model.constraints.iter().any(|c| c.position.is_some());
                 let made = if is_of_loops { Made::Scene(scene) } else { Made::Program(scene) };
                 let text = decisive(text, made);
-                let key: Vec<&str> =
-                    [what, scene, &budget].into_iter().chain(text.iter().map(String::as_str)).collect();
+                let totals = self.model.totals.iter().filter_map(|total| total.origin.as_ref());
+                let totals = totals.map(|origin| origin.text.as_str());
+                let key = [what, scene, &budget].into_iter().chain(text.iter().map(String::as_str));
+                let key: Vec<&str> = key.chain(totals).collect();
                 self.cache.get_or_make(&key, is_sound, make)?
             }
             // A model that somebody built in memory has no text.

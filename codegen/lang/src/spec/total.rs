@@ -1,8 +1,8 @@
 //! The item `reduces` of a checked model.
 //!
-//! Deliberately does not know: the other model.
+//! Deliberately does not know: the other model, who reads its text.
 
-use super::diagnostic::Span;
+use super::diagnostic::{Origin, Span};
 
 /// A model that another one says to be the quotient of: `reduces`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -11,6 +11,8 @@ pub struct Total {
     pub file: String,
     /// Where the file is named.
     pub place: Option<Span>,
+    /// Its text, where somebody has read it.
+    pub origin: Option<Origin>,
     /// Variables and parameters of the quotient as functions of it.
     pub images: Vec<Image>,
 }

@@ -108,6 +108,8 @@ pub enum Want {
     Splitting,
     /// The equations with a mass matrix, `M z' = f(t, z)`, and their variables at a state.
     Implicit,
+    /// The map of the model that this one is the quotient of: the state and the parameters by that model's.
+    Quotient,
     /// All digits that the inputs have: functions that lose some carry their rounding errors along.
     Digits,
     /// Products of matrices in the place of equations, for ideal fluids: a [`MatrixFluid`](super::MatrixFluid).
@@ -116,7 +118,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 51] = [
+    pub const ALL: [Want; 52] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -166,6 +168,7 @@ impl Want {
         Want::HamiltonianTime,
         Want::Splitting,
         Want::Implicit,
+        Want::Quotient,
         Want::Digits,
         Want::Matrices,
     ];
@@ -222,6 +225,7 @@ impl Want {
             Want::HamiltonianTime => "hamiltonian_time",
             Want::Splitting => "splitting",
             Want::Implicit => "implicit",
+            Want::Quotient => "quotient",
             Want::Digits => "digits",
             Want::Matrices => "matrices",
         }
@@ -252,7 +256,7 @@ impl Want {
             FrameJacobians, FramePoses, FrameTwists, Frames, Gravity, HamiltonianTime, Implicit,
             InputJacobian, Invariants, InverseDynamics, Linearization, MassMatrix, Matrices,
             MomentumEquation, NonholonomicMomentum, OperationalSpace, OutputJacobian, Outputs, Phases,
-            Positions, SectionRates, Sections, Splitting, Taylor, Velocities,
+            Positions, Quotient, SectionRates, Sections, Splitting, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -274,6 +278,7 @@ impl Want {
                 | HamiltonianTime
                 | Splitting
                 | Implicit
+                | Quotient
                 | Digits
                 | Matrices
                 | InputJacobian

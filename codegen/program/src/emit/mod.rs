@@ -27,7 +27,7 @@ pub use script::{Script, ScriptLanguage};
 pub use text::{
     EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
     ImplicitVariableText, InitialText, MatrixText, OutputText, ParamText, PositionsText, ProductText,
-    SceneText, SelfTestText, StateText, SurfaceText, UnitText, UnitTexts,
+    QuotientText, SceneText, SelfTestText, StateText, SurfaceText, UnitText, UnitTexts,
 };
 
 /// Emits the module of one scene.

@@ -33,6 +33,9 @@ pub(super) const INPUTS: &str = "inputs";
 
 /// The constant with the variables of the implicit form.
 pub(super) const IMPLICIT: &str = "IMPLICIT";
+/// The constants with the variables of the map of a quotient.
+pub(super) const TOTAL_STATE: &str = "TOTAL_STATE";
+pub(super) const TOTAL_PARAMS: &str = "TOTAL_PARAMS";
 /// The matrix of the derivatives of the implicit form.
 pub(super) const IMPLICIT_JACOBIAN: &str = "implicit_jacobian";
 
@@ -65,6 +68,8 @@ pub(super) struct Module<'a> {
     /// Functions of a vector besides time and state.
     pub(super) products: Vec<ProductRoutine<'a>>,
     pub(super) implicit: Option<ImplicitRoutines<'a>>,
+    /// The map from the system that the model is the quotient of.
+    pub(super) quotient: Vec<QuotientRoutine<'a>>,
     pub(super) flows: Vec<FlowRoutine<'a>>,
     /// The pivots, unless there is nothing to check.
     pub(super) pivots: Option<Routine<'a>>,
@@ -163,6 +168,14 @@ pub(super) struct FlowRoutine<'a> {
     pub(super) routine: Routine<'a>,
 }
 
+/// A function of the map of a quotient.
+pub(super) struct QuotientRoutine<'a> {
+    pub(super) name: String,
+    /// What it gives.
+    pub(super) title: &'a str,
+    pub(super) routine: Routine<'a>,
+}
+
 /// The functions of an implicit form.
 pub(super) struct ImplicitRoutines<'a> {
     pub(super) text: &'a ImplicitText,
@@ -204,6 +217,9 @@ impl<'a> Module<'a> {
         if text.implicit.is_some() {
             constants.extend([IMPLICIT.to_owned(), dialect.places(IMPLICIT_JACOBIAN)]);
         }
+        if text.quotient.is_some() {
+            constants.extend([TOTAL_STATE.to_owned(), TOTAL_PARAMS.to_owned()]);
+        }
         let names = Names::new(dialect, program);
         let optional = |role: &Role| {
             let function = program.function(role)?;
@@ -243,6 +259,15 @@ impl<'a> Module<'a> {
             let (rhs, all) = (functions.add(&text.right_side), functions.add(&text.jacobian));
             let (entries, values) = (functions.add(&format!("{}_nonzeros", text.jacobian)), String::new());
             implicit = Some(ImplicitRoutines { text, right, rhs, jacobian, entries, all, values });
+        }
+        let mut quotient = Vec::new();
+        if let Some(text) = &text.quotient {
+            for (name, title) in std::iter::once(&text.of_state).chain(&text.of_params) {
+                let routine = required(&Role::OfVariables(name.clone()))?;
+                let n = text.state.len() + text.params.len();
+                expect_size(&format!("variables of {name}"), routine.argument.len(), n)?;
+                quotient.push(QuotientRoutine { name: functions.add(name), title, routine });
+            }
         }
         let mut flows = Vec::with_capacity(text.flows.len());
         for flow in &text.flows {
@@ -306,6 +331,7 @@ impl<'a> Module<'a> {
             outputs,
             products,
             implicit,
+            quotient,
             flows,
             pivots: optional(&Role::Pivots).filter(|pivots| !pivots.function.results.is_empty()),
             signature: optional(&Role::Signature),

@@ -39,6 +39,8 @@ pub struct SceneText {
     pub products: Vec<ProductText>,
     /// The implicit form, where the scene wants it.
     pub implicit: Option<ImplicitText>,
+    /// The map of the quotient, where the scene wants it.
+    pub quotient: Option<QuotientText>,
     /// The equations between coordinates, where the scene wants them.
     pub positions: Option<PositionsText>,
     /// The exact flows, the functions [`Role::Flow`] of the program.
@@ -331,6 +333,21 @@ pub struct ImplicitText {
     pub pattern: Vec<(usize, usize)>,
     /// The place among the variables of each component of the state.
     pub state: Vec<usize>,
+}
+
+/// The map from the state and the parameters of the system that the model is the quotient of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct QuotientText {
+    /// The file of that system's model.
+    pub file: String,
+    /// Names of the components of its state, which come first among the variables of the functions.
+    pub state: Vec<String>,
+    /// Names of its parameters, which come after them.
+    pub params: Vec<String>,
+    /// The function of the state, [`Role::OfVariables`], and its title.
+    pub of_state: (String, String),
+    /// The function of the parameters, where the scene has some.
+    pub of_params: Option<(String, String)>,
 }
 
 /// A variable of an implicit form.

@@ -9,6 +9,7 @@ use super::Interpreter;
 use crate::scene::built::legendre_role;
 use crate::scene::dynamics::inverse_dynamics_role;
 use crate::scene::implicit;
+use crate::scene::quotient::{params_role, state_role};
 use crate::scene::splitting::flow_role;
 
 impl Interpreter<'_> {
@@ -39,6 +40,23 @@ impl Interpreter<'_> {
     pub fn implicit_jacobian(&self, t: f64, z: &[f64]) -> Option<Vec<Vec<f64>>> {
         let pattern = self.patterns.iter().find(|pattern| pattern.name == implicit::JACOBIAN)?;
         Some(pattern.filled(&self.of_variables(&implicit::jacobian(), t, z)?))
+    }
+
+    /// The state that the map of the quotient gives for a state and the parameters of the total system, one after the
+    /// other, when the scene wants it.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn quotient(&self, t: f64, total: &[f64]) -> Option<Vec<f64>> {
+        self.of_variables(&state_role(), t, total)
+    }
+
+    /// The parameters that it gives, in the order of the program's.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn quotient_parameters(&self, t: f64, total: &[f64]) -> Option<Vec<f64>> {
+        self.of_variables(&params_role(), t, total)
     }
 
     /// The values of a function that takes variables in the place of the state.

@@ -147,7 +147,9 @@ impl ModelBuilder {
                 }
             }
             for (name, span) in draft.wants {
-                if self.wants_of_given(&scene.name, &name, span) {
+                if self.wants_of_given(&scene.name, &name, span)
+                    || self.wants_of_totals(&scene.name, &name, span)
+                {
                     continue;
                 }
                 let named = |n: &String| *n == name;

@@ -5,8 +5,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::draft::{DeclaredAs, ModelBuilder};
+use crate::spec::diagnostic::Span;
 use crate::spec::names;
 use crate::spec::total::{Image, Total};
+use crate::spec::want::Want;
 use hamel_expr::ExprId;
 
 impl ModelBuilder {
@@ -30,7 +32,8 @@ impl ModelBuilder {
             places: None,
         };
         let place = self.here;
-        let total = Total { file: file.to_owned(), place, images: images.iter().map(image).collect() };
+        let images = images.iter().map(image).collect();
+        let total = Total { file: file.to_owned(), place, origin: None, images };
         self.located_reduces(total);
         self
     }
@@ -72,6 +75,26 @@ impl ModelBuilder {
                 image.components = components;
             }
         }
+        self.totals.clone_from(&totals);
         totals
+    }
+
+    /// Whether a scene wants the map of the model that this one is the quotient of, and there is not exactly one.
+    pub(super) fn wants_of_totals(&mut self, scene: &str, want: &str, span: Option<Span>) -> bool {
+        if want != Want::Quotient.name() || self.totals.len() == 1 || self.broken.contains("reduces") {
+            return false;
+        }
+        let (message, help) = match self.totals.is_empty() {
+            true => (
+                format!("scene `{scene}` wants `quotient`, but the model is the quotient of no other"),
+                "say of which by `reduces \"file.hamel\" { .. }`",
+            ),
+            false => (
+                format!("scene `{scene}` wants `quotient`, but the model is the quotient of several"),
+                "keep one `reduces`",
+            ),
+        };
+        self.problem(span, message, help);
+        true
     }
 }

@@ -235,7 +235,7 @@ impl Elaboration<'_> {
             places: Some((name.span, value.span)),
         });
         let images = images.collect();
-        let total = Total { file: item.file.text.clone(), place: Some(item.file.span), images };
+        let total = Total { file: item.file.text.clone(), place: Some(item.file.span), origin: None, images };
         self.builder.located_reduces(total);
     }
 

@@ -303,6 +303,31 @@ impl Writer<'_> {
         self.matrix(&pattern, (doc, &implicit.entries, &implicit.all), "vector")
     }
 
+    /// The map from the system that the model is the quotient of, where the scene has it.
+    pub(super) fn quotient(&mut self) {
+        let module = self.module;
+        let Some(text) = &module.text.quotient else { return };
+        let (state, params) = (&text.state, &text.params);
+        self.constant("Number of components of the total system's state.", "N_TOTAL_STATE", state.len());
+        self.constant("Number of parameters of the total system.", "N_TOTAL_PARAMS", params.len());
+        let doc = format!("Components of the state of {}, the first numbers of vector.", text.file);
+        self.array_of_names(&doc, "total_state_names", state);
+        let doc = format!("Parameters of {}, the last numbers of vector.", text.file);
+        self.array_of_names(&doc, "total_param_names", params);
+        let n = state.len() + params.len();
+        let prepared = self.name("prepared");
+        for function in &module.quotient {
+            let routine = &function.routine;
+            let names: Vec<String> = routine.function.results.iter().map(|(name, _)| name.clone()).collect();
+            let body = self.body(routine, Arguments::Variables) + &self.results(routine, "out");
+            let doc = self.doc(function.title, routine, &names);
+            let (name, k, size) = (self.name(&function.name), length(names.len()), length(n));
+            let arguments = format!("const {prepared} *p, double t, const double vector[{size}]");
+            self.function(&doc, &format!("void {name}({arguments}, double out[{k}])"), &body);
+            self.call(function.title, &function.name, Takes::Variables(n), Some(names.len()));
+        }
+    }
+
     /// What a function computes, in which order, and what it costs.
     fn doc(&self, title: &str, routine: &Routine<'_>, results: &[String]) -> Vec<String> {
         let function = routine.function;

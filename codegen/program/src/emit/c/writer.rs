@@ -66,8 +66,13 @@ impl<'a> Writer<'a> {
         });
         let implicit = module.implicit.iter().flat_map(|i| [&i.rhs, &i.all, &i.entries].map(String::as_str));
         let products = module.products.iter().map(|p| p.name.as_str());
+        let quotient = module.quotient.iter().map(|q| q.name.as_str());
         names.take(
-            outputs.chain(implicit).chain(products).chain(module.flows.iter().map(|f| f.name.as_str())),
+            outputs
+                .chain(implicit)
+                .chain(quotient)
+                .chain(products)
+                .chain(module.flows.iter().map(|f| f.name.as_str())),
         );
         Writer {
             upper: prefix.to_ascii_uppercase(),

@@ -92,7 +92,7 @@ impl Writer<'_> {
     }
 
     /// A method of time and variables.
-    fn of_variables(&self, name: &str, doc: TokenStream, routine: &Routine<'_>) -> TokenStream {
+    pub(super) fn of_variables(&self, name: &str, doc: TokenStream, routine: &Routine<'_>) -> TokenStream {
         let (statements, results) =
             (statements(&routine.code.statements), array(&texts(&routine.code.results)));
         let (n, k) = (size(routine.argument.len()), size(routine.code.results.len()));

@@ -80,6 +80,12 @@ pub(super) fn items<'a>(module: &'a Module<'a>) -> Vec<Item<'a>> {
         let all = Item::new(&implicit.all, &doc, None, Gives::Matrix(pattern), &implicit.jacobian);
         items.push(all.taking(Takes::Variables));
     }
+    for function in &module.quotient {
+        let routine = &function.routine;
+        let names: Vec<String> = routine.function.results.iter().map(|(name, _)| name.clone()).collect();
+        let item = Item::new(&function.name, function.title, None, Gives::Vector, routine);
+        items.push(item.of(&names).taking(Takes::Variables));
+    }
     if let Some(pivots) = &module.pivots {
         let doc =
             "What the rates are divided by and may vanish, then the scale of the rounding errors of each.";

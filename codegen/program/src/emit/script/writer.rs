@@ -4,7 +4,7 @@
 
 use super::super::expression::Binding;
 use super::super::literal::number;
-use super::super::module::Module;
+use super::super::module::{Module, TOTAL_PARAMS, TOTAL_STATE};
 use super::super::names::{Scope, legal};
 use super::super::text::ParamText;
 use super::form::{Entry, Form, Preparation, Rows, Script, Summary, lines, one_line};
@@ -207,6 +207,12 @@ impl Writer<'_> {
                 implicit.text.index
             );
             list("IMPLICIT", &doc, &entries);
+        }
+        if let Some(quotient) = &text.quotient {
+            let doc = format!("Components of the state of {}, the first of `vector`.", quotient.file);
+            list(TOTAL_STATE, &doc, &unvalued(&quotient.state));
+            let doc = format!("Parameters of {}, the last of `vector`.", quotient.file);
+            list(TOTAL_PARAMS, &doc, &unvalued(&quotient.params));
         }
         if let Some(initial) = &text.initial {
             let values: Vec<String> = initial.values.iter().map(|x| number(*x)).collect();
