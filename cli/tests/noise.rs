@@ -205,6 +205,15 @@ fn what_noise_has_no_answer_for_is_refused() {
     let swept =
         ["ensemble", &kubo, "--scene", "stochastic", "--sweep", "W=0..1:3", "--step", "0.01", "-o", &table];
     refused(&swept, "`W`");
+    let particle = file(
+        "particle.hamel",
+        "model particle { coordinate x in real; lagrangian = x_dot^2; noise W: x^3; }",
+    );
+    refused(&["reduce", &particle], "noise");
+    let text = format!(
+        "model quotient {{ coordinate x in real; lagrangian = x_dot^2; noise W: x^3; reduces \"{particle}\" {{}} }}"
+    );
+    refused(&["check", &file("quotient.hamel", &text)], "has noise, of which the map says nothing");
     let out =
         run(&["simulate", "heavy_top", "--json"], "{\"initial\": {}, \"t_final\": 1, \"noise_seed\": 3}");
     assert!(String::from_utf8_lossy(&out.stderr).contains("has no noise"));

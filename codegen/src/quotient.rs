@@ -193,6 +193,13 @@ pub(crate) fn related(model: &Model, total: &Total, origin: &Origin) -> Result<(
         Unrelated::Texts(list)
     })?;
     let mut problems = Vec::new();
+    if let Some(noisy) = [model, &other].into_iter().find(|of| !of.noises.is_empty()) {
+        let message = format!("`{}` has noise, of which the map says nothing", noisy.name);
+        let help = "leave the noise out of both, or `reduces`";
+        return Err(Unrelated::Texts(vec![here(vec![
+            Diagnostic::new(total.place, message).with_help(help),
+        ])]));
+    }
     for (image, output) in total.images.iter().zip(&other.outputs[n_own..]) {
         let (wanted, found) = (image.components.len(), output.components.len());
         if wanted != found {

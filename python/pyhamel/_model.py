@@ -670,7 +670,7 @@ class Model:
                 max_events=max_events, noise_seed=noise_seed, noise_path=noise_path, noise_step=noise_step,
             )  # fmt: skip
         if samples is None:
-            samples = 201 if step is None else self._native.default_samples(_times(t, 1)[0], step)
+            samples = 201 if step is None else _hamel.default_samples(self._native, _times(t, 1)[0], step)
         t_final, times = _times(t, samples)
         options = _options(method, rtol, atol, step, max_step, max_steps, (noise_seed, noise_path, noise_step))
         native = _hamel.simulate(

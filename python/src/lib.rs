@@ -26,7 +26,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _hamel {
     #[pymodule_export]
-    use crate::motion::{Motion, ensemble, simulate, write_ensemble};
+    use crate::motion::{Motion, default_samples, ensemble, simulate, write_ensemble};
     #[pymodule_export]
     use crate::robot::import_robot;
     #[pymodule_export]

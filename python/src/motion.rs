@@ -22,7 +22,7 @@ use hamel_run::integrate::simulate_at;
 use hamel_run::length::method_of_long;
 use hamel_run::method::{MethodName, Steps};
 use hamel_run::model::{self, Checked, blocks};
-use hamel_run::noise::Noise;
+use hamel_run::noise::{Noise, samples_for};
 use hamel_run::simulation::{SimulateRequest, SimulateResponse};
 use hamel_run::stepper::Pace;
 use numpy::ndarray::{Array2, Array3};
@@ -148,6 +148,12 @@ impl Options {
         };
         Ok(many::Asked { t_final, samples, method, steps, noise, max_steps: self.max_steps, width, threads })
     }
+}
+
+/// Number of samples of a motion in fixed steps for which nobody has chosen another one.
+#[pyfunction]
+pub(crate) fn default_samples(scene: &Scene, t_final: f64, step: f64) -> usize {
+    samples_for(scene.info(), Steps::Fixed { step }, t_final, 201)
 }
 
 /// The motion from an initial state, of which components are given by name, with samples at the given times.

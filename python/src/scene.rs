@@ -21,9 +21,7 @@ use hamel_run::forms::Forms;
 use hamel_run::info::{Info, ParamEntry};
 use hamel_run::inputs::{Between, InputTable};
 use hamel_run::interpreted::{self, Built};
-use hamel_run::method::Steps;
 use hamel_run::model::{self, Checked};
-use hamel_run::noise::samples_for;
 use hamel_run::session::{Session, closed};
 use hamel_run::start::{Alike, Starts};
 use hamel_runtime::{Dual, F64x4};
@@ -277,11 +275,6 @@ impl Scene {
     #[getter]
     fn taken_inputs(&self) -> Vec<String> {
         self.info().inputs.iter().map(|input| input.name.clone()).collect()
-    }
-
-    /// Number of samples of a motion in fixed steps for which nobody has chosen another one.
-    fn default_samples(&self, t_final: f64, step: f64) -> usize {
-        samples_for(self.info(), Steps::Fixed { step }, t_final, 201)
     }
 
     /// Name of the model.

@@ -93,6 +93,9 @@ fn refused(model: &Model) -> Option<Refusal> {
     if !model.first_order.is_empty() {
         return has("states of first order", "leave them out: what they move is added to the reduced model");
     }
+    if !model.noises.is_empty() {
+        return has("noise", "leave it out: it is added to the reduced model");
+    }
     if !model.virtual_constraints.is_empty() {
         return has("conditions on displacements", "they are added to the reduced model");
     }
