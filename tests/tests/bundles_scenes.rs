@@ -99,8 +99,9 @@ fn compare(whole: &BuiltScene, scene: &BuiltScene) {
 }
 
 /// Models with coordinates that nothing depends on.
-const MINIMAL: [(&str, &[&str]); 6] = [
+const MINIMAL: [(&str, &[&str]); 7] = [
     ("appell_machine", &["x", "y"]),
+    ("body_in_fluid", &["r1", "r2", "r3"]),
     ("euler_disk", &["phi"]),
     ("mobile_robot", &["psi1", "psi2"]),
     ("rolling_ball", &["a1", "a2"]),

@@ -21,6 +21,10 @@ use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
 /// Units in the last place of the largest term; measured over all models and points: 5.
 const BOUND: f64 = 16.0;
 
+/// The same of models whose rates are long sums: the factors of a full matrix of six velocities, in parameters alone,
+/// are multiplied into every term, of which some cancel. Twice what was measured.
+const LONG_SUMS: [(&str, f64); 2] = [("body_in_fluid", 34.0), ("body_in_fluid_by_translations", 58.0)];
+
 fn vector(random: &mut Random, n: usize) -> Vec<f64> {
     (0..n).map(|_| random.number()).collect()
 }
@@ -93,7 +97,9 @@ fn unit(n: usize, k: usize) -> Vec<f64> {
 fn agree(what: &str, found: Tracked, expected: Tracked) -> f64 {
     let scale = found.term.max(expected.term);
     let off = (found.value - expected.value).abs() / unit_in_the_last_place(scale);
-    assert!(off <= BOUND, "{what} is {off} units off: {found:?} instead of {expected:?}");
+    let own = LONG_SUMS.iter().find(|(name, _)| what.starts_with(&format!("{name}:")));
+    let bound = own.map_or(BOUND, |(_, bound)| *bound);
+    assert!(off <= bound, "{what} is {off} units off: {found:?} instead of {expected:?}");
     off
 }
 
