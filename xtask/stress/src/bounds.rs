@@ -20,6 +20,10 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("ball_on_rotating_table", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("ball_on_surface", "default", [9.0, 1e7, 8.0, 1e14]),
     ("bicycle_with_rider", "default", [22.0, 1e11, 32.0, 1e13]),
+    ("body_in_fluid", "default", [11.0, 32.0, 5.0, 32.0]),
+    ("body_in_fluid", "minimal", [9.0, 32.0, 5.0, 32.0]),
+    ("body_in_fluid_by_translations", "default", [10.0, 32.0, 6.0, 32.0]),
+    ("body_in_fluid_by_translations", "from_space", [10.0, 1e5, 7.0, 32.0]),
     ("camassa_holm", "default", [8.0, 32.0, 8.0, 32.0]),
     ("car_with_trailers", "default", [6.0, 32.0, 5.0, 1e14]),
     ("chaplygin_ball", "default", [8.0, 32.0, 5.0, 32.0]),
@@ -212,6 +216,22 @@ const LOSING: &[Losing] = &[
             ("default", OUTPUTS, 1e13),
             ("default", BUILT_RHS, 1e12),
             ("default", BUILT_OUTPUTS, 1e13),
+        ],
+    },
+    Losing {
+        model: "body_in_fluid",
+        reason: "Parameters moved by three decades, whose metric is no kinetic energy.",
+        functions: &[("default", BUILT_RHS, 1e9), ("minimal", BUILT_RHS, 1e9)],
+    },
+    Losing {
+        model: "body_in_fluid_by_translations",
+        reason: "Parameters moved by three decades, whose metric is no kinetic energy; velocities that are small \
+                 differences of an impulse and a large angular momentum.",
+        functions: &[
+            ("default", BUILT_RHS, 1e9),
+            ("from_space", RHS, 1e5),
+            ("from_space", BUILT_RHS, 1e10),
+            ("from_space", BUILT_OUTPUTS, 1e6),
         ],
     },
     Losing {

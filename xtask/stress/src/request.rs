@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Parser;
+use hamel_codegen::spec::{Configuration, MatrixFamily};
 use hamel_run::Error;
 use hamel_run::model::roles::{self, Role};
 use hamel_run::model::{Checked, DEFAULT_SCENE};
@@ -58,12 +59,16 @@ pub struct SceneRequest {
     pub scene: String,
     /// What the possible state variables are.
     pub roles_by_name: BTreeMap<String, Role>,
+    /// Entries of rotations that the model has as coordinates, row by row.
+    pub rotations_by_name: Vec<Vec<String>>,
     /// The initial values that the model gives.
     pub initial_by_name: BTreeMap<String, f64>,
     /// What the components of the state are; filled by the program.
     pub roles: Vec<Role>,
     /// Initial values of the components; filled by the program.
     pub initial: Vec<f64>,
+    /// Places of the entries of rotations that the state has; filled by the program.
+    pub rotations: Vec<Vec<usize>>,
 }
 
 impl SceneRequest {
@@ -77,6 +82,9 @@ impl SceneRequest {
             (None, Role::Group { identity }) => *identity,
             (None, _) => 0.5,
         };
+        let place = |name: &String| state.iter().position(|own| own == name);
+        let places = |names: &Vec<String>| names.iter().map(place).collect::<Option<Vec<usize>>>();
+        self.rotations = self.rotations_by_name.iter().filter_map(places).collect();
         self.initial = state.iter().zip(&self.roles).map(initial).collect();
     }
 }
@@ -103,13 +111,24 @@ impl StressRequest {
                     model: Arc::clone(model),
                     text: text.clone().into_owned(),
                     roles_by_name: roles::roles(model, &params),
+                    rotations_by_name: rotations(model),
                     initial_by_name: roles::initial_values(model, &params),
                     scene,
                     roles: Vec::new(),
                     initial: Vec::new(),
+                    rotations: Vec::new(),
                 });
             }
         }
         Ok(StressRequest { scenes, short, samples, steps, folder })
     }
+}
+
+/// Names of the entries of the elements of SO(n) and SE(n) that a model has as coordinates.
+fn rotations(model: &Checked) -> Vec<Vec<String>> {
+    let is_rotation = |c: &&Configuration| {
+        matches!(c.group.family(), MatrixFamily::SpecialOrthogonal | MatrixFamily::Euclidean)
+    };
+    let entries = |c: &Configuration| c.names.iter().take(c.group.n().pow(2)).cloned().collect();
+    model.configurations.iter().filter(is_rotation).map(entries).collect()
 }

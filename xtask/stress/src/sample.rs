@@ -97,7 +97,56 @@ pub fn state(scene: &SceneRequest, region: Region, random: &mut Random) -> Vec<f
             _ => 3.0 * random.number(),
         },
     };
-    scene.roles.iter().zip(&scene.initial).map(|(role, initial)| component(role, *initial)).collect()
+    let mut state: Vec<f64> =
+        scene.roles.iter().zip(&scene.initial).map(|(role, initial)| component(role, *initial)).collect();
+    for places in &scene.rotations {
+        rotate(&mut state, places, random);
+    }
+    state
+}
+
+/// Makes the entries of a matrix those of a rotation, the one next to it where it has one: its rows are made orthonormal
+/// one after the other, and rows without a direction are drawn anew. A sum of products of a rotation's entries is one
+/// or zero, and a metric in them is regular; of other matrices neither is said.
+fn rotate(state: &mut [f64], places: &[usize], random: &mut Random) {
+    let n = places.len().isqrt();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for chunk in places.chunks(n) {
+        let mut row: Vec<f64> = chunk.iter().map(|place| state[*place]).collect();
+        loop {
+            let size = dot(&row, &row).sqrt();
+            // Twice, as the first time leaves the rounding of what it takes away.
+            for before in rows.iter().chain(&rows) {
+                let along = dot(&row, before);
+                row.iter_mut().zip(before).for_each(|(x, y)| *x -= along * y);
+            }
+            let length = dot(&row, &row).sqrt();
+            if length > 1e-3 * size {
+                row.iter_mut().for_each(|x| *x /= length);
+                break;
+            }
+            row = (0..n).map(|_| random.number()).collect();
+        }
+        rows.push(row);
+    }
+    if determinant(&rows) < 0.0
+        && let Some(last) = rows.last_mut()
+    {
+        last.iter_mut().for_each(|x| *x = -*x);
+    }
+    places.iter().zip(rows.iter().flatten()).for_each(|(place, x)| state[*place] = *x);
+}
+
+/// The determinant of rows that are orthonormal.
+fn determinant(rows: &[Vec<f64>]) -> f64 {
+    let Some((first, others)) = rows.split_first() else { return 1.0 };
+    let minor = |k: usize| {
+        let without = |row: &Vec<f64>| [&row[..k], &row[k + 1..]].concat();
+        determinant(&others.iter().map(without).collect::<Vec<_>>())
+    };
+    let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+    first.iter().enumerate().map(|(k, x)| sign(k) * x * minor(k)).sum()
 }
 
 /// Parameters within a factor two of the defaults, exact defaults one time in four.
