@@ -22,7 +22,7 @@ use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
 const BOUND: f64 = 16.0;
 
 /// The same of models whose rates are long sums: the factors of a full matrix of six velocities, in parameters alone,
-/// are multiplied into every term, of which some cancel. Twice what was measured.
+/// are multiplied into every term, of which some cancel: twice the measured distance.
 const LONG_SUMS: [(&str, f64); 2] = [("body_in_fluid", 34.0), ("body_in_fluid_by_translations", 58.0)];
 
 fn vector(random: &mut Random, n: usize) -> Vec<f64> {

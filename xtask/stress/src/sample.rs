@@ -105,9 +105,9 @@ pub fn state(scene: &SceneRequest, region: Region, random: &mut Random) -> Vec<f
     state
 }
 
-/// Makes the entries of a matrix those of a rotation, the one next to it where it has one: its rows are made orthonormal
-/// one after the other, and rows without a direction are drawn anew. A sum of products of a rotation's entries is one
-/// or zero, and a metric in them is regular; of other matrices neither is said.
+/// Makes a matrix a rotation: its rows are made orthonormal one after the other, and rows without a direction are drawn
+/// anew. Sums of products of a rotation's entries are one or zero, so that a metric in them is regular. A metric in the
+/// entries of any other matrix may be singular.
 fn rotate(state: &mut [f64], places: &[usize], random: &mut Random) {
     let n = places.len().isqrt();
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -116,7 +116,7 @@ fn rotate(state: &mut [f64], places: &[usize], random: &mut Random) {
         let mut row: Vec<f64> = chunk.iter().map(|place| state[*place]).collect();
         loop {
             let size = dot(&row, &row).sqrt();
-            // Twice, as the first time leaves the rounding of what it takes away.
+            // Twice, as the first time leaves rounding errors behind.
             for before in rows.iter().chain(&rows) {
                 let along = dot(&row, before);
                 row.iter_mut().zip(before).for_each(|(x, y)| *x -= along * y);
@@ -145,7 +145,7 @@ fn determinant(rows: &[Vec<f64>]) -> f64 {
         let without = |row: &Vec<f64>| [&row[..k], &row[k + 1..]].concat();
         determinant(&others.iter().map(without).collect::<Vec<_>>())
     };
-    let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+    let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
     first.iter().enumerate().map(|(k, x)| sign(k) * x * minor(k)).sum()
 }
 
