@@ -42,6 +42,10 @@ mod docs {
     pub struct EmittedCode;
     #[doc = include_str!("../../docs/book/controls.md")]
     pub struct Controls;
+    #[doc = include_str!("../../docs/book/noise.md")]
+    pub struct Noise;
+    #[doc = include_str!("../../docs/book/stages.md")]
+    pub struct Stages;
     #[doc = include_str!("../../docs/book/fluids.md")]
     pub struct Fluids;
     #[doc = include_str!("../../docs/book/integrators.md")]
