@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::common::program;
 
@@ -44,7 +44,7 @@ fn refused(arguments: &[&str], expected: &str) {
     assert!(text.contains(expected), "{text}");
 }
 
-fn json(model: &str, request: &str) -> Value {
+fn simulated(model: &str, request: &str) -> Value {
     let out = run(&["simulate", model, "--scene", "stochastic", "--json"], request);
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     serde_json::from_slice(&out.stdout).unwrap()
@@ -81,7 +81,7 @@ fn a_trajectory_of_an_ensemble_is_a_path_of_its_own() {
             "{{\"initial\": {{}}, \"t_final\": 2, \"step\": 0.01, \"noise_seed\": 9, \"noise_path\": {}}}",
             3 + k
         );
-        assert_eq!(state(&json(&top, &request), &STATE), *row);
+        assert_eq!(state(&simulated(&top, &request), &STATE), *row);
     }
     assert!(found.windows(2).all(|pair| pair[0] != pair[1]));
 }
@@ -94,7 +94,7 @@ fn casimirs_stay_on_every_path() {
         let request = format!(
             "{{\"initial\": {{}}, \"t_final\": 10, \"step\": 0.01, \"noise_path\": {path}, \"samples\": 101}}"
         );
-        let answer = json(&top(), &request);
+        let answer = simulated(&top(), &request);
         let casimirs = |at: &Value| {
             let x = |name: &str| at[name].as_f64().unwrap();
             let vertical = (1..4).map(|k| x(&format!("Pi{k}")) * x(&format!("Gamma{k}"))).sum::<f64>();
@@ -185,6 +185,32 @@ fn noise_that_a_model_mentions() {
     assert!(!still.contains("midpoint"), "{still}");
 }
 
+/// The attitude turns with the noise: the vertical of the body stays that of space.
+#[test]
+fn noise_moves_the_group() {
+    let initial = json!({"Pi1": 0.3, "Pi2": 0.2, "Pi3": 2.4, "Gamma1": 0, "Gamma2": 0.6, "Gamma3": 0.8,
+                         "qw": 1, "qx": 0, "qy": 0, "qz": 0});
+    let request =
+        json!({"initial": initial, "t_final": 5, "step": 0.01, "noise_seed": 2, "method": "gauss8"})
+            .to_string();
+    let out = run(&["simulate", &top(), "--scene", "in_space", "--json"], &request);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let answer: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let q = state(&answer, &["qw", "qx", "qy", "qz"]);
+    let gamma = state(&answer, &STATE[3..]);
+    let (w, v) = (q[0], [q[1], q[2], q[3]]);
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
+    let g = [gamma[0], gamma[1], gamma[2]];
+    let first = cross(v, g);
+    let second = cross(v, [0, 1, 2].map(|k| first[k] + w * g[k]));
+    // From the identity, where the vertical is `[0, 0.6, 0.8]`; noise is constant in a step, which gauss8 then follows.
+    for (k, space) in [0.0, 0.6, 0.8].into_iter().enumerate() {
+        assert!((g[k] + 2.0 * second[k] - space).abs() < 1e-9, "{k}: {}", g[k] + 2.0 * second[k]);
+    }
+}
+
 #[test]
 fn what_noise_has_no_answer_for_is_refused() {
     let (top, kubo) = (top(), file("refused.hamel", KUBO));
@@ -198,6 +224,7 @@ fn what_noise_has_no_answer_for_is_refused() {
     noisy(&["--step", "0.01", "--noise-step", "0.007"], "no whole part and no multiple");
     noisy(&["--step", "0.01", "--section", "Pi1"], "no event is watched for");
     noisy(&["--step", "0.01", "--sensitivity", "k"], "whose paths have no derivatives");
+    noisy(&["--step", "0.01", "--reconstruct"], "one that takes the noises and wants `reconstruction`");
     noisy(&["--step", "0.01", "--input", "W1=1"], "`W1` is driven, which is a noise");
     refused(&["simulate", "heavy_top", "--noise-seed", "2"], "has no noise");
     let table = file("refused.csv", "");

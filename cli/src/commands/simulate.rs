@@ -433,6 +433,11 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let model = file.model()?;
     let mut choice = arguments.scene.choice_of(&file)?;
     arguments.noise.chooses(&mut choice, model);
+    if arguments.reconstruct && choice.scene == model::STOCHASTIC_SCENE {
+        let reason = "is of scenes without noise: choose with --scene one that takes the noises and wants \
+                      `reconstruction`, such as `scene in_space { input W; want rhs, energy, reconstruction; }`";
+        return Err(Error::unusable("--reconstruct", reason));
+    }
     if arguments.reconstruct {
         choice = choice.reconstructing(model, "--reconstruct")?;
     }
