@@ -203,6 +203,7 @@ fn what_matrices_cannot_do_is_said() {
     let cases: [(&[&str], &str); 7] = [
         (&[], "--step is what a fluid of matrices is moved by"),
         (&["--step", "0.1", "--method", "rk4"], "method rk4: matrices are moved by isospectral alone"),
+        (&["--step", "0.1", "--method", "dop853"], "method dop853: matrices are moved by isospectral alone"),
         (&["--step", "0.1", "--reconstruct"], "--reconstruct is not possible"),
         (&["--step", "0.1", "--sensitivity", "re_1_0"], "--sensitivity is not possible"),
         (&["--step", "0.1", "--scene", "minimal"], "no scene `minimal`"),

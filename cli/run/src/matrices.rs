@@ -38,6 +38,13 @@ pub fn info(fluid: &MatrixFluid) -> Info {
     }
 }
 
+/// Why no method but one moves matrices.
+pub fn other_method(method: MethodName) -> Error {
+    let name = method.name();
+    let reason = format!("method {name}: matrices are moved by isospectral alone, leave the method out");
+    Error::Options { reason }
+}
+
 /// Values of the modes at time zero, unless told otherwise.
 pub fn initial(fluid: &MatrixFluid) -> Vec<f64> {
     fluid.modes.iter().map(|mode| rational_to_f64(&mode.initial)).collect()
@@ -78,9 +85,7 @@ pub fn simulate(
     let options = |reason: String| Error::Options { reason };
     // Who says nothing about the method has the default of all others.
     if ![MethodName::default(), MethodName::Isospectral].contains(&request.method) {
-        let name = request.method.name();
-        let reason = format!("method {name}: matrices are moved by isospectral alone, leave the method out");
-        return Err(options(reason));
+        return Err(other_method(request.method));
     }
     if !request.along.is_empty() {
         return Err(options("sensitivity: a fluid of matrices has no derivatives of its motion".into()));

@@ -182,6 +182,9 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         return Err(Error::unusable("--sensitivity", reason));
     }
     let method = motion.method.unwrap_or(MethodName::Isospectral);
+    if method != MethodName::Isospectral {
+        return Err(matrices::other_method(method));
+    }
     if motion.max_step.is_some() {
         return Err(Error::unusable(
             "--max-step",
