@@ -200,7 +200,7 @@ fn what_matrices_cannot_do_is_said() {
     assert!(said.contains("--step is what a fluid of matrices is moved by"), "{said}");
     let said = folder.refused(&["report", "zeitlin_euler_3", "--step", "0.1"], "");
     assert!(said.contains("--step is for fluids of matrices"), "{said}");
-    let cases: [(&[&str], &str); 7] = [
+    let cases: [(&[&str], &str); 8] = [
         (&[], "--step is what a fluid of matrices is moved by"),
         (&["--step", "0.1", "--method", "rk4"], "method rk4: matrices are moved by isospectral alone"),
         (&["--step", "0.1", "--method", "dop853"], "method dop853: matrices are moved by isospectral alone"),
