@@ -226,6 +226,25 @@ fn what_noise_has_no_answer_for_is_refused() {
     noisy(&["--step", "0.01", "--sensitivity", "k"], "whose paths have no derivatives");
     noisy(&["--step", "0.01", "--reconstruct"], "one that takes the noises and wants `reconstruction`");
     noisy(&["--step", "0.01", "--input", "W1=1"], "`W1` is driven, which is a noise");
+    let data = file("data.csv", "t,x\n0,1\n0.5,0.8\n1,0.5\n");
+    let fit = ["fit", &*kubo, "--scene", "stochastic", "--data", &*data, "--free", "omega"];
+    refused(&fit, "has noise, whose paths no fit follows");
+    let asked = |noise: Value| {
+        let mut request = json!({"initial": {"x": 1, "p": 0}, "t_final": 1, "step": 0.1});
+        request.as_object_mut().unwrap().extend(noise.as_object().unwrap().clone());
+        let out = run(&["simulate", &kubo, "--scene", "stochastic", "--json"], &request.to_string());
+        assert!(!out.status.success());
+        String::from_utf8(out.stderr).unwrap()
+    };
+    let told = asked(json!({"noise_path": 4_294_967_296_u64}));
+    assert!(
+        told.contains("noise_path is 4294967296, but the largest number of a path is 4294967295"),
+        "{told}"
+    );
+    for step in [0.0, -0.1] {
+        let told = asked(json!({"noise_step": step}));
+        assert!(told.contains("have to be above zero"), "{told}");
+    }
     refused(&["simulate", "heavy_top", "--noise-seed", "2"], "has no noise");
     let table = file("refused.csv", "");
     refused(&["ensemble", "heavy_top", "--count", "3", "-o", &table], "nothing is drawn");

@@ -58,7 +58,8 @@ use crate::math;
 ///
 /// # Source
 /// Wong and Zakai 1965; Salmon, Moraes, Dror, Shaw 2011, Parallel random numbers: as easy as 1, 2, 3 (Philox4x32-10);
-/// Box and Muller 1958; Milstein and Tretyakov 2004, section 1.2 and chapter 4.
+/// Box and Muller 1958; Milstein and Tretyakov 2004, Stochastic numerics for
+/// mathematical physics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wiener {
     seed: u64,
@@ -69,8 +70,12 @@ pub struct Wiener {
 
 impl Wiener {
     /// The path number zero of a seed, on a grid of that step.
+    ///
+    /// # Panics
+    /// Where the step is not positive and finite.
     #[must_use]
     pub const fn new(seed: u64, step: f64) -> Wiener {
+        assert!(step > 0.0 && step < f64::INFINITY, "a step above zero");
         Wiener { seed, path: 0, step, merged: 1 }
     }
 
@@ -81,8 +86,12 @@ impl Wiener {
     }
 
     /// The same path on a coarser grid, of which each step is so many steps of the fine one: its increments are sums.
+    ///
+    /// # Panics
+    /// Where the number is zero.
     #[must_use]
     pub const fn merged(self, n: u32) -> Wiener {
+        assert!(n > 0, "a coarser grid has steps of one fine step or more");
         Wiener { merged: n, ..self }
     }
 

@@ -16,6 +16,7 @@ use super::info::Info;
 use super::integrate::has_state;
 use super::least_squares::{End, Found, Linearised, minimise, precision};
 use super::method::{MethodName, Steps};
+use super::noise;
 use super::sensitivity::Along;
 use super::simulation::stopped_because;
 use super::solver::method_of;
@@ -188,6 +189,7 @@ pub fn fit(
     progress: &mut dyn FnMut(usize, f64),
 ) -> Result<FitResponse, Error> {
     has_state(factory.info())?;
+    noise::refuse(factory.info(), "whose paths no fit follows")?;
     let along = Along::new(factory, &request.free, request.method, "fit")?;
     let start = start(request);
     let (mut refused, mut n) = (None, 0);

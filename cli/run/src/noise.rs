@@ -72,6 +72,11 @@ impl Noise {
             (n >= 1.0 && (ratio - n).abs() <= ROUNDING * n && n <= f64::from(u32::MAX)).then_some(n as u32)
         };
         let fine = self.step.unwrap_or(step);
+        if !(fine > 0.0 && fine.is_finite() && step > 0.0 && step.is_finite()) {
+            return refused(format!(
+                "its step {fine:?} and the step {step:?} of the method have to be above zero"
+            ));
+        }
         let wiener = Wiener::new(self.seed, fine).with_path(self.path);
         let wiener = match (whole(step / fine), whole(fine / step)) {
             (Some(n), _) => wiener.merged(n),

@@ -7,7 +7,7 @@
 //! Does not know: how equations of motion are made, increments of the noise.
 //!
 //! # Source
-//! Holm 2015, equations (1.3) and (2.12).
+//! Lazaro-Cami and Ortega 2008, Stochastic Hamiltonian dynamical systems.
 
 use hamel_runtime::{Dual, Real};
 

@@ -324,7 +324,7 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
         ExpressionRole::Noise(k) => {
             let noise = &model.noises[k];
             let span = noise.hamiltonian.and_then(|(_, span)| span);
-            (format!("the Hamiltonian of the noise `{}`", noise.name), span)
+            (noise.function(), span)
         }
         ExpressionRole::ConstraintResidual(k)
         | ExpressionRole::ConstraintPosition(k)

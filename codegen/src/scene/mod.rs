@@ -123,7 +123,7 @@ impl Scenes {
     /// Names of the scenes that are emitted, the default first; [`DERIVATIVES`] is one only if the model says so.
     ///
     /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it, [`CONTROLLED`] where
-    /// it has inputs; then its own, of which one may be the default.
+    /// it has inputs, [`STOCHASTIC`] where it has noises; then its own, of which one may be the default.
     pub fn names(&mut self) -> Vec<String> {
         names_of(&Arc::clone(&self.derivations.model), || self.has_ignorable_coordinates())
     }

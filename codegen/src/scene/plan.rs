@@ -20,9 +20,10 @@ pub const MINIMAL: &str = "minimal";
 /// Name of the scene with the coordinates of the group; a model has it when it says how to reconstruct them.
 pub const RECONSTRUCTION: &str = Want::Reconstruction.name();
 
-/// Name of the scene that takes all inputs of its model; a model has it when it declares inputs.
+/// Name of the scene that takes all inputs of its model but noises; a model has it when it declares such inputs.
 pub const CONTROLLED: &str = "controlled";
-/// Name of the scene with the inputs and the noises of its model, where it has noises.
+
+/// Name of the scene that takes noises and all other inputs of its model; a model has it when it declares noises.
 pub const STOCHASTIC: &str = "stochastic";
 
 /// Name of the scene with all derivatives of the right-hand side; every model has it, built when it is asked for.

@@ -23,7 +23,7 @@ use crate::streams::{is_coloured, note};
 /// Name of the scene that every model has.
 pub const DEFAULT_SCENE: &str = scene::DEFAULT;
 
-/// Name of the scene that takes all inputs of its model.
+/// Name of the scene that takes all inputs of its model but noises.
 pub const CONTROLLED_SCENE: &str = scene::CONTROLLED;
 
 /// Name of the scene that takes the noises of its model as well.

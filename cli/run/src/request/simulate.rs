@@ -236,8 +236,12 @@ impl SimulateRequest {
         let max_steps = whole("max_steps", 1, steps.max_steps());
         let max_events = whole("max_events", 1, MAX_EVENTS);
         let (seed, path) = (whole("noise_seed", 0, 0), whole("noise_path", 0, 0));
-        let noise =
-            Noise { seed, path: path.try_into().unwrap_or(u32::MAX), step: fields.number("noise_step") };
+        let path = u32::try_from(path).unwrap_or_else(|_| {
+            let reason = format!("is {path}, but the largest number of a path is {}", u32::MAX);
+            fields.problems.push(unusable("noise_path", reason));
+            0
+        });
+        let noise = Noise { seed, path, step: fields.number("noise_step") };
         if let Err(reason) = noise.suits(info) {
             fields.problems.push(unusable("noise_seed", reason));
         }

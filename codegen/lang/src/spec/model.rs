@@ -57,6 +57,13 @@ pub struct Noise {
     pub span: Option<Span>,
 }
 
+impl Noise {
+    /// What messages call its function.
+    pub fn function(&self) -> String {
+        format!("the Hamiltonian of the noise `{}`", self.name)
+    }
+}
+
 /// Parameters that form a vector or a matrix.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParamArray {

@@ -12,7 +12,8 @@
 //! Does not know: equations of motion, increments.
 //!
 //! # Source
-//! Bismut 1981; Lazaro-Cami and Ortega 2008; Holm 2015, equations (1.3) and (2.12).
+//! Bismut 1981, Mecanique aleatoire; Lazaro-Cami and Ortega 2008, Stochastic Hamiltonian dynamical systems; Holm 2015,
+//! Variational principles for stochastic fluid dynamics.
 
 use std::collections::BTreeMap;
 
@@ -129,7 +130,7 @@ impl Field {
         let refused = |model: &Model, message: String, help: &str| {
             Box::new(spec::diagnose(model, span.or(noise.span), message, help.to_owned()))
         };
-        let what = format!("the Hamiltonian of the noise `{}`", noise.name);
+        let what = noise.function();
         if model.given.is_some() {
             let message = format!("{what} moves nothing: the model gives its motion");
             return Err(refused(model, message, "mention the noise in `field` or `acceleration`"));

@@ -259,7 +259,7 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
         ExpressionRole::Noise(k) => {
             let noise = &model.noises[k];
             let span = noise.hamiltonian.and_then(|(_, span)| span);
-            (format!("the Hamiltonian of the noise `{}`", noise.name), span, "its rate is not known")
+            (noise.function(), span, "it is a function of the state, the time and parameters")
         }
         ExpressionRole::DomainEnd(k) => {
             let name = model.name_of_domain(k);

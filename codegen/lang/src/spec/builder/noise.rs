@@ -45,7 +45,7 @@ impl ModelBuilder {
     /// motion gains `X_h` times the increments of the noise, `X_h` the Hamiltonian vector field of `h`.
     ///
     /// # Source
-    /// Bismut 1981; Holm 2015, equation (1.3).
+    /// Bismut 1981, Mecanique aleatoire; Holm 2015, Variational principles for stochastic fluid dynamics.
     pub fn noise_hamiltonian(&mut self, name: &str, h: &Value) -> &mut Self {
         let here = self.here;
         match self.noises.iter_mut().find(|noise| noise.name == name) {
@@ -61,18 +61,17 @@ impl ModelBuilder {
             let Some(symbol) = self.inputs.iter().find(|input| input.name == name).map(|i| i.symbol) else {
                 continue;
             };
-            let what = of_noise(&name);
-            let mut own = None;
+            let mut noise = Noise { name, symbol, hamiltonian: None, span };
             if let Some((value, place)) = hamiltonian {
                 let Value::Scalar(h) = value else {
-                    let message = format!("{what} must be a number, found {}", value.shape());
+                    let message = format!("{} must be a number, found {}", noise.function(), value.shape());
                     self.problem(place, message, "use `dot(a, b)` for the pairing of vectors");
                     continue;
                 };
-                self.reports_stray(h, place, &what, &[Special::Momentum]);
-                own = Some((h, place));
+                self.reports_stray(h, place, &noise.function(), &[Special::Momentum]);
+                noise.hamiltonian = Some((h, place));
             }
-            noises.push(Noise { name, symbol, hamiltonian: own, span });
+            noises.push(noise);
         }
         noises
     }
@@ -81,10 +80,6 @@ impl ModelBuilder {
     pub(super) fn is_noise(&self, name: &str) -> bool {
         self.noises.iter().any(|noise| noise.name == name)
     }
-}
-
-fn of_noise(name: &str) -> String {
-    format!("the Hamiltonian of the noise `{name}`")
 }
 
 /// One problem for each item that would have the value of a noise, and for each Hamiltonian of a noise that is no
@@ -114,7 +109,7 @@ pub(super) fn misplaced_noises(model: &Model) -> Vec<Diagnostic> {
                 let span = noise.hamiltonian.and_then(|(_, span)| span);
                 if let Some(velocity) = free.iter().find(|s| velocities.contains(s)) {
                     let velocity = name(velocity);
-                    let message = format!("{} contains the velocity `{velocity}`", of_noise(&noise.name));
+                    let message = format!("{} contains the velocity `{velocity}`", noise.function());
                     let help = format!("name its momentum, `momentum p of {velocity};`, and write it by `p`");
                     add(Diagnostic::new(span, message).with_help(help));
                 }
