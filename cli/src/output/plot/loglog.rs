@@ -41,8 +41,15 @@ const FRAME_HEIGHT: f64 = 460.0;
 const BOTTOM: f64 = 58.0;
 const LEGEND_LINE: f64 = 21.0;
 /// Further colours than those of lines over time: more methods are compared than lines are drawn in one panel.
-const MORE_COLOURS: [RGBColor; 4] =
-    [RGBColor(170, 15, 60), RGBColor(110, 150, 0), RGBColor(0, 80, 90), RGBColor(235, 140, 130)];
+const MORE_COLOURS: [RGBColor; 5] = [
+    RGBColor(170, 15, 60),
+    RGBColor(110, 150, 0),
+    RGBColor(0, 80, 90),
+    RGBColor(235, 140, 130),
+    RGBColor(230, 180, 0),
+];
+/// Number of the colours of curves.
+const N_COLOURS: usize = COLOURS.len() + MORE_COLOURS.len();
 
 /// The form of the points of a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,13 +59,12 @@ enum Mark {
     Triangle,
 }
 
-/// Colour and mark of the curve of a number: no two of the first 36 look alike.
+/// Colour and mark of the curve of a number: no two of the first `3 N_COLOURS` look alike.
 fn appearance(number: usize) -> (RGBColor, Mark) {
-    let n_colours = COLOURS.len() + MORE_COLOURS.len();
-    let place = number % n_colours;
+    let place = number % N_COLOURS;
     let colour = COLOURS.get(place).unwrap_or_else(|| &MORE_COLOURS[place - COLOURS.len()]);
     let marks = [Mark::Circle, Mark::Square, Mark::Triangle];
-    (*colour, marks[number / n_colours % marks.len()])
+    (*colour, marks[number / N_COLOURS % marks.len()])
 }
 
 /// Length and distance of the strokes of a broken line.
@@ -197,12 +203,12 @@ fn draw<'a>(area: &Area<'a>, figure: &LogLog) -> Drawn<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Curve, LogLog, Mark, appearance, decades, power, svg};
+    use super::{Curve, LogLog, Mark, N_COLOURS, appearance, decades, power, svg};
     use hamel_run::method::MethodName;
 
     #[test]
     fn no_two_curves_look_alike() {
-        let looks: Vec<_> = (0..36).map(appearance).collect();
+        let looks: Vec<_> = (0..3 * N_COLOURS).map(appearance).collect();
         for (k, look) in looks.iter().enumerate() {
             assert!(!looks[..k].contains(look), "{k}: {look:?}");
         }
@@ -213,10 +219,11 @@ mod tests {
         }
         let points = vec![[1e-6, 3.0]];
         let curve = |k: usize| Curve { name: format!("{k}"), broken: k % 2 == 1, points: points.clone() };
-        let text = svg(&LogLog { curves: (0..72).map(curve).collect(), ..LogLog::default() }).unwrap();
-        // Twelve circles of each kind, with those of the legend; squares of both kinds.
-        assert_eq!(text.matches("<circle").count(), 2 * 2 * 12);
-        assert!(text.matches("<rect").count() >= 2 * 2 * 12 && text.matches("<polygon").count() >= 24);
+        let text = svg(&LogLog { curves: (0..6 * N_COLOURS).map(curve).collect(), ..LogLog::default() }).unwrap();
+        // A circle of each colour, filled and open, and its double in the legend; squares of both kinds.
+        assert_eq!(text.matches("<circle").count(), 2 * 2 * N_COLOURS);
+        let (squares, triangles) = (text.matches("<rect").count(), text.matches("<polygon").count());
+        assert!(squares >= 2 * 2 * N_COLOURS && triangles >= 2 * N_COLOURS);
     }
 
     #[test]
