@@ -237,6 +237,15 @@ pub enum Error {
         /// The sizes that there are, in words.
         allowed: &'static str,
     },
+    /// A number of a fluid of matrices is outside the range in which there is one.
+    Number {
+        /// What it is, in words.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// The numbers that there are, in words.
+        allowed: &'static str,
+    },
     /// The room that was given is too small.
     Storage {
         /// Numbers that there is room for.
@@ -362,6 +371,9 @@ impl fmt::Display for Error {
             }
             Self::MatrixSize { n, allowed } => {
                 write!(f, "matrices of size {n} are not available: take {allowed}")
+            }
+            Self::Number { what, value, allowed } => {
+                write!(f, "the {what} is {value:e}: take {allowed}")
             }
             Self::Storage { given, needed } => {
                 write!(f, "room for {given} numbers is too small: give room for {needed}")

@@ -10,6 +10,7 @@ mod casimirs;
 mod circle;
 mod compiled;
 mod connections;
+mod damped;
 mod degenerate;
 mod derivatives;
 mod domain;

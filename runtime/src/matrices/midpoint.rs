@@ -18,7 +18,7 @@
 //! Does not know: surfaces.
 
 use super::panels::{
-    Block, Extent, LANES, Row, adjoint, block, block_mut, element, n_panels, n_rows, product,
+    Block, Extent, LANES, Row, add, adjoint, block, block_mut, element, n_panels, n_rows, product,
 };
 use super::{Laplacian, MatrixMut, MatrixRef};
 use crate::error::{Error, Failure};
@@ -42,6 +42,8 @@ pub struct Options {
     /// How many steps before may be extrapolated to start the iteration, 8 unless told; each takes room for one more
     /// matrix. As many are as would have come nearest to the last step: fewer where iterations end early.
     pub history: usize,
+    /// Whether there is a constant stream function beside that of the vorticity; it takes room for one more matrix.
+    pub has_background: bool,
 }
 
 /// Most steps that are extrapolated.
@@ -54,7 +56,7 @@ impl Options {
     /// Steps of the size `h > 0`, iterated to round-off, so that Casimirs are kept to it.
     #[must_use]
     pub const fn fixed(h: f64) -> Self {
-        Self { step: h, tolerance: 0.0, max_iterations: 100, history: MAX_HISTORY }
+        Self { step: h, tolerance: 0.0, max_iterations: 100, history: MAX_HISTORY, has_background: false }
     }
 
     /// Sets the change at which the iteration ends, relative to the vorticity.
@@ -75,6 +77,13 @@ impl Options {
     #[must_use]
     pub const fn with_history(mut self, steps: usize) -> Self {
         self.history = if steps < MAX_HISTORY { steps } else { MAX_HISTORY };
+        self
+    }
+
+    /// Makes room for a [background](IsospectralMidpoint::background_mut).
+    #[must_use]
+    pub const fn with_background(mut self) -> Self {
+        self.has_background = true;
         self
     }
 
@@ -151,6 +160,8 @@ struct Matrices<'a> {
     first: &'a mut [Row],
     /// `B`, above the diagonal.
     second: &'a mut [Row],
+    /// The constant part of `P`, where there is one.
+    background: &'a mut [Row],
     /// `D` of this step and of those before, above the diagonal.
     history: &'a mut [Row],
     work: &'a mut [Row],
@@ -159,7 +170,7 @@ struct Matrices<'a> {
 impl<'a> Matrices<'a> {
     /// Rows of all matrices but the work space.
     fn n_rows(n: usize, options: &Options) -> usize {
-        (7 + options.history) * n_rows(n, n)
+        (7 + options.history + options.has_background as usize) * n_rows(n, n)
     }
 
     fn new(n: usize, options: &Options, storage: &'a mut [f64]) -> Self {
@@ -171,9 +182,22 @@ impl<'a> Matrices<'a> {
         let (stream, rows) = rows.split_at_mut(size);
         let (first, rows) = rows.split_at_mut(size);
         let (second, rows) = rows.split_at_mut(size);
+        let (background, rows) = rows.split_at_mut(if options.has_background { size } else { 0 });
         let (history, work) = rows.split_at_mut((1 + options.history) * size);
-        Self { vorticity, residue, middle, stream, first, second, history, work }
+        Self { vorticity, residue, middle, stream, first, second, background, history, work }
     }
+}
+
+/// Writes the stream matrix `P` of a vorticity.
+fn invert<L: Laplacian>(
+    surface: &L,
+    background: &[Row],
+    vorticity: &[Row],
+    stream: &mut [Row],
+    work: &mut [Row],
+) {
+    surface.invert(vorticity, stream, work);
+    add(stream, background);
 }
 
 impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L, S> {
@@ -248,11 +272,35 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         MatrixMut { n, rows: vorticity }
     }
 
-    /// Computes the stream function of the vorticity.
+    /// The constant stream function to write, which is added to that of the vorticity; what is known of steps before is
+    /// forgotten. On the sphere `P = -Omega z` beside the vorticity that is seen from space is a frame that turns
+    /// with the angular velocity `Omega`.
+    ///
+    /// # Panics
+    ///
+    /// Unless the options have a background.
+    pub fn background_mut(&mut self) -> MatrixMut<'_> {
+        assert!(self.options.has_background, "the options have no background");
+        self.size = None;
+        let n = self.surface.n();
+        MatrixMut { n, rows: self.matrices().background }
+    }
+
+    /// Changes the vorticity by other terms of its motion; what is known of steps before stays.
+    pub(super) fn change_vorticity(&mut self, change: impl FnOnce(&mut [Row])) {
+        let is_known = self.size.is_some();
+        let Matrices { vorticity, residue, .. } = self.matrices();
+        residue.fill([0.0; 2 * LANES]);
+        change(vorticity);
+        let size = is_known.then(|| sqrt(inner(vorticity, vorticity)));
+        self.size = size;
+    }
+
+    /// Computes the stream function, with its constant part.
     pub fn stream(&mut self) -> MatrixRef<'_> {
         let surface = self.surface;
-        let Matrices { vorticity, stream, work, .. } = self.matrices();
-        surface.invert(vorticity, stream, work);
+        let Matrices { vorticity, stream, background, work, .. } = self.matrices();
+        invert(surface, background, vorticity, stream, work);
         MatrixRef { n: surface.n(), rows: stream }
     }
 
@@ -260,8 +308,8 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
     pub fn derivative(&mut self) -> MatrixRef<'_> {
         let surface = self.surface;
         let (n, rate) = (surface.n(), surface.rate());
-        let Matrices { vorticity, middle, stream, first, work, .. } = self.matrices();
-        surface.invert(vorticity, stream, work);
+        let Matrices { vorticity, middle, stream, first, background, work, .. } = self.matrices();
+        invert(surface, background, vorticity, stream, work);
         product(n, stream, vorticity, first, Extent::All);
         for a in 0..n_panels(n) {
             for b in 0..n_panels(n) {
@@ -271,12 +319,13 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         MatrixRef { n, rows: middle }
     }
 
-    /// The energy `area/(2 N) tr(P W)`.
+    /// The energy `area/(2 N) tr((P + F) W)` with the constant part `F` of `P`.
     pub fn energy(&mut self) -> f64 {
         let surface = self.surface;
-        let Matrices { vorticity, stream, work, .. } = self.matrices();
-        surface.invert(vorticity, stream, work);
-        0.5 * surface.area() / surface.n() as f64 * inner(vorticity, stream)
+        let Matrices { vorticity, stream, background, work, .. } = self.matrices();
+        invert(surface, background, vorticity, stream, work);
+        let trace = inner(vorticity, stream) + inner(vorticity, background);
+        0.5 * surface.area() / surface.n() as f64 * trace
     }
 
     /// The Casimirs `tr(W^k)/N` for `k = 1, 2, ..`, as many as there is room for.
@@ -315,31 +364,49 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
     ///
     /// [`Error::TimeNotFinite`] for `t_end`, and those of [`step`](Self::step).
     pub fn integrate_to(&mut self, t_end: f64) -> Result<(), Error> {
+        while let Some((h, is_last)) = self.step_towards(t_end)? {
+            self.step_by(h)?;
+            if is_last {
+                self.arrive(t_end);
+            }
+        }
+        Ok(())
+    }
+
+    /// The next step on the way to a time, and whether it is the last one; none where the time is reached.
+    pub(super) fn step_towards(&self, t_end: f64) -> Result<Option<(f64, bool)>, Error> {
         if !t_end.is_finite() {
             return Err(Error::TimeNotFinite { value: t_end });
         }
-        loop {
-            let remaining = (t_end - self.t) - self.t_residue;
-            if remaining == 0.0 {
-                return Ok(());
-            }
-            let h = self.options.step.copysign(remaining);
-            // A last step that differs by the rounding of times alone is one like the others.
-            let ratio = remaining / h;
-            if ratio > 1.0 + 1e-9 {
-                self.step_by(h)?;
-            } else {
-                self.step_by(if ratio > 1.0 - 1e-9 { h } else { remaining })?;
-                (self.t, self.t_residue) = (t_end, 0.0);
-            }
+        let remaining = (t_end - self.t) - self.t_residue;
+        if remaining == 0.0 {
+            return Ok(None);
         }
+        let h = self.options.step.copysign(remaining);
+        // A last step that differs by the rounding of times alone is one like the others.
+        let ratio = remaining / h;
+        Ok(Some(if ratio > 1.0 + 1e-9 {
+            (h, false)
+        } else {
+            (if ratio > 1.0 - 1e-9 { h } else { remaining }, true)
+        }))
+    }
+
+    /// Makes the time that of the end of an integration.
+    pub(super) fn arrive(&mut self, t_end: f64) {
+        (self.t, self.t_residue) = (t_end, 0.0);
+    }
+
+    /// The options.
+    pub(super) const fn options(&self) -> &Options {
+        &self.options
     }
 
     fn matrices(&mut self) -> Matrices<'_> {
         Matrices::new(self.surface.n(), &self.options, self.storage.as_mut())
     }
 
-    fn step_by(&mut self, h: f64) -> Result<(), Error> {
+    pub(super) fn step_by(&mut self, h: f64) -> Result<(), Error> {
         let (surface, options, t) = (self.surface, self.options, self.t);
         let n = surface.n();
         let factor = 0.5 * h * surface.rate();
@@ -364,7 +431,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
                 return Err(Error::NotConverged { method: NAME, t, h, iterations });
             }
             let with_second = !may_lag || iterations.is_multiple_of(2);
-            surface.invert(m.middle, m.stream, m.work);
+            invert(surface, m.background, m.middle, m.stream, m.work);
             product(n, m.stream, m.middle, m.first, Extent::All);
             if with_second {
                 product(n, m.first, m.stream, m.second, Extent::Upper);

@@ -1,5 +1,5 @@
-//! Ideal fluids as products of matrices: su(N) for any `N`, on the torus and on the sphere, with steps that keep the
-//! spectrum of the vorticity.
+//! Fluids as products of matrices: su(N) for any `N`, on the torus and on the sphere, with steps that keep the
+//! spectrum of the vorticity; friction and constant forces beside them ([`Damped`]).
 //!
 //! Straight-line code and tables of structure constants take a number of operations that grows with `N^4`; commutators
 //! of matrices take `N^3` of them, and a Laplacian that acts along diagonals next to nothing. The vorticity is a
@@ -8,6 +8,9 @@
 //! ```text
 //! W' = i kappa [P, W],   P = Delta_N^-1 W
 //! ```
+//!
+//! Other [`Stream`]s have a radius of deformation, and [`Options::with_background`] adds a constant stream function, as
+//! that of a sphere that turns.
 //!
 //! | surface | `N` | matrices of | Laplacian |
 //! |---|---|---|---|
@@ -39,22 +42,27 @@
 //!
 //! The module deliberately does not know generated code.
 
+mod damped;
 mod dft;
 mod diagonals;
+mod harmonics;
 mod midpoint;
 mod panels;
 mod sphere;
+mod stream;
 mod torus;
 
+pub use damped::{Damped, Friction};
 pub use midpoint::{IsospectralMidpoint, Options, Stats};
 pub use sphere::Sphere;
+pub use stream::Stream;
 pub use torus::Torus;
 
 use crate::error::Error;
 use panels::{Row, element, set_element};
 
 /// A quantised surface: what the flow of its vorticity needs to know.
-pub trait Laplacian: sealed::Invert {
+pub trait Laplacian: sealed::Spectral {
     /// Size of the matrices.
     fn n(&self) -> usize;
 
@@ -71,13 +79,25 @@ pub trait Laplacian: sealed::Invert {
 mod sealed {
     use super::panels::Row;
 
-    /// The inverse Laplacian on matrices in panels.
-    pub trait Invert {
+    /// Functions of the Laplacian on matrices in panels.
+    pub trait Spectral {
         /// Rows that [`invert`](Self::invert) needs room for.
         fn n_work(n: usize) -> usize;
 
-        /// Writes the stream matrix of a vorticity; of both, all elements are there.
+        /// Writes the stream matrix of a vorticity, without a background; of both, all elements are there.
         fn invert(&self, vorticity: &[Row], stream: &mut [Row], work: &mut [Row]);
+
+        /// Numbers of a table for [`filter`](Self::filter).
+        fn n_factors(n: usize) -> usize;
+
+        /// Writes the table of a function of the eigenvalues of minus the Laplacian.
+        fn write_factors(&self, factor: &mut dyn FnMut(f64) -> f64, table: &mut [f64]);
+
+        /// Rows that [`filter`](Self::filter) needs room for.
+        fn n_filter_work(n: usize) -> usize;
+
+        /// Multiplies each mode of a matrix by the factor of its eigenvalue; constants go.
+        fn filter(&self, table: &[f64], matrix: &mut [Row], work: &mut [Row]);
     }
 }
 

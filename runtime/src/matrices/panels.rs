@@ -46,6 +46,15 @@ pub(super) const fn n_rows(rows: usize, columns: usize) -> usize {
     padded(rows) * n_panels(columns)
 }
 
+/// Adds a matrix to another one; an empty one adds nothing.
+pub(super) fn add(sum: &mut [Row], other: &[Row]) {
+    for (x, y) in sum.iter_mut().zip(other) {
+        for (x, y) in x.iter_mut().zip(y) {
+            *x += y;
+        }
+    }
+}
+
 /// The two parts of a row.
 #[inline(always)]
 fn parts(row: &Row) -> (&Part, &Part) {

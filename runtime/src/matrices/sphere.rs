@@ -14,15 +14,19 @@
 use super::Error;
 use super::Laplacian;
 use super::diagonals::{Shape, gather, n_work, scatter};
+use super::harmonics::{beside_diagonal, filter, harmonic, n_filter_work, on_diagonal};
 use super::panels::{LANES, LARGEST, Row, element, n_panels, n_rows, padded, set_element};
-use super::sealed::Invert;
+use super::sealed::Spectral;
+use super::stream::Stream;
 use crate::math::{mul_add, sqrt};
 
-/// An ideal fluid on the unit sphere in su(N).
+/// A fluid on the unit sphere in su(N).
 ///
 /// ```text
 /// W' = -i sqrt(N^2 - 1)/2 [P, W],   Delta_N P = W,   E = 2 pi/N tr(P W)
 /// ```
+///
+/// With another [`Stream`], `(shift + Delta_N) P = scale W`.
 ///
 /// Functions `sum over l, m of omega_lm Y_lm` of spherical harmonics (orthonormal, with the sign of Condon and
 /// Shortley) become matrices `sum of omega_lm T_lm`, where `T_lm` has the diagonal `m` alone and the norm
@@ -54,19 +58,6 @@ fn place(l: usize, m: usize) -> usize {
     l * l - 1 + (2 * m).saturating_sub(1)
 }
 
-/// `2 s (s + 1) - 2 m_i m_j`.
-fn on_diagonal(n: usize, i: usize, j: usize) -> f64 {
-    let spin = |k: usize| 0.5 * (n as f64 - 1.0) - k as f64;
-    // s (s + 1) = (n^2 - 1)/4
-    0.5 * ((n * n) as f64 - 1.0) - 2.0 * spin(i) * spin(j)
-}
-
-/// `c_i c_j`, which couples the element `(i, j)` to the next one of the diagonal.
-fn beside_diagonal(n: usize, i: usize, j: usize) -> f64 {
-    let square = |k: usize| ((k + 1) * (n - 1 - k)) as f64;
-    sqrt(square(i) * square(j))
-}
-
 impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
     /// Numbers that the tables of a size take.
     #[must_use]
@@ -74,15 +65,27 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
         2 * LANES * n_rows(n, n)
     }
 
-    /// The sphere with matrices of the size `n`; `tables` have room for [`storage`](Self::storage) numbers.
+    /// The sphere with matrices of the size `n` for an ideal fluid; `tables` have room for [`storage`](Self::storage)
+    /// numbers.
     ///
     /// # Errors
     ///
     /// [`Error::MatrixSize`], [`Error::Storage`].
-    pub fn new(n: usize, mut tables: S) -> Result<Self, Error> {
+    pub fn new(n: usize, tables: S) -> Result<Self, Error> {
+        Self::with_stream(n, Stream::ideal(), tables)
+    }
+
+    /// The sphere with matrices of the size `n` for a fluid with that stream function; `tables` have room for
+    /// [`storage`](Self::storage) numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::MatrixSize`], [`Error::Number`], [`Error::Storage`].
+    pub fn with_stream(n: usize, stream: Stream, mut tables: S) -> Result<Self, Error> {
         if !(2..=LARGEST).contains(&n) {
             return Err(Error::MatrixSize { n, allowed: "a number from 2 to 4096" });
         }
+        stream.validate()?;
         let (given, needed) = (tables.as_ref().len(), Self::storage(n));
         let Some(numbers) = tables.as_mut().get_mut(..needed) else {
             return Err(Error::Storage { given, needed });
@@ -96,11 +99,12 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
                 let row = &mut rows[panel * padded(n) + i];
                 let beside = if i == 0 { 0.0 } else { beside_diagonal(n, i - 1, i - 1 + d) };
                 let factor = beside * before;
-                let pivot = on_diagonal(n, i, i + d) - beside * factor;
-                // Constants have no stream function: the last pivot of the first diagonal vanishes.
-                before = if d == 0 && i == n - 1 { 0.0 } else { pivot.recip() };
+                let pivot = stream.shift + on_diagonal(n, i, i + d) - beside * factor;
+                // Constants have no stream function: without a shift the last pivot of the first diagonal vanishes.
+                let is_constant = d == 0 && i == n - 1 && stream.shift == 0.0;
+                before = if is_constant { 0.0 } else { pivot.recip() };
                 row[lane] = factor;
-                row[LANES + lane] = before;
+                row[LANES + lane] = stream.scale * before;
             }
         }
         Ok(Self { n, tables })
@@ -215,39 +219,9 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
     }
 
     /// Calls `visit` with the elements `(i, i + m)` of `T_lm`.
-    ///
-    /// The recurrence goes from one end, where the eigenvector grows, to the middle; the rest is the same but for a
-    /// sign.
     fn harmonic(&self, l: usize, m: usize, mut visit: impl FnMut(usize, f64)) {
-        let n = self.n;
-        let length = n - m;
-        let eigenvalue = (l * (l + 1)) as f64;
-        let parity = if (l - m).is_multiple_of(2) { 1.0 } else { -1.0 };
-        let walk = |visit: &mut dyn FnMut(usize, f64, f64)| {
-            let (mut before, mut value) = (0.0, 1.0);
-            for i in 0..length.div_ceil(2) {
-                if i > 0 {
-                    let past = if i > 1 { beside_diagonal(n, i - 2, i - 2 + m) } else { 0.0 };
-                    let here = on_diagonal(n, i - 1, i - 1 + m) - eigenvalue;
-                    let next = (here * value - past * before) / beside_diagonal(n, i - 1, i - 1 + m);
-                    (before, value) = (value, next);
-                }
-                // An odd vector vanishes in its middle.
-                let is_middle = 2 * i + 1 == length;
-                let rounded = if is_middle && parity < 0.0 { 0.0 } else { value };
-                visit(i, rounded, if is_middle { 1.0 } else { 2.0 });
-            }
-        };
-        let mut square = 0.0;
-        walk(&mut |_, value, weight| square += weight * value * value);
         let sign = if m.is_multiple_of(2) { 1.0 } else { -1.0 };
-        let scale = sign * sqrt(n as f64 / (self.area() * square));
-        walk(&mut |i, value, weight| {
-            visit(i, scale * value);
-            if weight == 2.0 {
-                visit(length - 1 - i, parity * scale * value);
-            }
-        });
+        harmonic(self.n, (l, m), self.n as f64 / self.area(), |i, value| visit(i, sign * value));
     }
 }
 
@@ -265,7 +239,7 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Laplacian for Sphere<S> {
     }
 }
 
-impl<S: AsRef<[f64]> + AsMut<[f64]>> Invert for Sphere<S> {
+impl<S: AsRef<[f64]> + AsMut<[f64]>> Spectral for Sphere<S> {
     fn n_work(n: usize) -> usize {
         n_rows(n, n) + n_work(n)
     }
@@ -283,6 +257,36 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Invert for Sphere<S> {
         }
         without_mean(&mut diagonals[..n], 0.5);
         scatter(n, Shape::Open, diagonals, stream, line);
+    }
+
+    fn n_factors(n: usize) -> usize {
+        n
+    }
+
+    fn write_factors(&self, factor: &mut dyn FnMut(f64) -> f64, table: &mut [f64]) {
+        for (l, of_degree) in table[..self.n].iter_mut().enumerate() {
+            *of_degree = if l == 0 { 0.0 } else { factor((l * (l + 1)) as f64) };
+        }
+    }
+
+    fn n_filter_work(n: usize) -> usize {
+        n_rows(n, n) + n_work(n) + n_filter_work(n).div_ceil(2 * LANES)
+    }
+
+    fn filter(&self, table: &[f64], matrix: &mut [Row], work: &mut [Row]) {
+        let n = self.n;
+        let (diagonals, work) = work.split_at_mut(n_rows(n, n));
+        let (line, work) = work.split_at_mut(n_work(n));
+        gather(n, Shape::Open, matrix, diagonals, line);
+        for m in 0..n {
+            let from = m / LANES * padded(n);
+            filter(n, m, table, &mut diagonals[from..][..n - m], work.as_flattened_mut());
+        }
+        // The first diagonal by the halves of its elements, which are real.
+        for row in &mut diagonals[..n] {
+            (row[0], row[LANES]) = (0.5 * row[0], 0.0);
+        }
+        scatter(n, Shape::Open, diagonals, matrix, line);
     }
 }
 

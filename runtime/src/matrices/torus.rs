@@ -15,9 +15,10 @@ use super::Laplacian;
 use super::dft::{Dft, roots_of_unity};
 use super::diagonals::{Shape, gather, n_work, scatter};
 use super::panels::{LANES, LARGEST, Row, element, n_panels, n_rows, padded, set_element};
-use super::sealed::Invert;
+use super::sealed::Spectral;
+use super::stream::Stream;
 
-/// An ideal fluid on the torus in su(N), `N` odd: `zeitlin(N)` of the model language.
+/// A fluid on the torus in su(N), `N` odd: `zeitlin(N)` of the model language.
 ///
 /// The state of the generated models `zeitlin_euler_N` are the coefficients `omega_m` of the half set
 /// `m1 > 0, or m1 = 0 and m2 > 0` in lexicographic order, real part and imaginary part.
@@ -26,6 +27,8 @@ use super::sealed::Invert;
 /// ```text
 /// W' = i N/(4 pi) [P, W],   psi_m = omega_m/|m|^2,   E = tr(P W)/(2 N)
 /// ```
+///
+/// With another [`Stream`], `psi_m = scale omega_m/(shift + |m|^2)`.
 ///
 /// # Source
 ///
@@ -45,15 +48,27 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Torus<S> {
         LANES * n_rows(n, Shape::Cyclic.n_diagonals(n)) + 2 * n
     }
 
-    /// The torus with matrices of the odd size `n`; `tables` have room for [`storage`](Self::storage) numbers.
+    /// The torus with matrices of the odd size `n` for an ideal fluid; `tables` have room for
+    /// [`storage`](Self::storage) numbers.
     ///
     /// # Errors
     ///
     /// [`Error::MatrixSize`], [`Error::Storage`].
-    pub fn new(n: usize, mut tables: S) -> Result<Self, Error> {
+    pub fn new(n: usize, tables: S) -> Result<Self, Error> {
+        Self::with_stream(n, Stream::ideal(), tables)
+    }
+
+    /// The torus with matrices of the odd size `n` for a fluid with that stream function; `tables` have room for
+    /// [`storage`](Self::storage) numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::MatrixSize`], [`Error::Number`], [`Error::Storage`].
+    pub fn with_stream(n: usize, stream: Stream, mut tables: S) -> Result<Self, Error> {
         if !(3..=LARGEST).contains(&n) || n.is_multiple_of(2) {
             return Err(Error::MatrixSize { n, allowed: "an odd number from 3 to 4095" });
         }
+        stream.validate()?;
         let (given, needed) = (tables.as_ref().len(), Self::storage(n));
         let Some(numbers) = tables.as_mut().get_mut(..needed) else {
             return Err(Error::Storage { given, needed });
@@ -61,23 +76,7 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Torus<S> {
         let dft = Dft::new(n);
         let (factors, roots) = numbers.split_at_mut(needed - 2 * n);
         roots_of_unity(roots);
-        for (at, factors) in factors.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
-            // e = exp(4 pi i/N): the frequency is 2 m1, the wave number the centred half of it.
-            if at % padded(n) >= n {
-                factors.fill(0.0);
-                continue;
-            }
-            let frequency = dft.frequency(at % padded(n));
-            let half = if frequency.is_multiple_of(2) { frequency / 2 } else { (frequency + n) / 2 };
-            let m1 = if half > n / 2 { n - half } else { half };
-            for (lane, factor) in factors.iter_mut().enumerate() {
-                let m2 = at / padded(n) * LANES + lane;
-                let square = (m1 * m1 + m2 * m2) as f64;
-                // The first diagonal by halves, 1/n for the inverse transform.
-                let share = if m2 == 0 { 0.5 } else { 1.0 };
-                *factor = if square == 0.0 || m2 > n / 2 { 0.0 } else { share / (square * n as f64) };
-            }
-        }
+        write_factors(n, &dft, &mut |square| stream.scale / (stream.shift + square), factors);
         Ok(Self { n, dft, tables })
     }
 
@@ -225,20 +224,36 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Laplacian for Torus<S> {
     }
 }
 
-impl<S: AsRef<[f64]> + AsMut<[f64]>> Invert for Torus<S> {
-    fn n_work(n: usize) -> usize {
-        n_rows(n, Shape::Cyclic.n_diagonals(n)) + n + n_work(n)
+/// Writes what each wave is multiplied by, a function of `|m|^2`, in the layout of the diagonals; constants go.
+fn write_factors(n: usize, dft: &Dft, factor: &mut dyn FnMut(f64) -> f64, table: &mut [f64]) {
+    for (at, factors) in table.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+        // e = exp(4 pi i/N): the frequency is 2 m1, the wave number the centred half of it.
+        if at % padded(n) >= n {
+            factors.fill(0.0);
+            continue;
+        }
+        let frequency = dft.frequency(at % padded(n));
+        let half = if frequency.is_multiple_of(2) { frequency / 2 } else { (frequency + n) / 2 };
+        let m1 = if half > n / 2 { n - half } else { half };
+        for (lane, of_wave) in factors.iter_mut().enumerate() {
+            let m2 = at / padded(n) * LANES + lane;
+            let square = (m1 * m1 + m2 * m2) as f64;
+            // The first diagonal by halves, 1/n for the inverse transform.
+            let share = if m2 == 0 { 0.5 } else { 1.0 };
+            let is_wave = square > 0.0 && m2 <= n / 2;
+            *of_wave = if is_wave { share * factor(square) / n as f64 } else { 0.0 };
+        }
     }
+}
 
-    fn invert(&self, vorticity: &[Row], stream: &mut [Row], work: &mut [Row]) {
+impl<S: AsRef<[f64]> + AsMut<[f64]>> Torus<S> {
+    /// Multiplies the waves of diagonals that were gathered, and writes their matrix.
+    fn scale_waves(&self, factors: &[f64], diagonals: &mut [Row], matrix: &mut [Row], work: &mut [Row]) {
         let n = self.n;
-        let n_diagonals = Shape::Cyclic.n_diagonals(n);
-        let (diagonals, work) = work.split_at_mut(n_rows(n, n_diagonals));
         let (butterfly, line) = work.split_at_mut(n);
-        gather(n, Shape::Cyclic, vorticity, diagonals, line);
-        let (factors, roots) = self.tables.as_ref()[..Self::storage(n)].split_at(LANES * diagonals.len());
-        let factors = factors.as_chunks::<LANES>().0;
-        for b in 0..n_panels(n_diagonals) {
+        let (factors, roots) = (factors.as_chunks::<LANES>().0, &self.tables.as_ref()[..Self::storage(n)]);
+        let roots = &roots[roots.len() - 2 * n..];
+        for b in 0..n_panels(Shape::Cyclic.n_diagonals(n)) {
             let panel = &mut diagonals[b * padded(n)..][..n];
             self.dft.forward(panel, roots, butterfly);
             for (row, factors) in panel.iter_mut().zip(&factors[b * padded(n)..]) {
@@ -249,6 +264,39 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Invert for Torus<S> {
             }
             self.dft.inverse(panel, roots, butterfly);
         }
-        scatter(n, Shape::Cyclic, diagonals, stream, line);
+        scatter(n, Shape::Cyclic, diagonals, matrix, line);
+    }
+}
+
+impl<S: AsRef<[f64]> + AsMut<[f64]>> Spectral for Torus<S> {
+    fn n_work(n: usize) -> usize {
+        n_rows(n, Shape::Cyclic.n_diagonals(n)) + n + n_work(n)
+    }
+
+    fn invert(&self, vorticity: &[Row], stream: &mut [Row], work: &mut [Row]) {
+        let n = self.n;
+        let (diagonals, work) = work.split_at_mut(n_rows(n, Shape::Cyclic.n_diagonals(n)));
+        gather(n, Shape::Cyclic, vorticity, diagonals, &mut work[n..]);
+        let factors = &self.tables.as_ref()[..Self::n_factors(n)];
+        self.scale_waves(factors, diagonals, stream, work);
+    }
+
+    fn n_factors(n: usize) -> usize {
+        LANES * n_rows(n, Shape::Cyclic.n_diagonals(n))
+    }
+
+    fn write_factors(&self, factor: &mut dyn FnMut(f64) -> f64, table: &mut [f64]) {
+        write_factors(self.n, &self.dft, factor, table);
+    }
+
+    fn n_filter_work(n: usize) -> usize {
+        Self::n_work(n)
+    }
+
+    fn filter(&self, table: &[f64], matrix: &mut [Row], work: &mut [Row]) {
+        let n = self.n;
+        let (diagonals, work) = work.split_at_mut(n_rows(n, Shape::Cyclic.n_diagonals(n)));
+        gather(n, Shape::Cyclic, matrix, diagonals, &mut work[n..]);
+        self.scale_waves(table, diagonals, matrix, work);
     }
 }
