@@ -1,13 +1,17 @@
-//! A fluid that is moved as products of matrices, integrated by the isospectral midpoint rule.
+//! A fluid that is moved as products of matrices, integrated by the isospectral midpoint rule, with friction and force
+//! by Strang's splitting.
 //!
 //! Does not know: how a request was written, files, figures, models with equations.
 
-use hamel_codegen::spec::{FluidMode, FluidSurface, MatrixFluid};
+use hamel_codegen::certify;
+use hamel_codegen::config::Problem;
+use hamel_codegen::fluid::{Modes, Solver, rational, stream};
+use hamel_codegen::spec::{FluidSurface, MatrixFluid};
 use hamel_expr::rational_to_f64;
 use hamel_runtime::Error as SolverError;
-use hamel_runtime::matrices::{IsospectralMidpoint, Laplacian, MatrixMut, MatrixRef, Options, Sphere, Torus};
+use hamel_runtime::matrices::{Options, Sphere, Torus};
 
-use super::info::{Info, OutputEntry};
+use super::info::{Info, OutputEntry, ParamEntry};
 use super::method::{MethodName, Steps};
 use super::simulation::{Sample, SimulateRequest, SimulateResponse, stopped_because};
 use crate::error::Error;
@@ -22,19 +26,24 @@ pub fn info(fluid: &MatrixFluid) -> Info {
         components,
         doc: "traces of powers of the vorticity by N".into(),
     };
+    let param = |p: &hamel_codegen::spec::FluidParam| ParamEntry {
+        name: p.name.clone(),
+        default: rational_to_f64(&p.value),
+        doc: p.doc.clone(),
+    };
     Info {
         model: fluid.name.clone(),
         scene: DEFAULT_SCENE.into(),
         state: fluid.modes.iter().map(|m| m.name.clone()).collect(),
         momenta: Vec::new(),
-        params: Vec::new(),
+        params: fluid.params.iter().map(param).collect(),
         inputs: Vec::new(),
         noises: Vec::new(),
         velocities: Vec::new(),
         frames: Vec::new(),
         outputs: if casimirs.is_empty() { Vec::new() } else { vec![group(casimirs)] },
         has_energy: true,
-        conserves_energy: true,
+        conserves_energy: !fluid.is_damped(),
     }
 }
 
@@ -50,20 +59,12 @@ pub fn initial(fluid: &MatrixFluid) -> Vec<f64> {
     fluid.modes.iter().map(|mode| rational_to_f64(&mode.initial)).collect()
 }
 
-/// The waves of a torus, in the order of the coefficients of its fields.
-pub fn waves(n: usize) -> Vec<(i64, i64)> {
-    let largest = (n / 2) as i64;
-    let of_first = |m1: i64| (if m1 == 0 { 1 } else { -largest }..=largest).map(move |m2| (m1, m2));
-    (0..=largest).flat_map(of_first).collect()
-}
-
 /// What came out, and the Casimirs at the start and at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// As of any other simulation; evaluations of the right-hand side are iterations.
     pub response: SimulateResponse,
-    /// Times of the samples that were asked for, and all coefficients of the vorticity: real and imaginary part of each
-    /// of the [`waves`], or those of all harmonics degree by degree.
+    /// Times of the samples that were asked for, and all coefficients of the vorticity, in the order of the algebra.
     pub fields: Vec<(f64, Vec<f64>)>,
     /// Name, value at the start and at the end.
     pub casimirs: Vec<(String, [f64; 2])>,
@@ -73,8 +74,8 @@ pub struct Outcome {
 /// the samples, in ascending order, at which all of the vorticity is wanted.
 ///
 /// # Errors
-/// [`Error::Options`] for another method and for tolerances in the place of a step, [`Error::Stopped`] where the
-/// iteration of a step does not converge.
+/// [`Error::Options`] for another method and for tolerances in the place of a step, parameters that the model refuses,
+/// [`Error::Stopped`] where the iteration of a step does not converge.
 pub fn simulate(
     fluid: &MatrixFluid,
     request: &SimulateRequest,
@@ -94,83 +95,26 @@ pub fn simulate(
         let reason = "a fluid of matrices is moved in fixed steps: give the step, and no tolerances";
         return Err(options(reason.into()));
     };
-    let solver = |e: SolverError| options(e.to_string());
+    let mut exact = Vec::new();
+    for (param, value) in fluid.params.iter().zip(&request.params) {
+        // A double is not the decimal number that it stands for.
+        let is_default = rational_to_f64(&param.value) == *value;
+        let given = if is_default { Some(param.value.clone()) } else { rational(*value) };
+        let not_finite = || options(format!("parameter {}: {value} is no finite number", param.name));
+        exact.push(given.ok_or_else(not_finite)?);
+    }
+    let fluid = &fluid.at(&exact)?;
+    certify::fluid(fluid)
+        .map_err(|source| Problem::Emission { model: fluid.name.clone(), source: Box::new(source) })
+        .map_err(hamel_codegen::config::Problems::from)?;
     match fluid.surface {
-        FluidSurface::Torus => {
-            let tables = vec![0.0; Torus::<Vec<f64>>::storage(fluid.n)];
-            run((fluid, &info), &Torus::new(fluid.n, tables).map_err(solver)?, request, step, pictured)
-        }
-        FluidSurface::Sphere => {
-            let tables = vec![0.0; Sphere::<Vec<f64>>::storage(fluid.n)];
-            run((fluid, &info), &Sphere::new(fluid.n, tables).map_err(solver)?, request, step, pictured)
-        }
-    }
-}
-
-/// A surface whose modes have the names of the model language.
-trait Modes: Laplacian {
-    /// The energy of the runtime by that of the model.
-    const ENERGY: f64;
-
-    /// Adds to a mode.
-    fn add(&self, mode: &FluidMode, value: f64, vorticity: MatrixMut<'_>);
-
-    /// The value of a mode.
-    fn value(&self, mode: &FluidMode, vorticity: MatrixRef<'_>) -> f64;
-
-    /// All coefficients, in the order of [`Outcome::fields`].
-    fn all(&self, vorticity: MatrixRef<'_>) -> Vec<f64>;
-}
-
-/// A value as one of two, real and imaginary part or cosine and sine.
-fn parts(mode: &FluidMode, value: f64) -> [f64; 2] {
-    if mode.is_second { [0.0, value] } else { [value, 0.0] }
-}
-
-impl Modes for Torus<Vec<f64>> {
-    const ENERGY: f64 = 1.0;
-
-    fn add(&self, mode: &FluidMode, value: f64, vorticity: MatrixMut<'_>) {
-        let (m1, m2) = mode.wave;
-        self.add_mode((m1 as isize, m2 as isize), parts(mode, value), vorticity);
-    }
-
-    fn value(&self, mode: &FluidMode, vorticity: MatrixRef<'_>) -> f64 {
-        let (m1, m2) = mode.wave;
-        self.mode((m1 as isize, m2 as isize), vorticity)[usize::from(mode.is_second)]
-    }
-
-    fn all(&self, vorticity: MatrixRef<'_>) -> Vec<f64> {
-        let mut modes = vec![0.0; self.n_modes()];
-        self.modes(vorticity, &mut modes);
-        modes
-    }
-}
-
-impl Modes for Sphere<Vec<f64>> {
-    // The integral over the sphere by the mean.
-    const ENERGY: f64 = 4.0 * std::f64::consts::PI;
-
-    fn add(&self, mode: &FluidMode, value: f64, vorticity: MatrixMut<'_>) {
-        let (l, m) = mode.wave;
-        self.add_real_mode((l as usize, m as usize), parts(mode, value), vorticity);
-    }
-
-    fn value(&self, mode: &FluidMode, vorticity: MatrixRef<'_>) -> f64 {
-        let (l, m) = mode.wave;
-        self.real_mode((l as usize, m as usize), vorticity)[usize::from(mode.is_second)]
-    }
-
-    fn all(&self, vorticity: MatrixRef<'_>) -> Vec<f64> {
-        let mut modes = vec![0.0; self.n_modes()];
-        self.modes(vorticity, &mut modes);
-        modes
+        FluidSurface::Torus => run::<Torus<Vec<f64>>>((fluid, &info), request, step, pictured),
+        FluidSurface::Sphere => run::<Sphere<Vec<f64>>>((fluid, &info), request, step, pictured),
     }
 }
 
 fn run<S: Modes>(
     (fluid, info): (&MatrixFluid, &Info),
-    surface: &S,
     request: &SimulateRequest,
     step: f64,
     pictured: &[usize],
@@ -188,22 +132,22 @@ fn run<S: Modes>(
     let size = request.t_final.abs() / n_steps;
     // At time zero nothing moves, whatever the step.
     let options = Options::fixed(if size > 0.0 { size } else { step });
-    let room = vec![0.0; IsospectralMidpoint::<S, Vec<f64>>::storage(fluid.n, &options)];
-    let mut solver = IsospectralMidpoint::new(surface, room, 0.0, options)
-        .map_err(|e| Error::Options { reason: e.to_string() })?;
+    let refused = |e: SolverError| Error::Options { reason: e.to_string() };
+    let surface = &S::surface(fluid.n, stream(fluid)).map_err(refused)?;
+    let mut solver = Solver::new(fluid, surface, options).map_err(refused)?;
     for (mode, value) in fluid.modes.iter().zip(&request.initial) {
-        surface.add(mode, *value, solver.vorticity_mut());
+        surface.add(mode.wave, *value, solver.fluid_mut().vorticity_mut());
     }
     let n_traces = fluid.n_casimirs();
-    let casimirs = |solver: &mut IsospectralMidpoint<'_, S, Vec<f64>>| -> Vec<f64> {
+    let casimirs = |solver: &mut Solver<'_, S>| -> Vec<f64> {
         let mut traces = vec![0.0; n_traces];
-        solver.casimirs(&mut traces);
+        solver.fluid_mut().casimirs(&mut traces);
         fluid.casimirs.iter().map(|c| traces[c.power - 1]).collect()
     };
-    let modes = |solver: &IsospectralMidpoint<'_, S, Vec<f64>>| -> Vec<f64> {
-        fluid.modes.iter().map(|mode| surface.value(mode, solver.vorticity())).collect()
+    let modes = |solver: &Solver<'_, S>| -> Vec<f64> {
+        fluid.modes.iter().map(|mode| surface.value(mode.wave, solver.fluid().vorticity())).collect()
     };
-    let initial_energy = solver.energy() / S::ENERGY;
+    let initial_energy = solver.energy();
     let energy_scale = if initial_energy.abs() >= f64::MIN_POSITIVE { initial_energy.abs() } else { 1.0 };
     let first = casimirs(&mut solver);
     let mut deviation = 0.0_f64;
@@ -221,12 +165,12 @@ fn run<S: Modes>(
         for j in 1..=count {
             let time = if j == count { to } else { from + (to - from) * (j as f64 / count as f64) };
             if let Err(error) = solver.integrate_to(time) {
-                return Err(stopped_because(info, solver.t(), &modes(&solver), error.to_string()));
+                return Err(stopped_because(info, solver.fluid().t(), &modes(&solver), error.to_string()));
             }
-            let energy = solver.energy() / S::ENERGY;
+            let energy = solver.energy();
             deviation = deviation.max((energy - initial_energy).abs());
-            if request.with_outputs && solver.stats().steps.is_multiple_of(stride) {
-                energy_at_steps.push((solver.t(), energy));
+            if request.with_outputs && solver.fluid().stats().steps.is_multiple_of(stride) {
+                energy_at_steps.push((solver.fluid().t(), energy));
             }
             if (k, j) != (intervals, count) && interrupts::look().is_break() {
                 is_interrupted = true;
@@ -236,25 +180,25 @@ fn run<S: Modes>(
         // A single sample is the end.
         if n_samples > 1 || (n_samples == 1 && k == intervals) {
             if pictured.binary_search(&samples.len()).is_ok() {
-                fields.push((solver.t(), surface.all(solver.vorticity())));
+                fields.push((solver.fluid().t(), surface.all(solver.fluid().vorticity())));
             }
             samples.push(Sample {
-                t: solver.t(),
+                t: solver.fluid().t(),
                 state: modes(&solver),
-                energy: Some(solver.energy() / S::ENERGY),
+                energy: Some(solver.energy()),
                 outputs: if request.with_outputs { casimirs(&mut solver) } else { Vec::new() },
                 along: Vec::new(),
             });
         }
     }
-    let stats = solver.stats();
+    let stats = solver.fluid().stats();
     let last = casimirs(&mut solver);
     let names = fluid.casimirs.iter().map(|c| c.name.clone());
     Ok(Outcome {
         fields,
         casimirs: names.zip(first.into_iter().zip(last).map(|(a, b)| [a, b])).collect(),
         response: SimulateResponse {
-            t: if is_interrupted { solver.t() } else { request.t_final },
+            t: if is_interrupted { solver.fluid().t() } else { request.t_final },
             last: modes(&solver),
             along: Vec::new(),
             samples,

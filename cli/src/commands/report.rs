@@ -132,8 +132,9 @@ fn of_matrices(
         let reason = "is what a fluid of matrices is moved by: give one, such as --step 0.01, or --no-run";
         return Err(Error::unusable("--step", reason));
     };
+    let info = matrices::info(fluid);
     let request = SimulateRequest {
-        params: Vec::new(),
+        params: info.params.iter().map(|p| p.default).collect(),
         initial: matrices::initial(fluid),
         t_final: arguments.t_final,
         method: MethodName::Isospectral,
@@ -151,7 +152,7 @@ fn of_matrices(
     let pictured: Vec<usize> = field::shown(request.samples).collect();
     let Outcome { response, fields, .. } = matrices::simulate(fluid, &request, &pictured)?;
     let motion = Motion {
-        info: matrices::info(fluid),
+        info,
         blocks: vec![blocks::of_matrices(fluid)],
         request,
         response,

@@ -197,7 +197,8 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         return Err(Error::unusable("--step", reason));
     };
     let mut problems = Vec::new();
-    assignments(&motion.set, "--set", "parameter", &[], &mut problems);
+    let names: Vec<&str> = info.params.iter().map(|p| p.name.as_str()).collect();
+    let set = assignments(&motion.set, "--set", "parameter", &names, &mut problems);
     let given = assignments(&motion.initial, "--initial", "state", &info.state_names(), &mut problems);
     if !problems.is_empty() {
         return Err(Error::Request { problems });
@@ -210,7 +211,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     }
     let steps = Steps::Fixed { step };
     let request = SimulateRequest {
-        params: Vec::new(),
+        params: info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect(),
         initial,
         t_final: arguments.end.t_final,
         method,

@@ -9,7 +9,6 @@ use hamel_codegen::spec::{FluidSurface, MatrixFluid, ViewShape};
 use super::plot::Surface;
 use super::plot::field::Field;
 use hamel_run::info::Info;
-use hamel_run::matrices;
 use hamel_run::model::units::split_unit;
 use hamel_run::model::{Model, roles};
 use hamel_run::simulation::{SimulateRequest, SimulateResponse};
@@ -52,7 +51,10 @@ pub fn fields(
 /// The vorticity of a fluid that is moved as products of matrices, at the times for which all coefficients are there.
 pub fn vorticity(fluid: &MatrixFluid, frames: Vec<(f64, Vec<f64>)>) -> Field {
     let surface = match fluid.surface {
-        FluidSurface::Torus => Surface::Torus { waves: matrices::waves(fluid.n) },
+        FluidSurface::Torus => {
+            let waves = fluid.surface.waves(fluid.n).into_iter();
+            Surface::Torus { waves: waves.filter(|w| !w.is_second).map(|w| w.wave).collect() }
+        }
         FluidSurface::Sphere => Surface::Sphere { n: fluid.n },
     };
     titled(&fluid.vorticity, "Vorticity", surface, frames)

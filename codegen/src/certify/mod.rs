@@ -19,6 +19,7 @@ mod centroid;
 mod claim;
 mod definition;
 mod derived;
+mod fluid;
 mod frames;
 mod group;
 mod impacts;
@@ -40,6 +41,7 @@ use hamel_expr::error::Error;
 
 pub use claim::Certificate;
 pub(crate) use claim::{Claim, MatrixClaim};
+pub use fluid::fluid;
 use motion::Motion;
 use point::{Point, Setting};
 pub(crate) use quotient::certify_quotient;

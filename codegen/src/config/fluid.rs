@@ -5,13 +5,15 @@
 use super::Config;
 use super::bundle::{Bundle, emission};
 use super::problems::{Problem, Problems};
-use hamel_expr::rational_to_f64;
-use hamel_lang::spec::{FluidSurface, MatrixFluid};
-use hamel_program::emit::{self, FluidModeText, FluidText, SurfaceText};
+use crate::certify;
+use hamel_expr::{Rational, rational_to_f64};
+use hamel_lang::spec::{FluidSurface, FluidTerm, FluidWave, MatrixFluid};
+use hamel_program::emit::{self, FluidTermText, FluidText, SurfaceText};
+use num_traits::{One, Zero};
 
 impl Config {
     /// Adds the modules of fluids that are moved as products of matrices; their size does not depend on that of the
-    /// matrices. They are no scenes, so that no index has them.
+    /// matrices. They are no scenes, so that no index has them. Each is held to the text of its model before.
     ///
     /// ```
     /// let text = "model flow { algebra g = zeitlin_sphere(256); momentum w in g as *; action right;
@@ -31,20 +33,21 @@ impl Config {
                 let scenes = ["a model", "a fluid of matrices"].map(|what| format!("{what}, {}", fluid.name));
                 return Err(Problem::SameModule { module: fluid.name.clone(), scenes }.into());
             }
-            let text =
-                emit::emit_fluid(&self.text_of(fluid)).map_err(|source| emission(&fluid.name, source))?;
+            let text = certify::fluid(fluid).and_then(|()| emit::emit_fluid(&self.text_of(fluid)));
+            let text = text.map_err(|source| emission(&fluid.name, source))?;
             bundle.files.insert(file, text);
         }
         Ok(())
     }
 
     fn text_of(&self, fluid: &MatrixFluid) -> FluidText {
-        let mode = |mode: &hamel_lang::spec::FluidMode| FluidModeText {
-            name: mode.name.clone(),
-            wave: mode.wave,
-            is_second: mode.is_second,
-            initial: rational_to_f64(&mode.initial),
+        let value = |wave: FluidWave, value: &Rational| FluidTermText {
+            wave: wave.wave,
+            is_second: wave.is_second,
+            value: rational_to_f64(value),
         };
+        let terms = |list: &[FluidTerm]| list.iter().map(|term| value(term.wave, &term.value)).collect();
+        let is_ideal = fluid.scale.is_one() && fluid.shift.is_zero();
         let command = match &self.writing.command {
             Some(command) => format!("{command} {}", fluid.name),
             None => format!("do not edit, change the model {}", fluid.name),
@@ -61,7 +64,12 @@ impl Config {
             },
             n: fluid.n,
             vorticity: fluid.vorticity.clone(),
-            modes: fluid.modes.iter().map(mode).collect(),
+            params: fluid.params.iter().map(|p| (p.name.clone(), rational_to_f64(&p.value))).collect(),
+            stream: (!is_ideal).then(|| [&fluid.scale, &fluid.shift].map(rational_to_f64)),
+            background: terms(&fluid.background),
+            friction: fluid.friction.iter().map(rational_to_f64).collect(),
+            force: terms(&fluid.force),
+            modes: fluid.modes.iter().map(|m| (m.name.clone(), value(m.wave, &m.initial))).collect(),
             casimirs: fluid.casimirs.iter().map(|c| (c.name.clone(), c.power)).collect(),
         }
     }

@@ -4,7 +4,7 @@
 
 use hamel_codegen::explain::{Section, SectionKind};
 use hamel_codegen::scene;
-use hamel_codegen::spec::{self, FluidMode, FluidSurface, MatrixFluid};
+use hamel_codegen::spec::{self, FluidMode, FluidParam, FluidSurface, MatrixFluid};
 use hamel_expr::{Style, rational_to_f64};
 use hamel_program::emit::method_text;
 use hamel_program::program::Role;
@@ -110,19 +110,30 @@ pub fn of_matrices(fluid: &MatrixFluid, text: String, module: String) -> Page {
         unit: unit.clone(),
         doc: doc.clone(),
     };
+    let param = |p: &FluidParam| {
+        let (doc, unit) = split_unit(&p.doc, 0);
+        Quantity {
+            name: p.name.clone(),
+            math: math_ml(&p.name),
+            value: Some(rational_to_f64(&p.value)),
+            unit,
+            doc,
+        }
+    };
+    let kind = if fluid.is_damped() { "fluid with friction or force" } else { "ideal fluid" };
     Page {
         model: fluid.name.clone(),
         scene: DEFAULT_SCENE.to_owned(),
         title: titled(&fluid.doc, &fluid.name),
         doc: fluid.doc.iter().skip(1).cloned().collect(),
         kind: format!(
-            "ideal fluid on the {surface}, {basis} as matrices of size {}; the state below are the modes that the \
+            "{kind} on the {surface}, {basis} as matrices of size {}; the state below are the modes that the \
              model names, of {}",
             fluid.n,
             fluid.n * fluid.n - 1
         ),
         sources: fluid.sources.clone(),
-        params: Vec::new(),
+        params: fluid.params.iter().map(param).collect(),
         conditions: Vec::new(),
         state: fluid.modes.iter().map(quantity).collect(),
         text,

@@ -70,7 +70,10 @@ pub use event::{Event, EventDirection, OutputPart};
 pub use expressions::ExpressionRole;
 pub use family::with_sizes;
 pub use first_order::FirstOrderState;
-pub use fluid::{FluidCasimir, FluidMode, FluidSurface, MatrixFluid};
+pub use fluid::{
+    FluidCasimir, FluidMode, FluidParam, FluidSurface, FluidTerm, FluidWave, MAX_FRICTION, MatrixFluid,
+    Meaning,
+};
 pub use format::format;
 pub use group::Group;
 pub use images::{ImageProblems, with_items};
@@ -187,7 +190,7 @@ pub fn parse_with_images(
     Ok((model, n_own))
 }
 
-/// Reads an ideal fluid that is moved as products of matrices; none for a model with equations, which [`parse`] reads.
+/// Reads a fluid that is moved as products of matrices; none for a model with equations, which [`parse`] reads.
 ///
 /// What it takes does not depend on `N`.
 ///
@@ -201,7 +204,7 @@ pub fn parse_with_images(
 ///     initial im_2_m3 = -0.25;
 /// }";
 /// let fluid = hamel_lang::spec::matrix_fluid("flow.hamel", text).unwrap().unwrap();
-/// assert_eq!((fluid.n, fluid.modes[1].wave), (255, (2, -3)));
+/// assert_eq!((fluid.n, fluid.modes[1].wave.wave), (255, (2, -3)));
 /// let refused = hamel_lang::spec::parse("flow.hamel", text).unwrap_err();
 /// assert!(refused.to_string().contains("products of matrices"));
 /// ```
@@ -213,10 +216,11 @@ pub fn matrix_fluid(file_name: &str, text: &str) -> Result<Option<MatrixFluid>, 
     let outcome = parser::parse_file(text);
     let Some(file) = outcome.file.filter(|file| fluid::requested(file).is_some()) else { return Ok(None) };
     let mut problems = outcome.problems;
-    match fluid::read(&file) {
+    let origin = Origin { file: file_name.to_owned(), text: text.to_owned() };
+    match fluid::read(&file, &origin) {
         Ok(fluid) if problems.is_empty() => return Ok(Some(fluid)),
         Ok(_) => {}
         Err(list) => problems.extend(list),
     }
-    Err(Diagnostics::new(Some(Origin { file: file_name.to_owned(), text: text.to_owned() }), problems))
+    Err(Diagnostics::new(Some(origin), problems))
 }

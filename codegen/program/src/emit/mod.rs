@@ -25,7 +25,7 @@ pub use c::{CModule, Fmu};
 pub use rust::{SceneEntry, WasmModule};
 pub use script::{Script, ScriptLanguage};
 pub use text::{
-    EventText, FlowText, FluidModeText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
+    EventText, FlowText, FluidTermText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
     ImplicitVariableText, InitialText, MatrixText, OutputText, ParamText, PositionsText, ProductText,
     QuotientText, SceneText, SelfTestText, StateText, SurfaceText, UnitText, UnitTexts,
 };

@@ -126,8 +126,18 @@ pub struct FluidText {
     pub n: usize,
     /// What the vorticity is.
     pub vorticity: String,
-    /// Modes that begin with another value than zero, or are looked at.
-    pub modes: Vec<FluidModeText>,
+    /// Parameters by name, with the values that all numbers belong to.
+    pub params: Vec<(String, f64)>,
+    /// Factor and shift of the stream function; none for that of an ideal fluid.
+    pub stream: Option<[f64; 2]>,
+    /// The constant stream function.
+    pub background: Vec<FluidTermText>,
+    /// Coefficients of powers of minus the Laplacian in the friction.
+    pub friction: Vec<f64>,
+    /// The constant force.
+    pub force: Vec<FluidTermText>,
+    /// Modes that begin with another value than zero, or are looked at: names, and values at time zero.
+    pub modes: Vec<(String, FluidTermText)>,
     /// Casimirs by name and power, from 1 on.
     pub casimirs: Vec<(String, usize)>,
 }
@@ -141,17 +151,15 @@ pub enum SurfaceText {
     Sphere,
 }
 
-/// A mode of a fluid.
+/// A coefficient of a function on a surface.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FluidModeText {
-    /// Its name.
-    pub name: String,
+pub struct FluidTermText {
     /// Its wave vector, or degree and order.
     pub wave: (i64, i64),
     /// Whether it is the imaginary part, or the coefficient of the sine.
     pub is_second: bool,
-    /// Value at time zero.
-    pub initial: f64,
+    /// Its value.
+    pub value: f64,
 }
 
 /// Parameters, and components of the state, that form something together.

@@ -6,106 +6,260 @@
 use std::fmt::Write as _;
 
 use super::format::{format_module, header, parse, runtime_path};
-use crate::emit::text::{FluidText, SurfaceText};
+use crate::emit::text::{FluidTermText, FluidText, SurfaceText};
 use hamel_expr::error::Error;
 
 /// The text of the module.
 pub(in crate::emit) fn emit(text: &FluidText) -> Result<String, Error> {
     let runtime = runtime_path(&text.runtime)?.to_string().replace(' ', "");
-    let (surface, index, energy, wave_doc) = match text.surface {
-        SurfaceText::Torus => (
-            "Torus",
-            "isize",
-            "fluid.energy()",
-            "Wave vector of each mode, and whether it is the real (0) or the imaginary part (1).",
-        ),
-        SurfaceText::Sphere => (
-            "Sphere",
-            "usize",
-            // The mean over the sphere of what the runtime integrates.
-            "fluid.energy() / (4.0 * ::core::f64::consts::PI)",
-            "Degree and order of each mode, and whether it is that of the cosine (0) or the sine (1).",
-        ),
-    };
-    let (add, read) = match text.surface {
-        SurfaceText::Torus => ("add_mode", "mode"),
-        SurfaceText::Sphere => ("add_real_mode", "real_mode"),
-    };
-    let (n, n_modes) = (text.n, text.modes.len());
-    let matrices = format!("{runtime}::matrices");
-    let fluid = format!("{matrices}::IsospectralMidpoint<'_, {matrices}::{surface}<T>, S>");
-    let room = "T: AsRef<[f64]> + AsMut<[f64]>, S: AsRef<[f64]> + AsMut<[f64]>";
-    let list = |items: Vec<String>| items.join(", ");
-    let names = list(text.modes.iter().map(|m| format!("{:?}", m.name)).collect());
-    let initial = list(text.modes.iter().map(|m| format!("{:?}", m.initial)).collect());
-    let waves =
-        text.modes.iter().map(|m| format!("(({}, {}), {})", m.wave.0, m.wave.1, usize::from(m.is_second)));
-    let waves = list(waves.collect());
-    let mut code = format!(
-        "/// Size of the matrices.\n\
-         pub const N: usize = {n};\n\
-         /// Modes that the model gives, of {vorticity}.\n\
-         pub const MODES: [&str; {n_modes}] = [{names}];\n\
-         /// Their values at time zero; all others begin with zero.\n\
-         pub const INITIAL: [f64; {n_modes}] = [{initial}];\n\
-         /// {wave_doc}\n\
-         pub const WAVES: [(({index}, {index}), usize); {n_modes}] = [{waves}];\n\
-         /// What the fluid flows on; `tables` have room for [`storage`]({matrices}::{surface}::storage) of [`N`].\n\
-         ///\n\
-         /// # Errors\n\
-         ///\n\
-         /// Tables without that room.\n\
-         pub fn surface<T: AsRef<[f64]> + AsMut<[f64]>>(tables: T) -> \
-         ::core::result::Result<{matrices}::{surface}<T>, {runtime}::Error> {{\n\
-             {matrices}::{surface}::new(N, tables)\n\
-         }}\n",
-        vorticity = lower(&text.vorticity),
-    );
-    for line in documentation(text) {
-        let _ = writeln!(code, "/// {line}");
+    let code = Writer::new(text, &runtime).code();
+    Ok(header(&text.command, None) + &format_module(parse(&code)?)?)
+}
+
+/// What the items of a module are made of.
+struct Writer<'a> {
+    text: &'a FluidText,
+    runtime: &'a str,
+    matrices: String,
+    /// Name of the surface, and the type of the numbers of its waves.
+    surface: &'static str,
+    index: &'static str,
+    /// Functions of the surface that add to a mode and read it.
+    add: &'static str,
+    read: &'static str,
+    /// The type of the solver, and how its fluid is reached from it.
+    solver: String,
+    inner: &'static str,
+    inner_mut: &'static str,
+    is_damped: bool,
+}
+
+/// What the types of a solver have to be.
+const ROOM: &str = "T: AsRef<[f64]> + AsMut<[f64]>, S: AsRef<[f64]> + AsMut<[f64]>";
+
+fn list(items: impl Iterator<Item = String>) -> String {
+    items.collect::<Vec<_>>().join(", ")
+}
+
+/// Waves with the parts that are meant of them.
+fn waves<'a>(terms: impl Iterator<Item = &'a FluidTermText>) -> String {
+    list(terms.map(|m| format!("(({}, {}), {})", m.wave.0, m.wave.1, usize::from(m.is_second))))
+}
+
+impl<'a> Writer<'a> {
+    fn new(text: &'a FluidText, runtime: &'a str) -> Writer<'a> {
+        let matrices = format!("{runtime}::matrices");
+        let (surface, index, add, read) = match text.surface {
+            SurfaceText::Torus => ("Torus", "isize", "add_mode", "mode"),
+            SurfaceText::Sphere => ("Sphere", "usize", "add_real_mode", "real_mode"),
+        };
+        let is_damped = !text.friction.is_empty() || !text.force.is_empty();
+        let name = if is_damped { "Damped" } else { "IsospectralMidpoint" };
+        let solver = format!("{matrices}::{name}<'_, {matrices}::{surface}<T>, S>");
+        let (inner, inner_mut) = if is_damped { (".fluid()", ".fluid_mut()") } else { ("", "") };
+        Writer { text, runtime, matrices, surface, index, add, read, solver, inner, inner_mut, is_damped }
     }
-    let _ = write!(
-        code,
-        "///\n\
-         /// The fluid at time zero; `storage` has room for [`storage`]({matrices}::IsospectralMidpoint::storage).\n\
-         ///\n\
-         /// # Errors\n\
-         ///\n\
-         /// Storage without that room, and options that are none.\n\
-         pub fn fluid<T, S>(surface: &{matrices}::{surface}<T>, storage: S, options: {matrices}::Options) -> \
-         ::core::result::Result<{fluid}, {runtime}::Error> where {room} {{\n\
-             let mut fluid = {matrices}::IsospectralMidpoint::new(surface, storage, 0.0, options)?;\n\
-             for ((wave, part), value) in WAVES.into_iter().zip(INITIAL) {{\n\
-                 let mut mode = [0.0; 2];\n\
-                 mode[part] = value;\n\
-                 surface.{add}(wave, mode, fluid.vorticity_mut());\n\
-             }}\n\
-             ::core::result::Result::Ok(fluid)\n\
-         }}\n\
-         /// The modes [`MODES`] of the fluid.\n\
-         pub fn modes<T, S>(fluid: &{fluid}) -> [f64; {n_modes}] where {room} {{\n\
-             WAVES.map(|(wave, part)| fluid.surface().{read}(wave, fluid.vorticity())[part])\n\
-         }}\n\
-         /// The energy, that of the model's hamiltonian.\n\
-         pub fn energy<T, S>(fluid: &mut {fluid}) -> f64 where {room} {{ {energy} }}\n"
-    );
-    let n_casimirs = text.casimirs.len();
-    if let Some(largest) = text.casimirs.iter().map(|(_, power)| *power).max() {
-        let names = list(text.casimirs.iter().map(|(name, _)| format!("{name:?}")).collect());
-        let traces = list(text.casimirs.iter().map(|(_, power)| format!("traces[{}]", power - 1)).collect());
+
+    fn code(&self) -> String {
+        let mut code = self.constants();
+        code += &self.surface_fn();
+        code += &self.fluid_fn();
+        code += &self.questions();
+        code
+    }
+
+    /// Numbers of the model.
+    fn constants(&self) -> String {
+        let Writer { text, matrices, index, .. } = self;
+        let n_modes = text.modes.len();
+        let wave_doc = match text.surface {
+            SurfaceText::Torus => {
+                "Wave vector of each mode, and whether it is the real (0) or the imaginary part (1)."
+            }
+            SurfaceText::Sphere => {
+                "Degree and order of each mode, and whether it is that of the cosine (0) or the sine (1)."
+            }
+        };
+        let mut code = format!("/// Size of the matrices.\npub const N: usize = {};\n", text.n);
+        if !text.params.is_empty() {
+            let _ = write!(
+                code,
+                "/// Parameters of the model, with the values that the numbers of this module belong to.\n\
+                 pub const PARAMS: [(&str, f64); {}] = [{}];\n",
+                text.params.len(),
+                list(text.params.iter().map(|(name, value)| format!("({name:?}, {value:?})"))),
+            );
+        }
+        if let Some([scale, shift]) = text.stream {
+            let _ = write!(
+                code,
+                "/// The stream function of the vorticity.\n\
+                 pub const STREAM: {matrices}::Stream = \
+                 {matrices}::Stream::ideal().with_scale({scale:?}).with_shift({shift:?});\n"
+            );
+        }
+        for (name, doc, terms) in [
+            (
+                "BACKGROUND",
+                "The constant part of the stream function: waves as [`WAVES`], and values.",
+                &text.background,
+            ),
+            (
+                "FORCE",
+                "What the force adds to the vorticity in a unit of time: waves as [`WAVES`], and values.",
+                &text.force,
+            ),
+        ] {
+            if !terms.is_empty() {
+                let values = terms.iter().map(|m| {
+                    let (a, b) = m.wave;
+                    format!("((({a}, {b}), {}), {:?})", usize::from(m.is_second), m.value)
+                });
+                let _ = write!(
+                    code,
+                    "/// {doc}\npub const {name}: [((({index}, {index}), usize), f64); {}] = [{}];\n",
+                    terms.len(),
+                    list(values)
+                );
+            }
+        }
+        if !text.friction.is_empty() {
+            let terms = text.friction.iter().enumerate().filter(|(_, c)| **c != 0.0);
+            let terms = terms.fold(String::new(), |terms, (k, c)| terms + &format!(".with({k}, {c:?})"));
+            let _ = write!(
+                code,
+                "/// The friction.\npub const FRICTION: {matrices}::Friction = {matrices}::Friction::none(){terms};\n"
+            );
+        }
         let _ = write!(
             code,
-            "/// Casimirs of the model, traces of powers of the vorticity by `N`.\n\
-             pub const CASIMIRS: [&str; {n_casimirs}] = [{names}];\n\
-             /// The Casimirs [`CASIMIRS`] of the fluid, which steps keep to round-off.\n\
-             pub fn casimirs<T, S>(fluid: &mut {fluid}) -> [f64; {n_casimirs}] where {room} {{\n\
-                 let mut traces = [0.0; {largest}];\n\
-                 fluid.casimirs(&mut traces);\n\
-                 [{traces}]\n\
-             }}\n"
+            "/// Modes that the model gives, of {vorticity}.\n\
+             pub const MODES: [&str; {n_modes}] = [{names}];\n\
+             /// Their values at time zero; all others begin with zero.\n\
+             pub const INITIAL: [f64; {n_modes}] = [{initial}];\n\
+             /// {wave_doc}\n\
+             pub const WAVES: [(({index}, {index}), usize); {n_modes}] = [{waves}];\n",
+            vorticity = lower(&text.vorticity),
+            names = list(text.modes.iter().map(|(name, _)| format!("{name:?}"))),
+            initial = list(text.modes.iter().map(|(_, mode)| format!("{:?}", mode.value))),
+            waves = waves(text.modes.iter().map(|(_, mode)| mode)),
         );
+        code
     }
-    Ok(header(&text.command, None) + &format_module(parse(&code)?)?)
+
+    fn surface_fn(&self) -> String {
+        let Writer { text, runtime, matrices, surface, .. } = self;
+        let call = if text.stream.is_some() { "with_stream(N, STREAM, tables)" } else { "new(N, tables)" };
+        format!(
+            "/// What the fluid flows on; `tables` have room for [`storage`]({matrices}::{surface}::storage) of [`N`].\n\
+             ///\n\
+             /// # Errors\n\
+             ///\n\
+             /// Tables without that room.\n\
+             pub fn surface<T: AsRef<[f64]> + AsMut<[f64]>>(tables: T) -> \
+             ::core::result::Result<{matrices}::{surface}<T>, {runtime}::Error> {{\n\
+                 {matrices}::{surface}::{call}\n\
+             }}\n"
+        )
+    }
+
+    /// The fluid at time zero.
+    fn fluid_fn(&self) -> String {
+        let Writer { text, runtime, matrices, surface, solver, inner_mut, add, .. } = self;
+        let mut code = String::new();
+        for line in documentation(text) {
+            let _ = writeln!(code, "/// {line}");
+        }
+        let has_background = !text.background.is_empty();
+        let mut room = format!("[`storage`]({matrices}::IsospectralMidpoint::storage)");
+        if has_background {
+            room += " of `options.with_background()`";
+        }
+        let of_friction = match self.is_damped {
+            true => format!(", `room` for [`storage`]({matrices}::Damped::storage)"),
+            false => String::new(),
+        };
+        let argument = if self.is_damped { "room: S, " } else { "" };
+        let _ = write!(
+            code,
+            "///\n\
+             /// The fluid at time zero; `storage` has room for {room}{of_friction}.\n\
+             ///\n\
+             /// # Errors\n\
+             ///\n\
+             /// Storage without that room, and options that are none.\n\
+             pub fn fluid<T, S>(surface: &{matrices}::{surface}<T>, storage: S, {argument}options: {matrices}::Options) -> \
+             ::core::result::Result<{solver}, {runtime}::Error> where {ROOM} {{\n"
+        );
+        let options = if has_background { "options.with_background()" } else { "options" };
+        let _ = writeln!(
+            code,
+            "let mut fluid = {matrices}::IsospectralMidpoint::new(surface, storage, 0.0, {options})?;"
+        );
+        let each = |constant: &str, matrix: &str| {
+            format!(
+                "for ((wave, part), value) in {constant} {{\n\
+                     let mut mode = [0.0; 2];\n\
+                     mode[part] = value;\n\
+                     surface.{add}(wave, mode, {matrix});\n\
+                 }}\n"
+            )
+        };
+        if has_background {
+            code += &each("BACKGROUND", "fluid.background_mut()");
+        }
+        if self.is_damped {
+            let friction = match text.friction.is_empty() {
+                true => format!("{matrices}::Friction::none()"),
+                false => "FRICTION".to_owned(),
+            };
+            let _ = writeln!(code, "let mut fluid = {matrices}::Damped::new(fluid, {friction}, room)?;");
+        }
+        if !text.force.is_empty() {
+            code += &each("FORCE", "fluid.force_mut()");
+        }
+        code += &each("WAVES.into_iter().zip(INITIAL)", &format!("fluid{inner_mut}.vorticity_mut()"));
+        code += "::core::result::Result::Ok(fluid)\n}\n";
+        code
+    }
+
+    /// Functions of the fluid.
+    fn questions(&self) -> String {
+        let Writer { text, solver, inner, inner_mut, read, .. } = self;
+        let n_modes = text.modes.len();
+        let energy = match text.surface {
+            SurfaceText::Torus => format!("fluid{inner_mut}.energy()"),
+            // The mean over the sphere of what the runtime integrates.
+            SurfaceText::Sphere => format!("fluid{inner_mut}.energy() / (4.0 * ::core::f64::consts::PI)"),
+        };
+        let mut code = format!(
+            "/// The modes [`MODES`] of the fluid.\n\
+             pub fn modes<T, S>(fluid: &{solver}) -> [f64; {n_modes}] where {ROOM} {{\n\
+                 WAVES.map(|(wave, part)| fluid{inner}.surface().{read}(wave, fluid{inner}.vorticity())[part])\n\
+             }}\n\
+             /// The energy, that of the model's hamiltonian.\n\
+             pub fn energy<T, S>(fluid: &mut {solver}) -> f64 where {ROOM} {{ {energy} }}\n"
+        );
+        let n_casimirs = text.casimirs.len();
+        if let Some(largest) = text.casimirs.iter().map(|(_, power)| *power).max() {
+            let names = list(text.casimirs.iter().map(|(name, _)| format!("{name:?}")));
+            let traces = list(text.casimirs.iter().map(|(_, power)| format!("traces[{}]", power - 1)));
+            let kept =
+                if self.is_damped { "friction and force alone change" } else { "steps keep to round-off" };
+            let _ = write!(
+                code,
+                "/// Casimirs of the model, traces of powers of the vorticity by `N`.\n\
+                 pub const CASIMIRS: [&str; {n_casimirs}] = [{names}];\n\
+                 /// The Casimirs [`CASIMIRS`] of the fluid, which {kept}.\n\
+                 pub fn casimirs<T, S>(fluid: &mut {solver}) -> [f64; {n_casimirs}] where {ROOM} {{\n\
+                     let mut traces = [0.0; {largest}];\n\
+                     fluid{inner_mut}.casimirs(&mut traces);\n\
+                     [{traces}]\n\
+                 }}\n"
+            );
+        }
+        code
+    }
 }
 
 /// The documentation of the model as lines of text.

@@ -1,0 +1,303 @@
+//! What expressions of a fluid are: numbers, polynomials of the Laplacian and their inverse, their images of the
+//! vorticity, and the terms of a hamiltonian.
+//!
+//! Does not know: items of a model.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+
+use num_traits::{One, ToPrimitive, Zero};
+
+use super::super::ast::{Expr, Node};
+use super::super::limits::MAX_DEPTH;
+use super::{FluidWave, MAX_FRICTION, Momenta};
+use hamel_expr::Rational;
+
+/// Most binary digits of numerator and denominator of a number, several times those of the longest that can be written:
+/// definitions that square each other double them.
+const MAX_BITS: u64 = 1 << 13;
+
+/// A polynomial of the Laplacian: coefficients of its powers, the last one not zero.
+type Polynomial = Vec<Rational>;
+
+/// A multiple of the inverse of an operator that is linear in the Laplacian, `factor (constant + Delta)^-1`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Inverse {
+    pub(super) factor: Rational,
+    pub(super) constant: Rational,
+}
+
+/// A function of the vorticity that a hamiltonian may have.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Function {
+    /// `dot(omega, inverse*omega)`.
+    pub(super) energy: Option<Inverse>,
+    /// Coefficients of components of the vorticity.
+    pub(super) linear: BTreeMap<FluidWave, Rational>,
+}
+
+/// What an expression is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    Number(Rational),
+    Operator(Polynomial),
+    Inverse(Inverse),
+    /// An operator on the vorticity.
+    Image(Polynomial),
+    /// The inverse of an operator on the vorticity.
+    Stream(Inverse),
+    Function(Function),
+}
+
+/// Names that expressions are made of.
+pub(super) struct Names<'a> {
+    pub(super) momenta: Momenta<'a>,
+    pub(super) lets: BTreeMap<&'a str, &'a Expr>,
+    pub(super) params: BTreeMap<&'a str, Rational>,
+    /// What definitions are; none also while one is being looked at, which is a definition of itself then.
+    pub(super) known: RefCell<BTreeMap<&'a str, Option<Form>>>,
+}
+
+fn short(q: &Rational) -> bool {
+    q.numer().bits().max(q.denom().bits()) <= MAX_BITS
+}
+
+/// The polynomial without leading zeros; none where it has a power or digits that are too many.
+fn bounded(mut polynomial: Polynomial) -> Option<Polynomial> {
+    while polynomial.last().is_some_and(Zero::is_zero) {
+        polynomial.pop();
+    }
+    (polynomial.len() <= 1 + MAX_FRICTION && polynomial.iter().all(short)).then_some(polynomial)
+}
+
+fn sum(a: &Polynomial, b: &Polynomial) -> Option<Polynomial> {
+    let of = |p: &Polynomial, k: usize| p.get(k).cloned().unwrap_or_else(Rational::zero);
+    bounded((0..a.len().max(b.len())).map(|k| of(a, k) + of(b, k)).collect())
+}
+
+fn product(a: &Polynomial, b: &Polynomial) -> Option<Polynomial> {
+    if a.is_empty() || b.is_empty() {
+        return Some(Vec::new());
+    }
+    let mut out = vec![Rational::zero(); a.len() + b.len() - 1];
+    for (i, x) in a.iter().enumerate() {
+        for (j, y) in b.iter().enumerate() {
+            out[i + j] += x * y;
+        }
+    }
+    bounded(out)
+}
+
+impl Inverse {
+    fn times(&self, factor: &Rational) -> Option<Inverse> {
+        let factor = &self.factor * factor;
+        short(&factor).then(|| Inverse { factor, constant: self.constant.clone() })
+    }
+
+    fn plus(&self, other: &Inverse) -> Option<Inverse> {
+        let factor = &self.factor + &other.factor;
+        (self.constant == other.constant && short(&factor))
+            .then(|| Inverse { factor, constant: self.constant.clone() })
+    }
+
+    /// The inverse of an operator that is linear in the Laplacian.
+    fn of(operator: &Polynomial) -> Option<Inverse> {
+        match operator.as_slice() {
+            [constant, slope] if !slope.is_zero() => {
+                Some(Inverse { factor: slope.recip(), constant: constant / slope })
+            }
+            _ => None,
+        }
+    }
+
+    /// The operator whose inverse it is.
+    fn inverted(&self) -> Option<Polynomial> {
+        (!self.factor.is_zero())
+            .then(|| bounded(vec![&self.constant / &self.factor, self.factor.recip()]))
+            .flatten()
+    }
+}
+
+impl Function {
+    fn times(self, factor: &Rational) -> Option<Function> {
+        let energy = match self.energy {
+            Some(energy) => Some(energy.times(factor)?),
+            None => None,
+        };
+        let linear: BTreeMap<_, _> = self.linear.into_iter().map(|(wave, q)| (wave, q * factor)).collect();
+        linear.values().all(short).then_some(Function { energy, linear })
+    }
+
+    fn plus(mut self, other: Function) -> Option<Function> {
+        self.energy = match (self.energy, other.energy) {
+            (Some(a), Some(b)) => Some(a.plus(&b)?),
+            (a, b) => a.or(b),
+        };
+        for (wave, q) in other.linear {
+            let of_wave = self.linear.entry(wave).or_insert_with(Rational::zero);
+            *of_wave += q;
+            if !short(of_wave) {
+                return None;
+            }
+        }
+        Some(self)
+    }
+}
+
+impl Form {
+    fn number(q: Rational) -> Option<Form> {
+        short(&q).then_some(Form::Number(q))
+    }
+
+    fn times(self, factor: &Rational) -> Option<Form> {
+        let scaled = |p: Polynomial| bounded(p.into_iter().map(|q| q * factor).collect());
+        match self {
+            Form::Number(q) => Form::number(q * factor),
+            Form::Operator(p) => scaled(p).map(Form::Operator),
+            Form::Image(p) => scaled(p).map(Form::Image),
+            Form::Inverse(inverse) => inverse.times(factor).map(Form::Inverse),
+            Form::Stream(stream) => stream.times(factor).map(Form::Stream),
+            Form::Function(function) => function.times(factor).map(Form::Function),
+        }
+    }
+
+    fn plus(self, other: Form) -> Option<Form> {
+        match (self, other) {
+            (Form::Number(a), Form::Number(b)) => Form::number(a + b),
+            (Form::Operator(a), Form::Operator(b)) => sum(&a, &b).map(Form::Operator),
+            (Form::Image(a), Form::Image(b)) => sum(&a, &b).map(Form::Image),
+            (Form::Inverse(a), Form::Inverse(b)) => a.plus(&b).map(Form::Inverse),
+            (Form::Stream(a), Form::Stream(b)) => a.plus(&b).map(Form::Stream),
+            (Form::Function(a), Form::Function(b)) => a.plus(b).map(Form::Function),
+            _ => None,
+        }
+    }
+
+    fn by(self, other: Form) -> Option<Form> {
+        match (self, other) {
+            (Form::Number(q), form) | (form, Form::Number(q)) => form.times(&q),
+            (Form::Operator(a), Form::Operator(b)) => product(&a, &b).map(Form::Operator),
+            (Form::Operator(a), Form::Image(b)) => product(&a, &b).map(Form::Image),
+            (Form::Inverse(inverse), Form::Image(p)) => match p.as_slice() {
+                [factor] => inverse.times(factor).map(Form::Stream),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    fn power(self, exponent: &Rational) -> Option<Form> {
+        let exponent = exponent.is_integer().then(|| exponent.numer().to_i32())??;
+        match self {
+            Form::Number(q) if exponent == -1 && !q.is_zero() => Form::number(q.recip()),
+            Form::Number(q) if (0..=64).contains(&exponent) => {
+                (0..exponent).try_fold(Form::Number(Rational::one()), |power, _| power.times(&q))
+            }
+            Form::Operator(p) if exponent == -1 => Inverse::of(&p).map(Form::Inverse),
+            Form::Operator(p) if (1..=MAX_FRICTION as i32).contains(&exponent) => {
+                let one = vec![Rational::one()];
+                (0..exponent).try_fold(one, |power, _| product(&power, &p)).map(Form::Operator)
+            }
+            Form::Inverse(inverse) if exponent == -1 => inverse.inverted().map(Form::Operator),
+            _ => None,
+        }
+    }
+}
+
+impl<'a> Names<'a> {
+    /// The name of the vorticity.
+    pub(super) fn vorticity(&self) -> &'a str {
+        self.momenta.names.first().map_or("omega", |name| name.text.as_str())
+    }
+
+    /// What the names of components begin with.
+    pub(super) fn prefix(&self) -> &'a str {
+        self.momenta.labels.first().map_or("", |label| label.text.as_str())
+    }
+
+    /// The component of the vorticity of a name.
+    pub(super) fn component(&self, name: &str) -> Option<FluidWave> {
+        self.momenta.surface.wave(self.momenta.n, name.strip_prefix(self.prefix())?)
+    }
+
+    pub(super) fn is_algebra(&self, expr: &Expr) -> bool {
+        matches!(&expr.node, Node::Name(name) if Some(name.as_str()) == self.momenta.algebra)
+    }
+
+    /// What an expression is; none for what a fluid of matrices has not.
+    pub(super) fn form(&self, expr: &Expr) -> Option<Form> {
+        self.form_at(expr, 0)
+    }
+
+    fn form_at(&self, expr: &Expr, depth: usize) -> Option<Form> {
+        // Definitions may be of each other; the depth of the text is bounded by the parser.
+        if depth > MAX_DEPTH {
+            return None;
+        }
+        let form = |expr: &Expr| self.form_at(expr, depth + 1);
+        match &expr.node {
+            Node::Number(q) => Some(Form::Number(q.clone())),
+            Node::Name(name) if self.vorticity() == name => Some(Form::Image(vec![Rational::one()])),
+            Node::Name(name) => self.form_of_name(name, depth + 1),
+            Node::Neg(inside) => form(inside)?.times(&-Rational::one()),
+            Node::Sum(list) => {
+                let mut summands = list.iter().map(|(is_negative, summand)| {
+                    let sign = if *is_negative { -Rational::one() } else { Rational::one() };
+                    form(summand)?.times(&sign)
+                });
+                let first = summands.next()??;
+                summands.try_fold(first, |sum, next| sum.plus(next?))
+            }
+            Node::Product(list) => {
+                list.iter().try_fold(Form::Number(Rational::one()), |product, (divides, x)| match form(x)? {
+                    Form::Number(q) if *divides => (!q.is_zero()).then(|| product.times(&q.recip()))?,
+                    _ if *divides => None,
+                    factor => product.by(factor),
+                })
+            }
+            Node::Power(base, exponent) => match form(exponent)? {
+                Form::Number(exponent) => form(base)?.power(&exponent),
+                _ => None,
+            },
+            Node::Call(function, arguments) => match (function.text.as_str(), arguments.as_slice()) {
+                ("laplacian", []) => Some(Form::Operator(vec![Rational::zero(), Rational::one()])),
+                ("laplacian", [algebra]) if self.is_algebra(algebra) => {
+                    Some(Form::Operator(vec![Rational::zero(), Rational::one()]))
+                }
+                ("identity", [size]) => {
+                    let n = self.momenta.n;
+                    let is_whole = form(size)? == Form::Number(Rational::from_integer((n * n - 1).into()));
+                    is_whole.then(|| Form::Operator(vec![Rational::one()]))
+                }
+                ("dot", [a, b]) => match (form(a)?, form(b)?) {
+                    (Form::Image(p), Form::Stream(stream)) | (Form::Stream(stream), Form::Image(p)) => {
+                        let [factor] = p.as_slice() else { return None };
+                        let energy = Some(stream.times(factor)?);
+                        Some(Form::Function(Function { energy, linear: BTreeMap::new() }))
+                    }
+                    _ => None,
+                },
+                _ => None,
+            },
+            Node::Index(..) | Node::List(_) => None,
+        }
+    }
+
+    /// What a parameter, a definition or a component is; a definition is looked at once however often it is used.
+    fn form_of_name(&self, name: &str, depth: usize) -> Option<Form> {
+        if let Some(value) = self.params.get(name) {
+            return Some(Form::Number(value.clone()));
+        }
+        if let Some(known) = self.known.borrow().get(name) {
+            return known.clone();
+        }
+        let Some((name, value)) = self.lets.get_key_value(name).map(|(name, value)| (*name, *value)) else {
+            let linear = BTreeMap::from([(self.component(name)?, Rational::one())]);
+            return Some(Form::Function(Function { energy: None, linear }));
+        };
+        self.known.borrow_mut().insert(name, None);
+        let form = self.form_at(value, depth);
+        self.known.borrow_mut().insert(name, form.clone());
+        form
+    }
+}

@@ -1,0 +1,477 @@
+//! The items of a fluid that is moved as products of matrices.
+//!
+//! Does not know: what expressions are made of.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+
+use num_traits::{One, Signed, ToPrimitive, Zero};
+
+use super::super::ast::{Compare, Comparison, Expr, File, Item, ItemKind, Name, Node, Shape};
+use super::super::diagnostic::{Diagnostic, Help, Origin, Span};
+use super::super::names;
+use super::super::want::Want;
+use super::form::{Form, Function, Names};
+use super::{
+    FluidCasimir, FluidMode, FluidParam, FluidSurface, FluidTerm, MAX_FRICTION, MatrixFluid, Momenta,
+    energy_text, exists, momenta, sizes, wanted,
+};
+use hamel_expr::{Rational, rational_to_f64};
+
+/// Largest power of a Casimir.
+const MAX_POWER: usize = 16;
+
+/// Reads a fluid, with other values of its parameters.
+///
+/// # Errors
+/// Everything in the model that is no part of such a fluid.
+pub(super) fn read(
+    file: &File,
+    origin: &Origin,
+    values: &BTreeMap<String, Rational>,
+) -> Result<MatrixFluid, Vec<Diagnostic>> {
+    let Some(momenta) = momenta(file) else {
+        let message = "`matrices` move fluids alone";
+        let help = "momenta have to be in zeitlin(N) or zeitlin_sphere(N): `momentum omega in fluid as *;`";
+        return Err(vec![Diagnostic::new(wanted(file).or(Some(file.name.span)), message).with_help(help)]);
+    };
+    let lets = file.items.iter().filter_map(|item| match &item.kind {
+        ItemKind::Let { name, value } => Some((name.text.as_str(), value)),
+        _ => None,
+    });
+    let names = Names { momenta, lets: lets.collect(), params: BTreeMap::new(), known: RefCell::default() };
+    let mut reader = Reader { names, origin, taken: BTreeSet::new(), problems: Vec::new() };
+    let fluid = reader.fluid(file, values);
+    if reader.problems.is_empty() { Ok(fluid) } else { Err(reader.problems) }
+}
+
+struct Reader<'a> {
+    names: Names<'a>,
+    origin: &'a Origin,
+    taken: BTreeSet<String>,
+    problems: Vec<Diagnostic>,
+}
+
+/// Items of which a fluid has one, as far as they were met.
+#[derive(Default)]
+struct Met {
+    topic: bool,
+    action: bool,
+    hamiltonian: bool,
+    scene: bool,
+    /// A force on the vorticity as a whole.
+    force: bool,
+    /// Forces on components.
+    forced: BTreeSet<super::FluidWave>,
+}
+
+impl<'a> Reader<'a> {
+    fn problem(&mut self, span: Span, message: impl Into<String>, help: impl Into<Help>) {
+        self.problems.push(Diagnostic::new(Some(span), message).with_help(help));
+    }
+
+    fn fluid(&mut self, file: &'a File, values: &BTreeMap<String, Rational>) -> MatrixFluid {
+        let Momenta { surface, n, item, names, labels, .. } = self.names.momenta;
+        let mut fluid = MatrixFluid {
+            name: file.name.text.clone(),
+            doc: file.doc.clone(),
+            sources: Vec::new(),
+            topic: None,
+            surface,
+            n,
+            vorticity: item.doc.join("\n"),
+            params: Vec::new(),
+            scale: Rational::one(),
+            shift: Rational::zero(),
+            background: Vec::new(),
+            friction: Vec::new(),
+            force: Vec::new(),
+            modes: Vec::new(),
+            casimirs: Vec::new(),
+            origin: self.origin.clone(),
+        };
+        if let Some(reason) = names::refusal(&file.name.text) {
+            self.problem(file.name.span, format!("`{}` cannot be used as a name", file.name.text), reason);
+        }
+        if !exists(surface, n) {
+            let help = format!("possible: {}", sizes(surface));
+            self.problem(item.span, format!("there are no such matrices of size {n}"), help);
+        }
+        if names.len() != 1 || labels.len() != 1 {
+            let help = "write `momentum omega in fluid as *;`";
+            self.problem(item.span, "the vorticity is one vector, named after the basis", help);
+        }
+        names.iter().for_each(|name| self.name(name));
+        // Parameters first: everything else is made of them.
+        for item in &file.items {
+            if let ItemKind::Param { name, shape, default, conditions } = &item.kind {
+                self.own_name(name);
+                let doc = item.doc.join("\n");
+                fluid.params.extend(self.param(name, doc, shape, default.as_ref(), values));
+                self.conditions(conditions);
+            }
+        }
+        let mut met = Met::default();
+        file.items.iter().for_each(|item| self.item(item, file, &mut met, &mut fluid));
+        self.missing(&met, &fluid);
+        fluid
+    }
+
+    fn item(&mut self, item: &'a Item, file: &'a File, met: &mut Met, fluid: &mut MatrixFluid) {
+        match &item.kind {
+            ItemKind::Source(text) => fluid.sources.push(text.clone()),
+            ItemKind::Topic(text) => {
+                self.once(&mut met.topic, "topic", item.span);
+                fluid.topic = Some(text.clone());
+            }
+            ItemKind::Param { .. } => {}
+            ItemKind::Require(conditions) => self.conditions(conditions),
+            ItemKind::Let { name, .. } => self.own_name(name),
+            ItemKind::AlgebraName { name, .. } if Some(name.text.as_str()) == self.names.momenta.algebra => {
+                self.name(name);
+            }
+            ItemKind::MomentumIn { .. } if std::ptr::eq(item, self.names.momenta.item) => {}
+            ItemKind::Action(side) if side.text == "right" => {
+                self.once(&mut met.action, "action", item.span);
+            }
+            ItemKind::Hamiltonian(value) => {
+                self.once(&mut met.hamiltonian, "hamiltonian", item.span);
+                self.energy(value, fluid);
+            }
+            ItemKind::Force { name, value } => self.force(name, value, met, fluid),
+            ItemKind::AppliedForce { is_place: false, on, value } => {
+                match &on.node {
+                    Node::Name(name) => match self.component_of_velocity(name) {
+                        Some(wave) => self.constant_force(wave, value, fluid),
+                        None => self.not_forced(on.span),
+                    },
+                    _ => self.not_forced(on.span),
+                };
+            }
+            ItemKind::Casimir { name, value } => {
+                self.own_name(name);
+                if let Some(power) = self.casimir(value) {
+                    let doc = item.doc.join("\n");
+                    fluid.casimirs.push(FluidCasimir { name: name.text.clone(), power, doc });
+                }
+            }
+            ItemKind::Initial { name, value } => {
+                self.name(name);
+                fluid.modes.extend(self.mode(name, value));
+            }
+            ItemKind::Scene { name, fixed, inputs, wants, drops, circles, formulation, carries } => {
+                let is_plain = fixed.is_empty()
+                    && inputs.is_empty()
+                    && drops.is_empty()
+                    && circles.is_empty()
+                    && formulation.is_empty()
+                    && carries.is_empty();
+                if name.text != "default" || !is_plain {
+                    let help = "write `scene default { want matrices, energy, casimirs; }`";
+                    let message = "a fluid of matrices has the scene `default`, which only wants";
+                    self.problem(name.span, message, help);
+                }
+                self.once(&mut met.scene, "scene", name.span);
+                self.wants(wants, &file.items);
+            }
+            _ => {
+                let help = "keep the algebra, its momentum, `action right;`, the energy as hamiltonian, forces on the \
+                            vorticity, parameters, casimirs by `trace_power`, `initial` modes and `scene default`; \
+                            everything else needs equations, which zeitlin(N) up to 21 and zeitlin_sphere(N) up to 12 \
+                            have";
+                let message = "this is no part of a fluid that is moved as products of matrices";
+                self.problem(item.span, message, help);
+            }
+        }
+    }
+
+    /// Tells of items that a fluid has to have.
+    fn missing(&mut self, met: &Met, fluid: &MatrixFluid) {
+        let span = self.names.momenta.item.span;
+        if !met.action {
+            self.problem(span, "fluids act from the right", "add `action right;`");
+        }
+        if !met.hamiltonian {
+            let help = format!("add `hamiltonian = {};`", self.energy_text());
+            self.problem(span, "the energy of the fluid is missing", help);
+        }
+        if fluid.modes.is_empty() {
+            let name = match fluid.surface {
+                FluidSurface::Torus => "re_1_0",
+                FluidSurface::Sphere => "c_2_1",
+            };
+            let help = format!("give modes, which are then shown: `initial {name} = 0.5;`");
+            self.problem(span, "the fluid is at rest", help);
+        }
+    }
+
+    /// An item of which a fluid has one.
+    fn once(&mut self, is_known: &mut bool, what: &str, span: Span) {
+        if std::mem::replace(is_known, true) {
+            self.problem(span, format!("`{what}` is given twice"), "keep one of them");
+        }
+    }
+
+    /// A name that nothing else has.
+    fn name(&mut self, name: &Name) {
+        if let Some(reason) = names::refusal(&name.text) {
+            self.problem(name.span, format!("`{}` cannot be used as a name", name.text), reason);
+        }
+        if !self.taken.insert(name.text.clone()) {
+            self.problem(name.span, format!("`{}` is given twice", name.text), "keep one of them");
+        }
+    }
+
+    /// The name of something else than a component of the vorticity.
+    fn own_name(&mut self, name: &Name) {
+        if self.names.component(&name.text).is_some() {
+            let help = format!("components are `{}` and names of the basis", self.names.prefix());
+            self.problem(name.span, format!("`{}` is a component of the vorticity", name.text), help);
+        }
+        self.name(name);
+    }
+
+    /// A parameter, which is a number.
+    fn param(
+        &mut self,
+        name: &'a Name,
+        doc: String,
+        shape: &Shape,
+        default: Option<&Expr>,
+        values: &BTreeMap<String, Rational>,
+    ) -> Option<FluidParam> {
+        let Shape::Scalar = shape else {
+            let help = "write one parameter for each number";
+            self.problem(name.span, "parameters of a fluid of matrices are numbers", help);
+            return None;
+        };
+        let Some(default) = default else {
+            let help = format!("write `param {} = 1;`", name.text);
+            self.problem(name.span, format!("parameter `{}` has no value", name.text), help);
+            return None;
+        };
+        let Some(default) = self.number(default) else {
+            let help = "write a rational number, in decimals such as `0.785398`";
+            self.problem(default.span, "a parameter of a fluid of matrices is a number", help);
+            return None;
+        };
+        let value = values.get(&name.text).cloned().unwrap_or(default);
+        self.names.params.insert(&name.text, value.clone());
+        Some(FluidParam { name: name.text.clone(), doc, value })
+    }
+
+    /// A number that fits a double.
+    fn number(&self, value: &Expr) -> Option<Rational> {
+        match self.names.form(value)? {
+            Form::Number(q) if rational_to_f64(&q).is_finite() => Some(q),
+            _ => None,
+        }
+    }
+
+    /// Conditions on parameters, which their values have to meet.
+    fn conditions(&mut self, conditions: &[Comparison]) {
+        for condition in conditions {
+            let last = condition.rest.last().map_or(&condition.first, |(_, side)| side);
+            let text = &self.origin.text[condition.first.span.start..last.span.end];
+            let span = Span { start: condition.first.span.start, end: last.span.end };
+            let sides = std::iter::once(&condition.first).chain(condition.rest.iter().map(|(_, side)| side));
+            let sides: Option<Vec<Rational>> = sides.map(|side| self.number(side)).collect();
+            let Some(sides) = sides else {
+                let help = "conditions of a fluid of matrices compare numbers made of parameters";
+                self.problem(span, format!("condition `{text}` has no value"), help);
+                continue;
+            };
+            let holds = condition.rest.iter().zip(sides.windows(2)).all(|((compare, _), pair)| {
+                let (a, b) = (&pair[0], &pair[1]);
+                match compare {
+                    Compare::Less => a < b,
+                    Compare::LessEqual => a <= b,
+                    Compare::Greater => a > b,
+                    Compare::GreaterEqual => a >= b,
+                    Compare::NotEqual => a != b,
+                }
+            });
+            if !holds {
+                let values = sides.iter().map(|q| format!("{}", rational_to_f64(q))).collect::<Vec<_>>();
+                let help = format!("its sides are {}", values.join(", "));
+                self.problem(span, format!("the parameters violate `{text}`"), help);
+            }
+        }
+    }
+
+    /// Names that a scene wants: something of the fluid.
+    fn wants(&mut self, wants: &[Name], items: &[Item]) {
+        let known = [Want::Matrices, Want::Rhs, Want::Energy, Want::Casimirs].map(Want::name);
+        for want in wants {
+            let is_casimir =
+                |item: &Item| matches!(&item.kind, ItemKind::Casimir { name, .. } if name.text == want.text);
+            if !known.contains(&want.text.as_str()) && !items.iter().any(is_casimir) {
+                let message = format!("a fluid of matrices has no `{}`", want.text);
+                let help = format!("legal here: {}, and casimirs", names::list(&known));
+                self.problem(want.span, message, help);
+            }
+        }
+    }
+
+    fn energy_text(&self) -> String {
+        let momenta = &self.names.momenta;
+        energy_text(momenta.surface, momenta.algebra.unwrap_or(""), self.names.vorticity())
+    }
+
+    /// The stream function is the derivative of the hamiltonian: with `q dot(omega, (c + Delta)^-1 omega)` it is
+    /// `-2 q (-c - Delta)^-1 omega` by the pairing.
+    fn energy(&mut self, value: &Expr, fluid: &mut MatrixFluid) {
+        let Some(Form::Function(Function { energy: Some(energy), linear })) = self.names.form(value) else {
+            let help = format!(
+                "write `hamiltonian = {};`, with `laplacian(..) - F*identity(..)` for a radius of deformation, and terms \
+                 that are numbers times components; others need equations",
+                self.energy_text()
+            );
+            self.problem(value.span, "this is not the energy of the fluid, which matrices move by", help);
+            return;
+        };
+        let pairing = Rational::from_integer(fluid.surface.pairing().into());
+        fluid.scale = energy.factor * Rational::from_integer((-2).into()) / &pairing;
+        fluid.shift = -energy.constant;
+        if fluid.scale.is_zero() {
+            let help = "its factor vanishes";
+            self.problem(value.span, "the energy of the fluid is zero", help);
+        }
+        if fluid.shift.is_negative() {
+            let help = "write `laplacian(..) - F*identity(..)` with a number F that is not negative";
+            self.problem(value.span, "the square of the radius of deformation is negative", help);
+        }
+        fluid.background = terms(linear.into_iter().map(|(wave, value)| (wave, value / &pairing)));
+    }
+
+    /// The component of the vorticity that a velocity belongs to, `dh_dre_1_0`.
+    fn component_of_velocity(&self, name: &str) -> Option<super::FluidWave> {
+        self.names.component(name.strip_prefix("dh_d")?)
+    }
+
+    fn not_forced(&mut self, span: Span) {
+        let omega = self.names.vorticity();
+        let label = match self.names.momenta.surface {
+            FluidSurface::Torus => "re_1_0",
+            FluidSurface::Sphere => "c_2_1",
+        };
+        let help = format!(
+            "a friction is `force dh_d{omega} = nu*laplacian(..)*{omega};`, a constant `force along dh_d{}{label}: 0.1;`",
+            self.names.prefix()
+        );
+        self.problem(span, "forces of a fluid of matrices are on the vorticity", help);
+    }
+
+    fn force(&mut self, name: &Name, value: &Expr, met: &mut Met, fluid: &mut MatrixFluid) {
+        let twice = |reader: &mut Self| {
+            let message = format!("force on `{}` is given twice", name.text);
+            reader.problem(name.span, message, "write `force along` for what is added to another one");
+        };
+        if name.text == format!("dh_d{}", self.names.vorticity()) {
+            if std::mem::replace(&mut met.force, true) || !met.forced.is_empty() {
+                twice(self);
+            }
+            let Some(Form::Image(polynomial)) = self.names.form(value) else {
+                let omega = self.names.vorticity();
+                let help = format!(
+                    "write `nu*laplacian(..)*{omega}`, a polynomial of the laplacian up to the power {MAX_FRICTION} \
+                     on the vorticity"
+                );
+                self.problem(value.span, "this is no friction of a fluid of matrices", help);
+                return;
+            };
+            // The polynomial of minus the Laplacian, of minus the force.
+            fluid.friction = (polynomial.into_iter().enumerate())
+                .map(|(k, q)| if k.is_multiple_of(2) { -q } else { q })
+                .collect();
+            return;
+        }
+        match self.component_of_velocity(&name.text) {
+            Some(wave) => {
+                if met.force || !met.forced.insert(wave) {
+                    twice(self);
+                }
+                self.constant_force(wave, value, fluid);
+            }
+            None => self.not_forced(name.span),
+        }
+    }
+
+    /// A force on a component that is a number.
+    fn constant_force(&mut self, wave: super::FluidWave, value: &Expr, fluid: &mut MatrixFluid) {
+        let Some(q) = self.number(value) else {
+            let help = "a force that depends on the vorticity is `force dh_domega = ..;` with a polynomial of the laplacian";
+            self.problem(value.span, "a force on a component of a fluid of matrices is a number", help);
+            return;
+        };
+        let of_wave = fluid.force.iter().find(|term| term.wave == wave).map(|term| term.value.clone());
+        let others = fluid.force.iter().filter(|term| term.wave != wave).map(|t| (t.wave, t.value.clone()));
+        fluid.force = terms(others.chain([(wave, q + of_wave.unwrap_or_else(Rational::zero))]));
+    }
+
+    /// The power `k` of `trace_power([g,] omega, k)`.
+    fn casimir(&mut self, value: &Expr) -> Option<usize> {
+        let power = self.power_of_trace(value);
+        if power.is_none() {
+            let algebra = self.names.momenta.algebra.map_or(String::new(), |name| format!("{name}, "));
+            let omega = self.names.vorticity();
+            let help =
+                format!("write `trace_power({algebra}{omega}, k)` with a number k from 1 to {MAX_POWER}");
+            self.problem(value.span, "casimirs of a fluid of matrices are traces of its powers", help);
+        }
+        power
+    }
+
+    fn power_of_trace(&self, value: &Expr) -> Option<usize> {
+        let Node::Call(function, arguments) = &value.node else { return None };
+        let (vorticity, power) = match (function.text.as_str(), arguments.as_slice()) {
+            ("trace_power", [vorticity, power]) => (vorticity, power),
+            ("trace_power", [algebra, vorticity, power]) if self.names.is_algebra(algebra) => {
+                (vorticity, power)
+            }
+            _ => return None,
+        };
+        let power = self.number(power)?;
+        let power = power.is_integer().then(|| power.numer().to_usize())??;
+        let is_whole = self.names.form(vorticity)? == Form::Image(vec![Rational::one()]);
+        (is_whole && (1..=MAX_POWER).contains(&power)).then_some(power)
+    }
+
+    /// The mode of a name with its value at time zero.
+    fn mode(&mut self, name: &Name, value: &Expr) -> Option<FluidMode> {
+        let Some(wave) = self.names.component(&name.text) else {
+            let (example, n) = (self.names.prefix(), self.names.momenta.n);
+            let help = match self.names.momenta.surface {
+                FluidSurface::Torus => {
+                    let largest = n / 2;
+                    format!(
+                        "`{example}re_1_m2` is the real part of the wave (1, -2); waves have m1 > 0, or m1 = 0 and m2 > 0, and \
+                         numbers up to {largest}"
+                    )
+                }
+                FluidSurface::Sphere => format!(
+                    "`{example}c_2_1` and `{example}s_2_1` have the degree 2 and the order 1; degrees go from 1 to {}",
+                    n - 1
+                ),
+            };
+            self.problem(name.span, format!("`{}` is no mode of the vorticity", name.text), help);
+            return None;
+        };
+        let Some(Form::Number(initial)) = self.names.form(value) else {
+            let help = "write a rational number, in decimals such as `0.785398`";
+            self.problem(value.span, "an initial value of a fluid of matrices is a number", help);
+            return None;
+        };
+        if !rational_to_f64(&initial).is_finite() {
+            self.problem(value.span, "the initial value does not fit a double", "give one below 1.7e308");
+            return None;
+        }
+        Some(FluidMode { name: name.text.clone(), wave, initial })
+    }
+}
+
+/// Terms in the order of the waves, without those that vanish.
+fn terms(all: impl Iterator<Item = (super::FluidWave, Rational)>) -> Vec<FluidTerm> {
+    let sorted: BTreeMap<_, _> = all.filter(|(_, value)| !value.is_zero()).collect();
+    sorted.into_iter().map(|(wave, value)| FluidTerm { wave, value }).collect()
+}
