@@ -116,6 +116,70 @@ fn matrices_move_as_the_equations_of_the_same_model() {
     }
 }
 
+/// Everything that a fluid of matrices may have beside the energy of an ideal one, on both surfaces: the equations of
+/// the same text.
+#[test]
+fn rotation_radius_friction_and_forces_are_those_of_the_equations() {
+    let torus = (
+        "hamiltonian = -dot(q, (L - F*identity(24))^-1*q) - b*q_re_0_1 + q_im_1_m2/3;
+         force dh_dq = nu*L*q - q/20 - L^2*q/1000;
+         force along dh_dq_re_2_0: 0.4; force along dh_dq_im_1_m1: b/10;",
+        ["q_re_1_0", "q_im_1_2", "q_re_0_2", "q_re_2_m1"],
+        "zeitlin(5)",
+    );
+    let sphere = (
+        "hamiltonian = -1/2*dot(q, (L - F*identity(24))^-1*q) - b*q_c_1_0 + q_s_2_1/3;
+         force dh_dq_c_2_0 = 0.4; force along dh_dq_s_3_2: b/10;",
+        ["q_c_1_0", "q_s_2_1", "q_c_3_2", "q_s_4_4"],
+        "zeitlin_sphere(5)",
+    );
+    for (terms, modes, algebra) in [torus, sphere] {
+        let initial: String =
+            modes.iter().enumerate().map(|(k, m)| format!("initial {m} = {}*b;", k + 1)).collect();
+        let model = |name: &str, scene: &str| {
+            format!(
+                "model {name} {{ param b = 0.3; param F = 0.7 where F >= 0; param nu = 0.1;
+                 algebra fluid = {algebra}; momentum q in fluid as q_*; action right; let L = laplacian(fluid);
+                 {terms} {initial} {scene} }}"
+            )
+        };
+        let (equations, products) = (model("equations", ""), model("products", PRODUCTS));
+        let folder = Folder::new("terms", &[("equations.hamel", equations), ("products.hamel", products)]);
+        let table = |file: &str, options: &[&str]| {
+            let arguments = ["simulate", file, "--t-final", "1", "--samples", "3", "-o", "a.csv"];
+            folder.done(&[&arguments, options].concat(), "");
+            let text = std::fs::read_to_string(folder.0.join("a.csv")).unwrap();
+            let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+            let names = lines.next().unwrap();
+            let last = lines.next_back().unwrap();
+            let at = |name: &str| last[names.iter().position(|n| n == name).unwrap()].parse::<f64>().unwrap();
+            let values: Vec<f64> = modes.iter().chain(&["energy"]).map(|name| at(name)).collect();
+            values
+        };
+        // As published, and with other parameters, which initial values follow.
+        for set in [&[][..], &["--set", "b=0.5", "--set", "nu=0.02", "--set", "F=0"]] {
+            let expected = table("equations.hamel", set);
+            let off = |step: &str| {
+                let found = table("products.hamel", &[&["--step", step], set].concat());
+                found.iter().zip(&expected).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
+            };
+            let (coarse, fine) = (off("0.02"), off("0.01"));
+            // Modes have the size 2.
+            assert!(fine < 1e-3 && (3.5..4.5).contains(&(coarse / fine)), "{algebra}: {coarse:e}, {fine:e}");
+        }
+        let said = folder.refused(&["simulate", "products.hamel", "--step", "0.1", "--set", "F=-1"], "");
+        assert!(said.contains("the parameters violate `F >= 0`"), "{said}");
+        let request = "{\"params\": {\"b\": 0.1}, \"initial\": {}, \"t_final\": 1, \"step\": 0.1}";
+        let filled = modes.iter().map(|m| format!("\"{m}\": 0.5")).collect::<Vec<_>>().join(", ");
+        let answer = folder.json("products.hamel", &request.replace("{}", &format!("{{{filled}}}")));
+        assert_eq!(answer["steps"], 10);
+        let page = folder.done(&["report", "products.hamel", "--step", "0.05", "-o", "a.html"], "");
+        assert!(page.contains("a.html"), "{page}");
+        let page = std::fs::read_to_string(folder.0.join("a.html")).unwrap();
+        assert!(page.contains("fluid with friction or force"));
+    }
+}
+
 #[test]
 fn any_size_is_simulated_and_generated() {
     let modes = [("re_1_0".to_owned(), 0.5), ("im_1_2".to_owned(), 0.3)];

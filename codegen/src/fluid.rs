@@ -1,6 +1,6 @@
 //! Fluids of matrices as the runtime moves them: the numbers of a model in its words, and the names of modes.
 //!
-//! Does not know: who asks for a motion, what is written of a model.
+//! Does not know: who asks for a motion, texts of models.
 
 use hamel_expr::{Rational, rational_to_f64};
 use hamel_lang::spec::{FluidWave, MatrixFluid};
@@ -172,7 +172,7 @@ impl<'s, S: Modes> Solver<'s, S> {
     /// Moves the fluid to a time.
     ///
     /// # Errors
-    /// Those of the steps.
+    /// A step that does not converge.
     pub fn integrate_to(&mut self, t_end: f64) -> Result<(), Error> {
         match self {
             Solver::Ideal(ideal) => ideal.integrate_to(t_end),
@@ -181,7 +181,7 @@ impl<'s, S: Modes> Solver<'s, S> {
     }
 }
 
-/// The exact value of a double; none for one that is not finite.
+/// The exact value of a finite double.
 pub fn rational(value: f64) -> Option<Rational> {
     Rational::from_float(value)
 }

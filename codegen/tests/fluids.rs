@@ -4,10 +4,12 @@
 //! Write them again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main fluids`.
 
 use expect_test::expect_file;
-use hamel_codegen::Config;
 use hamel_codegen::config::Bundle;
-use hamel_codegen::spec;
-use hamel_runtime::matrices::{IsospectralMidpoint, Options, Sphere, Torus};
+use hamel_codegen::error::Error;
+use hamel_codegen::spec::{self, MatrixFluid};
+use hamel_codegen::{Config, certify};
+use hamel_runtime::matrices::{Damped, IsospectralMidpoint, Options, Sphere, Torus};
+use num_rational::BigRational;
 
 /// The module on the torus, as a crate has it.
 mod torus {
@@ -19,12 +21,21 @@ mod sphere {
     include!("fluids/sphere.rs");
 }
 
+/// A sphere that turns, with a radius of deformation, friction and a force.
+mod turning {
+    include!("fluids/turning.rs");
+}
+
 const TORUS: &str = include_str!("fluids/torus.hamel");
 const SPHERE: &str = include_str!("fluids/sphere.hamel");
+const TURNING: &str = include_str!("fluids/turning.hamel");
+
+fn read(name: &str, text: &str) -> MatrixFluid {
+    spec::matrix_fluid(name, text).unwrap_or_else(|e| panic!("{e}")).expect("a fluid of matrices")
+}
 
 fn module(name: &str, text: &str) -> String {
-    let fluid =
-        spec::matrix_fluid(name, text).unwrap_or_else(|e| panic!("{e}")).expect("a fluid of matrices");
+    let fluid = read(name, text);
     let mut bundle = Bundle::default();
     Config::new().add_fluids(&[fluid], &mut bundle).unwrap();
     bundle.files.remove(&format!("{name}.rs")).expect("a file")
@@ -34,11 +45,13 @@ fn module(name: &str, text: &str) -> String {
 fn the_modules_are_the_ones_that_were_compiled() {
     expect_file!["fluids/torus.rs"].assert_eq(&module("torus", TORUS));
     expect_file!["fluids/sphere.rs"].assert_eq(&module("sphere", SPHERE));
+    expect_file!["fluids/turning.rs"].assert_eq(&module("turning", TURNING));
 }
 
 #[test]
 fn modules_of_any_size_differ_in_a_number() {
-    for (name, text, size, largest) in [("torus", TORUS, "63", "1023"), ("sphere", SPHERE, "32", "1024")] {
+    let sizes = [("torus", TORUS, "63", "1023"), ("sphere", SPHERE, "32", "1024")];
+    for (name, text, size, largest) in sizes {
         let other = module(name, &text.replace(&format!("({size})"), &format!("({largest})")));
         let number = |n: &str| format!("pub const N: usize = {n};");
         assert_eq!(module(name, text).replace(&number(size), &number(largest)), other);
@@ -90,4 +103,62 @@ fn a_fluid_on_the_sphere_begins_and_goes_on_as_the_model_says() {
     // Solid rotation stays, and turns the other harmonics.
     let moved = sphere::modes(&fluid);
     assert!((moved[0] - 1.0).abs() < 1e-12 && (moved[1] - 0.25).abs() > 1e-3, "{moved:?}");
+}
+
+#[test]
+fn a_fluid_with_friction_begins_and_goes_on_as_the_model_says() {
+    let surface = turning::surface(vec![0.0; Sphere::<Vec<f64>>::storage(turning::N)]).unwrap();
+    let options = Options::fixed(0.05).with_background();
+    let room = vec![0.0; IsospectralMidpoint::<Sphere<Vec<f64>>, Vec<f64>>::storage(turning::N, &options)];
+    let more = vec![0.0; Damped::<Sphere<Vec<f64>>, Vec<f64>>::storage(turning::N)];
+    let mut fluid = turning::fluid(&surface, room, more, options).unwrap();
+    let modes = turning::modes(&fluid);
+    assert!(modes.iter().zip(turning::INITIAL).all(|(x, y)| (x - y).abs() < 1e-14), "{modes:?}");
+    // Half the sum of squares by F + l (l + 1), and the linear terms.
+    let [_, (_, rotation), (_, radius), _] = turning::PARAMS;
+    let of = |x: f64, l: f64| 0.5 * x * x / (radius + l * (l + 1.0));
+    let energy = of(2.0 * rotation, 1.0) + of(0.25, 5.0) + of(-0.5, 3.0) - 2.0 * rotation * rotation - 0.05;
+    assert!((turning::energy(&mut fluid) - energy).abs() < 1e-14);
+    let [before] = turning::casimirs(&mut fluid);
+    fluid.integrate_to(1.0).unwrap();
+    let [after] = turning::casimirs(&mut fluid);
+    assert!((before - after).abs() > 1e-3, "{before} {after}");
+}
+
+/// The certificate finds each number that the text does not say.
+#[test]
+fn numbers_that_the_text_does_not_say_are_found() {
+    let right = read("turning", TURNING);
+    certify::fluid(&right).unwrap();
+    let half = BigRational::new(1.into(), 2.into());
+    type Fault = fn(&mut MatrixFluid, &BigRational);
+    let faults: [(&str, Fault); 9] = [
+        ("scale", |f, half| f.scale = -f.scale.clone() * half),
+        ("shift", |f, half| f.shift = f.shift.clone() + half),
+        ("sign of the background", |f, _| f.background[0].value = -f.background[0].value.clone()),
+        ("no background", |f, _| f.background.clear()),
+        ("cosine for sine", |f, _| f.background[1].wave.is_second = false),
+        ("friction of another power", |f, _| f.friction.insert(0, BigRational::from_integer(0.into()))),
+        ("sign of the friction", |f, _| f.friction[1] = -f.friction[1].clone()),
+        ("no force", |f, _| f.force.clear()),
+        ("another wave of the force", |f, _| f.force[0].wave.wave.1 += 1),
+    ];
+    for (name, fault) in faults {
+        let mut wrong = right.clone();
+        fault(&mut wrong, &half);
+        assert!(matches!(certify::fluid(&wrong), Err(Error::Disagrees { .. })), "{name}");
+    }
+}
+
+#[test]
+fn parameters_have_other_values() {
+    let fluid = read("turning", TURNING);
+    let mut values: Vec<BigRational> = fluid.params.iter().map(|p| p.value.clone()).collect();
+    values[2] = BigRational::from_integer(2.into());
+    let other = fluid.at(&values).unwrap();
+    assert_eq!((&other.shift, other.shift == fluid.shift), (&values[2], false));
+    certify::fluid(&other).unwrap();
+    values[2] = BigRational::from_integer((-1).into());
+    let refused = fluid.at(&values).unwrap_err().to_string();
+    assert!(refused.contains("the parameters violate `F >= 0`"), "{refused}");
 }

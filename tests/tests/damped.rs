@@ -1,5 +1,5 @@
-//! Fluids of matrices with a radius of deformation, a background that turns, friction and forces: against what is known
-//! of them exactly.
+//! Fluids of matrices with a radius of deformation, a background that turns, friction and forces: against exact
+//! solutions.
 
 use hamel_runtime::Error;
 use hamel_runtime::matrices::{

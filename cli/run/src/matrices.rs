@@ -59,6 +59,22 @@ pub fn initial(fluid: &MatrixFluid) -> Vec<f64> {
     fluid.modes.iter().map(|mode| rational_to_f64(&mode.initial)).collect()
 }
 
+/// The fluid with values of its parameters, in their order.
+///
+/// # Errors
+/// [`Error::Options`] for values that are not finite, and conditions that they violate.
+pub fn at(fluid: &MatrixFluid, params: &[f64]) -> Result<MatrixFluid, Error> {
+    let mut exact = Vec::new();
+    for (param, value) in fluid.params.iter().zip(params) {
+        // A double is not the decimal number that it stands for.
+        let is_default = rational_to_f64(&param.value) == *value;
+        let given = if is_default { Some(param.value.clone()) } else { rational(*value) };
+        let reason = format!("parameter {}: {value} is no finite number", param.name);
+        exact.push(given.ok_or(Error::Options { reason })?);
+    }
+    Ok(fluid.at(&exact)?)
+}
+
 /// What came out, and the Casimirs at the start and at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
@@ -95,15 +111,7 @@ pub fn simulate(
         let reason = "a fluid of matrices is moved in fixed steps: give the step, and no tolerances";
         return Err(options(reason.into()));
     };
-    let mut exact = Vec::new();
-    for (param, value) in fluid.params.iter().zip(&request.params) {
-        // A double is not the decimal number that it stands for.
-        let is_default = rational_to_f64(&param.value) == *value;
-        let given = if is_default { Some(param.value.clone()) } else { rational(*value) };
-        let not_finite = || options(format!("parameter {}: {value} is no finite number", param.name));
-        exact.push(given.ok_or_else(not_finite)?);
-    }
-    let fluid = &fluid.at(&exact)?;
+    let fluid = &at(fluid, &request.params)?;
     certify::fluid(fluid)
         .map_err(|source| Problem::Emission { model: fluid.name.clone(), source: Box::new(source) })
         .map_err(hamel_codegen::config::Problems::from)?;

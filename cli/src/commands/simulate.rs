@@ -205,13 +205,16 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     }
     let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
     let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
+    let params: Vec<f64> =
+        info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
+    let fluid = &matrices::at(fluid, &params)?;
     let mut initial = matrices::initial(fluid);
     for (name, value) in info.state.iter().zip(&mut initial) {
         *value = given.get(name).copied().unwrap_or(*value);
     }
     let steps = Steps::Fixed { step };
     let request = SimulateRequest {
-        params: info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect(),
+        params,
         initial,
         t_final: arguments.end.t_final,
         method,

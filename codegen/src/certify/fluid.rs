@@ -1,8 +1,8 @@
-//! Fluids of matrices held to their text: at random vorticities, energy, stream function and forces of the solver beside
-//! the hamiltonian and the forces of the model, evaluated by arithmetic alone ([`Meaning`]).
+//! Fluids of matrices held to their text: at random vorticities, energy, stream function and forces of the solver
+//! beside the hamiltonian and the forces of the model, evaluated by arithmetic alone ([`Meaning`]).
 //!
-//! The pairing makes the stream function: `dh(omega) . delta = sum of pairing psi_m delta_m`. Neither depends on the size
-//! of the matrices but for the waves that there are: the check is done at the least size that has all waves of the
+//! The pairing makes the stream function: `dh(omega) . delta = sum of pairing psi_m delta_m`. Neither depends on the
+//! size of the matrices but for the waves that there are: the check is done at the least size that has all waves of the
 //! model, so that it takes no time. That commutators of matrices are the brackets of the algebra is shown by tests on
 //! models that have both.
 //!

@@ -3,6 +3,10 @@
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const N: usize = 32;
 
+/// Degree and order of a mode, and whether that of the cosine (0) or the sine (1) is meant.
+#[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
+pub type Wave = ((usize, usize), usize);
+
 /// Modes that the model gives, of the vorticity.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const MODES: [&str; 3] = ["c_1_0", "c_5_4", "s_3_2"];
@@ -11,9 +15,9 @@ pub const MODES: [&str; 3] = ["c_1_0", "c_5_4", "s_3_2"];
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const INITIAL: [f64; 3] = [1.0, 0.25, 0.5];
 
-/// Degree and order of each mode, and whether it is that of the cosine (0) or the sine (1).
+/// Their waves.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
-pub const WAVES: [((usize, usize), usize); 3] = [((1, 0), 0), ((5, 4), 0), ((3, 2), 1)];
+pub const WAVES: [Wave; 3] = [((1, 0), 0), ((5, 4), 0), ((3, 2), 1)];
 
 /// What the fluid flows on; `tables` have room for [`storage`](::hamel_runtime::matrices::Sphere::storage) of [`N`].
 ///

@@ -3,6 +3,10 @@
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const N: usize = 63;
 
+/// A wave vector, and whether its real (0) or its imaginary part (1) is meant.
+#[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
+pub type Wave = ((isize, isize), usize);
+
 /// Modes that the model gives, of vorticity [1/s].
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const MODES: [&str; 4] = ["w_re_1_0", "w_im_1_2", "w_re_3_m2", "w_re_0_1"];
@@ -11,14 +15,9 @@ pub const MODES: [&str; 4] = ["w_re_1_0", "w_im_1_2", "w_re_3_m2", "w_re_0_1"];
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const INITIAL: [f64; 4] = [0.5, 0.25, -0.125, 0.0];
 
-/// Wave vector of each mode, and whether it is the real (0) or the imaginary part (1).
+/// Their waves.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
-pub const WAVES: [((isize, isize), usize); 4] = [
-    ((1, 0), 0),
-    ((1, 2), 1),
-    ((3, -2), 0),
-    ((0, 1), 0),
-];
+pub const WAVES: [Wave; 4] = [((1, 0), 0), ((1, 2), 1), ((3, -2), 0), ((0, 1), 0)];
 
 /// What the fluid flows on; `tables` have room for [`storage`](::hamel_runtime::matrices::Torus::storage) of [`N`].
 ///

@@ -12,8 +12,8 @@ use crate::math::{exp, mul_add, sinh};
 /// Highest power of the Laplacian in a friction.
 const MAX_POWER: usize = 4;
 
-/// A friction that is a polynomial of minus the Laplacian, with the eigenvalue `lambda` of a mode (`|m|^2` on the torus,
-/// `l (l + 1)` on the sphere):
+/// A friction that is a polynomial of minus the Laplacian, with the eigenvalue `lambda` of a mode (`|m|^2` on the
+/// torus, `l (l + 1)` on the sphere):
 ///
 /// ```text
 /// omega' = .. - d(lambda) omega,   d = sum over k of c_k lambda^k
@@ -70,7 +70,7 @@ pub struct Damped<'s, L, S> {
     fluid: IsospectralMidpoint<'s, L, S>,
     friction: Friction,
     storage: S,
-    /// The half step that factors and impulse belong to; none before the first.
+    /// The half step that factors and impulse belong to, from the first step on.
     prepared: Option<f64>,
 }
 
@@ -100,7 +100,7 @@ impl<'a> Matrices<'a> {
 }
 
 impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> Damped<'s, L, S> {
-    /// Numbers that a solver takes beside those of the ideal fluid.
+    /// Numbers that a solver takes in addition to the ideal fluid's.
     #[must_use]
     pub fn storage(n: usize) -> usize {
         2 * LANES * (3 * n_rows(n, n) + L::n_filter_work(n)) + L::n_factors(n)
@@ -165,7 +165,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> Damped<'s, L, S> {
     ///
     /// # Errors
     ///
-    /// Those of [`IsospectralMidpoint::step`]. The vorticity before is kept.
+    /// As [`IsospectralMidpoint::step`]. The vorticity before is kept.
     pub fn step(&mut self) -> Result<(), Error> {
         self.step_by(self.fluid.options().step)
     }
@@ -174,7 +174,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> Damped<'s, L, S> {
     ///
     /// # Errors
     ///
-    /// [`Error::TimeNotFinite`] for `t_end`, and those of [`step`](Self::step).
+    /// [`Error::TimeNotFinite`] for `t_end`, and the errors of [`step`](Self::step).
     pub fn integrate_to(&mut self, t_end: f64) -> Result<(), Error> {
         while let Some((h, is_last)) = self.fluid.step_towards(t_end)? {
             self.step_by(h)?;

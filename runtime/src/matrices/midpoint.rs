@@ -272,7 +272,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         MatrixMut { n, rows: vorticity }
     }
 
-    /// The constant stream function to write, which is added to that of the vorticity; what is known of steps before is
+    /// The constant stream function to write, which is added to that of the vorticity; the steps before are
     /// forgotten. On the sphere `P = -Omega z` beside the vorticity that is seen from space is a frame that turns
     /// with the angular velocity `Omega`.
     ///
@@ -286,7 +286,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         MatrixMut { n, rows: self.matrices().background }
     }
 
-    /// Changes the vorticity by other terms of its motion; what is known of steps before stays.
+    /// Changes the vorticity by other terms of its motion, and keeps the steps before.
     pub(super) fn change_vorticity(&mut self, change: impl FnOnce(&mut [Row])) {
         let is_known = self.size.is_some();
         let Matrices { vorticity, residue, .. } = self.matrices();

@@ -6,14 +6,14 @@ use super::Error;
 
 /// The stream function `P = scale (shift - Delta)^-1 W` of a vorticity.
 ///
-/// With `scale = 1` and `shift = 0` the fluid is an ideal one. A `shift` is that of quasi-geostrophic motion, the square
-/// of the inverse radius of deformation (Rossby radius): `W` is the potential vorticity then.
+/// With `scale = 1` and `shift = 0` the fluid is an ideal one. A `shift` is that of quasi-geostrophic motion, the
+/// square of the inverse radius of deformation (Rossby radius): `W` is the potential vorticity then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Stream {
     /// Factor, not zero.
     pub scale: f64,
-    /// What is added to the eigenvalues of minus the Laplacian, not negative.
+    /// Summand of the eigenvalues of minus the Laplacian, not negative.
     pub shift: f64,
 }
 

@@ -128,7 +128,7 @@ pub struct FluidText {
     pub vorticity: String,
     /// Parameters by name, with the values that all numbers belong to.
     pub params: Vec<(String, f64)>,
-    /// Factor and shift of the stream function; none for that of an ideal fluid.
+    /// Factor and shift of the stream function, unless the fluid is an ideal one.
     pub stream: Option<[f64; 2]>,
     /// The constant stream function.
     pub background: Vec<FluidTermText>,

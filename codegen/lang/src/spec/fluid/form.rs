@@ -10,7 +10,9 @@ use num_traits::{One, ToPrimitive, Zero};
 
 use super::super::ast::{Expr, Node};
 use super::super::limits::MAX_DEPTH;
-use super::{FluidWave, MAX_FRICTION, Momenta};
+use super::found::Momenta;
+use super::model::MAX_FRICTION;
+use super::waves::FluidWave;
 use hamel_expr::Rational;
 
 /// Most binary digits of numerator and denominator of a number, several times those of the longest that can be written:
@@ -54,7 +56,7 @@ pub(super) struct Names<'a> {
     pub(super) momenta: Momenta<'a>,
     pub(super) lets: BTreeMap<&'a str, &'a Expr>,
     pub(super) params: BTreeMap<&'a str, Rational>,
-    /// What definitions are; none also while one is being looked at, which is a definition of itself then.
+    /// Forms of definitions. A definition of itself has none while it is being looked at.
     pub(super) known: RefCell<BTreeMap<&'a str, Option<Form>>>,
 }
 
@@ -62,7 +64,7 @@ fn short(q: &Rational) -> bool {
     q.numer().bits().max(q.denom().bits()) <= MAX_BITS
 }
 
-/// The polynomial without leading zeros; none where it has a power or digits that are too many.
+/// The polynomial without leading zeros, unless it has a power or digits that are too many.
 fn bounded(mut polynomial: Polynomial) -> Option<Polynomial> {
     while polynomial.last().is_some_and(Zero::is_zero) {
         polynomial.pop();
@@ -224,7 +226,7 @@ impl<'a> Names<'a> {
         matches!(&expr.node, Node::Name(name) if Some(name.as_str()) == self.momenta.algebra)
     }
 
-    /// What an expression is; none for what a fluid of matrices has not.
+    /// The form of an expression, if a fluid of matrices may have it.
     pub(super) fn form(&self, expr: &Expr) -> Option<Form> {
         self.form_at(expr, 0)
     }

@@ -12,10 +12,9 @@ use super::super::diagnostic::{Diagnostic, Help, Origin, Span};
 use super::super::names;
 use super::super::want::Want;
 use super::form::{Form, Function, Names};
-use super::{
-    FluidCasimir, FluidMode, FluidParam, FluidSurface, FluidTerm, MAX_FRICTION, MatrixFluid, Momenta,
-    energy_text, exists, momenta, sizes, wanted,
-};
+use super::found::{Momenta, energy_text, exists, momenta, sizes, wanted};
+use super::model::{FluidCasimir, FluidMode, FluidParam, FluidTerm, MAX_FRICTION, MatrixFluid};
+use super::waves::{FluidSurface, FluidWave};
 use hamel_expr::{Rational, rational_to_f64};
 
 /// Largest power of a Casimir.
@@ -62,7 +61,7 @@ struct Met {
     /// A force on the vorticity as a whole.
     force: bool,
     /// Forces on components.
-    forced: BTreeSet<super::FluidWave>,
+    forced: BTreeSet<FluidWave>,
 }
 
 impl<'a> Reader<'a> {
@@ -339,13 +338,13 @@ impl<'a> Reader<'a> {
         }
         if fluid.shift.is_negative() {
             let help = "write `laplacian(..) - F*identity(..)` with a number F that is not negative";
-            self.problem(value.span, "the square of the radius of deformation is negative", help);
+            self.problem(value.span, "the square of the inverse radius of deformation is negative", help);
         }
         fluid.background = terms(linear.into_iter().map(|(wave, value)| (wave, value / &pairing)));
     }
 
     /// The component of the vorticity that a velocity belongs to, `dh_dre_1_0`.
-    fn component_of_velocity(&self, name: &str) -> Option<super::FluidWave> {
+    fn component_of_velocity(&self, name: &str) -> Option<FluidWave> {
         self.names.component(name.strip_prefix("dh_d")?)
     }
 
@@ -398,7 +397,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A force on a component that is a number.
-    fn constant_force(&mut self, wave: super::FluidWave, value: &Expr, fluid: &mut MatrixFluid) {
+    fn constant_force(&mut self, wave: FluidWave, value: &Expr, fluid: &mut MatrixFluid) {
         let Some(q) = self.number(value) else {
             let help = "a force that depends on the vorticity is `force dh_domega = ..;` with a polynomial of the laplacian";
             self.problem(value.span, "a force on a component of a fluid of matrices is a number", help);
@@ -471,7 +470,7 @@ impl<'a> Reader<'a> {
 }
 
 /// Terms in the order of the waves, without those that vanish.
-fn terms(all: impl Iterator<Item = (super::FluidWave, Rational)>) -> Vec<FluidTerm> {
+fn terms(all: impl Iterator<Item = (FluidWave, Rational)>) -> Vec<FluidTerm> {
     let sorted: BTreeMap<_, _> = all.filter(|(_, value)| !value.is_zero()).collect();
     sorted.into_iter().map(|(wave, value)| FluidTerm { wave, value }).collect()
 }

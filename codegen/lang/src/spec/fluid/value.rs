@@ -1,12 +1,14 @@
-//! The meaning of a fluid's text by arithmetic alone: its hamiltonian and its forces at a vorticity, for matrices of any
-//! size. Nothing of [`form`](super::form) is used: it is what its results are compared with.
+//! The meaning of a fluid's text by arithmetic alone: its hamiltonian and its forces at a vorticity, for matrices of
+//! any size. Nothing of [`form`](super::form) is used: it is what its results are compared with.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use super::super::ast::{Expr, File, ItemKind, Node};
 use super::super::limits::MAX_DEPTH;
-use super::{FluidSurface, FluidWave, MatrixFluid, momenta};
+use super::found::momenta;
+use super::model::MatrixFluid;
+use super::waves::{FluidSurface, FluidWave};
 use hamel_expr::rational_to_f64;
 
 /// A number with its derivative in one direction.

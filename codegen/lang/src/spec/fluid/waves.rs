@@ -21,8 +21,8 @@ pub struct FluidWave {
 }
 
 impl FluidSurface {
-    /// The coefficient that a label of the algebra names, such as `re_1_m2` or `c_2_1`; none for one that there is not
-    /// for matrices of the size `n`.
+    /// The coefficient that a label of the algebra names, such as `re_1_m2` or `c_2_1`, if matrices of the size `n`
+    /// have it.
     pub(super) fn wave(self, n: usize, label: &str) -> Option<FluidWave> {
         let n = i64::try_from(n).ok()?;
         let mut parts = label.split('_');

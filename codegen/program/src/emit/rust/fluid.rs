@@ -74,13 +74,19 @@ impl<'a> Writer<'a> {
         let n_modes = text.modes.len();
         let wave_doc = match text.surface {
             SurfaceText::Torus => {
-                "Wave vector of each mode, and whether it is the real (0) or the imaginary part (1)."
+                "A wave vector, and whether its real (0) or its imaginary part (1) is meant."
             }
             SurfaceText::Sphere => {
-                "Degree and order of each mode, and whether it is that of the cosine (0) or the sine (1)."
+                "Degree and order of a mode, and whether that of the cosine (0) or the sine (1) is meant."
             }
         };
-        let mut code = format!("/// Size of the matrices.\npub const N: usize = {};\n", text.n);
+        let mut code = format!(
+            "/// Size of the matrices.\n\
+             pub const N: usize = {};\n\
+             /// {wave_doc}\n\
+             pub type Wave = (({index}, {index}), usize);\n",
+            text.n
+        );
         if !text.params.is_empty() {
             let _ = write!(
                 code,
@@ -99,16 +105,8 @@ impl<'a> Writer<'a> {
             );
         }
         for (name, doc, terms) in [
-            (
-                "BACKGROUND",
-                "The constant part of the stream function: waves as [`WAVES`], and values.",
-                &text.background,
-            ),
-            (
-                "FORCE",
-                "What the force adds to the vorticity in a unit of time: waves as [`WAVES`], and values.",
-                &text.force,
-            ),
+            ("BACKGROUND", "The constant part of the stream function.", &text.background),
+            ("FORCE", "Rates of the vorticity by the force.", &text.force),
         ] {
             if !terms.is_empty() {
                 let values = terms.iter().map(|m| {
@@ -117,7 +115,7 @@ impl<'a> Writer<'a> {
                 });
                 let _ = write!(
                     code,
-                    "/// {doc}\npub const {name}: [((({index}, {index}), usize), f64); {}] = [{}];\n",
+                    "/// {doc}\npub const {name}: [(Wave, f64); {}] = [{}];\n",
                     terms.len(),
                     list(values)
                 );
@@ -137,8 +135,8 @@ impl<'a> Writer<'a> {
              pub const MODES: [&str; {n_modes}] = [{names}];\n\
              /// Their values at time zero; all others begin with zero.\n\
              pub const INITIAL: [f64; {n_modes}] = [{initial}];\n\
-             /// {wave_doc}\n\
-             pub const WAVES: [(({index}, {index}), usize); {n_modes}] = [{waves}];\n",
+             /// Their waves.\n\
+             pub const WAVES: [Wave; {n_modes}] = [{waves}];\n",
             vorticity = lower(&text.vorticity),
             names = list(text.modes.iter().map(|(name, _)| format!("{name:?}"))),
             initial = list(text.modes.iter().map(|(_, mode)| format!("{:?}", mode.value))),

@@ -58,6 +58,7 @@ pub(super) fn format_module(tokens: TokenStream) -> Result<String, Error> {
             syn::Item::Const(item) => &mut item.attrs,
             syn::Item::Fn(item) => &mut item.attrs,
             syn::Item::Struct(item) => &mut item.attrs,
+            syn::Item::Type(item) => &mut item.attrs,
             syn::Item::Impl(item) if item.trait_.is_none() => &mut item.attrs,
             _ => continue,
         };

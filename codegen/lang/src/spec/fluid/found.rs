@@ -1,0 +1,88 @@
+//! Where a file has the momenta of a fluid of matrices, and which sizes there are.
+//!
+//! Does not know: everything else in the file.
+
+use super::super::ast::{AlgebraExpr, AlgebraNode, File, Item, ItemKind, Name};
+use super::super::diagnostic::Span;
+use super::super::limits::MAX_MATRIX;
+use super::super::want::Want;
+use super::waves::FluidSurface;
+
+/// The momenta of a fluid in an algebra of functions.
+#[derive(Clone, Copy)]
+pub(super) struct Momenta<'a> {
+    pub(super) item: &'a Item,
+    pub(super) names: &'a [Name],
+    pub(super) labels: &'a [Name],
+    pub(super) surface: FluidSurface,
+    pub(super) n: usize,
+    /// The name of the algebra, where it has one.
+    pub(super) algebra: Option<&'a str>,
+}
+
+/// Surface and size of an algebra of functions on a surface.
+fn surface_of(expr: &AlgebraExpr) -> Option<(FluidSurface, usize)> {
+    let AlgebraNode::Call(family, arguments) = &expr.node else { return None };
+    let surface = match family.text.as_str() {
+        "zeitlin" => FluidSurface::Torus,
+        "zeitlin_sphere" => FluidSurface::Sphere,
+        _ => return None,
+    };
+    match arguments.as_slice() {
+        [AlgebraExpr { node: AlgebraNode::Number(n), .. }] => Some((surface, *n)),
+        _ => None,
+    }
+}
+
+pub(super) fn momenta(file: &File) -> Option<Momenta<'_>> {
+    file.items.iter().find_map(|item| {
+        let ItemKind::MomentumIn { names, algebra, labels } = &item.kind else { return None };
+        let named = match &algebra.node {
+            AlgebraNode::Name(name) => file.items.iter().find_map(|other| match &other.kind {
+                ItemKind::AlgebraName { name: own, value } if own.text == *name => {
+                    Some((value, Some(own.text.as_str())))
+                }
+                _ => None,
+            }),
+            _ => Some((algebra, None)),
+        };
+        let (value, algebra) = named?;
+        let (surface, n) = surface_of(value)?;
+        Some(Momenta { item, names, labels, surface, n, algebra })
+    })
+}
+
+/// Where a scene wants matrices.
+pub(super) fn wanted(file: &File) -> Option<Span> {
+    file.items.iter().find_map(|item| match &item.kind {
+        ItemKind::Scene { wants, .. } => {
+            wants.iter().find(|want| want.text == Want::Matrices.name()).map(|want| want.span)
+        }
+        _ => None,
+    })
+}
+
+/// Whether matrices of that size exist.
+pub(super) fn exists(surface: FluidSurface, n: usize) -> bool {
+    match surface {
+        FluidSurface::Torus => (3..=MAX_MATRIX).contains(&n) && !n.is_multiple_of(2),
+        FluidSurface::Sphere => (2..=MAX_MATRIX).contains(&n),
+    }
+}
+
+/// Sizes for which matrices exist.
+pub(super) fn sizes(surface: FluidSurface) -> String {
+    match surface {
+        FluidSurface::Torus => format!("odd numbers from 3 to {}", MAX_MATRIX - 1),
+        FluidSurface::Sphere => format!("numbers from 2 to {MAX_MATRIX}"),
+    }
+}
+
+/// The energy of a fluid as a model has it; an algebra without a name is that of the velocities.
+pub(super) fn energy_text(surface: FluidSurface, algebra: &str, omega: &str) -> String {
+    let factor = match surface {
+        FluidSurface::Torus => "-",
+        FluidSurface::Sphere => "-1/2*",
+    };
+    format!("{factor}dot({omega}, laplacian({algebra})^-1*{omega})")
+}
