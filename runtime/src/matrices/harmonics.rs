@@ -75,10 +75,10 @@ pub(super) fn harmonic(n: usize, (l, m): (usize, usize), norm: f64, mut visit: i
 
 /// Numbers that [`filter`] needs room for.
 pub(super) const fn n_filter_work(n: usize) -> usize {
-    (N_LINES + LANES) * n.div_ceil(2)
+    (N_LINES + 3 * LANES) * n.div_ceil(2)
 }
 
-/// Lines of half a diagonal that [`filter`] has: what the recurrence takes, even and odd parts, and their changes.
+/// Lines of half a diagonal that [`filter`] has: of the recurrence, even and odd parts, and their changes.
 const N_LINES: usize = 11;
 
 /// The recurrence of the eigenvectors along a diagonal.
@@ -102,13 +102,12 @@ impl Recurrence<'_> {
             let (here, by_beside) = (self.on[i - 1], self.by_beside[i - 1]);
             let (value, before) = (vectors[i - 1], if i > 1 { vectors[i - 2] } else { [0.0; LANES] });
             let mut next = [0.0; LANES];
-            let mut largest = 0.0_f64;
             for l in 0..LANES {
                 next[l] = ((here - eigenvalues[l]) * value[l] - past * before[l]) * by_beside;
-                largest = if next[l].abs() > largest { next[l].abs() } else { largest };
             }
             vectors[i] = next;
-            if largest > GROWN {
+            // A step grows by 2^24 at most.
+            if i % 8 == 0 {
                 for l in (0..LANES).filter(|l| next[*l].abs() > GROWN) {
                     vectors[..=i].iter_mut().for_each(|row| row[l] *= SMALLER);
                 }
@@ -132,7 +131,9 @@ pub(super) fn filter(n: usize, m: usize, factors: &[f64], rows: &mut [Row], work
     let half = length.div_ceil(2);
     let has_middle = !length.is_multiple_of(2);
     let (lines, vectors) = work[..n_filter_work(n)].split_at_mut(N_LINES * n.div_ceil(2));
-    let vectors = vectors.as_chunks_mut::<LANES>().0;
+    let (vectors, sums_of_lanes) = vectors.as_chunks_mut::<LANES>().0.split_at_mut(n.div_ceil(2));
+    let mut sums_of_lanes = sums_of_lanes.chunks_mut(n.div_ceil(2)).map(|line| &mut line[..half]);
+    let mut of_lanes = [(); 2].map(|()| sums_of_lanes.next().expect("a line"));
     let mut lines = lines.chunks_mut(n.div_ceil(2)).map(|line| &mut line[..half]);
     let mut line = || lines.next().expect("a line");
     let (on, beside, by_beside) = (line(), line(), line());
@@ -150,11 +151,11 @@ pub(super) fn filter(n: usize, m: usize, factors: &[f64], rows: &mut [Row], work
             // An odd vector vanishes in its middle.
             (parts[0][part][i], parts[1][part][i]) = if mirror == i { (x, 0.0) } else { (x + y, x - y) };
         }
-        changes.iter_mut().flatten().for_each(|line| line[i] = 0.0);
     }
     let recurrence = Recurrence { on, beside, by_beside, half, has_middle };
     for parity in 0..2 {
         let (parts, changes) = (&mut parts[parity], &mut changes[parity]);
+        of_lanes.iter_mut().for_each(|line| line.fill([0.0; LANES]));
         let mut first = m + parity;
         while first < n {
             // Degrees beyond the last one are the last one again, and change nothing.
@@ -181,14 +182,17 @@ pub(super) fn filter(n: usize, m: usize, factors: &[f64], rows: &mut [Row], work
                     sum[l] *= change[l] / squares[l];
                 }
             }
-            for (i, row) in vectors[..half].iter().enumerate() {
-                for part in 0..2 {
-                    let mut total = 0.0;
+            for (part, line) in of_lanes.iter_mut().enumerate() {
+                for (of_element, row) in line.iter_mut().zip(vectors.iter()) {
                     for l in 0..LANES {
-                        total = mul_add(sums[part][l], row[l], total);
+                        of_element[l] = mul_add(sums[part][l], row[l], of_element[l]);
                     }
-                    changes[part][i] += total;
                 }
+            }
+        }
+        for (change, line) in changes.iter_mut().zip(&of_lanes) {
+            for (x, of_element) in change.iter_mut().zip(line.iter()) {
+                *x = of_element.iter().sum();
             }
         }
     }
