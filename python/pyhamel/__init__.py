@@ -15,6 +15,7 @@ in memory, and kept in the user's cache.
 
 from ._equilibria import Change, Equilibrium, Family
 from ._errors import Diagnostic, Error, FileError, InputError, IntegrationError, ModelError, ModelWarning
+from ._fluid import Fluid, FluidMotion
 from ._hamel import __version__
 from ._model import Model, Params, import_robot, load, methods, models
 from ._results import Ensemble, Event, Motion, Outputs, Reduced
@@ -29,6 +30,8 @@ __all__ = [
     "Event",
     "Family",
     "FileError",
+    "Fluid",
+    "FluidMotion",
     "InputError",
     "IntegrationError",
     "Model",

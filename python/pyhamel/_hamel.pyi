@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 _Array = NDArray[np.float64]
 
 __all__ = [
+    "Fluid",
     "Motion",
     "Scene",
     "Stepper",
@@ -154,6 +155,25 @@ class Stepper:
     @staticmethod
     def of(scene: Scene, dt: float, options: dict[str, Any]) -> Stepper: ...
     def step(self, states: _Array, inputs: _Array | None, t: float, threads: bool | None) -> None: ...
+
+@final
+class Fluid:
+    name: str
+    n: int
+    surface: str
+    modes: list[tuple[str, float]]
+    params: list[tuple[str, float, str]]
+    casimirs: list[str]
+    @staticmethod
+    def load(name: str, text: str | None) -> Fluid: ...
+    def waves(self) -> list[tuple[int, int, bool]]: ...
+    def simulate(
+        self,
+        motion: tuple[float, float, int],
+        y0: dict[str, float],
+        params: dict[str, float],
+        with_fields: bool,
+    ) -> dict[str, _Array]: ...
 
 @final
 class Motion:

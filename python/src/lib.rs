@@ -8,6 +8,7 @@
 mod arrays;
 mod ensemble;
 mod errors;
+mod fluid;
 mod functions;
 mod interrupts;
 mod motion;
@@ -25,6 +26,8 @@ use pyo3::prelude::*;
 /// Scenes of models on arrays of numpy.
 #[pymodule]
 mod _hamel {
+    #[pymodule_export]
+    use crate::fluid::Fluid;
     #[pymodule_export]
     use crate::motion::{Motion, default_samples, ensemble, simulate, write_ensemble};
     #[pymodule_export]

@@ -3,6 +3,8 @@
 //!
 //! Does not know: how a request was written, files, figures, models with equations.
 
+use std::ops::ControlFlow;
+
 use hamel_codegen::certify;
 use hamel_codegen::config::Problem;
 use hamel_codegen::fluid::{Modes, Solver, rational, stream};
@@ -15,7 +17,6 @@ use super::info::{Info, OutputEntry, ParamEntry};
 use super::method::{MethodName, Steps};
 use super::simulation::{Sample, SimulateRequest, SimulateResponse, stopped_because};
 use crate::error::Error;
-use crate::interrupts;
 use crate::model::DEFAULT_SCENE;
 
 /// What the state is in figures and answers: the modes that the model gives.
@@ -87,7 +88,8 @@ pub struct Outcome {
 }
 
 /// Integrates a fluid in steps of one size, at most that of the request, such that samples are at steps; `pictured` are
-/// the samples, in ascending order, at which all of the vorticity is wanted.
+/// the samples, in ascending order, at which all of the vorticity is wanted; `look` is called after steps, and may end
+/// the motion.
 ///
 /// # Errors
 /// [`Error::Options`] for another method and for tolerances in the place of a step, parameters that the model refuses,
@@ -96,6 +98,7 @@ pub fn simulate(
     fluid: &MatrixFluid,
     request: &SimulateRequest,
     pictured: &[usize],
+    look: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Outcome, Error> {
     let info = info(fluid);
     request.validate(&info)?;
@@ -116,8 +119,8 @@ pub fn simulate(
         .map_err(|source| Problem::Emission { model: fluid.name.clone(), source: Box::new(source) })
         .map_err(hamel_codegen::config::Problems::from)?;
     match fluid.surface {
-        FluidSurface::Torus => run::<Torus<Vec<f64>>>((fluid, &info), request, step, pictured),
-        FluidSurface::Sphere => run::<Sphere<Vec<f64>>>((fluid, &info), request, step, pictured),
+        FluidSurface::Torus => run::<Torus<Vec<f64>>>((fluid, &info), request, step, pictured, look),
+        FluidSurface::Sphere => run::<Sphere<Vec<f64>>>((fluid, &info), request, step, pictured, look),
     }
 }
 
@@ -126,6 +129,7 @@ fn run<S: Modes>(
     request: &SimulateRequest,
     step: f64,
     pictured: &[usize],
+    look: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Outcome, Error> {
     let clock = std::time::Instant::now();
     let intervals = request.samples.max(2) - 1;
@@ -180,7 +184,7 @@ fn run<S: Modes>(
             if request.with_outputs && solver.fluid().stats().steps.is_multiple_of(stride) {
                 energy_at_steps.push((solver.fluid().t(), energy));
             }
-            if (k, j) != (intervals, count) && interrupts::look().is_break() {
+            if (k, j) != (intervals, count) && look().is_break() {
                 is_interrupted = true;
                 break 'motion;
             }

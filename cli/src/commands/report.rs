@@ -150,7 +150,8 @@ fn of_matrices(
         tangents: Vec::new(),
     };
     let pictured: Vec<usize> = field::shown(request.samples).collect();
-    let Outcome { response, fields, .. } = matrices::simulate(fluid, &request, &pictured)?;
+    let Outcome { response, fields, .. } =
+        matrices::simulate(fluid, &request, &pictured, &mut hamel_run::interrupts::look)?;
     let motion = Motion {
         info,
         blocks: vec![blocks::of_matrices(fluid)],

@@ -161,7 +161,8 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         }
         let request = SimulateRequest::parse(&text, &info)?;
         let shield = Shield::raise();
-        let Outcome { response, casimirs, .. } = matrices::simulate(fluid, &request, &[])?;
+        let Outcome { response, casimirs, .. } =
+            matrices::simulate(fluid, &request, &[], &mut hamel_run::interrupts::look)?;
         drop(shield);
         let mut answer = response.to_json(&info, 0);
         if let Some(fields) = answer.as_object_mut() {
@@ -233,7 +234,8 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     let is_drawn = targets.iter().any(Target::is_figure);
     let pictured: Vec<usize> = if is_drawn { field::shown(samples).collect() } else { Vec::new() };
     let shield = Shield::raise();
-    let Outcome { response, fields, casimirs } = matrices::simulate(fluid, &request, &pictured)?;
+    let Outcome { response, fields, casimirs } =
+        matrices::simulate(fluid, &request, &pictured, &mut hamel_run::interrupts::look)?;
     drop(shield);
     let title = fluid.doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default();
     let fields: Vec<Field> = is_drawn.then(|| vorticity(fluid, fields)).into_iter().collect();

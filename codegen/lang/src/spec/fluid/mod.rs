@@ -96,7 +96,7 @@ pub(super) fn instead_of_a_table(surface: FluidSurface, possible: &str) -> Strin
 pub(super) fn refusal(span: Span) -> Diagnostic {
     Diagnostic::new(Some(span), "this fluid is moved as products of matrices and has no equations in components")
         .with_help(
-            "`hamel simulate`, `hamel report` and `hamel generate` take it; equations have zeitlin(N) up to 21 and \
-             zeitlin_sphere(N) up to 12, without `want matrices`",
+            "`hamel simulate`, `hamel report`, `hamel generate` and `pyhamel.Fluid` take it; equations have zeitlin(N) \
+             up to 21 and zeitlin_sphere(N) up to 12, without `want matrices`",
         )
 }

@@ -40,7 +40,7 @@ pub struct FluidParam {
     pub value: Rational,
 }
 
-/// A Casimir `tr W^k/N`.
+/// A Casimir of the ideal fluid, `tr W^k/N`, or an output that is one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FluidCasimir {
     /// Name.
@@ -86,7 +86,7 @@ pub struct MatrixFluid {
     pub force: Vec<FluidTerm>,
     /// The modes with an initial value, in the order of the text.
     pub modes: Vec<FluidMode>,
-    /// The Casimirs of the model.
+    /// The Casimirs of the model, and its outputs.
     pub casimirs: Vec<FluidCasimir>,
     /// The text that it was read from.
     pub(super) origin: Origin,

@@ -53,7 +53,7 @@ struct Reader<'a> {
 
 /// Items of which a fluid has one, as far as they were met.
 #[derive(Default)]
-struct Met {
+struct Met<'a> {
     topic: bool,
     action: bool,
     hamiltonian: bool,
@@ -62,6 +62,8 @@ struct Met {
     force: bool,
     /// Forces on components.
     forced: BTreeSet<FluidWave>,
+    /// Traces that are claimed to be conserved.
+    casimirs: Vec<&'a Name>,
 }
 
 impl<'a> Reader<'a> {
@@ -116,7 +118,7 @@ impl<'a> Reader<'a> {
         fluid
     }
 
-    fn item(&mut self, item: &'a Item, file: &'a File, met: &mut Met, fluid: &mut MatrixFluid) {
+    fn item(&mut self, item: &'a Item, file: &'a File, met: &mut Met<'a>, fluid: &mut MatrixFluid) {
         match &item.kind {
             ItemKind::Source(text) => fluid.sources.push(text.clone()),
             ItemKind::Topic(text) => {
@@ -147,8 +149,11 @@ impl<'a> Reader<'a> {
                     _ => self.not_forced(on.span),
                 };
             }
-            ItemKind::Casimir { name, value } => {
+            ItemKind::Casimir { name, value } | ItemKind::Output { name, value } => {
                 self.own_name(name);
+                if matches!(item.kind, ItemKind::Casimir { .. }) {
+                    met.casimirs.push(name);
+                }
                 if let Some(power) = self.casimir(value) {
                     let doc = item.doc.join("\n");
                     fluid.casimirs.push(FluidCasimir { name: name.text.clone(), power, doc });
@@ -175,7 +180,7 @@ impl<'a> Reader<'a> {
             }
             _ => {
                 let help = "keep the algebra, its momentum, `action right;`, the energy as hamiltonian, forces on the \
-                            vorticity, parameters, casimirs by `trace_power`, `initial` modes and `scene default`; \
+                            vorticity, parameters, casimirs and outputs by `trace_power`, `initial` modes and `scene default`; \
                             everything else needs equations, which zeitlin(N) up to 21 and zeitlin_sphere(N) up to 12 \
                             have";
                 let message = "this is no part of a fluid that is moved as products of matrices";
@@ -184,8 +189,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Tells of items that a fluid has to have.
-    fn missing(&mut self, met: &Met, fluid: &MatrixFluid) {
+    /// Tells of items that a fluid has to have, and of claims that do not hold.
+    fn missing(&mut self, met: &Met<'_>, fluid: &MatrixFluid) {
         let span = self.names.momenta.item.span;
         if !met.action {
             self.problem(span, "fluids act from the right", "add `action right;`");
@@ -193,6 +198,11 @@ impl<'a> Reader<'a> {
         if !met.hamiltonian {
             let help = format!("add `hamiltonian = {};`", self.energy_text());
             self.problem(span, "the energy of the fluid is missing", help);
+        }
+        for casimir in met.casimirs.iter().filter(|_| fluid.is_damped()) {
+            let message = format!("casimir {} is not conserved: friction and forces change it", casimir.text);
+            let help = format!("write `output {} = ..;` instead", casimir.text);
+            self.problem(casimir.span, message, help);
         }
         if fluid.modes.is_empty() {
             let name = match fluid.surface {
@@ -302,9 +312,11 @@ impl<'a> Reader<'a> {
     fn wants(&mut self, wants: &[Name], items: &[Item]) {
         let known = [Want::Matrices, Want::Rhs, Want::Energy, Want::Casimirs].map(Want::name);
         for want in wants {
-            let is_casimir =
-                |item: &Item| matches!(&item.kind, ItemKind::Casimir { name, .. } if name.text == want.text);
-            if !known.contains(&want.text.as_str()) && !items.iter().any(is_casimir) {
+            let is_trace = |item: &Item| match &item.kind {
+                ItemKind::Casimir { name, .. } | ItemKind::Output { name, .. } => name.text == want.text,
+                _ => false,
+            };
+            if !known.contains(&want.text.as_str()) && !items.iter().any(is_trace) {
                 let message = format!("a fluid of matrices has no `{}`", want.text);
                 let help = format!("legal here: {}, and casimirs", names::list(&known));
                 self.problem(want.span, message, help);
@@ -361,7 +373,7 @@ impl<'a> Reader<'a> {
         self.problem(span, "forces of a fluid of matrices are on the vorticity", help);
     }
 
-    fn force(&mut self, name: &Name, value: &Expr, met: &mut Met, fluid: &mut MatrixFluid) {
+    fn force(&mut self, name: &Name, value: &Expr, met: &mut Met<'_>, fluid: &mut MatrixFluid) {
         let twice = |reader: &mut Self| {
             let message = format!("force on `{}` is given twice", name.text);
             reader.problem(name.span, message, "write `force along` for what is added to another one");
@@ -416,7 +428,11 @@ impl<'a> Reader<'a> {
             let omega = self.names.vorticity();
             let help =
                 format!("write `trace_power({algebra}{omega}, k)` with a number k from 1 to {MAX_POWER}");
-            self.problem(value.span, "casimirs of a fluid of matrices are traces of its powers", help);
+            self.problem(
+                value.span,
+                "casimirs and outputs of a fluid of matrices are traces of its powers",
+                help,
+            );
         }
         power
     }
