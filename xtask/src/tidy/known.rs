@@ -33,7 +33,7 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
     ),
     (
         "python/src",
-        &["ensemble", "mod", "motion", "scene", "stepper"],
+        &["ensemble", "fluid", "mod", "motion", "scene", "stepper"],
         "the class `Scene` has its methods in one file, and motions and ensembles take a `Scene`",
     ),
     (
