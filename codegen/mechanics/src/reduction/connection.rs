@@ -52,7 +52,9 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         ConnectionKind::Nonholonomic => {
             let forms = annihilator(&mut rewritten);
             let (of_base, others) = forms_on_the_base(&mut rewritten.graph, n, forms);
-            match of_base.is_empty() {
+            // Without kinetic energy every complement is orthogonal: that on which the other forms vanish.
+            let massless = !model.is_energetic();
+            match of_base.is_empty() || massless {
                 true => vertical_shift(&mut rewritten, kind, &others),
                 false => complemented_shift(&mut rewritten, &of_base, &others),
             }
@@ -95,6 +97,7 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
 pub fn beside_connection(model: &Model) -> Option<&'static str> {
     match (&model.frame, &model.given) {
         (Some(_), _) => Some("frame"),
+        (None, Some(_)) if model.is_kinematic() => None,
         (None, Some(_)) => Some("acceleration"),
         (None, None) => None,
     }

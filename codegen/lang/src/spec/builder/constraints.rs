@@ -228,7 +228,9 @@ impl ModelBuilder {
             self.give(&draft, &mut result[first..], &mut all_given);
         }
         self.reports_taken(&given, &taken);
-        given.into_iter().chain(result).collect()
+        let all: Vec<Constraint> = given.into_iter().chain(result).collect();
+        self.check_kinematic(&all);
+        all
     }
 
     /// Notes which velocities the components of a constraint give; `all` are those that any constraint gives.
