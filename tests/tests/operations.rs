@@ -78,6 +78,8 @@ const BOUNDS: &[Bound] = &[
     most("mobile_robot", "minimal",            [  4,   8,  0,  0,  12]),
     most("point_vortices", "default",          [ 34,  48,  6,  0,  88]),
     most("point_vortices", "taylor",           [ 34,  48,  6,  0,  88]),
+    most("purcell_swimmer", "default",         [  0,   3,  0,  1,   4]),
+    most("purcell_swimmer", "shape",           [  0,   3,  0,  1,   4]),
     most("rolling_ball", "default",            [  0,   0,  0,  0,   0]),
     most("rolling_ball", "minimal",            [  0,   0,  0,  0,   0]),
     most("rolling_disk", "default",            [  0,   0,  0,  0,   0]),

@@ -11,8 +11,8 @@ use hamel_expr::parallel::side_by_side;
 use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
 use hamel_lang::spec::{self, Diagnostics, Model, Param, Want, Wanted};
 use hamel_mechanics::mechanics::{
-    EXPANDED, Equations, Extent, LABORIOUS, LocalConnection, Output, OutputKind, Phase, StateEquation, derive, derive_to,
-    is_recursive, operations_of_factors, operations_of_motion, phases,
+    EXPANDED, Equations, Extent, LABORIOUS, LocalConnection, Output, OutputKind, Phase, StateEquation,
+    derive, derive_to, is_recursive, operations_of_factors, operations_of_motion, phases,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_program::lower::{

@@ -143,8 +143,17 @@ impl Plan {
         } = self;
         let has_outputs = !matches!(outputs, Outputs::Named(wanted) if wanted.is_empty());
         let connection = connection.is_some();
-        let wants =
-            [*energy, *invariants, *phases, connection, *bracket, *hamiltonian_time, *splitting, *implicit, *quotient];
+        let wants = [
+            *energy,
+            *invariants,
+            *phases,
+            connection,
+            *bracket,
+            *hamiltonian_time,
+            *splitting,
+            *implicit,
+            *quotient,
+        ];
         let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
         let is_more = has_outputs || has_sets || *positions != Share::None || wants.contains(&true);
         let extent = if is_more { Extent::Whole } else { Extent::Rates };

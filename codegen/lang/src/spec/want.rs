@@ -256,8 +256,8 @@ impl Want {
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Bias, Bracket, Casimirs, CenterOfMass, CenterOfMassJacobian, CentroidalMomentum,
-            CentroidalMomentumMatrix, Circles, Connection, Constraint, Digits, Events, Feedthrough, FrameDrifts,
-            FrameJacobians, FramePoses, FrameTwists, Frames, Gravity, HamiltonianTime, Implicit,
+            CentroidalMomentumMatrix, Circles, Connection, Constraint, Digits, Events, Feedthrough,
+            FrameDrifts, FrameJacobians, FramePoses, FrameTwists, Frames, Gravity, HamiltonianTime, Implicit,
             InputJacobian, Invariants, InverseDynamics, Linearization, MassMatrix, Matrices,
             MomentumEquation, NonholonomicMomentum, OperationalSpace, OutputJacobian, Outputs, Phases,
             Positions, Quotient, SectionRates, Sections, Splitting, Taylor, Velocities,

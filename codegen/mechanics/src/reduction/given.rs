@@ -62,8 +62,9 @@ fn kinematic(
     for (k, own) in given.iter().enumerate() {
         let Given::Velocity(value) = own else { continue };
         let one_form = (0..names.len()).map(|j| if j == k { one } else { zero }).collect();
-        let (name, offset) = (format!("field_{}", names[k]), model.graph.neg(*value));
-        fields.push(ConstraintRow { text: name.clone(), name, one_form, offset, written: None });
+        let (name, text) = (format!("field_{}", names[k]), format!("field {}", names[k]));
+        let offset = model.graph.neg(*value);
+        fields.push(ConstraintRow { name, text, one_form, offset, written: None });
     }
     let mut solved = solved_with(model, fields, signs)?;
     let open = (0..names.len()).find(|k| !solved.dependent.contains(k));

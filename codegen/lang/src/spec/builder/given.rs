@@ -99,7 +99,9 @@ impl ModelBuilder {
         let message = format!("{rows} beside fields for {left}");
         let open: Vec<String> = open.iter().map(|k| names[*k].clone()).collect();
         let help = match open.is_empty() {
-            true => "the fields give every velocity: leave out as many of them as there are constraints".into(),
+            true => {
+                "the fields give every velocity: leave out as many of them as there are constraints".into()
+            }
             false => format!(
                 "{}: each needs one constraint, or a field",
                 short_list("the velocities without a field are", &open)
@@ -130,7 +132,7 @@ impl ModelBuilder {
 
     /// Whether something about given rates is wrong already.
     fn is_half_given(&self) -> bool {
-        let items = ["acceleration", "field", "velocity", "coordinate", "frame", "algebroid"];
+        let items = ["acceleration", "field", "constraint", "velocity", "coordinate", "frame", "algebroid"];
         items.iter().any(|item| self.broken.contains(item))
             || self.problems.iter().any(|p| self.given.iter().any(|g| p.span == g.span))
     }
