@@ -51,8 +51,6 @@ pub const INITIAL: [f64; 2] = [0.0, 0.8];
 ///
 /// Held to its definition at 3 points: 3 functions.
 ///
-/// Function `connection` has rounding errors of up to 1e13 times what rounding the inputs does, 9e11 times with parameters moved by three decades; a scene that wants `digits` keeps them.
-///
 /// # State
 ///
 /// ```text
@@ -89,18 +87,17 @@ pub struct Prepared<R = f64> {
     c19: R, // k - 1
     c20: R, // (4/3) * (l * l) * k
     c21: R, // (1/3) * (l * l) * k
-    c22: R, // 1 / (l * k)
-    c23: R, // 2 * l - l * k
-    c24: R, // l - l * k
-    c25: R, // 2 * l * k
-    c26: R, // 2 * l
+    c22: R, // 2 * l
+    c23: R, // 2 * l * k
+    c24: R, // 2 * l - l * k
+    c25: R, // l - l * k
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 4 additions, 20 multiplications, 7 divisions, 2 sign changes.
+    /// Operations: 4 additions, 20 multiplications, 6 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -126,7 +123,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c16: R::from_f64(12.0) * k, c17: R::from_f64(2.0) * t7, c18: t6, c19: t3,
             c20: R::ratio(4.0, 3.0) * t2 * k,
             c21: R::ratio(1.0, 3.0) * t2 * k,
-            c22: t1.recip(), c23: t8 - t1, c24: l - t1, c25: t8 * k, c26: t8,
+            c22: t8, c23: t8 * k, c24: t8 - t1, c25: l - t1,
         })
     }
 
@@ -161,102 +158,109 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      curvature_omega_alpha1_alpha2, curvature_v1_alpha1_alpha2, curvature_v2_alpha1_alpha2]
     /// ```
     ///
-    /// Operations: 111 additions, 149 multiplications (90 fused), 3 divisions, 2 elementary functions.
+    /// Operations: 116 additions, 169 multiplications (97 fused), 2 divisions, 2 sign changes, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn connection(&self, t: R, y: &[R; 2]) -> [R; 9] {
         let [alpha1, alpha2] = *y;
         let _ = t;
         let ([t0, t2], [t1, t3]) = alpha1.sin_cos_of_two(alpha2);
-        let t4 = t1 * t1;
-        let t5 = t3 * t3;
-        let t6 = R::ONE + t4 + t5;
-        let t7 = t2 * t2;
-        let t8 = t0 * t0;
-        let t9 = t7 + t8;
-        let t10 = t1 * t0;
-        let t11 = self.c19 * t10;
-        let t12 = t3 * t2;
-        let t13 = self.c19 * t12;
-        let t14 = t11 + t13;
-        let t15 = fma(t6, self.k, t9).recip();
-        let t16 = t14 * t15;
-        let t17 = self.c2 * t3;
-        let t18 = self.c2 + t17;
-        let t19 = t2 * t18;
-        let t20 = self.c2 * t1;
-        let t21 = self.c2 + t20;
-        let t22 = t0 * t21;
-        let t23 = t1 * t21;
-        let t24 = t3 * t18;
-        let t25 = t7 - t8;
-        let t26 = fma(-t25, self.l, t23) - t24;
-        let t27 = fma(t16, t26, fma(self.l, t10 - t12, t19) - t22).recip();
-        let t28 = fma(-t14, t16, fma(t9, self.k, t6)) * t27;
-        let t29 = fma(t1, self.c10, self.c20);
-        let t30 = self.c2 * t0;
-        let t31 = fma(-t16, t20, t30);
-        let t32 = fma(t3, self.c10, self.c20);
-        let t33 = fma(self.l, fma(self.k, t4 - t5, -t25), t20 - t17);
-        let t34 = t26 * t15;
-        let t35 = fma(-t33, t34, fma(self.l, fma(t9, self.l, t23) + t24, self.c21 + t29 + t32));
-        let t36 = t35 * t27;
-        let t37 = t33 * t15;
-        let t38 = fma(t28, t35, fma(-t16, t33, fma(-self.l, t13 - t11, self.c2 * (t0 - t2)))).recip();
-        let t39 = fma(t31, t36, fma(-t20, t37, t29)) * t38;
-        let t40 = t31 * t27;
-        let t41 = fma(t28, t39, -t40);
-        let t42 = self.c2 * t2;
-        let t43 = fma(-t16, t17, t42);
-        let t44 = t43 * t27;
-        let t45 = fma(-t36, t43, fma(t17, t37, t32)) * t38;
-        let t46 = fma(t28, t45, t44);
-        let t47 = t1 * t15;
-        let t48 = self.c22 * t34;
-        let t49 = fma(-t41, t48, t47);
-        let t50 = fma(-t49, self.c2, t16 * t39);
-        let t51 = t3 * t15;
-        let t52 = fma(t46, t48, t51);
-        let t53 = fma(t52, self.c2, t16 * t45);
-        let t54 = self.c19 * (t4 - t8);
-        let t55 = fma(-t16, R::from_f64(2.0) * t11, -t54);
-        let t56 = t55 * t15;
-        let t57 = t17 * t56;
-        let t58 = fma(t10, self.c23, -t22);
-        let t59 = fma(t34, t55, fma(-t16, t58, fma(-t4, self.l, fma(t8, self.c24, t23))));
-        let t60 = fma(-t16, t16, R::ONE);
-        let t61 = R::from_f64(2.0) * fma(-t11, t60, t16 * t54);
-        let t62 = fma(t46, t59, fma(-t45, t61, t57));
-        let t63 = self.c19 * (t7 - t5);
-        let t64 = fma(t12, self.c23, -t19);
-        let t65 = R::from_f64(2.0) * t34;
-        let t66 = fma(t13, t16, -(R::from_f64(0.5) * t63));
-        let t67 = fma(t65, t66, fma(-t16, t64, fma(-t5, self.l, fma(t7, self.c24, t24))));
-        let t68 = fma(t28, t67, R::from_f64(2.0) * fma(-t13, t60, -(t16 * t63)));
-        let t69 = self.c25 * t47;
-        let t70 = fma(t40, t67, t66 * t69);
-        let t71 = fma(t39, t68, -t70) * t27;
-        let t72 = fma(t11, self.c26, t30);
-        let t73 = fma(-t11, t37, R::from_f64(0.5) * t72);
-        let t74 = fma(t36, t59, fma(t73, t65, fma(-t37, t58, fma(t58, self.l, -(self.c10 * t0)))));
-        let t75 = fma(t45, fma(t28, t74, fma(-t36, t61, fma(t37, t55, fma(t16, t72, fma(t54, self.l, t20))))), fma(t44, t74, fma(t36, t57, self.c25 * t51 * t73)));
-        let t76 = fma(t13, self.c26, t42);
-        let t77 = fma(-t13, t37, -(R::from_f64(0.5) * t76));
-        let t78 = fma(-t65, t77, fma(-t37, t64, fma(-t64, self.l, self.c10 * t2)));
-        let t79 = fma(t39, fma(t36, t68, fma(t28, t78, fma(t66, R::from_f64(2.0) * t37, fma(t16, t76, fma(-t63, self.l, t17))))), fma(-t36, t70, fma(-t40, t78, t77 * t69)));
-        let t80 = t75 + t79;
-        let t81 = t28 * t38;
-        let t82 = t80 * t38;
+        let t4 = self.c2 * t0;
+        let t5 = self.c2 * t2;
+        let t6 = self.c2 * t1;
+        let t7 = self.c2 * t3;
+        let t8 = t1 * t1;
+        let t9 = t3 * t3;
+        let t10 = t2 * t2;
+        let t11 = t0 * t0;
+        let t12 = t10 - t11;
+        let t13 = fma(self.l, fma(self.k, t8 - t9, -t12), t6 - t7);
+        let t14 = t1 * t0;
+        let t15 = self.c19 * t14;
+        let t16 = t3 * t2;
+        let t17 = self.c19 * t16;
+        let t18 = t15 + t17;
+        let t19 = t10 + t11;
+        let t20 = R::ONE + t8 + t9;
+        let t21 = fma(t20, self.k, t19).recip();
+        let t22 = t18 * t21;
+        let t23 = fma(-t13, t22, fma(-self.l, t17 - t15, t4 - t5));
+        let t24 = fma(-t6, t22, t4);
+        let t25 = fma(-t18, t22, fma(t19, self.k, t20));
+        let t26 = fma(t1, self.c10, self.c20);
+        let t27 = t13 * t21;
+        let t28 = self.c2 * t27;
+        let t29 = fma(-t1, t28, t26);
+        let t30 = fma(-t25, t29, t23 * t24);
+        let t31 = self.c2 + t7;
+        let t32 = t2 * t31;
+        let t33 = self.c2 + t6;
+        let t34 = t0 * t33;
+        let t35 = t1 * t33;
+        let t36 = t3 * t31;
+        let t37 = fma(-t12, self.l, t35) - t36;
+        let t38 = fma(t22, t37, fma(self.l, t14 - t16, t32) - t34);
+        let t39 = fma(t3, self.c10, self.c20);
+        let t40 = t37 * t21;
+        let t41 = fma(-t13, t40, fma(self.l, fma(t19, self.l, t35) + t36, self.c21 + t26 + t39));
+        let t42 = fma(t25, t41, t23 * t38).recip();
+        let t43 = t30 * t42;
+        let t44 = fma(-t7, t22, t5);
+        let t45 = fma(t3, t28, t39);
+        let t46 = fma(t25, t45, t23 * t44);
+        let t47 = t46 * t42;
+        let t48 = fma(t38, t29, t41 * t24);
+        let t49 = fma(-t38, t45, t41 * t44);
+        let t50 = fma(-t22, t48, t40 * t30);
+        let t51 = fma(-t50, t42, -(t6 * t21));
+        let t52 = t7 * t21;
+        let t53 = fma(-t22, t49, t40 * t46);
+        let t54 = fma(t53, t42, t52);
+        let t55 = self.c19 * (t8 - t11);
+        let t56 = fma(-t22, R::from_f64(2.0) * t15, -t55);
+        let t57 = t52 * t56;
+        let t58 = fma(t15, self.c22, t4);
+        let t59 = fma(t27, t56, fma(t22, t58, fma(t55, self.l, t6)));
+        let t60 = self.c23 * t21;
+        let t61 = t60 * (t3 * t15);
+        let t62 = fma(-t27, t61, t52 * t58);
+        let t63 = fma(-t22, t22, R::ONE);
+        let t64 = R::from_f64(2.0) * fma(-t15, t63, t22 * t55);
+        let t65 = self.c19 * (t10 - t9);
+        let t66 = fma(t17, t22, -(R::from_f64(0.5) * t65));
+        let t67 = t1 * t60;
+        let t68 = t66 * t67;
+        let t69 = fma(t17, self.c22, t5);
+        let t70 = fma(-t17, t27, -(R::from_f64(0.5) * t69));
+        let t71 = t70 * t67;
+        let t72 = R::from_f64(2.0) * fma(-t17, t63, -(t22 * t65));
+        let t73 = R::from_f64(2.0) * t27;
+        let t74 = fma(t66, t73, fma(t22, t69, fma(-t65, self.l, t7)));
+        let t75 = fma(t29, t72, fma(-t45, t64, fma(-t25, t62, fma(t44, t59, fma(t23, t57, fma(-t24, t74, fma(-t25, t71, -(t23 * t68)))))))) * t42;
+        let t76 = fma(t16, self.c24, -t32);
+        let t77 = R::from_f64(2.0) * t40;
+        let t78 = fma(t66, t77, fma(-t22, t76, fma(-t9, self.l, fma(t10, self.c25, t36))));
+        let t79 = fma(-t77, t70, fma(-t27, t76, fma(-t76, self.l, self.c10 * t2)));
+        let t80 = t42 * t42;
+        let t81 = fma(-t41, t72, fma(-t25, t79, fma(-t38, t74, t23 * t78))) * t80;
+        let t82 = fma(t14, self.c24, -t34);
+        let t83 = fma(t40, t56, fma(-t22, t82, fma(-t8, self.l, fma(t11, self.c25, t35))));
+        let t84 = fma(-t15, t40, -(R::from_f64(0.5) * t82));
+        let t85 = fma(-t73, t84, fma(-t40, t58, fma(-t82, self.l, self.c10 * t0)));
+        let t86 = t80 * fma(-t41, t64, fma(-t23, t83, fma(t38, t59, -(t25 * t85))));
+        let t87 = fma(t45, t83, fma(t41, t57, fma(t38, t62, fma(-t24, t79, fma(t38, t71, fma(t29, t78, fma(-t41, t68, -(t44 * t85)))))))) * t42;
+        let t88 = t21 * t42;
+        let t89 = fma(t48, fma(t65, t88, t46 * t80), fma(R::from_f64(2.0), fma(-t51, t17 * t21, -(t88 * (t84 * t46))), fma(-t53, t86, fma(-t50, t81, fma(-t88, t76 * t30, t61 * t21)))));
         [
-            t41,
-            t46,
-            t39,
-            t45,
-            t50,
-            t53,
-            fma(-t80, t81, fma(t62, t27, t71)),
-            fma(-t46, t50, fma(t41, t53, -t82)),
-            fma(t15, fma(-R::from_f64(2.0), fma(self.c2, fma(-t13, t49, -(t11 * t52)), t39 * t66), fma(t41, t64, t46 * t58)), fma(t34, fma(t62, t27, fma(-t79, t81, fma(-t75, t81, t71))), fma(-t16, t82, fma(-t45, t56 + t41, t39 * t46)))),
+            -t43,
+            t47,
+            t48 * t42,
+            -(t49 * t42),
+            t51,
+            t54,
+            fma(-t46, t86, fma(-t30, t81, t75)),
+            fma(t49, t86, fma(t48, t81, fma(-t47, t51, fma(-t43, t54, -t87)))),
+            fma(t40, t75, fma(-t22, t87, fma(-t49, fma(-t56, t88, t30 * t80), t89))),
         ]
     }
 
@@ -380,7 +384,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[2] {
     l, k, nu, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20,
-    c21, c22, c23, c24, c25, c26,
+    c21, c22, c23, c24, c25,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
