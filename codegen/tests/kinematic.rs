@@ -265,6 +265,16 @@ fn what_does_not_determine_the_motion_is_refused() {
         let found = refusal(&format!("{start} {items}"));
         assert!(found.contains(expected), "{items}: {found}");
     }
-    let nothing = refusal("coordinate a in real; lagrangian = a_dot^2; scene default { want connection; }");
-    assert!(nothing.contains("there is no connection to tell"), "{nothing}");
+    for items in [
+        "coordinate a in real; lagrangian = a_dot^2;",
+        "coordinate a in real; velocity w in R; lagrangian = a_dot^2 + w^2;",
+    ] {
+        let found = refusal(&format!("{items} scene default {{ want connection; }}"));
+        assert!(found.contains("wants `connection`, and the model has none"), "{found}");
+    }
+    let in_frame = refusal(
+        "coordinate a in real; velocity w in R; frame { u = a_dot; p = w + a*a_dot; } lagrangian = u^2 + p^2; \
+         connection mechanical; scene default { want connection; }",
+    );
+    assert!(in_frame.contains("connection"), "{in_frame}");
 }
