@@ -25,7 +25,6 @@ pub const INFO: ::hamel_runtime::SceneInfo =
 } defaults INFO);
 
 /// The initial state of the model, for the parameters as published.
-/// Beside the values of the model, chosen: alpha1 = 0.0.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const INITIAL: [f64; 5] = [0.0, 0.8, 0.0, 0.0, 0.0];
 
