@@ -600,17 +600,6 @@ impl Model {
         if self.algebroid.is_some() { 0 } else { self.base.len() }
     }
 
-    /// Whether the model has a Hamiltonian, or a Lagrangian that contains a velocity.
-    pub fn is_energetic(&self) -> bool {
-        let free = self.graph.free_symbols(self.lagrangian);
-        self.hamiltonian.is_some() || self.all_velocities().iter().any(|(_, s)| free.contains(s))
-    }
-
-    /// Whether constraints give velocities by others that the model gives, so that nothing is derived from an energy.
-    pub fn is_kinematic(&self) -> bool {
-        self.given.as_ref().is_some_and(|given| given.contains(&Given::Constrained))
-    }
-
     /// An error of a later phase as a problem at the item of the text that causes it.
     pub fn diagnose(&self, error: &Error) -> Diagnostic {
         let (message, help) = error.message_and_help();
