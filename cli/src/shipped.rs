@@ -39,6 +39,7 @@ pub(crate) const SHIPPED: Shipped = shipped! {
         "lotka_volterra",
         "mobile_robot",
         "point_vortices",
+        "purcell_swimmer",
         "rolling_ball",
         "rolling_disk",
         "second_grade_fluid",

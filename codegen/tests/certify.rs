@@ -45,7 +45,44 @@ const CHARGE: &str = "model charge {
     connection v = [x2*x_dot[1], sin(t)*x1*x_dot[2], x1^2*x_dot[2] + t*x_dot[1]];
     lagrangian = m/2*dot(x_dot, x_dot) + v1^2 + 2*v2^2 + 3*v3^2 - x1^2*x2;
     force x_dot = [x2, -x_dot[1]];
-    scene all { want rhs, energy, energy_rate; }
+    scene all { want rhs, energy, energy_rate, connection; }
+}";
+/// Three links on wheels that follow their joints: constraints give what no field does.
+const LINKS: &str = "model links {
+    param l = 0.6 where l > 0;
+    input bend = 0.3;
+    coordinate a, b in angle;
+    velocity w, v in se(2);
+    let rear = transpose(rot(a))*[v1, v2 - l*w];
+    let front = transpose(rot(b))*[v1, v2 + l*w];
+    constraint middle: v2 = 0;
+    constraint rear: rear[2] - l*(w + a_dot) = 0;
+    constraint front: front[2] + l*(w + b_dot) = 0;
+    field a_dot = bend*cos(t);
+    field b_dot = -sin(t) - a;
+    reconstruct theta, x, y in SE(2);
+    scene all { input bend; want rhs, reconstruction, connection; }
+    scene plain { want rhs, reconstruction; }
+}";
+/// A body with two joints that a blade guides: horizontal vectors on the constraint, orthogonal to vertical ones.
+const BLADE: &str = "model blade {
+    param m = 1.4 where m > 0;
+    coordinate a, b in angle;
+    velocity w, v in se(2);
+    lagrangian = m*dot(v, v)/2 + w^2 + (w + a_dot)^2/2 + (w + b_dot)^2/3 + m*v2*cos(a)*(w + a_dot);
+    constraint edge: v2 = 0.3*cos(b)*w + b_dot/5;
+    connection nonholonomic;
+    scene all { want rhs, energy, connection; }
+}";
+/// Parts that turn a body, with the action from the right: the locked inertia depends on the shape.
+const PARTS: &str = "model parts {
+    param k = 0.4;
+    coordinate x: vector(2) in real;
+    velocity v in so(3);
+    action right;
+    connection mechanical;
+    lagrangian = dot(x_dot, x_dot) + v1^2 + 2*v2^2 + (3 + x2^2)*v3^2 + k*x1*x_dot[2]*v1 + x2*x_dot[1]*v3 - x1*x_dot[1]*v2;
+    scene all { want rhs, energy, connection; }
 }";
 /// A ball on a table that turns: affine constraints, right action, multipliers, momentum equation.
 const BALL: &str = "model ball {
@@ -458,6 +495,32 @@ fn faults() -> Vec<Fault> {
             let (g, components) = output(e, "after_caught");
             components[0].1 = g.zero();
         };
+        "the sign of a coefficient of a connection" in LINKS "all": Program(p) => flip(p, &values("connection"), 0);
+        "coefficients of a connection, exchanged" in LINKS "all": Program(p) =>
+            swap(p, &values("connection"), (0, 2));
+        "a curvature that is dropped" in LINKS "all": Program(p) => drop_result(p, &values("connection"), 7);
+        "the sign of a curvature" in LINKS "all": Program(p) => flip(p, &values("connection"), 8);
+        "a bracket of lifts without that of the algebra" in LINKS "all": System(s) =>
+            with_bracket(s, (0, 1), |g, value| negate(g, &mut value[0].1));
+        "the field of a shape for that of another" in LINKS "plain": System(s) => {
+            let (_, solved) = solved(s);
+            solved.response = None;
+            solved.psi0.swap(0, 1);
+        };
+        "a group that slides" in LINKS "plain": System(s) => {
+            let (g, solved) = solved(s);
+            let zero = g.zero();
+            solved.response = None;
+            solved.psi0[4] = g.add(solved.psi0[2], zero);
+        };
+        "the sign of a nonholonomic connection" in BLADE "all": Program(p) => flip(p, &values("connection"), 0);
+        "a coefficient of a nonholonomic connection" in BLADE "all": Program(p) =>
+            drop_result(p, &values("connection"), 5);
+        "the curvature of a nonholonomic connection" in BLADE "all": Program(p) => flip(p, &values("connection"), 6);
+        "the sign of a mechanical connection" in PARTS "all": Program(p) => flip(p, &values("connection"), 1);
+        "the curvature of a mechanical connection" in PARTS "all": Program(p) =>
+            swap(p, &values("connection"), (6, 8));
+        "the sign of a connection as written" in CHARGE "all": Program(p) => flip(p, &values("connection"), 0);
         "a row of the implicit form" in BALL "all": Program(p) =>
             drop_result(p, &Role::OfVariables("implicit_rhs".to_owned()), 1);
         "an entry of the Jacobian of the implicit form" in BALL "all": Program(p) =>
@@ -500,6 +563,10 @@ fn scenes_without_a_fault_are_held_to_their_definitions() {
         (TOP, "all"),
         (FREE, "all"),
         (CHARGE, "all"),
+        (LINKS, "all"),
+        (LINKS, "plain"),
+        (BLADE, "all"),
+        (PARTS, "all"),
         (BALL, "all"),
         (LOOP, "all"),
         (LOOP, "points"),

@@ -25,6 +25,7 @@ mod frames;
 mod fuzz;
 mod groups;
 mod inputs;
+mod kinematic;
 mod limits;
 mod linkages;
 mod logarithm;

@@ -78,6 +78,8 @@ const BOUNDS: &[Bound] = &[
     most("mobile_robot", "minimal",            [  4,   8,  0,  0,  12]),
     most("point_vortices", "default",          [ 34,  48,  6,  0,  88]),
     most("point_vortices", "taylor",           [ 34,  48,  6,  0,  88]),
+    most("purcell_swimmer", "default",         [  0,   3,  0,  1,   4]),
+    most("purcell_swimmer", "shape",           [  0,   3,  0,  1,   4]),
     most("rolling_ball", "default",            [  0,   0,  0,  0,   0]),
     most("rolling_ball", "minimal",            [  0,   0,  0,  0,   0]),
     most("rolling_disk", "default",            [  0,   0,  0,  0,   0]),
@@ -157,13 +159,14 @@ fn line(model: &str, scene: &str, [add, mul, div, functions, all]: [usize; 5]) -
 ///
 /// With four times the limit the Chaplygin gyroscope takes 20 s instead of 4 s to generate and the satellite 40 s
 /// instead of 2 s (optimised, one core of two shared ones).
-const STOPPED_EARLY: [(&str, &[&str], &[Limit]); 16] = [
+const STOPPED_EARLY: [(&str, &[&str], &[Limit]); 17] = [
     ("body_in_fluid", &["rhs"], &[Limit::Divisors]),
     ("body_in_fluid_by_translations", &["rhs"], &[Limit::Divisors, Limit::Steps]),
     ("chaplygin_ball", &["rhs"], &[Limit::Divisors]),
     ("chaplygin_gyro", &["rhs", "multipliers"], &[Limit::Divisors]),
     ("double_spherical_pendulum", &["rhs"], &[Limit::Divisors]),
     ("extended_pose", &["rhs"], &[Limit::Divisors]),
+    ("purcell_swimmer", &["connection"], &[Limit::Divisors]),
     ("snake", &["multipliers"], &[Limit::Divisors]),
     ("two_arm_satellite", &["rhs"], &[Limit::Divisors]),
     (

@@ -255,6 +255,11 @@ pub enum Error {
         /// Why not.
         reason: String,
     },
+    /// A scene wants a connection that there is not.
+    NoConnection {
+        /// Why not.
+        reason: String,
+    },
     /// A scene wants the map of a quotient that does not lead to its state.
     NoQuotient {
         /// Why not.
@@ -539,6 +544,12 @@ impl Error {
                 format!("there are no phases: {reason}"),
                 "give a `connection` along the velocity of the angle, or make the momentum of a cyclic coordinate a \
                  parameter with `routh`"
+                    .into(),
+            ),
+            Error::NoConnection { reason } => (
+                format!("there is no connection to tell: {reason}"),
+                "write `connection mechanical;` or `connection nonholonomic;`, or one by its components; beside fields \
+                 and constraints alone none is needed"
                     .into(),
             ),
             Error::NoHamiltonianTime { reason } => (

@@ -17,6 +17,7 @@
 
 mod centroid;
 mod claim;
+mod connection;
 mod definition;
 mod derived;
 mod fluid;

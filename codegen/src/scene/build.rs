@@ -11,8 +11,8 @@ use hamel_expr::parallel::side_by_side;
 use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
 use hamel_lang::spec::{self, Diagnostics, Model, Param, Want, Wanted};
 use hamel_mechanics::mechanics::{
-    EXPANDED, Equations, Extent, LABORIOUS, Output, OutputKind, Phase, StateEquation, derive, derive_to,
-    is_recursive, operations_of_factors, operations_of_motion, phases,
+    EXPANDED, Equations, Extent, LABORIOUS, LocalConnection, Output, OutputKind, Phase, StateEquation,
+    derive, derive_to, is_recursive, operations_of_factors, operations_of_motion, phases,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_program::lower::{
@@ -308,6 +308,7 @@ fn lower_derived(
                 place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
             }
             Error::NoPhases { .. } => place_of(Want::Phases.name()),
+            Error::NoConnection { .. } => place_of(Want::Connection.name()),
             Error::NoQuotient { .. } => place_of(Want::Quotient.name()),
             Error::NoSplitting { .. } => place_of(Want::Splitting.name()),
             Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
@@ -387,6 +388,25 @@ fn phases_of(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> R
     let doc = "rates of the geometric phases, `-A(x) xdot`, and of the dynamic ones, the rest, of the coordinates of \
                abelian groups";
     Ok(Output::group(Want::Phases, components, doc))
+}
+
+/// The local form of the connection, and its curvature.
+fn connection_of(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+    dim: usize,
+) -> Result<Output, Error> {
+    let LocalConnection { coefficients, curvature } = LocalConnection::new(g, equations, dim)?;
+    let components: Vec<(String, ExprId)> = coefficients.into_iter().chain(curvature).collect();
+    let left_out = left_out(equations, state);
+    if let Some((name, _)) = components.iter().find(|(_, e)| needs(g, equations, *e, &left_out)) {
+        let reason = format!("{name} depends on a coordinate that the scene leaves out");
+        return Err(Error::NoConnection { reason });
+    }
+    let doc = "local connection `A(x)` by components, with `xi = -A(x) xdot` along horizontal curves, and its curvature \
+               `d_i A_j - d_j A_i - [A_i, A_j]`";
+    Ok(Output::group(Want::Connection, components, doc))
 }
 
 /// Where the functions of a scene are measured: about the defaults of its parameters, by the roles of its variables.
@@ -482,6 +502,10 @@ pub(super) fn lower_scene(
     }
     if plan.phases {
         outputs.push(phases_of(&mut graph, &equations, &state)?);
+    }
+    if let Some(dim) = plan.connection {
+        outputs.push(connection_of(&mut graph, &equations, &state, dim)?);
+        graph.within_budget()?;
     }
     if plan.bracket {
         let found = bracket::find(&mut graph, &equations, &state, factor);

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 
-use hamel_lang::spec::{Model, Want, Wanted};
+use hamel_lang::spec::{ConnectionKind, Model, Want, Wanted};
 use hamel_mechanics::mechanics::Extent;
 use hamel_mechanics::reduction::{Formulation, StageUse, carried_by_momenta};
 use hamel_program::lower::SearchBudget;
@@ -45,6 +45,8 @@ pub(super) struct Plan {
     pub(super) positions: Share,
     /// Rates of geometric and dynamic phases.
     pub(super) phases: bool,
+    /// The local form of the connection and its curvature, along so many velocities of the algebra.
+    pub(super) connection: Option<usize>,
     /// The nonholonomic bracket.
     pub(super) bracket: bool,
     /// The time in which the motion is Hamiltonian, in the place of the model's.
@@ -123,6 +125,7 @@ impl Plan {
             invariants,
             positions,
             phases,
+            connection,
             bracket,
             hamiltonian_time,
             splitting,
@@ -139,8 +142,18 @@ impl Plan {
             chosen: _,
         } = self;
         let has_outputs = !matches!(outputs, Outputs::Named(wanted) if wanted.is_empty());
-        let wants =
-            [*energy, *invariants, *phases, *bracket, *hamiltonian_time, *splitting, *implicit, *quotient];
+        let connection = connection.is_some();
+        let wants = [
+            *energy,
+            *invariants,
+            *phases,
+            connection,
+            *bracket,
+            *hamiltonian_time,
+            *splitting,
+            *implicit,
+            *quotient,
+        ];
         let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
         let is_more = has_outputs || has_sets || *positions != Share::None || wants.contains(&true);
         let extent = if is_more { Extent::Whole } else { Extent::Rates };
@@ -158,6 +171,7 @@ impl Plan {
             invariants: false,
             positions: Share::None,
             phases: false,
+            connection: None,
             bracket: false,
             hamiltonian_time: false,
             splitting: false,
@@ -199,6 +213,13 @@ impl Plan {
                     Wanted::Want(Want::Invariants) => plan.invariants = true,
                     Wanted::Want(Want::Positions) => plan.positions = Share::Wanted,
                     Wanted::Want(Want::Phases) => plan.phases = true,
+                    Wanted::Want(Want::Connection) => {
+                        plan.connection = Some(model.velocities.len());
+                        // Without velocities in the state nothing but the connection depends on it.
+                        if model.is_kinematic() && model.connection.is_none() {
+                            plan.formulation.connection.get_or_insert(ConnectionKind::Nonholonomic);
+                        }
+                    }
                     Wanted::Want(Want::Bracket) => plan.bracket = true,
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
                     Wanted::Want(Want::Splitting) => plan.splitting = true,

@@ -153,6 +153,12 @@ pub mod mobile_robot_reconstruction;
 pub mod point_vortices;
 /// Four point vortices on the plane
 pub mod point_vortices_taylor;
+/// Purcell's swimmer
+pub mod purcell_swimmer;
+/// Purcell's swimmer
+pub mod purcell_swimmer_reconstruction;
+/// Purcell's swimmer
+pub mod purcell_swimmer_shape;
 /// Ball rolling on a plane
 pub mod rolling_ball;
 /// Ball rolling on a plane
@@ -352,6 +358,9 @@ macro_rules! for_each_scene {
             (mobile_robot_reconstruction, "mobile_robot", "reconstruction", 7)
             (point_vortices, "point_vortices", "default", 8)
             (point_vortices_taylor, "point_vortices", "taylor", 8)
+            (purcell_swimmer, "purcell_swimmer", "default", 2)
+            (purcell_swimmer_reconstruction, "purcell_swimmer", "reconstruction", 5)
+            (purcell_swimmer_shape, "purcell_swimmer", "shape", 2)
             (rolling_ball, "rolling_ball", "default", 5)
             (rolling_ball_minimal, "rolling_ball", "minimal", 3)
             (rolling_ball_reconstruction, "rolling_ball", "reconstruction", 9)

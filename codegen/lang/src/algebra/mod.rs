@@ -34,7 +34,9 @@ pub use matrix::Matrix;
 pub use modes::Modes;
 pub use representation::Representation;
 pub use skew::{Bracket, SkewBracket};
-pub use tableau::{determinant_of, solve_over_determinant, solve_symbolic, solve_symmetric};
+pub use tableau::{
+    determinant_of, solve_by_cofactors, solve_over_determinant, solve_symbolic, solve_symmetric,
+};
 
 #[cfg(test)]
 mod tests;

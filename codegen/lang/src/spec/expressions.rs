@@ -225,8 +225,10 @@ macro_rules! visit {
             }
         }
         for (k, rate) in given.into_iter().flatten().enumerate() {
-            let (Given::Velocity(e) | Given::Acceleration(e)) = rate;
-            $visit(ExpressionRole::Given(k), e);
+            match rate {
+                Given::Velocity(e) | Given::Acceleration(e) => $visit(ExpressionRole::Given(k), e),
+                Given::Constrained => {}
+            }
         }
         for (k, Implied { text: _, residual, at: _, span: _ }) in implied.into_iter().enumerate() {
             $visit(ExpressionRole::Implied(k), residual);

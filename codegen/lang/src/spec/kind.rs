@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use super::model::{ConstraintKind, Model};
+use super::model::{ConstraintKind, Given, Model};
 use hamel_expr::SymbolId;
 
 /// What moves.
@@ -60,6 +60,17 @@ pub struct Kind {
 }
 
 impl Model {
+    /// Whether the model has a Hamiltonian, or a Lagrangian that contains a velocity.
+    pub fn is_energetic(&self) -> bool {
+        let free = self.graph.free_symbols(self.lagrangian);
+        self.hamiltonian.is_some() || self.all_velocities().iter().any(|(_, s)| free.contains(s))
+    }
+
+    /// Whether constraints give velocities by others that the model gives, so that nothing is derived from an energy.
+    pub fn is_kinematic(&self) -> bool {
+        self.given.as_ref().is_some_and(|given| given.contains(&Given::Constrained))
+    }
+
     /// The kind of system that the model describes.
     pub fn kind(&self) -> Kind {
         let setting = match (self.velocities.is_empty(), self.base.is_empty()) {

@@ -293,6 +293,8 @@ pub enum Given {
     Velocity(ExprId),
     /// Its rate.
     Acceleration(ExprId),
+    /// Nothing: the constraints give it by the velocities that the model gives.
+    Constrained,
 }
 
 /// How the rates of reconstructed coordinates follow from the motion.

@@ -94,6 +94,8 @@ pub enum Want {
     Events,
     /// Rates of geometric and dynamic phases.
     Phases,
+    /// The local form of the connection, and its curvature.
+    Connection,
     /// The Taylor coefficients of solutions.
     Taylor,
     /// What the motion conserves, with gradients.
@@ -118,7 +120,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 52] = [
+    pub const ALL: [Want; 53] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -161,6 +163,7 @@ impl Want {
         Want::SectionRates,
         Want::Events,
         Want::Phases,
+        Want::Connection,
         Want::Taylor,
         Want::Invariants,
         Want::Positions,
@@ -218,6 +221,7 @@ impl Want {
             Want::SectionRates => "section_rates",
             Want::Events => "events",
             Want::Phases => "phases",
+            Want::Connection => "connection",
             Want::Taylor => "taylor",
             Want::Invariants => "invariants",
             Want::Positions => "positions",
@@ -252,8 +256,8 @@ impl Want {
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Bias, Bracket, Casimirs, CenterOfMass, CenterOfMassJacobian, CentroidalMomentum,
-            CentroidalMomentumMatrix, Circles, Constraint, Digits, Events, Feedthrough, FrameDrifts,
-            FrameJacobians, FramePoses, FrameTwists, Frames, Gravity, HamiltonianTime, Implicit,
+            CentroidalMomentumMatrix, Circles, Connection, Constraint, Digits, Events, Feedthrough,
+            FrameDrifts, FrameJacobians, FramePoses, FrameTwists, Frames, Gravity, HamiltonianTime, Implicit,
             InputJacobian, Invariants, InverseDynamics, Linearization, MassMatrix, Matrices,
             MomentumEquation, NonholonomicMomentum, OperationalSpace, OutputJacobian, Outputs, Phases,
             Positions, Quotient, SectionRates, Sections, Splitting, Taylor, Velocities,
@@ -268,6 +272,7 @@ impl Want {
                 | Outputs
                 | Events
                 | Phases
+                | Connection
                 | Sections
                 | SectionRates
                 | Taylor

@@ -7,6 +7,7 @@ use hamel_expr::ExprId;
 use hamel_expr::error::Error;
 
 use super::derive::{Derivation, Motion};
+use super::solve::Pivot;
 
 impl Derivation<'_> {
     /// `udot` as it is given, and `ydot = Psi udot + lag` for velocities that are functions of the base.
@@ -34,7 +35,7 @@ impl Derivation<'_> {
             multipliers: Vec::new(),
             reactions: Vec::new(),
             system: None,
-            pivots: Vec::new(),
+            pivots: solved.pivots.iter().map(|(name, e)| Pivot::of_coefficients(name, *e)).collect(),
             momentum_rates: Vec::new(),
             after: Vec::new(),
         })

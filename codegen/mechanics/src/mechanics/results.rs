@@ -356,7 +356,8 @@ impl Derivation<'_> {
             let doc = "residual of the conditions on positions that follow from a degenerate Lagrangian";
             outputs.push(Output::group(Want::Constraint, positions, doc));
         }
-        if is_whole && system.degeneracy.is_none() && system.hamiltonian.is_none() {
+        let is_derived = system.hamiltonian.is_none() && system.accelerations.is_none();
+        if is_whole && system.degeneracy.is_none() && is_derived {
             facts.holonomic = integrable::is_holonomic(&mut self.g, system);
         }
         if let KinematicConstraint::Solved(solved) = &system.constraint

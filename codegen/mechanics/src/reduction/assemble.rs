@@ -51,10 +51,11 @@ pub(super) fn on_algebroid(
         }
         Err(()) => Ok((HigherOrder::default(), Vec::new())),
     };
-    let constraint = match &model.given {
-        Some(given) => Ok(given::as_constraint(&model, given)),
-        None => constrain(&mut model, &signs).map_err(|error| problems.push(refused(&model, &error))),
+    let constraint = match model.given.clone() {
+        Some(given) => given::as_constraint(&mut model, &given, &signs),
+        None => constrain(&mut model, &signs),
     };
+    let constraint = constraint.map_err(|error| problems.push(refused(&model, &error)));
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph, SymbolId};
-use hamel_lang::algebra::solve_over_determinant;
+use hamel_lang::algebra::{solve_by_cofactors, solve_over_determinant};
 use hamel_lang::spec::{ConnectionKind, ConstraintKind, Diagnostics, ExpressionRole, Model};
 
 use super::constraint::{self, ConstraintRow, Prolonged, Solver, Unknown, annihilator, constrain, prolonged};
@@ -52,7 +52,9 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         ConnectionKind::Nonholonomic => {
             let forms = annihilator(&mut rewritten);
             let (of_base, others) = forms_on_the_base(&mut rewritten.graph, n, forms);
-            match of_base.is_empty() {
+            // Without kinetic energy every complement is orthogonal: that on which the other forms vanish.
+            let massless = !model.is_energetic();
+            match of_base.is_empty() || massless {
                 true => vertical_shift(&mut rewritten, kind, &others),
                 false => complemented_shift(&mut rewritten, &of_base, &others),
             }
@@ -95,6 +97,7 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
 pub fn beside_connection(model: &Model) -> Option<&'static str> {
     match (&model.frame, &model.given) {
         (Some(_), _) => Some("frame"),
+        (None, Some(_)) if model.is_kinematic() => None,
         (None, Some(_)) => Some("acceleration"),
         (None, None) => None,
     }
@@ -281,22 +284,31 @@ fn vertical_shift(
     let (vertical, lifts): (Vec<_>, Vec<_>) =
         ((0..free.len()).map(column).collect(), (0..n).map(|i| column(free.len() + i)).collect());
     let pairing = |g: &mut Graph, x: &[ExprId], y: &[ExprId]| paired(g, &hessian, x, y);
-    let mut matrix: Vec<Vec<ExprId>> = Vec::new();
-    let mut right: Vec<Vec<ExprId>> = Vec::new();
-    for (s, k) in vertical.iter().zip(&free) {
-        let gram = vertical.iter().map(|t| pairing(g, s, t)).collect::<Vec<_>>();
-        matrix.push(gram.into_iter().chain(left.iter().map(|form| form[*k])).collect());
-        right.push(lifts.iter().map(|lift| pairing(g, s, lift)).collect());
-    }
-    for form in &left {
-        let padding = vec![g.zero(); left.len()];
-        matrix.push(free.iter().map(|k| form[*k]).chain(padding).collect());
-        right.push(form[names.len()..names.len() + n].to_vec());
-    }
-    let correction = solve_over_determinant(g, &matrix, &right).map_err(|k| match free.get(k) {
-        Some(k) => Error::NoHorizontalSpace { connection: kind.name(), direction: names[*k].clone() },
-        None => restricted(),
-    })?;
+    let of_base = |form: &[ExprId]| form[names.len()..names.len() + n].to_vec();
+    let correction = if !left.is_empty() && left.len() == free.len() {
+        // No vertical vector is left to be orthogonal to. An elimination would divide by coefficients that vanish
+        // at states where the determinant does not.
+        let matrix = left.iter().map(|form| free.iter().map(|k| form[*k]).collect()).collect::<Vec<_>>();
+        let right: Vec<Vec<ExprId>> = left.iter().map(|form| of_base(form)).collect();
+        solve_by_cofactors(g, &matrix, &right).ok_or_else(restricted)?
+    } else {
+        let mut matrix: Vec<Vec<ExprId>> = Vec::new();
+        let mut right: Vec<Vec<ExprId>> = Vec::new();
+        for (s, k) in vertical.iter().zip(&free) {
+            let gram = vertical.iter().map(|t| pairing(g, s, t)).collect::<Vec<_>>();
+            matrix.push(gram.into_iter().chain(left.iter().map(|form| form[*k])).collect());
+            right.push(lifts.iter().map(|lift| pairing(g, s, lift)).collect());
+        }
+        for form in &left {
+            let padding = vec![g.zero(); left.len()];
+            matrix.push(free.iter().map(|k| form[*k]).chain(padding).collect());
+            right.push(of_base(form));
+        }
+        solve_over_determinant(g, &matrix, &right).map_err(|k| match free.get(k) {
+            Some(k) => Error::NoHorizontalSpace { connection: kind.name(), direction: names[*k].clone() },
+            None => restricted(),
+        })?
+    };
     let mut shift = vec![vec![g.zero(); n]; dim];
     for (a, row) in shift.iter_mut().enumerate() {
         for (i, entry) in row.iter_mut().enumerate() {

@@ -87,8 +87,7 @@ fn every_want_is_documented_and_accepted() {
         DOC.split("### scene").nth(1).and_then(|rest| rest.split("## Error messages").next()).unwrap();
     for want in Want::ALL.map(Want::name) {
         assert!(section.contains(&format!("`{want}`")), "{want} is not documented");
-        let items =
-            "velocity w in so(2); reconstruct theta in SO(2); lagrangian = w^2; reduces \"t.hamel\" {}";
+        let items = "coordinate x in real; velocity w in so(2); connection w = x*x_dot; reconstruct theta in SO(2); lagrangian = w^2 + x_dot^2; reduces \"t.hamel\" {}";
         let model = |more: &str| format!("model m {{ {items} {more} }}");
         let scene = model(&format!("scene s {{ want {want}; }}"));
         if want == Want::Matrices.name() {

@@ -28,7 +28,9 @@ pub use cofactors::{MAX_COFACTORS, MAX_DETERMINANT, Numbers, Ring, adjugate, det
 pub use form::{Least, Pen, QuadraticForm, Slopes};
 pub use grade::{Grade, Judge, Known};
 pub use rows::{Cell, Tableau, Tie};
-pub use solve::{determinant_of, solve_over_determinant, solve_symbolic, solve_symmetric};
+pub use solve::{
+    determinant_of, solve_by_cofactors, solve_over_determinant, solve_symbolic, solve_symmetric,
+};
 
 #[cfg(test)]
 mod tests;

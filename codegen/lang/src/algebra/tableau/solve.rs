@@ -74,6 +74,23 @@ pub fn solve_over_determinant(
         // Which column it is, the elimination knows.
         return solve_symmetric(g, a, b);
     }
+    Ok(over(g, determinant, (a, b)))
+}
+
+/// Solves `A X = B` over the determinant of `A` as the one denominator; nothing where that vanishes identically, and
+/// for more rows than determinants are written for.
+///
+/// # Shapes
+/// `a`: `n x n`, `b`: `n x k` -> `n x k`.
+pub fn solve_by_cofactors(g: &mut Graph, a: &[Vec<ExprId>], b: &[Vec<ExprId>]) -> Option<Vec<Vec<ExprId>>> {
+    if a.len() > MAX_DETERMINANT {
+        return None;
+    }
+    let determinant = determinant(g, a);
+    (!g.is_zero(determinant)).then(|| over(g, determinant, (a, b)))
+}
+
+fn over(g: &mut Graph, determinant: ExprId, (a, b): (&[Vec<ExprId>], &[Vec<ExprId>])) -> Vec<Vec<ExprId>> {
     let inverse = g.powi(determinant, -1);
     let cofactors = adjugate(g, a);
     let width = b.first().map_or(0, Vec::len);
@@ -83,7 +100,7 @@ pub fn solve_over_determinant(
         let numerator = g.cancel_zero(sum);
         g.mul(numerator, inverse)
     };
-    Ok(cofactors.iter().map(|row| (0..width).map(|i| entry(row, i)).collect()).collect())
+    cofactors.iter().map(|row| (0..width).map(|i| entry(row, i)).collect()).collect()
 }
 
 /// The determinant of a square matrix: by cofactors while its minors are few, by the product of the pivots of an

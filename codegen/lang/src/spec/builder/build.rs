@@ -47,7 +47,7 @@ impl ModelBuilder {
         let advected = self.check_advected();
         let first_order = self.check_first_order();
         let connection = self.check_connection();
-        let constraints = self.check_constraints(&advected, connection.as_deref());
+        let constraints = self.check_constraints(&advected, connection.as_deref(), lagrangian);
         let virtual_constraints = self.check_virtual_constraints(&constraints);
         let independent = self.check_independent(&constraints);
         let accelerations = self.used_accelerations(&constraints, &virtual_constraints);

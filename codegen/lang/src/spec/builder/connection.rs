@@ -10,6 +10,7 @@ use crate::spec::layout::short_list;
 use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::value::Value;
+use crate::spec::want::Want;
 use hamel_expr::{ExprId, SymbolId};
 
 impl ModelBuilder {
@@ -30,6 +31,29 @@ impl ModelBuilder {
             self.problem(place, "the connection is derived twice", "a model has one connection");
         }
         self
+    }
+
+    /// A scene that wants the connection of a model that has none.
+    pub(super) fn wants_no_connection(&mut self, scene: &str, want: &str, span: Option<Span>) -> bool {
+        let items = ["connection", "velocity", "coordinate", "field", "constraint"];
+        if want != Want::Connection.name() || items.iter().any(|item| self.broken.contains(item)) {
+            return false;
+        }
+        let is_kinematic = !self.given.is_empty() && self.n_constraints() > 0;
+        let (has_bundle, has_connection) = (
+            self.n_shape() > 0 && !self.velocities.is_empty(),
+            !self.connection.is_empty() || self.derived_connection.is_some() || is_kinematic,
+        );
+        if has_bundle && has_connection {
+            return false;
+        }
+        let message = format!("scene `{scene}` wants `connection`, and the model has none");
+        let help = match has_bundle {
+            true => "write `connection mechanical;` or `connection nonholonomic;`, or one by its components",
+            false => "it takes coordinates of the base and velocities of an algebra",
+        };
+        self.problem(span, message, help);
+        true
     }
 
     /// `A^a_i`, by element of the algebra and base coordinate.

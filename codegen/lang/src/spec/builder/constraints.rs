@@ -203,13 +203,37 @@ impl ModelBuilder {
             .all(|e| self.graph.free_symbols(*e).is_subset(&known))
     }
 
-    /// `advected` and `connection` say how positions move.
+    /// `dL/dv` by the names that momenta have; nothing beside a Hamiltonian.
+    fn momenta_of(&mut self, lagrangian: ExprId) -> BTreeMap<SymbolId, ExprId> {
+        if self.lagrangian.is_none() {
+            return BTreeMap::new();
+        }
+        let velocities = self.velocity_symbols();
+        let components = self.momenta.iter().flat_map(|m| &m.components);
+        let along: Vec<(SymbolId, SymbolId)> =
+            components.filter_map(|(_, p, k)| Some((*p, *velocities.get(*k)?))).collect();
+        along.into_iter().map(|(p, v)| (p, self.graph.diff(lagrangian, v))).collect()
+    }
+
+    /// An expression with momenta by velocities.
+    fn in_velocities(&mut self, e: ExprId, momenta: &BTreeMap<SymbolId, ExprId>) -> ExprId {
+        let free = self.graph.free_symbols(e);
+        if !free.iter().any(|s| momenta.contains_key(s)) {
+            return e;
+        }
+        // A division by what vanishes stays as it is written, and is told with the name of the momentum.
+        self.graph.subs(e, momenta).unwrap_or(e)
+    }
+
+    /// `advected` and `connection` say how positions move; `lagrangian` what momenta are.
     pub(super) fn check_constraints(
         &mut self,
         advected: &[Advected],
         connection: Option<&[Vec<ExprId>]>,
+        lagrangian: ExprId,
     ) -> Vec<Constraint> {
         let rates = self.rates_of_positions(advected, connection);
+        let momenta = self.momenta_of(lagrangian);
         let given = self.check_determined(&rates);
         let mut result = Vec::new();
         let mut taken = BTreeMap::new();
@@ -218,6 +242,7 @@ impl ModelBuilder {
         for draft in self.constraints.clone() {
             let first = result.len();
             for (name, place, e) in self.rows(&draft, "constraint", "c", &mut taken, &mut n_unnamed) {
+                let e = self.in_velocities(e, &momenta);
                 let classified = self.classify(e, &name, &place, draft.span, &rates);
                 let Some((residual, kind, position)) = classified else { continue };
                 let (text, mode, span) = (draft.text.clone(), draft.mode, draft.span);
@@ -228,7 +253,9 @@ impl ModelBuilder {
             self.give(&draft, &mut result[first..], &mut all_given);
         }
         self.reports_taken(&given, &taken);
-        given.into_iter().chain(result).collect()
+        let all: Vec<Constraint> = given.into_iter().chain(result).collect();
+        self.check_kinematic(&all);
+        all
     }
 
     /// Notes which velocities the components of a constraint give; `all` are those that any constraint gives.

@@ -89,9 +89,7 @@ impl ModelBuilder {
         self.reports_stray(e, span, "the lagrangian", &[]);
         let velocities = self.velocity_symbols();
         // Constraints that determine every velocity leave nothing to be derived, as for a swimmer without inertia.
-        let rows = self.constraints.iter().chain(self.determined.iter().map(|(_, draft)| draft));
-        let n_rows: usize = rows.map(|c| c.left.entries().len().max(c.right.entries().len())).sum();
-        if n_rows < velocities.len()
+        if self.n_constraints() < velocities.len()
             && self.occurring(e, &velocities).is_empty()
             && !self.broken.contains("velocity")
             && !self.broken.contains("constraint")

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use super::draft::{GivenDraft, ModelBuilder};
 use super::symbols::Special;
 use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::layout::short_list;
 use crate::spec::model::*;
 use crate::spec::value::Value;
 use hamel_expr::{ExprId, SymbolId};
@@ -70,18 +71,68 @@ impl ModelBuilder {
                 }
             }
         }
-        let missing = given.iter().position(Option::is_none);
-        if let Some(k) = missing.filter(|_| !self.is_half_given()) {
-            let message = format!("nothing gives the motion of `{}`", names[k]);
-            let help = format!("add `acceleration {0} = ..;`, or `field {0} = ..;` of first order", names[k]);
+        let open: Vec<usize> = (0..given.len()).filter(|k| given[*k].is_none()).collect();
+        let n_rows = self.n_constraints();
+        if n_rows > 0 && !self.given.iter().any(|g| g.is_acceleration) {
+            if n_rows != open.len() && !self.is_half_given() && !self.broken.contains("constraint") {
+                self.wrong_number(&first, (n_rows, &open), &names);
+            }
+            return Some(given.into_iter().map(|own| own.unwrap_or(Given::Constrained)).collect());
+        }
+        if let Some(k) = open.first().filter(|_| !self.is_half_given()) {
+            let message = format!("nothing gives the motion of `{}`", names[*k]);
+            let help = format!(
+                "add `acceleration {0} = ..;`, or `field {0} = ..;` of first order, or a constraint that gives it \
+                 beside fields",
+                names[*k]
+            );
             self.problem(first.span, message, help);
         }
         given.into_iter().collect()
     }
 
+    /// As many constraints as velocities without a field determine the motion.
+    fn wrong_number(&mut self, first: &GivenDraft, (n_rows, open): (usize, &[usize]), names: &[String]) {
+        let counted = |n: usize, one: &str| format!("{n} {one}{}", if n == 1 { "" } else { "s" });
+        let [rows, left] = [counted(n_rows, "constraint"), counted(open.len(), "velocity")];
+        let left = if open.len() == 1 { left } else { format!("{} velocities", open.len()) };
+        let message = format!("{rows} beside fields for {left}");
+        let open: Vec<String> = open.iter().map(|k| names[*k].clone()).collect();
+        let help = match open.is_empty() {
+            true => {
+                "the fields give every velocity: leave out as many of them as there are constraints".into()
+            }
+            false => format!(
+                "{}: each needs one constraint, or a field",
+                short_list("the velocities without a field are", &open)
+            ),
+        };
+        self.problem(first.span, message, help);
+    }
+
+    /// Constraints beside fields are linear: one of them stands for each velocity that no field gives.
+    pub(super) fn check_kinematic(&mut self, constraints: &[Constraint]) {
+        if self.given.is_empty() {
+            return;
+        }
+        for constraint in constraints.iter().filter(|c| c.kind != ConstraintKind::Linear) {
+            let message =
+                format!("constraint `{}` beside `field` is not affine in the velocities", constraint.text);
+            let help = "without a lagrangian constraints are solved for velocities; write a rate of its own by \
+                        `state`, or add a lagrangian";
+            self.problem(constraint.span, message, help);
+        }
+    }
+
+    /// How many equations the constraints of the text are, by component.
+    pub(super) fn n_constraints(&self) -> usize {
+        let rows = self.constraints.iter().chain(self.determined.iter().map(|(_, draft)| draft));
+        rows.map(|c| c.left.entries().len().max(c.right.entries().len())).sum()
+    }
+
     /// Whether something about given rates is wrong already.
     fn is_half_given(&self) -> bool {
-        let items = ["acceleration", "field", "velocity", "coordinate", "frame", "algebroid"];
+        let items = ["acceleration", "field", "constraint", "velocity", "coordinate", "frame", "algebroid"];
         items.iter().any(|item| self.broken.contains(item))
             || self.problems.iter().any(|p| self.given.iter().any(|g| p.span == g.span))
     }
@@ -119,8 +170,11 @@ impl ModelBuilder {
                 return;
             }
         }
+        // Constraints give the velocities that no field does.
+        let has_accelerations = self.given.iter().any(|g| g.is_acceleration);
+        let is_kinematic = !self.constraints.is_empty() && !has_accelerations;
         let beside: [(&str, Option<Option<Span>>); 10] = [
-            ("constraint", self.constraints.first().map(|c| c.span)),
+            ("constraint", self.constraints.first().filter(|_| has_accelerations).map(|c| c.span)),
             ("virtual", self.virtual_constraints.first().map(|c| c.span)),
             ("independent", self.independent.as_ref().map(|(_, span)| *span)),
             ("multipliers", self.multipliers),
@@ -129,7 +183,7 @@ impl ModelBuilder {
             ("stage", self.stages.first().map(|s| s.span)),
             ("section", self.sections.first().map(|s| s.span)),
             ("quasi_velocity", self.quasi_velocities.first().map(|_| first.span)),
-            ("connection", self.derived_connection.map(|(_, span)| span)),
+            ("connection", self.derived_connection.filter(|_| !is_kinematic).map(|(_, span)| span)),
         ];
         for (other, span) in beside {
             if let Some(span) = span {

@@ -245,6 +245,10 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
         | ExpressionRole::Reconstruction(_) => return None,
         ExpressionRole::ConstraintResidual(k) => match model.constraints[k].kind {
             ConstraintKind::SecondOrder { .. } => return None,
+            // Beside fields it gives a velocity, and nothing reacts.
+            ConstraintKind::Linear if model.given.is_some() && model.constraints[k].position.is_none() => {
+                return None;
+            }
             ConstraintKind::Linear | ConstraintKind::Nonlinear | ConstraintKind::ThirdOrder { .. } => {
                 of_constraint(k)
             }

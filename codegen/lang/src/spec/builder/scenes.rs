@@ -149,6 +149,7 @@ impl ModelBuilder {
             for (name, span) in draft.wants {
                 if self.wants_of_given(&scene.name, &name, span)
                     || self.wants_of_totals(&scene.name, &name, span)
+                    || self.wants_no_connection(&scene.name, &name, span)
                 {
                     continue;
                 }

@@ -436,6 +436,7 @@ impl Check<'_> {
             let velocity = self.velocity(k);
             let span = spans(&model.places.given, k);
             match given {
+                Given::Constrained => {}
                 Given::Velocity(e) => {
                     self.equal(
                         &format!("the field of `{}`", names[k].0),

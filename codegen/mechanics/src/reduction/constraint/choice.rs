@@ -50,6 +50,40 @@ pub(in crate::reduction) fn constrain(
     })
 }
 
+/// The linear constraints of a model together with rows of somebody else, which leave no velocity open: solved one row
+/// after the other.
+///
+/// # Errors
+/// Dependent and inconsistent rows.
+pub(in crate::reduction) fn solved_with(
+    model: &mut Model,
+    rows: Vec<ConstraintRow>,
+    signs: &BTreeMap<ExprId, Sign>,
+) -> Result<SolvedConstraint, Error> {
+    let frame = frame_unknowns(model);
+    let params: BTreeSet<SymbolId> = model.params.iter().map(|p| p.symbol).collect();
+    let (linear, mut general) = constraint_rows(model);
+    let linear: Vec<ConstraintRow> = linear.into_iter().chain(rows).collect();
+    general.extend(linear[general.len()..].iter().map(|row| AccelerationRow {
+        name: row.name.clone(),
+        text: row.text.clone(),
+        one_form: row.one_form.clone(),
+        source: AccelerationSource::Differentiated(row.offset),
+        mode: None,
+    }));
+    let (determined, given) = (determined(model, &linear), given(model, &linear));
+    let said = Said { together: &determined, in_order: &given };
+    let choice = Choice { said, is_by_rows: true, ..Choice::default() };
+    let setting = Setting { frame: &frame, quasi: &[], params: &params, signs };
+    match solve_rows(&mut model.graph, &setting, (linear, general), Vec::new(), choice)? {
+        KinematicConstraint::Solved(solved) => Ok(solved),
+        KinematicConstraint::Multipliers { .. } => Err(Error::Unsupported {
+            what: "constraints that do not determine every velocity beside fields".into(),
+            possible: "one linear equation for each velocity without a field".into(),
+        }),
+    }
+}
+
 /// The velocities that constraints restrict, and what is known beside.
 pub(in crate::reduction) struct Setting<'a> {
     pub(in crate::reduction) frame: &'a [Unknown],

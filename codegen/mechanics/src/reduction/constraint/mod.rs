@@ -12,7 +12,9 @@ use hamel_expr::{ExprId, Graph, SymbolId};
 
 use super::part::Part;
 
-pub(super) use choice::{Choice, Setting, annihilator, constrain, frame_unknowns, refused, solve_rows};
+pub(super) use choice::{
+    Choice, Setting, annihilator, constrain, frame_unknowns, refused, solve_rows, solved_with,
+};
 pub use higher::{CarriedAcceleration, HigherOrder};
 pub(super) use higher::{Prolonged, prolonged, settled};
 pub(super) use solver::{Said, Solver};
