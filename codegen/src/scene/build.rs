@@ -27,7 +27,9 @@ use super::pivots::sorted_pivots;
 use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
 use super::quotient;
 use super::roles::{VariableRole, all_params, variable_roles};
-use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants, positions, splitting};
+use super::{
+    bracket, derivatives, discrete, dynamics, events, frames, implicit, invariants, positions, splitting,
+};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -307,6 +309,10 @@ fn lower_derived(
             Error::NoBracket { .. } => {
                 place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
             }
+            Error::NoDiscrete { .. } => {
+                let own = model.scenes.iter().find(|own| own.name == *scene);
+                own.and_then(|own| own.discrete?.place)
+            }
             Error::NoPhases { .. } => place_of(Want::Phases.name()),
             Error::NoQuotient { .. } => place_of(Want::Quotient.name()),
             Error::NoSplitting { .. } => place_of(Want::Splitting.name()),
@@ -522,6 +528,18 @@ pub(super) fn lower_scene(
         implicit_requests.extend(found.requests);
         implicit_form = Some(found.implicit);
     }
+    let mut discrete_steps = None;
+    let mut discrete_requests = Vec::new();
+    if let Some(asked) = &plan.discrete {
+        if plan.hamiltonian_time {
+            let reason = "steps are those in the time of the model".to_owned();
+            return Err(Error::NoDiscrete { reason });
+        }
+        let found = discrete::find(&mut graph, &equations, &state, asked)?;
+        inputs.arguments.extend(found.arguments);
+        discrete_requests.extend(found.requests);
+        discrete_steps = Some(found.discrete);
+    }
     graph.within_budget()?;
     graph.enter(Stage::Lowering);
     let mut conditions: Vec<ParamCondition> = system
@@ -563,6 +581,7 @@ pub(super) fn lower_scene(
         requests.push(Request { role: legendre_role(), results: legendre.momenta.clone() });
     }
     requests.extend(implicit_requests);
+    requests.extend(discrete_requests);
     requests.extend(quotient_requests);
     requests.extend(flow_requests);
     if !domain.moving.is_empty() {
@@ -591,6 +610,7 @@ pub(super) fn lower_scene(
         matrices,
         products,
         implicit: implicit_form,
+        discrete: discrete_steps,
         positions: layout,
         total,
         flows,

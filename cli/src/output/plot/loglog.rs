@@ -219,7 +219,8 @@ mod tests {
         }
         let points = vec![[1e-6, 3.0]];
         let curve = |k: usize| Curve { name: format!("{k}"), broken: k % 2 == 1, points: points.clone() };
-        let text = svg(&LogLog { curves: (0..6 * N_COLOURS).map(curve).collect(), ..LogLog::default() }).unwrap();
+        let text =
+            svg(&LogLog { curves: (0..6 * N_COLOURS).map(curve).collect(), ..LogLog::default() }).unwrap();
         // A circle of each colour, filled and open, and its double in the legend; squares of both kinds.
         assert_eq!(text.matches("<circle").count(), 2 * 2 * N_COLOURS);
         let (squares, triangles) = (text.matches("<rect").count(), text.matches("<polygon").count());

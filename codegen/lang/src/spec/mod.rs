@@ -79,10 +79,10 @@ pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use mode::{Impact, Mode};
 pub use model::{
-    Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Domain, FormulationSearch, Given,
-    IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, Noise, OwnAlgebroid, OwnBracket, Param,
-    ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side, Velocity,
-    VelocitySection, circle_names, diagnose,
+    Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Discrete, Domain, FormulationSearch,
+    Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, Noise, OwnAlgebroid, OwnBracket,
+    Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Retraction, Scene, Side,
+    Velocity, VelocitySection, circle_names, diagnose,
 };
 pub use names::LEVEL_MOMENTUM;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
@@ -103,8 +103,25 @@ pub use hamel_expr::{Budget, DivisionByZero, ExprId, Func, Graph, Rational, Rela
 /// The words that begin items and their parts, for those who show the text of a model.
 pub fn keywords() -> Vec<&'static str> {
     let parts = [
-        "model", "in", "by", "of", "on", "where", "from", "relative", "around", "at", "attitude", "fix",
-        "want", "drop", "circle", "basis", "as",
+        "model",
+        "in",
+        "by",
+        "of",
+        "on",
+        "where",
+        "from",
+        "relative",
+        "around",
+        "at",
+        "attitude",
+        "fix",
+        "want",
+        "drop",
+        "circle",
+        "basis",
+        "as",
+        "discrete",
+        "retraction",
     ];
     names::ITEMS.iter().map(|(item, _)| *item).chain(parts).collect()
 }

@@ -411,6 +411,42 @@ pub enum FormulationSearch {
     AnyState,
 }
 
+/// A map from a Lie algebra to its group, near the identity, by which discrete equations move the group.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Retraction {
+    /// `cay(xi) = (1 - xi/2)^-1 (1 + xi/2)`.
+    Cayley,
+    /// The exponential map.
+    Exp,
+}
+
+impl Retraction {
+    /// Both of them.
+    pub const ALL: [Retraction; 2] = [Retraction::Cayley, Retraction::Exp];
+
+    /// The name in the language.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Retraction::Cayley => "cayley",
+            Retraction::Exp => "exp",
+        }
+    }
+
+    /// The retraction of a name.
+    pub fn from_name(name: &str) -> Option<Retraction> {
+        Retraction::ALL.into_iter().find(|retraction| retraction.name() == name)
+    }
+}
+
+/// That a scene has the discrete equations of the midpoint quadrature: `discrete midpoint;`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Discrete {
+    /// The retraction; none where the algebra chooses.
+    pub retraction: Option<Retraction>,
+    /// Where the retraction is named, or the quadrature.
+    pub place: Option<Span>,
+}
+
 /// A model with some parameters fixed and some outputs wanted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
@@ -430,6 +466,8 @@ pub struct Scene {
     pub carries: Vec<Carried>,
     /// Which formulations are searched for one that costs less; none for the one that the scene writes down.
     pub formulation: Option<FormulationSearch>,
+    /// The discrete equations of motion, where the scene has them.
+    pub discrete: Option<Discrete>,
     /// Documentation.
     pub doc: String,
     /// Where its name stands.

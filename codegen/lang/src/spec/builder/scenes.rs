@@ -72,6 +72,7 @@ impl ModelBuilder {
             circles: Vec::new(),
             carries: Vec::new(),
             formulation: None,
+            discrete: None,
             doc: doc.to_owned(),
             span: here,
             extent,
@@ -247,6 +248,17 @@ impl ModelBuilder {
         let here = self.here;
         match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
             Some(draft) => draft.scene.formulation = Some(search),
+            None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
+        }
+        self
+    }
+
+    /// Discrete equations of motion, by the midpoint quadrature of the action and a retraction of the group, or the one
+    /// that the algebra chooses.
+    pub fn scene_discrete(&mut self, scene: &str, retraction: Option<Retraction>) -> &mut Self {
+        let here = self.here;
+        match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
+            Some(draft) => draft.scene.discrete = Some(Discrete { retraction, place: here }),
             None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
         }
         self
