@@ -19,6 +19,7 @@ mod centroid;
 mod claim;
 mod definition;
 mod derived;
+mod discrete;
 mod frames;
 mod group;
 mod impacts;
@@ -39,7 +40,7 @@ mod wide;
 use hamel_expr::error::Error;
 
 pub use claim::Certificate;
-pub(crate) use claim::{Claim, MatrixClaim};
+pub(crate) use claim::{Claim, DiscreteClaim, MatrixClaim};
 use motion::Motion;
 use point::{Point, Setting};
 pub(crate) use quotient::certify_quotient;
@@ -142,6 +143,11 @@ fn compared(setting: &Setting<'_>, point: &Point, random: &mut Random) -> (Sheet
             let results = Results { setting, point, motion: &motion };
             results.check(&mut sheet, random, &mut open);
             results.check_derived(&mut sheet, random, &mut open);
+            if let Some(discrete) = &setting.claim.discrete
+                && let Err(missing) = setting.check_discrete(point, discrete, &mut sheet, random)
+            {
+                open("discrete_residual", missing.into());
+            }
         }
     }
     (sheet, left)

@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use crate::certify::{Certificate, Claim, MatrixClaim, N_POINTS, certify, certify_quotient};
+use crate::certify::{Certificate, Claim, DiscreteClaim, MatrixClaim, N_POINTS, certify, certify_quotient};
 use hamel_expr::error::Error;
 use hamel_expr::parallel::side_by_side;
 use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
@@ -682,6 +682,12 @@ impl BuiltScene {
                 .flat_map(|i| i.variables.iter().map(|v| v.is_differential))
                 .collect(),
             implicit_pattern: implicit.map_or(&[], |i| &i.pattern),
+            discrete: self.discrete.as_ref().map(|found| DiscreteClaim {
+                map: &found.map,
+                n_unknowns: found.unknowns.len(),
+                pattern: &found.pattern,
+                state: &found.state,
+            }),
             n_points,
         }
     }
