@@ -226,10 +226,12 @@ impl<const ORDER: u32, R: Real, S: Discrete<R>> Method<R, S> for DiscreteSteps<O
                 }
                 let mut change = Change::default();
                 for (unknown, &correction) in unknowns.as_mut_slice().iter_mut().zip(residual.as_slice()) {
+                    let before = *unknown;
                     *unknown -= correction;
-                    change.add(1.0, R::ZERO, *unknown, correction);
+                    // What is rounded away is no change.
+                    change.add(1.0, R::ZERO, *unknown, *unknown - before);
                 }
-                // Corrections without a digit can go on in one direction for long.
+                // Changes below a digit of the largest unknown can go on in one direction for long.
                 if change.is_rounding::<R>() { Change::default() } else { change }
             })?;
             if is_singular {
