@@ -334,12 +334,16 @@ fn what_does_not_fit_is_told() {
          scene steps { discrete midpoint; retraction cayley; } }",
         "no faithful representation",
     );
-    // A quadratic form is advected by the square of the group element, which is not the Cayley map of its own matrices.
+    // Two rotations of one plane add up, and their Cayley maps do not.
     refused(
-        &of(
-            "velocity W in so(3); advected S: symmetric(3) by hat(W)*S - S*hat(W); lagrangian = dot(W, W) - S11;",
-        ),
+        &of("velocity u, w in product(R, R); advected a in R^2 by [-(u + w)*a2, (u + w)*a1]; \
+             lagrangian = u^2 + w^2 - a1;"),
         "representation of which the Cayley map",
+    );
+    refused(
+        &of("velocity w in R; advected a in R^2 by [-w*a2, w*a1]; advected b in R^2 by [-2*w*b2, 2*w*b1]; \
+             lagrangian = w^2 - a1 - b1;"),
+        "leaves the group",
     );
     refused(
         &of("velocity W in su(3); lagrangian = W1^2+W2^2+W3^2+W4^2+W5^2+W6^2+W7^2+W8^2;"),
