@@ -4,8 +4,9 @@
 //! `f = tau(h xi)`, by the retraction itself; advected parameters at the end follow from the logarithm of `f` by the
 //! exponential series of their own action. The action of the step, `h L` at the middle, is then varied along the
 //! displacements of both ends, `f -> f (1 + eps eta)` or `(1 - eps eta) f`, with the retraction inverted on matrices of
-//! dual numbers: that is what rows of momenta are held to. No derivative of a retraction is used, and no constant of its
-//! series. `exp` is held to `f^-1 df = sum (-ad)^k/(k+1)!`, the derivative of its definition, where no matrices are known.
+//! dual numbers: that is what rows of momenta are held to. No derivative of a retraction is used, and no constant of
+//! its series. `exp` is held to `f^-1 df = sum (-ad)^k/(k+1)!`, the derivative of its definition, where no matrices are
+//! known.
 //!
 //! Does not know: how discrete equations are made or solved.
 //!
@@ -375,7 +376,7 @@ impl<'a> Setting<'a> {
         let advected: Vec<_> =
             model.advected.iter().flat_map(|a| a.components.iter().map(|(_, symbol)| *symbol)).collect();
         let (mut env, mut zeta, mut ends) = (point.env.clone(), Vec::new(), Vec::new());
-        // Velocities in the middle depend on what is advected to the end.
+        // Velocities in the middle depend on parameters that the step advects.
         for turn in 0..MAX_TERMS {
             let middle = self.place(&env)?;
             let next: Vec<Wide> = middle.group[n_shape..].iter().map(|x| h * *x).collect();
@@ -446,7 +447,7 @@ impl<'a> Setting<'a> {
         Ok(all)
     }
 
-    /// What the rows are, as sums: zero of coordinates and constraints of this step, momenta of states less those of the
+    /// The rows, as sums: zero of coordinates and constraints of this step, momenta of states less those of the
     /// step at its start, and the other way round at its end.
     fn rows(
         &self,
@@ -529,7 +530,7 @@ impl<'a> Setting<'a> {
         }
     }
 
-    /// First values are those of a step of no length.
+    /// First values are the velocities and coordinates at the start.
     fn check_start(
         &self,
         at: &At<'_, Wide>,

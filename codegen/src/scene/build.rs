@@ -27,9 +27,8 @@ use super::pivots::sorted_pivots;
 use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
 use super::quotient;
 use super::roles::{VariableRole, all_params, variable_roles};
-use super::{
-    bracket, derivatives, discrete, dynamics, events, frames, implicit, invariants, positions, splitting,
-};
+use super::splitting;
+use super::{bracket, derivatives, discrete, dynamics, events, frames, implicit, invariants, positions};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]

@@ -109,7 +109,7 @@ pub(super) fn roles() -> [Role; 3] {
     [DiscretePart::Start, DiscretePart::Residual, DiscretePart::Jacobian].map(DiscretePart::role)
 }
 
-/// The equations, and what has to be lowered for them.
+/// The equations, and the functions to be lowered.
 pub(super) struct Found {
     pub(super) discrete: Discrete,
     pub(super) requests: Vec<Request>,

@@ -115,8 +115,8 @@ impl<R: Real, S: Discrete<R>> Discrete<R> for &S {
 /// # Source
 ///
 /// Bou-Rabee and Marsden, Hamilton-Pontryagin integrators on Lie groups, part I (2009), for the equations; Suzuki,
-/// Fractal decomposition of exponential operators (1990), and Kahan and Li, Composition constants for raising the orders
-/// of unconventional schemes (1997), for the compositions.
+/// Fractal decomposition of exponential operators (1990), and Kahan and Li, Composition constants for raising the
+/// orders of unconventional schemes (1997), for the compositions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DiscreteSteps<const ORDER: u32>;
 
@@ -228,7 +228,7 @@ impl<const ORDER: u32, R: Real, S: Discrete<R>> Method<R, S> for DiscreteSteps<O
                 for (unknown, &correction) in unknowns.as_mut_slice().iter_mut().zip(residual.as_slice()) {
                     let before = *unknown;
                     *unknown -= correction;
-                    // What is rounded away is no change.
+                    // Rounding takes the rest away.
                     change.add(1.0, R::ZERO, *unknown, *unknown - before);
                 }
                 // Changes below a digit of the largest unknown can go on in one direction for long.

@@ -16,6 +16,7 @@ mod constraint;
 mod context;
 mod decisive;
 mod diagnostic;
+mod discrete;
 mod elaborate;
 mod eval;
 mod eval_algebra;
@@ -66,6 +67,7 @@ pub use constraint::{
 pub use context::Context;
 pub use decisive::{Made, decisive};
 pub use diagnostic::{Diagnostic, Diagnostics, Help, Origin, Replacement, Severity, Span};
+pub use discrete::{Discrete, Retraction};
 pub use event::{Event, EventDirection, OutputPart};
 pub use expressions::ExpressionRole;
 pub use family::with_sizes;
@@ -79,10 +81,10 @@ pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use mode::{Impact, Mode};
 pub use model::{
-    Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Discrete, Domain, FormulationSearch,
-    Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, Noise, OwnAlgebroid, OwnBracket,
-    Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Retraction, Scene, Side,
-    Velocity, VelocitySection, circle_names, diagnose,
+    Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Domain, FormulationSearch, Given,
+    IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, Noise, OwnAlgebroid, OwnBracket, Param,
+    ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side, Velocity,
+    VelocitySection, circle_names, diagnose,
 };
 pub use names::LEVEL_MOMENTUM;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};

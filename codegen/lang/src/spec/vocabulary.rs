@@ -360,6 +360,8 @@ const SETTINGS: &[&str] = &[
     "nonholonomic",
     "ideal",
     "auto",
+    "midpoint",
+    "cayley",
     "box",
     "disk",
     "ball",

@@ -10,19 +10,20 @@
 //! end     P_x = l_v + h/2 l_x,   P_xi = (dtau^-1_{-h xi})^T l_xi + h/2 rho(a_1)^T l_a
 //! ```
 //!
-//! where `a' = rho(a) xi` moves advected parameters. A force adds `-h/2 F` and `h/2 F`. In the frame `y = (v, xi + A v)`
-//! of a system with a connection `A` these are `(P_x - A^T P_xi, P_xi)`, with `A` at the end concerned. Displacements are
-//! the columns of `W` at the ends, and velocities are `y = Psi u + psi0` in the middle, by the same quadrature. The state
-//! at an end stands for the momentum there by the Legendre transformation, `W^T L_y(Psi u + psi0)`, so that a step is
+//! where `a' = rho(a) xi` moves advected parameters. A force adds `-h/2 F` and `h/2 F`. In the frame
+//! `y = (v, xi + A v)` of a system with a connection `A` these are `(P_x - A^T P_xi, P_xi)`, with `A` at the end
+//! concerned. Displacements are the columns of `W` at the ends, and velocities are `y = Psi u + psi0` in the middle, by
+//! the same quadrature. The state at an end stands for the momentum there by the Legendre transformation,
+//! `W^T L_y(Psi u + psi0)`, so that a step is
 //!
 //! ```text
 //! W_0^T (L_y(y_0) - P_start) = 0,   W_1^T (P_end - L_y(y_1)) = 0,   y = Psi u + psi0,   x_1 = x_0 + h v,
 //! a_1 = a_0 + h rho((a_0 + a_1)/2) xi  for `cay`,   a_1 = exp(h rho(.) xi) a_0  for `exp`
 //! ```
 //!
-//! The midpoint rule for `a` is exact: it moves by the group element `cay(h xi)`. The mean of both ends in the potential
-//! is what makes the momentum of every symmetry that leaves `a` one that stays to rounding: its variation along `g` is
-//! `rho(a) eta` at both ends.
+//! The midpoint rule for `a` is exact: it moves by the group element `cay(h xi)`. The mean of both ends in the
+//! potential is what makes the momentum of every symmetry that leaves `a` one that stays to rounding: its variation
+//! along `g` is `rho(a) eta` at both ends.
 //!
 //! Deliberately does not know: how steps are solved, programs.
 //!
@@ -51,7 +52,7 @@ pub struct DiscreteSetting<'a> {
     pub n_shape: usize,
     /// The matrices that the algebra is known by, one for each element.
     pub standard: Option<&'a [Matrix]>,
-    /// The retraction; none where the algebra chooses.
+    /// The retraction, where the algebra does not choose.
     pub retraction: Option<Retraction>,
 }
 
@@ -163,7 +164,7 @@ fn fitting<'a>(
 ) -> Result<&'a SolvedConstraint, Error> {
     let KinematicConstraint::Solved(solved) = &system.constraint else {
         return Err(refused(
-            "multipliers keep its constraints; those that are linear in velocities and solved for some of them fit",
+            "multipliers keep its constraints; constraints that are solved for some velocities fit",
         ));
     };
     let is_shape = |i: usize| {
@@ -217,8 +218,8 @@ fn depends_on_places_alone(
     Ok(())
 }
 
-/// Brackets of the algebra, and matrices of the vector fields that move advected parameters, one coordinate more for
-/// what is affine.
+/// Brackets of the algebra, and matrices of the vector fields that move advected parameters, with one more coordinate,
+/// one, for affine fields.
 type GroupData = (Vec<Vec<Vec<(usize, Rational)>>>, Vec<Matrix>);
 
 fn group_data(g: &mut Graph, system: &ReducedSystem, n_shape: usize) -> Result<GroupData, Error> {
@@ -340,7 +341,7 @@ impl<'a> Draft<'a> {
         found.map_err(|_| Error::DivisionByZero { place: "the discrete equations".into() })
     }
 
-    /// An end of the step: coordinates there, and velocities by those of the state.
+    /// An end of the step: coordinates there, and velocities by the state's.
     fn node(&mut self, own: &BTreeMap<SymbolId, SymbolId>, fraction: i64) -> Result<Place, Error> {
         let mut place: Place = own.iter().map(|(s, own)| (*s, self.g.sym(*own))).collect();
         let (t, h) = (self.g.sym(self.system.time), self.g.sym(self.h));

@@ -23,7 +23,7 @@ use hamel_lang::spec::Retraction;
 pub struct GroupMap {
     /// Which one.
     pub retraction: Retraction,
-    /// A faithful representation on which the retraction is that of matrices; none of `exp`.
+    /// A faithful representation on which the retraction is that of matrices; empty for `exp`.
     pub matrices: Vec<Matrix>,
     /// `C^c_ab` for `a`, `b`, by `c`.
     brackets: Vec<Vec<Vec<(usize, Rational)>>>,

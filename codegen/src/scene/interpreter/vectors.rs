@@ -43,8 +43,8 @@ impl Interpreter<'_> {
         Some(pattern.filled(&self.of_variables(&implicit::jacobian(), t, z)?))
     }
 
-    /// Writes the results of a function of the discrete equations for the variables `(h, y, z)` of a step from a state at
-    /// a time, with the unknowns `z`; false when the scene has none.
+    /// Writes the results of a function of the discrete equations for the variables `(h, y, z)` of a step from a state
+    /// at a time, with the unknowns `z`; false when the scene has none.
     ///
     /// # Panics
     /// When a size is wrong.

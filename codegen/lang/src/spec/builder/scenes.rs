@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use super::draft::{CarryDraft, DeclaredAs, Located, ModelBuilder, SceneDraft};
 use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::discrete::{Discrete, Retraction};
 use crate::spec::layout::component_help;
 use crate::spec::model::*;
 use crate::spec::names;

@@ -5,8 +5,9 @@
 use super::values::Elaboration;
 use crate::spec::ast::{Act, Carry, Comparison, EventItem, Expr, Item, ItemKind, Name, ReducesItem};
 use crate::spec::builder::{CarryDraft, EventSet, FIELD, ModeAct, Placement};
+use crate::spec::discrete::Retraction;
 use crate::spec::eval::is_poisoned;
-use crate::spec::model::{ConnectionKind, FormulationSearch, Retraction};
+use crate::spec::model::{ConnectionKind, FormulationSearch};
 use crate::spec::names;
 use crate::spec::total::{Image, Total};
 use crate::spec::value::Value;

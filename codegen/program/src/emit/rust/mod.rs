@@ -1,10 +1,10 @@
 //! The Rust back end: a module as items, documented for rustdoc and formatted.
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `circles`, `matrices`,
-//! `implicit`, `discrete`, `quotient`, `flows`, `events`, `guards`, `inputs`, `loops`, `traits`, `series` and `nalgebra` write the
-//! items of a scene, `lines` what is written line by line, `wasm` the root of a crate for WebAssembly over it, `index`
-//! the list of modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which functions there
-//! are and why, the order of their statements.
+//! `implicit`, `discrete`, `quotient`, `flows`, `events`, `guards`, `inputs`, `loops`, `traits`, `series` and
+//! `nalgebra` write the items of a scene, `lines` what is written line by line, `wasm` the root of a crate for
+//! WebAssembly over it, `index` the list of modules, `fluid` the module of a fluid of matrices, `format` text. Does not
+//! know: which functions there are and why, the order of their statements.
 
 mod circles;
 mod discrete;
