@@ -140,10 +140,7 @@ impl<'a> Algebra<'a> {
     }
 
     /// The matrix of an element.
-    fn element<R: Real>(&self, xi: &[R]) -> Square<R>
-    where
-        R: From<Wide>,
-    {
+    fn element<R: Real + From<Wide>>(&self, xi: &[R]) -> Square<R> {
         let n = self.matrices.first().map_or(0, Vec::len);
         let mut matrix = zeros(n);
         for (q, own) in xi.iter().zip(&self.matrices) {
