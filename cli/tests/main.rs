@@ -7,6 +7,7 @@ mod book;
 mod cache;
 mod check_and_fmt;
 mod closed_loops;
+mod discrete;
 #[cfg(feature = "lsp")]
 mod editor;
 mod ensemble;

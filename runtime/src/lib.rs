@@ -15,6 +15,7 @@
 //! | [`Midpoint`] | 2 | 2 | fixed | noise, [`Wiener`] |
 //! | [`Gauss4`], [`Gauss6`], [`Gauss8`] | 4, 6, 8 | 3, 4, 5 | fixed | long times: symplectic, symmetric |
 //! | `Gauss16` (feature `lanes`) | 16 | 16 | fixed | the longest times: round-off is a random walk; [`OverScalar`] |
+//! | [`Discrete2`] `4` `6` | 2, 4, 6 | 1, 5, 9 | fixed | momenta of symmetries for ever: discrete equations; [`Discrete`] |
 //! | [`Dla`] | 2 | 3 | fixed | nonholonomic systems with multipliers: reversible; [`Implicit`] |
 //! | [`matrices::IsospectralMidpoint`] | 2 | none | fixed | ideal fluids: the spectrum of the vorticity kept |
 //! | [`Projected`] | as within | as within | as within | invariants kept to round-off, elements of groups |
@@ -127,10 +128,11 @@ pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
-    Constant, Dla, DlaStorage, Dop853, Dopri5, Estimate, ExactFlows, ExplicitMethod, FixedPoint, Gauss,
-    Gauss4, Gauss6, Gauss8, Invariants, Levels, Method, Midpoint, Newton, OfMotion, OfPositions, OnCircles,
-    Point, Projected, Projection, Rk4, Row, Splitting, Splitting2, Splitting4, Splitting6, Start, Step,
-    Tableau, Taylor, Tolerances, Tsit5, Turning, Vern9,
+    Constant, Discrete, Discrete2, Discrete4, Discrete6, DiscreteSteps, DiscreteStorage, Dla, DlaStorage,
+    Dop853, Dopri5, Estimate, ExactFlows, ExplicitMethod, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8,
+    Invariants, Levels, Method, Midpoint, Newton, OfMotion, OfPositions, OnCircles, Point, Projected,
+    Projection, Rk4, Row, Splitting, Splitting2, Splitting4, Splitting6, Start, Step, Tableau, Taylor,
+    Tolerances, Tsit5, Turning, Vern9,
 };
 #[cfg(feature = "lanes")]
 pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};

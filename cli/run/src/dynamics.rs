@@ -7,10 +7,11 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use hamel_runtime::{
-    Differentiable, Dual, ExactFlows, F64x4, Failure, Invariants, Jet, OverScalar, ParamError, Pivot,
-    Positions, Real, SquareStorage, StateVector, System, Wiener,
+    Differentiable, Dual, F64x4, Failure, Invariants, Jet, OverScalar, ParamError, Pivot, Positions, Real,
+    SquareStorage, StateVector, System, Wiener,
 };
 
+use hamel_codegen::scene::{DiscreteLayout, DiscretePart};
 use hamel_codegen::spec::Want;
 
 use super::info::Info;
@@ -134,6 +135,18 @@ pub trait Dynamics: Send + Sync {
     fn constraint_rows(&self, t: f64, y: &[f64]) -> Vec<VecState> {
         let _ = (t, y);
         Vec::new()
+    }
+
+    /// Where the numbers of the discrete equations stand, where the scene has such equations.
+    fn discrete(&self) -> Option<&DiscreteLayout> {
+        None
+    }
+
+    /// Writes the results of a function of the discrete equations for the variables `(h, y, z)` of a step from
+    /// a state at a time, inputs held at their values in the middle of the step.
+    fn discrete_of(&self, part: DiscretePart, t: f64, variables: &[f64], out: &mut [f64]) {
+        let _ = (part, t, variables);
+        out.fill(f64::NAN);
     }
 
     /// Number of the exact flows whose generators add up to the right-hand side; why there are none otherwise.
@@ -637,16 +650,6 @@ impl<const K: usize> Invariants<f64, K> for PreparedScene<'_> {
 
     fn gradients(&self, t: f64, y: &VecState, gradients: &mut [VecState; K]) {
         Invariants::gradients(&**self, t, y, gradients);
-    }
-}
-
-impl ExactFlows<f64> for PreparedScene<'_> {
-    fn n_flows(&self) -> usize {
-        self.flows().unwrap_or(0)
-    }
-
-    fn flow(&self, index: usize, tau: f64, y: &VecState, increment: &mut VecState) {
-        Dynamics::flow(&**self, index, tau, &y.0, &mut increment.0);
     }
 }
 

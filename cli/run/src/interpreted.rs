@@ -6,7 +6,7 @@
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
-use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
+use hamel_codegen::scene::{self, BuiltScene, DiscreteLayout, DiscretePart, Executable, Interpreter};
 use hamel_codegen::spec::Want;
 use hamel_program::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
 use hamel_runtime::{Dual, F64x4, Failure, Pivot, Wiener};
@@ -609,6 +609,17 @@ impl Dynamics for Interpreted<'_> {
             ConstraintRows::new(known, &self.built.model, &self.params)
         };
         self.constraint_rows.get_or_init(find).as_ref().map_or_else(Vec::new, |rows| rows.at(t, y))
+    }
+
+    fn discrete(&self) -> Option<&DiscreteLayout> {
+        self.built.executable.discrete.as_ref()
+    }
+
+    fn discrete_of(&self, part: DiscretePart, t: f64, variables: &[f64], out: &mut [f64]) {
+        let middle = t + 0.5 * variables[0];
+        if !self.interpreter.at(middle).discrete(part, t, variables, out) {
+            out.fill(f64::NAN);
+        }
     }
 
     fn flows(&self) -> Result<usize, String> {

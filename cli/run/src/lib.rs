@@ -59,6 +59,7 @@ mod solver;
 pub mod start;
 pub mod statistics;
 pub mod stepper;
+mod steps;
 mod stored;
 pub mod streams;
 pub mod temporary;

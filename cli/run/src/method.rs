@@ -62,6 +62,12 @@ pub enum MethodName {
     Splitting4,
     /// A composition of exact flows of sixth order.
     Splitting6,
+    /// The discrete equations of a scene with `discrete midpoint`, of second order: keeps momenta, fixed steps only.
+    Discrete,
+    /// A composition of such steps of fourth order.
+    Discrete4,
+    /// A composition of such steps of sixth order.
+    Discrete6,
     /// The isospectral midpoint rule, for fluids that are moved as products of matrices; fixed steps only.
     Isospectral,
 }
@@ -85,12 +91,14 @@ enum Class {
     FixedProjection,
     /// Composes exact flows, fixed steps only.
     Flows,
+    /// Solves discrete equations of motion, fixed steps only.
+    Steps,
     /// Moves matrices in fixed steps.
     Matrices,
 }
 
 /// Every method in the order of [`MethodName`], with its name in requests and on the command line.
-const METHODS: [(MethodName, &str, Class); 23] = [
+const METHODS: [(MethodName, &str, Class); 26] = [
     (MethodName::Tsit5, "tsit5", Class::Embedded),
     (MethodName::Dop853, "dop853", Class::Embedded),
     (MethodName::Vern9, "vern9", Class::Embedded),
@@ -113,6 +121,9 @@ const METHODS: [(MethodName, &str, Class); 23] = [
     (MethodName::Splitting2, "splitting2", Class::Flows),
     (MethodName::Splitting4, "splitting4", Class::Flows),
     (MethodName::Splitting6, "splitting6", Class::Flows),
+    (MethodName::Discrete, "discrete", Class::Steps),
+    (MethodName::Discrete4, "discrete4", Class::Steps),
+    (MethodName::Discrete6, "discrete6", Class::Steps),
     (MethodName::Isospectral, "isospectral", Class::Matrices),
 ];
 
@@ -155,7 +166,12 @@ impl MethodName {
     pub fn has_fixed_steps(self) -> bool {
         matches!(
             self.class(),
-            Class::Fixed | Class::Newton | Class::FixedProjection | Class::Flows | Class::Matrices
+            Class::Fixed
+                | Class::Newton
+                | Class::FixedProjection
+                | Class::Flows
+                | Class::Steps
+                | Class::Matrices
         )
     }
 
@@ -198,7 +214,7 @@ impl MethodName {
     pub fn evaluates_rates_alone(self) -> bool {
         !matches!(
             self.class(),
-            Class::Newton | Class::Series | Class::Choice | Class::Flows | Class::Matrices
+            Class::Newton | Class::Series | Class::Choice | Class::Flows | Class::Steps | Class::Matrices
         )
     }
 }

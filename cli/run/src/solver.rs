@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 
 use hamel_codegen::spec::Want;
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method, Midpoint, OnCircles, Rk4,
-    Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
+    Discrete2, Discrete4, Discrete6, Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method,
+    Midpoint, OnCircles, Rk4, Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
 };
 
 use super::any_method::{AnyMethod, MAX_INVARIANTS, OfLanes, OfScenes};
@@ -116,6 +116,9 @@ fn own_method<'a>(
         MethodName::Splitting2 => split(const { &Splitting2::new() }, method, dynamics)?,
         MethodName::Splitting4 => split(const { &Splitting4::new() }, method, dynamics)?,
         MethodName::Splitting6 => split(const { &Splitting6::new() }, method, dynamics)?,
+        MethodName::Discrete => discrete(const { &Discrete2::new() }, method, dynamics)?,
+        MethodName::Discrete4 => discrete(const { &Discrete4::new() }, method, dynamics)?,
+        MethodName::Discrete6 => discrete(const { &Discrete6::new() }, method, dynamics)?,
         MethodName::Projected => projected(&Vern9, method, dynamics)?,
         MethodName::Gauss16Projected => projected(&Gauss16, method, dynamics)?,
     })
@@ -153,6 +156,25 @@ fn split<'a>(
     if let Err(reason) = dynamics.flows() {
         let (name, Info { scene, model, .. }) = (name.name(), dynamics.info());
         return Err(Error::Options { reason: format!("method {name}: scene {scene} of {model} {reason}") });
+    }
+    Ok(AnyMethod::single(method))
+}
+
+/// Steps by the discrete equations of a scene; `name` is that of the method.
+///
+/// # Errors
+/// [`Error::Options`] when the scene has none.
+fn discrete<'a>(
+    method: OfScenes<'a>,
+    name: MethodName,
+    dynamics: &dyn Dynamics,
+) -> Result<AnyMethod<'a>, Error> {
+    if dynamics.discrete().is_none() {
+        let (name, Info { scene, model, .. }) = (name.name(), dynamics.info());
+        let reason = format!(
+            "method {name}: scene {scene} of {model} has no discrete equations; a scene has them by `discrete midpoint;`"
+        );
+        return Err(Error::Options { reason });
     }
     Ok(AnyMethod::single(method))
 }

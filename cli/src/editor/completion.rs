@@ -165,7 +165,7 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
         Context::File => found.language(WordKind::Part, |word| word == "model"),
         Context::Item => found.language(WordKind::Item, |_| true),
         Context::SceneStatement => {
-            let words = ["fix", "want", "drop", "circle", "formulation"];
+            let words = ["fix", "want", "drop", "circle", "formulation", "discrete", "retraction"];
             found.language(WordKind::Part, |word| words.contains(&word));
             found.language(WordKind::Item, |word| matches!(word, "carry" | "routh" | "input" | "for"));
         }
@@ -233,6 +233,8 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
         Context::Side => found.words(&["left", "right"]),
         Context::Solid => found.words(&["box", "disk", "ball", "segment", "point", "path"]),
         Context::Formulation => found.words(&["auto"]),
+        Context::Quadrature => found.words(&["midpoint"]),
+        Context::Retraction => found.words(&["cayley", "exp"]),
         Context::Expression => {
             found.values(document, model);
             let words = ["where", "when", "rising", "falling", "with", "around", "at", "attitude"];

@@ -245,6 +245,11 @@ pub enum Error {
         /// Why not.
         reason: String,
     },
+    /// A motion has no discrete equations.
+    NoDiscrete {
+        /// What stands in the way.
+        reason: String,
+    },
     /// A motion was not split into motions with flows in closed form.
     NoSplitting {
         /// What stands in the way.
@@ -525,6 +530,10 @@ impl Error {
             Error::NoBracket { reason } => (
                 format!("there is no nonholonomic bracket: {reason}"),
                 "remove `bracket` from what the scene wants".into(),
+            ),
+            Error::NoDiscrete { reason } => (
+                format!("there are no discrete equations: {reason}"),
+                "remove `discrete` and `retraction` from the scene".into(),
             ),
             Error::NoSplitting { reason } => (
                 format!("there is no splitting into exact flows: {reason}"),

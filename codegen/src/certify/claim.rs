@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use hamel_expr::SymbolId;
 use hamel_lang::spec::Model;
-use hamel_mechanics::mechanics::{Equations, Output};
+use hamel_mechanics::mechanics::{Equations, GroupMap, Output};
 use hamel_program::program::Program;
 
 /// What is held to what.
@@ -30,8 +30,19 @@ pub(crate) struct Claim<'a> {
     pub(crate) differential: Vec<bool>,
     /// Rows and columns of the entries of its Jacobian.
     pub(crate) implicit_pattern: &'a [(usize, usize)],
+    /// The discrete equations, where the scene has them.
+    pub(crate) discrete: Option<DiscreteClaim<'a>>,
     /// Number of points.
     pub(crate) n_points: usize,
+}
+
+/// Discrete equations: how the group moves, and where numbers stand.
+pub(crate) struct DiscreteClaim<'a> {
+    pub(crate) map: &'a GroupMap,
+    pub(crate) n_unknowns: usize,
+    pub(crate) pattern: &'a [(usize, usize)],
+    /// The place among the unknowns of each component of the state.
+    pub(crate) state: &'a [usize],
 }
 
 /// A matrix whose entries are an output.

@@ -20,6 +20,7 @@ mod claim;
 mod connection;
 mod definition;
 mod derived;
+mod discrete;
 mod fluid;
 mod frames;
 mod group;
@@ -41,7 +42,7 @@ mod wide;
 use hamel_expr::error::Error;
 
 pub use claim::Certificate;
-pub(crate) use claim::{Claim, MatrixClaim};
+pub(crate) use claim::{Claim, DiscreteClaim, MatrixClaim};
 pub use fluid::fluid;
 use motion::Motion;
 use point::{Point, Setting};
@@ -145,6 +146,11 @@ fn compared(setting: &Setting<'_>, point: &Point, random: &mut Random) -> (Sheet
             let results = Results { setting, point, motion: &motion };
             results.check(&mut sheet, random, &mut open);
             results.check_derived(&mut sheet, random, &mut open);
+            if let Some(discrete) = &setting.claim.discrete
+                && let Err(missing) = setting.check_discrete(point, discrete, &mut sheet, random)
+            {
+                open("discrete_residual", missing.into());
+            }
         }
     }
     (sheet, left)

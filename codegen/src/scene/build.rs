@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use crate::certify::{Certificate, Claim, MatrixClaim, N_POINTS, certify, certify_quotient};
+use crate::certify::{Certificate, Claim, DiscreteClaim, MatrixClaim, N_POINTS, certify, certify_quotient};
 use hamel_expr::error::Error;
 use hamel_expr::parallel::side_by_side;
 use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
@@ -27,7 +27,8 @@ use super::pivots::sorted_pivots;
 use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
 use super::quotient;
 use super::roles::{VariableRole, all_params, variable_roles};
-use super::{bracket, derivatives, dynamics, events, frames, implicit, invariants, positions, splitting};
+use super::splitting;
+use super::{bracket, derivatives, discrete, dynamics, events, frames, implicit, invariants, positions};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -307,6 +308,10 @@ fn lower_derived(
             Error::NoBracket { .. } => {
                 place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
             }
+            Error::NoDiscrete { .. } => {
+                let own = model.scenes.iter().find(|own| own.name == *scene);
+                own.and_then(|own| own.discrete?.place)
+            }
             Error::NoPhases { .. } => place_of(Want::Phases.name()),
             Error::NoConnection { .. } => place_of(Want::Connection.name()),
             Error::NoQuotient { .. } => place_of(Want::Quotient.name()),
@@ -546,6 +551,18 @@ pub(super) fn lower_scene(
         implicit_requests.extend(found.requests);
         implicit_form = Some(found.implicit);
     }
+    let mut discrete_steps = None;
+    let mut discrete_requests = Vec::new();
+    if let Some(asked) = &plan.discrete {
+        if plan.hamiltonian_time {
+            let reason = "steps are those in the time of the model".to_owned();
+            return Err(Error::NoDiscrete { reason });
+        }
+        let found = discrete::find(&mut graph, &equations, &state, asked)?;
+        inputs.arguments.extend(found.arguments);
+        discrete_requests.extend(found.requests);
+        discrete_steps = Some(found.discrete);
+    }
     graph.within_budget()?;
     graph.enter(Stage::Lowering);
     let mut conditions: Vec<ParamCondition> = system
@@ -587,6 +604,7 @@ pub(super) fn lower_scene(
         requests.push(Request { role: legendre_role(), results: legendre.momenta.clone() });
     }
     requests.extend(implicit_requests);
+    requests.extend(discrete_requests);
     requests.extend(quotient_requests);
     requests.extend(flow_requests);
     if !domain.moving.is_empty() {
@@ -615,6 +633,7 @@ pub(super) fn lower_scene(
         matrices,
         products,
         implicit: implicit_form,
+        discrete: discrete_steps,
         positions: layout,
         total,
         flows,
@@ -686,6 +705,12 @@ impl BuiltScene {
                 .flat_map(|i| i.variables.iter().map(|v| v.is_differential))
                 .collect(),
             implicit_pattern: implicit.map_or(&[], |i| &i.pattern),
+            discrete: self.discrete.as_ref().map(|found| DiscreteClaim {
+                map: &found.map,
+                n_unknowns: found.unknowns.len(),
+                pattern: &found.pattern,
+                state: &found.state,
+            }),
             n_points,
         }
     }

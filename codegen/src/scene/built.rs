@@ -15,6 +15,7 @@ use hamel_program::program::{Program, Role};
 
 use super::dependence::{left_out, outputs_of_model};
 use super::derivatives::{Matrix, Product};
+use super::discrete::Discrete;
 use super::events::SceneEvent;
 use super::frames;
 use super::implicit::Implicit;
@@ -31,6 +32,7 @@ pub struct BuiltScene {
     pub(super) matrices: Vec<Matrix>,
     pub(super) products: Vec<Product>,
     pub(super) implicit: Option<Implicit>,
+    pub(super) discrete: Option<Discrete>,
     pub(super) positions: Option<PositionLayout>,
     /// The system that the model is the quotient of, where the scene wants the map.
     pub(super) total: Option<Arc<TotalSystem>>,
@@ -161,6 +163,11 @@ impl BuiltScene {
     /// The implicit form, where the scene wants it.
     pub fn implicit(&self) -> Option<&Implicit> {
         self.implicit.as_ref()
+    }
+
+    /// The discrete equations, where the scene has them.
+    pub fn discrete(&self) -> Option<&Discrete> {
+        self.discrete.as_ref()
     }
 
     /// How the equations between coordinates are solved, where the scene wants them.

@@ -16,6 +16,7 @@ use hamel_program::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCo
 use super::bracket::REMAINDER;
 use super::built::BuiltScene;
 use super::derivatives::{Derivative, Matrix};
+use super::discrete::{self, DiscreteLayout};
 use super::events::SceneEvent;
 use super::implicit;
 use super::invariants::GRADIENTS;
@@ -40,6 +41,8 @@ pub struct Executable {
     pub modes: Vec<usize>,
     /// How the equations between coordinates are solved, where the scene wants them.
     pub positions: Option<PositionLayout>,
+    /// Unknowns of the discrete equations, where the scene has these.
+    pub discrete: Option<DiscreteLayout>,
     patterns: Vec<Pattern>,
 }
 
@@ -164,6 +167,11 @@ impl Executable {
         {
             return fail("equations between coordinates that the scene does not have".into());
         }
+        if let Some(layout) = &self.discrete
+            && !layout.fits(discrete::roles().map(|role| program.function(&role)), n)
+        {
+            return fail("discrete equations that the scene does not have".into());
+        }
         let n_events = n_of(&Role::Output(Want::Events.name().to_owned())).unwrap_or(0);
         let sets = |event: &SceneEvent| {
             let n_set = n_of(&Role::Output(event.after())).unwrap_or(0);
@@ -234,7 +242,12 @@ impl BuiltScene {
             system.own_rates.iter().filter(|own| own.is_mode).map(|own| system.graph.name(own.symbol));
         let modes = modes.filter_map(|name| program.state.iter().position(|own| own == name)).collect();
         let (positions, patterns) = (self.positions().cloned(), self.patterns());
-        Executable { program, events, modes, positions, patterns }
+        let discrete = self.discrete().map(|found| DiscreteLayout {
+            n_unknowns: found.unknowns.len(),
+            pattern: found.pattern.clone(),
+            state: found.state.clone(),
+        });
+        Executable { program, events, modes, positions, discrete, patterns }
     }
 
     fn patterns(&self) -> Vec<Pattern> {

@@ -10,6 +10,7 @@ use hamel_mechanics::reduction::{Formulation, StageUse, carried_by_momenta};
 use hamel_program::lower::SearchBudget;
 
 use super::derivatives::Derivative;
+use super::discrete;
 
 /// Name of the scene that every model has.
 pub const DEFAULT: &str = "default";
@@ -54,6 +55,8 @@ pub(super) struct Plan {
     /// Exact flows whose generators add up to the motion.
     pub(super) splitting: bool,
     pub(super) implicit: bool,
+    /// What the discrete equations ask of the model.
+    pub(super) discrete: Option<discrete::Asked>,
     /// The map of the model that this one is the quotient of.
     pub(super) quotient: bool,
     /// Mass matrix, inverse dynamics and forces at rest, as far as they are wanted.
@@ -130,6 +133,7 @@ impl Plan {
             hamiltonian_time,
             splitting,
             implicit,
+            discrete,
             quotient,
             dynamics,
             of_frames,
@@ -153,6 +157,7 @@ impl Plan {
             *splitting,
             *implicit,
             *quotient,
+            discrete.is_some(),
         ];
         let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
         let is_more = has_outputs || has_sets || *positions != Share::None || wants.contains(&true);
@@ -176,6 +181,7 @@ impl Plan {
             hamiltonian_time: false,
             splitting: false,
             implicit: false,
+            discrete: None,
             quotient: false,
             dynamics: BTreeSet::new(),
             of_frames: BTreeSet::new(),
@@ -198,6 +204,7 @@ impl Plan {
             plan.formulation.fixed.clone_from(&own.fixed);
             plan.formulation.inputs.clone_from(&own.inputs);
             plan.formulation.circles.clone_from(&own.circles);
+            plan.discrete = own.discrete.map(|words| discrete::Asked::of(model, words));
             plan.formulation.momenta = carried_by_momenta(model, &own.carries);
             plan.formulation.stages = StageUse::of(model.stages.is_some(), &model.carries, &own.carries);
             if !own.drops.is_empty() {

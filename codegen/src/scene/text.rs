@@ -10,14 +10,15 @@ use hamel_expr::{Exhausted, Resource, Stage, Style};
 use hamel_lang::spec::{EventDirection, Unit, Want};
 use hamel_mechanics::reduction::StageUse;
 use hamel_program::emit::{
-    self, CModule, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText, MatrixText,
-    OutputText, ParamText, PositionsText, ProductText, QuotientText, SceneEntry, SceneText, Script,
-    ScriptLanguage, SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
+    self, CModule, DiscreteText, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText,
+    MatrixText, OutputText, ParamText, PositionsText, ProductText, QuotientText, SceneEntry, SceneText,
+    Script, ScriptLanguage, SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
 };
 use hamel_program::program::{Jet, Program, Role};
 
 use super::built::{BuiltScene, TotalSystem, legendre_role};
 use super::derivatives::{Derivative, Matrix, Product};
+use super::discrete::{self, Discrete};
 use super::events::SceneEvent;
 use super::groups::groups;
 use super::implicit::{self, Implicit};
@@ -298,6 +299,7 @@ impl BuiltScene {
             matrices: self.matrices.iter().map(matrix_text).collect(),
             products: self.products.iter().map(product_text).chain(self.legendre_text()).collect(),
             implicit: self.implicit().map(implicit_text),
+            discrete: self.discrete().map(discrete_text),
             quotient: self.total.as_deref().map(|total| quotient_text(total, &self.program)),
             positions: self.positions().map(positions_text),
             flows: self.flows().iter().enumerate().map(flow_text).collect(),
@@ -417,6 +419,26 @@ fn implicit_text(implicit: &Implicit) -> ImplicitText {
         index: implicit.index,
         pattern: implicit.pattern.clone(),
         state: implicit.state.clone(),
+    }
+}
+
+fn discrete_text(discrete: &Discrete) -> DiscreteText {
+    let retraction = discrete.map.retraction.name();
+    let named = |name: &str, what: &str| {
+        (name.to_owned(), format!("{what} `(h, y, z)`: the step, the state at its start, the unknowns."))
+    };
+    DiscreteText {
+        start: named(discrete::START, "First values of the unknowns, those of a step of no length, by"),
+        residual: named(
+            discrete::RESIDUAL,
+            &format!(
+                "Rows of the discrete equations of a step, which vanish, by the midpoint quadrature and the retraction `{retraction}`; of"
+            ),
+        ),
+        jacobian: named(discrete::JACOBIAN, "Derivatives of the rows by the unknowns, row by row, at"),
+        unknowns: discrete.unknowns.clone(),
+        pattern: discrete.pattern.clone(),
+        state: discrete.state.clone(),
     }
 }
 

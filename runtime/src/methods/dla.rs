@@ -2,6 +2,7 @@
 //!
 //! Deliberately does not know: where equations come from, how steps are chosen.
 
+use super::elimination::solve;
 use super::iteration::{Change, iterate, not_converged};
 use super::{Estimate, Method, Step, Tableau, c, two_sum};
 use crate::error::Error;
@@ -205,41 +206,6 @@ impl<R: Real, Z: SquareStorage<R>> DlaStorage<R, Z> {
         let value = |velocity: usize| variables.as_slice()[S::IMPLICIT.state[velocity]];
         pairs.fold(R::ZERO, |sum, (&v, &a)| sum + row.as_slice()[a] * value(v))
     }
-
-    /// Solves `matrix x = residuals` by elimination with the largest pivots, `x` in the place of the residuals; false
-    /// where one vanishes or is not finite.
-    fn solve(&mut self) -> bool {
-        let n = self.unknowns.n;
-        let (rows, x) = (self.matrix.as_mut(), self.residuals.as_mut_slice());
-        for k in 0..n {
-            let size = |row: &Z| row.as_slice()[k].magnitude();
-            let largest =
-                (k + 1..n).fold(k, |best, i| if size(&rows[i]) > size(&rows[best]) { i } else { best });
-            rows.swap(k, largest);
-            x.swap(k, largest);
-            let (above, below) = rows.split_at_mut(k + 1);
-            let pivot_row = above[k].as_slice();
-            let pivot = pivot_row[k];
-            if !pivot.all_ne(R::ZERO) || !pivot.all_finite() {
-                return false;
-            }
-            for (i, row) in below[..n - k - 1].iter_mut().enumerate() {
-                let row = row.as_mut_slice();
-                let ratio = row[k] / pivot;
-                for (entry, &above) in row[k + 1..n].iter_mut().zip(&pivot_row[k + 1..n]) {
-                    *entry -= ratio * above;
-                }
-                let known = x[k];
-                x[k + 1 + i] -= ratio * known;
-            }
-        }
-        for k in (0..n).rev() {
-            let row = rows[k].as_slice();
-            let known = (k + 1..n).fold(R::ZERO, |sum, j| sum + row[j] * x[j]);
-            x[k] = (x[k] - known) / row[k];
-        }
-        true
-    }
 }
 
 impl<R: Real, S: Implicit<R>> Method<R, S> for Dla
@@ -352,7 +318,7 @@ where
                     storage.matrix.as_mut()[i].as_mut_slice()[j] = entry;
                 }
             }
-            if !storage.solve() {
+            if !solve(storage.matrix.as_mut(), storage.residuals.as_mut_slice(), n) {
                 is_singular = true;
                 return Change::default();
             }

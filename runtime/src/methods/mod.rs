@@ -5,9 +5,11 @@
 //! the order conditions next to the printed numbers (Newton's iteration, least correction); `tests` checks all
 //! conditions to the last of these digits.
 
+mod discrete;
 mod dla;
 mod dop853;
 mod dopri5;
+mod elimination;
 mod explicit;
 mod gauss;
 #[cfg(feature = "lanes")]
@@ -25,6 +27,7 @@ mod taylor;
 mod tsit5;
 mod vern9;
 
+pub use discrete::{Discrete, Discrete2, Discrete4, Discrete6, DiscreteSteps, DiscreteStorage};
 pub use dla::{Dla, DlaStorage};
 pub use dop853::Dop853;
 pub use dopri5::Dopri5;

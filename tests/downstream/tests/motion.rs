@@ -8,7 +8,8 @@
 //! ```
 
 use hamel_downstream::models::suslov_gyrostat::{INFO, Params, Prepared, State};
-use hamel_runtime::{Dop853, Integrator, Options};
+use hamel_downstream::models::suslov_gyrostat_steps as steps;
+use hamel_runtime::{Discrete2, Dop853, Integrator, Options};
 
 /// States at `t_final` of the motion from `start`.
 fn run(system: &Prepared, start: State, t_final: f64) -> State {
@@ -38,6 +39,29 @@ fn the_motion_is_the_known_oscillation() {
         assert!((x - y).abs() < 1e-10 * y.abs().max(1.0), "{name}: {x}, expected {y}");
     }
     assert!((w * t).sin().abs() > 0.1 && (w * t).cos().abs() > 0.1, "the end is no special point");
+}
+
+/// Distance from the known oscillation after steps of size `h`, and what the momentum of the rotor has lost.
+fn by_steps(h: f64) -> (f64, f64) {
+    let params = steps::Params::default();
+    let system = steps::Prepared::new(&params).unwrap();
+    let (amplitude, alpha_dot, t) = (0.8, 5.0, 7.0);
+    let start = steps::State { alpha: 0.0, alpha_dot, Omega1: amplitude, Omega2: 0.0 };
+    let mut solver =
+        Integrator::new(&system, Discrete2::new(), 0.0, start.to_array(), Options::fixed(h)).unwrap();
+    solver.integrate_to(t).unwrap();
+    let end = steps::State::from_array(*solver.state());
+    let w = hamel_downstream::spin(alpha_dot) / (params.I11 * params.I22).sqrt();
+    let expected = [amplitude * (w * t).cos(), amplitude * (params.I11 / params.I22).sqrt() * (w * t).sin()];
+    ((end.Omega1 - expected[0]).hypot(end.Omega2 - expected[1]), end.alpha_dot - alpha_dot)
+}
+
+#[test]
+fn steps_by_discrete_equations_are_of_order_two_and_keep_the_momentum() {
+    let [(coarse, lost), (fine, _)] = [0.02, 0.01].map(by_steps);
+    assert!(((coarse / fine).log2() - 2.0).abs() < 0.05, "{coarse:e}, {fine:e}");
+    // Rounding of a few hundred steps.
+    assert!(lost.abs() < 1e-13, "{lost:e}");
 }
 
 #[test]

@@ -59,6 +59,7 @@ fn scene(name: &str, wants: &[Want]) -> Scene {
         circles: Vec::new(),
         carries: Vec::new(),
         formulation: None,
+        discrete: None,
         doc: String::new(),
         span: None,
         extent: None,

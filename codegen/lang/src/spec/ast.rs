@@ -437,6 +437,9 @@ pub(super) enum ItemKind {
         /// `formulation auto;`, `formulation auto(state);`: the word and what stands in parentheses.
         formulation: Vec<(Name, Option<Name>)>,
         carries: Vec<Carry>,
+        /// `discrete midpoint;` and `retraction cayley;`: the names behind both words.
+        discrete: Vec<Name>,
+        retraction: Vec<Name>,
     },
 }
 

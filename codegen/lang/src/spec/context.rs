@@ -56,6 +56,10 @@ pub enum Context {
     Solid,
     /// `auto`.
     Formulation,
+    /// `midpoint`.
+    Quadrature,
+    /// A retraction of a group.
+    Retraction,
     /// A value.
     Expression,
     /// A name that nobody knows yet, a number, a text or a comment.
@@ -131,6 +135,8 @@ fn of_block(block: &str, statement: &[&str]) -> Context {
         ("scene", Some("circle")) => Context::Angle,
         ("scene", Some("carry" | "routh")) => Context::Carried,
         ("scene", Some("formulation")) => Context::Formulation,
+        ("scene", Some("discrete")) => Context::Quadrature,
+        ("scene", Some("retraction")) => Context::Retraction,
         ("event", None) => Context::EventStatement,
         ("event", Some("then")) if !is_after_equals => Context::StateVariable,
         ("event", Some("enter" | "leave" | "impact")) if last != "with" => Context::Mode,

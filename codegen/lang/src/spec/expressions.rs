@@ -143,6 +143,7 @@ macro_rules! visit {
             circles: _,
             carries: _,
             formulation: _,
+            discrete: _,
             doc: _,
             span: _,
             extent: _,

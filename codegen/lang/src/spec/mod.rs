@@ -16,6 +16,7 @@ mod constraint;
 mod context;
 mod decisive;
 mod diagnostic;
+mod discrete;
 mod elaborate;
 mod eval;
 mod eval_algebra;
@@ -66,6 +67,7 @@ pub use constraint::{
 pub use context::Context;
 pub use decisive::{Made, decisive};
 pub use diagnostic::{Diagnostic, Diagnostics, Help, Origin, Replacement, Severity, Span};
+pub use discrete::{Discrete, Retraction};
 pub use event::{Event, EventDirection, OutputPart};
 pub use expressions::ExpressionRole;
 pub use family::with_sizes;
@@ -106,8 +108,25 @@ pub use hamel_expr::{Budget, DivisionByZero, ExprId, Func, Graph, Rational, Rela
 /// The words that begin items and their parts, for those who show the text of a model.
 pub fn keywords() -> Vec<&'static str> {
     let parts = [
-        "model", "in", "by", "of", "on", "where", "from", "relative", "around", "at", "attitude", "fix",
-        "want", "drop", "circle", "basis", "as",
+        "model",
+        "in",
+        "by",
+        "of",
+        "on",
+        "where",
+        "from",
+        "relative",
+        "around",
+        "at",
+        "attitude",
+        "fix",
+        "want",
+        "drop",
+        "circle",
+        "basis",
+        "as",
+        "discrete",
+        "retraction",
     ];
     names::ITEMS.iter().map(|(item, _)| *item).chain(parts).collect()
 }

@@ -7,6 +7,7 @@ pub(super) use super::constraint::{
     CarriedAcceleration, Constraint, ConstraintKind, Implied, PositionEquation, VirtualConstraint,
 };
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
+use super::discrete::Discrete;
 use super::event::{Event, OutputPart};
 pub(super) use super::first_order::FirstOrderState;
 use super::layout::Layout;
@@ -432,6 +433,8 @@ pub struct Scene {
     pub carries: Vec<Carried>,
     /// Which formulations are searched for one that costs less; none for the one that the scene writes down.
     pub formulation: Option<FormulationSearch>,
+    /// The discrete equations of motion, where the scene has them.
+    pub discrete: Option<Discrete>,
     /// Documentation.
     pub doc: String,
     /// Where its name stands.

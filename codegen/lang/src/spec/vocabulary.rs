@@ -308,6 +308,8 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("drop", "drop x;", "Coordinates and advected parameters that the scene leaves out."),
     ("circle", "circle q;", "Angles that are carried as points of the circle."),
     ("formulation", "formulation auto;", "Searches for a formulation that costs less."),
+    ("discrete", "discrete midpoint;", "Discrete equations of motion, by a quadrature of the action."),
+    ("retraction", "retraction cayley;", "The map from the algebra to the group in discrete equations."),
 ];
 
 /// Algebras, groups, representations, domains, shapes and the like.
@@ -358,6 +360,8 @@ const SETTINGS: &[&str] = &[
     "nonholonomic",
     "ideal",
     "auto",
+    "midpoint",
+    "cayley",
     "box",
     "disk",
     "ball",

@@ -15,6 +15,7 @@ mod constrained;
 mod curvature;
 mod derive;
 mod dirac;
+mod discrete;
 mod displacements;
 mod entropies;
 mod equations;
@@ -46,6 +47,7 @@ mod quotient;
 mod rates;
 mod recursion;
 mod results;
+mod retraction;
 mod routh;
 mod rows;
 mod sections;
@@ -62,6 +64,7 @@ pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coeffic
 pub use curvature::{ConnectionName, LiftBracket, NamedConnection};
 pub use derive::{Extent, derive, derive_to};
 pub use dirac::DiracStructure;
+pub use discrete::{DiscreteEquations, DiscreteSetting, DiscreteUnknown, discrete_equations, row_name};
 pub use displacements::{BothEquations, DisplacementForms};
 pub use equations::{
     Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, Production, SectionMomentum,
@@ -80,6 +83,7 @@ pub use phases::{Phase, phases};
 pub use quotient::{NotQuotient, Quotient, quotient_of};
 pub use rates::rates;
 pub use recursion::is_recursive;
+pub use retraction::GroupMap;
 pub use routh::Routhian;
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub use splitting::{SplitFlow, Splitting};

@@ -25,9 +25,9 @@ pub use c::{CModule, Fmu};
 pub use rust::{SceneEntry, WasmModule};
 pub use script::{Script, ScriptLanguage};
 pub use text::{
-    EventText, FlowText, FluidTermText, FluidText, GroupKind, GroupText, GroupTexts, ImplicitText,
-    ImplicitVariableText, InitialText, MatrixText, OutputText, ParamText, PositionsText, ProductText,
-    QuotientText, SceneText, SelfTestText, StateText, SurfaceText, UnitText, UnitTexts,
+    DiscreteText, EventText, FlowText, FluidTermText, FluidText, GroupKind, GroupText, GroupTexts,
+    ImplicitText, ImplicitVariableText, InitialText, MatrixText, OutputText, ParamText, PositionsText,
+    ProductText, QuotientText, SceneText, SelfTestText, StateText, SurfaceText, UnitText, UnitTexts,
 };
 
 /// Emits the module of one scene.

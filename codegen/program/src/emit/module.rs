@@ -8,7 +8,9 @@ use super::body::{Code, Segment, constant};
 use super::dialect::Dialect;
 use super::expression::{Formula, Text, operation};
 use super::names::Scope;
-use super::text::{FlowText, ImplicitText, MatrixText, OutputText, PositionsText, ProductText, SceneText};
+use super::text::{
+    DiscreteText, FlowText, ImplicitText, MatrixText, OutputText, PositionsText, ProductText, SceneText,
+};
 use crate::program::{Circles, Factors, Function, Operand, Program, Role};
 use hamel_expr::error::Error;
 
@@ -33,6 +35,11 @@ pub(super) const INPUTS: &str = "inputs";
 
 /// The constant with the variables of the implicit form.
 pub(super) const IMPLICIT: &str = "IMPLICIT";
+/// The constants with the unknowns of discrete equations, and the places of the state among them.
+pub(super) const DISCRETE: &str = "DISCRETE";
+pub(super) const DISCRETE_STATE: &str = "DISCRETE_STATE";
+/// The derivatives of discrete equations.
+pub(super) const DISCRETE_JACOBIAN: &str = "discrete_jacobian";
 /// The constants with the variables of the map of a quotient.
 pub(super) const TOTAL_STATE: &str = "TOTAL_STATE";
 pub(super) const TOTAL_PARAMS: &str = "TOTAL_PARAMS";
@@ -68,8 +75,10 @@ pub(super) struct Module<'a> {
     /// Functions of a vector besides time and state.
     pub(super) products: Vec<ProductRoutine<'a>>,
     pub(super) implicit: Option<ImplicitRoutines<'a>>,
+    /// The discrete equations.
+    pub(super) discrete: Option<DiscreteRoutines<'a>>,
     /// The map from the system that the model is the quotient of.
-    pub(super) quotient: Vec<QuotientRoutine<'a>>,
+    pub(super) quotient: Vec<VariablesRoutine<'a>>,
     pub(super) flows: Vec<FlowRoutine<'a>>,
     /// The pivots, unless there is nothing to check.
     pub(super) pivots: Option<Routine<'a>>,
@@ -168,8 +177,22 @@ pub(super) struct FlowRoutine<'a> {
     pub(super) routine: Routine<'a>,
 }
 
-/// A function of the map of a quotient.
-pub(super) struct QuotientRoutine<'a> {
+/// The functions of discrete equations: first values, rows, and entries of their derivatives.
+pub(super) struct DiscreteRoutines<'a> {
+    pub(super) text: &'a DiscreteText,
+    pub(super) start: VariablesRoutine<'a>,
+    pub(super) residual: VariablesRoutine<'a>,
+    pub(super) jacobian: VariablesRoutine<'a>,
+}
+
+impl<'a> DiscreteRoutines<'a> {
+    pub(super) fn all(&self) -> [&VariablesRoutine<'a>; 3] {
+        [&self.start, &self.residual, &self.jacobian]
+    }
+}
+
+/// A function of time and variables.
+pub(super) struct VariablesRoutine<'a> {
     pub(super) name: String,
     /// What it gives.
     pub(super) title: &'a str,
@@ -217,6 +240,14 @@ impl<'a> Module<'a> {
         if text.implicit.is_some() {
             constants.extend([IMPLICIT.to_owned(), dialect.places(IMPLICIT_JACOBIAN)]);
         }
+        if text.discrete.is_some() {
+            constants.extend(
+                [DISCRETE, DISCRETE_STATE]
+                    .map(str::to_owned)
+                    .into_iter()
+                    .chain([dialect.places(DISCRETE_JACOBIAN)]),
+            );
+        }
         if text.quotient.is_some() {
             constants.extend([TOTAL_STATE.to_owned(), TOTAL_PARAMS.to_owned()]);
         }
@@ -260,13 +291,36 @@ impl<'a> Module<'a> {
             let (entries, values) = (functions.add(&format!("{}_nonzeros", text.jacobian)), String::new());
             implicit = Some(ImplicitRoutines { text, right, rhs, jacobian, entries, all, values });
         }
+        let discrete = match &text.discrete {
+            None => None,
+            Some(text) => {
+                let n = text.unknowns.len();
+                expect_size("places of the state among unknowns", text.state.len(), program.state.len())?;
+                let mut routine = |(name, title): &'a (String, String), size: usize| {
+                    let routine = required(&Role::OfVariables(name.clone()))?;
+                    expect_size(name, routine.function.results.len(), size)?;
+                    expect_size(
+                        &format!("variables of {name}"),
+                        routine.argument.len(),
+                        1 + program.state.len() + n,
+                    )?;
+                    Ok::<_, Error>(VariablesRoutine { name: functions.add(name), title, routine })
+                };
+                Some(DiscreteRoutines {
+                    text,
+                    start: routine(&text.start, n)?,
+                    residual: routine(&text.residual, n)?,
+                    jacobian: routine(&text.jacobian, text.pattern.len())?,
+                })
+            }
+        };
         let mut quotient = Vec::new();
         if let Some(text) = &text.quotient {
             for (name, title) in std::iter::once(&text.of_state).chain(&text.of_params) {
                 let routine = required(&Role::OfVariables(name.clone()))?;
                 let n = text.state.len() + text.params.len();
                 expect_size(&format!("variables of {name}"), routine.argument.len(), n)?;
-                quotient.push(QuotientRoutine { name: functions.add(name), title, routine });
+                quotient.push(VariablesRoutine { name: functions.add(name), title, routine });
             }
         }
         let mut flows = Vec::with_capacity(text.flows.len());
@@ -331,6 +385,7 @@ impl<'a> Module<'a> {
             outputs,
             products,
             implicit,
+            discrete,
             quotient,
             flows,
             pivots: optional(&Role::Pivots).filter(|pivots| !pivots.function.results.is_empty()),

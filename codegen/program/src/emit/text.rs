@@ -39,6 +39,8 @@ pub struct SceneText {
     pub products: Vec<ProductText>,
     /// The implicit form, where the scene wants it.
     pub implicit: Option<ImplicitText>,
+    /// The discrete equations, where the scene has them.
+    pub discrete: Option<DiscreteText>,
     /// The map of the quotient, where the scene wants it.
     pub quotient: Option<QuotientText>,
     /// The equations between coordinates, where the scene wants them.
@@ -340,6 +342,23 @@ pub struct ImplicitText {
     /// Row and column of each entry of `df/dz`; the others are zero.
     pub pattern: Vec<(usize, usize)>,
     /// The place among the variables of each component of the state.
+    pub state: Vec<usize>,
+}
+
+/// Discrete equations of motion: functions of time and of `(h, y, z)`, the step, the state and the unknowns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DiscreteText {
+    /// The function of first values of the unknowns, [`Role::OfVariables`], and its title.
+    pub start: (String, String),
+    /// That of the rows.
+    pub residual: (String, String),
+    /// That of the entries of their derivatives by the unknowns.
+    pub jacobian: (String, String),
+    /// Names of the unknowns.
+    pub unknowns: Vec<String>,
+    /// Row and column of each entry.
+    pub pattern: Vec<(usize, usize)>,
+    /// The place among the unknowns of each component of the state at the end.
     pub state: Vec<usize>,
 }
 

@@ -7,6 +7,7 @@ use hamel_program::program::{Point, Role};
 
 use super::Interpreter;
 use crate::scene::built::legendre_role;
+use crate::scene::discrete::DiscretePart;
 use crate::scene::dynamics::inverse_dynamics_role;
 use crate::scene::implicit;
 use crate::scene::quotient::{params_role, state_role};
@@ -40,6 +41,19 @@ impl Interpreter<'_> {
     pub fn implicit_jacobian(&self, t: f64, z: &[f64]) -> Option<Vec<Vec<f64>>> {
         let pattern = self.patterns.iter().find(|pattern| pattern.name == implicit::JACOBIAN)?;
         Some(pattern.filled(&self.of_variables(&implicit::jacobian(), t, z)?))
+    }
+
+    /// Writes the results of a function of the discrete equations for the variables `(h, y, z)` of a step from a state
+    /// at a time, with the unknowns `z`; false when the scene has none.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn discrete(&self, part: DiscretePart, t: f64, variables: &[f64], out: &mut [f64]) -> bool {
+        let Some(k) = self.program.function_idx(&part.role()) else { return false };
+        // Such a function reads no state.
+        let state = &variables[1..=self.program.state.len()];
+        self.run_at(k, Point { t, state, argument: variables }, out);
+        true
     }
 
     /// The state that the map of the quotient gives for a state and the parameters of the total system, one after the

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use super::draft::{CarryDraft, DeclaredAs, Located, ModelBuilder, SceneDraft};
 use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::discrete::{Discrete, Retraction};
 use crate::spec::layout::component_help;
 use crate::spec::model::*;
 use crate::spec::names;
@@ -72,6 +73,7 @@ impl ModelBuilder {
             circles: Vec::new(),
             carries: Vec::new(),
             formulation: None,
+            discrete: None,
             doc: doc.to_owned(),
             span: here,
             extent,
@@ -248,6 +250,17 @@ impl ModelBuilder {
         let here = self.here;
         match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
             Some(draft) => draft.scene.formulation = Some(search),
+            None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
+        }
+        self
+    }
+
+    /// Discrete equations of motion, by the midpoint quadrature of the action and a retraction of the group, or the one
+    /// that the algebra chooses.
+    pub fn scene_discrete(&mut self, scene: &str, retraction: Option<Retraction>) -> &mut Self {
+        let here = self.here;
+        match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
+            Some(draft) => draft.scene.discrete = Some(Discrete { retraction, place: here }),
             None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
         }
         self

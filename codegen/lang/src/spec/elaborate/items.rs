@@ -5,6 +5,7 @@
 use super::values::Elaboration;
 use crate::spec::ast::{Act, Carry, Comparison, EventItem, Expr, Item, ItemKind, Name, ReducesItem};
 use crate::spec::builder::{CarryDraft, EventSet, FIELD, ModeAct, Placement};
+use crate::spec::discrete::Retraction;
 use crate::spec::eval::is_poisoned;
 use crate::spec::model::{ConnectionKind, FormulationSearch};
 use crate::spec::names;
@@ -195,9 +196,21 @@ impl Elaboration<'_> {
                     self.builder.at(Some(name.span)).want_of_all_scenes(&name.text);
                 }
             }
-            ItemKind::Scene { name, fixed, inputs, wants, drops, circles, carries, formulation } => {
+            ItemKind::Scene {
+                name,
+                fixed,
+                inputs,
+                wants,
+                drops,
+                circles,
+                carries,
+                formulation,
+                discrete,
+                retraction,
+            } => {
                 self.scene(item, name, fixed, [wants, drops, circles, inputs], carries);
                 self.formulation(&name.text, formulation);
+                self.discrete(&name.text, discrete, retraction);
             }
             ItemKind::Reduces(item) => self.reduces(item),
             ItemKind::Source(_)
@@ -365,6 +378,41 @@ impl Elaboration<'_> {
             }
         };
         self.builder.at(Some(word.span)).scene_formulation(scene, search);
+    }
+
+    /// The discrete principle of a scene and its retraction: each said once, in the words there are.
+    fn discrete(&mut self, scene: &str, quadratures: &[Name], retractions: &[Name]) {
+        for (word, said) in [("discrete", quadratures), ("retraction", retractions)] {
+            if let [_, again, ..] = said {
+                let message = format!("scene `{scene}` says `{word}` twice");
+                self.problem(again.span, message, "keep one of them");
+            }
+        }
+        let Some(quadrature) = quadratures.first() else {
+            if let Some(name) = retractions.first() {
+                let message = format!("scene `{scene}` has a retraction without discrete equations");
+                self.problem(name.span, message, "add `discrete midpoint;`, or leave the retraction out");
+            }
+            return;
+        };
+        if quadrature.text != "midpoint" {
+            let help = names::suggest(&quadrature.text, ["midpoint"]);
+            self.problem(quadrature.span, format!("unknown quadrature `{}`", quadrature.text), help);
+            return;
+        }
+        let retraction = match retractions.first() {
+            None => None,
+            Some(name) => match Retraction::from_name(&name.text) {
+                Some(retraction) => Some(retraction),
+                None => {
+                    let help = names::suggest(&name.text, Retraction::ALL.map(Retraction::name));
+                    self.problem(name.span, format!("unknown retraction `{}`", name.text), help);
+                    return;
+                }
+            },
+        };
+        let place = retractions.first().unwrap_or(quadrature).span;
+        self.builder.at(Some(place)).scene_discrete(scene, retraction);
     }
 
     /// `lists`: outputs wanted, coordinates left out, angles carried as points of the circle, inputs.

@@ -163,13 +163,26 @@ impl<'a> Reader<'a> {
                 self.name(name);
                 fluid.modes.extend(self.mode(name, value));
             }
-            ItemKind::Scene { name, fixed, inputs, wants, drops, circles, formulation, carries } => {
+            ItemKind::Scene {
+                name,
+                fixed,
+                inputs,
+                wants,
+                drops,
+                circles,
+                formulation,
+                carries,
+                discrete,
+                retraction,
+            } => {
                 let is_plain = fixed.is_empty()
                     && inputs.is_empty()
                     && drops.is_empty()
                     && circles.is_empty()
                     && formulation.is_empty()
-                    && carries.is_empty();
+                    && carries.is_empty()
+                    && discrete.is_empty()
+                    && retraction.is_empty();
                 if name.text != "default" || !is_plain {
                     let help = "write `scene default { want matrices, energy, casimirs; }`";
                     let message = "a fluid of matrices has the scene `default`, which only wants";

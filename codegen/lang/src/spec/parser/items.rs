@@ -591,6 +591,7 @@ impl<'a> Parser<'a> {
         let (mut fixed, mut wants) = (Vec::new(), Vec::new());
         let (mut drops, mut circles, mut carries) = (Vec::new(), Vec::new(), Vec::new());
         let (mut formulation, mut inputs) = (Vec::new(), Vec::new());
+        let (mut discrete, mut retraction) = (Vec::new(), Vec::new());
         body.entries(&mut |body| {
             if body.word("fix").is_some() {
                 fixed.extend(body.comma_separated(|p| {
@@ -618,14 +619,30 @@ impl<'a> Parser<'a> {
                     inside.finish("`)`").map(|()| what)
                 });
                 formulation.push((word, what.transpose()?));
+            } else if body.word("discrete").is_some() {
+                discrete.push(body.named("`midpoint`")?);
+            } else if body.word("retraction").is_some() {
+                retraction.push(body.named("`cayley` or `exp`")?);
             } else {
                 return body.expected(
-                    "`fix`, `input`, `want`, `drop`, `circle`, `carry`, `routh`, `formulation` or `for`",
+                    "`fix`, `input`, `want`, `drop`, `circle`, `carry`, `routh`, `formulation`, `discrete`, \
+                     `retraction` or `for`",
                 );
             }
             body.require_punct(";").map(drop)
         })?;
-        Ok(ItemKind::Scene { name, fixed, inputs, wants, drops, circles, carries, formulation })
+        Ok(ItemKind::Scene {
+            name,
+            fixed,
+            inputs,
+            wants,
+            drops,
+            circles,
+            carries,
+            formulation,
+            discrete,
+            retraction,
+        })
     }
 
     fn carried(&mut self) -> Parsed<Vec<Carry>> {

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::text::{elements, length, statements};
 use super::writer::{Takes, Writer};
-use crate::emit::module::{IMPLICIT_JACOBIAN, OutputRoutine, Routine};
+use crate::emit::module::{IMPLICIT_JACOBIAN, OutputRoutine, Routine, VariablesRoutine};
 use crate::emit::text::MatrixText;
 use crate::program::{Operand, Role};
 use hamel_expr::error::Error;
@@ -315,17 +315,63 @@ impl Writer<'_> {
         let doc = format!("Parameters of {}, the last numbers of vector.", text.file);
         self.array_of_names(&doc, "total_param_names", params);
         let n = state.len() + params.len();
-        let prepared = self.name("prepared");
         for function in &module.quotient {
-            let routine = &function.routine;
-            let names: Vec<String> = routine.function.results.iter().map(|(name, _)| name.clone()).collect();
-            let body = self.body(routine, Arguments::Variables) + &self.results(routine, "out");
-            let doc = self.doc(function.title, routine, &names);
-            let (name, k, size) = (self.name(&function.name), length(names.len()), length(n));
-            let arguments = format!("const {prepared} *p, double t, const double vector[{size}]");
-            self.function(&doc, &format!("void {name}({arguments}, double out[{k}])"), &body);
-            self.call(function.title, &function.name, Takes::Variables(n), Some(names.len()));
+            self.of_variables(function, n);
         }
+    }
+
+    /// The discrete equations, where the scene has them.
+    pub(super) fn discrete(&mut self) {
+        let module = self.module;
+        let Some(discrete) = &module.discrete else { return };
+        let text = discrete.text;
+        let n = 1 + text.state.len() + text.unknowns.len();
+        self.constant(
+            "Number of unknowns z of a step by the discrete equations.",
+            "N_DISCRETE",
+            text.unknowns.len(),
+        );
+        let doc = "Unknowns of a step; vector has the step, the state and these.";
+        self.array_of_names(doc, "discrete_names", &text.unknowns);
+        let list = |places: &mut dyn Iterator<Item = usize>| {
+            places.map(|place| place.to_string()).collect::<Vec<String>>()
+        };
+        let places = [
+            (
+                "Places of the components of the state among the unknowns.",
+                "discrete_state",
+                list(&mut text.state.iter().copied()),
+            ),
+            (
+                "Rows of the entries of discrete_jacobian.",
+                "discrete_rows",
+                list(&mut text.pattern.iter().map(|(i, _)| *i)),
+            ),
+            (
+                "Columns of the entries of discrete_jacobian.",
+                "discrete_columns",
+                list(&mut text.pattern.iter().map(|(_, j)| *j)),
+            ),
+        ];
+        for (doc, name, list) in places {
+            self.array(doc, &format!("int {}[{}]", self.name(name), length(list.len())), &elements(&list));
+        }
+        for function in discrete.all() {
+            self.of_variables(function, n);
+        }
+    }
+
+    /// A function of time and so many variables.
+    fn of_variables(&mut self, function: &VariablesRoutine<'_>, n: usize) {
+        let routine = &function.routine;
+        let names: Vec<String> = routine.function.results.iter().map(|(name, _)| name.clone()).collect();
+        let body = self.body(routine, Arguments::Variables) + &self.results(routine, "out");
+        let doc = self.doc(function.title, routine, &names);
+        let (prepared, name) = (self.name("prepared"), self.name(&function.name));
+        let (k, size) = (length(names.len()), length(n));
+        let arguments = format!("const {prepared} *p, double t, const double vector[{size}]");
+        self.function(&doc, &format!("void {name}({arguments}, double out[{k}])"), &body);
+        self.call(function.title, &function.name, Takes::Variables(n), Some(names.len()));
     }
 
     /// What a function computes, in which order, and what it costs.

@@ -72,6 +72,7 @@ fn written<'a>(module: &'a Module<'a>) -> Result<Writer<'a>, Error> {
     writer.functions();
     writer.matrices()?;
     writer.implicit()?;
+    writer.discrete();
     writer.quotient();
     writer.pivots();
     writer.domain();

@@ -292,6 +292,10 @@ impl Dialect for C {
             "output_names",
             "implicit_names",
             "implicit_differential",
+            "discrete_names",
+            "discrete_state",
+            "discrete_rows",
+            "discrete_columns",
         ]
     }
 

@@ -65,11 +65,13 @@ impl<'a> Writer<'a> {
             std::iter::once(o.name.as_str()).chain(all)
         });
         let implicit = module.implicit.iter().flat_map(|i| [&i.rhs, &i.all, &i.entries].map(String::as_str));
+        let discrete = module.discrete.iter().flat_map(|d| d.all()).map(|f| f.name.as_str());
         let products = module.products.iter().map(|p| p.name.as_str());
         let quotient = module.quotient.iter().map(|q| q.name.as_str());
         names.take(
             outputs
                 .chain(implicit)
+                .chain(discrete)
                 .chain(quotient)
                 .chain(products)
                 .chain(module.flows.iter().map(|f| f.name.as_str())),

@@ -34,6 +34,7 @@ impl Writer<'_> {
             methods.extend(self.product(product));
         }
         methods.extend(self.implicit_functions());
+        methods.extend(self.discrete_functions());
         methods.extend(self.quotient_functions());
         methods.extend(self.flow_functions());
         if let Some(pivots) = &module.pivots {

@@ -1,12 +1,13 @@
 //! The Rust back end: a module as items, documented for rustdoc and formatted.
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `circles`, `matrices`,
-//! `implicit`, `quotient`, `flows`, `events`, `guards`, `inputs`, `loops`, `traits`, `series` and `nalgebra` write the
-//! items of a scene, `lines` what is written line by line, `wasm` the root of a crate for WebAssembly over it, `index`
-//! the list of modules, `fluid` the module of a fluid of matrices, `format` text. Does not know: which functions there
-//! are and why, the order of their statements.
+//! `implicit`, `discrete`, `quotient`, `flows`, `events`, `guards`, `inputs`, `loops`, `traits`, `series` and
+//! `nalgebra` write the items of a scene, `lines` what is written line by line, `wasm` the root of a crate for
+//! WebAssembly over it, `index` the list of modules, `fluid` the module of a fluid of matrices, `format` text. Does not
+//! know: which functions there are and why, the order of their statements.
 
 mod circles;
+mod discrete;
 mod events;
 mod excerpt;
 mod flows;
@@ -58,6 +59,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.state(),
         writer.patterns(),
         writer.implicit_constants(),
+        writer.discrete_constants(),
         writer.quotient_constants(),
         writer.prepared(),
         writer.functions()?,
@@ -69,6 +71,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.invariants(),
         writer.positions(),
         writer.implicit(),
+        writer.discrete(),
         writer.exact_flows(),
         writer.events()?,
         series.map_or(TokenStream::new(), |series| writer.series(&series)),

@@ -80,7 +80,8 @@ pub(super) fn items<'a>(module: &'a Module<'a>) -> Vec<Item<'a>> {
         let all = Item::new(&implicit.all, &doc, None, Gives::Matrix(pattern), &implicit.jacobian);
         items.push(all.taking(Takes::Variables));
     }
-    for function in &module.quotient {
+    let discrete = module.discrete.iter().flat_map(|discrete| discrete.all());
+    for function in discrete.chain(&module.quotient) {
         let routine = &function.routine;
         let names: Vec<String> = routine.function.results.iter().map(|(name, _)| name.clone()).collect();
         let item = Item::new(&function.name, function.title, None, Gives::Vector, routine);

@@ -39,6 +39,11 @@ fn list_name(name: &str) -> &'static str {
         "PIVOTS" => "pivot_names",
         "DOMAIN" => "domain_conditions",
         "EVENTS" => "event_names",
+        "DISCRETE" => "discrete_names",
+        "DISCRETE_STATE" => "discrete_state",
+        "DISCRETE_ENTRIES" => "discrete_entries",
+        "TOTAL_STATE" => "total_state_names",
+        "TOTAL_PARAMS" => "total_param_names",
         _ => "implicit_names",
     }
 }

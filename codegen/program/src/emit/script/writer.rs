@@ -4,7 +4,7 @@
 
 use super::super::expression::Binding;
 use super::super::literal::number;
-use super::super::module::{Module, TOTAL_PARAMS, TOTAL_STATE};
+use super::super::module::{DISCRETE, DISCRETE_STATE, Module, TOTAL_PARAMS, TOTAL_STATE};
 use super::super::names::{Scope, legal};
 use super::super::text::ParamText;
 use super::form::{Entry, Form, Preparation, Rows, Script, Summary, lines, one_line};
@@ -207,6 +207,24 @@ impl Writer<'_> {
                 implicit.text.index
             );
             list("IMPLICIT", &doc, &entries);
+        }
+        if let Some(discrete) = &text.discrete {
+            let doc =
+                "Unknowns of a step by the discrete equations; `vector` has the step, the state and these.";
+            list(DISCRETE, doc, &unvalued(&discrete.unknowns));
+            let places: Vec<String> = discrete.state.iter().map(|k| discrete.unknowns[*k].clone()).collect();
+            list(
+                DISCRETE_STATE,
+                "The unknowns that are the state at the end of the step.",
+                &unvalued(&places),
+            );
+            let entry = |(i, j): &(usize, usize)| format!("{i}, {j}");
+            let entries: Vec<String> = discrete.pattern.iter().map(entry).collect();
+            list(
+                "DISCRETE_ENTRIES",
+                "Row and column of each entry of `discrete_jacobian`, from zero.",
+                &unvalued(&entries),
+            );
         }
         if let Some(quotient) = &text.quotient {
             let doc = format!("Components of the state of {}, the first of `vector`.", quotient.file);
