@@ -46,11 +46,29 @@ fn patterns_match_what_they_should_and_nothing_else() {
     );
 }
 
+/// Where commands run: a folder with the files of the repository, in which they may write others.
+#[cfg(unix)]
+fn place() -> PathBuf {
+    let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join("book");
+    std::fs::create_dir_all(&place).unwrap();
+    for name in ["docs", "models"] {
+        // It may be there from an earlier run, or another test.
+        let _ = std::os::unix::fs::symlink(root().join(name), place.join(name));
+    }
+    place
+}
+
+/// Where commands run.
+#[cfg(not(unix))]
+fn place() -> PathBuf {
+    root().to_owned()
+}
+
 fn run(arguments: &[String]) -> String {
     let out = Command::new(env!("CARGO_BIN_EXE_hamel"))
         .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
         .args(arguments)
-        .current_dir(root())
+        .current_dir(place())
         .output()
         .unwrap();
     assert!(out.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
