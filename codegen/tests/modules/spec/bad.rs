@@ -85,7 +85,7 @@ fn syntax() {
     check(
         r#"model m { scene s { freeze a = 1; } velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
         expect![
-            "1:21 expected `fix`, `input`, `want`, `drop`, `circle`, `carry`, `routh`, `formulation` or `for`, found `freeze` [written as `scene name { fix m = 1; want energy; drop x; }`]"
+            "1:21 expected `fix`, `input`, `want`, `drop`, `circle`, `carry`, `routh`, `formulation`, `discrete`, `retraction` or `for`, found `freeze` [written as `scene name { fix m = 1; want energy; drop x; }`]"
         ],
     );
     check(
