@@ -444,7 +444,7 @@ impl<'a> Setting<'a> {
         Ok(all)
     }
 
-    /// The rows, as sums: zero of coordinates and constraints of this step, momenta of states less those of the
+    /// The rows, as sums: zero of coordinates and constraints of this step, momenta of states less the momenta of the
     /// step at its start, and the other way round at its end.
     fn rows(
         &self,

@@ -11,8 +11,8 @@ use hamel_expr::parallel::side_by_side;
 use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
 use hamel_lang::spec::{self, Diagnostics, Model, Param, Want, Wanted};
 use hamel_mechanics::mechanics::{
-    EXPANDED, Equations, Extent, LABORIOUS, LocalConnection, Output, OutputKind, Phase, StateEquation,
-    derive, derive_to, is_recursive, operations_of_factors, operations_of_motion, phases,
+    EXPANDED, Equations, Extent, LABORIOUS, Output, OutputKind, StateEquation, derive, derive_to,
+    is_recursive, operations_of_factors, operations_of_motion,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_program::lower::{
@@ -21,7 +21,8 @@ use hamel_program::lower::{
 use hamel_program::program::Role;
 
 use super::built::{BuiltScene, TotalSystem, legendre_role};
-use super::dependence::{ignorable, left_out, needs, outputs_of_model};
+use super::bundle;
+use super::dependence::{ignorable, needs, outputs_of_model};
 use super::domain::domain;
 use super::pivots::sorted_pivots;
 use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
@@ -371,49 +372,6 @@ fn available_outputs(equations: &Equations) -> Vec<Output> {
     outputs
 }
 
-/// Rates of the phases of the coordinates that an abelian group moves.
-fn phases_of(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> Result<Output, Error> {
-    let found = phases(g, equations)?;
-    let left_out = left_out(equations, state);
-    let mut components = Vec::new();
-    for Phase { name, geometric, dynamic } in found {
-        for (part, e) in [("geometric", geometric), ("dynamic", dynamic)] {
-            if needs(g, equations, e, &left_out) {
-                return Err(Error::NoPhases {
-                    reason: format!("that of {name} depends on a coordinate that the scene leaves out"),
-                });
-            }
-            components.push((format!("{name}_{part}"), e));
-        }
-    }
-    if components.is_empty() {
-        let reason = "no coordinate of an abelian group is moved through a connection".into();
-        return Err(Error::NoPhases { reason });
-    }
-    let doc = "rates of the geometric phases, `-A(x) xdot`, and of the dynamic ones, the rest, of the coordinates of \
-               abelian groups";
-    Ok(Output::group(Want::Phases, components, doc))
-}
-
-/// The local form of the connection, and its curvature.
-fn connection_of(
-    g: &mut Graph,
-    equations: &Equations,
-    state: &[StateEquation],
-    dim: usize,
-) -> Result<Output, Error> {
-    let LocalConnection { coefficients, curvature } = LocalConnection::new(g, equations, dim)?;
-    let components: Vec<(String, ExprId)> = coefficients.into_iter().chain(curvature).collect();
-    let left_out = left_out(equations, state);
-    if let Some((name, _)) = components.iter().find(|(_, e)| needs(g, equations, *e, &left_out)) {
-        let reason = format!("{name} depends on a coordinate that the scene leaves out");
-        return Err(Error::NoConnection { reason });
-    }
-    let doc = "local connection `A(x)` by components, with `xi = -A(x) xdot` along horizontal curves, and its curvature \
-               `d_i A_j - d_j A_i - [A_i, A_j]`";
-    Ok(Output::group(Want::Connection, components, doc))
-}
-
 /// Where the functions of a scene are measured: about the defaults of its parameters, by the roles of its variables.
 fn sampling(model: &Model, plan: &Plan, (equations, state): (&Equations, &[StateEquation])) -> Sampling {
     let params = all_params(model, &plan.name, &BTreeMap::new());
@@ -506,10 +464,10 @@ pub(super) fn lower_scene(
         }
     }
     if plan.phases {
-        outputs.push(phases_of(&mut graph, &equations, &state)?);
+        outputs.push(bundle::phases_of(&mut graph, &equations, &state)?);
     }
     if let Some(dim) = plan.connection {
-        outputs.push(connection_of(&mut graph, &equations, &state, dim)?);
+        outputs.push(bundle::connection_of(&mut graph, &equations, &state, dim)?);
         graph.within_budget()?;
     }
     if plan.bracket {

@@ -12,6 +12,7 @@
 mod bracket;
 mod build;
 mod built;
+mod bundle;
 mod counts;
 mod defaults;
 mod dependence;

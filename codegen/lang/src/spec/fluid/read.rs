@@ -498,7 +498,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Terms in the order of the waves, without those that vanish.
+/// Terms that do not vanish, in the order of the waves.
 fn terms(all: impl Iterator<Item = (FluidWave, Rational)>) -> Vec<FluidTerm> {
     let sorted: BTreeMap<_, _> = all.filter(|(_, value)| !value.is_zero()).collect();
     sorted.into_iter().map(|(wave, value)| FluidTerm { wave, value }).collect()

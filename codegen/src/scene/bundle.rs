@@ -1,0 +1,57 @@
+//! Functions of a principal bundle that a scene can want: phases, and the local form of the connection.
+//!
+//! Does not know: how connections are derived, programs.
+
+use hamel_expr::error::Error;
+use hamel_expr::{ExprId, Graph};
+use hamel_lang::spec::Want;
+use hamel_mechanics::mechanics::{Equations, LocalConnection, Output, Phase, StateEquation, phases};
+
+use super::dependence::{left_out, needs};
+
+/// Rates of the phases of the coordinates that an abelian group moves.
+pub(super) fn phases_of(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+) -> Result<Output, Error> {
+    let found = phases(g, equations)?;
+    let left_out = left_out(equations, state);
+    let mut components = Vec::new();
+    for Phase { name, geometric, dynamic } in found {
+        for (part, e) in [("geometric", geometric), ("dynamic", dynamic)] {
+            if needs(g, equations, e, &left_out) {
+                return Err(Error::NoPhases {
+                    reason: format!("that of {name} depends on a coordinate that the scene leaves out"),
+                });
+            }
+            components.push((format!("{name}_{part}"), e));
+        }
+    }
+    if components.is_empty() {
+        let reason = "no coordinate of an abelian group is moved through a connection".into();
+        return Err(Error::NoPhases { reason });
+    }
+    let doc = "rates of the geometric phases, `-A(x) xdot`, and of the dynamic ones, the rest, of the coordinates of \
+               abelian groups";
+    Ok(Output::group(Want::Phases, components, doc))
+}
+
+/// The local form of the connection, and its curvature.
+pub(super) fn connection_of(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+    dim: usize,
+) -> Result<Output, Error> {
+    let LocalConnection { coefficients, curvature } = LocalConnection::new(g, equations, dim)?;
+    let components: Vec<(String, ExprId)> = coefficients.into_iter().chain(curvature).collect();
+    let left_out = left_out(equations, state);
+    if let Some((name, _)) = components.iter().find(|(_, e)| needs(g, equations, *e, &left_out)) {
+        let reason = format!("{name} depends on a coordinate that the scene leaves out");
+        return Err(Error::NoConnection { reason });
+    }
+    let doc = "local connection `A(x)` by components, with `xi = -A(x) xdot` along horizontal curves, and its curvature \
+               `d_i A_j - d_j A_i - [A_i, A_j]`";
+    Ok(Output::group(Want::Connection, components, doc))
+}
