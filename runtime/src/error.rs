@@ -239,12 +239,10 @@ pub enum Error {
     },
     /// A number of a fluid of matrices is outside the range in which there is one.
     Number {
-        /// What it is, in words.
-        what: &'static str,
         /// Its value.
         value: f64,
-        /// The numbers that there are, in words.
-        allowed: &'static str,
+        /// The number that it would have to be, in words.
+        needs: &'static str,
     },
     /// The room that was given is too small.
     Storage {
@@ -372,9 +370,7 @@ impl fmt::Display for Error {
             Self::MatrixSize { n, allowed } => {
                 write!(f, "matrices of size {n} are not available: take {allowed}")
             }
-            Self::Number { what, value, allowed } => {
-                write!(f, "the {what} is {value:e}: take {allowed}")
-            }
+            Self::Number { value, needs } => write!(f, "{value:e} is no {needs}"),
             Self::Storage { given, needed } => {
                 write!(f, "room for {given} numbers is too small: give room for {needed}")
             }

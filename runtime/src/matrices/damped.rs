@@ -118,7 +118,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> Damped<'s, L, S> {
         mut storage: S,
     ) -> Result<Self, Error> {
         if let Some(value) = friction.coefficients.into_iter().find(|c| !c.is_finite()) {
-            return Err(Error::Number { what: "friction", value, allowed: "a finite number" });
+            return Err(Error::Number { value, needs: "coefficient of a friction: that is finite" });
         }
         let (given, needed) = (storage.as_ref().len(), Self::storage(fluid.surface().n()));
         match storage.as_mut().get_mut(..needed) {

@@ -45,12 +45,12 @@ impl Stream {
     /// [`Error::Number`].
     pub fn validate(&self) -> Result<(), Error> {
         if self.scale == 0.0 || !self.scale.is_finite() {
-            let allowed = "a finite number that is not zero";
-            return Err(Error::Number { what: "factor of the stream function", value: self.scale, allowed });
+            let needs = "factor of a stream function: that is finite and not zero";
+            return Err(Error::Number { value: self.scale, needs });
         }
         if !(self.shift >= 0.0 && self.shift.is_finite()) {
-            let allowed = "a finite number that is not negative";
-            return Err(Error::Number { what: "shift of the Laplacian", value: self.shift, allowed });
+            let needs = "shift of the Laplacian: that is finite and not negative";
+            return Err(Error::Number { value: self.shift, needs });
         }
         Ok(())
     }
