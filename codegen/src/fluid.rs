@@ -38,9 +38,6 @@ pub trait Modes: Laplacian + Sized {
     /// The value of a mode.
     fn value(&self, wave: FluidWave, matrix: MatrixRef<'_>) -> f64;
 
-    /// Writes the matrix of all coefficients, in the order of the algebra.
-    fn set_all(&self, values: &[f64], matrix: MatrixMut<'_>);
-
     /// All coefficients, in the order of the algebra.
     fn all(&self, matrix: MatrixRef<'_>) -> Vec<f64>;
 }
@@ -67,10 +64,6 @@ impl Modes for Torus<Vec<f64>> {
         self.mode((m1 as isize, m2 as isize), matrix)[usize::from(wave.is_second)]
     }
 
-    fn set_all(&self, values: &[f64], matrix: MatrixMut<'_>) {
-        self.set_modes(values, matrix);
-    }
-
     fn all(&self, matrix: MatrixRef<'_>) -> Vec<f64> {
         let mut modes = vec![0.0; self.n_modes()];
         self.modes(matrix, &mut modes);
@@ -94,10 +87,6 @@ impl Modes for Sphere<Vec<f64>> {
     fn value(&self, wave: FluidWave, matrix: MatrixRef<'_>) -> f64 {
         let (l, m) = wave.wave;
         self.real_mode((l as usize, m as usize), matrix)[usize::from(wave.is_second)]
-    }
-
-    fn set_all(&self, values: &[f64], matrix: MatrixMut<'_>) {
-        self.set_modes(values, matrix);
     }
 
     fn all(&self, matrix: MatrixRef<'_>) -> Vec<f64> {

@@ -150,6 +150,21 @@ fn numbers_that_the_text_does_not_say_are_found() {
     }
 }
 
+/// Items may stand in any order; forces on short waves are checked as fast as others.
+#[test]
+fn definitions_are_made_of_parameters_that_follow() {
+    let text = "model flow { algebra fluid = zeitlin(201); momentum q in fluid as *; action right;
+        param b = 1 where b < c; let c = 2*d; param d = 3;
+        hamiltonian = -dot(q, laplacian(fluid)^-1*q)*c/6 + re_100_m99; force along dh_dim_0_100: c;
+        initial re_1_0 = d; }";
+    let fluid = read("flow", text);
+    assert!(fluid.scale == BigRational::from_integer(1.into()) && fluid.force.len() == 1);
+    certify::fluid(&fluid).unwrap();
+    let mut wrong = fluid;
+    wrong.force[0].value = -wrong.force[0].value.clone();
+    assert!(matches!(certify::fluid(&wrong), Err(Error::Disagrees { .. })));
+}
+
 #[test]
 fn parameters_have_other_values() {
     let fluid = read("turning", TURNING);

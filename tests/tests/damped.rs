@@ -199,6 +199,26 @@ fn steps_with_friction_are_of_second_order_and_symmetric() {
     assert!(run(0.05, true) < 1e-12);
 }
 
+/// A step may be as long as it likes for friction, and growth that overflows is an error.
+#[test]
+fn viscosity_may_be_stiff_and_growth_ends_with_an_error() {
+    let surface = torus(31, Stream::ideal());
+    let mut fluid = damped(&surface, Options::fixed(1.0), Friction::none().with(1, 1e4));
+    surface.add_mode((7, -3), [0.6, 0.0], fluid.fluid_mut().vorticity_mut());
+    surface.add_mode((7, -3), [0.3, 0.0], fluid.force_mut());
+    fluid.integrate_to(2.0).unwrap_or_else(|e| panic!("{e}"));
+    let [x, _] = surface.mode((7, -3), fluid.fluid().vorticity());
+    assert!((x / (0.3 / 58e4) - 1.0).abs() < 1e-9, "{x:e}");
+
+    // The first half of the step is finite.
+    let mut fluid = damped(&surface, Options::fixed(1.0), Friction::none().with(0, -1000.0));
+    surface.add_mode((1, 0), [0.5, 0.0], fluid.fluid_mut().vorticity_mut());
+    assert!(matches!(fluid.step().unwrap_err(), Error::Failure(_)));
+    assert_eq!(fluid.fluid().t(), 0.0);
+    let [x, _] = surface.mode((1, 0), fluid.fluid().vorticity());
+    assert!((x - 0.5).abs() < 1e-15);
+}
+
 #[test]
 fn a_step_that_fails_keeps_the_vorticity_before() {
     let surface = sphere(8, Stream::ideal());

@@ -179,7 +179,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> Damped<'s, L, S> {
         while let Some((h, is_last)) = self.fluid.step_towards(t_end)? {
             self.step_by(h)?;
             if is_last {
-                self.fluid.arrive(t_end);
+                self.fluid.set_clock((t_end, 0.0));
             }
         }
         Ok(())
@@ -208,11 +208,17 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> Damped<'s, L, S> {
             surface.filter(m.factors, vorticity, m.work);
             add(vorticity, m.impulse);
         };
+        let start = self.fluid.clock();
         self.fluid.change_vorticity(&mut relax);
-        let outcome = self.fluid.step_by(h);
-        match outcome {
-            Ok(()) => self.fluid.change_vorticity(relax),
-            Err(_) => self.fluid.change_vorticity(|vorticity| vorticity.copy_from_slice(m.before)),
+        let mut outcome = self.fluid.step_by(h);
+        if outcome.is_ok() {
+            self.fluid.change_vorticity(relax);
+            // A friction that is negative makes modes grow.
+            outcome = self.fluid.finite();
+        }
+        if outcome.is_err() {
+            self.fluid.change_vorticity(|vorticity| vorticity.copy_from_slice(m.before));
+            self.fluid.set_clock(start);
         }
         outcome
     }
@@ -221,6 +227,10 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> Damped<'s, L, S> {
 /// `(1 - exp(-d h))/d`: what a unit force adds to a mode with the rate `d` in the time `h`.
 fn impulse(d: f64, h: f64) -> f64 {
     let z = 0.5 * d * h;
+    if z.abs() > 1.0 {
+        // The sine would overflow, and there is nothing to cancel.
+        return (1.0 - exp(-2.0 * z)) / d;
+    }
     // sinh(z)/z is one to round-off below.
     let by_length = if z.abs() < 1e-8 { 1.0 } else { sinh(z) / z };
     h * exp(-z) * by_length

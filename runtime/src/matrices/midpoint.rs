@@ -367,7 +367,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         while let Some((h, is_last)) = self.step_towards(t_end)? {
             self.step_by(h)?;
             if is_last {
-                self.arrive(t_end);
+                self.set_clock((t_end, 0.0));
             }
         }
         Ok(())
@@ -392,9 +392,26 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         }))
     }
 
-    /// Makes the time that of the end of an integration.
-    pub(super) fn arrive(&mut self, t_end: f64) {
-        (self.t, self.t_residue) = (t_end, 0.0);
+    /// The time, and what its sum lacks.
+    pub(super) const fn clock(&self) -> (f64, f64) {
+        (self.t, self.t_residue)
+    }
+
+    /// Makes the time another one.
+    pub(super) const fn set_clock(&mut self, clock: (f64, f64)) {
+        (self.t, self.t_residue) = clock;
+    }
+
+    /// Whether all of the vorticity is finite.
+    ///
+    /// # Errors
+    /// [`Failure::NonFinite`].
+    pub(super) fn finite(&self) -> Result<(), Error> {
+        let n = self.surface.n();
+        match non_finite(n, self.vorticity().rows) {
+            Some(index) => Err(Failure::NonFinite { t: self.t, index }.into()),
+            None => Ok(()),
+        }
     }
 
     /// The options.

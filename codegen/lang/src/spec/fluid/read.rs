@@ -105,11 +105,12 @@ impl<'a> Reader<'a> {
         names.iter().for_each(|name| self.name(name));
         // Parameters first: everything else is made of them.
         for item in &file.items {
-            if let ItemKind::Param { name, shape, default, conditions } = &item.kind {
+            if let ItemKind::Param { name, shape, default, .. } = &item.kind {
                 self.own_name(name);
                 let doc = item.doc.join("\n");
                 fluid.params.extend(self.param(name, doc, shape, default.as_ref(), values));
-                self.conditions(conditions);
+                // A definition may be made of this parameter.
+                self.names.known.borrow_mut().clear();
             }
         }
         let mut met = Met::default();
@@ -125,8 +126,7 @@ impl<'a> Reader<'a> {
                 self.once(&mut met.topic, "topic", item.span);
                 fluid.topic = Some(text.clone());
             }
-            ItemKind::Param { .. } => {}
-            ItemKind::Require(conditions) => self.conditions(conditions),
+            ItemKind::Param { conditions, .. } | ItemKind::Require(conditions) => self.conditions(conditions),
             ItemKind::Let { name, .. } => self.own_name(name),
             ItemKind::AlgebraName { name, .. } if Some(name.text.as_str()) == self.names.momenta.algebra => {
                 self.name(name);
