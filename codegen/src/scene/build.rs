@@ -8,23 +8,20 @@ use std::sync::Arc;
 use crate::certify::{Certificate, Claim, DiscreteClaim, MatrixClaim, N_POINTS, certify, certify_quotient};
 use hamel_expr::error::Error;
 use hamel_expr::parallel::side_by_side;
-use hamel_expr::{Budget, ExprId, Graph, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
+use hamel_expr::{Budget, ExprId, Stage, SymbolId, Trials, needed_sections, rational_to_f64, trace};
 use hamel_lang::spec::{self, Diagnostics, Model, Param, Want, Wanted};
 use hamel_mechanics::mechanics::{
     EXPANDED, Equations, Extent, LABORIOUS, Output, OutputKind, StateEquation, derive, derive_to,
     is_recursive, operations_of_factors, operations_of_motion,
 };
 use hamel_mechanics::reduction::{Formulation, ReducedSystem, reduce};
-use hamel_program::lower::{
-    self, Inputs, KnownRates, Lowered, ParamCondition, Request, Sampling, SearchBudget, VariableKind,
-};
+use hamel_program::lower::{self, Inputs, Request, Sampling, SearchBudget, VariableKind};
 use hamel_program::program::Role;
 
 use super::built::{BuiltScene, TotalSystem, legendre_role};
 use super::bundle;
 use super::dependence::{ignorable, needs, outputs_of_model};
-use super::domain::domain;
-use super::pivots::sorted_pivots;
+use super::derived::{Derived, Guards, inputs_of, rates_of};
 use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
 use super::quotient;
 use super::roles::{VariableRole, all_params, variable_roles};
@@ -36,19 +33,6 @@ use super::{bracket, derivatives, discrete, dynamics, events, frames, implicit, 
 pub(super) struct Derivations {
     pub(super) model: Arc<Model>,
     done: Vec<(Asked, Result<Derived, Diagnostics>)>,
-}
-
-/// Equations, with their rates in a form that was searched before, by the graph of the equations.
-#[derive(Clone, Debug)]
-pub(super) struct Derived {
-    pub(super) equations: Arc<Equations>,
-    rates: Option<Arc<KnownRates>>,
-}
-
-impl From<Arc<Equations>> for Derived {
-    fn from(equations: Arc<Equations>) -> Derived {
-        Derived { equations, rates: None }
-    }
 }
 
 impl Derivations {
@@ -97,14 +81,12 @@ impl Derivations {
 /// The equations by recursion or multiplied out, whichever right-hand side costs less; none where those by recursion
 /// cannot be derived.
 fn cheaper_by_recursion(model: &Model, system: &ReducedSystem, extent: Extent) -> Option<Derived> {
-    // The scene's graph goes on from the one in which the search for the rates ended.
-    let lowered = |mut equations: Equations, formulation: &Formulation| {
+    let lowered = |equations: Equations, formulation: &Formulation| {
         let plan = Plan::bare(DEFAULT.to_owned(), formulation.clone());
-        let (built, rates, graph) =
-            lower_derived(model, Derived::from(Arc::new(equations.clone())), &plan).ok()?;
+        let derived = Derived::from(Arc::new(equations));
+        let built = build_derived(model, derived.clone(), &plan).ok()?;
         let cost = built.program.function(&Role::Rate)?.counts().cost();
-        equations.system.graph = graph;
-        Some((cost, built.spent, Derived { equations: Arc::new(equations), rates: rates.map(Arc::new) }))
+        Some((cost, built.spent, derived))
     };
     let in_form = |recursive: bool| {
         let formulation = Formulation { recursive: Some(recursive), ..system.formulation.clone() };
@@ -140,7 +122,7 @@ fn cheaper_by_recursion(model: &Model, system: &ReducedSystem, extent: Extent) -
     expanded.graph.set_budget(least);
     trials.attempt(&mut (), 0, |()| {
         let (cost, _, mut derived) = lowered(derive(&expanded).ok()?, &expanded.formulation)?;
-        Arc::get_mut(&mut derived.equations)?.system.graph.set_budget(own);
+        Arc::make_mut(&mut derived.equations).system.graph.set_budget(own);
         Some((cost, derived))
     });
     trials.finish(&mut ())
@@ -203,15 +185,7 @@ pub(super) fn build_derived(
     derived: impl Into<Derived>,
     plan: &Plan,
 ) -> Result<BuiltScene, Diagnostics> {
-    lower_derived(model, derived.into(), plan).map(|(built, ..)| built)
-}
-
-/// As [`build_derived`], with the form of the rates and the graph in which they are written.
-fn lower_derived(
-    model: &Model,
-    derived: Derived,
-    plan: &Plan,
-) -> Result<(BuiltScene, Option<KnownRates>, Graph), Diagnostics> {
+    let derived = derived.into();
     let equations = Arc::clone(&derived.equations);
     let scene = plan.name.as_str();
     let own = model.scenes.iter().find(|s| s.name == scene);
@@ -390,25 +364,19 @@ fn sampling(model: &Model, plan: &Plan, (equations, state): (&Equations, &[State
 
 /// Lowers what a scene asks for of its equations.
 pub(super) fn lower_scene(
-    Derived { equations, rates: known }: Derived,
+    derived: Derived,
     plan: &Plan,
     state: Vec<StateEquation>,
     (mut outputs, sampling, total): (Vec<Output>, Option<Sampling>, Option<Arc<TotalSystem>>),
-) -> Result<(BuiltScene, Option<KnownRates>, Graph), Error> {
+) -> Result<BuiltScene, Error> {
+    let is_shared = plan.search == SearchBudget::default() && !plan.hamiltonian_time;
+    let searched = if is_shared { Some(derived.searched(&state)?) } else { None };
+    let equations = derived.equations;
     let system = &equations.system;
-    let mut graph = system.graph.clone();
+    let mut graph = searched.as_ref().map_or(&system.graph, |searched| &searched.graph).clone();
+    graph.set_budget(system.graph.budget());
     graph.enter(Stage::Derivatives);
-    let mut inputs = Inputs {
-        params: system.params.iter().map(|p| p.symbol).collect(),
-        time: system.time,
-        held: system.inputs.iter().map(|input| (input.symbol, input.default.clone())).collect(),
-        state: state.iter().map(|s| s.symbol).collect(),
-        signs: system.signs.clone(),
-        arguments: BTreeMap::new(),
-        divisors: lower::Divisors::default(),
-        circles: system.circles.iter().map(|c| [c.cosine, c.sine]).collect(),
-        sampling,
-    };
+    let mut inputs = Inputs { sampling, ..inputs_of(&equations, &state) };
     // What moves in the scene's own time; the rates of a built scene stay those of its equations.
     let mut moving = state.clone();
     let mut factor = graph.one();
@@ -523,34 +491,19 @@ pub(super) fn lower_scene(
     }
     graph.within_budget()?;
     graph.enter(Stage::Lowering);
-    let mut conditions: Vec<ParamCondition> = system
-        .conditions
-        .iter()
-        .map(|c| ParamCondition {
-            text: c.text.clone(),
-            meaning: String::new(),
-            greater: c.greater,
-            less: c.less,
-            relation: c.relation,
-            is_rounded: false,
-        })
-        .collect();
-    let pivots = sorted_pivots(&mut graph, &equations);
-    conditions.extend(pivots.conditions);
-    inputs.divisors = pivots.divisors;
-    let rhs: Vec<(String, ExprId)> = moving.iter().map(|s| (s.name.clone(), s.derivative)).collect();
-    let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
-    let left_out: BTreeSet<SymbolId> =
-        system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();
-    let rates: Vec<ExprId> = rhs.iter().map(|(_, rate)| *rate).collect();
-    let domain = domain(&mut graph, &equations, &rates, &left_out);
-    conditions.extend(domain.conditions);
-    let mut requests = vec![Request { role: Role::Rate, results: rhs }];
+    let rhs = rates_of(&moving);
+    let guards = match &searched {
+        Some(searched) => searched.guards.clone(),
+        None => Guards::of(&mut graph, &equations, &rhs, &inputs.state),
+    };
+    let Guards { conditions, divisors, pivots, domain } = guards;
+    inputs.divisors = divisors;
+    let mut requests = vec![rhs];
     if plan.energy {
         let results = vec![("energy".to_owned(), equations.energy)];
         requests.push(Request { role: Role::Energy, results });
     }
-    requests.push(Request { role: Role::Pivots, results: pivots.moving });
+    requests.push(Request { role: Role::Pivots, results: pivots });
     for output in &outputs {
         let role = Role::Output(output.name.clone());
         requests.push(Request { role, results: output.components.clone() });
@@ -565,8 +518,8 @@ pub(super) fn lower_scene(
     requests.extend(discrete_requests);
     requests.extend(quotient_requests);
     requests.extend(flow_requests);
-    if !domain.moving.is_empty() {
-        requests.push(Request { role: Role::Domain, results: domain.moving });
+    if !domain.is_empty() {
+        requests.push(Request { role: Role::Domain, results: domain });
     }
     let results = requests.iter().flat_map(|r| r.results.iter().map(|(_, e)| *e));
     let roots: Vec<ExprId> = results.chain(conditions.iter().flat_map(|c| [c.greater, c.less])).collect();
@@ -574,15 +527,14 @@ pub(super) fn lower_scene(
     sections.extend(own_sections);
     let sections = needed_sections(&graph, &sections, &roots);
     let events = events::of_scene(&equations, &plan.name, &state, &outputs)?;
-    let known = known.as_deref().filter(|_| plan.search == SearchBudget::default());
-    let lowered =
+    let known = searched.as_ref().map(|searched| &searched.rates);
+    let program =
         lower::lower_with(&mut graph, &inputs, &sections, &conditions, &requests, (&plan.search, known))?;
-    let Lowered { program, rates } = lowered;
     let products = [derivatives.products, dynamics.products].concat();
     let spent = graph.spent();
     let (name, wants_taylor, doc) = (plan.name.clone(), plan.taylor, plan.doc.clone());
     let chosen = plan.chosen.clone();
-    let built = BuiltScene {
+    Ok(BuiltScene {
         name,
         equations,
         program,
@@ -603,8 +555,7 @@ pub(super) fn lower_scene(
         is_in_hamiltonian_time: plan.hamiltonian_time,
         model: None,
         certificate: Certificate::default(),
-    };
-    Ok((built, rates, graph))
+    })
 }
 
 impl BuiltScene {

@@ -17,6 +17,7 @@ mod counts;
 mod defaults;
 mod dependence;
 mod derivatives;
+mod derived;
 mod discrete;
 mod domain;
 mod dynamics;
@@ -531,7 +532,7 @@ impl BuiltScene {
     /// Another scene in the same state, held to the same model.
     fn beside(&self, plan: &Plan, outputs: Vec<Output>) -> Result<BuiltScene, Error> {
         let whole = self.whole()?;
-        let (built, ..) =
+        let built =
             lower_scene(whole.equations.clone().into(), plan, whole.state.clone(), (outputs, None, None))?;
         match &self.model {
             Some(model) => built.certified(Arc::clone(model)),

@@ -128,15 +128,6 @@ impl KnownRates {
     }
 }
 
-/// A program, and the rates in it for further ones.
-#[derive(Clone, Debug)]
-pub struct Lowered {
-    /// The program.
-    pub program: Program,
-    /// The form of the rates, where they are requested.
-    pub rates: Option<KnownRates>,
-}
-
 /// Lowers sections of definitions and the requested functions to one program.
 ///
 /// Pivots are computed as the rates compute them where these are requested first, otherwise in a form of their own.
@@ -152,7 +143,30 @@ pub fn lower(
     requests: &[Request],
     budget: &SearchBudget,
 ) -> Result<Program, Error> {
-    lower_with(graph, inputs, sections, conditions, requests, (budget, None)).map(|lowered| lowered.program)
+    lower_with(graph, inputs, sections, conditions, requests, (budget, None))
+}
+
+/// Searches the form of the rates that costs least, for all programs by continuations of this graph: [`lower_with`].
+///
+/// # Errors
+/// As [`lower`].
+pub fn search_rates(
+    graph: &mut Graph,
+    inputs: &Inputs,
+    sections: &[Section],
+    conditions: &[ParamCondition],
+    asked: Request,
+    budget: &SearchBudget,
+) -> Result<KnownRates, Error> {
+    let requests = std::slice::from_ref(&asked);
+    let found = Source::new(graph, inputs, sections, conditions, requests).and_then(|source| {
+        let mut digits = Digits::new(graph, &source);
+        functions(graph, &source, &mut digits, (budget, None))
+    });
+    graph.within_budget()?;
+    let (mut forms, mut report) = found?;
+    let (form, (_, search)) = (forms.remove(0), report.searches.remove(0));
+    Ok(KnownRates { asked, form, search })
 }
 
 /// As [`lower`], with rates that are `known`, by this graph or one that it is a continuation of: these are not searched
@@ -167,7 +181,7 @@ pub fn lower_with(
     conditions: &[ParamCondition],
     requests: &[Request],
     (budget, known): (&SearchBudget, Option<&KnownRates>),
-) -> Result<Lowered, Error> {
+) -> Result<Program, Error> {
     let lowered = Source::new(graph, inputs, sections, conditions, requests)
         .and_then(|source| lowered(graph, &source, budget, known));
     // Beside a graph that is past its budget, whatever else seems wrong says nothing.
@@ -181,14 +195,9 @@ fn lowered(
     source: &Source<'_>,
     budget: &SearchBudget,
     known: Option<&KnownRates>,
-) -> Result<Lowered, Error> {
+) -> Result<Program, Error> {
     let mut digits = Digits::new(graph, source);
     let (functions, report) = functions(graph, source, &mut digits, (budget, known))?;
-    let rates = source.requests.iter().find(|request| request.role == Role::Rate).and_then(|asked| {
-        let form = functions.iter().find(|form| form.request.role == Role::Rate)?.clone();
-        let (_, search) = report.searches.iter().find(|(role, _)| *role == Role::Rate)?;
-        Some(KnownRates { asked: asked.clone(), form, search: search.clone() })
-    });
     let conditions = pivots::conditions(graph, source, &mut digits);
     let mut program = values::program(graph, source.inputs, &functions, &conditions, source.requests)?;
     program.report = report;
@@ -221,7 +230,7 @@ fn lowered(
         check.after("compensation", &program)?;
     }
     verify(&program)?;
-    Ok(Lowered { program, rates })
+    Ok(program)
 }
 
 /// Names of the passes over a program, in order.
