@@ -38,6 +38,7 @@
 pub mod certify;
 pub mod config;
 pub mod explain;
+pub mod files;
 pub mod fluid;
 pub mod quotient;
 pub mod scene;

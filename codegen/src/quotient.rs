@@ -7,7 +7,7 @@
 //! Does not know: how anything is proved.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use hamel_expr::ExprId;
 use hamel_lang::spec::{
@@ -16,6 +16,8 @@ use hamel_lang::spec::{
 pub use hamel_mechanics::mechanics::Quotient;
 use hamel_mechanics::mechanics::{NotQuotient, quotient_of};
 use hamel_mechanics::reduction::{Formulation, reduce};
+
+use crate::files::Files;
 
 /// Longer chains go in a circle.
 const MAX_STEPS: usize = 16;
@@ -53,7 +55,7 @@ pub fn hold(
 /// # Errors
 /// As [`hold`].
 pub fn hold_file(model: &Model, path: &Path) -> Result<Vec<Step>, Vec<Diagnostics>> {
-    let mut files = Files::of(model, path);
+    let mut files = Files::of(shown(model), path);
     hold(model, &mut |here, file| files.read(here, file))
 }
 
@@ -83,7 +85,7 @@ pub fn read_totals(
 /// # Errors
 /// As [`read_totals`].
 pub fn read_totals_of_file(model: Model, path: &Path) -> Result<Model, Diagnostics> {
-    let mut files = Files::of(&model, path);
+    let mut files = Files::of(shown(&model), path);
     read_totals(model, &mut |here, file| files.read(here, file))
 }
 
@@ -111,24 +113,9 @@ fn of_total(
     })
 }
 
-/// Files by the names that they are shown by, which may not be their paths.
-struct Files(BTreeMap<String, PathBuf>);
-
-impl Files {
-    fn of(model: &Model, path: &Path) -> Files {
-        let shown = model.origin.as_ref().map_or(String::new(), |origin| origin.file.clone());
-        Files(BTreeMap::from([(shown, path.to_owned())]))
-    }
-
-    /// A file that another one names.
-    fn read(&mut self, here: &str, file: &str) -> Result<Origin, String> {
-        let beside = |path: &Path| path.parent().unwrap_or(Path::new("")).join(file);
-        let path = beside(self.0.get(here).map_or(Path::new(here), PathBuf::as_path));
-        let text = std::fs::read_to_string(&path).map_err(|e| e.to_string())?;
-        let shown = beside(Path::new(here)).display().to_string();
-        self.0.insert(shown.clone(), path);
-        Ok(Origin { file: shown, text })
-    }
+/// What the file of a model is shown as.
+fn shown(model: &Model) -> &str {
+    model.origin.as_ref().map_or("", |origin| origin.file.as_str())
 }
 
 fn hold_from(

@@ -35,6 +35,7 @@ mod malformed;
 mod modes;
 mod named_frames;
 mod noise;
+mod parts;
 mod quotients;
 mod random_models;
 mod redundant;

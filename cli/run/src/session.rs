@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use hamel_codegen::files::compose_file;
 use hamel_codegen::quotient::{self, Step};
 use hamel_codegen::spec::{self, MatrixFluid, Origin};
 
@@ -114,12 +115,23 @@ impl Session {
     /// # Errors
     /// As [`Session::parse`]; a model that cannot be read.
     pub fn parse_with_totals(&self, file: &str, text: &str) -> Result<Model, Error> {
-        let (model, path) = (self.parse(file, text)?, Path::new(file));
+        let path = Path::new(file);
+        let text = self.composed(file, text.to_owned(), path.is_file().then_some(path))?;
+        let model = self.parse(file, &text)?;
         let model = match path.is_file() {
             true => quotient::read_totals_of_file(model, path),
             false => quotient::read_totals(model, &mut |_, file| self.shipped(file)),
         };
         Ok(model?)
+    }
+
+    /// A text with the texts of its parts: of files beside its own, or of the models that are part of the program.
+    fn composed(&self, shown: &str, text: String, path: Option<&Path>) -> Result<String, Error> {
+        if let Some(path) = path {
+            return Ok(compose_file(shown, path, text)?);
+        }
+        let origin = Origin { file: shown.to_owned(), text };
+        Ok(spec::compose(origin, &mut |_, file| self.shipped(file))?.text)
     }
 
     /// All models that have a name, sorted.
@@ -364,14 +376,15 @@ impl<'s> ModelFile<'s> {
         steps.map_err(|problems| Error::Models { problems })
     }
 
-    /// The text of the file, with the sizes that are asked for.
+    /// The text of the file, with those of its parts and the sizes that are asked for.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Models`] for a size that the text does not have.
     pub fn text(&self) -> Result<Cow<'static, str>, Error> {
         let text = match &self.source {
             Source::File(path) => {
-                Cow::Owned(std::fs::read_to_string(path).map_err(|e| Error::io(self.shown(), e))?)
+                let text = std::fs::read_to_string(path).map_err(|e| Error::io(self.shown(), e))?;
+                Cow::Owned(self.session.composed(&self.shown(), text, Some(path))?)
             }
             Source::Shipped(text) => Cow::Borrowed(*text),
         };

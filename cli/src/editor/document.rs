@@ -2,12 +2,13 @@
 //!
 //! Does not know: messages of the protocol, what is asked.
 
-use std::path::Path;
+use std::path::PathBuf;
 use std::str::FromStr as _;
 use std::sync::Arc;
 
+use hamel_codegen::files::compose_file;
 use hamel_codegen::quotient;
-use hamel_codegen::spec::{self, Diagnostics, Model, Outline};
+use hamel_codegen::spec::{self, Diagnostic, Diagnostics, Model, Outline, Span};
 use hamel_mechanics::mechanics::{self, Equations};
 use hamel_mechanics::reduction::{self, Formulation};
 use lsp_types::Uri;
@@ -54,7 +55,7 @@ pub(crate) fn check(file: &str, text: Arc<str>) -> Checked {
     let (found, model) = match spec::matrix_fluid(file, &text) {
         Ok(Some(_)) => (Diagnostics::new(None, Vec::new()), None),
         Err(problems) => (problems, None),
-        Ok(None) => match spec::parse(file, &text) {
+        Ok(None) => match with_parts(file, &text).and_then(|whole| spec::parse(file, &whole)) {
             Ok(model) => {
                 let found = false_quotients(file, &model).unwrap_or_else(|| model.warnings.clone());
                 (found, Some(Arc::new(model)))
@@ -65,13 +66,28 @@ pub(crate) fn check(file: &str, text: Arc<str>) -> Checked {
     Checked { text, found, model }
 }
 
+/// The path that an address stands for.
+fn path_of(file: &str) -> Option<PathBuf> {
+    let path = Uri::from_str(file).ok()?.path().as_estr().decode().into_string().ok()?.into_owned();
+    // `/C:/folder/file` on Windows.
+    Some(PathBuf::from(path.strip_prefix('/').filter(|rest| rest.contains(':')).unwrap_or(&path)))
+}
+
+/// A text with the texts of its parts. What is wrong with a part is told where the text begins.
+fn with_parts(file: &str, text: &str) -> Result<String, Diagnostics> {
+    let Some(path) = path_of(file) else { return Ok(text.to_owned()) };
+    compose_file(file, &path, text.to_owned()).map_err(|problems| {
+        let Some(other) = problems.origin().filter(|origin| origin.file != file) else { return problems };
+        let first = problems.iter().next().map_or("", |problem| problem.message.as_str());
+        let problem = Diagnostic::new(Some(Span::new(0, 0)), format!("{}: {first}", other.file));
+        Diagnostics::new(None, vec![problem])
+    })
+}
+
 /// Problems of a text with models that the model says to be the quotient of.
 fn false_quotients(file: &str, model: &Model) -> Option<Diagnostics> {
-    let uri = Uri::from_str(file).ok().filter(|_| !model.totals.is_empty())?;
-    let path = uri.path().as_estr().decode().into_string().ok()?;
-    // `/C:/folder/file` on Windows.
-    let path = path.strip_prefix('/').filter(|rest| rest.contains(':')).unwrap_or(&path);
-    let problems = quotient::hold_file(model, Path::new(path)).err()?;
+    let path = path_of(file).filter(|_| !model.totals.is_empty())?;
+    let problems = quotient::hold_file(model, &path).err()?;
     problems.into_iter().find(|list| list.origin().is_some_and(|origin| origin.file == file))
 }
 

@@ -19,6 +19,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use crate::files::compose_file;
 use crate::quotient;
 use crate::scene::{self, BuiltScene, Scenes, Writing};
 use hamel_expr::Budget;
@@ -90,7 +91,13 @@ pub fn import(
 }
 
 fn read_within(budget: Budget, path: &Path) -> Result<Model, Problem> {
-    parsed(budget, path, &text_of(path)?)
+    parsed(budget, path, &model_text(path)?)
+}
+
+/// The text of a model, with those of its parts.
+fn model_text(path: &Path) -> Result<String, Problem> {
+    let text = text_of(path)?;
+    compose_file(&path.display().to_string(), path, text).map_err(Problem::Model)
 }
 
 fn text_of(path: &Path) -> Result<String, Problem> {
@@ -274,9 +281,12 @@ impl Config {
     fn hold_quotients(&self, models: &[Model], paths: &[impl AsRef<Path>]) -> Result<(), Problems> {
         collect(models.iter().zip(paths).map(|(model, path)| {
             let path = path.as_ref();
-            for total in model.totals.iter().filter(|_| self.emit_rerun_if_changed) {
+            if self.emit_rerun_if_changed {
                 let folder = path.parent().unwrap_or(Path::new(""));
-                println!("cargo::rerun-if-changed={}", folder.join(&total.file).display());
+                let totals = model.totals.iter().map(|total| folder.join(&total.file));
+                for file in totals.chain(model.parts.iter().map(PathBuf::from)) {
+                    println!("cargo::rerun-if-changed={}", file.display());
+                }
             }
             let held = quotient::hold_file(model, path);
             held.map(|_| ()).map_err(|list| Problems { list: list.into_iter().map(Problem::Model).collect() })
@@ -289,7 +299,7 @@ impl Config {
         let mut known: BTreeSet<String> = BTreeSet::new();
         let models = collect(paths.iter().map(|path| {
             let (path, budget) = (path.as_ref(), self.budget.unwrap_or_default());
-            let text = text_of(path)?;
+            let text = model_text(path)?;
             let model = parsed(budget, path, &text)?;
             let own: Vec<String> = model.sizes.iter().map(|size| size.name.clone()).collect();
             let asked = self.sizes.iter().filter(|(name, _)| own.contains(name));

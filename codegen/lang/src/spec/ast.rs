@@ -121,6 +121,14 @@ pub(super) struct ReducesItem {
     pub(super) images: Vec<(Name, Expr)>,
 }
 
+/// A model that is a part of this one, with values for parameters and inputs of it.
+#[derive(Clone, Debug)]
+pub(super) struct UseItem {
+    pub(super) file: Name,
+    pub(super) name: Name,
+    pub(super) given: Vec<(Name, Expr)>,
+}
+
 /// A quasi-velocity of a frame, with its documentation.
 #[derive(Clone, Debug)]
 pub(super) struct FrameVelocity {
@@ -226,6 +234,13 @@ pub(super) enum ItemKind {
     Source(String),
     Topic(String),
     Reduces(ReducesItem),
+    /// `use "motor.hamel" as motor { k = 2; }`
+    Use(UseItem),
+    /// `part motor "motor.hamel" { .. }`; its items follow.
+    Part {
+        name: Name,
+        file: Name,
+    },
     /// `size n = 5;`
     Size {
         name: Name,

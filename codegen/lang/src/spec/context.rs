@@ -114,7 +114,7 @@ impl Context {
             }
         }
         // A loop has items, as the model around it.
-        blocks.retain(|block| !matches!(*block, "for" | "mode"));
+        blocks.retain(|block| !matches!(*block, "for" | "mode" | "part"));
         match blocks.as_slice() {
             [] => Context::File,
             [_] => of_item(&statement),
@@ -141,6 +141,8 @@ fn of_block(block: &str, statement: &[&str]) -> Context {
         ("event", Some("then")) if !is_after_equals => Context::StateVariable,
         ("event", Some("enter" | "leave" | "impact")) if last != "with" => Context::Mode,
         ("reduces", None) => Context::StateVariable,
+        // Names before `=` belong to another model.
+        ("use", _) if !is_after_equals => Context::Anything,
         (_, None) => Context::BlockStatement,
         ("stage", Some("connection")) if !is_after_equals => Context::Velocity,
         // Names behind `=` belong to another model.
@@ -192,7 +194,7 @@ fn of_item(statement: &[&str]) -> Context {
         "frame" if !(has("at") || has("attitude")) => Context::Anything,
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
         | "configuration" | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene"
-        | "source" | "topic" | "multipliers" | "reduces" => Context::Anything,
+        | "source" | "topic" | "multipliers" | "reduces" | "use" => Context::Anything,
         "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
             Context::Anything
         }

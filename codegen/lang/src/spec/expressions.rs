@@ -79,6 +79,7 @@ macro_rules! visit {
             units: _,
             topic: _,
             totals: _,
+            parts: _,
             sizes: _,
             graph: $graph,
             time: _,

@@ -43,6 +43,7 @@ mod motions;
 mod names;
 mod outline;
 mod parser;
+mod parts;
 mod rates;
 mod redundant;
 mod shape;
@@ -91,6 +92,7 @@ pub use model::{
 };
 pub use names::LEVEL_MOMENTUM;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
+pub use parts::compose;
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use size::FamilySize;
 pub use total::{Image, Total};

@@ -483,6 +483,8 @@ pub struct Model {
     pub topic: Option<String>,
     /// Models that this one is the quotient of, as it says.
     pub totals: Vec<Total>,
+    /// Files of the models that are parts of this one, as they were read.
+    pub parts: Vec<String>,
     /// Sizes of the text, for the values that it was read with.
     pub sizes: Vec<FamilySize>,
     /// Owner of all expressions.

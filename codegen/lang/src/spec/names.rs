@@ -50,6 +50,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("force", "force Omega = -c*Omega;` or `force at p: F;"),
     ("moment", "moment on B: M;"),
     ("body", "body B { mass m; place p; inertia I; attitude R; }"),
+    ("use", "use \"motor.hamel\" as motor;` or `use \"motor.hamel\" as motor { k = 2; }"),
     ("reduces", "reduces \"full.hamel\" { Gamma = transpose(R)*[0, 0, 1]; }"),
     ("casimir", "casimir name = expression;"),
     ("output", "output name = expression;"),

@@ -284,7 +284,8 @@ impl Outline {
             let previous = k.checked_sub(1).map(|k| tokens[k]);
             let next = tokens.get(k + 1).copied();
             let block = blocks.last().copied().unwrap_or_default();
-            let place = Place { previous, next, is_first, first, block };
+            let is_algebra = names_algebra(&statement);
+            let place = Place { previous, next, is_first, is_algebra, first, block };
             if let Some(kind) = place.keyword(token.text) {
                 words.push((span, kind));
                 continue;
@@ -321,6 +322,8 @@ struct Place<'t> {
     next: Option<&'t Token<'t>>,
     /// Whether it begins an item or a statement of a block.
     is_first: bool,
+    /// Whether nothing but an algebra, a group or a space can stand there.
+    is_algebra: bool,
     /// The word that does.
     first: &'t str,
     /// The word that begins the item of the block around.
@@ -354,6 +357,7 @@ impl Place<'_> {
             return &[Space::Elements, Space::Values];
         }
         match (self.block, self.first) {
+            _ if self.is_algebra => &[Space::Algebras],
             ("scene", "want") => &[Space::Outputs],
             (_, "algebra" | "representation") => &[Space::Algebras],
             _ if matches!(previous, "in" | "of") => &[Space::Algebras, Space::Values],
@@ -361,6 +365,15 @@ impl Place<'_> {
             _ => &[Space::Values, Space::Algebras, Space::Outputs],
         }
     }
+}
+
+/// Whether the last word of a statement stands in the algebra of `velocity w in algebra;` and the like.
+fn names_algebra(statement: &[&str]) -> bool {
+    let items = ["velocity", "momentum", "advected", "configuration", "reconstruct", "section"];
+    let is_item = statement.first().is_some_and(|first| items.contains(first));
+    let behind = statement.iter().rposition(|word| *word == "in").map(|at| &statement[at + 1..]);
+    let ends = ["as", "by", "from", "velocity", "relative", "="];
+    is_item && behind.is_some_and(|words| !words.is_empty() && !words.iter().any(|word| ends.contains(word)))
 }
 
 /// What follows the name of a body in what it declares.
@@ -389,10 +402,18 @@ fn resolve<'d>(
     if let Some((k, end)) = component(word) {
         return Some((k, 0..end));
     }
+    // A quaternion.
+    if let Some(stem) = word.strip_suffix(['w', 'x', 'y', 'z'])
+        && let Some(k) = find(stem).filter(|k| declaration(*k).kind == DeclarationKind::Reconstructed)
+    {
+        return Some((k, 0..stem.len()));
+    }
     if let Some(coordinate) = word.strip_suffix("_dot") {
         let found = find(coordinate).map(|k| (k, coordinate.len())).or_else(|| component(coordinate));
         return found
-            .filter(|(k, _)| declaration(*k).kind == DeclarationKind::Coordinate)
+            .filter(|(k, _)| {
+                matches!(declaration(*k).kind, DeclarationKind::Coordinate | DeclarationKind::State)
+            })
             .map(|(k, end)| (k, 0..end));
     }
     let of_body = BODY_ENDINGS.iter().find_map(|ending| {
@@ -489,6 +510,8 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
         ItemKind::Source(_)
         | ItemKind::Topic(_)
         | ItemKind::Reduces(_)
+        | ItemKind::Use(_)
+        | ItemKind::Part { .. }
         | ItemKind::Require(_)
         | ItemKind::Drive { .. }
         | ItemKind::Acceleration { .. }

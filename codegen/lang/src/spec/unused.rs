@@ -238,12 +238,14 @@ fn effective(item: &Item) -> Vec<String> {
         ItemKind::View { arguments, around, at, attitude, .. } => {
             mentions(arguments.iter().chain([around, at, attitude].into_iter().flatten()))
         }
+        ItemKind::Use(used) => mentions(used.given.iter().map(|(_, value)| value)),
         ItemKind::Body(body) if body.on.is_some() => mentions(body.expressions()),
         ItemKind::NamedFrame { at, attitude, .. } => mentions([at, attitude].into_iter().flatten()),
         ItemKind::Source(_)
         | ItemKind::Topic(_)
         | ItemKind::Want(_)
         | ItemKind::Reduces(_)
+        | ItemKind::Part { .. }
         | ItemKind::Size { .. }
         | ItemKind::Param { .. }
         | ItemKind::Input { .. }

@@ -187,6 +187,11 @@ const OF_ITEMS: &[(&str, &str)] = &[
          one of both.",
     ),
     (
+        "use",
+        "The model has the model of another file as a part, each name behind that of the part, and its Lagrangian \
+         is added.",
+    ),
+    (
         "reduces",
         "The model is the quotient of the model of another file, by functions of that one for variables and \
          parameters of this one.",

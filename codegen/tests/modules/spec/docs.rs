@@ -1,10 +1,11 @@
 //! The examples and the messages of `docs/model-language.md` are true, and the models of the book.
 
+use hamel_codegen::files::compose_file;
 use hamel_codegen::spec::{Want, Wanted, matrix_fluid, parse};
 
 const DOC: &str = include_str!("../../../../docs/model-language.md");
 /// Pages with models, and how many they have at least.
-const PAGES: [(&str, &str, usize); 10] = [
+const PAGES: [(&str, &str, usize); 11] = [
     ("model-language.md", DOC, 17),
     ("tour.md", include_str!("../../../../docs/book/tour.md"), 7),
     ("stages.md", include_str!("../../../../docs/book/stages.md"), 1),
@@ -13,6 +14,7 @@ const PAGES: [(&str, &str, usize); 10] = [
     ("modes.md", include_str!("../../../../docs/book/modes.md"), 2),
     ("fluids.md", include_str!("../../../../docs/book/fluids.md"), 5),
     ("controls.md", include_str!("../../../../docs/book/controls.md"), 1),
+    ("parts.md", include_str!("../../../../docs/book/parts.md"), 2),
     ("noise.md", include_str!("../../../../docs/book/noise.md"), 1),
     ("scenes.md", include_str!("../../../../docs/book/scenes.md"), 1),
 ];
@@ -53,6 +55,10 @@ fn examples_parse() {
             let text = wrap(items);
             let fluid = matrix_fluid(page, &text).unwrap_or_else(|problems| panic!("{text}\n{problems}"));
             if fluid.is_none() {
+                // Files that examples name are beside the pages of the book.
+                let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/book/page.md");
+                let text = compose_file(folder, folder.as_ref(), text.clone());
+                let text = text.unwrap_or_else(|problems| panic!("{problems}"));
                 parse(page, &text).unwrap_or_else(|problems| panic!("{text}\n{problems}"));
             }
             n += 1;

@@ -102,6 +102,7 @@ impl ModelBuilder {
             units: Units::default(),
             topic: self.topic.map(|(text, _)| text),
             totals,
+            parts: Vec::new(),
             sizes: self.sizes,
             graph: self.graph,
             time: self.time,

@@ -377,6 +377,8 @@ pub struct ModelBuilder {
     pub(in crate::spec) problems: Vec<Diagnostic>,
     pub(super) here: Option<Span>,
     pub(super) names: BTreeMap<String, Declared>,
+    /// Whether other models will give it the inertia that it may lack.
+    pub(in crate::spec) is_part: bool,
     /// Items that were written but are broken: nothing is said about them being absent.
     pub(in crate::spec) broken: BTreeSet<&'static str>,
     /// Where the model is named; what is missing is reported there.
@@ -484,6 +486,7 @@ impl ModelBuilder {
             problems: Vec::new(),
             here: None,
             names: BTreeMap::new(),
+            is_part: false,
             broken: BTreeSet::new(),
             place: None,
             name: name.to_owned(),

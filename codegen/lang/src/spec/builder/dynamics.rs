@@ -67,6 +67,7 @@ impl ModelBuilder {
                 && !self.broken.contains("hamiltonian")
                 && self.hamiltonian.is_none()
                 && !self.is_given()
+                && !self.is_part
             {
                 self.problem(
                     self.place,
@@ -89,7 +90,8 @@ impl ModelBuilder {
         self.reports_stray(e, span, "the lagrangian", &[]);
         let velocities = self.velocity_symbols();
         // Constraints that determine every velocity leave nothing to be derived, as for a swimmer without inertia.
-        if self.n_constraints() < velocities.len()
+        if !self.is_part
+            && self.n_constraints() < velocities.len()
             && self.occurring(e, &velocities).is_empty()
             && !self.broken.contains("velocity")
             && !self.broken.contains("constraint")

@@ -213,7 +213,9 @@ impl Elaboration<'_> {
                 self.discrete(&name.text, discrete, retraction);
             }
             ItemKind::Reduces(item) => self.reduces(item),
-            ItemKind::Source(_)
+            ItemKind::Use(_)
+            | ItemKind::Part { .. }
+            | ItemKind::Source(_)
             | ItemKind::Topic(_)
             | ItemKind::Size { .. }
             | ItemKind::Input { .. }

@@ -25,13 +25,18 @@ use crate::spec::model::Model;
 use crate::spec::motions::Motions;
 use crate::spec::names;
 use crate::spec::parser::Outcome;
+use crate::spec::parts;
 use crate::spec::units::{self, DefinitionUnits};
 use crate::spec::unused;
 use hamel_expr::Budget;
 
 /// Checks what the parser understood.
 pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Result<Model, Diagnostics> {
-    let Some(file) = outcome.file else { return Err(Diagnostics::new(Some(origin), outcome.problems)) };
+    let Some(mut file) = outcome.file else {
+        return Err(Diagnostics::new(Some(origin), outcome.problems));
+    };
+    let mut problems = outcome.problems;
+    file.items = parts::joined(file.items, &mut problems);
     let mut elaboration = Elaboration {
         text: &origin.text,
         builder: ModelBuilder::new(&file.name.text),
@@ -47,7 +52,8 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
         representations: BTreeMap::new(),
     };
     elaboration.builder.budget(budget);
-    elaboration.builder.problems = outcome.problems;
+    elaboration.builder.problems = problems;
+    elaboration.builder.is_part = outcome.is_part;
     for (keyword, _) in names::ITEMS {
         if elaboration.poisoned.contains(*keyword) {
             elaboration.builder.broken.insert(keyword);
@@ -59,9 +65,12 @@ pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Res
     let built = elaboration.builder.build_with(Some(origin.clone()));
     let mut model = built.map_err(|problems| problems.once_for(&loops))?;
     // Beside errors they would be noise: a name that is misspelt once is unused as well.
+    model.parts = parts::files(&file.items);
     let mut warnings = told;
     warnings.extend(model.warnings.iter().cloned());
-    warnings.extend(unused::warnings(&file.items));
+    let unused = unused::warnings(&file.items).into_iter();
+    // What a part does not use, its own file tells.
+    warnings.extend(unused.filter(|w| w.span.is_none_or(|span| !parts::is_of_part(&file.items, span))));
     let (known, contradictions) = units::examine(&model, &definitions);
     model.units = known;
     warnings.extend(contradictions);

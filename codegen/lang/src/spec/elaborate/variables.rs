@@ -34,6 +34,11 @@ impl OfItem<'_> {
     }
 }
 
+/// Whether a model has parts, each with velocities of its own.
+fn has_parts(items: &[Item]) -> bool {
+    items.iter().any(|item| matches!(item.kind, ItemKind::Part { .. }))
+}
+
 impl Elaboration<'_> {
     pub(super) fn declare_sources_and_params(&mut self, items: &[Item]) {
         for item in items {
@@ -195,8 +200,8 @@ impl Elaboration<'_> {
 
     fn declare_velocities_and_coordinates(&mut self, items: &[Item]) {
         let is_own = |item: &Item| matches!(item.kind, ItemKind::Configuration { by: MovedBy::Own(_), .. });
-        // Beside configurations all velocities are in one algebra, from the first item on.
-        let are_joint = items.iter().any(is_own);
+        // Beside configurations and parts all velocities are in one algebra, from the first item on.
+        let are_joint = items.iter().any(is_own) || has_parts(items);
         let mut are_declared = false;
         for item in items {
             match &item.kind {
@@ -264,7 +269,7 @@ impl Elaboration<'_> {
             }
         }
         let is_configuration = |of: &OfItem<'_>| matches!(of.item.kind, ItemKind::Configuration { .. });
-        if all.len() < 2 || !all.iter().any(is_configuration) {
+        if all.len() < 2 || !(all.iter().any(is_configuration) || has_parts(items)) {
             // A second item `velocity` is a problem that the builder tells.
             all.iter().for_each(|of| self.declare_velocities(of));
             return;

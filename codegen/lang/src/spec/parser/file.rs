@@ -21,6 +21,8 @@ pub(in crate::spec) struct Outcome {
     pub(in crate::spec) problems: Vec<Diagnostic>,
     /// Names that occur in items that did not parse: nothing is said about them later.
     pub(in crate::spec) poisoned: BTreeSet<String>,
+    /// Whether the text is read as a part of another model.
+    pub(in crate::spec) is_part: bool,
 }
 
 impl<'a> Parser<'a> {
@@ -107,6 +109,15 @@ impl<'a> Parser<'a> {
                 let read = doc.and_then(|doc| self.mode(doc, outcome, items));
                 if let Err(mut problem) = read {
                     problem.help = problem.help.or(names::item_form("mode"));
+                    outcome.problems.push(*problem);
+                    self.skip_item();
+                    poison(start, self.cursor, &mut outcome.poisoned);
+                }
+                continue;
+            }
+            if self.peek_ident().as_deref() == Some("part") {
+                let read = doc.and_then(|_| self.part(outcome, items));
+                if let Err(problem) = read {
                     outcome.problems.push(*problem);
                     self.skip_item();
                     poison(start, self.cursor, &mut outcome.poisoned);

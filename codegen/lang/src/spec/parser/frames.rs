@@ -6,6 +6,7 @@ use proc_macro2::{Delimiter, Ident};
 use syn::buffer::Cursor;
 
 use super::cursor::Parser;
+use super::file::Outcome;
 use super::lexer::Parsed;
 use crate::spec::ast::*;
 use crate::spec::diagnostic::{Diagnostic, Span};
@@ -72,6 +73,41 @@ impl Parser<'_> {
             body.require_punct(";")?;
         }
         Ok(ItemKind::Reduces(ReducesItem { file: Name { text, span }, images }))
+    }
+
+    /// `use "motor.hamel" as motor { k = 2; }` behind its first word, and whether it ends with a block.
+    pub(super) fn part_used(&mut self) -> Parsed<(ItemKind, bool)> {
+        let span = self.here();
+        let Some(text) = self.string()? else { return self.expected("the file of a model in quotes") };
+        self.require_word("as")?;
+        let name = self.declared("the name of the part")?;
+        let file = Name { text, span };
+        let mut given = Vec::new();
+        let Some((mut body, _)) = self.group(Delimiter::Brace) else {
+            return Ok((ItemKind::Use(UseItem { file, name, given }), false));
+        };
+        while !body.at_end() {
+            let name = body.named("the name of a parameter or an input of that model")?;
+            body.equals()?;
+            given.push((name, body.expr()?));
+            body.require_punct(";")?;
+        }
+        Ok((ItemKind::Use(UseItem { file, name, given }), true))
+    }
+
+    /// `part motor "motor.hamel" { .. }`: a model that this one uses, as it was put into the text.
+    pub(super) fn part(&mut self, outcome: &mut Outcome, items: &mut Vec<Item>) -> Parsed<()> {
+        let start = self.here().start;
+        self.require_word("part")?;
+        let name = self.declared("the name of the part")?;
+        let span = self.here();
+        let Some(text) = self.string()? else { return self.expected("the file of a model in quotes") };
+        let (mut inside, _) = self.require_group(Delimiter::Brace, "`{`")?;
+        let (file, extent) = (Name { text, span }, Span::new(start, self.last));
+        let (doc, mode) = (Vec::new(), None);
+        items.push(Item { doc, extent, span: name.span, kind: ItemKind::Part { name, file }, mode });
+        inside.items(outcome, items);
+        Ok(())
     }
 
     /// `thermo` or `name: delta(v1) + delta(v2) = 0`, behind `virtual`.

@@ -157,6 +157,7 @@ impl<'a> Parser<'a> {
                 ItemKind::Section { name, algebra, value: self.expr()? }
             }
             "reduces" => return self.reduces().map(|kind| (kind, true)),
+            "use" => return self.part_used(),
             "event" => return self.event(),
             "reconstruct" => self.reconstruct()?,
             "initial" => {

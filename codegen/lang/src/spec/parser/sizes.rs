@@ -262,16 +262,29 @@ pub(super) fn number_node(value: i64) -> Node {
 /// Sizes at the top level of a model, with what they are where it is no whole number.
 pub(super) fn read_sizes(text: &str, cursor: Cursor<'_>, loops: Loops) -> Vec<(String, i64)> {
     let mut shared = Shared::new(loops, Vec::new());
+    // What stands in the braces of parts is read where these end.
+    let mut around: Vec<Cursor<'_>> = Vec::new();
     let mut at = cursor;
-    // Whether an item may begin.
-    let mut is_start = true;
-    while let Some((tree, rest)) = at.token_tree() {
-        let is_size = is_start && at.ident().is_some_and(|(word, _)| word == "size");
-        if is_size {
+    // Whether an item may begin, and whether a part has begun.
+    let (mut is_start, mut is_part) = (true, false);
+    loop {
+        let Some((tree, rest)) = at.token_tree() else {
+            let Some(outer) = around.pop() else { break };
+            (at, is_start, is_part) = (outer, true, false);
+            continue;
+        };
+        let word = at.ident().filter(|_| is_start).map(|(word, _)| word.to_string());
+        if word.as_deref() == Some("size") {
             let read = Parser::new(text, rest, &shared).size_value();
             if let Ok((name, value, _)) = read {
                 shared.sizes.push((name.text, value));
             }
+        }
+        is_part |= word.as_deref() == Some("part");
+        if let Some((inside, _, _)) = at.group(Delimiter::Brace).filter(|_| is_part) {
+            around.push(rest);
+            (at, is_start, is_part) = (inside, true, false);
+            continue;
         }
         is_start = match &tree {
             proc_macro2::TokenTree::Punct(punct) => punct.as_char() == ';',

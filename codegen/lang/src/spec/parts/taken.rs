@@ -1,0 +1,368 @@
+//! What a model takes of one of its parts: the text of its items, with other names.
+//!
+//! Deliberately does not know: what the items mean for a motion.
+
+use std::ops::Range;
+
+use super::super::ast::{Expr, File, Item, ItemKind, MovedBy, Name, Node, ReconstructWay, UseItem};
+use super::super::diagnostic::{Diagnostic, Origin, Span};
+use super::super::model::{Model, Side};
+use super::super::outline::{DeclarationKind, Outline};
+use super::super::parser;
+use super::super::tokens::tokens;
+use super::{is_given, unknown};
+
+/// A model that another one uses.
+pub(super) struct Part {
+    /// Where it is used, and its name there.
+    pub(super) name: Name,
+    pub(super) model: Model,
+    origin: Origin,
+    file: File,
+    given: Vec<(Name, Expr)>,
+    /// What is put into the text, and what is taken out of it, in order and apart from each other.
+    pub(super) edits: Vec<(Range<usize>, String)>,
+    /// Names that are declared, each with what the outline knows it by.
+    pub(super) bound: Vec<String>,
+}
+
+impl Part {
+    /// # Errors
+    /// An item that a part cannot have, a given name that is none of it.
+    pub(super) fn new(
+        (item, used): (&Item, &UseItem),
+        origin: Origin,
+        model: Model,
+    ) -> Result<Part, Box<Diagnostic>> {
+        let file = parser::parse_leniently(&origin.text).file;
+        let Some(file) = file else {
+            let message = format!("`{}` is no model", used.file.text);
+            return Err(Box::new(Diagnostic::new(Some(used.file.span), message)));
+        };
+        for item in &file.items {
+            if let Some(what) = refused(item, &file) {
+                let (line, _) = origin.line_column(item.span.start);
+                let message = format!("`{}` cannot be a part: it has {what} in line {line}", used.file.text);
+                let help = "a part has a Lagrangian in coordinates and velocities of its own algebra";
+                return Err(Box::new(Diagnostic::new(Some(used.file.span), message).with_help(help)));
+            }
+        }
+        let (name, given) = (used.name.clone(), used.given.clone());
+        let mut part = Part { name, model, origin, file, given, edits: Vec::new(), bound: Vec::new() };
+        part.check_given(item)?;
+        part.edit();
+        Ok(part)
+    }
+
+    /// The name of something of the part in the whole.
+    pub(super) fn renamed(&self, name: &str) -> String {
+        match name.strip_prefix("lambda_") {
+            Some(constraint) => format!("lambda_{}_{constraint}", self.name.text),
+            None => format!("{}_{name}", self.name.text),
+        }
+    }
+
+    fn check_given(&mut self, item: &Item) -> Result<(), Box<Diagnostic>> {
+        let mut seen: Vec<&str> = Vec::new();
+        for (name, _) in &self.given {
+            if seen.contains(&name.text.as_str()) {
+                let message = format!("`{}` is given twice", name.text);
+                return Err(Box::new(
+                    Diagnostic::new(Some(name.span), message).with_help("keep one of them"),
+                ));
+            }
+            seen.push(&name.text);
+            let found = self.file.items.iter().find_map(|item| match &item.kind {
+                ItemKind::Param { name: own, shape, .. } | ItemKind::Input { name: own, shape, .. } => {
+                    (own.text == name.text).then_some(shape)
+                }
+                _ => None,
+            });
+            let Some(shape) = found else {
+                let known = self.file.items.iter().filter_map(|item| match &item.kind {
+                    ItemKind::Param { name, .. } | ItemKind::Input { name, .. } => Some(name.text.as_str()),
+                    _ => None,
+                });
+                return Err(unknown(name, &self.model, known));
+            };
+            if !is_given(shape) {
+                let message = format!("`{}` is a matrix, which cannot be given", name.text);
+                let help = "numbers and vectors can; set its entries by `fix` in a scene";
+                let place = "of this part";
+                let problem = Diagnostic::new(Some(name.span), message).with_help(help);
+                return Err(Box::new(problem.with_place(Some(item.span), place)));
+            }
+        }
+        let of_params = self.file.items.iter().filter_map(|item| match &item.kind {
+            ItemKind::Param { name, .. } => Some(name.text.clone()),
+            _ => None,
+        });
+        let params: Vec<String> = of_params.collect();
+        let given = self.given.iter().map(|(name, _)| name.text.clone());
+        self.bound = given.filter(|name| params.contains(name)).collect();
+        Ok(())
+    }
+
+    /// Finds what changes in the text.
+    fn edit(&mut self) {
+        let outline = Outline::new(&self.origin.text);
+        let before = format!("{}_", self.name.text);
+        let mut edits: Vec<(Range<usize>, String)> = Vec::new();
+        let is_renamed = |kind: DeclarationKind| {
+            use DeclarationKind::{BasisElement, Index, Model, Scene};
+            !matches!(kind, Model | Scene | Index | BasisElement)
+        };
+        for mention in &outline.mentions {
+            if is_renamed(outline.declarations[mention.declaration].kind) {
+                edits.push((mention.name.start..mention.name.start, before.clone()));
+            }
+        }
+        // Multipliers have the names of constraints.
+        let constraints: Vec<&str> =
+            self.file.items.iter().filter_map(name_of_constraint).map(|name| name.text.as_str()).collect();
+        for token in tokens(&self.origin.text) {
+            let Some(rest) = token.text.strip_prefix("lambda_") else { continue };
+            let stem = rest.trim_end_matches(|c: char| c.is_ascii_digit());
+            if constraints.contains(&rest) || constraints.contains(&stem) {
+                let at = token.start + "lambda_".len();
+                edits.push((at..at, before.clone()));
+            }
+        }
+        for item in &self.file.items {
+            let is_bound = |name: &Name| self.bound.contains(&name.text);
+            match &item.kind {
+                ItemKind::Param { name, .. } if is_bound(name) => {
+                    edits.push((item.extent.start..item.extent.end, String::new()));
+                }
+                ItemKind::Momentum { velocity, .. } if velocity.text == "stages" => {
+                    edits.push((item.extent.start..item.extent.end, String::new()));
+                }
+                kind if stays_behind(kind) => {
+                    edits.push((item.extent.start..item.extent.end, String::new()));
+                }
+                ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } if from.is_empty() => {
+                    edits.push((item.span.end..item.span.end, self.from_own()));
+                }
+                ItemKind::Configuration { by: MovedBy::Declared(list), group, .. } if list.is_empty() => {
+                    edits.push((group.span.end..group.span.end, self.from_own()));
+                }
+                ItemKind::Part { name, .. } => {
+                    edits.push((name.span.start..name.span.start, before.clone()));
+                }
+                _ => {}
+            }
+        }
+        edits.sort_by_key(|(range, _)| (range.start, std::cmp::Reverse(range.end)));
+        let mut end = 0;
+        edits.retain(|(range, _)| {
+            let is_free = range.start >= end;
+            end = end.max(range.end);
+            is_free
+        });
+        self.edits = edits;
+    }
+
+    /// ` from a_Omega`, all velocities of the part in its algebra.
+    fn from_own(&self) -> String {
+        let own = self.file.items.iter().flat_map(|item| match &item.kind {
+            ItemKind::Velocity { names, .. } | ItemKind::Configuration { by: MovedBy::Own(names), .. } => {
+                names.as_slice()
+            }
+            _ => &[],
+        });
+        let own: Vec<String> = own.map(|name| self.renamed(&name.text)).collect();
+        if own.is_empty() { String::new() } else { format!(" from {}", own.join(", ")) }
+    }
+
+    /// A piece of the text with the edits in it.
+    fn text(&self, range: Range<usize>) -> String {
+        let (mut text, mut at) = (String::new(), range.start);
+        for (edited, new) in &self.edits {
+            if edited.start < at || edited.end > range.end {
+                continue;
+            }
+            text.push_str(&self.origin.text[at..edited.start]);
+            text.push_str(new);
+            at = edited.end;
+        }
+        text.push_str(&self.origin.text[at..range.end]);
+        text
+    }
+
+    /// The part as a block of the model that uses it, whose text is `host`.
+    pub(super) fn block(&self, host: &str) -> String {
+        let all = tokens(&self.origin.text);
+        let mut braces = all.iter().filter(|token| token.is("{") && token.start > self.file.name.span.start);
+        let begin = braces.next().map_or(0, |token| token.start + 1);
+        let end = all.iter().rev().find(|token| token.is("}")).map_or(begin, |token| token.start);
+        let mut text = format!("\npart {} \"{}\" {{", self.name.text, self.origin.file.escape_default());
+        text.push_str(&self.text(begin..end));
+        for (name, value) in &self.given {
+            let value = &host[value.span.start..value.span.end];
+            let whole = self.renamed(&name.text);
+            if !self.bound.contains(&name.text) {
+                continue;
+            }
+            text.push_str(&format!("\nlet {whole} = {value};"));
+            if let Some(range) = self.conditions(name) {
+                text.push_str(&format!("\nrequire {};", self.whole_text(range)));
+            }
+        }
+        text.push_str("\n}\n");
+        text
+    }
+
+    /// What drives its inputs in the model that uses it.
+    pub(super) fn drives(&self, host: &str) -> String {
+        let inputs = self.given.iter().filter(|(name, _)| !self.bound.contains(&name.text));
+        let drive = |(name, value): &(Name, Expr)| {
+            let value = &host[value.span.start..value.span.end];
+            format!("\ndrive {} = {value};", self.renamed(&name.text))
+        };
+        inputs.map(drive).collect()
+    }
+
+    /// Where the conditions on a parameter stand.
+    fn conditions(&self, name: &Name) -> Option<Range<usize>> {
+        self.file.items.iter().find_map(|item| match &item.kind {
+            ItemKind::Param { name: own, conditions, .. } if own.text == name.text => {
+                let start = conditions.first()?.first.span.start;
+                let end = conditions.last()?.rest.last()?.1.span.end;
+                Some(start..end)
+            }
+            _ => None,
+        })
+    }
+
+    /// A piece of an item that is taken out, with its names.
+    fn whole_text(&self, range: Range<usize>) -> String {
+        let outline = Outline::new(&self.origin.text);
+        let (mut text, mut at) = (String::new(), range.start);
+        for mention in outline.mentions.iter().filter(|m| range.contains(&m.name.start)) {
+            text.push_str(&self.origin.text[at..mention.name.start]);
+            text.push_str(&self.name.text);
+            text.push('_');
+            at = mention.name.start;
+        }
+        text.push_str(&self.origin.text[at..range.end]);
+        text
+    }
+
+    /// The side from which its group acts, where it has one.
+    fn side(&self) -> Option<Side> {
+        (!self.model.velocities.is_empty()).then_some(self.model.action)
+    }
+
+    fn has(&self, kind: fn(&ItemKind) -> bool) -> bool {
+        self.file.items.iter().any(|item| kind(&item.kind))
+    }
+}
+
+fn name_of_constraint(item: &Item) -> Option<&Name> {
+    match &item.kind {
+        ItemKind::Constraint { name, .. } | ItemKind::Virtual { name, .. } => name.as_ref(),
+        _ => None,
+    }
+}
+
+/// What is about a model for itself: its scenes, stages and independent velocities, what it claims, where it comes from.
+/// Words that a model has once are said by [`once`] and [`side`].
+fn stays_behind(kind: &ItemKind) -> bool {
+    matches!(
+        kind,
+        ItemKind::Source(_)
+            | ItemKind::Topic(_)
+            | ItemKind::Scene { .. }
+            | ItemKind::Reduces(_)
+            | ItemKind::Casimir { .. }
+            | ItemKind::Section { .. }
+            | ItemKind::Stage { .. }
+            | ItemKind::InnerProduct(_)
+            | ItemKind::LagrangianInnerProduct
+            | ItemKind::Independent(_)
+            | ItemKind::Want(_)
+            | ItemKind::Use(_)
+            | ItemKind::Action(_)
+            | ItemKind::Multipliers
+            | ItemKind::VirtualThermo
+    )
+}
+
+/// Why an item keeps its model from being a part.
+fn refused(item: &Item, file: &File) -> Option<String> {
+    Some(match &item.kind {
+        ItemKind::Hamiltonian(_) | ItemKind::MomentumIn { .. } => "a Hamiltonian".to_owned(),
+        ItemKind::Algebroid(_) => "an algebroid of its own".to_owned(),
+        ItemKind::Acceleration { .. } | ItemKind::Field { .. } => "a motion that is given".to_owned(),
+        ItemKind::DerivedConnection(_) => "a connection that its Lagrangian defines".to_owned(),
+        ItemKind::Velocity { labels, .. } | ItemKind::Advected { labels, .. } if !labels.is_empty() => {
+            "names of components, `as`,".to_owned()
+        }
+        ItemKind::Advected { name, action: Expr { node: Node::Name(by), .. }, .. } if !is_value(by, file) => {
+            format!("`{}` moved by `{by}`", name.text)
+        }
+        _ => return None,
+    })
+}
+
+/// Whether a name stands for a value of the model, and not for a representation.
+fn is_value(name: &str, file: &File) -> bool {
+    file.items.iter().any(|item| matches!(&item.kind, ItemKind::Let { name: own, .. } if own.text == name))
+}
+
+/// `action right;` where parts say so and the model does not.
+///
+/// # Errors
+/// Parts whose groups act from different sides.
+pub(super) fn side(items: &[Item], parts: &[Part]) -> Result<String, Box<Diagnostic>> {
+    let said = items.iter().find_map(|item| match &item.kind {
+        ItemKind::Action(side) => Some(if side.text == "right" { Side::Right } else { Side::Left }),
+        _ => None,
+    });
+    let has_own = items.iter().any(|item| {
+        let own = |by: &MovedBy| matches!(by, MovedBy::Own(_));
+        match &item.kind {
+            ItemKind::Velocity { .. } => true,
+            ItemKind::Configuration { by, .. } => own(by),
+            _ => false,
+        }
+    });
+    let mut side = said.or_else(|| has_own.then_some(Side::Left));
+    for part in parts {
+        let Some(own) = part.side() else { continue };
+        if *side.get_or_insert(own) != own {
+            let word = if own == Side::Right { "right" } else { "left" };
+            let message =
+                format!("the group of `{}` acts from the {word}, others from the other side", part.name.text);
+            let help = "groups of one model act from one side";
+            return Err(Box::new(Diagnostic::new(Some(part.name.span), message).with_help(help)));
+        }
+    }
+    let is_new = side == Some(Side::Right) && said.is_none();
+    Ok(if is_new { "\naction right;".to_owned() } else { String::new() })
+}
+
+/// Words that a model has once, where a part has them and the model does not.
+pub(super) fn once(items: &[Item], parts: &[Part]) -> String {
+    let words: [(&str, fn(&ItemKind) -> bool); 2] = [
+        ("multipliers;", |kind| matches!(kind, ItemKind::Multipliers)),
+        ("virtual thermo;", |kind| matches!(kind, ItemKind::VirtualThermo)),
+    ];
+    let missing = words
+        .into_iter()
+        .filter(|(_, is)| parts.iter().any(|part| part.has(*is)) && !items.iter().any(|item| is(&item.kind)));
+    missing.map(|(word, _)| format!("\n{word}")).collect()
+}
+
+/// A text with blanks in the place of some of it.
+pub(super) fn blanked(text: &str, spans: &[Span]) -> String {
+    let mut bytes = text.as_bytes().to_vec();
+    for span in spans {
+        for byte in &mut bytes[span.start..span.end] {
+            if *byte != b'\n' {
+                *byte = b' ';
+            }
+        }
+    }
+    String::from_utf8(bytes).unwrap_or_default()
+}
