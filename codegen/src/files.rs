@@ -1,13 +1,13 @@
 //! Files that another file names, from its folder.
 //!
-//! Does not know: what is in them.
+//! Does not know: their contents.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use hamel_lang::spec::{Diagnostics, Origin, compose};
 
-/// The text of a file with the texts of its parts, `use "motor.hamel" as motor;`: what is read as a model.
+/// The text of a file with the texts of its parts, `use "motor.hamel" as motor;`, which is read as a model.
 ///
 /// # Errors
 /// As [`compose`].

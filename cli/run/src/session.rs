@@ -376,7 +376,7 @@ impl<'s> ModelFile<'s> {
         steps.map_err(|problems| Error::Models { problems })
     }
 
-    /// The text of the file, with those of its parts and the sizes that are asked for.
+    /// The text of the file, with the texts of its parts and the sizes that are asked for.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Models`] for a size that the text does not have.

@@ -73,7 +73,7 @@ fn path_of(file: &str) -> Option<PathBuf> {
     Some(PathBuf::from(path.strip_prefix('/').filter(|rest| rest.contains(':')).unwrap_or(&path)))
 }
 
-/// A text with the texts of its parts. What is wrong with a part is told where the text begins.
+/// A text with the texts of its parts. Problems of a part are told where the text begins.
 fn with_parts(file: &str, text: &str) -> Result<String, Diagnostics> {
     let Some(path) = path_of(file) else { return Ok(text.to_owned()) };
     compose_file(file, &path, text.to_owned()).map_err(|problems| {

@@ -94,7 +94,7 @@ fn read_within(budget: Budget, path: &Path) -> Result<Model, Problem> {
     parsed(budget, path, &model_text(path)?)
 }
 
-/// The text of a model, with those of its parts.
+/// The text of a model, with the texts of its parts.
 fn model_text(path: &Path) -> Result<String, Problem> {
     let text = text_of(path)?;
     compose_file(&path.display().to_string(), path, text).map_err(Problem::Model)

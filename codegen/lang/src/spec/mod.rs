@@ -11,6 +11,7 @@
 
 mod ast;
 mod builder;
+mod compose;
 mod configuration;
 mod constraint;
 mod context;
@@ -61,6 +62,7 @@ mod written;
 
 pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
+pub use compose::compose;
 pub use configuration::Configuration;
 pub use constraint::{
     CarriedAcceleration, Constraint, ConstraintKind, Implied, PositionEquation, VirtualConstraint,
@@ -92,7 +94,6 @@ pub use model::{
 };
 pub use names::LEVEL_MOMENTUM;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
-pub use parts::compose;
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use size::FamilySize;
 pub use total::{Image, Total};

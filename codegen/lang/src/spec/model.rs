@@ -7,7 +7,6 @@ pub(super) use super::constraint::{
     CarriedAcceleration, Constraint, ConstraintKind, Implied, PositionEquation, VirtualConstraint,
 };
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
-use super::discrete::Discrete;
 use super::event::{Event, OutputPart};
 pub(super) use super::first_order::FirstOrderState;
 use super::layout::Layout;
@@ -434,7 +433,7 @@ pub struct Scene {
     /// Which formulations are searched for one that costs less; none for the one that the scene writes down.
     pub formulation: Option<FormulationSearch>,
     /// The discrete equations of motion, where the scene has them.
-    pub discrete: Option<Discrete>,
+    pub discrete: Option<super::discrete::Discrete>,
     /// Documentation.
     pub doc: String,
     /// Where its name stands.
@@ -483,7 +482,7 @@ pub struct Model {
     pub topic: Option<String>,
     /// Models that this one is the quotient of, as it says.
     pub totals: Vec<Total>,
-    /// Files of the models that are parts of this one, as they were read.
+    /// Files of the models that are parts of this one.
     pub parts: Vec<String>,
     /// Sizes of the text, for the values that it was read with.
     pub sizes: Vec<FamilySize>,

@@ -1,10 +1,10 @@
 //! Holds a model with its parts to the models of their files.
 //!
-//! The text with the parts is read without what the model itself adds, and its Lagrangian has to be the sum of those of
-//! the parts, each as its own file makes it, with the variables of the whole in the place of its own. Every constraint,
-//! force, rate, event and output of a part has to be there as well, and the algebra has to be the product of those of
-//! the parts. This looks at values alone, not at texts: a name of a part that stood for something else in the whole
-//! would make another value.
+//! The text with the parts is read without the items that the model itself adds, and its Lagrangian has to be the sum
+//! of the Lagrangians of the parts, each as its own file makes it, with the variables of the whole in the place of its
+//! own. Every constraint, force, rate, event and output of a part has to be there as well, and the algebra has to be
+//! the product of the algebras of the parts. This looks at values alone, not at texts: a name of a part that stood for
+//! something else in the whole would make another value.
 //!
 //! Deliberately does not know: how the text with the parts came about.
 
@@ -42,8 +42,8 @@ pub(super) fn hold(whole: &Origin, host: &File, parts: &[Part]) -> Result<(), (N
     let origin = Origin { file: whole.file.clone(), text };
     let outcome = parser::Outcome { is_part: true, ..parser::parse_file(&origin.text) };
     let Ok(mut model) = elaborate(outcome, origin, Budget::default()) else {
-        // Whoever reads the whole is told what is wrong with it.
-        let is_model = super::super::parse_within(Budget::default(), &whole.file, &whole.text).is_ok();
+        // Whoever reads the whole is told its problems.
+        let is_model = elaborate(parser::parse_file(&whole.text), whole.clone(), Budget::default()).is_ok();
         return match parts.first().filter(|_| is_model) {
             Some(part) => Err((part.name.clone(), "without the items around it it is no model".into())),
             None => Ok(()),
@@ -57,7 +57,7 @@ pub(super) fn hold(whole: &Origin, host: &File, parts: &[Part]) -> Result<(), (N
         let roots = expressions(&part.model);
         let values: Vec<ExprId> = roots.iter().map(|(_, e)| *e).collect();
         let here = model.graph.import_with(&part.model.graph, &values, &replaced);
-        let here = here.map_err(|_| told("a denominator vanishes with what is given".into()))?;
+        let here = here.map_err(|_| told("a denominator vanishes with the given values".into()))?;
         let all = model.expressions();
         for ((role, _), value) in roots.iter().zip(here) {
             match role {
@@ -82,7 +82,7 @@ pub(super) fn hold(whole: &Origin, host: &File, parts: &[Part]) -> Result<(), (N
     if !is_sum(&mut model.graph, known, &sum) {
         let place = parts.first().map(|part| part.name.clone());
         return match place {
-            Some(name) => Err((name, "the Lagrangian is not the sum of those of the parts".into())),
+            Some(name) => Err((name, "the Lagrangian is another one than the sum over the parts".into())),
             None => Ok(()),
         };
     }
@@ -105,7 +105,7 @@ fn expressions(part: &Model) -> Vec<(ExpressionRole, ExprId)> {
     all
 }
 
-/// Whether an item of the model itself adds to the motion, or speaks of it. What is left declares names.
+/// Whether an item of the model itself adds to the motion, or speaks of it. The other items declare names.
 fn adds(kind: &ItemKind) -> bool {
     matches!(
         kind,
@@ -148,7 +148,7 @@ fn symbols_of(model: &Model) -> BTreeMap<String, SymbolId> {
     let named = all.into_iter().map(|s| (model.graph.name(s).to_owned(), s));
     let mut symbols: BTreeMap<String, SymbolId> = named.collect();
     symbols.extend(model.params.iter().chain(&model.inputs).map(|p| (p.name.clone(), p.symbol)));
-    // Nothing may contain them, with what is given.
+    // With given values nothing may contain them.
     for c in &model.base {
         symbols.insert(c.name.clone(), c.symbol);
         symbols.insert(c.velocity_name.clone(), c.velocity);
@@ -193,7 +193,7 @@ fn replacement(
     Ok(replaced)
 }
 
-/// The brackets of the whole among the velocities of a part are those of the part, and those with others vanish.
+/// The velocities of a part have the brackets of the part in the whole; brackets with others vanish.
 fn check_algebra(model: &Model, part: &Part) -> Result<(), String> {
     let place = |name: &str| {
         let whole = part.renamed(name);

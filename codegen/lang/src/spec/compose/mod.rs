@@ -3,7 +3,7 @@
 //! `use "motor.hamel" as motor;` takes what the model of another file declares, each name behind `motor_`, and its
 //! Lagrangian is added to that of the model. The text that comes back is a model file, and who reads it needs to know
 //! nothing else: behind the items as they are written stand blocks `part motor "motor.hamel" { .. }`. On the algebroid
-//! this is the product of those of the parts, and constraints between them are the interaction structure.
+//! this is the product of the parts' algebroids, and constraints between them are the interaction structure.
 //!
 //! Source: Jacobs and Yoshimura 2014, Tensor products of Dirac structures and interconnection in Lagrangian mechanics.
 //!
@@ -14,13 +14,12 @@ mod taken;
 #[cfg(test)]
 mod tests;
 
-use super::ast::{Expr, Item, ItemKind, Name, Node, Shape, UseItem};
-use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+use super::ast::{Item, UseItem};
+use super::diagnostic::{Diagnostic, Diagnostics, Origin};
 use super::elaborate::elaborate;
 use super::images::with_items;
-use super::model::Model;
-use super::names;
 use super::parser;
+use super::parts::{parts_of, uses};
 use hamel_expr::Budget;
 
 use taken::Part;
@@ -102,88 +101,4 @@ fn composed(
     })?;
     let drives: String = parts.iter().map(|part| part.drives(text)).collect();
     Ok(Origin { file: here.file.clone(), text: with_items(text, &(items + &drives)) })
-}
-
-/// Items `use`.
-fn uses(items: &[Item]) -> impl Iterator<Item = (&Item, &UseItem)> {
-    items.iter().filter_map(|item| match &item.kind {
-        ItemKind::Use(used) => Some((item, used)),
-        _ => None,
-    })
-}
-
-/// Parts that a text holds, each with its extent.
-pub(super) fn parts_of(items: &[Item]) -> impl Iterator<Item = (&Name, Span)> {
-    items.iter().filter_map(|item| match &item.kind {
-        ItemKind::Part { name, .. } => Some((name, item.extent)),
-        _ => None,
-    })
-}
-
-/// The items of a file as one model has them: the Lagrangians of its parts are added to its own. Problems are parts
-/// that nobody has read.
-pub(super) fn joined(items: Vec<Item>, problems: &mut Vec<Diagnostic>) -> Vec<Item> {
-    for (_, used) in uses(&items) {
-        if !parts_of(&items).any(|(name, _)| name.text == used.name.text) {
-            let message = format!("the part `{}` has not been read", used.name.text);
-            let help =
-                "put the texts together with `spec::compose`; commands and build scripts do so for files";
-            problems.push(Diagnostic::new(Some(used.file.span), message).with_help(help));
-        }
-    }
-    if parts_of(&items).next().is_none() {
-        return items;
-    }
-    let mut sum: Vec<(bool, Expr)> = Vec::new();
-    let mut kept: Vec<Item> = Vec::new();
-    for item in &items {
-        let ItemKind::Lagrangian(e) = &item.kind else {
-            kept.push(item.clone());
-            continue;
-        };
-        let is_of_part = is_of_part(&items, item.span);
-        // A second one of the model itself is told as ever.
-        if !is_of_part || sum.is_empty() {
-            kept.push(item.clone());
-        }
-        if is_of_part || sum.is_empty() {
-            sum.push((false, e.clone()));
-        }
-    }
-    let first = kept.iter_mut().find_map(|item| match &mut item.kind {
-        ItemKind::Lagrangian(e) => Some(e),
-        _ => None,
-    });
-    if let Some(first) = first {
-        *first = Expr { span: first.span, node: Node::Sum(sum) };
-    }
-    kept
-}
-
-/// Files of the parts that a text holds.
-pub(super) fn files(items: &[Item]) -> Vec<String> {
-    let file = |item: &Item| match &item.kind {
-        ItemKind::Part { file, .. } => Some(file.text.clone()),
-        _ => None,
-    };
-    let mut files: Vec<String> = items.iter().filter_map(file).collect();
-    files.sort();
-    files.dedup();
-    files
-}
-
-/// Whether a span is within a part.
-pub(super) fn is_of_part(items: &[Item], span: Span) -> bool {
-    parts_of(items).any(|(_, block)| block.start <= span.start && span.end <= block.end)
-}
-
-/// What may be said of a parameter or an input of a part: a number, or a vector of numbers.
-fn is_given(shape: &Shape) -> bool {
-    matches!(shape, Shape::Scalar | Shape::Vector(_))
-}
-
-/// A name that stands for nothing in a part.
-fn unknown<'a>(name: &Name, part: &Model, known: impl IntoIterator<Item = &'a str>) -> Box<Diagnostic> {
-    let message = format!("{} has no parameter or input `{}`", part.name, name.text);
-    Box::new(Diagnostic::new(Some(name.span), message).with_help(names::suggest(&name.text, known)))
 }

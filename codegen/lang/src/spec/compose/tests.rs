@@ -2,8 +2,9 @@ use super::super::ast::ItemKind;
 use super::super::diagnostic::Origin;
 use super::super::images::with_items;
 use super::super::parser;
+use super::super::parts::uses;
+use super::held;
 use super::taken::Part;
-use super::{held, uses};
 
 const PART: &str = "model arm {
     param m = 1.5 where m > 0;

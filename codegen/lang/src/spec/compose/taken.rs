@@ -4,13 +4,15 @@
 
 use std::ops::Range;
 
-use super::super::ast::{Expr, File, Item, ItemKind, MovedBy, Name, Node, ReconstructWay, UseItem};
+use super::super::ast::{
+    Carry, Expr, File, Item, ItemKind, MovedBy, Name, Node, ReconstructWay, Shape, UseItem,
+};
 use super::super::diagnostic::{Diagnostic, Origin, Span};
 use super::super::model::{Model, Side};
+use super::super::names;
 use super::super::outline::{DeclarationKind, Outline};
 use super::super::parser;
 use super::super::tokens::tokens;
-use super::{is_given, unknown};
 
 /// A model that another one uses.
 pub(super) struct Part {
@@ -20,7 +22,7 @@ pub(super) struct Part {
     origin: Origin,
     file: File,
     given: Vec<(Name, Expr)>,
-    /// What is put into the text, and what is taken out of it, in order and apart from each other.
+    /// Insertions and deletions in the text, in order and apart from each other.
     pub(super) edits: Vec<(Range<usize>, String)>,
     /// Names that are declared, each with what the outline knows it by.
     pub(super) bound: Vec<String>,
@@ -258,6 +260,17 @@ impl Part {
     }
 }
 
+/// What may be said of a parameter or an input of a part: a number, or a vector of numbers.
+fn is_given(shape: &Shape) -> bool {
+    matches!(shape, Shape::Scalar | Shape::Vector(_))
+}
+
+/// A name that stands for nothing in a part.
+fn unknown<'a>(name: &Name, part: &Model, known: impl IntoIterator<Item = &'a str>) -> Box<Diagnostic> {
+    let message = format!("{} has no parameter or input `{}`", part.name, name.text);
+    Box::new(Diagnostic::new(Some(name.span), message).with_help(names::suggest(&name.text, known)))
+}
+
 fn name_of_constraint(item: &Item) -> Option<&Name> {
     match &item.kind {
         ItemKind::Constraint { name, .. } | ItemKind::Virtual { name, .. } => name.as_ref(),
@@ -265,7 +278,7 @@ fn name_of_constraint(item: &Item) -> Option<&Name> {
     }
 }
 
-/// What is about a model for itself: its scenes, stages and independent velocities, what it claims, where it comes from.
+/// Items about a model for itself: its scenes, stages and state, its claims, where it comes from.
 /// Words that a model has once are said by [`once`] and [`side`].
 fn stays_behind(kind: &ItemKind) -> bool {
     matches!(
@@ -280,6 +293,7 @@ fn stays_behind(kind: &ItemKind) -> bool {
             | ItemKind::InnerProduct(_)
             | ItemKind::LagrangianInnerProduct
             | ItemKind::Independent(_)
+            | ItemKind::Carry(_)
             | ItemKind::Want(_)
             | ItemKind::Use(_)
             | ItemKind::Action(_)
@@ -295,6 +309,9 @@ fn refused(item: &Item, file: &File) -> Option<String> {
         ItemKind::Algebroid(_) => "an algebroid of its own".to_owned(),
         ItemKind::Acceleration { .. } | ItemKind::Field { .. } => "a motion that is given".to_owned(),
         ItemKind::DerivedConnection(_) => "a connection that its Lagrangian defines".to_owned(),
+        ItemKind::Carry(list) if list.iter().any(|carry| matches!(carry, Carry::Level { .. })) => {
+            "a momentum that is a parameter".to_owned()
+        }
         ItemKind::Velocity { labels, .. } | ItemKind::Advected { labels, .. } if !labels.is_empty() => {
             "names of components, `as`,".to_owned()
         }
