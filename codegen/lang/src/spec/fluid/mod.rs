@@ -3,7 +3,8 @@
 //!
 //! A model is one where its momenta are in `zeitlin(N)` or `zeitlin_sphere(N)` of an `N` that has no table of structure
 //! constants, or where a scene wants `matrices`. Its hamiltonian is the energy of the fluid, with a radius of
-//! deformation, and terms that are linear in the vorticity; its forces are a friction and constants.
+//! deformation, terms that are linear in the vorticity, and energies of fields that the flow carries; its forces are a
+//! friction and constants.
 //!
 //! Deliberately does not know: structure constants, equations of motion, how matrices are multiplied.
 
@@ -23,14 +24,17 @@ use crate::algebra::LieAlgebra;
 use found::{Momenta, energy_text, exists, momenta, sizes, wanted};
 use hamel_expr::Rational;
 
-pub use model::{FluidCasimir, FluidMode, FluidParam, FluidTerm, MAX_FRICTION, MatrixFluid};
+pub use model::{
+    CarriedField, FluidCasimir, FluidField, FluidMode, FluidParam, FluidTerm, FluidTrace, MAX_CARRIED,
+    MAX_FRICTION, MatrixFluid,
+};
 pub use value::Meaning;
 pub use waves::{FluidSurface, FluidWave};
 
 impl MatrixFluid {
-    /// Largest power of a Casimir, zero where there is none.
-    pub fn n_casimirs(&self) -> usize {
-        self.casimirs.iter().map(|c| c.power).max().unwrap_or(0)
+    /// Whether it has a constant stream function, or a carried field with a constant current.
+    pub fn has_background(&self) -> bool {
+        !self.background.is_empty() || self.carried.iter().any(|field| !field.constant.is_empty())
     }
 
     /// Whether it is no ideal fluid: it has friction, or a force.
