@@ -20,10 +20,13 @@
 //! X = A_n + i kappa h/2 (S - S^+) - (kappa h/2)^2 P X P,   Y = W_n + i kappa h/2 (F - F^+) - (kappa h/2)^2 (F P + S J)
 //! ```
 //!
+//! An iteration makes `X` first, and `Y` with the force of the new one: waves of Alfven, in which each makes the other,
+//! converge twice as fast.
+//!
 //! Does not know: surfaces, when an iteration ends.
 
 use super::Laplacian;
-use super::iteration::{Moved, inner};
+use super::iteration::{Moved, improve, inner};
 use super::panels::{Extent, LANES, Row, add, add_upper, n_rows, product};
 use crate::math::sqrt;
 
@@ -142,35 +145,45 @@ impl Fields<'_> {
         self.layout.get(self.rows, k)
     }
 
-    /// Writes `S = P X` of a field, and `J` of its energy, where it has one; adds `J X` to the force `F`.
-    ///
-    /// Returns the product of the norms of `J` and `X`.
-    pub(super) fn write_first<L: Laplacian>(
+    /// Writes `S = P X` of a field, and `S P` where it is wanted, and makes `X` of it; the square of the norm of the change.
+    pub(super) fn move_field(&mut self, k: usize, stream: &[Row], next: usize, of: &Part) -> f64 {
+        let n = self.layout.n;
+        let Carried { mut field, .. } = self.layout.get(self.rows, k);
+        product(n, stream, field.middle, field.first, Extent::All);
+        if of.with_second {
+            product(n, field.first, stream, field.second, Extent::Upper);
+        }
+        improve(n, &mut field, next, of.factor)
+    }
+
+    /// Writes the current `J` of a field, and adds `J X` to the force `F`; the product of the norms of `J` and `X`.
+    pub(super) fn add_force<L: Laplacian>(
         &mut self,
-        (surface, k, current): (&L, usize, Option<&Current>),
-        stream: &[Row],
+        (surface, k, current): (&L, usize, &Current),
         force: &mut [Row],
         work: &mut [Row],
     ) -> f64 {
-        let n = self.layout.n;
         let mut carried = self.layout.get(self.rows, k);
-        product(n, stream, carried.field.middle, carried.field.first, Extent::All);
-        let Some(current) = current else { return 0.0 };
         carried.write_current(surface, current, true, work);
-        product(n, carried.current, carried.field.middle, self.sum, Extent::All);
+        product(self.layout.n, carried.current, carried.field.middle, self.sum, Extent::All);
         add(force, self.sum);
         let square = |x: &[Row]| inner(x, x);
         sqrt(square(carried.current) * square(carried.field.middle))
     }
 
-    /// Writes `S P` of a field, and adds `S J` to that of the force, where the field has an energy.
-    pub(super) fn write_second(&mut self, k: usize, is_active: bool, stream: &[Row], force: &mut [Row]) {
+    /// Adds `S J` of a field to `F P`.
+    pub(super) fn add_second(&mut self, k: usize, second: &mut [Row]) {
         let n = self.layout.n;
         let Carried { field, current, .. } = self.layout.get(self.rows, k);
-        product(n, field.first, stream, field.second, Extent::Upper);
-        if is_active {
-            product(n, field.first, current, self.sum, Extent::Upper);
-            add_upper(n, force, self.sum);
-        }
+        product(n, field.first, current, self.sum, Extent::Upper);
+        add_upper(n, second, self.sum);
     }
+}
+
+/// What is done in an iteration.
+pub(super) struct Part {
+    /// `kappa h/2`.
+    pub(super) factor: f64,
+    /// Whether products of second order are computed.
+    pub(super) with_second: bool,
 }

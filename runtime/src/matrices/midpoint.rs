@@ -19,7 +19,7 @@
 //!
 //! Does not know: surfaces.
 
-use super::carried::{Carried, Current, Fields, Layout, MAX_CARRIED};
+use super::carried::{Carried, Current, Fields, Layout, MAX_CARRIED, Part};
 use super::iteration::{
     Moved, best_order, errors_of_start, finish, improve, inner, non_finite, skew, start, turned,
 };
@@ -500,7 +500,8 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         }
         let size = sizes.unit();
         let bound = options.tolerance * size;
-        let (mut previous, mut iterations) = (f64::INFINITY, 0);
+        // The change of the iteration before, and of the one before that.
+        let (mut changes, mut iterations) = ([f64::INFINITY; 2], 0);
         // Whether B may be that of the iteration before. It converges as the square of the step, whatever the motion:
         // in a first step, without history, that is slower than all else.
         let mut may_lag = n_known > 0;
@@ -508,32 +509,34 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
             if iterations == options.max_iterations {
                 return Err(Error::NotConverged { method: NAME, t, h, iterations });
             }
-            let with_second = !may_lag || iterations.is_multiple_of(2);
+            let part = Part { factor, with_second: !may_lag || iterations.is_multiple_of(2) };
             let Moved { middle, first, second, .. } = &mut m.vorticity;
             invert(surface, m.background, middle, m.stream, m.work);
             product(n, m.stream, middle, first, Extent::All);
+            let mut squares = [0.0; 1 + MAX_CARRIED];
             let mut of_currents = 0.0;
             for (k, current) in currents.iter().enumerate().take(n_carried) {
-                of_currents += m.carried.write_first((surface, k, current.as_ref()), m.stream, first, m.work);
+                squares[1 + k] = m.carried.move_field(k, m.stream, next, &part);
+                if let Some(current) = current {
+                    of_currents += m.carried.add_force((surface, k, current), first, m.work);
+                }
             }
             if iterations == 0 {
                 sizes.add_force(factor * of_currents);
             }
-            if with_second {
+            if part.with_second {
                 product(n, first, m.stream, second, Extent::Upper);
-                for (k, current) in currents.iter().enumerate().take(n_carried) {
-                    m.carried.write_second(k, current.is_some(), m.stream, second);
+                for k in (0..n_carried).filter(|k| currents[*k].is_some()) {
+                    m.carried.add_second(k, second);
                 }
             }
-            let mut squares = [0.0; 1 + MAX_CARRIED];
             squares[0] = improve(n, &mut m.vorticity, next, factor);
-            for k in 0..n_carried {
-                squares[1 + k] = improve(n, &mut m.carried.get(k).field, next, factor);
-            }
             let change = sizes.change(&squares);
+            // Fields and vorticity may take turns in their changes.
+            let previous = if n_carried == 0 { changes[0] } else { changes[0].max(changes[1]) };
             iterations += 1;
             stats.iterations += 1;
-            stats.second_products += u64::from(with_second);
+            stats.second_products += u64::from(part.with_second);
             if change <= bound || change <= f64::EPSILON * size && change > 0.5 * previous {
                 break;
             }
@@ -555,7 +558,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
                 may_lag = false;
             }
             may_lag &= change > 0.1 * ROUND_OFF * size;
-            previous = change;
+            changes = [change, changes[0]];
         }
         finish(n, &mut m.vorticity, 2.0 * factor);
         for k in 0..n_carried {
