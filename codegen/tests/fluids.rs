@@ -242,6 +242,30 @@ fn definitions_are_made_of_parameters_that_follow() {
     assert!(matches!(certify::fluid(&wrong), Err(Error::Disagrees { .. })));
 }
 
+/// Equations by `ad` need the adjoint representation, which is there up to `N = 7`; those by `functions` do not.
+#[test]
+fn fields_without_equations_are_carried_by_matrices() {
+    let text = |algebra: &str, by: &str, n: usize| {
+        let (mode, factor) = if algebra == "zeitlin" { ("re_1_0", "") } else { ("c_1_0", "1/2*") };
+        format!(
+            "model flow {{ algebra fluid = {algebra}({n}); momentum w in fluid as w_*; action right;
+             advected a in fluid as a_* by {by}; hamiltonian = -{factor}dot(w, laplacian(fluid)^-1*w);
+             initial w_{mode} = 1; }}"
+        )
+    };
+    for (algebra, by, n, is_of_matrices) in [
+        ("zeitlin", "ad", 7, false),
+        ("zeitlin", "ad", 9, true),
+        ("zeitlin", "functions", 9, false),
+        ("zeitlin", "functions", 17, true),
+        ("zeitlin_sphere", "ad", 7, false),
+        ("zeitlin_sphere", "ad", 8, true),
+    ] {
+        let found = spec::matrix_fluid("flow", &text(algebra, by, n)).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(found.is_some(), is_of_matrices, "{algebra}({n}) by {by}");
+    }
+}
+
 #[test]
 fn parameters_have_other_values() {
     let fluid = read("turning", TURNING);

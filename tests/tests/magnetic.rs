@@ -153,7 +153,7 @@ fn of_equations(text: &str, params: &[f64], state: &[f64]) -> (Vec<f64>, f64) {
     let mut rates = vec![0.0; state.len()];
     let prepared = built.prepare(params).unwrap_or_else(|e| panic!("{e}"));
     prepared.rhs(0.0, state, &mut rates);
-    (rates, prepared.energy_of(0.0, state).expect("an energy"))
+    (rates, prepared.energy(0.0, state).expect("an energy"))
 }
 
 /// On the sphere, with two fields, higher powers of the Laplacian, constant currents and a constant stream function.

@@ -27,6 +27,8 @@ pub(super) struct Carried<'a> {
     pub(super) name: &'a Name,
     /// What the names of its components begin with, none where they have no names of the basis.
     pub(super) label: Option<&'a Name>,
+    /// Whether it is said to be carried by `ad`, which needs all of the adjoint representation in equations.
+    pub(super) is_adjoint: bool,
 }
 
 /// Surface and size of an algebra of functions on a surface.
@@ -69,8 +71,15 @@ pub(super) fn carried<'a>(file: &'a File, momenta: &Momenta<'_>) -> Vec<Carried<
     };
     let of = |item: &'a Item| match &item.kind {
         ItemKind::Advected { name, space, labels, action } => {
-            let is_bracket = matches!(&action.node, Node::Name(by) if by == "ad" || by == "functions");
-            (is_bracket && is_of_fluid(space)).then_some(Carried { item, name, label: labels.first() })
+            let Node::Name(by) = &action.node else { return None };
+            let is_adjoint = by == "ad";
+            let is_bracket = is_adjoint || by == "functions";
+            (is_bracket && is_of_fluid(space)).then_some(Carried {
+                item,
+                name,
+                label: labels.first(),
+                is_adjoint,
+            })
         }
         _ => None,
     };
