@@ -180,7 +180,8 @@ fn rotation_radius_friction_and_forces_are_those_of_the_equations() {
     }
 }
 
-/// A magnetic field, a buoyancy and a tracer on both surfaces: the equations of the same text, Casimirs, tables, figures.
+/// A magnetic field, a buoyancy and a tracer on both surfaces: the equations of the same text, Casimirs, tables,
+/// figures.
 #[test]
 fn carried_fields_are_those_of_the_equations() {
     let torus = (
@@ -196,8 +197,14 @@ fn carried_fields_are_those_of_the_equations() {
         "",
     );
     for (terms, modes, algebra, factor) in [torus, sphere] {
-        let initial: String =
-            modes.iter().enumerate().map(|(at, m)| format!("initial {m} = {}/5;", at + 1)).collect();
+        // Equations begin anywhere unless they are told.
+        let labels = match factor {
+            "" => ["c_1_0", "c_1_1", "s_1_1", "c_2_0", "c_2_1", "s_2_1", "c_2_2", "s_2_2"],
+            _ => ["re_0_1", "im_0_1", "re_1_m1", "im_1_m1", "re_1_0", "im_1_0", "re_1_1", "im_1_1"],
+        };
+        let all = ["w", "a", "b", "c"].into_iter().flat_map(|f| labels.map(|label| format!("{f}_{label}")));
+        let value = |name: &str| modes.iter().position(|m| *m == name).map_or(0, |at| at + 1);
+        let initial: String = all.map(|name| format!("initial {name} = {}/5;", value(&name))).collect();
         let model = |name: &str, scene: &str| {
             format!(
                 "model {name} {{ param k = 0.7; algebra fluid = {algebra}; /// Vorticity [1/s].
@@ -231,7 +238,10 @@ fn carried_fields_are_those_of_the_equations() {
             let (coarse, fine) = (off("0.02"), off("0.01"));
             assert!(fine < 1e-3 && (3.5..4.5).contains(&(coarse / fine)), "{algebra}: {coarse:e}, {fine:e}");
         }
-        let filled = modes.iter().map(|m| format!("\"{m}\": 0.5")).collect::<Vec<_>>().join(", ");
+        let fields = ["w", "a", "b", "c"].into_iter();
+        let filled =
+            fields.flat_map(|f| labels.map(|label| format!("\"{f}_{label}\": 0.{}", 1 + label.len())));
+        let filled = filled.collect::<Vec<_>>().join(", ");
         let request = format!("{{\"initial\": {{{filled}}}, \"t_final\": 1, \"step\": 0.05}}");
         let answer = folder.json("products.hamel", &request);
         let ends = |name: &str| {

@@ -22,7 +22,7 @@ pub fn friction(fluid: &MatrixFluid) -> Friction {
     coefficients.fold(Friction::none(), |friction, (k, c)| friction.with(k, c))
 }
 
-/// What makes the current of a carried field, but for its constant part; none for a field without energy.
+/// The current of a carried field without its constant part, where the field has an energy.
 pub fn current(field: &CarriedField) -> Option<Current> {
     let coefficients = field.current.iter().map(rational_to_f64).enumerate();
     field.is_active().then(|| coefficients.fold(Current::none(), |current, (k, c)| current.with(k, c)))
@@ -113,8 +113,8 @@ pub enum Solver<'s, S> {
 }
 
 impl<'s, S: Modes> Solver<'s, S> {
-    /// Places the fluid at rest, with its background, its carried fields, its friction and its force; `surface` may have
-    /// another size.
+    /// Places the fluid at rest, with its background, its carried fields, its friction and its force; `surface` may
+    /// have another size.
     ///
     /// # Errors
     /// Options and numbers that the runtime refuses.

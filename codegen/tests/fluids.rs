@@ -149,7 +149,7 @@ fn a_fluid_with_fields_begins_and_goes_on_as_the_model_says() {
     fluid.integrate_to(1.0).unwrap();
     let after = magnetic::casimirs(&mut fluid);
     let change = |k: usize| (after[k] - before[k]).abs();
-    // Casimirs of single fields are kept; the buoyancy changes those of the vorticity with the other field.
+    // Casimirs of single fields are kept; the buoyancy changes traces of the vorticity with the other field.
     assert!(change(0) < 1e-14 && change(1) < 1e-14, "{before:?} {after:?}");
     assert!(change(5) > 1e-3, "{before:?} {after:?}");
     // The cross helicity, in two ways.
@@ -159,7 +159,7 @@ fn a_fluid_with_fields_begins_and_goes_on_as_the_model_says() {
     assert!((magnetic::energy(&mut fluid) - energy).abs() < 1e-4);
 }
 
-/// The certificate finds each number of carried fields that the text does not say, and traces are those of the text.
+/// The certificate finds each number of carried fields that the text does not say; traces are as the text says.
 #[test]
 fn currents_that_the_text_does_not_say_are_found() {
     let right = read("magnetic", MAGNETIC);

@@ -64,7 +64,9 @@ def test_a_flow_carries_fields():
     flow = pyhamel.Fluid(MAGNETIC.format("scene default { want matrices; }"))
     equations = pyhamel.load(MAGNETIC.format(""))
     assert flow.carried == ["a"] and list(flow.modes) == ["w_s_2_1", "a_c_1_0", "a_c_2_2"]
-    expected = equations.simulate(1.0, {"w_s_2_1": 0.5, "a_c_1_0": 0.5, "a_c_2_2": 0.3}, samples=5)
+    # Equations begin anywhere unless they are told.
+    start = dict.fromkeys(equations.state, 0.0) | {"w_s_2_1": 0.5, "a_c_1_0": 0.5, "a_c_2_2": 0.3}
+    expected = equations.simulate(1.0, start, samples=5)
     motion = flow.simulate(1.0, step=0.002, samples=5, fields=True)
     np.testing.assert_allclose(motion.fields, expected.y[:, :8], atol=1e-5)
     np.testing.assert_allclose(motion.carried["a"], expected.y[:, 8:], atol=1e-5)

@@ -1,5 +1,5 @@
-//! Fields that a flow of matrices carries: the equations of the same models, Casimirs, order, symmetry, the bracket, and
-//! motions that are known.
+//! Fields that a flow of matrices carries: the equations of the same models, Casimirs, order, symmetry, the bracket,
+//! and motions that are known.
 
 use hamel_codegen::{scene, spec};
 use hamel_models::generated::{zeitlin_mhd_3, zeitlin_mhd_5};
@@ -321,8 +321,8 @@ fn steps_forwards_and_backwards_meet() {
     assert!(distance(&get(&surface, &fluid, 1), &state) < 1e-11);
 }
 
-/// A step is a map that keeps the Lie-Poisson bracket: `T B(z) T^t = B(z')` with its derivative `T`. The columns of `B` are
-/// the rates of linear hamiltonians, which a constant stream function and a constant current add.
+/// A step is a map that keeps the Lie-Poisson bracket: `T B(z) T^t = B(z')` with its derivative `T`. The columns of `B`
+/// are the rates of linear hamiltonians, which a constant stream function and a constant current add.
 #[test]
 fn steps_keep_the_bracket() {
     let (n, h) = (8, 0.3);
@@ -404,8 +404,8 @@ fn aligned_states_are_steady() {
 }
 
 /// Waves of Alfven along a field with the potential `b Y_10`, which is `b c z`: where vorticity and potential of one
-/// harmonic are in phase, nothing else moves, so that waves of any size are solutions, whatever `N` is. Their phases move
-/// at the rates `s` of `s (s - 2 Omega m/(l (l + 1))) = (b c m)^2 (1 - 2/(l (l + 1)))` in a frame that turns.
+/// harmonic are in phase, nothing else moves, so that waves of any size are solutions, whatever `N` is. Their phases
+/// move at the rates `s` of `s (s - 2 Omega m/(l (l + 1))) = (b c m)^2 (1 - 2/(l (l + 1)))` in a frame that turns.
 #[test]
 fn waves_of_alfven_have_their_frequencies() {
     // Y_10 is the coordinate times this.
@@ -470,8 +470,8 @@ fn tracers_are_carried() {
     assert!(alone.energy() - fluid.energy() == 0.0 || (alone.energy() / fluid.energy() - 1.0).abs() < 1e-13);
 }
 
-/// Friction acts on the vorticity alone: without a current a tracer keeps its Casimirs, and a mode of the vorticity decays
-/// at its rate `nu l (l + 1)`.
+/// Friction acts on the vorticity alone: without a current a tracer keeps its Casimirs, and a mode of the vorticity
+/// decays at its rate `nu l (l + 1)`.
 #[test]
 fn friction_is_on_the_vorticity() {
     let surface = sphere(12);

@@ -85,8 +85,8 @@ pub fn at(fluid: &MatrixFluid, params: &[f64]) -> Result<MatrixFluid, Error> {
 pub struct Outcome {
     /// As of any other simulation; evaluations of the right-hand side are iterations.
     pub response: SimulateResponse,
-    /// Times of the samples that were asked for, and all coefficients of the vorticity and of each carried field, in the
-    /// order of the algebra.
+    /// Times of the samples that were asked for, and all coefficients of the vorticity and of each carried field, in
+    /// the order of the algebra.
     pub fields: Vec<(f64, Vec<Vec<f64>>)>,
     /// Name, value at the start and at the end.
     pub casimirs: Vec<(String, [f64; 2])>,

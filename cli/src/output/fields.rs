@@ -48,8 +48,8 @@ pub fn fields(
     (fields, missing)
 }
 
-/// Vorticity and carried fields of a fluid that is moved as products of matrices, at the times for which all coefficients
-/// are there.
+/// Vorticity and carried fields of a fluid that is moved as products of matrices, at the times for which all
+/// coefficients are there.
 pub fn of_matrices(fluid: &MatrixFluid, frames: &[(f64, Vec<Vec<f64>>)]) -> Vec<Field> {
     let surface = || match fluid.surface {
         FluidSurface::Torus => {

@@ -1,10 +1,11 @@
 //! Fluids of matrices held to their text: at random states, energy, stream function, currents and forces of the solver
-//! beside the hamiltonian and the forces of the model, evaluated by arithmetic alone ([`Meaning`]), and rates beside the
-//! Lie-Poisson equations, by structure constants.
+//! beside the hamiltonian and the forces of the model, evaluated by arithmetic alone ([`Meaning`]), and rates beside
+//! the Lie-Poisson equations, by structure constants.
 //!
 //! The pairing makes the stream function and the current of a carried field: `dh(omega) . delta = sum of pairing psi_m
 //! delta_m`. Neither depends on the size of the matrices but for the waves that there are: the check is done at the least
-//! size that has all waves of the model, of very many waves on a sample beside the waves of the model. Rates are those of
+//! size that has all waves of the model, of very many waves on a sample beside the waves of the model. Rates are those
+//! of
 //!
 //! ```text
 //! <omega', eta> = -<omega, [xi, eta]> - sum of <dh/da, [eta, a]>,   a' = [xi, a],   xi = dh/domega

@@ -15,7 +15,7 @@ pub const PARAMS: [(&str, f64); 2] = [("beta", 1.5), ("g", 0.4)];
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const CARRIED: [&str; 3] = ["a", "b", "c"];
 
-/// What makes their currents; none of a field without energy.
+/// The currents of fields that have an energy.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const CURRENTS: [::core::option::Option<::hamel_runtime::matrices::Current>; 3] = [
     ::core::option::Option::Some(
@@ -53,7 +53,7 @@ pub const WAVES: [Wave; 5] = [
     ((1, 1), 1),
 ];
 
-/// Of which carried field they are; none is the vorticity.
+/// The carried field of each, without one the vorticity.
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub const FIELDS: [::core::option::Option<usize>; 5] = [
     ::core::option::Option::None,

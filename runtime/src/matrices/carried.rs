@@ -13,7 +13,7 @@
 //! W_n = (I - Q) Y (I + Q) - R X (I + Q) + (I - Q) X R,   W_(n+1) = (I + Q) Y (I - Q) + R X (I - Q) - (I + Q) X R
 //! ```
 //!
-//! so that traces of powers of `Z`, which are those of `A^k` and of `W A^k`, are kept by the equations themselves. With
+//! so that traces of powers of `Z`, in which are `tr A^k` and `tr W A^k`, are kept by the equations themselves. With
 //! `S = P X` and `F = P Y + J X` both are steps of one form:
 //!
 //! ```text
@@ -42,8 +42,8 @@ const MAX_POWER: usize = 4;
 /// J = sum over k of c_k (-Delta)^k A + J_0
 /// ```
 ///
-/// The potential of a magnetic field has `c_1 = 1`, a tracer has none. A buoyancy has the constant part `J_0` alone, minus
-/// the height.
+/// The potential of a magnetic field has `c_1 = 1`, a tracer has none. A buoyancy has the constant part `J_0` alone,
+/// minus the height.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Current {
     pub(super) coefficients: [f64; 1 + MAX_POWER],
@@ -145,7 +145,8 @@ impl Fields<'_> {
         self.layout.get(self.rows, k)
     }
 
-    /// Writes `S = P X` of a field, and `S P` where it is wanted, and makes `X` of it; the square of the norm of the change.
+    /// Writes `S = P X` of a field, and `S P` where it is wanted, and makes `X` of it; the square of the norm of the
+    /// change.
     pub(super) fn move_field(&mut self, k: usize, stream: &[Row], next: usize, of: &Part) -> f64 {
         let n = self.layout.n;
         let Carried { mut field, .. } = self.layout.get(self.rows, k);
@@ -180,7 +181,7 @@ impl Fields<'_> {
     }
 }
 
-/// What is done in an iteration.
+/// An iteration.
 pub(super) struct Part {
     /// `kappa h/2`.
     pub(super) factor: f64,

@@ -1,5 +1,5 @@
-//! Passes of an iteration over the matrices that it moves: its start from the steps before, an improvement, the end of a
-//! step. Blocks that face each other across the diagonal are written together, so that matrices stay Hermitian.
+//! Passes of an iteration over the matrices that it moves: its start from the steps before, an improvement, the end of
+//! a step. Blocks that face each other across the diagonal are written together, so that matrices stay Hermitian.
 //!
 //! Does not know: surfaces, what moves a matrix, when an iteration ends.
 
@@ -32,7 +32,7 @@ impl<'a> Moved<'a> {
         5 + n_kept
     }
 
-    /// The matrices in their room, and what is left of it.
+    /// The matrices in their room, and the rest of the room.
     pub(super) fn new(n: usize, n_kept: usize, rows: &'a mut [Row]) -> (Self, &'a mut [Row]) {
         let size = n_rows(n, n);
         let (value, rows) = rows.split_at_mut(size);
@@ -61,7 +61,7 @@ pub(super) fn non_finite(n: usize, matrix: &[Row]) -> Option<usize> {
     (0..n * n).find(is_bad)
 }
 
-/// The start of the iteration: `D` by the polynomial through those of the steps before.
+/// The start of the iteration: `D` by the polynomial through the steps before.
 pub(super) fn start(n: usize, m: &mut Moved<'_>, n_known: usize, next: usize, n_kept: usize) {
     let size = n_rows(n, n);
     // The weights (-1)^k (q choose k + 1) of the step k + 1 steps ago.

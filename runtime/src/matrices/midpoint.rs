@@ -15,7 +15,8 @@
 //! takes it from the one before is nearly as good as one that computes it, so that every second one does. An end of the
 //! iteration that is a part `r` of the vorticity away from the solution moves the Casimirs by the order of `h r`.
 //!
-//! Fields that the flow carries are moved by the same rule ([`carried`](super::carried)), and iterated with the vorticity.
+//! Fields that the flow carries are moved by the same rule ([`carried`](super::carried)), and iterated with the
+//! vorticity.
 //!
 //! Does not know: surfaces.
 
@@ -48,8 +49,8 @@ const STEPS_OF_ORDER: u64 = 8;
 /// # Source
 ///
 /// Modin and Viviani, A Casimir preserving scheme for long-time simulation of spherical ideal hydrodynamics (2020);
-/// Viviani, A minimal-variable symplectic method for isospectral flows (2020); Modin and Roop, Spatio-temporal Lie-Poisson
-/// discretization for incompressible magnetohydrodynamics on the sphere (2023).
+/// Viviani, A minimal-variable symplectic method for isospectral flows (2020); Modin and Roop, Spatio-temporal
+/// Lie-Poisson discretization for incompressible magnetohydrodynamics on the sphere (2023).
 #[derive(Debug)]
 pub struct IsospectralMidpoint<'s, L, S> {
     surface: &'s L,
@@ -208,7 +209,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         MatrixRef { n, rows: &self.storage.as_ref().as_chunks().0[before..][..n_rows(n, n)] }
     }
 
-    /// A field that the flow carries to write; what is known of steps before is forgotten.
+    /// A field that the flow carries to write; the steps before are forgotten.
     ///
     /// # Panics
     ///
@@ -388,8 +389,8 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         traces(n, value, (middle, first), casimirs);
     }
 
-    /// The traces `tr(W A^k)/N` with a carried field for `k = 1, 2, ..`, as many as there is room for: Casimirs where no
-    /// other field has an energy. The first one is the cross helicity.
+    /// The traces `tr(W A^k)/N` with a carried field for `k = 1, 2, ..`, as many as there is room for: Casimirs where
+    /// no other field has an energy. The first one is the cross helicity.
     ///
     /// # Panics
     ///
@@ -624,7 +625,7 @@ impl Sizes {
         if self.n_carried == 0 || square == 0.0 { square } else { square / (self.of[field] * self.of[field]) }
     }
 
-    /// The change of the whole by the squares of those of the fields.
+    /// The change of the whole by the squares of the changes of fields.
     fn change(&self, squares: &[f64; 1 + MAX_CARRIED]) -> f64 {
         sqrt(squares.iter().enumerate().map(|(field, square)| self.relative(field, *square)).sum())
     }

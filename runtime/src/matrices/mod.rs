@@ -10,8 +10,8 @@
 //! ```
 //!
 //! Other [`Stream`]s have a radius of deformation, and [`Options::with_background`] adds a constant stream function, as
-//! that of a sphere that turns. A flow may carry fields `A` ([`Options::with_carried`]), whose energy has the derivative
-//! `J`, the [`Current`], and acts on the vorticity: magnetohydrodynamics, buoyancy, tracers.
+//! that of a sphere that turns. A flow may carry fields `A` ([`Options::with_carried`]), whose energy has the
+//! derivative `J`, the [`Current`], and acts on the vorticity: magnetohydrodynamics, buoyancy, tracers.
 //!
 //! ```text
 //! W' = i kappa ([P, W] + sum of [J, A]),   A' = i kappa [P, A]
@@ -100,7 +100,7 @@ mod sealed {
         /// Rows that [`apply`](Self::apply) needs room for.
         fn n_apply_work(n: usize) -> usize;
 
-        /// Writes `sum over k of c_k (-Delta)^k` of a matrix, without what is constant; of both, all elements are
+        /// Writes `sum over k of c_k (-Delta)^k` of a matrix, without its constant part; of both, all elements are
         /// there.
         fn apply(&self, coefficients: &[f64], matrix: &[Row], out: &mut [Row], work: &mut [Row]);
 

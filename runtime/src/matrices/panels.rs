@@ -55,7 +55,7 @@ pub(super) fn add(sum: &mut [Row], other: &[Row]) {
     }
 }
 
-/// Adds the blocks of a matrix on and above the diagonal to those of another one.
+/// Adds the blocks of a matrix on and above the diagonal to another one.
 pub(super) fn add_upper(n: usize, sum: &mut [Row], other: &[Row]) {
     for b in 0..n_panels(n) {
         let rows = LANES * (b + 1);

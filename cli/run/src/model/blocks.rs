@@ -21,7 +21,7 @@ pub struct Block {
     pub members: Vec<(String, String)>,
 }
 
-/// The modes of a fluid of matrices that the model names: those of the vorticity, and of each carried field.
+/// The modes of a fluid of matrices that the model names, in a block for vorticity and for each carried field.
 pub fn of_matrices(fluid: &MatrixFluid) -> Vec<Block> {
     let carried = fluid.carried.iter().enumerate().map(|(k, field)| (FluidField::Carried(k), &field.doc));
     let fields = std::iter::once((FluidField::Vorticity, &fluid.vorticity)).chain(carried);

@@ -151,7 +151,7 @@ pub struct FluidText {
 pub struct CarriedText {
     /// Its name.
     pub name: String,
-    /// Coefficients of powers of minus the Laplacian in its current; none for a field without energy.
+    /// Coefficients of powers of minus the Laplacian in its current, where the field has an energy.
     pub current: Option<Vec<f64>>,
     /// The constant part of its current.
     pub constant: Vec<FluidTermText>,
@@ -162,7 +162,7 @@ pub struct CarriedText {
 pub struct FluidModeText {
     /// Its name.
     pub name: String,
-    /// Of which carried field; none for the vorticity.
+    /// The number of the carried field, without one the vorticity.
     pub field: Option<usize>,
     /// Its coefficient, and its value at time zero.
     pub term: FluidTermText,
@@ -175,7 +175,7 @@ pub struct TraceText {
     pub factor: f64,
     /// The power of the matrix, from 1 on.
     pub power: usize,
-    /// Of which carried field; none for the vorticity.
+    /// The number of the carried field, without one the vorticity.
     pub field: Option<usize>,
     /// Whether the vorticity is a factor beside the power of a carried field.
     pub is_cross: bool,

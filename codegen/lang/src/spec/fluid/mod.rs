@@ -2,9 +2,9 @@
 //! size grows with `N`.
 //!
 //! A model is one where its momenta are in `zeitlin(N)` or `zeitlin_sphere(N)` of an `N` that has no table of structure
-//! constants, or a field that it carries no adjoint representation, or where a scene wants `matrices`. Its hamiltonian is the energy of the fluid, with a radius of
-//! deformation, terms that are linear in the vorticity, and energies of fields that the flow carries; its forces are a
-//! friction and constants.
+//! constants, or a field that it carries no adjoint representation, or where a scene wants `matrices`. Its hamiltonian
+//! is the energy of the fluid, with a radius of deformation, terms that are linear in the vorticity, and energies of
+//! fields that the flow carries; its forces are a friction and constants.
 //!
 //! Deliberately does not know: structure constants, equations of motion, how matrices are multiplied.
 

@@ -212,10 +212,10 @@ impl<'a> Reader<'a> {
                 self.wants(wants, &file.items);
             }
             _ => {
-                let help = "keep the algebra, its momentum, `action right;`, functions that are advected by `ad`, the energy as \
-                            hamiltonian, forces on the vorticity, parameters, casimirs and outputs by `trace_power`, `initial` \
-                            modes and `scene default`; everything else needs equations, which zeitlin(N) up to 21 and zeitlin_sphere(N) up to 12 \
-                            have";
+                let help = "keep the algebra, its momentum, `action right;`, functions that are advected by `ad`, the \
+                            energy as hamiltonian, forces on the vorticity, parameters, casimirs and outputs by \
+                            `trace_power`, `initial` modes and `scene default`; everything else needs equations, which \
+                            zeitlin(N) up to 21 and zeitlin_sphere(N) up to 12 have";
                 let message = "this is no part of a fluid that is moved as products of matrices";
                 self.problem(item.span, message, help);
             }
@@ -444,6 +444,16 @@ impl<'a> Reader<'a> {
             let polynomial = of_carried.get(&k).into_iter().flatten();
             let two = Rational::from_integer(2.into());
             field.current = of_minus(polynomial.map(|q| q * &two / &pairing).collect());
+        }
+        let of_fields = fluid
+            .carried
+            .iter()
+            .flat_map(|field| field.current.iter().chain(field.constant.iter().map(|term| &term.value)));
+        let of_vorticity = fluid.background.iter().map(|term| &term.value);
+        let mut numbers = [&fluid.scale, &fluid.shift].into_iter().chain(of_vorticity).chain(of_fields);
+        if numbers.any(|q| !rational_to_f64(q).is_finite()) {
+            let message = "a coefficient of the energy does not fit a double";
+            self.problem(value.span, message, "give numbers below 1.7e308");
         }
     }
 

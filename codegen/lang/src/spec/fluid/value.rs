@@ -29,7 +29,7 @@ enum Value {
 pub struct Meaning {
     surface: FluidSurface,
     n: usize,
-    /// Names of the vorticity and of carried fields, and what those of their components begin with.
+    /// Names of the vorticity and of carried fields, with the prefixes of their components.
     fields: Vec<(String, String)>,
     algebra: Option<String>,
     lets: BTreeMap<String, Expr>,
@@ -125,8 +125,8 @@ impl Meaning {
     }
 
     /// The hamiltonian at a state of matrices of the size `n`, and its derivative along a change of it: vorticity and
-    /// carried fields one after the other, components in the order of the algebra. None where the text says nothing that
-    /// arithmetic knows.
+    /// carried fields one after the other, components in the order of the algebra. None where the text says nothing
+    /// that arithmetic knows.
     pub fn hamiltonian(&self, n: usize, state: &[f64], change: &[f64]) -> Option<[f64; 2]> {
         let state = state.iter().zip(change).map(|(x, dx)| [*x, *dx]).collect();
         match self.at(n, state).value(&self.hamiltonian, 0)? {

@@ -144,7 +144,7 @@ impl<'a> Writer<'a> {
             let fields = list(text.modes.iter().map(|mode| option(mode.field)));
             let _ = write!(
                 code,
-                "/// Of which carried field they are; none is the vorticity.\n\
+                "/// The carried field of each, without one the vorticity.\n\
                  pub const FIELDS: [::core::option::Option<usize>; {n_modes}] = [{fields}];\n",
             );
         }
@@ -166,7 +166,7 @@ impl<'a> Writer<'a> {
         let mut code = format!(
             "/// Fields that the flow carries.\n\
              pub const CARRIED: [&str; {n_fields}] = [{names}];\n\
-             /// What makes their currents; none of a field without energy.\n\
+             /// The currents of fields that have an energy.\n\
              pub const CURRENTS: [::core::option::Option<{matrices}::Current>; {n_fields}] = [{currents}];\n"
         );
         let of_fields = text.carried.iter().enumerate();
@@ -364,7 +364,7 @@ impl<'a> Writer<'a> {
                 ("steps keep to round-off if they are Casimirs", "traces of products of matrices by `N`")
             }
         };
-        // What is computed at once: traces of powers of one field, or of their products with the vorticity.
+        // Traces of powers of one field, or of their products with the vorticity, are computed at once.
         let mut lines = String::new();
         let mut families: Vec<(Option<usize>, bool)> = Vec::new();
         for (_, trace) in &text.casimirs {
