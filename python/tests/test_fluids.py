@@ -70,7 +70,7 @@ def test_a_flow_carries_fields():
     motion = flow.simulate(1.0, step=0.002, samples=5, fields=True)
     np.testing.assert_allclose(motion.fields, expected.y[:, :8], atol=1e-5)
     np.testing.assert_allclose(motion.carried["a"], expected.y[:, 8:], atol=1e-5)
-    np.testing.assert_allclose(motion.y[:, 0], motion.fields[:, 4], atol=1e-15)
+    np.testing.assert_allclose(motion.y[:, 0], motion.fields[:, 5], atol=1e-15)
     for name in ("C2", "D1"):
         assert np.ptp(motion.casimirs[name]) < 1e-14
     assert np.ptp(motion.y[:, 0]) > 0.01
